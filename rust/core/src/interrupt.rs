@@ -1,8 +1,8 @@
-//! Interruption: long work calls [`look`] in its loops, and is unwound where whoever started it asked it to stop.
+//! Interruption: long work calls [`look`] in its loops, and is unwound if its starter requests a stop.
 //!
-//! [`interruptible`] sets who may ask, for one piece of work on one thread. Elsewhere a look does nothing. Unwinding drops what the work
-//! has made so far; work that keeps a part of it asks a `simulate::Stop` instead. A look costs some 50 ns: one stands after every 10 us to
-//! 1 ms of work (`docs/adr/0007-interruption.md`).
+//! [`interruptible`] sets who may request a stop, for one piece of work on one thread. Elsewhere a look does nothing. Unwinding drops all
+//! results of the work. Work that keeps a part of them checks a `simulate::Stop` instead. A look costs some 50 ns, so work has one after
+//! every 10 us to 1 ms (`docs/adr/0007-interruption.md`).
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How long work goes on between two questions.
+/// Time between two checks of the request.
 pub const SLICE: Duration = Duration::from_millis(20);
 
-/// Who says whether to stop.
+/// The source of the request to stop.
 #[derive(Clone, Debug)]
 pub enum Watch {
     /// Another thread, by setting this.
@@ -22,11 +22,11 @@ pub enum Watch {
     Poll(fn() -> bool),
 }
 
-/// The work was asked to stop.
+/// The work must stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 
-/// A watch, and when it is asked next.
+/// A source of requests, and the time of its next check.
 struct Watched {
     watch: Watch,
     next: Instant,
@@ -36,7 +36,7 @@ thread_local! {
     static WATCHED: RefCell<Option<Watched>> = const { RefCell::new(None) };
 }
 
-/// Whether to stop: if so the work unwinds to its [`interruptible`].
+/// Check for a request to stop; on a request the work unwinds to its [`interruptible`].
 pub fn look() {
     let poll = WATCHED.with_borrow_mut(|watched| match watched {
         None => Err(false),
@@ -56,12 +56,12 @@ pub fn look() {
     }
 }
 
-/// Unwind to [`interruptible`] now: for work that was told to stop by others than its watch. Only to be called within it.
+/// Unwind to [`interruptible`] now, for a request from another source. Call it only within `interruptible`.
 pub fn interrupt() -> ! {
     resume_unwind(Box::new(Interrupted))
 }
 
-/// Puts the watch of before back, however the work ends.
+/// Restores the previous source of requests, also after an unwind.
 struct Restore(Option<Watched>);
 
 impl Drop for Restore {
@@ -70,7 +70,7 @@ impl Drop for Restore {
     }
 }
 
-/// Run `work`, which stops at a look once `watch` asks it to.
+/// Run `work`, which stops at a look after a request by `watch`.
 pub fn interruptible<R>(watch: Watch, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
     let restore = Restore(WATCHED.replace(Some(Watched { watch, next: Instant::now() + SLICE })));
     let result = catch_unwind(AssertUnwindSafe(work));

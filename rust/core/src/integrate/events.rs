@@ -1,16 +1,16 @@
 //! Zero crossings of functions `g_i(t, x)` along a run, located on the dense output of each step.
 //!
-//! An event is a change of sign from one accepted step to the next: `g` was last seen negative and is now zero or positive
-//! (rising), or the reverse (falling). A `g` that starts at zero has no sign until it leaves it. Two changes within one step
-//! cancel and are missed: limit the step where that matters. The root is bracketed until no time lies between its ends
-//! (Chandrupatla 1997: inverse quadratic interpolation where it is safe, bisection elsewhere); the later end is the event,
-//! so that a run that starts there begins on the new side.
+//! An event is a change of sign from one accepted step to the next. Rising: `g` was last negative and is now zero or positive.
+//! Falling: the reverse. A `g` that starts at zero has no sign until it leaves it. Two changes within one step
+//! cancel and are missed: limit the step where that matters. The root is bracketed until no time lies between its ends.
+//! The method is that of Chandrupatla 1997: inverse quadratic interpolation where it is safe, bisection elsewhere. The
+//! later end is the event, so that a run that starts there begins on the new side.
 
 use super::{Adaptive, Buffer, System};
 use crate::scalar::sign;
 use crate::status::Status;
 
-/// What is watched.
+/// One monitored event.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Event {
     /// Rising crossings only where positive, falling only where negative, both where zero.
@@ -19,7 +19,7 @@ pub struct Event {
     pub stop_after: usize,
 }
 
-/// The functions watched, evaluated by index.
+/// The event functions, evaluated by index.
 pub trait Watched {
     /// Value of event function `i` at time `t` and state `x`.
     fn value(&mut self, i: usize, t: f64, x: &[f64]) -> f64;
@@ -42,7 +42,7 @@ pub struct Crossing {
     pub stops: bool,
 }
 
-/// The watch over one run.
+/// The events of one run.
 pub struct Watch<B> {
     events: Vec<Event>,
     counts: Vec<usize>,
@@ -55,7 +55,7 @@ pub struct Watch<B> {
 }
 
 impl<B: Buffer<f64>> Watch<B> {
-    /// A watch of these events; `state` gives the size.
+    /// A search of these events; `state` gives the size.
     pub fn new(events: Vec<Event>, state: B) -> Self {
         let n = events.len();
         Watch { events, counts: vec![0; n], signs: vec![0.0; n], values: vec![0.0; n], crossings: Vec::with_capacity(n), at: state }

@@ -1,4 +1,4 @@
-//! Adaptation that keeps bodies physically possible: the rate is bent off the boundary (`pomet1992adaptive`, with a convex function
+//! Adaptation that keeps bodies physically possible. The rate is corrected near the boundary (`pomet1992adaptive`, with a convex function
 //! of the pseudo-inertias in place of a ball).
 //!
 //! ```text
@@ -7,10 +7,11 @@
 //! pi_hat' = Gamma (y - c g),   y = Y' s,   c = [min(1, f / LAYER) max(0, g' Gamma y) + PULL f^2] / g' Gamma g
 //! ```
 //!
-//! `f^2` is convex and zero wherever every `P_k >= P_k^min`, at the true `pi` too, so that `(pi_hat - pi) . g >= f^2 / 2`: the bend
-//! takes `c (pi_hat - pi) . g >= 0` from the derivative of Slotine and Li's Lyapunov function and adds nothing. Where `f = LAYER`,
-//! `f f' <= -PULL f^2`: what starts with `P_k >= P_k^min` keeps `P_k >= (1 - LAYER) P_k^min`. The rate is Lipschitz; nothing depends
-//! on frames or units. Parameters `(A, B, C)` of the planar PR are one body with `P = [[A, B], [B, C]]`.
+//! `f^2` is convex. It is zero wherever every `P_k >= P_k^min`, also at the true `pi`, so that `(pi_hat - pi) . g >= f^2 / 2`. The
+//! correction subtracts `c (pi_hat - pi) . g >= 0` from the derivative of Slotine and Li's Lyapunov function and adds nothing. Where
+//! `f = LAYER`, `f f' <= -PULL f^2`: an estimate that starts with `P_k >= P_k^min` keeps `P_k >= (1 - LAYER) P_k^min`.
+//! The rate is Lipschitz; nothing depends on frames or units. Parameters `(A, B, C)` of the planar PR are one body with
+//! `P = [[A, B], [B, C]]`.
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::Multiply;
@@ -19,9 +20,9 @@ use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::{Pseudo, adjoint, factor, parameters_of, pseudo_inertia};
 
-/// Thickness of the layer in which the rate is bent, relative to the least bodies.
+/// Thickness of the layer in which the rate is corrected, relative to the least bodies.
 const LAYER: f64 = 0.5;
-/// How fast what is outside returns, 1/s: what a step of a method carried across; slow for every method.
+/// Rate at which an estimate returns, 1/s, after a step of a method carried it across; slow for every method.
 const PULL: f64 = 10.0;
 /// Sweeps of Jacobi's method: the fourth leaves rounding of a 4 x 4 matrix, as convergence is quadratic.
 const SWEEPS: usize = 6;
@@ -105,8 +106,8 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
 /// `f(A)`, `f(l) = min(l, 0)`, of a symmetric matrix: `V G V'`, by Jacobi's method.
 ///
 /// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)` and `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)`, the divided difference
-/// (Daleckii and Krein). The rates of `V` then cancel in those of the result, whatever they are: for equal eigenvalues they are no limit of
-/// anything. They must be bounded, so that what two eigenvalues share is not turned: where both are of one sign the formula is exact.
+/// (Daleckii and Krein). The rates of `V` then cancel in those of the result. For equal eigenvalues they are arbitrary. They
+/// must be bounded, so that a common eigenspace is not rotated: where both eigenvalues have one sign the formula is exact.
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;
@@ -188,7 +189,7 @@ impl Projection {
     }
 }
 
-/// The bend in a loop, with its buffers.
+/// The correction in a loop, with its buffers.
 pub struct Projector<S> {
     width: usize,
     /// `L^-1` of each body.
@@ -207,7 +208,7 @@ impl<S: Real> Projector<S> {
         Projector { width: *width, inverses, gradient: zeros.clone(), weighted: zeros }
     }
 
-    /// Bend the rate `dz = Gamma y` of the estimate `z`. A call of its own: the law without a projection does not carry the code.
+    /// Correct the rate `dz = Gamma y` of the estimate `z`. A separate call, so that a law without projection lacks this code.
     #[inline(never)]
     pub fn correct<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
         let zero = S::zero();

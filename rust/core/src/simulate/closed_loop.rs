@@ -1,7 +1,7 @@
 //! Any plant under any law: `x = [plant, law, quadratures]`, two calls per evaluation.
 //!
 //! The quadratures are the two integrals that the identities need: what the law dissipates, and the power put into the
-//! stored energy. Where the law has a storage function of its own: what it takes of the power from outside, and its rate.
+//! stored energy. A law with a storage function replaces them by its part of the external power, and by its rate.
 
 use super::force::Wrench;
 use super::sampler::Sampler;
@@ -17,15 +17,15 @@ use std::borrow::Cow;
 pub struct Closing<'a> {
     /// Largest |tau| per joint, where the input saturates.
     pub tau_max: Option<Cow<'a, [f64]>>,
-    /// The law is asked at samples and its answer held; else in every stage.
+    /// The law is evaluated at samples and its output held; else in every stage.
     pub held: bool,
     pub monitored: bool,
-    /// The law's own storage function is the energy watched.
+    /// The monitored energy is the law's storage function.
     pub storage: bool,
 }
 
 impl Closing<'_> {
-    /// Whether the integral of what the law dissipates is watched.
+    /// Whether the integral of the law's dissipation is monitored.
     pub fn watches_dissipation(&self) -> bool {
         self.monitored && !self.storage
     }
@@ -46,14 +46,14 @@ pub struct ClosedLoop<'a, S: Real> {
     trig: Vec<(S, S)>,
     /// The plant's input as of the last evaluation.
     pub tau: Vec<S>,
-    /// The rate of the law's state, and behind it what the law dissipates where that is watched: all of an answer beside `tau`.
+    /// The rate of the law's state, followed by its dissipation if that is monitored: all outputs beside `tau`.
     dz: Vec<S>,
     /// Size of the law's state.
     p: usize,
     /// One as long as every answer of the law since it was set was right, else zero.
     pub stands: S,
     now: Exogenous<S>,
-    /// Room for the answer that acts while another one is worked out.
+    /// Buffer for the present output while the next one is computed.
     acting: (Vec<S>, Vec<S>),
     /// The plants as the balance of Lyapunov's function counts them; `None` where the law alone knows what it dissipates.
     truth: Option<Truth<S>>,
@@ -99,7 +99,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         ClosedLoop { truth, ..self }
     }
 
-    /// The same loop with motions, forces and limits of its own.
+    /// The same loop with other motions, forces and limits.
     pub fn into_owned(self) -> ClosedLoop<'static, S> {
         let Closing { tau_max, held, monitored, storage } = self.closing;
         ClosedLoop {
@@ -132,12 +132,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.states + self.p
     }
 
-    /// The instants of a controller with a clock of its own.
+    /// The instants of a controller with a separate clock.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
         self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
     }
 
-    /// Room for the exogenous input of one instant.
+    /// Buffer for the exogenous input of one instant.
     pub fn instant(&self) -> Exogenous<S> {
         self.world.instant()
     }
@@ -181,7 +181,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.dz.copy_from_slice(dz);
     }
 
-    /// The rate of the law's state as of the last evaluation, and behind it what the law dissipates where that is watched.
+    /// The rate of the law's state at the last evaluation, followed by its dissipation if that is monitored.
     pub fn law_rate(&self) -> &[S] {
         &self.dz
     }
@@ -262,7 +262,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.now = now;
     }
 
-    /// A sample of a controller with a clock of its own.
+    /// A sample of a controller with a separate clock.
     #[inline(never)]
     fn sample_by(&mut self, mut sampler: Sampler<S>, t: f64, x: &[S]) -> Sampler<S> {
         let (plant, z) = x.split_at(self.states);
@@ -280,7 +280,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         sampler
     }
 
-    /// As [`ClosedLoop::observe`] where the law is asked in every stage; a held input stays.
+    /// As [`ClosedLoop::observe`] if the law is evaluated in every stage; a held input does not change.
     pub fn observe_unheld(&mut self, t: f64, x: &[S]) {
         if !self.closing.held {
             self.observe(t, x);
