@@ -94,6 +94,7 @@ from .run.sampling import Sampling, TorqueSensor
 from .run.sensitivity import Sensitivity
 from .run.simulation import simulate, simulate_batch
 from .scenario import Scenario
+from .srdf import Srdf, SrdfGroup, load_srdf
 from .status import Status
 from .sweeping import SweepTable, Tuning, sweep, tune
 
@@ -160,6 +161,8 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "Simulator",
     "Sinusoid",
     "SolveError",
+    "Srdf",
+    "SrdfGroup",
     "State",
     "StateFeedback",
     "Status",
@@ -192,6 +195,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "integrate",
     "inverse_kinematics",
     "load",
+    "load_srdf",
     "load_urdf",
     "loop_program",
     "metrics",

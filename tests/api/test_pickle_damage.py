@@ -110,6 +110,7 @@ RUN = al.simulate(
     al.RigidArm(TREE), al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0), [0.0, 0.0], t_end=0.01, method="dopri5", dense=True,
     events=[al.Event.joint(0, 1e-4)],
 )  # fmt: skip
+SRDF = al.load_srdf('<robot><group name="arm"><joint name="j"/></group></robot>')
 ODE = al.integrate(lambda t, y: -y, (0.0, 1.0), [1.0], dense_output=True)
 DRIVEN = np.random.default_rng(1).normal(size=(4, 30, 2))
 #: Of the classes that are written in Python.
@@ -124,6 +125,8 @@ PYTHON: dict[str, Any] = {
     "JointStops": al.JointStops(1e3, lower=-1.0, upper=1.0),
     "Sensitivity": al.Sensitivity("law.kp", (2,), *np.random.default_rng(2).normal(size=(3, 2, 2, 2))),
     "CartesianPath": al.CartesianPath(np.linspace(0.0, 1.0, 5), np.ones((5, 2)), [1e-5, 2e-5], [0, 4], 0.5, None),
+    "Srdf": SRDF,
+    "SrdfGroup": SRDF.groups["arm"],
     "Sampling": al.Sampling(1e-3, noise={"q": 1e-3}, torque_sensor=al.TorqueSensor(bias=[0.1, 0.2])),
     "TorqueSensor": al.TorqueSensor(bias=[0.1, 0.2]),
     "Scenario": SCENARIO,

@@ -54,7 +54,7 @@ class Peer:
 @pytest.fixture(scope="module", params=ROBOTS)
 def pair(request: pytest.FixtureRequest) -> tuple[al.Arm, Peer]:
     text = str(path(request.param))
-    arm = al.load_urdf(text)
+    arm = al.load_urdf(text, mimic="independent")
     return arm, Peer(arm, pin.buildModelFromUrdf(text))
 
 

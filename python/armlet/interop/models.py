@@ -6,13 +6,15 @@ The other library is imported only with its model. Both libraries describe a tre
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Arm, _restore_tree
+from ..arguments import choice
 from ..border import border
 from ..errors import InputError
 from . import mujoco_model
@@ -21,6 +23,8 @@ from .verification import Verification, verify
 __all__ = ["Verification", "from_mujoco", "from_pinocchio", "verify"]
 
 _Array = NDArray[np.float64]
+#: Which joint another one follows, multiplier and offset: `q = multiplier q_leader + offset`.
+Mimic = tuple[int, float, float]
 
 
 def _unit(function: str, axis: _Array, name: str) -> list[float]:
@@ -65,6 +69,7 @@ def _build(name: str, joints: list[dict[str, Any]], frames: list[dict[str, Any]]
             joint["axis"],
             [float(joint.get(key, default)) for key, default in _DRIVE],
             np.asarray(joint["phi"], dtype=float).tolist(),
+            _followed(joint.get("mimic"), place),
         )
         for joint in (joints[i] for i in order)
     ]
@@ -77,6 +82,15 @@ def _build(name: str, joints: list[dict[str, Any]], frames: list[dict[str, Any]]
     if not all(np.isfinite(row).all() for each in numbers for row in each):
         raise InputError(f"from_{name}: model is not finite: expected finite placements, axes and inertias")
     return _restore_tree((name, stored, kept, np.asarray(gravity, dtype=float).tolist(), report))
+
+
+def _followed(mimic: Mimic | None, place: Mapping[int, int | None]) -> tuple[int, float, float] | None:
+    """The leader by its index in the arm, multiplier and offset."""
+    if mimic is None:
+        return None
+    leader = place[mimic[0]]
+    assert leader is not None  # of joints alone
+    return leader, float(mimic[1]), float(mimic[2])
 
 
 _DRIVE = (
@@ -101,6 +115,7 @@ def from_pinocchio(model: Any) -> Arm:
 
     The arm has joint and frame names, placements, inertias, limits, armature, damping, friction and gravity. The order of `q` is depth
     first. On branched robots this differs from Pinocchio. Continuous joints have one coordinate here and two in Pinocchio.
+    A mimic joint (`buildModelFromUrdf(.., mimic=True)`) is one degree of freedom with its leader in both.
 
     Args:
         model: a `pinocchio.Model`.
@@ -109,7 +124,7 @@ def from_pinocchio(model: Any) -> Arm:
         The arm, with the units of the model: m, kg, rad.
 
     Raises:
-        InputError: not a model, or a joint of another type (free flyer, spherical, mimic); the message names it.
+        InputError: not a model, or a joint of another type (free flyer, spherical); the message names it.
 
     Source: docs/migration.md.
     """
@@ -118,14 +133,22 @@ def from_pinocchio(model: Any) -> Arm:
     for i in range(1, model.njoints):
         joint, name = model.joints[i], model.names[i]
         kind = joint.shortname()
-        moves = _motion(joint)
-        if moves is None or "Mimic" in kind:
+        mimic = _mimic(model, i) if "Mimic" in kind else None
+        moves = _motion(joint) if mimic is None else _followed_motion(model, joint, mimic[1])
+        if moves is None:
             problem = f"has a joint of another kind: expected revolute or prismatic, got {kind} (joint {name})"
             raise InputError(f"from_pinocchio: model {problem}")
         subspace, within = moves
         slide = bool(np.any(subspace[:3] != 0.0))
         placement = model.jointPlacements[i] if within is None else model.jointPlacements[i] * within
         at, row = joint.idx_q, joint.idx_v
+        if mimic is not None:
+            # The drive and the limits are those of the leader.
+            own = {"name": name, "type": "prismatic" if slide else "continuous", "parent": model.parents[i] - 1, "mimic": mimic}
+            axis = _unit("from_pinocchio", subspace[:3] if slide else subspace[3:], name)
+            pose, phi = (placement.rotation, placement.translation), model.inertias[i].toDynamicParameters()
+            joints.append(own | {"placement": pose, "axis": axis, "phi": phi})
+            continue
         bounded = joint.nq == 1
         joints.append(
             {
@@ -169,6 +192,23 @@ def _motion(joint: Any) -> tuple[_Array, Any] | None:
     return subspace, data.M if "Composite" in joint.shortname() else None
 
 
+def _mimic(model: Any, i: int) -> Mimic:
+    """Which joint the mimic joint `i` follows."""
+    leader = dict(zip(model.mimicking_joints, model.mimicked_joints, strict=True))[i]
+    of = model.joints[i].extract()
+    return int(leader) - 1, float(of.scaling), float(of.offset)
+
+
+def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array, Any] | None:
+    """As `_motion` of a mimic joint, per unit rate of the joint itself."""
+    if multiplier == 0.0:
+        return None  # it has no axis
+    data = joint.createData()
+    # Its motion is that of the leader times the multiplier.
+    joint.calc(data, import_module("pinocchio").neutral(model))
+    return np.asarray(data.S, dtype=float).reshape(6) / multiplier, None
+
+
 def _row(model: Any, names: tuple[str, ...], row: int) -> float:
     """Entry `row` of the first of these vectors that this version has."""
     for name in names:
@@ -183,16 +223,18 @@ def _bound(value: float, sign: float) -> float:
 
 
 @border
-def from_mujoco(model: Any) -> Arm:
+def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined") -> Arm:
     """Make the arm of a `mujoco.MjModel`: hinges and slides, any tree, also bodies with several joints.
 
     The arm has joint and body names, placements, reference positions, inertias, position limits and gravity. It has the limits of the
     actuators' force on a joint, armature, damping (including that of actuators on the joint) and dry friction. Every body and every site
-    has a frame. `arm.report` lists the parts that are dropped. They are other effects of actuators, springs, tendons, equality
+    has a frame. `arm.report` lists the parts that are dropped. They are other effects of actuators, springs, tendons, other equality
     constraints and gravity compensation. They are also fluid forces, nonlinear damping, and sites with the name of a body.
 
     Args:
         model: a `mujoco.MjModel`.
+        mimic: "joined" makes a joint one degree of freedom with the joint that an active, linear equality constraint ties it to.
+            "independent" keeps both joints and drops the constraint.
 
     Returns:
         The arm, with the units of the model: m, kg, rad.
@@ -203,6 +245,8 @@ def from_mujoco(model: Any) -> Arm:
     Source: docs/interop.md.
     """
     _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")
+    choice("from_mujoco", "mimic", mimic, ("joined", "independent"))
+    followers = mujoco_model.followers(model) if mimic == "joined" else {}
     joints, frames, report = [], [], []
     armature, damping = mujoco_model.motors(model)
     carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body: joint, rotation and origin in its frame
@@ -245,6 +289,7 @@ def from_mujoco(model: Any) -> Arm:
                     "armature": model.dof_armature[dof] + armature[j],
                     "damping": model.dof_damping[dof] + damping[j],
                     "friction": model.dof_frictionloss[dof],
+                    "mimic": followers.get(j),
                 }
             )
             parent, turn, at = len(joints) - 1, np.eye(3), -anchor
@@ -260,7 +305,7 @@ def from_mujoco(model: Any) -> Arm:
     for what, dropped in (
         ("actuators", model.nu),
         ("tendons", model.ntendon),
-        ("equality constraints", model.neq),
+        ("equality constraints", model.neq - len(followers)),
         ("joint springs", int(np.count_nonzero(model.jnt_stiffness))),
         ("bodies with gravity compensation", int(np.count_nonzero(model.body_gravcomp))),
         ("fluid forces", int(model.opt.density != 0.0 or model.opt.viscosity != 0.0)),
@@ -269,6 +314,8 @@ def from_mujoco(model: Any) -> Arm:
     ):
         if dropped:
             report.append(f"{what} dropped ({dropped})")
+    if followers:
+        report.append("constraints between joints are rigid here; MuJoCo's are soft")
     return _build("mujoco", joints, frames, mujoco_model.gravity(model), report)
 
 

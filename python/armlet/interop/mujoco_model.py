@@ -31,3 +31,26 @@ def motors(model: Any) -> tuple[_Array, _Array]:
             if hasattr(model, "actuator_damping"):
                 damping[joint] += gear**2 * float(model.actuator_damping[k])
     return armature, damping
+
+
+def followers(model: Any) -> dict[int, tuple[int, float, float]]:
+    """Joints that follow another one, `q = multiplier q_leader + offset`: by index the leader's, multiplier and offset.
+
+    An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, with the references `y0` and `x0`; it is kept
+    where it is active and linear. A joint follows the first that ties it; constraints that close a circle are left out.
+    """
+    kind = int(import_module("mujoco").mjtEq.mjEQ_JOINT)
+    found: dict[int, tuple[int, float, float]] = {}
+    for k in range(model.neq):
+        joint, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        polynomial = np.asarray(model.eq_data[k][:5], dtype=float)
+        if int(model.eq_type[k]) != kind or not model.eq_active0[k] or leader < 0 or joint in found or np.any(polynomial[2:] != 0.0):
+            continue
+        root = leader
+        while root in found:
+            root = found[root][0]
+        if root == joint:
+            continue
+        y0, x0 = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (joint, leader))
+        found[joint] = (leader, float(polynomial[1]), float(polynomial[0] - polynomial[1] * x0 + y0))
+    return found

@@ -62,6 +62,7 @@ class Verification:
 class Peer(Protocol):
     """A model of another library, in armlet's order of joints and in armlet's conventions."""
 
+    n: int
     conventions: list[str]
     gravity: _Array
     armature: _Array
@@ -92,8 +93,11 @@ class _Pinocchio:
     def __init__(self, arm: Arm, model: Any) -> None:
         self.pin, self.model, self.data = import_module("pinocchio"), model, model.createData()
         joints = {model.names[i]: model.joints[i] for i in range(1, model.njoints) if model.joints[i].nv == 1}
-        _match(arm.file_joint_names, joints, "pinocchio")
-        self.joints = [joints[name] for name in arm.file_joint_names]
+        # A model with mimic joints has one degree of freedom per leader, as the arm has; else the arm's joints are its own.
+        self.mimics = any("Mimic" in joint.shortname() for joint in model.joints)
+        names = arm.joint_names if self.mimics else arm.file_joint_names
+        _match(names, joints, "pinocchio")
+        self.joints = [joints[name] for name in names]
         self.rows = np.array([joint.idx_v for joint in self.joints], dtype=np.intp)
         self.n, self.gravity = len(self.joints), np.array(model.gravity.linear)
         self.armature = np.array(model.armature)[self.rows]
@@ -146,6 +150,8 @@ class _Pinocchio:
         return _array(full[np.ix_(self.rows, self.rows)])
 
     def coriolis_matrix(self) -> _Array | None:
+        if self.mimics:
+            return None  # Pinocchio 4.1 does not project it: C v is not the bias of its own rnea
         full = self.pin.computeCoriolisMatrix(self.model, self.data, self.q, self.v)
         return _array(np.array(full)[np.ix_(self.rows, self.rows)])
 
@@ -153,8 +159,8 @@ class _Pinocchio:
         return _array(np.array(self.pin.rnea(self.model, self.data, self.q, self._full(v), self._full(a)))[self.rows])
 
     def forward_dynamics(self, tau: _Array) -> _Array:
-        # With joints held the free rows alone are solved for, which aba cannot.
-        if len(self.rows) == self.model.nv:
+        # With joints held the free rows alone are solved for, which aba cannot. It refuses mimic joints.
+        if len(self.rows) == self.model.nv and not self.mimics:
             return _array(np.array(self.pin.aba(self.model, self.data, self.q, self.v, self._full(tau)))[self.rows])
         rest = tau - self.inverse_dynamics(self.v[self.rows], np.zeros(self.n))
         return _array(np.linalg.solve(self.mass_matrix(), rest))
@@ -231,7 +237,7 @@ class _Joined:
     """A model some joints of which follow others in the arm, `q_joints = G q + c`: `G' M G` and so on."""
 
     def __init__(self, arm: Arm, peer: Peer) -> None:
-        self.peer, self.arm = peer, arm
+        self.peer, self.arm, self.n = peer, arm, arm.n
         offset = arm.file_positions(np.zeros(arm.n))
         self.G = np.array(arm.file_positions(np.eye(arm.n)) - offset).T
         self.gravity, self.armature = peer.gravity, peer.armature @ self.G**2
@@ -267,7 +273,7 @@ class _Joined:
 
 def _peer(arm: Arm, model: Any) -> Peer:
     own = _own_peer(arm, model)
-    return own if len(arm.file_joint_names) == arm.n else _Joined(arm, own)
+    return own if own.n == arm.n else _Joined(arm, own)
 
 
 def _own_peer(arm: Arm, model: Any) -> Peer:

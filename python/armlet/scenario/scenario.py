@@ -18,6 +18,7 @@ from ..arguments import file_path, instance, require_shallow, shown
 from ..border import bordered
 from ..errors import InputError, ModelError, SolveError
 from ..pickling import sealed
+from ..robot_files import robot_text
 from ..run.records import Run
 from ..run.simulation import simulate
 from .built import Built, summary
@@ -28,6 +29,8 @@ __all__ = ["Built", "Scenario", "change", "pathed"]
 
 MESSAGE = re.compile(r"^[\w.]+: (?P<key>[\w.\[\]]+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
 RIGID = {"kind": "RigidArm"}
+#: What `simulate` calls the positions that it checks against joint limits, and where they stand in the tables.
+LIMITED = {"q0": "$.run.q0", "law.target": "$.law.target", "law.motion": "$.motion"}
 STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 
 
@@ -154,7 +157,7 @@ class Scenario:
             values = {key: value for key, value in tables[table].items() if key != "kind"}
             if table == "law":
                 values |= {ours: tables["plant"][theirs] for ours, theirs in KNOWN.items() if ours in kind.keys and ours not in values}
-            if tables[table]["kind"] == "urdf" and "path" in values:
+            if tables[table]["kind"] == "urdf" and "path" in values and "://" not in values["path"]:
                 values["path"] = str(Path(self.folder) / values["path"])
             parts[table] = pathed(self.name, table, partial(_make, kind, table, values, parts), values)
             if key is not None:
@@ -243,7 +246,9 @@ class Scenario:
         for table in ("arm", "model"):
             path = data.get(table, {}).pop("path", None)
             if path is not None:
-                data[table]["xml"] = _text(Path(self.folder) / path)
+                file = path if "://" in path else str(Path(self.folder) / path)
+                made = "://" in path or path.endswith(".xacro")
+                data[table]["xml"] = robot_text("Scenario.standalone", "path", file) if made else _text(Path(file))
         return Scenario(data, self.folder, self.name)
 
 
@@ -306,6 +311,9 @@ def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, 
             path += f".{key}"
         elif key in ("law", "plant") and table == "run":
             path = f"$.{key}"
+        elif table == "run" and key.partition("[")[0] in LIMITED and "[" in key:
+            whole, _, place = key.partition("[")
+            path = f"{LIMITED[whole]}[{place}"
         elif key in values or key in _missing(table, values):
             path += f".{key}"
         elif owner:

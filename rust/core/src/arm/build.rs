@@ -135,6 +135,13 @@ impl Arm {
         Ok(arm)
     }
 
+    /// The same with joints that follow others: of every joint its leader, multiplier and offset.
+    pub fn following(mut self, given: &[Option<Follows>]) -> Result<Arm> {
+        let index: Vec<Option<usize>> = (0..self.joints.len()).map(Some).collect();
+        self.follow(given, &index)?;
+        Ok(self)
+    }
+
     /// Join the joints of a list with those that they follow; `index`: where the entries of the list are in the arm.
     fn follow(&mut self, given: &[Option<Follows>], index: &[Option<usize>]) -> Result<()> {
         for (i, follows) in given.iter().enumerate() {

@@ -141,6 +141,16 @@ impl Arm {
         (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
     }
 
+    /// Of every coordinate whether a whole turn of it leaves all bodies where they are: the multipliers of its followers are integers.
+    pub fn turns(&self) -> Vec<bool> {
+        let mut turns: Vec<bool> = self.joints.iter().map(|joint| joint.kind.is_angle()).collect();
+        for mimic in &self.mimics {
+            let whole = mimic.multiplier.fract() == 0.0;
+            turns[mimic.leader] &= mimic.multiplier == 0.0 || (whole && self.joints[mimic.joint].kind.is_angle());
+        }
+        self.independent_indices().into_iter().map(|i| turns[i]).collect()
+    }
+
     /// The positions of all joints, those that follow included, at `q` `(n,)`: `G q + c` into `out`.
     pub fn joint_positions(&self, q: &[f64], out: &mut [f64]) {
         match self.joining() {

@@ -7,7 +7,7 @@ use crate::arrays::{any_vector, name, number as scalar, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, paused};
 use crate::seal::{Sealed, seal_call};
-use armlet_core::arm::{self as core, Convention, Frame, Joint, JointType, Limits, MimicMode, UrdfOptions};
+use armlet_core::arm::{self as core, Convention, Follows, Frame, Joint, JointType, Limits, MimicMode, UrdfOptions};
 use armlet_core::dynamics::{PlanarPr, indefinite};
 use armlet_core::memory;
 use armlet_core::spatial::{Matrix3, Placement, Vector3};
@@ -61,11 +61,15 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 /// An arm from a URDF file, or from its text: any tree of revolute, continuous, prismatic and fixed joints.
 ///
 /// Args:
-///     path_or_xml: a path, or a string that holds the XML itself.
+///     path_or_xml: a path, `package://name/file`, or a string that holds the XML itself. A file that ends in `.xacro` is expanded by the
+///         package `xacro`, which must be installed.
 ///     gravity: world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
 ///     root, tip: links between which a sub-chain is taken (keyword only).
 ///     mimic: "joined": a joint with `<mimic>` is one degree of freedom with its leader; "independent": a joint like the others
 ///         (keyword only).
+///     search_path: folders that hold packages, or are packages, for `package://`; after them those of the environment's
+///         `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH` are searched (keyword only).
+///     xacro_arguments: arguments of a xacro file by name, as `<xacro:arg>` declares them (keyword only).
 ///
 /// A joint that follows another one, `q_joint = multiplier q_leader + offset`, keeps its body. `q` has no entry for it, and
 /// `arm.file_positions(q)` has its position. Its limits of position and speed narrow the leader's. Its armature and damping count
@@ -77,14 +81,15 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///
 /// Raises:
 ///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` say where.
-///     InputError: an argument is wrong.
+///     InputError: an argument is wrong, a package is not found, a file leads out of its package, or xacro refuses it.
+///     ImportError: the file is xacro, and the package `xacro` is not installed.
 ///
 /// >>> import armlet as al
 /// >>> al.load_urdf(al.example_urdf("planar_2r")).n
 /// 2
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None, mimic=None), text_signature = "(path_or_xml, *, gravity=None, root=None, tip=None, mimic='joined')")]
+#[pyo3(signature = (path_or_xml, *, gravity=None, root=None, tip=None, mimic=None, search_path=None, xacro_arguments=None), text_signature = "(path_or_xml, *, gravity=None, root=None, tip=None, mimic='joined', search_path=None, xacro_arguments=None)")]
 pub fn load_urdf(
     py: Python<'_>,
     path_or_xml: &Bound<'_, PyAny>,
@@ -92,6 +97,8 @@ pub fn load_urdf(
     root: Option<&Bound<'_, PyAny>>,
     tip: Option<&Bound<'_, PyAny>>,
     mimic: Option<&Bound<'_, PyAny>>,
+    search_path: Option<&Bound<'_, PyAny>>,
+    xacro_arguments: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Arm> {
     const NAME: &str = "load_urdf";
     entry(py, NAME, || {
@@ -109,8 +116,20 @@ pub fn load_urdf(
         };
         // A string with a bracket is no path; what is wrong with such a text is for the XML parser to say.
         let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
+        // Files of packages and of xacro are found and expanded in Python: the path, and the expanded text.
+        let is_plain = is_xml || !(text.contains("://") || text.ends_with(".xacro"));
+        let (text, expanded) = if is_plain && search_path.is_none() && xacro_arguments.is_none() {
+            (text, None)
+        } else {
+            let files = py.import("armlet.robot_files")?;
+            let found = files.call_method1("robot_file", (&*text, is_xml, search_path, xacro_arguments))?;
+            let (path, expanded): (String, Option<String>) = found.extract()?;
+            (Cow::Owned(path), expanded)
+        };
         long(py, || {
-            let mut arm = if is_xml {
+            let mut arm = if let Some(expanded) = &expanded {
+                core::Arm::read_urdf(expanded, &text, &options)?
+            } else if is_xml {
                 core::Arm::read_urdf(&text, "<string>", &options)?
             } else {
                 core::Arm::load_urdf(Path::new(&*text), &options)?
@@ -185,7 +204,7 @@ pub fn pendulum(py: Python<'_>, inertia: &Bound<'_, PyAny>, gravity_moment: &Bou
 }
 
 /// What a joint and a frame are there: plain tuples.
-type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10]);
+type JointState = (String, String, Option<usize>, [[f64; 3]; 4], [f64; 3], [f64; 7], [f64; 10], Option<Follows>);
 type FrameState = (String, Option<usize>, [[f64; 3]; 4], Option<String>);
 type TreeState<'py> = (String, Bound<'py, PyList>, Bound<'py, PyList>, [f64; 3], Vec<String>);
 
@@ -202,22 +221,22 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
         let count = joints.len();
         let damaged = || Failure::from(armlet_core::error::Error::Format("the stored arm is damaged".into()));
         let joint = |i: usize, state: &Bound<'_, PyAny>| {
-            let (name, kind, parent, placement, axis, drive, parameters): JointState = state.extract()?;
+            let (name, kind, parent, placement, axis, drive, parameters, leader): JointState = state.extract()?;
             let Some(JointType::Moving(kind)) = JointType::parse(&kind) else { return Err(damaged()) };
             if parent.is_some_and(|p| p >= i) {
                 return Err(damaged());
             }
             let [lower, upper, velocity, effort, armature, damping, friction] = drive;
             let limits = Limits { lower, upper, velocity, effort };
-            Ok(Joint { name, kind, parent, placement: placed(placement), axis, limits, armature, damping, friction, parameters })
+            Ok((Joint { name, kind, parent, placement: placed(placement), axis, limits, armature, damping, friction, parameters }, leader))
         };
-        let joints = paused(&memory::collected(joints.iter())?, joint)?;
+        let (joints, follows): (Vec<Joint>, Vec<Option<Follows>>) = paused(&memory::collected(joints.iter())?, joint)?.into_iter().unzip();
         let frame = |_: usize, state: &Bound<'_, PyAny>| {
             let (name, body, placement, joint): FrameState = state.extract()?;
             if body.is_some_and(|b| b >= count) { Err(damaged()) } else { Ok(Frame { name, body, placement: placed(placement), joint }) }
         };
         let frames = paused(&memory::collected(frames.iter())?, frame)?;
-        long(py, || Ok(core::Arm { name, joints, mimics: Vec::new(), frames, gravity, report }.into()))
+        long(py, || Ok(core::Arm { name, joints, mimics: Vec::new(), frames, gravity, report }.following(&follows)?.into()))
     })
 }
 

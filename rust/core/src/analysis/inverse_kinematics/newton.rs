@@ -59,6 +59,8 @@ pub(super) struct Newton {
     bounds: Vec<(f64, f64)>,
     /// Whether each joint turns.
     angles: Vec<bool>,
+    /// Whether a whole turn of each joint leaves all bodies where they are.
+    turns: Vec<bool>,
     search: IkOptions,
     e: Vec<f64>,
     w: Vec<f64>,
@@ -82,6 +84,7 @@ impl Newton {
             desired: functions.iter().map(|function| vec![0.0; 3 * function.target_size()]).collect(),
             bounds,
             angles: arm.independent().map(|joint| joint.kind.is_angle()).collect(),
+            turns: arm.turns(),
             search: search.clone(),
             e: vec![0.0; total],
             w: vec![0.0; total],
@@ -270,13 +273,13 @@ impl Newton {
         within(&self.bounds, &self.angles, q0, state, start);
     }
 
-    /// How far `a` and `b` are apart in the joint that differs most, rad or m; whole turns do not count.
+    /// How far `a` and `b` are apart in the joint that differs most, rad or m; whole turns that move no body do not count.
     pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
         let gap = |(turns, (a, b)): (&bool, (&f64, &f64))| {
             let gap = b - a;
             (if *turns { gap - 2.0 * PI * (gap / (2.0 * PI)).round() } else { gap }).abs()
         };
-        self.angles.iter().zip(a.iter().zip(b)).map(gap).fold(0.0, f64::max)
+        self.turns.iter().zip(a.iter().zip(b)).map(gap).fold(0.0, f64::max)
     }
 }
 

@@ -109,7 +109,7 @@ impl Arm {
     }
 }
 
-pub(super) const XACRO: &str = "; this is a xacro file: expand it first, `xacro robot.xacro > robot.urdf`";
+pub(super) const XACRO: &str = "; this is a xacro file: load_urdf expands *.xacro, or run `xacro robot.xacro > robot.urdf`";
 
 fn too_large() -> String {
     format!("is too large: expected at most {MAX_BYTES} bytes")

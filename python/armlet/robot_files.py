@@ -1,0 +1,175 @@
+"""Files of robots: `package://name/file` in folders of packages, and xacro, which the package `xacro` expands.
+
+A package `name` is the first folder of this name. It is a folder of the search path, in one, or one level deeper. The search path is
+the caller's, then `ROS_PACKAGE_PATH`, then `share` in each folder of `AMENT_PREFIX_PATH`.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from .arguments import file_path, instance, one_line, shown
+from .errors import InputError
+from .extras import extra
+
+__all__ = ["robot_file", "robot_text"]
+
+_NAME = "load_urdf"
+_SCHEME = "package://"
+SearchPath = str | PathLike[str] | Sequence[str | PathLike[str]] | None
+# As for URDF itself.
+_MOST_BYTES = 16 << 20
+# xacro keeps what it does in variables of its module.
+_XACRO = threading.Lock()
+
+
+def robot_file(source: str, is_xml: bool, search_path: SearchPath, xacro_arguments: Mapping[str, object] | None) -> tuple[str, str | None]:
+    """The file that `source` names, and its text where xacro had to expand it."""
+    folders = _folders(search_path)
+    path = source if is_xml else _located(source, folders)
+    if is_xml or not path.endswith(".xacro"):
+        if xacro_arguments is not None:
+            raise InputError(
+                f"{_NAME}: xacro_arguments is not used: expected None for what is no .xacro file, got {shown(xacro_arguments)}"
+            )
+        return path, None
+    return path, _expanded(path, folders, _texts(xacro_arguments))
+
+
+def robot_text(
+    function: str, name: str, source: object, search_path: SearchPath = None, xacro_arguments: Mapping[str, object] | None = None
+) -> str:
+    """The XML of `source`, which is a path, `package://name/file`, or the text itself.
+
+    Raises:
+        InputError: it is none of them, or the file cannot be read.
+    """
+    given = file_path(function, source, name)
+    if isinstance(source, str) and "<" in source:
+        return source
+    path, text = robot_file(given, False, search_path, xacro_arguments)
+    if text is not None:
+        return text
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read(_MOST_BYTES + 1)
+        if len(content) > _MOST_BYTES:
+            raise InputError(f"{function}: {name} is too large: expected at most {_MOST_BYTES} bytes, got {path}")
+        return content.decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{function}: {name} cannot be read: expected a file or its text, got {path} ({one_line(str(error))})") from None
+
+
+def _folders(search_path: SearchPath) -> list[Path]:
+    """The search path: what the caller gives, then what the environment does."""
+    if search_path is None:
+        given: list[Any] = []
+    elif isinstance(search_path, str | PathLike):
+        given = [search_path]
+    else:
+        expected = "a folder or a list of folders"
+        given = list(instance(_NAME, "search_path", search_path, Sequence, expected))
+    folders = [Path(file_path(_NAME, folder, f"search_path[{i}]")) for i, folder in enumerate(given)]
+    for i, folder in enumerate(folders):
+        if not folder.is_dir():
+            raise InputError(f"{_NAME}: search_path[{i}] is no folder: expected one that holds packages, got {folder}")
+    listed = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+    shares = (os.path.join(prefix, "share") for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix)
+    return folders + [Path(folder) for folder in (*listed, *shares) if folder and os.path.isdir(folder)]
+
+
+def _located(source: str, folders: Sequence[Path]) -> str:
+    """The file of `package://name/rest`; any other path unchanged."""
+    if not source.startswith(_SCHEME):
+        if "://" in source and not os.path.exists(source):
+            raise InputError(f"{_NAME}: path_or_xml has an unknown scheme: expected a path or package://name/file, got {shown(source)}")
+        return source
+    name, _, rest = source.removeprefix(_SCHEME).partition("/")
+    if not name or not rest or name in (".", "..") or "\0" in source:
+        raise InputError(f"{_NAME}: path_or_xml names no file: expected package://name/file, got {shown(source)}")
+    package = _package(name, folders)
+    roots = [package.resolve(), *(folder.resolve() for folder in folders)]
+    try:
+        file = (package / rest).resolve(strict=True)
+    except (OSError, RuntimeError):  # RuntimeError: links in a circle
+        raise InputError(f"{_NAME}: path_or_xml is not in its package: expected a file in {package}, got {shown(source)}") from None
+    if not any(file.is_relative_to(root) for root in roots):
+        problem = "leads out of its package: expected a file inside, or inside a folder of search_path"
+        raise InputError(f"{_NAME}: path_or_xml {problem}, got {shown(source)}")
+    return str(file)
+
+
+def _package(name: str, folders: Sequence[Path]) -> Path:
+    """The folder of a package."""
+    for folder in folders:
+        if folder.resolve().name == name:
+            return folder
+        if (folder / name).is_dir():
+            return folder / name
+        nested = sorted(path for path in folder.glob(f"*/{_literal(name)}") if path.is_dir())
+        if nested:
+            return nested[0]
+    where = ", ".join(map(str, folders)) or "no folders: give search_path, or set ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
+    raise InputError(f"{_NAME}: package {shown(name)} is not found: expected a folder of that name in {where}")
+
+
+def _literal(name: str) -> str:
+    """A name without what `glob` reads as a pattern."""
+    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)
+
+
+def _texts(arguments: Mapping[str, object] | None) -> dict[str, str]:
+    """Arguments of xacro as it takes them."""
+    if arguments is None:
+        return {}
+    instance(_NAME, "xacro_arguments", arguments, Mapping, "values by name")
+    texts = {}
+    for name, value in arguments.items():
+        if not isinstance(name, str) or not isinstance(value, str | bool | int | float):
+            problem = "holds what is no argument: expected names with texts, numbers or flags"
+            raise InputError(f"{_NAME}: xacro_arguments {problem}, got {shown(name)}: {shown(value)}")
+        texts[name] = str(value).lower() if isinstance(value, bool) else str(value)
+    return texts
+
+
+def _expanded(path: str, folders: Sequence[Path], arguments: dict[str, str]) -> str:
+    """The text that xacro makes of a file."""
+    xacro = extra(_NAME, "xacro", "armlet[xacro]")
+    if not os.path.isfile(path):
+        raise InputError(f"{_NAME}: path_or_xml cannot be read: expected a URDF file or its text, got {path} (no such file)")
+    with _XACRO, _packages_of(folders):
+        try:
+            text = xacro.process_file(path, mappings=arguments).toxml()
+        except (MemoryError, ImportError):
+            raise
+        except Exception as error:  # whatever a macro raises
+            raise InputError(f"{_NAME}: path_or_xml is refused by xacro: {path}: {type(error).__name__}: {one_line(str(error))}") from None
+    return str(text)
+
+
+@contextmanager
+def _packages_of(folders: Sequence[Path]) -> Iterator[None]:
+    """`$(find name)` of xacro searches `folders` first, and then where it does without armlet."""
+    substitution = extra(_NAME, "xacro.substitution_args", "armlet[xacro]")
+    own = substitution._eval_find
+
+    def find(name: str) -> str:
+        try:
+            return str(_package(name, folders).resolve())
+        except InputError as missing:
+            try:
+                return str(own(name))
+            except ImportError:  # no ROS here
+                raise InputError(one_line(str(missing)).removeprefix(f"{_NAME}: ")) from None
+
+    substitution._eval_find = find
+    try:
+        yield
+    finally:
+        substitution._eval_find = own
