@@ -14,7 +14,7 @@ import armlet as al
 
 
 def serve(rate: float) -> None:
-    robot = al.Simulator(plant, None, q0, dt=1.0 / rate)
+    robot = al.Simulator(plant, None, q0, dt=1.0 / rate, check_limits=False)
     command, state = np.empty(1 + n), np.empty(1 + 2 * n)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as channel:
         channel.bind((HOST, 0))

@@ -112,9 +112,11 @@ MOTIONS: dict[str, Callable[[al.Arm], al.Motion]] = {
     "Sinusoid, one term": lambda arm: al.Sinusoid(target(arm), np.zeros(arm.n), np.full(arm.n, 3.0), np.zeros(arm.n)),
     "Table": lambda arm: al.Table(0.013, *table(arm, 12), start=0.05),
     "Table of one knot": lambda arm: al.Table(0.013, *table(arm, 1)),
-    "path": lambda arm: al.time_path(arm, waypoints(arm), tau_max=200.0, v_max=3.0, a_max=20.0),
-    "path of limited torque rate": lambda arm: al.time_path(arm, waypoints(arm), tau_max=200.0, v_max=3.0, torque_rate=4000.0),
-    "path of one point": lambda arm: al.time_path(arm, np.array([target(arm), target(arm)]), tau_max=200.0),
+    "path": lambda arm: al.time_path(arm, waypoints(arm), tau_max=200.0, v_max=3.0, a_max=20.0, check_limits=False),
+    "path of limited torque rate": lambda arm: al.time_path(
+        arm, waypoints(arm), tau_max=200.0, v_max=3.0, torque_rate=4000.0, check_limits=False
+    ),
+    "path of one point": lambda arm: al.time_path(arm, np.array([target(arm), target(arm)]), tau_max=200.0, check_limits=False),
 }
 
 
@@ -160,7 +162,7 @@ def test_the_state_advances_as_in_a_sampled_loop(name: str, method: str, samples
     law = LOOPS[name](arm)
     c = Controller(al.export_c(law, tmp_path, dt=dt, method=method), COMPILERS[0])
     options: dict[str, Any] = {"t_end": 0.4, "dt": dt, "sample_time": samples * dt, "record_every": samples, "method": method}
-    run = al.simulate(al.RigidArm(arm), law, np.linspace(0.1, -0.2, arm.n), **options)
+    run = al.simulate(al.RigidArm(arm), law, np.linspace(0.1, -0.2, arm.n), check_limits=False, **options)
     states = run.estimate
     # The last step ends at `t_end`, which is not a multiple of the step.
     for k in range(len(run.t) - 1):
@@ -177,8 +179,8 @@ def test_a_loop_closed_by_c_is_the_loop_of_armlet(arm: str, compiler: str, tmp_p
     law = al.Adaptive(CHAINS[arm], MOTIONS["Sinusoid"](CHAINS[arm]), kp=40.0, kd=20.0, gamma=0.05)
     c = Controller(al.export_c(law, tmp_path, dt=dt), compiler)
     q0 = np.linspace(0.1, -0.2, n)
-    run = al.simulate(plant, law, q0, t_end=0.1, dt=dt, sample_time=dt)
-    sim = al.Simulator(plant, None, q0, dt=dt)
+    run = al.simulate(plant, law, q0, t_end=0.1, dt=dt, sample_time=dt, check_limits=False)
+    sim = al.Simulator(plant, None, q0, dt=dt, check_limits=False)
     for k in range(100):
         np.testing.assert_array_equal(np.append(sim.q, sim.v), np.append(run.q[k], run.v[k]), err_msg=f"sample {k}")
         sim.step(c(k * dt, sim.q, sim.v))
@@ -247,7 +249,7 @@ def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp
     n = CHAINS[arm].n
     plant, dt = al.VelocityArm(CHAINS[arm]), 1e-3
     rng = np.random.default_rng(14)
-    run = al.simulate(plant, law, rng.uniform(0.3, 1.2, n), t_end=0.5, dt=dt, sample_time=dt)
+    run = al.simulate(plant, law, rng.uniform(0.3, 1.2, n), t_end=0.5, dt=dt, sample_time=dt, check_limits=False)
     assert run.stats["engine"] == al.build_info()["programs"]
     answered = [c.status(t, q, np.zeros(n)) for t, q in zip(run.t[:-1], run.q, strict=False)]
     for k, (status, u) in enumerate(answered):
@@ -283,7 +285,7 @@ def test_at_a_singularity_priority_holds_the_last_answer(tmp_path: Path) -> None
 def test_priority_of_accelerations(tmp_path: Path) -> None:
     law = al.PriorityAcceleration(SEVEN, tasks(SEVEN))
     c = Controller(al.export_c(law, tmp_path), COMPILERS[0])
-    run = al.simulate(al.RigidArm(SEVEN), law, np.full(7, 0.6), t_end=0.3, dt=1e-3, sample_time=1e-3)
+    run = al.simulate(al.RigidArm(SEVEN), law, np.full(7, 0.6), t_end=0.3, dt=1e-3, sample_time=1e-3, check_limits=False)
     answered = [c.status(*at) for at in zip(run.t[:-1], run.q, run.v, strict=False)]
     assert [status for status, _ in answered] == [0] * len(answered)
     np.testing.assert_array_equal([u for _, u in answered], run.tau[:-1])

@@ -61,7 +61,7 @@ def test_rows_are_simulators(plant: al.Plant, rows: int) -> None:
     q[::4] += 1.1e6
     arms.put(range(rows), q, v)
     chosen = sorted({0, rows // 2, rows - 1})
-    sims = [al.Simulator(plant, None, q[row], dt=2e-3, state_limit=np.inf) for row in chosen]
+    sims = [al.Simulator(plant, None, q[row], dt=2e-3, state_limit=np.inf, check_limits=False) for row in chosen]
     for sim, row in zip(sims, chosen, strict=True):
         sim.set_state(q[row], v[row])
     for _ in range(3):

@@ -20,7 +20,8 @@ def problem(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Positions of the tool, and starts near what reaches them."""
     rng = np.random.default_rng(seed)
     q = rng.uniform(0.7 * SEVEN.limits["q_min"], 0.7 * SEVEN.limits["q_max"], (count, 7))
-    return SEVEN.position(q, TOOL), q + rng.uniform(-0.3, 0.3, q.shape)
+    starts = np.clip(q + rng.uniform(-0.3, 0.3, q.shape), SEVEN.limits["q_min"], SEVEN.limits["q_max"])
+    return SEVEN.position(q, TOOL), starts
 
 
 def test_rows_have_the_bits_of_single_calls_for_any_number_of_threads() -> None:
@@ -132,8 +133,24 @@ def test_a_lower_task_does_not_keep_the_first_from_being_reached() -> None:
     low, high = arm.limits["q_min"], arm.limits["q_max"]
     targets = arm.position(np.random.default_rng(1).uniform(low, high, (24, 7)), "tcp")
     tip, posture = al.Task("tcp", "xyz", targets), al.PostureTask(np.zeros(7))
-    assert al.inverse_kinematics(arm, [tip], np.zeros(7)).reached.all()
-    both = al.inverse_kinematics(arm, [tip, posture], np.zeros(7), restarts=2)
+    assert al.inverse_kinematics(arm, [tip], np.zeros(7), check_limits=False).reached.all()
+    both = al.inverse_kinematics(arm, [tip, posture], np.zeros(7), restarts=2, check_limits=False)
     assert (both.status == al.Status.DEGRADED).all()
     # The tolerance of the search.
     assert np.abs(arm.position(both.q, "tcp") - targets).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("kind", "multiplier", "count"),
+    [("R", 0.5, 2), ("R", 1.25, 2), ("P", 0.1, 2), ("R", 2.0, 1), ("R", -1.0, 1), ("R", 0.0, 1), ("P", 0.0, 1)],
+)
+def test_a_turn_of_a_leader_is_another_solution_where_it_moves_its_followers(kind: str, multiplier: float, count: int) -> None:
+    """A leader that may turn twice reaches a point at two angles; a follower is elsewhere then, unless it made whole turns too."""
+    body = {"axis": [0, 0, 1], "phi": [1, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}
+    leader = {"type": "R", **body, "lower": -6.5, "upper": 6.5}
+    follower = {"type": kind, **body, "xyz": [1, 0, 0], "mimic": {"joint": 0, "multiplier": multiplier}}
+    tip = {"type": "F", **body, "xyz": [1, 0, 0], "parent": 0}
+    arm = al.Arm.from_chain([leader, follower, tip])
+    found = al.inverse_kinematics(arm, [al.Task("link3", "xy", [np.cos(1.0), np.sin(1.0)])], [1.0], solutions=3, restarts=60)
+    reached = found.q[found.reached, 0]
+    np.testing.assert_allclose(reached, [1.0, 1.0 - 2.0 * np.pi][:count], rtol=0.0, atol=1e-7)

@@ -101,7 +101,7 @@ def test_many_targets(n: int) -> None:
     arm, theirs, frame, rng = pair(n, 7)
     q = rng.uniform(0.8 * theirs.limits["lower"], 0.8 * theirs.limits["upper"], (2, n))
     aims = (np.array([theirs.pose(row, frame)[:2, 3] for row in q])[:, None], theirs.center_of_mass(q[0])[2:])
-    starts = q[0] + rng.uniform(-0.3, 0.3, (3, n))
+    starts = np.clip(q[0] + rng.uniform(-0.3, 0.3, (3, n)), theirs.limits["lower"], theirs.limits["upper"])
     found = al.inverse_kinematics(arm, [al.Task(frame, "xy", aims[0])], starts)
     want = ref.inverse_kinematics(theirs, [ref.Task(frame, "xy", aims[0])], starts)
     assert found.q.shape == want.q.shape == (2, 3, n) and found.errors[0].shape == want.errors[0].shape == (2, 3, 2)

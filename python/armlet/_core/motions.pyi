@@ -59,6 +59,7 @@ def time_path(
     tip_speed: _Number | None = None,
     tip_acceleration: _Number | None = None,
     frame: str | None = None,
+    check_limits: bool | None = None,
 ) -> TimedPath: ...
 def _restore_time_path(parts: Sequence[_Array], margin: float, why: tuple[Any, ...] | None) -> TimedPath: ...
 

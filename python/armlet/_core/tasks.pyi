@@ -163,6 +163,7 @@ def inverse_kinematics(
     seed: int | None = None,
     step_max: float | None = None,
     limits: bool = True,
+    check_limits: bool | None = None,
     solutions: int | None = None,
     threads: int | None = None,
 ) -> InverseKinematics: ...

@@ -6,6 +6,8 @@ import argparse
 import json
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +27,8 @@ __all__ = ["register"]
 def _run(args: argparse.Namespace) -> int:
     scenario = Scenario.load(args.scenario)
     _prepare(args)
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
+    with _told_warnings():
         run = scenario.run()
-    for warning in warned:
-        print(one_line(f"armlet: warning: {warning.message}"), file=sys.stderr)
     print(one_line(scenario.data.get("title", args.scenario.stem)))
     print(run)
     metrics = run.metrics()
@@ -39,6 +38,18 @@ def _run(args: argparse.Namespace) -> int:
     for path in _results(run, scenario, args):
         print(f"wrote {path}")
     return 0
+
+
+@contextmanager
+def _told_warnings() -> Iterator[None]:
+    """Warnings in one line each."""
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            yield
+        finally:
+            for warning in warned:
+                print(one_line(f"armlet: warning: {warning.message}"), file=sys.stderr)
 
 
 def _can_plot(command: str) -> None:
@@ -79,7 +90,8 @@ def _check(args: argparse.Namespace) -> int:
     if not problems:
         scenario = Scenario.load(args.scenario)
         try:
-            scenario.check()
+            with _told_warnings():
+                scenario.check()
             if "sweep" in scenario.data:
                 planned = cells_of(scenario)
                 cells = len(planned)

@@ -116,8 +116,11 @@ def in_pieces(
             keywords |= {name: _core.numbers("simulate_batch", name, keywords[name], start.shape)}
     nested = _is_nested(keywords.get("force"))
     # A batch of no runs is refused for whatever the whole one is refused for.
-    none = keywords | {name: _part(keywords.get(name), 0, 0) for name in STATES} | ({"force": None} if nested else {})
+    none = keywords | {name: _part(keywords.get(name), 0, 0) for name in STATES} | {"check_limits": False}
+    none |= {"force": None} if nested else {}
     _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
+    _core._check_starts(plant, law, start, keywords)
+    keywords |= {"check_limits": False}
     size = _runs_per_piece(n, keywords)
     # What is kept of each run, at the least: refused before the first piece instead of after hours.
     np.empty((rows, 2 * n))

@@ -49,6 +49,7 @@ def simulate(
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
     state_limit: float = 1e6,
+    check_limits: bool | None = None,
     events: Event | Callable[..., float] | Sequence[Event | Callable[..., float]] | None = None,
     dense: bool = False,
     sensitivity: str | Sequence[str] | None = None,
@@ -81,6 +82,8 @@ def simulate(
         monitors: compute and record the identities of the theory: see `Run.monitors`. A monitor that is not finite ends the run.
         state_limit: a larger position or velocity of links or motors ends the run with `Status.DIVERGED`, rad or m and
             per second. `math.inf` sets no limit.
+        check_limits: action if `q0`, the target of the law or an end of its motion is outside of the joint limits. None warns, True
+            raises, and False does neither.
         events: zero crossings that an adaptive method locates: `Event`s, or functions `g(t, q, v)`, which are Python inside
             the loop. `Run.events` has the crossings. An event with `stop` ends the run with `Status.EVENT`.
         dense: keep the polynomial of every step of an adaptive method. `run.sample(t)` is then the state at any time.
@@ -93,10 +96,11 @@ def simulate(
         The recorded run. Time is the first axis of its arrays: `run.q` is (K, n).
 
     Raises:
-        InputError: an argument is not valid; the message names it.
+        InputError: an argument is not valid, or a position is outside of the joint limits; the message names it.
         SolveError: the run ended early; `.status`, `.t` and `.partial` have the reason, the time and the partial run.
 
     Warns:
+        UserWarning: a position is outside of the joint limits: `q0[1] = -57 rad is outside [-3.1, 3.1]: degrees?`.
         UserWarning: the steps are too coarse for the loop. Either the energy balance misses more than a tenth of the energy turned over, or
             the Lyapunov function of a continuous law rises tenfold. `metrics(run)["energy_error"]` is that fraction.
 
@@ -127,7 +131,7 @@ def simulate(
     run = Run(fields, law=law, plant=plant)
     if throw and run.status not in (Status.SUCCESS, Status.EVENT):
         advice = advice_on_run(run.status, method, rtol, atol, run.stats)
-        message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}{_fastest(run)}"
+        message = f"simulate: the run ended at t = {ended:.9g} s: {run.status.name.lower()}: {advice}{_ran_away(plant, run)}"
         raise SolveError(message, run.status, ended, run)
     undisturbed = sample_time is None and tau_max is None and force is None
     if run.monitors:
@@ -135,12 +139,23 @@ def simulate(
     return run
 
 
-def _fastest(run: Run) -> str:
-    """The joint that runs away, by the last record of a run that diverged."""
+def _ran_away(plant: _core.Plant, run: Run) -> str:
+    """Of a run that diverged: the joint that left its limits first, by the records, and the fastest one at the last record."""
     if run.status != Status.DIVERGED or not len(run.t):
         return ""
     i = int(np.abs(run.v[-1]).argmax())
-    return f"; the fastest joint at the last record, t = {run.t[-1]:.9g} s: v[{i}] = {run.v[-1, i]:.4g}"
+    text = f"; the fastest joint at the last record, t = {run.t[-1]:.9g} s: v[{i}] = {run.v[-1, i]:.4g}"
+    limits = plant.arm.limits
+    if not limits:  # arms in closed form have none
+        return text
+    left = (run.q < limits["q_min"]) | (run.q > limits["q_max"]) | (np.abs(run.v) > limits["v_max"])
+    first = np.flatnonzero(left.any(axis=1))
+    if not len(first):
+        return text
+    k = int(first[0])
+    i = int(left[k].argmax())
+    name = plant.arm.joint_names[i]
+    return f"{text}; {name} left its limits first, at t = {run.t[k]:.9g} s: q[{i}] = {run.q[k, i]:.4g}, v[{i}] = {run.v[k, i]:.4g}"
 
 
 @border
@@ -165,6 +180,7 @@ def simulate_batch(
     tau_max: ArrayLike | None = None,
     monitors: bool = True,
     state_limit: float = 1e6,
+    check_limits: bool | None = None,
     threads: int | None = None,
     keep: Literal["all", "final", "metrics"] = "all",
     metrics: Mapping[str, Any] | None = None,
@@ -189,7 +205,7 @@ def simulate_batch(
         force: one for all runs as for `simulate` (no callable), or one per run, N or N m. One per run is an array of constants (B, k), or
             a list of B lists `[(t_start, F), ...]`.
         force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.
-        monitors, state_limit: as for `simulate`.
+        monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
         threads: worker threads, 1 to 1024; None takes ARMLET_NUM_THREADS, or else the number of cores. Never more than groups of runs.
         keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record. Metrics are computed during the
             runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of `armlet.metrics`.

@@ -290,6 +290,7 @@ RUN = Table(
         "tau_max": Numbers(depth=1, low=0.0, strict=True),
         "monitors": Flag(),
         "state_limit": POSITIVE,
+        "check_limits": Flag(),
     },
     ("q0", "t_end"),
 )

@@ -7,6 +7,7 @@ use crate::force::{self, Raised};
 use crate::interrupts::long;
 use crate::law::Law;
 use crate::plant::Plant;
+use crate::warnings::warn;
 use armlet_core::analysis::{elastic_limits as limits, equilibrium as rest};
 use armlet_core::error::{Error, Result as CoreResult};
 use armlet_core::interrupt::look;
@@ -16,7 +17,6 @@ use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{Force, Problem, Wrench};
 use armlet_macros::entered;
 use numpy::{Complex64, PyArray1};
-use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -30,8 +30,7 @@ pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> Py
         "{function}: sample_time {} s is above a third of {limit:.6} s, where the motor loop becomes unstable: expect oscillation",
         sampling.period
     );
-    let text = std::ffi::CString::new(text).unwrap_or_default();
-    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)
+    warn(py, text)
 }
 
 /// A constant force: its wrench and the frame it acts at.

@@ -8,6 +8,7 @@ use crate::interrupts::{long, signalled};
 use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
 use crate::task::{Goals, each};
+use crate::warnings::LimitCheck;
 use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinematics as core, inverse_kinematics_batch};
 use armlet_core::arm::Arm as CoreArm;
 use armlet_core::error::Error;
@@ -92,9 +93,11 @@ const NAME: &str = "inverse_kinematics";
 ///     seed: of the random starts.
 ///     step_max: largest step of a joint, rad or m.
 ///     limits: keep to the arm's joint limits.
+///     check_limits: what to do with a start outside of these limits: None warns, True raises, False neither. With `limits=False` there is
+///         no check.
 ///     solutions: so many different solutions of each target, from up to `restarts` random starts; None: one, without an axis for it.
 ///         Best first: those that reach every task by their distance `|q - q0|`, then the others by the error of the first task in which
-///         they differ. Two are the same when no joint differs by more than 1e-3 rad or m, whole turns not counted. Where fewer are
+///         they differ. Two are the same when no joint differs by more than 1e-3 rad or m. Whole turns are not counted where they move no body. Where fewer are
 ///         found the rest is NaN, with the status `INFEASIBLE`.
 ///     threads: of a batch; None: the environment's `ARMLET_NUM_THREADS`, else the cores.
 ///
@@ -106,7 +109,10 @@ const NAME: &str = "inverse_kinematics";
 ///
 /// Raises:
 ///     InputError: a shape is wrong, leading axes do not broadcast, a number of a single call is not finite, a task has no constant
-///         target, the method is unknown.
+///         target, the method is unknown, or a start is outside of the limits and `check_limits` is True.
+///
+/// Warns:
+///     UserWarning: a start is outside of the joint limits. The search begins at the nearest position inside.
 ///
 /// Source: Nakamura and Hanafusa, Inverse kinematic solutions with singularity robustness, J. Dyn. Sys. Meas. Control 108, 1986.
 ///
@@ -128,9 +134,9 @@ const NAME: &str = "inverse_kinematics";
 #[pyfunction]
 #[pyo3(
     signature = (arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,
-                 limits=None, solutions=None, threads=None),
+                 limits=None, check_limits=None, solutions=None, threads=None),
     text_signature = "(arm, tasks, q0, *, method='clamp', eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, \
-                      step_max=None, limits=True, solutions=None, threads=None)"
+                      step_max=None, limits=True, check_limits=None, solutions=None, threads=None)"
 )]
 pub fn inverse_kinematics<'py>(
     py: Python<'py>,
@@ -145,6 +151,7 @@ pub fn inverse_kinematics<'py>(
     seed: Option<&Bound<'py, PyAny>>,
     step_max: Option<&Bound<'py, PyAny>>,
     limits: Option<&Bound<'py, PyAny>>,
+    check_limits: Option<&Bound<'py, PyAny>>,
     solutions: Option<&Bound<'py, PyAny>>,
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<InverseKinematics> {
@@ -160,6 +167,7 @@ pub fn inverse_kinematics<'py>(
         let (mut lead, q0) = numbers(NAME, "q0", q0, &[form])?;
         lead.pop();
         let q0 = owned(q0)?;
+        let check = LimitCheck::of(NAME, check_limits)?;
         let plain = IkOptions::default();
         let eps = match eps {
             None => None,
@@ -178,6 +186,9 @@ pub fn inverse_kinematics<'py>(
             method: PriorityMethod::from_name(method_name(NAME, method)?)?,
             eps,
         };
+        if search.limits {
+            check.rows(py, NAME, "q0", tree, &q0, wide)?;
+        }
         let threads = match threads {
             Some(threads) => parallel::require_threads(count(NAME, "threads", threads)?)?,
             None => parallel::default_threads(),

@@ -8,6 +8,7 @@ use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised};
 use crate::law::Law;
 use crate::motion::Motion;
+use crate::warnings::LimitCheck;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::memory;
 use armlet_core::plant::PlantSpec;
@@ -132,6 +133,11 @@ impl<'py> Keywords<'py> {
             measures.frame = Some(text(self.function, "metrics[\"frame\"]", &frame)?);
         }
         Ok(measures)
+    }
+
+    /// What to do with starts and targets outside of joint limits.
+    pub fn limit_check(&self) -> Result<LimitCheck, Failure> {
+        LimitCheck::of(self.function, self.get("check_limits")?.as_ref())
     }
 
     pub fn method(&self) -> Result<Method, Failure> {

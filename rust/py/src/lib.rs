@@ -30,6 +30,7 @@ mod simulator_state;
 mod stops;
 mod suggested_gains;
 mod task;
+mod warnings;
 
 use pyo3::prelude::*;
 
@@ -91,7 +92,7 @@ mod _core {
     #[pymodule_export]
     use super::seal::{_restore, _seal, _share};
     #[pymodule_export]
-    use super::simulate::{simulate, simulate_batch};
+    use super::simulate::{_check_starts, simulate, simulate_batch};
 
     #[pymodule_export]
     use super::batch_stepper::_BatchStepper;

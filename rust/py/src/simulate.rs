@@ -1,6 +1,6 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{count, flag, items, object, text, written_array};
+use crate::arrays::{Axis, Form, count, flag, items, numbers, object, owned, text, written_array};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
@@ -112,6 +112,7 @@ pub fn simulate<'py>(
         let problem =
             Problem { plants: vec![plant], laws: vec![law], x0, forces: force.iter().collect(), force_frame, options, measures: None };
         warn_of_sampling(py, NAME, &problem)?;
+        given.limit_check()?.problem(py, NAME, &problem, false)?;
         let dense = given.get("dense")?.map_or(Ok(false), |dense| flag(NAME, "dense", &dense))?;
         let mut observer = event::observer(plant, given.get("events")?, dense, &raised)?;
         let mut poll = || force::failed(&raised) || signalled();
@@ -201,6 +202,7 @@ pub fn simulate_batch<'py>(
         let forces_of = memory::collected(forces.iter())?;
         let problem = Problem { plants, laws, x0, forces: forces_of, force_frame, options, measures: None };
         warn_of_sampling(py, NAME, &problem)?;
+        given.limit_check()?.problem(py, NAME, &problem, true)?;
         let batch = long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?;
         raise(&raised)?;
         let k = batch.t.len();
@@ -236,5 +238,30 @@ pub fn simulate_batch<'py>(
         put(&fields, "ended", batch.ended, &[rows])?;
         fields.set_item("engine", batch.engine)?;
         Ok(fields)
+    })
+}
+
+/// The check of starts `q0` `(B, n)` against joint limits, and of what the laws want of the joints, for a batch that runs in pieces.
+#[entered]
+#[pyfunction]
+pub fn _check_starts(
+    plant: &Bound<'_, PyAny>,
+    law: &Bound<'_, PyAny>,
+    q0: &Bound<'_, PyAny>,
+    keywords: &Bound<'_, PyDict>,
+) -> PyResult<()> {
+    const NAME: &str = "simulate_batch";
+    let py = plant.py();
+    entry(py, NAME, || {
+        let plants = several::<Plant>(NAME, "plant", "a plant such as RigidArm, or a list of them", plant)?;
+        let laws = several::<Law>(NAME, "law", "a law such as Adaptive, or a list of them", law)?;
+        let plants: Vec<&PlantSpec> = memory::collected(plants.iter().map(|plant| &plant.get().spec))?;
+        let laws: Vec<&LawSpec> = memory::collected(laws.iter().map(|law| &law.get().spec))?;
+        let given = Keywords { function: NAME, keywords: keywords.clone() };
+        let n = plants[0].n();
+        let q0 = owned(numbers(NAME, "q0", q0, &[Form(&[Axis::Any("B"), Axis::Is(n)])])?.1)?;
+        let starts = q0.chunks_exact(n).enumerate().map(|(run, q)| (plants[run.min(plants.len() - 1)], q));
+        let found = long(py, || Ok(core::outside(starts, &laws, true)))?;
+        given.limit_check()?.tell(py, NAME, found)
     })
 }

@@ -2,15 +2,16 @@
 
 use crate::arrays::{new_array, object, of_shape, overwrite, vector};
 use crate::errors::{Failure, entry, input_error, solve_error};
-use crate::force::{Raised, constant_force, raise};
+use crate::force::{Raised, raise};
 use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
 use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
-use crate::simulator_state::{fastest, finite_vector, of_motors};
+use crate::simulator_state::{fastest, finite_vector, of_motors, require_known, wrench};
+use crate::warnings::LimitCheck;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::PlantSpec;
-use armlet_core::simulate::{Force, Problem, Stepping, Wrench, require_fixed_steps, stepper};
+use armlet_core::simulate::{Force, Problem, Stepping, require_fixed_steps, stepper};
 use armlet_core::status::Status;
 use armlet_macros::entered;
 use pyo3::exceptions::PyTypeError;
@@ -29,7 +30,7 @@ use std::sync::{Mutex, PoisonError};
 ///     law: what controls it; None where every step is given its input.
 ///     q0: initial position, `(n,)`, rad or m.
 ///     dt: the step, s (keyword only).
-///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max, state_limit: as for `simulate`; the method takes
+///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max, state_limit, check_limits: as for `simulate`; the method takes
 ///         fixed steps: "euler", "semi_implicit", "rk4" or "ros2" (keyword only). With `force_frame` alone `step(force=)` pushes there.
 ///
 /// `status` is `Status.SUCCESS` until a step diverges: the state is then not finite, or beyond `state_limit`. Such a step raises and is
@@ -57,6 +58,7 @@ pub struct Simulator {
     start: Vec<f64>,
     raised: Raised,
     has_law: bool,
+    check: LimitCheck,
     /// Where a push of a step can act, if anywhere: the rows of the law's coordinates, or all of a frame's.
     pushed: Option<Option<Vec<usize>>>,
     /// What it was made of: plant, law, q0 and the keywords.
@@ -92,90 +94,7 @@ impl Simulator {
         q0: &Bound<'py, PyAny>,
         keywords: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Self> {
-        let py = plant.py();
-        entry(py, NAME, || {
-            let keywords = match keywords {
-                Some(keywords) => keywords.copy()?,
-                None => PyDict::new(py),
-            };
-            let made_of = (plant, law, q0, keywords.copy()?);
-            let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
-            const KNOWN: [&str; 10] =
-                ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max", "state_limit"];
-            if let Some(key) = keywords.keys().iter().map(|key| key.to_string()).find(|key| !KNOWN.contains(&key.as_str())) {
-                return Err(input_error(py, NAME, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into());
-            }
-            for (name, value) in [("record_every", 1), ("t_end", 0)] {
-                keywords.set_item(name, value)?;
-            }
-            keywords.set_item("monitors", false)?;
-            if !keywords.contains("method")? {
-                keywords.set_item("method", "rk4")?;
-            }
-            let raised = Raised::default();
-            let has_law = !law.is_none();
-            let law = if has_law {
-                law_of(NAME, law, &plant, &raised)?
-            } else {
-                LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()))
-            };
-            let given = Keywords { function: NAME, keywords };
-            if !has_law {
-                // Nobody is asked: the clock of a law that is not there does not matter.
-                given.keywords.set_item("sample_time", given.required("dt")?)?;
-            }
-            given.required("dt")?;
-            require_fixed_steps(given.method()?)?;
-            let n = plant.n();
-            let options = given.options(n)?;
-            let dt = options.dt.unwrap_or_default();
-            let (_, x0) = given.initial_states(&[&plant], q0, false)?;
-            let (force, force_frame) = given.force(&plant, &law, &raised)?;
-            let start: Vec<f64> = x0.iter().copied().chain(law.start(&x0)).collect();
-            let problem = Problem {
-                plants: vec![&plant],
-                laws: vec![&law],
-                x0,
-                forces: force.iter().collect(),
-                force_frame,
-                options,
-                measures: None,
-            };
-            // A frame where a later push may act: the law's own, or the one that is named.
-            let rows = if given.get("force_frame")?.is_some() { None } else { law.coordinates().map(|at| at.rows.clone()) };
-            let pushed = given.get("force_frame")?.is_some() || rows.is_some();
-            let none = Force::steps(vec![0.0], vec![[0.0; 6]])?;
-            let problem = if pushed && force.is_none() { Problem { forces: vec![&none], ..problem } } else { problem };
-            let stepping = stepper(&problem)?;
-            // Arrays of the caller's may change later.
-            let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
-            let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
-            let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
-            let elastic = plant.kind().has_motors();
-            let p = law.initial_state().len();
-            let mut simulator = Simulator {
-                stepping: Mutex::new(stepping),
-                dt,
-                raised,
-                has_law,
-                pushed: pushed.then_some(rows),
-                made_of,
-                x: vec![0.0; start.len()],
-                input: vec![0.0; n],
-                given: vec![0.0; n],
-                q: array(n)?,
-                v: array(n)?,
-                tau: array(n)?,
-                theta: elastic.then(|| array(n)).transpose()?,
-                theta_dot: elastic.then(|| array(n)).transpose()?,
-                estimate: (p > 0).then(|| array(p)).transpose()?,
-                start,
-                plant,
-                law,
-            };
-            simulator.show(py)?;
-            Ok(simulator)
-        })
+        Simulator::made(plant, law, q0, keywords.map_or(Ok(PyDict::new(plant.py())), |keywords| keywords.copy())?, true)
     }
 
     /// Advance by `dt`: under `tau` `(n,)`, held for the step, or under the law.
@@ -192,7 +111,7 @@ impl Simulator {
     fn step(&mut self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>, force: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         const NAME: &str = "Simulator.step";
         entry(py, NAME, || {
-            let push = force.map(|force| self.wrench(force)).transpose()?;
+            let push = force.map(|force| wrench(&self.pushed, force)).transpose()?;
             let status = match tau {
                 Some(tau) => {
                     let n = self.given.len();
@@ -266,6 +185,9 @@ impl Simulator {
                     value.map_or_else(|| Ok(from.to_vec()), |value| finite_vector("Simulator.reset", name, value, n))
                 };
                 let q = read("q0", q0, &self.start[..n])?;
+                if let (Some(_), Ok(tree)) = (q0, self.plant.model().tree("arm")) {
+                    self.check.rows(py, "Simulator.reset", "q0", tree, &q, false)?;
+                }
                 let v = if self.plant.kind().has_speeds() { read("v0", v0, &self.start[n..2 * n])? } else { Vec::new() };
                 let x = self.plant.initial_state(&q, &v, None, None);
                 start[..x.len()].copy_from_slice(&x);
@@ -316,20 +238,6 @@ impl Simulator {
     }
 }
 
-impl Simulator {
-    /// The arguments of `_restore_simulator`.
-    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let stepping = self.stepping.lock().unwrap_or_else(PoisonError::into_inner);
-        if !stepping.resumable() {
-            let problem =
-                "Simulator: can't be pickled here: expected a step at which a plain sample is due, got one with samples under way";
-            return Err(PyTypeError::new_err(problem));
-        }
-        let at = (stepping.steps(), self.x.clone(), self.input.clone());
-        (self.made_of.clone_ref(py), at, stepping.status() != Status::Success).into_pyobject(py)
-    }
-}
-
 /// A pickled Simulator: what it was made of, its steps, state and input, and whether its last step diverged.
 #[entered]
 #[pyfunction]
@@ -341,7 +249,8 @@ pub fn _restore_simulator(
     diverged: bool,
 ) -> PyResult<Simulator> {
     let ((plant, law, q0, keywords), (steps, x, input)) = (made_of, at);
-    let mut simulator = Simulator::new(&plant, &law, &q0, Some(&keywords))?;
+    // The caller was warned when the first one was made.
+    let mut simulator = Simulator::made(&plant, &law, &q0, keywords.copy()?, false)?;
     entry(py, NAME, || {
         for (name, length, expected) in [("state", x.len(), simulator.x.len()), ("input", input.len(), simulator.input.len())] {
             if length != expected {
@@ -355,14 +264,105 @@ pub fn _restore_simulator(
 }
 
 impl Simulator {
-    /// The force of one step.
-    fn wrench(&self, force: &Bound<'_, PyAny>) -> Result<Wrench, Failure> {
-        const NAME: &str = "Simulator.step";
-        let Some(rows) = &self.pushed else {
-            let problem = "has no frame to act at: expected a Simulator with a force_frame, or with a law that has a frame";
-            return Err(input_error(force.py(), NAME, "force", problem).into());
-        };
-        constant_force(NAME, force, rows.as_deref())
+    /// As `Simulator(plant, law, q0, **keywords)`; with a word on what is outside of joint limits where `told`.
+    fn made<'py>(
+        plant: &Bound<'py, PyAny>,
+        law: &Bound<'py, PyAny>,
+        q0: &Bound<'py, PyAny>,
+        keywords: Bound<'py, PyDict>,
+        told: bool,
+    ) -> PyResult<Self> {
+        let py = plant.py();
+        entry(py, NAME, || {
+            let made_of = (plant, law, q0, keywords.copy()?);
+            let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
+            require_known(NAME, &keywords)?;
+            for (name, value) in [("record_every", 1), ("t_end", 0)] {
+                keywords.set_item(name, value)?;
+            }
+            keywords.set_item("monitors", false)?;
+            if !keywords.contains("method")? {
+                keywords.set_item("method", "rk4")?;
+            }
+            let raised = Raised::default();
+            let has_law = !law.is_none();
+            let law = if has_law {
+                law_of(NAME, law, &plant, &raised)?
+            } else {
+                LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()))
+            };
+            let given = Keywords { function: NAME, keywords };
+            if !has_law {
+                // Nobody is asked: the clock of a law that is not there does not matter.
+                given.keywords.set_item("sample_time", given.required("dt")?)?;
+            }
+            given.required("dt")?;
+            require_fixed_steps(given.method()?)?;
+            let n = plant.n();
+            let options = given.options(n)?;
+            let dt = options.dt.unwrap_or_default();
+            let (_, x0) = given.initial_states(&[&plant], q0, false)?;
+            let (force, force_frame) = given.force(&plant, &law, &raised)?;
+            let start: Vec<f64> = x0.iter().copied().chain(law.start(&x0)).collect();
+            let problem = Problem {
+                plants: vec![&plant],
+                laws: vec![&law],
+                x0,
+                forces: force.iter().collect(),
+                force_frame,
+                options,
+                measures: None,
+            };
+            // A frame where a later push may act: the law's own, or the one that is named.
+            let rows = if given.get("force_frame")?.is_some() { None } else { law.coordinates().map(|at| at.rows.clone()) };
+            let pushed = given.get("force_frame")?.is_some() || rows.is_some();
+            let none = Force::steps(vec![0.0], vec![[0.0; 6]])?;
+            let problem = if pushed && force.is_none() { Problem { forces: vec![&none], ..problem } } else { problem };
+            let check = given.limit_check()?;
+            told.then(|| check.problem(py, NAME, &problem, false)).transpose()?;
+            let stepping = stepper(&problem)?;
+            // Arrays of the caller's may change later.
+            let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
+            let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
+            let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
+            let elastic = plant.kind().has_motors();
+            let p = law.initial_state().len();
+            let mut simulator = Simulator {
+                stepping: Mutex::new(stepping),
+                dt,
+                raised,
+                has_law,
+                check,
+                pushed: pushed.then_some(rows),
+                made_of,
+                x: vec![0.0; start.len()],
+                input: vec![0.0; n],
+                given: vec![0.0; n],
+                q: array(n)?,
+                v: array(n)?,
+                tau: array(n)?,
+                theta: elastic.then(|| array(n)).transpose()?,
+                theta_dot: elastic.then(|| array(n)).transpose()?,
+                estimate: (p > 0).then(|| array(p)).transpose()?,
+                start,
+                plant,
+                law,
+            };
+            simulator.show(py)?;
+            Ok(simulator)
+        })
+    }
+
+    /// The arguments of `_restore_simulator`.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let stepping = self.stepping.lock().unwrap_or_else(PoisonError::into_inner);
+        if !stepping.resumable() {
+            let problem =
+                "Simulator: can't be pickled here: expected a step at which a plain sample is due, got one with samples under way";
+            return Err(PyTypeError::new_err(problem));
+        }
+        let at = (stepping.steps(), self.x.clone(), self.input.clone());
+        (self.made_of.clone_ref(py), at, stepping.status() != Status::Success).into_pyobject(py)
     }
 
     /// What a step that was not taken raises.

@@ -2,8 +2,11 @@
 
 use crate::arrays::{require_finite, vector};
 use crate::errors::{Failure, input_error};
+use crate::force::constant_force;
 use armlet_core::plant::PlantSpec;
+use armlet_core::simulate::Wrench;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// `(n,)` finite numbers.
 pub fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
@@ -26,4 +29,26 @@ pub fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, p
 pub fn fastest(v: &[f64]) -> String {
     let fastest = v.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     fastest.map_or(String::new(), |(i, v)| format!("; the fastest joint before it: v[{i}] = {v:.4}"))
+}
+
+/// Keywords that a `Simulator` takes.
+const KNOWN: [&str; 11] =
+    ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max", "state_limit", "check_limits"];
+
+/// Refuse keywords that a `Simulator` does not take.
+pub fn require_known(function: &str, keywords: &Bound<'_, PyDict>) -> Result<(), Failure> {
+    match keywords.keys().iter().map(|key| key.to_string()).find(|key| !KNOWN.contains(&key.as_str())) {
+        None => Ok(()),
+        Some(key) => Err(input_error(keywords.py(), function, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into()),
+    }
+}
+
+/// The force of one step, where a push can act: see `Simulator::pushed`.
+pub fn wrench(pushed: &Option<Option<Vec<usize>>>, force: &Bound<'_, PyAny>) -> Result<Wrench, Failure> {
+    const NAME: &str = "Simulator.step";
+    let Some(rows) = pushed else {
+        let problem = "has no frame to act at: expected a Simulator with a force_frame, or with a law that has a frame";
+        return Err(input_error(force.py(), NAME, "force", problem).into());
+    };
+    constant_force(NAME, force, rows.as_deref())
 }

@@ -5,9 +5,9 @@ use crate::arrays::{any_vector, copied, number, object, optional_number};
 use crate::errors::{Failure, entry};
 use crate::interrupts::long;
 use crate::seal::{Sealed, seal};
+use crate::warnings;
 use armlet_core::analysis::suggested_gains::{SuggestedGains as Core, suggest_gains as core};
 use armlet_macros::entered;
-use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
 /// Gains for a bandwidth, made by `suggest_gains`; `str(g)` explains them.
@@ -183,6 +183,5 @@ fn warn(py: Python<'_>, gains: &Core) -> Result<(), Failure> {
         "{NAME}: bandwidth is too large for gains that are torques at this sample time: expected below {limit} rad/s, got {}; ComputedTorque is stable",
         gains.bandwidth
     );
-    let text = std::ffi::CString::new(text).unwrap_or_default();
-    Ok(PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?)
+    Ok(warnings::warn(py, text)?)
 }

@@ -83,7 +83,7 @@ class Robot(System):
             law = al.ComputedTorque(self.arm, al.Hold(self.goal), kp, kd)
         else:
             law = al.PDGravity(self.arm, self.goal, kp * self.inertia, kd * self.inertia)
-        return al.Simulator(al.RigidArm(self.arm), law, state.q, v0=state.v, dt=DT, **pushed(force))
+        return al.Simulator(al.RigidArm(self.arm), law, state.q, v0=state.v, dt=DT, check_limits=False, **pushed(force))
 
     def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
         distance = float(np.linalg.norm(targets["tip"] - self.arm.position(sim.q, self.frame)))

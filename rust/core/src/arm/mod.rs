@@ -7,6 +7,7 @@ mod classic;
 mod edit;
 mod joint;
 mod mimic;
+mod outside;
 #[doc(hidden)]
 mod tree;
 mod urdf;
@@ -16,6 +17,7 @@ pub use build::{ChainJoint, JointType};
 pub use classic::{Convention, DhRow};
 pub use joint::{Frame, Joint, JointKind, Limits};
 pub use mimic::{Follows, Joining, Mimic};
+pub use outside::Outside;
 pub use tree::{BASE, Body, Tree, TreeFrame, second_moment};
 pub use urdf::Written;
 #[cfg(feature = "urdf")]

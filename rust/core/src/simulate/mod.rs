@@ -32,6 +32,7 @@ mod measuring;
 mod monitors;
 mod motor_loop;
 mod notes;
+mod outside;
 #[doc(hidden)]
 mod priority_batch;
 mod problem;
@@ -74,6 +75,7 @@ pub use force::{Force, Wrench};
 pub use gradient::{Parameter, RecordParts, adjoint, record_parts, sensitivities};
 pub use listed::{Listed, list_loop, watch_steps};
 pub use measures::Measures;
+pub use outside::outside;
 pub use priority_batch::{solve_rows, solve_stacks};
 pub use problem::{Options, Problem};
 pub use rates_loop::{Solved, recorded_loop};

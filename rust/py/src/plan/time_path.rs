@@ -6,6 +6,7 @@ use crate::arm::{Arm, ArmModel};
 use crate::arrays::{Axis, Form, Looked, count, items, number, numbers, object, require_finite, shown, text, vector, whole};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
+use crate::warnings::LimitCheck;
 use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{self, Friction, Mover, TimePathOptions};
 use armlet_macros::entered;
@@ -31,7 +32,13 @@ fn ends(value: Option<&Bound<'_, PyAny>>, default: Ends) -> Result<Ends, Failure
 }
 
 /// The path of a callable, from samples; with derivatives where it gives them.
-fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Result<Path, Failure> {
+fn sampled(
+    path: &Bound<'_, PyAny>,
+    n: usize,
+    samples: usize,
+    ends: Ends,
+    within: impl Fn(&[f64]) -> Result<(), Failure>,
+) -> Result<Path, Failure> {
     let py = path.py();
     let s: Vec<f64> = (0..samples).map(|k| k as f64 / (samples - 1) as f64).collect();
     let mut columns: [Vec<f64>; 3] = Default::default();
@@ -68,20 +75,19 @@ fn sampled(path: &Bound<'_, PyAny>, n: usize, samples: usize, ends: Ends) -> Res
         }
     }
     let [q, dq, ddq] = &columns;
+    within(q)?;
     Ok(if parts == 3 { Path::table(&s, q, dq, ddq, n)? } else { Path::spline(&s, q, n, ends)? })
 }
 
 /// What a `CartesianPath` has for this function: its waypoints, and their path positions.
 const JOINED: &str = "_waypoints_and_knots";
 
-/// The path of waypoints, of a `CartesianPath` or of a callable, and the knot of every waypoint.
+/// The path of waypoints, of a `CartesianPath` or of a callable, and the knot of every waypoint. `within` looks at waypoints `(K, n)`.
 fn path_of(
     path: &Bound<'_, PyAny>,
     n: usize,
-    knots: Option<&Bound<'_, PyAny>>,
-    spline: Option<&Bound<'_, PyAny>>,
-    stops: Option<&Bound<'_, PyAny>>,
-    samples: Option<&Bound<'_, PyAny>>,
+    [knots, spline, stops, samples]: [Option<&Bound<'_, PyAny>>; 4],
+    within: impl Fn(&[f64]) -> Result<(), Failure>,
 ) -> Result<(Path, Vec<usize>), Failure> {
     let py = path.py();
     let joined = path.getattr_opt(JOINED)?;
@@ -96,7 +102,7 @@ fn path_of(
             let problem = format!("is out of range: expected 4 to {MOST_SAMPLES}, got {samples}");
             return Err(input_error(py, NAME, "samples", problem).into());
         }
-        return Ok((sampled(path, n, samples, ends(spline, Ends::NotAKnot)?)?, Vec::new()));
+        return Ok((sampled(path, n, samples, ends(spline, Ends::NotAKnot)?, within)?, Vec::new()));
     }
     let kind = if joined.is_some() { "a CartesianPath" } else { "waypoints" };
     for (name, value) in
@@ -112,6 +118,9 @@ fn path_of(
     };
     let (shape, q) = numbers(NAME, "path", &points, &[Form(&[Axis::Any("K"), Axis::Is(n)])])?;
     require_finite(py, NAME, "path", &shape, &q)?;
+    if kind == "waypoints" {
+        within(&q)?;
+    }
     let default = if kind == "waypoints" { Ends::Natural } else { Ends::NotAKnot };
     let knots = own.as_ref().map(|value| vector(NAME, "knots", value, shape[0])).transpose()?;
     Ok(Path::waypoints(&q, n, knots.as_deref(), ends(spline, default)?)?)
@@ -143,16 +152,22 @@ fn path_of(
 ///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`; from rest to rest, without stops and Coulomb friction. The
 ///         fastest timing is averaged over a window of time and slowed until it holds; not the fastest that does.
 ///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite where a joint has none. The whole path is checked, between
-///         waypoints too, and a path that leaves them has no timing. None: not checked; the limits of the arm are not read.
+///         waypoints too, and a path that leaves them has no timing. None for both: `check_limits` alone.
 ///     tip_speed: largest speed of the origin of `frame`, m/s.
 ///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2.
 ///     frame: name of the frame that they limit.
+///     check_limits: action if a waypoint, or a sample of a callable, is outside of the arm's joint limits. None warns, True raises, and
+///         False does neither. With `q_min` or `q_max` there is no check.
 ///
 /// Returns:
 ///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False and `p.reason` says why.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or out of range, limits are missing.
+///     InputError: a shape is wrong, a number is not finite or out of range, or limits are missing. With `check_limits=True` also: a
+///         waypoint is outside of the joint limits.
+///
+/// Warns:
+///     UserWarning: a waypoint is outside of the joint limits.
 ///
 /// Source: Pham and Pham, A new approach to time-optimal path parameterization based on reachability analysis, T-RO 34(3),
 /// 2018; docs/time_path.md.
@@ -167,7 +182,7 @@ fn path_of(
 /// [0.125, 1.0, 4.0]
 #[entered]
 #[pyfunction]
-#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None, torque_rate=None, q_min=None, q_max=None, tip_speed=None, tip_acceleration=None, frame=None))]
+#[pyo3(signature = (arm, path, *, tau_max=None, v_max=None, a_max=None, knots=None, spline=None, stops=None, start_speed=None, end_speed=None, friction=None, grid=None, refine=true, samples=None, torque_rate=None, q_min=None, q_max=None, tip_speed=None, tip_acceleration=None, frame=None, check_limits=None))]
 pub fn time_path<'py>(
     py: Python<'py>,
     arm: &Bound<'py, PyAny>,
@@ -190,11 +205,13 @@ pub fn time_path<'py>(
     tip_speed: Option<&Bound<'py, PyAny>>,
     tip_acceleration: Option<&Bound<'py, PyAny>>,
     frame: Option<&Bound<'py, PyAny>>,
+    check_limits: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, TimedPath>> {
     entry(py, NAME, || {
         let arm = object::<Arm>(NAME, "arm", "an Arm such as planar_arm(..)", arm)?;
         let model = &arm.get().model;
         let n = model.n();
+        let check = LimitCheck::of(NAME, check_limits)?;
         let torque_rate = torque_rate.map(|value| limit("torque_rate", value, n)).transpose()?;
         let mut options = TimePathOptions { refine, torque_rate, ..TimePathOptions::default() };
         for (name, value, to) in [("start_speed", start_speed, &mut options.start_speed), ("end_speed", end_speed, &mut options.end_speed)]
@@ -211,7 +228,11 @@ pub fn time_path<'py>(
             Some(value) if value.is_instance_of::<pyo3::types::PyBool>() => value.extract::<bool>()?.then(|| own_friction(model, n)),
             Some(value) => Some(Friction { viscous: limit("friction", value, n)?, coulomb: vec![0.0; n] }),
         };
-        let (core, knot) = path_of(path, n, knots, spline, stops, samples)?;
+        let within = |q: &[f64]| match (model, q_min, q_max) {
+            (ArmModel::Tree(tree), None, None) => check.rows(py, NAME, "path", tree.arm(), q, true),
+            _ => Ok(()),
+        };
+        let (core, knot) = path_of(path, n, [knots, spline, stops, samples], within)?;
         if let Some(value) = stops {
             for stop in items(NAME, "stops", "a list: expected indices of waypoints", value, knot.len())? {
                 let k = whole(NAME, "stops", &stop).ok().and_then(|k| knot.get(k).copied());

@@ -1,0 +1,129 @@
+//! Positions outside of joint limits: `q < lower` or `q > upper`, by more than the rounding of numbers in files.
+
+use super::{Arm, JointKind};
+use crate::interrupt::look;
+use std::f64::consts::TAU;
+
+/// What a position may be beyond a limit, rad or m: files and scripts round both.
+const SLACK: f64 = 1e-9;
+
+/// The first position outside of the limits of its joint, and how many there are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outside {
+    /// The row of the first position.
+    pub row: usize,
+    /// Its joint, as an index of `q`.
+    pub joint: usize,
+    /// The position, rad or m.
+    pub value: f64,
+    /// The limits of the joint, rad or m.
+    pub limits: [f64; 2],
+    /// Whether the coordinate is an angle.
+    pub angle: bool,
+    /// Joints outside in the first such row.
+    pub joints: usize,
+    /// Rows with a joint outside.
+    pub rows: usize,
+    /// Rows looked at.
+    pub of: usize,
+}
+
+impl Outside {
+    /// The first of `rows`, pairs of an arm and a position `(n,)`, that is outside. NaN is not.
+    pub fn first<'a>(rows: impl IntoIterator<Item = (&'a Arm, &'a [f64])>) -> Option<Outside> {
+        let (mut found, mut of): (Option<Outside>, usize) = (None, 0);
+        for (row, (arm, q)) in rows.into_iter().enumerate() {
+            look();
+            of += 1;
+            let mut beyond = arm.independent().zip(q).enumerate().filter(|(_, (joint, q))| {
+                let limits = &joint.limits;
+                **q < limits.lower - SLACK || **q > limits.upper + SLACK
+            });
+            let Some((i, (joint, &value))) = beyond.next() else { continue };
+            match &mut found {
+                Some(found) => found.rows += 1,
+                None => {
+                    let (limits, angle) = ([joint.limits.lower, joint.limits.upper], joint.kind != JointKind::Prismatic);
+                    found = Some(Outside { row, joint: i, value, limits, angle, joints: 1 + beyond.count(), rows: 1, of });
+                }
+            }
+        }
+        if let Some(found) = &mut found {
+            found.of = of;
+        }
+        found
+    }
+
+    /// Whether it looks like an angle in degrees: more than a turn as radians, inside as degrees.
+    fn degrees(&self) -> bool {
+        let [lower, upper] = self.limits;
+        self.angle && self.value.abs() > TAU && (lower..=upper).contains(&self.value.to_radians())
+    }
+
+    /// The index of the position: of its row and joint in an array of rows, else of its joint.
+    pub fn index(&self, of_rows: bool) -> String {
+        if of_rows { format!("[{}, {}]", self.row, self.joint) } else { format!("[{}]", self.joint) }
+    }
+
+    /// What is wrong with it: `= -57 rad is outside [-3.1, 3.1]: degrees?`.
+    pub fn problem(&self) -> String {
+        let ([lower, upper], unit) = (self.limits.map(short), if self.angle { "rad" } else { "m" });
+        let mut text = format!("= {} {unit} is outside [{lower}, {upper}]", short(self.value));
+        if self.degrees() {
+            text += ": degrees?";
+        }
+        if self.of > 1 {
+            text += &format!(" ({} of {} rows)", self.rows, self.of);
+        } else if self.joints > 1 {
+            let more = self.joints - 1;
+            text += &format!(" (and {more} more joint{})", if more == 1 { "" } else { "s" });
+        }
+        text
+    }
+}
+
+/// Six digits, without trailing zeros.
+fn short(x: f64) -> String {
+    let rounded = format!("{x:.5e}").parse().unwrap_or(x);
+    if rounded == 0.0 || (1e-4..1e9).contains(&rounded.abs()) || !rounded.is_finite() {
+        format!("{rounded}")
+    } else {
+        format!("{rounded:e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::{ChainJoint, JointType, Limits, STANDARD_GRAVITY};
+
+    fn arm() -> Arm {
+        let hinge = ChainJoint::new(JointType::Moving(JointKind::Revolute), [0.0, 0.0, 1.0], [0.0; 3], [0.0; 3], [0.0; 10]);
+        let limited = |lower: f64, upper: f64, kind| {
+            let limits = Limits { lower, upper, ..Limits::default() };
+            ChainJoint { limits, kind: JointType::Moving(kind), ..hinge.clone() }
+        };
+        let joints = [hinge.clone(), limited(-3.1, 3.1, JointKind::Revolute), limited(0.0, 0.5, JointKind::Prismatic)];
+        Arm::from_chain(&joints, STANDARD_GRAVITY).unwrap()
+    }
+
+    fn told(rows: &[[f64; 3]]) -> Option<String> {
+        let arm = arm();
+        let found = Outside::first(rows.iter().map(|row| (&arm, &row[..])))?;
+        Some(found.index(rows.len() > 1) + " " + &found.problem())
+    }
+
+    #[test]
+    fn a_position_is_named_with_its_limits() {
+        assert_eq!(told(&[[90.0, 3.1 + 0.9e-9, -0.9e-9]]), None);
+        assert_eq!(told(&[[f64::NAN; 3]]), None);
+        assert_eq!(told(&[[0.0, -57.0, 0.1]]).unwrap(), "[1] = -57 rad is outside [-3.1, 3.1]: degrees?");
+        assert_eq!(told(&[[0.0, 3.2, 0.1]]).unwrap(), "[1] = 3.2 rad is outside [-3.1, 3.1]");
+        assert_eq!(told(&[[0.0, 0.0, -25.0]]).unwrap(), "[2] = -25 m is outside [0, 0.5]");
+        assert_eq!(told(&[[0.0, -57.29577951, 2.0]]).unwrap(), "[1] = -57.2958 rad is outside [-3.1, 3.1]: degrees? (and 1 more joint)");
+        assert_eq!(
+            told(&[[0.0; 3], [0.0, 1e300, 0.0], [0.0, 4.0, 0.0]]).unwrap(),
+            "[1, 1] = 1e300 rad is outside [-3.1, 3.1] (2 of 3 rows)"
+        );
+    }
+}

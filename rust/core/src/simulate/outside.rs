@@ -1,0 +1,61 @@
+//! Positions of a problem outside of joint limits. Starts have the limits of the plant's arm, targets those of the law's arm.
+
+use super::problem::Problem;
+use crate::arm::{Arm, Outside};
+use crate::dynamics::Model;
+use crate::law::{JointReference, LawSpec};
+use crate::plant::PlantSpec;
+
+/// The arm of a model; `None` for arms without limits.
+fn limited(model: &Model) -> Option<&Arm> {
+    match model {
+        Model::Tree(arm) => Some(arm),
+        Model::PlanarPr(_) => None,
+    }
+}
+
+/// Positions that a law brings the joints to: its target, or both ends of its motion.
+fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
+    match law.joint_reference() {
+        Some(JointReference::Target(q)) if !motion => vec![q],
+        Some(JointReference::Motion) if motion => {
+            let Some(motion) = law.motions().first().copied() else { return Vec::new() };
+            let ends = [0.0, motion.breaks().last().copied().unwrap_or(0.0)];
+            let ends = ends.map(|t| {
+                let mut sample = vec![0.0; 3 * motion.dof()];
+                motion.sample(t, &mut sample);
+                sample.truncate(motion.dof());
+                sample
+            });
+            ends.into()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// What is outside of the joint limits, with the name of the argument: of `starts`, pairs of a plant and `q` `(n,)`, `q0`; of the laws
+/// `law.target` or `law.motion`. The index of a start has its row only where `batch`.
+pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, laws: &[&LawSpec], batch: bool) -> Vec<(String, Outside)> {
+    let starts = starts.filter_map(|(plant, q)| Some((limited(plant.model())?, q)));
+    let mut found: Vec<_> = Outside::first(starts).map(|start| (format!("q0{}", start.index(batch)), start)).into_iter().collect();
+    for (name, motion) in [("law.target", false), ("law.motion", true)] {
+        let arms = laws.iter().filter_map(|law| Some((limited(law.model())?, wanted(law, motion))));
+        let all: Vec<(&Arm, Vec<f64>)> = arms.flat_map(|(arm, rows)| rows.into_iter().map(move |q| (arm, q))).collect();
+        if let Some(mut target) = Outside::first(all.iter().map(|(arm, q)| (*arm, &q[..]))) {
+            if laws.len() == 1 {
+                // Both ends of one motion.
+                target.of = 1;
+            }
+            found.push((format!("{name}[{}]", target.joint), target));
+        }
+    }
+    found
+}
+
+impl Problem<'_> {
+    /// [`outside`] of its starts and laws.
+    pub fn outside(&self, batch: bool) -> Vec<(String, Outside)> {
+        let starts = self.x0.chunks_exact(self.plants[0].states()).enumerate();
+        outside(starts.map(|(run, x)| (self.plant(run), x)), &self.laws, batch)
+    }
+}
