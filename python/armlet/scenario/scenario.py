@@ -115,7 +115,7 @@ class Scenario:
             data: the tables.
 
         Returns:
-            Each error as `path: expected .., got ..`; nothing for valid tables.
+            One line per error, with its path, the expected value and the actual value. Valid tables have none.
         """
         found = list(SCENARIO.check(data, "$"))
         yield from found
