@@ -307,11 +307,14 @@ def sampled(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticIm
 def draw(
     figure: Any, arm: al.Arm, law: al.ElasticImpedance, step: al.Run, printed: dict[str, tuple[Array, Array]], errors: dict[str, Array]
 ) -> None:
-    """Where the tip goes, what the springs carry, what the printed law does, and how the error falls with B0."""
+    """Tip position, joint torques, the printed law, and the deviation from rigid joints against B0."""
     from ..figures.style import COLOURS
 
-    figure.set_size_inches(11.0, 7.4)
+    figure.set_size_inches(12.0, 8.0)
     figure.set_layout_engine("constrained")
+    figure.suptitle(
+        f"Impedance law of an arm with elastic joints, force step F = ({FORCE[0]:.0f}, {FORCE[1]:.0f}) N at the tip at t = 0", fontsize=11
+    )
     (path, torque), (wrong, order) = figure.subplots(2, 2)
     seconds = step.t <= 3.0
     t, x = step.t[seconds], tip(arm, step.q[seconds])
@@ -320,36 +323,54 @@ def draw(
         path.plot(t, x[:, k], color=COLOURS[k], label=f"${name}$")
         path.axhline(x_E[k], color=COLOURS[k], linestyle="--", linewidth=1.0)
         path.axhline(X_D[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
-    path.set_title("Force step: the tip goes to $x_E = x_d + K_m^{-1} F$ (dashed; $x_d$ dotted)", loc="left", fontsize=10)
+    for stroke, name in (("--", "equilibrium $x_E$"), (":", "target $x_d$")):
+        path.plot([], [], color="0.4", linestyle=stroke, linewidth=1.0, label=name)
+    path.set_title("The tip settles at $x_E = x_d + K_m^{-1} F$", loc="left", fontsize=10)
     path.set_ylabel("tip position (m)")
     assert step.theta is not None and step.theta_dot is not None
     early = step.t <= 1.0
     rows = zip(step.t[early], step.q[early], step.v[early], step.theta[early], step.theta_dot[early], strict=True)
     parts = [law.terms(t, q, v, theta=theta, theta_dot=theta_dot) for t, q, v, theta, theta_dot in rows]
     for k in range(2):
-        torque.plot(step.t[early], [part["tau_J"][k] for part in parts], color=COLOURS[k], label=f"$\\tau_{{J{k + 1}}}$")
-        torque.plot(step.t[early], [part["u"][k] for part in parts], color=COLOURS[k], linestyle="--", linewidth=1.0, label=f"$u_{k + 1}$")
+        torque.plot(step.t[early], [part["tau_J"][k] for part in parts], color=COLOURS[k], label=f"joint torque $\\tau_{{J{k + 1}}}$")
+        torque.plot(
+            step.t[early],
+            [part["u"][k] for part in parts],
+            color=COLOURS[k],
+            linestyle="--",
+            linewidth=1.0,
+            label=f"rigid-joint law $u_{k + 1}$",
+        )
     load, gravity = np.asarray(arm.jacobian(step.q[-1], "link2"))[:2].T @ FORCE, np.asarray(arm.gravity(step.q[-1]))
     for k in range(2):
         torque.axhline((gravity + load)[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
-    torque.plot([], [], color="0.4", linestyle=":", linewidth=1.0, label="$J'F + g$, printed")
-    torque.set_title("E10: $\\tau_J$ follows $u$, to $g - J'F$ and not to the printed sum", loc="left", fontsize=10)
+    torque.plot([], [], color="0.4", linestyle=":", linewidth=1.0, label="$J'F + g$, as in the exam")
+    torque.set_title("The joint torques settle at $g - J'F$, not at $J'F + g$ (erratum E10)", loc="left", fontsize=10)
     torque.set_ylabel("torque (N m)")
     for k, (name, (times, q)) in enumerate(printed.items()):
-        wrong.plot(times, np.linalg.norm(tip(arm, q) - x_E, axis=1), color=COLOURS[k], label="as it must be" if name == "right" else name)
+        wrong.plot(
+            times,
+            np.linalg.norm(tip(arm, q) - x_E, axis=1),
+            color=COLOURS[k],
+            label="correct law" if name == "right" else f"law of the exam {name}",
+        )
     wrong.set_yscale("log")
-    wrong.set_title("E9: the law as printed does not reach $x_E$", loc="left", fontsize=10)
-    wrong.set_ylabel("$|x - x_E|$ (m)")
-    names = {"tied": "$D_0 = 2\\sqrt{B_0 K_J}$", "fixed": "$D_0$ fixed", "relative": "on $\\dot\\theta - v$, tied"}
+    wrong.set_title("Distance from equilibrium: the law of the exam does not reach it (erratum E9)", loc="left", fontsize=10)
+    wrong.set_ylabel("distance $|x - x_E|$ (m)")
+    names = {
+        "tied": "damping $D_0 = 2\\sqrt{B_0 K_J}$",
+        "fixed": "$D_0$ fixed",
+        "relative": "$D_0 = 2\\sqrt{B_0 K_J}$ on $\\dot\\theta - v$",
+    }
     for k, (name, values) in enumerate(errors.items()):
         order.loglog(SHARES[: values.size], values, "o-", color=COLOURS[k], markersize=4, label=names[name])
     order.loglog(SHARES[-4:], 0.6 * errors["tied"][-1] * (SHARES[-4:] / SHARES[-1]) ** 0.5, color="0.5", linewidth=1.0, label="slope 1/2")
-    order.set_title("E12: the error falls with $B_0$ only if $D_0$ does", loc="left", fontsize=10)
-    order.set_xlabel("$B_0/B$")
-    order.set_ylabel("$\\sup |x - x_\\mathrm{rigid}|$ (m)")
+    order.set_title("Deviation from rigid joints: falls with $B_0$ only if $D_0$ does (erratum E12)", loc="left", fontsize=10)
+    order.set_xlabel("reduced over true motor inertia, $B_0/B$")
+    order.set_ylabel("largest deviation $|x - x_\\mathrm{rigid}|$ (m)")
     for ax in (path, torque, wrong):
         ax.set_xlabel("time (s)")
     for ax in (path, torque, wrong, order):
         ax.grid(alpha=0.3, linewidth=0.6)
         ax.spines[["top", "right"]].set_visible(False)
-        ax.legend(fontsize=8, frameon=False, loc="center right" if ax in (path, torque) else "best")
+        ax.legend(fontsize=8, framealpha=0.9, edgecolor="none", loc="center right" if ax in (path, torque) else "best")

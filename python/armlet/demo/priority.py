@@ -181,31 +181,37 @@ def draw(figure: Any) -> None:
     """The arm in cases a and b, with commanded and realised velocities, as in the exam's figure."""
     from ..figures.style import COLOURS
 
-    figure.set_size_inches(10.5, 4.6)
+    figure.set_size_inches(11.5, 5.0)
     figure.set_layout_engine("constrained")
-    cases = (("Case a", CASE_A, "upper right"), ("Case b", CASE_B, "upper left"))
+    order = "Task priority: the tip of link 4 (task 1, square) before the tip of link 2 (task 2)"
+    figure.suptitle(f"{order}. Arrows: displacement in 0.8 s", fontsize=10)
+    cases = (("Case a", CASE_A, "lower right"), ("Case b", CASE_B, "upper left"))
     for ax, (name, q, corner) in zip(figure.subplots(1, 2), cases, strict=True):
         points, sol = joints(q), exact(q)
         seen = al.diagnose_priority(stack(q), rounding=rounding(q))
         ax.plot(*points.T, color="0.25", linewidth=4, solid_capstyle="round", zorder=2)
         ax.plot(*points[:-1].T, "o", color="white", markeredgecolor="0.25", markersize=8, markeredgewidth=1.5, zorder=3)
         ax.plot(*points[-1], "s", color="0.25", markersize=6, zorder=3)
-        for level, (tip, label) in enumerate(((4, r"\dot p_1"), (2, r"\dot p_2"))):
+        for level, (tip, label) in enumerate(((4, "task 1"), (2, "task 2"))):
             asked, realised = ONES[level], stack(q)[level] @ sol.v
             # The asked velocity is a wide pale arrow, so that the realised one is seen on it where they agree.
             for velocity, width, alpha, order, text in (
-                (asked, 0.022, 0.35, 4, f"${label}$ commanded ({asked[0]:.0f}, {asked[1]:.0f})"),
-                (realised, 0.008, 1.0, 5, f"${label}$ realised ({realised[0]:z.0f}, {realised[1]:z.0f})"),
+                (asked, 0.022, 0.35, 4, f"{label} commanded: ({asked[0]:.0f}, {asked[1]:.0f}) m/s"),
+                (realised, 0.008, 1.0, 5, f"{label} realised: ({realised[0]:z.0f}, {realised[1]:z.0f}) m/s"),
             ):
                 ax.quiver(
                     *points[tip], *(0.8 * velocity), angles="xy", scale_units="xy", scale=1.0,
                     width=width, color=COLOURS[level], alpha=alpha, zorder=order, label=text,
                 )  # fmt: skip
-        ax.set_title(f"{name}: {seen.kind}\n$v$ = ({', '.join(f'{x:.3g}' for x in sol.v)}) rad/s", loc="left", fontsize=10)
+        result = "both velocities are realised" if np.allclose(sol.residuals[1], 0.0) else "task 2 is realised in part"
+        rates = ", ".join(f"{x:.3g}" for x in sol.v)
+        ax.set_title(
+            f"{name}: {seen.kind.replace('+', ' and ')} singularity, {result}\njoint velocities ({rates}) rad/s", loc="left", fontsize=9
+        )
         ax.set_aspect("equal")
         ax.set_xlim(-0.3, 3.1)
         ax.set_ylim(-0.25, 1.95)
-        ax.set_xlabel("x (m), arrows: what 0.8 s of the velocity covers")
+        ax.set_xlabel("x (m)")
         ax.set_ylabel("y (m)")
         ax.grid(alpha=0.3, linewidth=0.6)
         ax.spines[["top", "right"]].set_visible(False)
