@@ -183,8 +183,8 @@ def draw(figure: Any) -> None:
 
     figure.set_size_inches(11.5, 5.0)
     figure.set_layout_engine("constrained")
-    order = "Task priority: the tip of link 4 (task 1, square) before the tip of link 2 (task 2)"
-    figure.suptitle(f"{order}. Arrows: displacement in 0.8 s", fontsize=10)
+    heading = "Task priority: the tip of link 4 (task 1, square) before the tip of link 2 (task 2)"
+    figure.suptitle(f"{heading}. Arrows: displacement in 0.8 s", fontsize=10)
     cases = (("Case a", CASE_A, "lower right"), ("Case b", CASE_B, "upper left"))
     for ax, (name, q, corner) in zip(figure.subplots(1, 2), cases, strict=True):
         points, sol = joints(q), exact(q)
