@@ -1,4 +1,4 @@
-"""Joint paths along poses: lines, rounded corners and splines of a frame, by inverse kinematics at knots that follow the error.
+"""Joint paths along poses: lines, arcs, rounded corners and splines of a frame, by inverse kinematics at knots that follow the error.
 
     q(s), s in [0, 1]:  not-a-knot cubic spline through q_k,  X(q_k) = X_d(s_k)
     error on a segment:  largest of nine samples + d/8,  d the largest second difference of the samples
@@ -21,7 +21,7 @@ from .arguments import choice, finite, instance, number, text
 from .border import border, bordered
 from .errors import InputError, SolveError
 from .pickling import sealed
-from .pose_curves import PoseCurve, cubic, slopes
+from .pose_curves import NoCircleError, PoseCurve, columns_of, cubic, slopes
 from .status import Status
 
 __all__ = ["CartesianPath", "cartesian_path"]
@@ -59,7 +59,7 @@ class _Problem(NamedTuple):
     def errors(self, q: _Array, s: _Array) -> _Array:
         """Distance, m, and angle, rad, (M, 2) of the frame from the curve."""
         curve, wanted = self.curve, self.curve.at(s)
-        letters = _columns(self.axes)
+        letters = columns_of(self.axes)
         got = self.arm.pose_vector(q, self.frame)
         places = [k for k, letter in enumerate(letters) if letter < 3]
         away = np.linalg.norm(got[:, [letters[k] for k in places]] - wanted[:, places], axis=1)
@@ -153,19 +153,6 @@ class CartesianPath:
         return f"<CartesianPath: {self.s.size} knots, {self.length:.4g} m, within {self.error[0]:.1e} m and {self.error[1]:.1e} rad>"
 
 
-def _columns(axes: str) -> list[int]:
-    """Columns of [p; rotation vector] that the letters name."""
-    plain = axes.replace(" ", "").replace(",", "")
-    columns, turned = [], 0
-    for letter in plain:
-        if letter == "r":
-            turned = 3
-            continue
-        columns.append(turned + "xyz".index(letter))
-        turned = 0
-    return columns
-
-
 def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
     """Rows (K, m) of the poses given."""
     given = finite(_NAME, "poses", _core.numbers(_NAME, "poses", poses, ("K", 4, 4), ("K", m)))
@@ -179,6 +166,26 @@ def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
     return given
 
 
+def _middles(arcs: ArrayLike, new: _Array, columns: list[int], kind: str) -> tuple[int, ...]:
+    """The poses in the middle of arcs, as indices of the poses that are new."""
+    given = _core.numbers(_NAME, "arcs", arcs, ("K",))
+    if given.size and kind != "lines":
+        raise InputError(f"{_NAME}: arcs is not used: expected none with kind {kind!r}")
+    if given.size and sum(column < 3 for column in columns) < 2:
+        raise InputError(f"{_NAME}: arcs is not used: expected none where axes names less than two of xyz")
+    index = np.cumsum(new) - 1
+    middles: list[int] = []
+    for i, at in enumerate(given):
+        if not (0 < at < new.size - 1 and at == int(at)) or not 0 < index[int(at)] < index[-1]:
+            expected = f"the index of a pose between others, 1 to {new.size - 2}"
+            raise InputError(f"{_NAME}: arcs is out of range: expected {expected}, got {at:g} (first bad index {i})")
+        middles.append(int(index[int(at)]))
+        if i and not middles[i] > middles[i - 1] + 1:
+            expected = "rising indices of poses with another one between them"
+            raise InputError(f"{_NAME}: arcs overlap: expected {expected}, got {at:g} after {given[i - 1]:g} (first bad index {i})")
+    return tuple(middles)
+
+
 @border
 def cartesian_path(
     arm: Arm,
@@ -190,6 +197,7 @@ def cartesian_path(
     axes: str | None = None,
     kind: str = "lines",
     blend: float = 0.0,
+    arcs: ArrayLike = (),
     limits: bool = True,
 ) -> CartesianPath:
     """Find a joint path that leads a frame along poses.
@@ -203,6 +211,7 @@ def cartesian_path(
         axes: letters such as "xyz" or "x y rz"; None: the whole pose. Of orientation one letter or all three.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
         blend: radius of the rounded corners of lines, m; at most half of each segment. Without it the path turns within the tolerance.
+        arcs: indices of poses in the middle of an arc: the circle through the position before, this one and the next. Of lines alone.
         limits: keep to the joint limits of the arm.
 
     Returns:
@@ -226,12 +235,12 @@ def cartesian_path(
     frame, kind = text(_NAME, "frame", frame), choice(_NAME, "kind", kind, ("lines", "spline"))
     letters = _ALL if axes is None else text(_NAME, "axes", axes)
     try:
-        Task(frame, letters, target=np.zeros(len(_columns(letters)) or 1))
+        Task(frame, letters, target=np.zeros(len(columns_of(letters)) or 1))
         arm.position(np.zeros(arm.n), frame)
     except (InputError, ValueError) as error:
         message = str(error).partition(": ")[2] or f"axes is not made of x y z rx ry rz: expected such as 'xyz', got {letters!r}"
         raise InputError(f"{_NAME}: {message}") from None
-    columns = _columns(letters)
+    columns = columns_of(letters)
     turns = [k for k, column in enumerate(columns) if column > 2]
     if len(turns) == 2:
         raise InputError(f"{_NAME}: axes names two axes of rotation: expected one or all three, got {letters!r}")
@@ -247,9 +256,14 @@ def cartesian_path(
         raise InputError(f"{_NAME}: poses are too few: expected two or more, got {rows.shape[0]}")
     whole = PoseCurve(rows, turns if len(turns) == 3 else [], turns if len(turns) == 1 else [], kind == "spline", blend)
     if not whole.length > 0.0:
-        raise InputError(f"{_NAME}: poses are all the same: expected two different ones")
+        raise InputError(f"{_NAME}: poses are equal: expected two different ones")
     new = np.concatenate([[True], np.diff(whole.along) > 1e-12 * whole.length])
-    curve = PoseCurve(rows[new], whole.turns, whole.single, whole.smooth, blend)
+    middles = _middles(arcs, new, columns, kind)
+    try:
+        curve = PoseCurve(rows[new], whole.turns, whole.single, whole.smooth, blend, middles)
+    except NoCircleError as error:
+        at = int(np.flatnonzero(new)[error.args[0]])
+        raise InputError(f"{_NAME}: arcs has no circle at pose {at}: expected three positions that are not on one line") from None
     found = _followed(_Problem(arm, frame, letters, curve, bound, bool(limits)), start)
     if found.shortfall is None:
         # Of repeated poses the knot is the same.
@@ -315,7 +329,7 @@ def _refused(problem: _Problem, s: _Array, q: _Array, at: float, kind: str | Non
         free, reached = problem.solve(target, last, limits=False)
         lower, upper = problem.arm.limits["q_min"], problem.arm.limits["q_max"]
         past = np.maximum(lower - free[0], free[0] - upper)
-        jacobian = problem.arm.jacobian(last[0], problem.frame)[_columns(problem.axes)]
+        jacobian = problem.arm.jacobian(last[0], problem.frame)[columns_of(problem.axes)]
         sizes = np.linalg.svd(jacobian, compute_uv=False)
         if reached[0] and past.max() > 0.0 and problem.limits and np.abs(free - last).max() <= _STEP:
             kind, joint = "limit", int(past.argmax())

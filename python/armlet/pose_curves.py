@@ -1,6 +1,7 @@
-"""Curves through poses: straight lines and geodesics, with rounded corners, or one smooth spline.
+"""Curves through poses: straight lines, arcs and geodesics, with rounded corners, or one smooth spline.
 
 length of a segment:  l = sqrt(|dp|^2 + (0.1 m/rad angle)^2),   s = sum of lengths before / all of them
+arc through a, b, c:  p = m + r (cos phi e_1 + sin phi e_2),   |a - m| = |b - m| = |c - m| = r;   r phi in place of |dp|
 corner of radius r:   lerp(lerp(A, C, t), lerp(C, B, t), t),   A and B at the distance r from the corner C
 spline:               natural cubic of positions and quaternions over s, quaternions normalised
 """
@@ -8,14 +9,14 @@ spline:               natural cubic of positions and quaternions over s, quatern
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import rotations
 
-__all__ = ["PoseCurve", "cubic", "slopes"]
+__all__ = ["NoCircleError", "PoseCurve", "columns_of", "cubic", "slopes"]
 
 _Array = NDArray[Any]
 # What one radian counts as, m.
@@ -49,6 +50,65 @@ def slopes(s: _Array, q: _Array, natural: bool) -> _Array:
     return found
 
 
+# Below this sine of the angle at the first of three points they are on one line.
+_LINE = 1e-9
+
+
+def columns_of(axes: str) -> list[int]:
+    """Columns of [p; rotation vector] that the letters of `axes` name."""
+    columns, turned = [], 0
+    for letter in axes.replace(" ", "").replace(",", ""):
+        if letter == "r":
+            turned = 3
+            continue
+        columns.append(turned + "xyz".index(letter))
+        turned = 0
+    return columns
+
+
+class NoCircleError(ValueError):
+    """Three positions on one line; its argument is the index of the middle one."""
+
+
+class _Arc(NamedTuple):
+    """Part of a circle, from the angle `first` to the angle `last`."""
+
+    centre: _Array
+    axes: _Array
+    first: float
+    last: float
+
+    @property
+    def length(self) -> float:
+        return float(np.linalg.norm(self.axes[0])) * (self.last - self.first)
+
+    def at(self, u: _Array) -> _Array:
+        """Points (M, d) at parts u (M,) of the way."""
+        angle = self.first + u * (self.last - self.first)
+        return np.asarray(self.centre + np.cos(angle)[:, None] * self.axes[0] + np.sin(angle)[:, None] * self.axes[1])
+
+
+def _arcs(a: _Array, b: _Array, c: _Array) -> tuple[_Arc, _Arc] | None:
+    """The arcs from a to b and from b to c of the circle through three points (d,); None if they are on one line."""
+    u, w = a - c, b - c
+    gram = np.array([[u @ u, u @ w], [u @ w, w @ w]])
+    area = gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2
+    if not area > _LINE**2 * gram[0, 0] * gram[1, 1]:
+        return None
+    weights = np.linalg.solve(gram, 0.5 * np.diagonal(gram))
+    centre = c + weights[0] * u + weights[1] * w
+    first = a - centre
+    across = [p - centre - first * ((p - centre) @ first) / (first @ first) for p in (b, c)]
+    # Of the two points the one further from the diameter through a: the other one may be on it.
+    second = max(across, key=np.linalg.norm)
+    second = second * (np.linalg.norm(first) / np.linalg.norm(second))
+    middle, last = (float(np.arctan2((p - centre) @ second, (p - centre) @ first)) % (2.0 * np.pi) for p in (b, c))
+    if last < middle:
+        second, middle, last = -second, 2.0 * np.pi - middle, 2.0 * np.pi - last
+    axes = np.stack([first, second])
+    return _Arc(centre, axes, 0.0, middle), _Arc(centre, axes, middle, last)
+
+
 def cubic(s: _Array, q: _Array, d: _Array, at: _Array) -> tuple[_Array, _Array, _Array]:
     """Value, slope and curvature at `at` (M,) of the cubic pieces with values q and slopes d (K, n) at s (K,)."""
     k = np.clip(np.searchsorted(s, at, side="right") - 1, 0, s.size - 2)
@@ -68,7 +128,8 @@ class PoseCurve:
         turns: columns of all three parts of the rotation vector, or an empty list.
         single: columns of single angles, rad.
         smooth: a spline instead of lines.
-        blend: radius of corners, m.
+        blend: radius of corners between lines, m.
+        arcs: indices of poses in the middle of arcs.
     """
 
     rows: _Array
@@ -76,12 +137,23 @@ class PoseCurve:
     single: list[int]
     smooth: bool
     blend: float
+    arcs: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         places = [k for k in range(self.rows.shape[1]) if k not in self.turns]
         scale = np.array([_ARM if k in self.single else 1.0 for k in places])
         moved = np.diff(self.rows[:, places] * scale, axis=0)
+        straight = [k for k in places if k not in self.single]
+        circles: dict[int, _Arc] = {}
+        for k in self.arcs:
+            found = _arcs(*self.rows[k - 1 : k + 2, straight])
+            if found is None:
+                raise NoCircleError(k)
+            circles[k - 1], circles[k] = found
         lengths = np.square(moved).sum(axis=1)
+        for k, arc in circles.items():
+            chord = np.square(np.diff(self.rows[k : k + 2, straight], axis=0)).sum()
+            lengths[k] += arc.length**2 - chord
         quaternions = rotations.of_vector(self.rows[:, self.turns]) if self.turns else np.zeros((self.rows.shape[0], 4))
         if self.turns:
             for k in range(1, quaternions.shape[0]):
@@ -89,13 +161,14 @@ class PoseCurve:
                     quaternions[k] *= -1.0
             lengths = lengths + np.square(_ARM * rotations.angle(quaternions[:-1], quaternions[1:]))
         along = np.concatenate([[0.0], np.cumsum(np.sqrt(lengths))])
-        values = {"places": places, "quaternions": quaternions, "along": along}
+        values = {"places": places, "quaternions": quaternions, "along": along, "circles": circles}
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
     places: Any = None
     quaternions: Any = None
     along: Any = None
+    circles: Any = None
 
     @property
     def length(self) -> float:
@@ -114,6 +187,8 @@ class PoseCurve:
             return self._spline(l)
         place, turn = self._line(l)
         for k in range(1, self.along.size - 1):
+            if k in self.circles or k - 1 in self.circles:
+                continue
             r = min(self.blend, *(0.5 * np.diff(self.along)[k - 1 : k + 1]))
             near = np.abs(l - self.along[k]) < r
             if r > 0.0 and near.any():
@@ -132,6 +207,10 @@ class PoseCurve:
         u = (l - self.along[k]) / (self.along[k + 1] - self.along[k])
         place = self.rows[:, self.places]
         place = place[k] + u[:, None] * (place[k + 1] - place[k])
+        straight = [i for i, column in enumerate(self.places) if column not in self.single]
+        for segment, arc in self.circles.items():
+            on = k == segment
+            place[np.ix_(on, straight)] = arc.at(u[on])
         return place, rotations.slerp(self.quaternions[k], self.quaternions[k + 1], u) if self.turns else self.quaternions[k]
 
     def _corner(self, k: int, r: float, l: _Array) -> tuple[_Array, _Array]:

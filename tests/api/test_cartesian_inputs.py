@@ -56,6 +56,15 @@ BAD: list[tuple[str, Any]] = [
     ("blend", math.inf),
     ("blend", math.nan),
     ("blend", "wide"),
+    ("arcs", [0]),
+    ("arcs", [2]),
+    ("arcs", [-1]),
+    ("arcs", [0.5]),
+    ("arcs", [math.nan]),
+    ("arcs", [math.inf]),
+    ("arcs", 1),
+    ("arcs", "1"),
+    ("arcs", [1, 1]),
 ]
 
 
@@ -63,6 +72,27 @@ BAD: list[tuple[str, Any]] = [
 def test_refusals(name: str, bad: Any) -> None:
     with pytest.raises(al.InputError, match=rf"^cartesian_path: {name} "):
         path(**{name: bad})
+
+
+ARCS = {
+    "overlap": (
+        {"poses": [[0.6, 0.0], [0.7, 0.1], [0.6, 0.2], [0.6, 0.4]], "arcs": [1, 2]},
+        r"arcs overlap: .* got 2 after 1 \(first bad index 1\)",
+    ),
+    "one line": ({"poses": [[0.6, 0.0], [0.6, 0.2], [0.6, 0.4]], "arcs": [1]}, r"arcs has no circle at pose 1"),
+    "there and back": ({"poses": [[0.6, 0.0], [0.6, 0.2], [0.6, 0.0]], "arcs": [1]}, r"arcs has no circle at pose 1"),
+    "a repeated pose": ({"poses": [[0.6, 0.0], [0.6, 0.0], [0.6, 0.2], [0.6, 0.4]], "arcs": [2]}, r"arcs has no circle at pose 2"),
+    "the end repeated": ({"poses": [[0.6, 0.0], [0.7, 0.2], [0.7, 0.2]], "arcs": [1]}, r"arcs is out of range"),
+    "a spline": ({"kind": "spline", "arcs": [1]}, r"arcs is not used: expected none with kind 'spline'"),
+    "one row": ({"axes": "x", "poses": [[0.5], [0.6], [0.7]], "arcs": [1]}, r"arcs is not used: expected none where axes"),
+}
+
+
+@pytest.mark.parametrize("case", ARCS)
+def test_refusals_of_arcs(case: str) -> None:
+    changed, message = ARCS[case]
+    with pytest.raises(al.InputError, match=f"^cartesian_path: {message}"):
+        path(**changed)
 
 
 def test_an_arm_without_frames() -> None:

@@ -40,6 +40,21 @@ def changed(changes: dict[str, Any]) -> dict[str, Any]:
 TASK: dict[str, Any] = {"kind": "Task", "frame": "link2", "axes": "xy", "target": [0.5, 0.4], "gain": 5.0}
 TASKS: dict[str, Any] = {"kind": "PriorityVelocity"}
 
+POSES: dict[str, Any] = {
+    "poses": [[0.6, 0.0], [0.7, 0.1], [0.6, 0.2], [0.6, 0.4]],
+    "arcs": [1],
+    "axes": "xy",
+    "frame": "link2",
+    "q0": [-0.5, 1.0],
+}
+TIMED: dict[str, Any] = {"kind": "TimedPath", "tau_max": [20.0, 8.0], "tip_speed": 0.4, "frame": "link2", "stops": [2], "path": POSES}
+
+
+def timed(change: dict[str, Any], **path: Any) -> dict[str, Any]:
+    """A motion along poses with other keys, and other keys of the poses."""
+    return {"motion": TIMED | {"path": POSES | path} | change}
+
+
 # What is changed, and the message without the scenario's name.
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"law": None}, "$.law: is missing: expected a table with kind = one of Adaptive, "),
@@ -96,6 +111,17 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ),
     ({"motion": None, "law": TASKS | {"tasks": [TASK, TASK | {"axes": "xq"}]}}, "$.law.tasks[1].axes"),
     ({"motion": None, "law": TASKS | {"tasks": [TASK | {"kind": "task"}]}}, "$.law.tasks[0].kind: expected one of Task, PostureTask, "),
+    (timed({}, pose=[[0.6]]), "$.motion.path: unknown key 'pose' (did you mean poses?): expected some of poses, q0, frame, "),
+    (timed({}, kind="circle"), "$.motion.path.kind: expected one of lines, spline, got 'circle'"),
+    (timed({}, q0=[0.0]), "$.motion.path.q0: has the wrong shape: expected (2,), got (1,)"),
+    (timed({}, poses=[[0.6, 0.0], [1.6, 0.0]], arcs=[0]), "$.motion.path.arcs: is out of range: expected "),
+    (timed({}, poses=[[0.6, 0.0], [0.7, 0.0], [1.6, 0.0]]), "$.motion.path.arcs: has no circle at pose 1: expected "),
+    (
+        timed({}, poses=[[0.6, 0.0], [0.7, 0.1], [1.6, 0.2]]),
+        "$.motion.path.poses: is not feasible: the arm can't follow the poses from s = ",
+    ),
+    (timed({"stops": [4]}), "$.motion.stops[0]: is out of range: expected indices of poses below 4, got 4"),
+    (timed({"tip_sped": 1.0}), "$.motion: unknown key 'tip_sped' (did you mean tip_speed?)"),
     ({"sweep": {"vary": {}}}, "$.sweep.vary: expected a table with at least one entry, got an empty table"),
     ({"sweep": {"vary": {"law.kd": 1.0}}}, '$.sweep.vary."law.kd": expected a list of values, or a table '),
 ]
@@ -126,6 +152,20 @@ def test_the_same_as_in_python() -> None:
     for other in (Scenario.from_dict(GOOD).run(), al.simulate(built.plant, built.law, **built.arguments)):
         np.testing.assert_array_equal(run.q, other.q)
         np.testing.assert_array_equal(run.tau, other.tau)
+
+
+def test_a_motion_along_poses() -> None:
+    """As in Python; the arm stops at the pose that is named, and moves at the others."""
+    data = changed({"motion": TIMED, "run.q0": [-0.5, 1.0]})
+    built = Scenario.from_dict(data).build()
+    arm = al.planar_arm([0.5, 0.4])
+    path = al.cartesian_path(arm, **POSES)
+    motion = al.time_path(arm, path, tau_max=[20.0, 8.0], tip_speed=0.4, frame="link2", stops=[path.corners[2]])
+    law = al.ComputedTorque(arm, motion, [100.0, 80.0], 20.0)
+    run = al.simulate(al.RigidArm(arm), law, [-0.5, 1.0], t_end=0.6, dt=1e-3)
+    np.testing.assert_array_equal(run.q, al.simulate(built.plant, built.law, **built.arguments).q)
+    speeds = motion.s_dot[np.searchsorted(motion.s, path.s[path.corners])]
+    assert speeds[2] == 0.0 and speeds[1] > 0.1
 
 
 def test_run_options() -> None:

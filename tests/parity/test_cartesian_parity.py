@@ -31,20 +31,20 @@ def poses(rng: np.random.Generator, arm: al.Arm, count: int) -> np.ndarray:
     return np.asarray(arm.pose(q, "link6"))
 
 
-@pytest.mark.parametrize("options", [{}, {"blend": 0.03}, {"kind": "spline"}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"blend": 0.03}, {"kind": "spline"}, {"arcs": [1]}, {"arcs": [1], "blend": 0.03}], ids=str)
 @pytest.mark.parametrize("tolerance", [1e-4, [1e-6, 1e-5]], ids=["wide", "tight"])
 def test_cartesian_path(options: dict[str, Any], tolerance: Any) -> None:
     """The tip is within the tolerance of the other curve everywhere; the joints within it through the inverse of the Jacobian."""
     rng = np.random.default_rng(11)
     arm, checker = al.Arm.from_chain(JOINTS), ref.Arm.from_chain(JOINTS)
-    for count in (2, 3, 4):
+    for count in (3, 4, 5) if "arcs" in options else (2, 3, 4):
         given = poses(rng, arm, count)
         path = al.cartesian_path(arm, given, START, frame="link6", tolerance=tolerance, **options)
         assert isinstance(path, al.CartesianPath) and path.feasible, path.reason
         metres, radians = np.broadcast_to(tolerance, 2)
         assert np.all(path.error <= [metres, radians])
         q = path(PLACES)[0]
-        curve = ref.cartesian_curve(given, PLACES, options.get("kind", "lines"), options.get("blend", 0.0))
+        curve = ref.cartesian_curve(given, PLACES, options.get("kind", "lines"), options.get("blend", 0.0), options.get("arcs", ()))
         for (p, R), pose in zip(curve, checker.pose(q, "link6"), strict=True):
             assert np.linalg.norm(pose[:3, 3] - p) <= metres + 1e-9
             # The angle of a rotation near none: twice the sine of its half.
@@ -52,6 +52,39 @@ def test_cartesian_path(options: dict[str, Any], tolerance: Any) -> None:
         wanted = ref.cartesian_path(checker, given, START, PLACES, frame="link6", **options)
         smallest = np.linalg.svd(checker.jacobian(q, "link6"), compute_uv=False)[:, -1].min()
         assert np.abs(q - wanted).max() <= 2.0 * np.hypot(metres, radians) / smallest
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.5, 0.8, 1.0])
+def test_a_circle(turn: float) -> None:
+    """Points of a known circle, the third one `turn` of a whole turn after the first: the tip is on it, at the even angle.
+
+    At a half the third point is opposite to the first one. The last one of `turn` is two arcs that join.
+    """
+    arm = al.planar_arm([0.5, 0.4, 0.2])
+    angles = np.linspace(0.0, turn * 2.0 * np.pi, 3 if turn < 1.0 else 5)
+    centre, radius = np.array([0.5, 0.3]), 0.15
+    rows = centre + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    arcs = list(range(1, angles.size, 2))
+    path = al.cartesian_path(arm, rows, [-0.5, 1.0, 0.4], frame="link3", axes="xy", arcs=arcs, tolerance=1e-6)
+    assert path.feasible and path.length == pytest.approx(2.0 * np.pi * turn * radius, rel=1e-12)
+    apart = arm.position(path(PLACES)[0], "link3")[:, :2] - centre
+    assert np.abs(np.linalg.norm(apart, axis=1) - radius).max() <= 1e-6
+    got = np.unwrap(np.arctan2(apart[:, 1], apart[:, 0]))
+    np.testing.assert_allclose(got, PLACES * turn * 2.0 * np.pi, rtol=0.0, atol=1e-6 / radius)
+
+
+def test_lines_and_arcs() -> None:
+    """A slot: two lines and two half circles. Every joint moves without a jump of its speed, since tangents agree."""
+    arm = al.planar_arm([0.5, 0.4])
+    rows = [[0.4, 0.2], [0.6, 0.2], [0.7, 0.3], [0.6, 0.4], [0.4, 0.4], [0.3, 0.3], [0.4, 0.2]]
+    path = al.cartesian_path(arm, rows, [-0.5, 1.4], frame="link2", axes="xy", arcs=[2, 5], tolerance=1e-6)
+    assert path.feasible and path.length == pytest.approx(2 * 0.2 + 2 * np.pi * 0.1, rel=1e-12)
+    x, y = arm.position(path(PLACES)[0], "link2")[:, :2].T
+    outside = np.hypot(np.maximum(np.abs(x - 0.5) - 0.1, 0.0), y - 0.3)
+    assert np.abs(outside - 0.1).max() <= 1e-6
+    slope = path(np.linspace(0.0, 1.0, 2001))[1]
+    assert np.abs(np.diff(slope, axis=0)).max() <= 0.05 * np.abs(slope).max()
+    np.testing.assert_allclose(arm.position(path.q[path.corners], "link2")[:, :2], rows, rtol=0.0, atol=1e-8)
 
 
 def test_rows() -> None:

@@ -126,6 +126,7 @@ class Values(Objects):
             "poses": lambda: self.matrix(3, 6),
             "tolerance": self.positive,
             "blend": lambda: self.positive(0.0, 0.1),
+            "arcs": lambda: chance.choice(["[1]", "()"]),
             "lengths": lambda: self.vector(n, 0.1, 1.0),
             "masses": lambda: self.vector(n, 0.1, 1.0),
             "coms": lambda: self.vector(n, 0.1, 1.0),

@@ -1,6 +1,7 @@
 """Joint positions along poses, at places that are given: plain Newton steps of inverse kinematics from place to place.
 
     lines:    p = p_0 + u dp,   R = R_0 (R_0' R_1)^u by the eigenvalues of R_0' R_1
+    arcs:     p = m + R(n, phi) (a - m), n the normal of the plane, m where two perpendicular bisectors meet
     corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), rotations by two geodesics and one between them
     spline:   natural cubic of positions and of quaternions, eigenvectors of the profile matrix of R (Bar-Itzhack 2000)
     q <- q + J^+ e
@@ -51,19 +52,47 @@ def matrix(q: Array) -> Array:
     return np.array(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
 
 
-def curve(poses: Array, s: Array, kind: str, blend: float) -> list[tuple[Array, Array]]:
+def about(n: Array, phi: float, v: Array) -> Array:
+    """v turned by phi about the unit vector n (Rodrigues)."""
+    return np.array(np.cos(phi) * v + np.sin(phi) * np.cross(n, v) + (1.0 - np.cos(phi)) * (n @ v) * n)
+
+
+def circle(a: Array, b: Array, c: Array) -> tuple[Array, Array, float, float]:
+    """Centre and normal of the circle through three points, and the angles from a to b and from b to c."""
+    n = np.cross(b - a, c - b)
+    n = n / np.linalg.norm(n)
+    rows = np.stack([b - a, c - b, n])
+    m = np.array(np.linalg.solve(rows, [(b - a) @ (a + b) / 2, (c - b) @ (b + c) / 2, n @ a]), dtype=np.float64)
+    # The normal is such that the way a, b, c turns to the left.
+    first, second = (float(np.arctan2(np.cross(x - m, y - m) @ n, (x - m) @ (y - m))) % (2 * np.pi) for x, y in ((a, b), (b, c)))
+    return m, n, first, second
+
+
+def curve(poses: Array, s: Array, kind: str, blend: float, arcs: Sequence[int] = ()) -> list[tuple[Array, Array]]:
     """Position and rotation of the curve through poses (K, 4, 4) at s, 0 to 1."""
     p, R = poses[:, :3, 3], poses[:, :3, :3]
-    lengths = [np.hypot(np.linalg.norm(p[k + 1] - p[k]), ARM * rotation_angle(R[k].T @ R[k + 1])) for k in range(len(p) - 1)]
+    ways = [float(np.linalg.norm(p[k + 1] - p[k])) for k in range(len(p) - 1)]
+    turns: dict[int, tuple[Array, Array, float]] = {}
+    for k in arcs:
+        m, n, *angles = circle(*p[k - 1 : k + 2])
+        for at, angle in zip((k - 1, k), angles, strict=True):
+            turns[at] = m, n, angle
+            ways[at] = float(np.linalg.norm(p[at] - m)) * angle
+    lengths = [np.hypot(way, ARM * rotation_angle(R[k].T @ R[k + 1])) for k, way in enumerate(ways)]
     along = np.concatenate([[0.0], np.cumsum(lengths)])
 
     def line(l: float) -> tuple[Array, Array]:
         k = min(int(np.searchsorted(along, l, side="right")) - 1, len(lengths) - 1)
         u = (l - along[k]) / lengths[k]
+        if k in turns:
+            m, n, angle = turns[k]
+            return m + about(n, u * angle, p[k] - m), geodesic(R[k], R[k + 1], u)
         return p[k] + u * (p[k + 1] - p[k]), geodesic(R[k], R[k + 1], u)
 
     def point(l: float) -> tuple[Array, Array]:
         for k in range(1, len(lengths)):
+            if k in turns or k - 1 in turns:
+                continue
             r = min(blend, lengths[k - 1] / 2, lengths[k] / 2)
             if abs(l - along[k]) < r:
                 t = (l - along[k] + r) / (2 * r)
@@ -92,11 +121,12 @@ def cartesian_path(
     rows: Sequence[int] = range(6),
     kind: str = "lines",
     blend: float = 0.0,
+    arcs: Sequence[int] = (),
 ) -> Array:
     """Joint positions (M, n) at s (M,) along poses (K, 4, 4); `rows` of [position; rotation] are followed. NaN where Newton fails."""
     s, q, chosen = np.asarray(s, dtype=np.float64), np.asarray(q0, dtype=np.float64), np.asarray(list(rows))
     found = np.full((s.size, q.size), np.nan)
-    for i, (p, R) in enumerate(curve(np.asarray(poses, dtype=np.float64), s, kind, blend)):
+    for i, (p, R) in enumerate(curve(np.asarray(poses, dtype=np.float64), s, kind, blend, arcs)):
         for _ in range(STEPS):
             pose = arm.pose(q, frame)
             off = R @ pose[:3, :3].T

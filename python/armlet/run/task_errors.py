@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import rotations
+from ..pose_curves import columns_of
 
 __all__ = ["frame_errors", "orientation_errors", "position_errors", "where_finite"]
 
@@ -83,8 +83,8 @@ def _aims(law: Any, turns: bool) -> list[_Aim]:
     given = [each.__getnewargs_ex__()[1] for each in made["tasks"] if type(each).__name__ == "Task"] if "tasks" in made else [made]
     aims = []
     for one in given:
-        rows = re.findall("r?[xyz]", one.get("axes") or "xyz") if "frame" in one else []
-        found = [(place, "xyz".index(row[-1])) for place, row in enumerate(rows) if row.startswith("r") == turns]
+        columns = columns_of(one.get("axes") or "xyz") if "frame" in one else []
+        found = [(place, column % 3) for place, column in enumerate(columns) if (column > 2) == turns]
         if found and one.get("target") is not None:
             places, axes = zip(*found, strict=True)
             aims.append(_Aim(one["frame"], axes, places, one["target"], turns))

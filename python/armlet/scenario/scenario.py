@@ -314,10 +314,10 @@ def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, 
         elif table == "run" and key.partition("[")[0] in LIMITED and "[" in key:
             whole, _, place = key.partition("[")
             path = f"{LIMITED[whole]}[{place}"
+        elif owner and key not in values:
+            path += f".{owner}.{key}"
         elif key in values or key in _missing(table, values):
             path += f".{key}"
-        elif owner:
-            path += f".{owner}.{key}"
         else:
             raise InputError(f"{name}: {path}: {str(error).partition(': ')[2]}") from None
         if index:

@@ -17,6 +17,7 @@ from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 from .impedance import OPTIONS, impedance, target_of
+from .paths import POSES, timed_path
 from .tasks import prioritised, tasks_of
 
 __all__ = ["ARMS", "KNOWN", "LAWS", "MOTIONS", "PLANTS", "RUN", "SCENARIO", "SWEEP", "arguments"]
@@ -149,18 +150,12 @@ MOTIONS = OneOf(
         ),
         "Table": Kind({"dt": POSITIVE, "q": ROWS, "v": ROWS, "a": ROWS, "start": NUMBER}, ("dt", "q", "v", "a"), _core.Table),
         "TimedPath": Kind(
-            {
-                "path": ROWS,
-                "stops": Numbers(1, False, 0.0),
-                "q_min": EACH,
-                "q_max": EACH,
-                "tip_speed": POSITIVE,
-                "tip_acceleration": POSITIVE,
-                "frame": TEXT,
-            }
+            {"path": Entries({"plain": ROWS, "table": POSES}), "stops": Numbers(1, False, 0.0), "frame": TEXT}
+            | dict.fromkeys(("q_min", "q_max"), EACH)
+            | dict.fromkeys(("tip_speed", "tip_acceleration"), POSITIVE)
             | dict.fromkeys(("tau_max", "v_max", "a_max"), ALONG),
             ("path",),
-            _core.time_path,
+            timed_path,
             ("arm",),
         ),
         "ExcitingMotion": Kind(
