@@ -232,6 +232,7 @@ def cartesian_path(
     [0.6, 0.2, 0.0]
     """
     instance(_NAME, "arm", arm, Arm, "an Arm such as planar_arm(..)")
+    instance(_NAME, "limits", limits, (bool, np.bool_), "True or False")
     frame, kind = text(_NAME, "frame", frame), choice(_NAME, "kind", kind, ("lines", "spline"))
     letters = _ALL if axes is None else text(_NAME, "axes", axes)
     try:

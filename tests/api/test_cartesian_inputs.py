@@ -65,6 +65,8 @@ BAD: list[tuple[str, Any]] = [
     ("arcs", 1),
     ("arcs", "1"),
     ("arcs", [1, 1]),
+    ("limits", np.full(2, np.nan)),
+    ("limits", 1),
 ]
 
 

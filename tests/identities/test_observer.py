@@ -170,6 +170,7 @@ def test_bad_arguments() -> None:
     refused("motor_inertia", lambda: al.MomentumObserver(TWO, 1.0, motor_inertia=[0.0, 1.0]))
     refused("threshold is not positive", lambda: al.MomentumObserver(TWO, 1.0, threshold=0.0))
     refused("friction", lambda: al.MomentumObserver(al.planar_pr(2.0, 0.5, 0.5), 1.0, friction=True))
+    refused("friction goes with no motor_inertia", lambda: al.MomentumObserver(TWO, 1.0, friction=True, motor_inertia=0.1))
     observer = al.MomentumObserver(TWO, 1.0)
     refused("comes too early", lambda: observer.wrench([0.1, 0.2], "link2"))
     refused("threshold is missing", observer.contact)

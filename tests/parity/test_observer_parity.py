@@ -86,3 +86,12 @@ def test_thresholds_and_contact() -> None:
         other.calibrate(noise, sigmas=4.0)
         assert ours.threshold is not None and other.threshold is not None
         close(ours.threshold, np.asarray(other.threshold))
+
+
+def test_friction_goes_with_no_motor_inertia() -> None:
+    """The model's friction is that of its joints: both refuse to leave it out silently."""
+    arm, theirs = driven_tree(2, 4)
+    for make in (lambda: al.MomentumObserver(arm, 40.0, friction=True, motor_inertia=0.1),
+                 lambda: ref.MomentumObserver(theirs, 40.0, friction=True, motor_inertia=0.1)):  # fmt: skip
+        with pytest.raises(ValueError, match="friction goes with no motor_inertia"):
+            make()

@@ -29,6 +29,8 @@ class MomentumObserver:
         motor_inertia: ArrayLike | None = None,
         threshold: ArrayLike | None = None,
     ) -> None:
+        if friction and motor_inertia is not None:
+            raise ValueError("friction goes with no motor_inertia: expected False, since the model's friction is that of its joints")
         self.arm, self.friction = arm, friction
         self.gain = gain(K, arm.n)
         self.inertia = None if motor_inertia is None else gain(motor_inertia, arm.n)
