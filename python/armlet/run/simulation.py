@@ -100,8 +100,8 @@ def simulate(
         SolveError: the run ended early; `.status`, `.t` and `.partial` have the reason, the time and the partial run.
 
     Warns:
-        UserWarning: a position is outside of the joint limits: `q0[1] = -57 rad is outside [-3.1, 3.1]: degrees?`.
-        UserWarning: the steps are too coarse for the loop. Either the energy balance misses more than a tenth of the energy turned over, or
+        UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
+            Then the energy balance misses more than a tenth of the energy turned over, or
             the Lyapunov function of a continuous law rises tenfold. `metrics(run)["energy_error"]` is that fraction.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
