@@ -45,8 +45,12 @@ RIGID: dict[str, Callable[[al.Arm], al.Law]] = {
     "PDGravity, full": lambda arm: al.PDGravity(arm, target(arm), kp=full(arm, 60.0), kd=full(arm, 15.0)),
     "ComputedTorque": lambda arm: al.ComputedTorque(arm, quintic(arm), kp=100.0, kd=20.0),
     "PID": lambda arm: al.PID(arm, target(arm), kp=60.0, ki=40.0, kd=15.0),
+    "PID, all options": lambda arm: al.PID(
+        arm, quintic(arm), kp=60.0, ki=40.0, kd=15.0, tau_max=limits(arm), derivative_filter=100.0, friction=True, observer_bandwidth=30.0
+    ),
     "PID within limits": lambda arm: al.PID(arm, target(arm), kp=60.0, ki=40.0, kd=15.0, tau_max=limits(arm)),
     "Adaptive": lambda arm: al.Adaptive(arm, quintic(arm), kp=40.0, kd=20.0, gamma=0.2),
+    "Adaptive, composite": lambda arm: al.Adaptive(arm, quintic(arm), 40.0, 20.0, 0.1, composite=0.3, armature=True),
     "Adaptive, estimate": lambda arm: al.Adaptive(arm, quintic(arm), kp=40.0, kd=20.0, gamma=0.2, estimate=0.9 * arm.parameters),
 }
 #: Laws of tasks of a frame.
@@ -100,6 +104,9 @@ def test_a_law_has_the_bits_of_armlet(name: str, arm: str, compiler: str, tmp_pa
         if c.p:
             c.memory[n : n + c.p] = rng.uniform(-2.0, 2.0, c.p)
             z["state"] = c.state
+            # Not the first call, which starts filters at what it measures: the last one was at the same time.
+            c.memory[n + 2 * c.p] = t
+            c.memory[n + 2 * c.p + 1 :].view(np.int32)[0] = 1
         expected = law(t, x[0], x[1], **dict(zip(motors, x[2:], strict=False)), **z)
         np.testing.assert_array_equal(c(t, *x[: 4 if motors else 2]), expected, err_msg=f"state {k}")
 
@@ -149,6 +156,8 @@ LOOPS: dict[str, Callable[[al.Arm], al.Law]] = {
     # Its acceleration jumps within a step.
     "Adaptive, bang-bang": lambda arm: al.Adaptive(arm, al.BangBang(np.zeros(arm.n), target(arm), 0.2347), kp=40.0, kd=20.0, gamma=0.2),
     "PID": RIGID["PID within limits"],
+    "PID, all options": RIGID["PID, all options"],
+    "Adaptive, composite": RIGID["Adaptive, composite"],
     "PDGravity": RIGID["PDGravity"],
 }
 

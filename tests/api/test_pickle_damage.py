@@ -56,6 +56,7 @@ THINGS: dict[str, Any] = {
     "ComputedTorque": al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 40.0, 20.0),
     "PDGravity": al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0),
     "PID": al.PID(TREE, [0.3, 0.3], 40.0, 10.0, 20.0, tau_max=30.0),
+    "PID with options": al.PID(TREE, [0.3, 0.3], 40.0, None, 20.0, derivative_filter=90.0, friction=True, observer_bandwidth=[20.0, 30.0]),
     "CartesianImpedance": al.CartesianImpedance(TREE, [0.5, 0.4], 100.0, 20.0, frame="link2", axes="xy"),
     "CartesianImpedance with a null space": al.CartesianImpedance(
         TREE,

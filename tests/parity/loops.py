@@ -12,6 +12,9 @@ from armlet import reference
 
 Array = NDArray[np.float64]
 
+#: Laws of `law_pair` that are a PID.
+PIDS = ("PID", "PID that moves", "PD with an observer", "PID with all options")
+
 
 def body(rng: np.random.Generator) -> Array:
     """Parameters of five random point masses and a core."""
@@ -66,6 +69,18 @@ def law_pair(rng: np.random.Generator, name: str, arms: tuple[al.Arm, Any]) -> t
         gains = (gains[0], 0.5 * (gains[1] + gains[1].T), gains[2])
         limits = rng.uniform(1.0, 30.0, n)
         return al.PID(ours, end, *gains, tau_max=limits), reference.PID(theirs, end, *gains, tau_max=limits)
+    if name == "PID that moves":
+        return al.PID(ours, motions[0], 30.0, 20.0, 6.0), reference.PID(theirs, motions[1], 30.0, 20.0, 6.0)
+    if name == "PD with an observer":
+        # The inertia is that of the first desired position.
+        options: dict[str, Any] = {"observer_bandwidth": rng.uniform(20.0, 60.0, n)}
+        return al.PID(ours, motions[0], 30.0, None, 6.0, **options), reference.PID(theirs, motions[1], 30.0, None, 6.0, **options)
+    if name == "PID with all options":
+        options = {"tau_max": rng.uniform(1.0, 30.0, n), "derivative_filter": rng.uniform(80.0, 200.0, n), "friction": True}
+        options |= {"friction_speed": 0.3, "observer_bandwidth": 40.0, "nominal_inertia": rng.uniform(0.2, 0.6, n)}
+        rubbing = {"damping": rng.uniform(0.5, 2.0, n), "friction": rng.uniform(0.5, 2.0, n)}
+        ours, theirs = ours.with_drives(**rubbing), theirs.with_drives(**rubbing)
+        return al.PID(ours, motions[0], 30.0, 20.0, 6.0, **options), reference.PID(theirs, motions[1], 30.0, 20.0, 6.0, **options)
     axes = "xyz" if n < 6 else "xyz rz rx"
     m = 3 if n < 6 else 5
     target = np.append(ours.position(np.zeros(n), frame), [0.1, 0.2])[:m]

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from loops import close, law_pair, pair
+from loops import PIDS, close, law_pair, pair
 
 import armlet as al
 from armlet import reference
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 7])
-@pytest.mark.parametrize("name", ["Adaptive", "ComputedTorque", "PDGravity", "PID", "CartesianImpedance"])
+@pytest.mark.parametrize("name", ["Adaptive", "ComputedTorque", "PDGravity", *PIDS, "CartesianImpedance"])
 def test_a_run_is_the_references(name: str, n: int) -> None:
     rng = np.random.default_rng(1000 * n + len(name))
     arms = pair(rng, n)
@@ -29,7 +29,7 @@ def test_a_run_is_the_references(name: str, n: int) -> None:
     # Ten steps of rounding, amplified by accelerations of some hundreds and by the reference's complex steps.
     for field in ("q", "v", "tau"):
         close(getattr(run, field), theirs[field], 1e-9)
-    if name in ("Adaptive", "PID"):
+    if name in ("Adaptive", *PIDS):
         assert run.estimate is not None
         close(run.estimate, theirs["estimate"], 1e-9)
     if name == "Adaptive":

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from loops import close, law_pair, pair
+from loops import PIDS, close, law_pair, pair
 
 import armlet as al
 from armlet import reference
@@ -166,7 +166,7 @@ def test_integrate_with_fixed_steps(method: str) -> None:
     close(got.y[-1], y, 1e-13)
 
 
-@pytest.mark.parametrize("name", ["PDGravity", "PID", "CartesianImpedance"])
+@pytest.mark.parametrize("name", ["PDGravity", *PIDS, "CartesianImpedance"])
 @pytest.mark.parametrize("n", [1, 3, 6])
 def test_named_parts_of_laws(name: str, n: int) -> None:
     rng = np.random.default_rng([80, n])

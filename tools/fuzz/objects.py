@@ -73,6 +73,8 @@ class Objects:
         n, arm = self.n, self.arm
         rigid = [
             f"al.PID({arm}, {[0.1] * self.n}, {self.gain()}, {self.gain()}, {self.gain()}, {self.gain()})",
+            f"al.PID({arm}, {self.motion()}, {self.gain()}, None, {self.gain()}, derivative_filter={self.positive()}, "
+            f"friction=True, observer_bandwidth={self.positive()})",
             f"al.ComputedTorque({arm}, {self.motion()}, {self.gain()}, {self.gain()})",
             f"al.PDGravity({arm}, {self.vector(n)}, {self.gain()}, {self.gain()})",
             f"al.Adaptive({arm}, {self.motion()}, {self.gain()}, {self.gain()}, {self.positive()})",

@@ -85,7 +85,19 @@ class PDGravity(Law):
 @final
 class PID(Law):
     def __new__(
-        cls, arm: Arm, target: ArrayLike, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike, tau_max: ArrayLike | None = None
+        cls,
+        arm: Arm,
+        target: ArrayLike | Motion,
+        kp: ArrayLike,
+        ki: ArrayLike | None,
+        kd: ArrayLike,
+        tau_max: ArrayLike | None = None,
+        *,
+        derivative_filter: ArrayLike | None = None,
+        friction: bool = False,
+        friction_speed: ArrayLike | None = None,
+        observer_bandwidth: ArrayLike | None = None,
+        nominal_inertia: ArrayLike | None = None,
     ) -> Self: ...
 
 @final

@@ -227,7 +227,9 @@ def _estimates(run: Recorded) -> list[Panel]:
 def _integral(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     wrench = run.law_name == "CartesianImpedance"
-    _lines(ax, run.t, run.estimate, [f"$w_{{{i + 1}}}$" for i in range(run.estimate.shape[-1])])
+    # Behind the integral PID keeps its filters.
+    integral = run.estimate if wrench else run.estimate[..., : run.q.shape[-1]]
+    _lines(ax, run.t, integral, [f"$w_{{{i + 1}}}$" for i in range(integral.shape[-1])])
     ax.set_ylabel("N, N m" if wrench else ", ".join(dict.fromkeys(run.input_units)))
     ax.set_title("Integral wrench" if wrench else "Integral torques")
     _legend(ax)

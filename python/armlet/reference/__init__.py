@@ -21,11 +21,12 @@ from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, Jo
 from .inertia import ParameterReport, check_parameters, project_parameters
 from .inverse_kinematics import InverseKinematics, inverse_kinematics
 from .lagrange import Mechanism
-from .law import PID, ComputedTorque, Law, PDGravity
+from .law import ComputedTorque, Law, PDGravity
 from .mintime import torque_optimal_time
 from .motion import BangBang, Hold, Quintic, Sinusoid, Table
 from .null_space import NullSpace
 from .observer import MomentumObserver
+from .pid import PID
 from .plant import ElasticArm, RigidArm
 from .pr import Pendulum, PlanarPR, pendulum, planar_pr
 from .priority import solve_priority

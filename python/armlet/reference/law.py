@@ -2,8 +2,6 @@
 
     ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
     PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
-    PID                 u = Kp (q_target - q) - Kd v + w + g(q),  tau = u within the limits             (Arimoto and Miyazaki 1984)
-                        w' = Ki (q_target - q), but 0 where u is beyond a limit and w' goes the same way
 
 `terms` evaluates once and names the parts, among them `tau` and `state_rate`.
 """
@@ -34,6 +32,10 @@ class Law:
 
     state0: Array = np.zeros(0)
     breaks: tuple[float, ...] = ()
+
+    def start(self, q: Array, v: Array) -> Array:
+        """The law's state at the start of a run from q and v, (n,) each."""
+        return self.state0
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
@@ -84,25 +86,3 @@ class PDGravity(Law):
     ) -> Terms:
         e = self.target - q
         return {"tau": self.kp @ e - self.kd @ v + self.arm.gravity(q), "state_rate": np.zeros(0), "e": e}
-
-
-class PID(Law):
-    """Regulation to a constant target (n,) with the integral torque (n,) as a state."""
-
-    def __init__(
-        self, arm: Mechanism, target: ArrayLike, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike, tau_max: ArrayLike | None = None
-    ) -> None:
-        self.arm, self.target = arm, np.array(target, dtype=np.float64)
-        self.kp, self.ki, self.kd = gain(kp, arm.n), gain(ki, arm.n), gain(kd, arm.n)
-        self.limit = np.broadcast_to(np.inf if tau_max is None else np.asarray(tau_max, dtype=np.float64), (arm.n,))
-        self.state0 = np.zeros(arm.n)
-
-    def terms(
-        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
-    ) -> Terms:
-        w = self.state0 if state is None else state
-        e = self.target - q
-        u = self.arm.gravity(q) + self.kp @ e + w - self.kd @ v
-        rate = self.ki @ e
-        winds_up = (np.abs(u) > self.limit) & (np.sign(u) == np.sign(rate))
-        return {"tau": np.clip(u, -self.limit, self.limit), "state_rate": np.where(winds_up, 0.0, rate), "e": e, "u": u, "integral": w}

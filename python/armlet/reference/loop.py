@@ -75,7 +75,8 @@ class ClosedLoop:
             self.clock = Clock(sampling, n, grid, silent, springs, getattr(law, "joint_stiffness", springs))
 
     def initial(self, plant_state: Array) -> Array:
-        return np.concatenate([plant_state, self.law.state0, np.zeros(2)])
+        q, v, _, _ = self.plant.split(plant_state)
+        return np.concatenate([plant_state, self.law.start(q, v), np.zeros(2)])
 
     def visit(self, t: float, y: Array) -> None:
         """Take the samples that are due at (t, y)."""

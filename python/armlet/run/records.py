@@ -46,7 +46,7 @@ class Run(_Stored):
         q, v: joint positions and velocities, (K, n), rad or m, rad/s or m/s.
         tau: the plant's input, (K, n), N m or N; right-continuous; the motors' torque for elastic arms.
         estimate: the state of the law, (K, p); None for laws without one. It is the parameter estimate of Adaptive (then its filters, if
-            composite), the integral torque of PID, or the integral wrench of CartesianImpedance.
+            composite) or the integral wrench of CartesianImpedance. Of PID it is the integral torque, then its filters.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad, rad/s; else None.
         status: how the run ended (`armlet.Status`), with advice.
         stats: what it cost: counts of steps, evaluations, rejections; where the status is EXCESS_ACCURACY `coarsen`: times this both

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..arguments import shown as quoted
+from ..errors import InputError
 
 __all__ = ["Entries", "Field", "Flag", "Integer", "Items", "Keyed", "Kind", "Numbers", "OneOf", "Table", "Text", "Values", "shown"]
 
@@ -205,6 +206,15 @@ class OneOf(Field):
     """A table whose `kind` says which keys it has."""
 
     kinds: Mapping[str, Kind]
+
+    def make(self, table: Mapping[str, Any], **others: Any) -> Any:
+        """What the table describes, made with those of `others` that its kind needs."""
+        name = table["kind"]
+        kind = self.kinds[name]
+        if missing := [need for need in kind.needs if need not in others]:
+            raise InputError(f"{name}: kind is not possible here: expected a kind without {' and '.join(missing)}, got {name}")
+        values = {key: value for key, value in table.items() if key != "kind"}
+        return kind.make(**{need: others[need] for need in kind.needs}, **values)
 
     def check(self, value: object, path: str) -> Iterator[str]:
         names = ", ".join(self.kinds)

@@ -40,7 +40,7 @@ def impedance(law: Callable[..., _core.Law], motions: OneOf) -> Callable[..., _c
 
     def make(arm: _core.Arm, target: Any, nullspace: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Law:
         if isinstance(target, Mapping):
-            target = motions.kinds[target["kind"]].make(**{key: value for key, value in target.items() if key != "kind"})
+            target = motions.make(target)
         if nullspace is not None:
             keywords["nullspace"] = NullSpace(**nullspace)
         return law(arm, target, **keywords)

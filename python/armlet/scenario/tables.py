@@ -217,12 +217,27 @@ _ADAPTATION: dict[str, Field] = {
     "composite": GAIN,
     "composite_rate": POSITIVE,
 }
+_FOLLOWED: dict[str, Field] = {"target": Entries({"plain": VECTOR, "table": MOTIONS})}
+_PID: dict[str, Field] = {
+    "ki": GAIN,
+    "friction": Flag(),
+    **dict.fromkeys(
+        ("tau_max", "derivative_filter", "friction_speed", "observer_bandwidth", "nominal_inertia"), Numbers(depth=1, low=0.0, strict=True)
+    ),
+}
+
+
+def _pid(arm: _core.Arm, target: Any, kp: Any, kd: Any, ki: Any = None, **options: Any) -> _core.Law:
+    """PID without an integral where no `ki` is named; the target may be a table of a motion."""
+    return _core.PID(arm, MOTIONS.make(target, arm=arm) if isinstance(target, Mapping) else target, kp, ki, kd, **options)
+
+
 LAWS = OneOf(
     {
         "Adaptive": _law(_core.Adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
         "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
         "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
-        "PID": _law(_core.PID, _TARGET | _PD | {"ki": GAIN}, {"tau_max": Numbers(depth=1, low=0.0, strict=True)}),
+        "PID": _law(_pid, _FOLLOWED | _PD, _PID),
         "CartesianImpedance": _law(
             impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | OPTIONS["all"] | OPTIONS["rigid"]
         ),

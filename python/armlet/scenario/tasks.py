@@ -49,8 +49,7 @@ class _Names(Field):
 def _with_motion(make: Callable[..., Any], motions: OneOf) -> Callable[..., Any]:
     def task(motion: Mapping[str, Any] | None = None, **values: Any) -> Any:
         if motion is not None:
-            kind = motions.kinds[motion["kind"]]
-            values["motion"] = kind.make(**{key: value for key, value in motion.items() if key != "kind"})
+            values["motion"] = motions.make(motion)
         return make(**values)
 
     return task
@@ -63,7 +62,7 @@ def prioritised(law: Callable[..., _core.Law], kinds: OneOf) -> Callable[..., _c
         built = []
         for i, table in enumerate(tasks):
             try:
-                built.append(kinds.kinds[table["kind"]].make(**{key: value for key, value in table.items() if key != "kind"}))
+                built.append(kinds.make(table))
             except InputError as error:
                 raise InputError(f"Task: tasks[{i}].{str(error).partition(': ')[2]}") from None
         return law(arm, built, **keywords)

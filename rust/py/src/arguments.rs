@@ -1,11 +1,12 @@
 //! What constructors of laws and plants are given: read once, kept for `repr` and pickling.
 
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, require_finite, text, vector};
+use crate::arrays::{Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, require_finite, spread, text, vector};
 use crate::errors::Failure;
 use crate::motion::Motion;
 use armlet_core::kinematics::coordinates::parse_axes;
 use armlet_core::linalg::gain::Gain;
+use armlet_core::motion::Motion as CoreMotion;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyTuple};
 
@@ -48,10 +49,26 @@ impl<'py> Arguments<'py> {
         Ok(values)
     }
 
-    pub fn motion(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<armlet_core::motion::Motion, Failure> {
+    pub fn motion(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<CoreMotion, Failure> {
         let motion = object::<Motion>(self.function, name, A_MOTION, value)?;
         self.arguments.push((name, value.clone().unbind()));
         Ok(motion.get().core.clone())
+    }
+
+    /// A motion of `n` rows, or the rows themselves `(n,)`, which are held.
+    pub fn motion_or_hold(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<CoreMotion, Failure> {
+        match value.cast::<Motion>() {
+            Ok(_) => self.motion(name, value),
+            Err(_) => Ok(CoreMotion::Hold(self.vector(name, value, n)?)),
+        }
+    }
+
+    /// Numbers `(n,)` that may be given as one; `None` where there are none.
+    pub fn rows(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>, n: usize) -> Result<Option<Vec<f64>>, Failure> {
+        let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
+        let (shape, values) = numbers(self.function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
+        self.keep(name, value)?;
+        Ok(Some(spread(&shape, values, n)?))
     }
 
     /// The frame, the axes ("xyz" unless given) and how many rows they are.

@@ -295,6 +295,14 @@ impl<S: Real> Law<S> for AnyAdaptive<S> {
         }
     }
 
+    fn restart(&mut self, trig: &[(S, S)], x: &[S], z: &mut [S]) {
+        let n = self.law.s.len();
+        if let Some(More { composite: Some(composite), joints, y, .. }) = &mut self.more {
+            composite.look(&self.law.arm, &mut self.law.workspace, joints, trig, x);
+            composite.begin(&x[n..2 * n], &mut z[y.len()..]);
+        }
+    }
+
     fn dissipation(&self) -> S {
         self.law.dissipation()
     }

@@ -159,8 +159,8 @@ impl Definition for AdaptiveSpec {
     fn initial_state(&self) -> &[f64] {
         &self.start
     }
-    fn restart(&self, x: &[f64], z: &mut [f64]) {
-        self.start_filters(x, z);
+    fn restarts(&self) -> bool {
+        self.composite.is_some()
     }
 
     /// `Y`, `s`, `v_r`, `a_r`, `e`, `e_dot`, the torque and the rate of the estimate.

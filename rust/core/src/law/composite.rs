@@ -55,19 +55,6 @@ impl AdaptiveSpec {
         }
     }
 
-    /// Empty the filters of the law's state `z` at the plant's state `x`.
-    pub(super) fn start_filters(&self, x: &[f64], z: &mut [f64]) {
-        if self.composite.is_none() {
-            return;
-        }
-        let n = self.model.n();
-        let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| Real::sin_cos(*q)).collect();
-        let mut lanes = LaneComposite::<f64>::from_lanes(|_| self);
-        let arm = AnyArm::from_lanes(|_| &self.model);
-        lanes.look(&arm, &mut arm.workspace(), &LaneColumns::from_lanes(|_| &self.columns), &trig, x);
-        lanes.begin(&x[n..2 * n], &mut z[self.estimate.len()..]);
-    }
-
     /// `W` `(n, p)`, `tau_W` and `e_W` at a state.
     pub(super) fn filtered(&self, trig: &[(f64, f64)], x: &[f64], z: &[f64]) -> Option<[Vec<f64>; 3]> {
         self.composite.as_ref()?;
@@ -172,7 +159,7 @@ impl<S: Real> LaneComposite<S> {
     }
 
     /// `X` where nothing has been filtered yet.
-    fn begin(&self, v: &[S], x: &mut [S]) {
+    pub fn begin(&self, v: &[S], x: &mut [S]) {
         let (of_bodies, rest) = x.split_at_mut(self.y_m.len());
         let (beside, of_tau) = rest.split_at_mut(self.entries.len());
         for (x, &y) in of_bodies.iter_mut().zip(&self.y_m) {

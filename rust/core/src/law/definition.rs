@@ -26,8 +26,10 @@ pub trait Definition {
         &[]
     }
 
-    /// Forget in the law's state `z` what came before the plant's state `x`: filters of the plant's motion start there.
-    fn restart(&self, _x: &[f64], _z: &mut [f64]) {}
+    /// Whether a part of the law's state starts from the plant's state, by [`Law::restart`].
+    fn restarts(&self) -> bool {
+        false
+    }
 
     /// How the law can be evaluated.
     fn route(&self) -> Route {

@@ -24,11 +24,21 @@ impl<S: Real> Engine<S> {
         Engine { law: LawSpec::build(|_| spec), trig, tau: zeros(n), dz: zeros(spec.initial_state().len()) }
     }
 
-    /// The plant's input under the desired motion, at the state of the plant and of the law.
-    fn input(&mut self, desired: &[S], x: &[S], z: &[S]) -> &[S] {
+    fn turn(&mut self, x: &[S]) {
         for (trig, q) in self.trig.iter_mut().zip(x) {
             *trig = q.sin_cos();
         }
+    }
+
+    /// Start the filters in the law's state at the state of the plant.
+    fn restart(&mut self, x: &[S], z: &mut [S]) {
+        self.turn(x);
+        self.law.restart(&self.trig, x, z);
+    }
+
+    /// The plant's input under the desired motion, at the state of the plant and of the law.
+    fn input(&mut self, desired: &[S], x: &[S], z: &[S]) -> &[S] {
+        self.turn(x);
         self.law.evaluate(desired, &self.trig, x, z, &mut self.tau, &mut self.dz);
         &self.tau
     }
@@ -44,8 +54,7 @@ impl<S: Real> Engine<S> {
 /// Buffers of one law, kept between calls: a call allocates nothing.
 pub struct LawEvaluator {
     direct: Engine<Float>,
-    /// The law, until its program is made or known not to be there.
-    waiting: Option<LawSpec>,
+    spec: LawSpec,
     calls: usize,
     program: Option<Evaluation>,
     motions: Vec<Motion>,
@@ -53,23 +62,20 @@ pub struct LawEvaluator {
     inputs: Vec<f64>,
     /// How many numbers each of the three has.
     widths: [usize; 3],
-    initial: Vec<f64>,
 }
 
 impl LawEvaluator {
     pub fn new(spec: &LawSpec) -> Self {
-        let (n, initial) = (spec.model().n(), spec.initial_state().to_vec());
         let desired = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
-        let widths = [desired, spec.plant().states(n), initial.len()];
+        let widths = [desired, spec.plant().states(spec.model().n()), spec.initial_state().len()];
         LawEvaluator {
             direct: Engine::new(spec),
-            waiting: Some(spec.clone()),
+            spec: spec.clone(),
             calls: 0,
             program: None,
             motions: spec.motions().into_iter().cloned().collect(),
             inputs: vec![0.0; widths.iter().sum()],
             widths,
-            initial,
         }
     }
 
@@ -80,7 +86,10 @@ impl LawEvaluator {
         sample_all(&self.motions, t, Float::of_mut(desired));
         let (x, law) = state.split_at_mut(self.widths[1]);
         x.iter_mut().zip(parts.iter().copied().flatten()).for_each(|(to, from)| *to = *from);
-        law.iter_mut().zip(z.unwrap_or(&self.initial)).for_each(|(to, from)| *to = *from);
+        law.copy_from_slice(z.unwrap_or(self.spec.initial_state()));
+        if z.is_none() {
+            self.direct.restart(Float::of(x), Float::of_mut(law));
+        }
         if let Some(program) = &mut self.program {
             program.inputs(0, self.inputs.len()).copy_from_slice(&self.inputs);
             program.run();
@@ -92,10 +101,8 @@ impl LawEvaluator {
         self.direct.law.at(t);
         Float::of_mut(tau).copy_from_slice(self.direct.input_of(Float::of(&self.inputs), self.widths));
         self.calls += 1;
-        if self.calls >= CALLS
-            && let Some(spec) = self.waiting.take()
-        {
-            self.program = recorded(&spec, self.widths);
+        if self.calls == CALLS {
+            self.program = recorded(&self.spec, self.widths);
         }
     }
 }
@@ -132,4 +139,17 @@ pub(super) fn recording(spec: &LawSpec, widths: [usize; 3]) -> Option<Recorded> 
             answer
         },
     )
+}
+
+/// The law's state at the start of a run as operations, from the plant's state of this width. `None` where it does not depend on it.
+pub(super) fn start_recording(spec: &LawSpec, states: usize) -> Option<Recorded> {
+    if !spec.restarts() {
+        return None;
+    }
+    let begin = |mut law: Engine<Sym>, x: &[Sym]| {
+        let mut z: Vec<Sym> = spec.initial_state().iter().map(|&z| Sym::splat(z)).collect();
+        law.restart(x, &mut z);
+        z
+    };
+    function::recorded(states, || Engine::<Sym>::new(spec), begin)
 }

@@ -62,7 +62,7 @@ pub use lyapunov::Lyapunov;
 pub use motor_regulation::{MotorPdSpec, MotorRegulation, MotorRegulationSpec, StateFeedbackSpec};
 pub use null_space::{NULL_SPACE_EPS, NullProjection, NullSpaceSpec};
 pub use pd_gravity::{PdGravity, PdGravitySpec};
-pub use pid::{Pid, PidSpec};
+pub use pid::{Pid, PidOptions, PidSpec};
 pub use printed::CTiming;
 pub use priority_acceleration::{PriorityAcceleration, PriorityAccelerationSpec};
 pub use priority_velocity::{PriorityVelocity, PriorityVelocitySpec, with_limits};
@@ -82,6 +82,9 @@ pub trait Law<S: Real> {
     /// `tau` `(n,)` and the rate `dz` `(p,)` of the law's state `z`, from the desired motions one after another, each
     /// `[x_d, x_d', x_d'']`, the (sin, cos) of the joints and the plant's state `x`.
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
+
+    /// Start the filters in the law's state `z` at the plant's state `x`, with the (sin, cos) of its joints.
+    fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
 
     /// The time of the samples that follow: for laws that are a function of time itself, asked at samples alone.
     fn at(&mut self, _t: f64) {}
@@ -205,6 +208,14 @@ impl LawSpec {
         let mut z = self.initial_state().to_vec();
         self.restart(x0, &mut z);
         z
+    }
+
+    /// Start the filters in the law's state `z` at the plant's state `x`.
+    pub fn restart(&self, x: &[f64], z: &mut [f64]) {
+        if self.restarts() {
+            let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
+            LawSpec::build::<f64>(|_| self).restart(&trig, x, z);
+        }
     }
 
     /// What the law's motions ask for at time `t`, as [`Law::evaluate`] reads it.

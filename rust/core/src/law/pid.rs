@@ -1,48 +1,112 @@
-//! PID control with gravity compensation (Arimoto and Miyazaki 1984): `u = Kp (q_d - q) - Kd v + w + g(q)`, `tau` = `u` within the limits,
+//! PID control with gravity compensation (Arimoto and Miyazaki 1984), and what goes with it on most arms:
 //!
-//! with the integral torque `w` as the law's state, `w' = Ki (q_d - q)`. While `u_i` exceeds the limit of joint `i`, `w_i` does not go further
-//! that way (conditional integration, Astrom and Hagglund 2006, section 3.5): a long saturation leaves no integral behind.
+//! ```text
+//! u   = g(q) + f(v_d) + M(q) a_d + Kp (q_d - q) + Kd (v_d - v_f) + w - d,   tau = u within the limits
+//! w'  = Ki (q_d - q)                                    integral torque
+//! v_f = v, or N (q - y) with y' = v_f                   filtered derivative N p/(p + N) of q
+//! f   = damping v_d + friction tanh(v_d / v_s)          feed-forward of friction
+//! d   = h (m v_f - s),   s' = tau - g - f + d           disturbance observer h/(p + h), nominal inertia m
+//! ```
+//!
+//! While `u_i` exceeds the limit of joint `i`, `w_i` does not go further that way (conditional integration, Astrom and Hagglund 2006,
+//! section 3.5). A long saturation leaves no integral behind. The observer sees `tau` within the limits, so it does not wind up either.
+//! It makes the joints those of `m a = tau - g - f` (Ohnishi, Shibata and Murakami 1996). So `m a_d` replaces `M a_d` there.
+//!
+//! The law's state is `w`, then `y` and `s` where they are used, `(n,)` each.
 
-use super::{Build, Definition, Instant, JointReference, Law, PdGravity, PdGravitySpec, Term, require_rows, require_size};
-use crate::dynamics::Model;
+use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_same_dof, require_size};
+use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
-use nalgebra::DVector;
+use crate::scalar::hyperbolic::tanh;
 
 /// PID with gravity compensation, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PidSpec {
-    /// The law without its integral and limits: the model, the target, `Kp` and `Kd`.
-    pub pd: PdGravitySpec,
-    /// Integral gain, N m/(rad s) or N/(m s).
-    pub ki: Gain,
-    /// The largest torques `(n,)`, N m or N; `None` without limits.
-    tau_max: Option<Vec<f64>>,
+    model: Model,
+    motion: Motion,
+    /// Position gain, N m/rad or N/m.
+    pub kp: Gain,
+    /// Integral gain, N m/(rad s) or N/(m s); `None` without the integral.
+    pub ki: Option<Gain>,
+    /// Velocity gain, N m s/rad or N s/m.
+    pub kd: Gain,
+    options: PidOptions,
     start: Vec<f64>,
 }
 
+/// What a PID law does beside its three gains; each part `(n,)`, positive, `None` where it is not wanted.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct PidOptions {
+    /// The largest torques, N m or N; infinity is no limit.
+    pub tau_max: Option<Vec<f64>>,
+    /// `N`, 1/s: the velocity is the filtered derivative of the position.
+    pub derivative_filter: Option<Vec<f64>>,
+    /// `v_s`, rad/s or m/s: the model's friction at the desired velocity is fed forward.
+    pub friction_speed: Option<Vec<f64>>,
+    /// `h` of the disturbance observer, 1/s.
+    pub observer_bandwidth: Option<Vec<f64>>,
+    /// `m` of the disturbance observer, kg m^2 or kg; the diagonal of `M` at the first desired position if `None`.
+    pub nominal_inertia: Option<Vec<f64>>,
+}
+
 impl PidSpec {
-    /// The law of this model for a target `(n,)`, with gains `Kp, Ki, Kd`, without limits of torque. It starts with no integral.
-    pub fn new(model: Model, target: impl Into<DVector<f64>>, [kp, ki, kd]: [Gain; 3]) -> Result<Self> {
-        let pd = PdGravitySpec::new(model, target, kp, kd)?;
-        let n = pd.model().n();
-        require_size("ki", &ki, n)?;
-        Ok(PidSpec { pd, ki, tau_max: None, start: vec![0.0; n] })
+    /// The law of this model for a desired motion, with gains `Kp`, `Ki` and `Kd`, without options. It starts with no integral.
+    pub fn new(model: Model, motion: Motion, kp: Gain, ki: Option<Gain>, kd: Gain) -> Result<Self> {
+        let n = model.n();
+        require_same_dof(n, &motion)?;
+        require_size("kp", &kp, n)?;
+        ki.as_ref().map_or(Ok(()), |ki| require_size("ki", ki, n))?;
+        require_size("kd", &kd, n)?;
+        Ok(PidSpec { model, motion, kp, ki, kd, options: PidOptions::default(), start: vec![0.0; n] })
     }
 
-    /// The law with its torques within `-tau_max` and `tau_max`, `(n,)`; infinity is no limit.
-    pub fn limited(self, tau_max: Vec<f64>) -> Result<Self> {
-        require_rows("tau_max", self.start.len(), tau_max.len())?;
-        match tau_max.iter().position(|&limit| !(limit > 0.0)) {
-            Some(i) => {
-                Err(Error::input("tau_max", format!("is not positive: expected numbers > 0, got {} (first bad index {i})", tau_max[i])))
-            }
-            None => Ok(PidSpec { tau_max: Some(tau_max), ..self }),
+    /// The law with these options in place of those that it has.
+    pub fn with(mut self, mut options: PidOptions) -> Result<Self> {
+        let n = self.model.n();
+        positive_rows("tau_max", options.tau_max.as_deref(), n, f64::INFINITY)?;
+        positive_rows("derivative_filter", options.derivative_filter.as_deref(), n, f64::MAX)?;
+        positive_rows("friction_speed", options.friction_speed.as_deref(), n, f64::MAX)?;
+        positive_rows("observer_bandwidth", options.observer_bandwidth.as_deref(), n, f64::MAX)?;
+        positive_rows("nominal_inertia", options.nominal_inertia.as_deref(), n, f64::MAX)?;
+        if options.observer_bandwidth.is_some() {
+            options.nominal_inertia.get_or_insert_with(|| first_inertia(&self.model, &self.motion));
+        } else if options.nominal_inertia.is_some() {
+            return Err(Error::input("nominal_inertia", "is not used: expected None without observer_bandwidth"));
         }
+        let states = 1 + usize::from(options.derivative_filter.is_some()) + usize::from(options.observer_bandwidth.is_some());
+        self.start = vec![0.0; states * n];
+        self.options = options;
+        Ok(self)
     }
+
+    /// Whether the desired motion moves.
+    fn moves(&self) -> bool {
+        !matches!(self.motion, Motion::Hold(_))
+    }
+}
+
+/// Numbers `(n,)` that are positive, and at most `most`.
+fn positive_rows(name: &'static str, numbers: Option<&[f64]>, n: usize, most: f64) -> Result<()> {
+    let Some(numbers) = numbers else { return Ok(()) };
+    require_rows(name, n, numbers.len())?;
+    match numbers.iter().position(|&x| !(x > 0.0 && x <= most)) {
+        Some(i) if numbers[i] > 0.0 => Err(Error::input(name, format!("is not finite: got {} (first bad index {i})", numbers[i]))),
+        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", numbers[i]))),
+        None => Ok(()),
+    }
+}
+
+/// The diagonal of `M` where the motion begins.
+fn first_inertia(model: &Model, motion: &Motion) -> Vec<f64> {
+    let n = model.n();
+    let (mut desired, mut m) = (vec![0.0; 3 * n], vec![0.0; n * n]);
+    motion.sample(0.0, &mut desired);
+    model.at(&desired[..n]).mass_matrix(&mut m);
+    (0..n).map(|i| m[i * n + i]).collect()
 }
 
 impl Definition for PidSpec {
@@ -53,29 +117,47 @@ impl Definition for PidSpec {
         PlantKind::Rigid
     }
     fn model(&self) -> &Model {
-        self.pd.model()
+        &self.model
     }
     fn motions(&self) -> Vec<&Motion> {
-        self.pd.motions()
+        vec![&self.motion]
     }
     fn initial_state(&self) -> &[f64] {
         &self.start
     }
-    fn joint_reference(&self) -> Option<JointReference> {
-        self.pd.joint_reference()
+
+    fn restarts(&self) -> bool {
+        self.start.len() > self.model.n()
     }
 
-    /// The terms of PD control, the integral torque and its rate, the torque before its limits and within them.
+    fn joint_reference(&self) -> Option<JointReference> {
+        Some(if self.moves() { JointReference::Motion } else { JointReference::held(&self.motion) })
+    }
+
+    /// The desired motion, the error, gravity, the integral torque and its rate, what options add, the torque before its limits and within.
     fn terms(&self, at: &Instant) -> Vec<Term> {
-        let n = self.start.len();
+        let n = self.model.n();
         let mut law = Self::build::<f64>(|_| self);
-        let (mut tau, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        let (mut tau, mut rate) = (vec![0.0; n], vec![0.0; at.z.len()]);
         law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut rate);
-        let mut terms = self.pd.terms(at);
-        terms.retain(|(name, ..)| *name != "tau");
-        let vectors = [("integral", at.z.to_vec()), ("integral_rate", rate), ("u", law.free), ("tau", tau)];
-        terms.extend(vectors.map(|(name, values)| (name, vec![n], values)));
-        terms
+        let mut g = vec![0.0; n];
+        self.model.at(&at.x[..n]).gravity(&mut g);
+        let mut terms = vec![("q_d", at.desired[..n].to_vec()), ("e", law.e), ("g", g)];
+        if self.moves() {
+            terms.insert(1, ("v_d", at.desired[n..2 * n].to_vec()));
+        }
+        if law.filter.is_some() {
+            terms.push(("v_f", law.speed));
+        }
+        if law.friction.is_some() {
+            terms.push(("friction", law.drag));
+        }
+        if law.observer.is_some() {
+            terms.push(("disturbance", law.disturbance));
+        }
+        rate.truncate(n);
+        terms.extend([("integral", at.z[..n].to_vec()), ("integral_rate", rate), ("u", law.free), ("tau", tau)]);
+        terms.into_iter().map(|(name, values)| (name, vec![n], values)).collect()
     }
 }
 
@@ -83,50 +165,157 @@ impl Build for PidSpec {
     type Lanes<S: Real> = Pid<S>;
 
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Pid<S> {
-        let n = of(0).start.len();
-        let limit = |k: usize| S::from_lanes(|i| of(i).tau_max.as_ref().map_or(f64::INFINITY, |limits| limits[k]));
+        let first = of(0);
+        let n = first.model.n();
+        let arm = AnyArm::from_lanes(|i| &of(i).model);
+        let rows = |name, of: &dyn Fn(usize, usize) -> f64| S::labelled(name, 1, || (0..n).map(|k| S::from_lanes(|i| of(i, k))).collect());
+        let option = |name, get: &dyn Fn(&PidOptions) -> Option<&Vec<f64>>| {
+            get(&first.options).map(|own| rows(name, &|i, k| get(&of(i).options).unwrap_or(own)[k]))
+        };
+        let drives = || -> Vec<[Vec<f64>; 2]> { (0..S::LANES).map(|i| of(i).model.friction(true)).collect() };
         Pid {
-            pd: PdGravitySpec::build(|i| &of(i).pd),
-            ki: AnyGain::labelled("ki", |i| &of(i).ki),
-            limits: of(0).tau_max.as_ref().map(|_| S::labelled("law_tau_max", 1, || (0..n).map(limit).collect())),
+            workspace: arm.workspace(),
+            arm,
+            kp: AnyGain::labelled("kp", |i| &of(i).kp),
+            ki: first.ki.as_ref().map(|own| AnyGain::labelled("ki", |i| of(i).ki.as_ref().unwrap_or(own))),
+            kd: AnyGain::labelled("kd", |i| &of(i).kd),
+            moves: first.moves(),
+            limits: option("law_tau_max", &|own| own.tau_max.as_ref()),
+            filter: option("derivative_filter", &|own| own.derivative_filter.as_ref()),
+            friction: option("friction_speed", &|own| own.friction_speed.as_ref()).map(|speed| {
+                let drives = drives();
+                [rows("damping", &|i, k| drives[i][0][k]), rows("friction", &|i, k| drives[i][1][k]), speed]
+            }),
+            observer: option("observer_bandwidth", &|own| own.observer_bandwidth.as_ref())
+                .zip(option("nominal_inertia", &|own| own.nominal_inertia.as_ref())),
             e: vec![S::zero(); n],
+            speed: vec![S::zero(); n],
+            drag: vec![S::zero(); n],
+            disturbance: vec![S::zero(); n],
+            nominal: vec![S::zero(); n],
+            work: vec![S::zero(); n],
             free: vec![S::zero(); n],
         }
     }
 
     fn same_shape(&self, other: &Self) -> bool {
-        self.tau_max.is_some() == other.tau_max.is_some()
+        let shape = |law: &Self| {
+            let PidOptions { tau_max, derivative_filter, friction_speed, observer_bandwidth, nominal_inertia: _ } = &law.options;
+            let parts = [tau_max, derivative_filter, friction_speed, observer_bandwidth].map(Option::is_some);
+            (law.moves(), law.ki.is_some(), parts)
+        };
+        shape(self) == shape(other)
     }
 }
 
 /// The law in a loop.
 pub struct Pid<S: Real> {
-    pd: PdGravity<S>,
-    ki: AnyGain<S>,
+    arm: AnyArm<S>,
+    workspace: Workspace<S>,
+    kp: AnyGain<S>,
+    ki: Option<AnyGain<S>>,
+    kd: AnyGain<S>,
+    /// Whether the desired motion moves.
+    moves: bool,
     limits: Option<Vec<S>>,
+    /// `N`.
+    filter: Option<Vec<S>>,
+    /// Damping, Coulomb friction and `v_s`.
+    friction: Option<[Vec<S>; 3]>,
+    /// `h` and `m`.
+    observer: Option<(Vec<S>, Vec<S>)>,
     /// `q_d - q`.
     e: Vec<S>,
+    /// `v_f`.
+    speed: Vec<S>,
+    /// `f(v_d)`.
+    drag: Vec<S>,
+    /// `d`.
+    disturbance: Vec<S>,
+    /// `g + f`: what the nominal joints take.
+    nominal: Vec<S>,
+    work: Vec<S>,
     /// `u`: the torque before its limits.
     free: Vec<S>,
 }
 
 impl<S: Real> Law<S> for Pid<S> {
-    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
-        self.pd.evaluate(desired, trig, x, &[], tau, &mut []);
-        for (i, e) in self.e.iter_mut().enumerate() {
-            *e = desired[i] - x[i];
+    /// The filter starts at the position, and the observer at the momentum, so that both begin at zero.
+    fn restart(&mut self, _: &[(S, S)], x: &[S], z: &mut [S]) {
+        let n = self.e.len();
+        if self.filter.is_some() {
+            z[n..2 * n].copy_from_slice(&x[..n]);
         }
-        self.ki.multiply(&self.e, dz);
+        if let Some((_, inertia)) = &self.observer {
+            let before = z.len() - n;
+            for (i, s) in z[before..].iter_mut().enumerate() {
+                *s = if self.filter.is_some() { S::zero() } else { inertia[i] * x[n + i] };
+            }
+        }
+    }
+
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        let n = tau.len();
+        let (q, v) = (&x[..n], &x[n..2 * n]);
+        let (v_d, a_d) = (&desired[n..2 * n], &desired[2 * n..3 * n]);
+        let (dw, behind) = dz.split_at_mut(n);
+        for i in 0..n {
+            self.e[i] = desired[i] - q[i];
+        }
+        match &self.filter {
+            Some(rate) => (0..n).for_each(|i| self.speed[i] = rate[i] * (q[i] - z[n + i])),
+            None => self.speed.copy_from_slice(v),
+        }
+
+        // What the model asks for.
+        if self.moves && self.observer.is_none() {
+            self.work.fill(S::zero());
+            self.arm.inverse_dynamics(&mut self.workspace, trig, q, &self.work, a_d, tau);
+        } else {
+            self.arm.gravity(&mut self.workspace, trig, q, tau);
+        }
+        if let Some([damping, friction, slow]) = &self.friction {
+            for i in 0..n {
+                self.drag[i] = damping[i].mul_add(v_d[i], friction[i] * tanh(v_d[i] / slow[i]));
+                tau[i] += self.drag[i];
+            }
+        }
+        self.nominal.copy_from_slice(tau);
+
+        self.kp.add_to(&self.e, tau);
+        for i in 0..n {
+            self.work[i] = if self.moves { v_d[i] - self.speed[i] } else { -self.speed[i] };
+        }
+        self.kd.add_to(&self.work, tau);
         for (tau, &w) in tau.iter_mut().zip(z) {
             *tau += w;
         }
+        if let Some((bandwidth, inertia)) = &self.observer {
+            let s = &z[z.len() - n..];
+            for i in 0..n {
+                self.disturbance[i] = bandwidth[i] * inertia[i].mul_add(self.speed[i], -s[i]);
+                let ahead = if self.moves { inertia[i] * a_d[i] } else { S::zero() };
+                tau[i] += ahead - self.disturbance[i];
+            }
+        }
         self.free.copy_from_slice(tau);
-        let Some(limits) = &self.limits else { return };
-        for (i, &limit) in limits.iter().enumerate() {
-            let (free, rate) = (tau[i], dz[i]);
-            let down = S::select(free.lt(-limit), rate.max(S::zero()), rate);
-            dz[i] = S::select(limit.lt(free), rate.min(S::zero()), down);
-            tau[i] = free.clamped(-limit, limit);
+
+        match &self.ki {
+            Some(ki) => ki.multiply(&self.e, dw),
+            None => dw.fill(S::zero()),
+        }
+        if let Some(limits) = &self.limits {
+            for (i, &limit) in limits.iter().enumerate() {
+                let (free, rate) = (tau[i], dw[i]);
+                let down = S::select(free.lt(-limit), rate.max(S::zero()), rate);
+                dw[i] = S::select(limit.lt(free), rate.min(S::zero()), down);
+                tau[i] = free.clamped(-limit, limit);
+            }
+        }
+        let (filtered, observed) = behind.split_at_mut(if self.filter.is_some() { n } else { 0 });
+        filtered.copy_from_slice(&self.speed[..filtered.len()]);
+        for (i, rate) in observed.iter_mut().enumerate() {
+            *rate = tau[i] - self.nominal[i] + self.disturbance[i];
         }
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)`, `k = z'` (rk4)
 
-use super::evaluator::recording;
+use super::evaluator::{recording, start_recording};
 use super::{LawSpec, Route};
 use crate::dynamics::given;
 use crate::error::{Error, Result, positive};
@@ -89,9 +89,10 @@ impl LawSpec {
         let calls = self.print_motions(&mut source)?;
         let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
         let (steps, room) = source.routine(&routine, "evaluate");
+        let starts = self.print_start(&mut source, &sizes);
         self.declare(&mut source, &sizes, timing);
         self.write_state(&mut source, &sizes, timing);
-        self.write_step(&mut source, &sizes, timing, (&calls, &steps, room));
+        self.write_step(&mut source, &sizes, timing, (&calls, &steps, room, starts));
         Ok(source.files(&self.about(timing)))
     }
 
@@ -107,6 +108,24 @@ impl LawSpec {
             }
         }
         Ok(calls)
+    }
+
+    /// A function that starts the law's own state at the first measurement; whether there is one.
+    fn print_start(&self, source: &mut CSource, sizes: &Sizes) -> bool {
+        let Some(recorded) = start_recording(self, sizes.states) else { return false };
+        let given = given(&recorded);
+        let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
+        let (steps, room) = source.routine(&routine, "begin");
+        let work = if room > 0 { format!(", w[{room}]") } else { String::new() };
+        let prefix = source.prefix().to_string();
+        source.write(&format!(
+            "/* The law's own state where the first measurement is x. */
+static void {prefix}_start(const double x[{}], double state[{p}])\n{{\n    \
+double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(state, y, sizeof y);\n}}\n\n",
+            sizes.states,
+            p = sizes.p
+        ));
+        true
     }
 
     fn parameters(&self, n: usize) -> String {
@@ -240,7 +259,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
     }
 
     /// `step`.
-    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming, (motions, steps, room): (&str, &str, usize)) {
+    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming, (motions, steps, room, starts): (&str, &str, usize, bool)) {
         let Sizes { n, p, moving, states, guarded } = *sizes;
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let parts = self.plant().parts();
@@ -256,9 +275,11 @@ static void {prefix}_advance({prefix}_state *state, double t)
             String::new()
         } else {
             let argument = if timing.dt.is_some() { "t" } else { "t - state->t" };
+            let begin =
+                if starts { format!("    else\n        {prefix}_start(x + {moving}, state->state);\n") } else { String::new() };
             format!(
                 "    if (state->started && t < state->t) {{\n        memcpy(tau, state->tau, sizeof state->tau);\n        return {upper}_TIME;\n    }}\n    \
-if (state->started)\n        {prefix}_advance(state, {argument});\n    state->t = t;\n    state->started = 1;\n    \
+if (state->started)\n        {prefix}_advance(state, {argument});\n{begin}    state->t = t;\n    state->started = 1;\n    \
 memcpy(x + {}, state->state, sizeof state->state);\n",
                 moving + states
             )

@@ -6,7 +6,7 @@ use armlet_core::integrate::{Differentiable, System};
 use armlet_core::kinematics::Coordinates;
 use armlet_core::law::{
     Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointColumn, JointColumns,
-    JointImpedanceSpec, LawSpec, LeakageForm, MotorPdSpec, PdGravitySpec, PidSpec, Projection, ReductionSpec, StateFeedbackSpec,
+    JointImpedanceSpec, LawSpec, LeakageForm, MotorPdSpec, PdGravitySpec, PidOptions, PidSpec, Projection, ReductionSpec, StateFeedbackSpec,
 };
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, Wall};
@@ -109,10 +109,30 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("PDGravity", rigid(), LawSpec::PdGravity(pd.clone())));
     let limit = Some(vec![3.0, 500.0, 500.0, 500.0, 1e-3, 500.0]);
     all.push(Case { tau_max: limit, ..case("PDGravity, saturated", rigid(), LawSpec::PdGravity(pd.clone())) });
-    let pid = PidSpec::new(model.clone(), q_d.clone(), [full(N, 100.0), full(N, 30.0), gain(N, 20.0)]).unwrap();
-    all.push(case("PID", rigid(), LawSpec::from(pid.clone())));
-    let pid = pid.limited(vec![3.0, 500.0, 500.0, 500.0, 1e-3, f64::INFINITY]).unwrap();
-    all.push(case("PID, saturated", rigid(), LawSpec::from(pid)));
+    let gains = || (full(N, 100.0), Some(full(N, 30.0)), gain(N, 20.0));
+    let pid = |motion: Motion, ki: bool, options: PidOptions| {
+        let (kp, integral, kd) = gains();
+        PidSpec::new(model.clone(), motion, kp, integral.filter(|_| ki), kd).unwrap().with(options).unwrap()
+    };
+    let limit = Some(vec![3.0, 500.0, 500.0, 500.0, 1e-3, f64::INFINITY]);
+    let held = || Motion::hold(q_d.clone()).unwrap();
+    let observer = || PidOptions { observer_bandwidth: Some(vec![40.0; N]), ..PidOptions::default() };
+    let all_of_it = || PidOptions {
+        tau_max: limit.clone(),
+        derivative_filter: Some(vec![150.0; N]),
+        friction_speed: Some(vec![0.2; N]),
+        ..observer()
+    };
+    for (name, law) in [
+        ("PID", pid(held(), true, PidOptions::default())),
+        ("PID, saturated", pid(held(), true, PidOptions { tau_max: limit.clone(), ..PidOptions::default() })),
+        ("PID, filtered", pid(held(), true, PidOptions { derivative_filter: Some(vec![150.0; N]), ..PidOptions::default() })),
+        ("PID, moving", pid(moving(q_d.clone()), true, PidOptions::default())),
+        ("PD with an observer", pid(moving(q_d.clone()), false, observer())),
+        ("PID, all options", pid(moving(q_d.clone()), true, all_of_it())),
+    ] {
+        all.push(case(name, rigid(), LawSpec::from(law)));
+    }
     let computed = ComputedTorqueSpec::new(model.clone(), moving(q_d.clone()), full(N, 100.0), gain(N, 20.0)).unwrap();
     all.push(case("ComputedTorque", rigid(), LawSpec::ComputedTorque(computed.clone())));
 

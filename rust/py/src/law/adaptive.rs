@@ -1,7 +1,7 @@
 //! Adaptive tracking.
 
 use super::{Arguments, Law};
-use crate::arrays::{Axis, Form, Looked, SCALAR, WHATEVER, flag, name, numbers, owned, shown, spread, text};
+use crate::arrays::{Looked, WHATEVER, flag, name, numbers, owned, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::positive;
 use armlet_core::law::{Adaptation, AdaptiveSpec, Base, JointColumn, JointColumns, LawSpec, LeakageForm, Projection};
@@ -100,7 +100,7 @@ fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'p
 }
 
 /// `v_s` where nothing is said, rad/s or m/s.
-const FRICTION_SPEED: f64 = 0.1;
+pub(super) const FRICTION_SPEED: f64 = 0.1;
 
 /// Kinds of friction by their names.
 fn kinds_of(friction: &Bound<'_, PyAny>) -> Result<Vec<JointColumn>, Failure> {
@@ -159,14 +159,7 @@ fn columns_of<'py>(
     if given.flag("armature", armature)? {
         kinds.push(JointColumn::Armature);
     }
-    let speeds = match present(speed) {
-        None => vec![FRICTION_SPEED; n],
-        Some(speed) => {
-            let (shape, values) = numbers("Adaptive", "friction_speed", speed, &[SCALAR, Form(&[Axis::Is(n)])])?;
-            given.keep("friction_speed", speed)?;
-            spread(&shape, values, n)?
-        }
-    };
+    let speeds = given.rows("friction_speed", speed, n)?.unwrap_or_else(|| vec![FRICTION_SPEED; n]);
     let columns = JointColumns::new(n, &kinds, speeds)?;
     Ok(if kinds.is_empty() { JointColumns::default() } else { columns })
 }

@@ -95,12 +95,9 @@ fn null_space(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Res
 
 /// The target of an impedance law: a motion of its rows, the rows themselves, or a pose `(4, 4)`, of which the rows are kept.
 pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>, axes: &str) -> Result<Motion, Failure> {
-    if value.cast::<PyMotion>().is_ok() {
-        return given.motion("target", value);
-    }
     let rows = parse_axes(axes)?;
     let Ok((shape, pose)) = numbers(given.function(), "target", value, &[Form(&[Axis::Is(4), Axis::Is(4)])]) else {
-        return Ok(Motion::Hold(given.vector("target", value, rows.len())?));
+        return given.motion_or_hold("target", value, rows.len());
     };
     require_finite(value.py(), given.function(), "target", &shape, &pose)?;
     let values = rows_of_pose(&pose, &rows)?;

@@ -1,9 +1,9 @@
 //! Laws of rigid arms.
 
+use super::adaptive::FRICTION_SPEED;
 use super::{Arguments, Law};
-use crate::arrays::{Axis, Form, SCALAR, numbers, spread};
-use crate::errors::entry;
-use armlet_core::law::{ComputedTorqueSpec, PdGravitySpec, PidSpec};
+use crate::errors::{entry, input_error};
+use armlet_core::law::{ComputedTorqueSpec, PdGravitySpec, PidOptions, PidSpec};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
@@ -89,23 +89,35 @@ impl PDGravity {
     }
 }
 
-/// PID control with gravity compensation: `u = Kp (q_d - q) - Kd v + w + g(q)`, `w' = Ki (q_d - q)`, `tau` = `u` within `tau_max`.
+/// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w`, `w' = Ki (q_d - q)`, `tau` = `u` within `tau_max`.
 ///
-/// The integral torque `w` `(n,)`, N m or N, is the law's state: `run.estimate` records it, and it starts at zero. It leaves no error under
-/// a load that the model does not know. While `u_i` is beyond the limit of joint `i`, `w_i` does not go further that way.
+/// The integral torque `w` `(n,)`, N m or N, is the law's state: `run.estimate[:, :n]` records it, and it starts at zero. It leaves no error
+/// under a load that the model does not know. While `u_i` is beyond the limit of joint `i`, `w_i` does not go further that way.
+/// A target that moves adds `M(q) a_d`.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
-///     target: `q_d`, `(n,)`, rad or m.
+///     target: `q_d`, `(n,)`, rad or m, or a motion of the joints.
 ///     kp, ki, kd: positive definite gains, N m/rad, N m/(rad s) and N m s/rad: scalar, `(n,)` or `(n, n)`. The loop of a joint of inertia
-///         `m` is stable where `ki < kp kd / m`.
+///         `m` is stable where `ki < kp kd / m`. `ki=None`: no integral.
 ///     tau_max: the largest torque that the law asks for, N m or N, scalar or `(n,)`; no limit if None.
+///     derivative_filter: `N`, 1/s, scalar or `(n,)`: the law takes the filtered derivative of `q`, `v_f = N (q - y)` with `y' = v_f`, for `v`.
+///         None: the measured velocity (keyword only).
+///     friction: add the friction of the model at the desired velocity, `damping v_d + friction tanh(v_d / v_s)` (keyword only).
+///     friction_speed: `v_s`, rad/s or m/s, > 0, scalar or `(n,)`; 0.1 if None (keyword only).
+///     observer_bandwidth: `h`, 1/s, scalar or `(n,)`: a disturbance observer finds `d = h/(p + h) (m a - (tau - g - f))` and takes it off `u`.
+///         `m a_d` then replaces `M a_d`. None: no observer (keyword only).
+///     nominal_inertia: `m`, kg m^2 or kg, > 0, scalar or `(n,)`; the diagonal of `M` at the first desired position if None (keyword only).
+///
+/// The states of the filter, `y`, and of the observer, `s` with `d = h (m v - s)`, follow `w` in `run.estimate`, in this order.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite, a limit is not positive.
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite, or an option is not positive. Also for
+///         `friction_speed` without `friction`, and `nominal_inertia` without `observer_bandwidth`.
 ///
-/// Source: Arimoto and Miyazaki, Stability and robustness of PID feedback control for robot manipulators, 1984; conditional integration:
-/// Astrom and Hagglund, Advanced PID Control, section 3.5.
+/// Source: Arimoto and Miyazaki, Stability and robustness of PID feedback control for robot manipulators, 1984; filter and conditional
+/// integration: Astrom and Hagglund, Advanced PID Control, 2006; observer: Ohnishi, Shibata and Murakami, Motion control for advanced
+/// mechatronics, 1996.
 ///
 /// >>> import armlet as al
 /// >>> law = al.PID(al.pendulum(1.0, 5.0), [1.0], kp=10.0, ki=5.0, kd=4.0, tau_max=9.0)
@@ -121,7 +133,12 @@ pub struct PID;
 #[pymethods]
 impl PID {
     #[new]
-    #[pyo3(signature = (arm, target, kp, ki, kd, tau_max=None))]
+    #[pyo3(
+        signature = (arm, target, kp, ki, kd, tau_max=None, *, derivative_filter=None, friction=None, friction_speed=None,
+            observer_bandwidth=None, nominal_inertia=None),
+        text_signature = "(arm, target, kp, ki, kd, tau_max=None, *, derivative_filter=None, friction=False, friction_speed=None, \
+            observer_bandwidth=None, nominal_inertia=None)"
+    )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
         target: &Bound<'py, PyAny>,
@@ -129,19 +146,36 @@ impl PID {
         ki: &Bound<'py, PyAny>,
         kd: &Bound<'py, PyAny>,
         tau_max: Option<&Bound<'py, PyAny>>,
+        derivative_filter: Option<&Bound<'py, PyAny>>,
+        friction: Option<&Bound<'py, PyAny>>,
+        friction_speed: Option<&Bound<'py, PyAny>>,
+        observer_bandwidth: Option<&Bound<'py, PyAny>>,
+        nominal_inertia: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "PID", || {
             let mut given = Arguments::new("PID", arm)?;
             let model = given.model();
             let n = model.n();
-            let target = given.vector("target", target, n)?;
-            let gains = [given.gain("kp", kp, n)?, given.gain("ki", ki, n)?, given.gain("kd", kd, n)?];
-            let mut spec = PidSpec::new(model, target, gains)?;
-            if let Some(limits) = tau_max.filter(|limits| !limits.is_none()) {
-                let (shape, values) = numbers("PID", "tau_max", limits, &[SCALAR, Form(&[Axis::Is(n)])])?;
-                spec = spec.limited(spread(&shape, values, n)?)?;
-                given.keep("tau_max", limits)?;
+            let motion = given.motion_or_hold("target", target, n)?;
+            let kp = given.gain("kp", kp, n)?;
+            let integral = if ki.is_none() { None } else { Some(given.gain("ki", ki, n)?) };
+            if integral.is_none() {
+                given.plain("ki", ki);
             }
+            let kd = given.gain("kd", kd, n)?;
+            let friction = given.flag("friction", friction)?;
+            let speed = given.rows("friction_speed", friction_speed, n)?;
+            if speed.is_some() && !friction {
+                return Err(input_error(arm.py(), "PID", "friction_speed", "is not used: expected None without friction").into());
+            }
+            let options = PidOptions {
+                tau_max: given.rows("tau_max", tau_max, n)?,
+                derivative_filter: given.rows("derivative_filter", derivative_filter, n)?,
+                friction_speed: friction.then(|| speed.unwrap_or_else(|| vec![FRICTION_SPEED; n])),
+                observer_bandwidth: given.rows("observer_bandwidth", observer_bandwidth, n)?,
+                nominal_inertia: given.rows("nominal_inertia", nominal_inertia, n)?,
+            };
+            let spec = PidSpec::new(model, motion, kp, integral, kd)?.with(options)?;
             Ok(given.law(spec).add_subclass(PID))
         })
     }

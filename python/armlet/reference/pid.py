@@ -1,0 +1,78 @@
+"""PID with gravity compensation and its options, typed from the equations; M and g from Lagrange's equations.
+
+u  = g + f + ahead + Kp e + Kd (v_d - v_f) + w - d,  tau = u within the limits             (Arimoto and Miyazaki 1984)
+w' = Ki e, but 0 where u is beyond a limit and w' goes the same way
+y' = v_f = N (q - y);   f = damping v_d + friction tanh(v_d / v_s)
+s' = tau - g - f + d;   d = h (m v_f - s)
+ahead = M a_d, or m a_d with an observer
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .lagrange import Array, Mechanism
+from .law import Law, Terms, gain
+from .motion import Hold, Motion
+
+
+class PID(Law):
+    """The law for a target (n,) or a motion. Its state is w, then y, then s, (n,) each where they are used."""
+
+    def __init__(
+        self,
+        arm: Mechanism,
+        target: ArrayLike | Motion,
+        kp: ArrayLike,
+        ki: ArrayLike | None,
+        kd: ArrayLike,
+        tau_max: ArrayLike | None = None,
+        *,
+        derivative_filter: ArrayLike | None = None,
+        friction: bool = False,
+        friction_speed: ArrayLike = 0.1,
+        observer_bandwidth: ArrayLike | None = None,
+        nominal_inertia: ArrayLike | None = None,
+    ) -> None:
+        n = arm.n
+        self.arm, self.motion = arm, target if callable(target) else Hold(target)
+        self.breaks = getattr(self.motion, "breaks", ())
+        self.kp, self.ki, self.kd = gain(kp, n), np.zeros((n, n)) if ki is None else gain(ki, n), gain(kd, n)
+        self.limit = np.broadcast_to(np.inf if tau_max is None else np.asarray(tau_max, dtype=np.float64), (n,))
+        self.friction, self.v_s = friction, friction_speed
+        self.rate, self.bandwidth = derivative_filter, observer_bandwidth
+        self.inertia = np.diag(arm.mass_matrix(self.motion(0.0)[0])) if nominal_inertia is None else np.asarray(nominal_inertia)
+        self.state0 = np.zeros(n * (1 + (self.rate is not None) + (self.bandwidth is not None)))
+
+    def start(self, q: Array, v: Array) -> Array:
+        state = self.state0.copy()
+        n = self.arm.n
+        if self.rate is not None:
+            state[n : 2 * n] = q
+        elif self.bandwidth is not None:
+            state[n:] = self.inertia * v
+        return state
+
+    def terms(
+        self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
+    ) -> Terms:
+        parts = np.split(self.start(q, v) if state is None else state, self.state0.size // self.arm.n)
+        w = parts.pop(0)
+        q_d, v_d, a_d = self.motion(t)
+        e = q_d - q
+        v_f = v if self.rate is None else self.rate * (q - parts[0])
+        nominal = self.arm.gravity(q)
+        if self.friction:
+            nominal = nominal + np.asarray(self.arm.damping) * v_d + np.asarray(self.arm.friction) * np.tanh(v_d / self.v_s)
+        ahead, d = self.arm.mass_matrix(q) @ a_d, np.zeros_like(q)
+        if self.bandwidth is not None:
+            ahead, d = self.inertia * a_d, self.bandwidth * (self.inertia * v_f - parts[-1])
+        u = nominal + ahead + self.kp @ e + self.kd @ (v_d - v_f) + w - d
+        tau = np.clip(u, -self.limit, self.limit)
+        rate = self.ki @ e
+        winds_up = (np.abs(u) > self.limit) & (np.sign(u) == np.sign(rate))
+        rates = [np.where(winds_up, 0.0, rate)]
+        if self.rate is not None:
+            rates.append(v_f)
+        if self.bandwidth is not None:
+            rates.append(tau - nominal + d)
+        return {"tau": tau, "state_rate": np.concatenate(rates), "e": e, "u": u, "integral": w, "disturbance": d, "v_f": v_f}
