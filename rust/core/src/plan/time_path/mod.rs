@@ -10,6 +10,7 @@
 //! 7. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
 
 mod along;
+mod caps;
 mod check;
 mod examine;
 mod friction;
@@ -156,7 +157,8 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
         return Outcome::Stuck(stuck);
     }
     for _ in 0..BENDS {
-        set_slopes(&mut problem.rows, profile);
+        let caps = problem.cap_slopes(profile);
+        set_slopes(&mut problem.rows, profile, &caps);
         if solve(&problem.rows, profile).is_err() {
             problem.rows.u_slope.fill(0.0);
             profile.forget();

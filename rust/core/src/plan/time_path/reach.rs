@@ -174,13 +174,13 @@ fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     [upper.min(most.value), lower.max(least.value)]
 }
 
-struct Bends<'a>(&'a mut LimitRows, &'a mut Profile);
+struct Bends<'a>(&'a mut LimitRows, &'a mut Profile, &'a [f64]);
 
 impl GenericKernel for Bends<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Real>(self) {
-        let Bends(rows, profile) = self;
+        let Bends(rows, profile, caps) = self;
         let mut before = alone::<S>(rows, 0, profile.x[0]);
         for i in 0..rows.u_slope.len() {
             let after = alone::<S>(rows, i + 1, profile.x[i + 1]);
@@ -201,6 +201,12 @@ impl GenericKernel for Bends<'_> {
                     u_slope = rise / h;
                 }
             }
+            // On a bound of the speed u may turn as that does, inside the limits at both ends.
+            let half = 0.5 * h * caps[i];
+            let inside = |at: f64, [most, least]: [f64; 2]| least <= at && at <= most;
+            if inside(u - half, before) && inside(u + half, after) && x0.min(x1) + h * u.abs() >= 4.0 * h * half.abs() {
+                u_slope = caps[i];
+            }
             if rows.u_slope[i] != u_slope {
                 rows.u_slope[i] = u_slope;
                 profile.touch(i);
@@ -210,9 +216,9 @@ impl GenericKernel for Bends<'_> {
     }
 }
 
-/// Give `u` the slope of the limit that it follows, where it follows one.
-pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile) {
-    run_lanes(Bends(rows, profile));
+/// Give `u` the slope of the limit that it follows, where it follows one; `caps` are the slopes along speed limits (`caps`).
+pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f64]) {
+    run_lanes(Bends(rows, profile, caps));
 }
 
 /// What a segment may lose, as a share of the duration, for a path acceleration that jumps at one of its ends: there a limit takes

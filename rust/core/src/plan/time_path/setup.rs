@@ -4,7 +4,7 @@ use super::along::Along;
 use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
 use super::given::{Checked, PathLimits, TimePathOptions, checked};
 use super::grid::{grid, spans};
-use super::lines::{BLOCK, FASTEST, LimitRows};
+use super::lines::{BLOCK, LimitRows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
 use super::tip::TipLimits;
@@ -27,7 +27,7 @@ pub(super) struct PathProblem<'a> {
     pub limits: Limits,
     /// Whether there are rows of torque, and of acceleration.
     pub kinds: [bool; 2],
-    stencils: (Stencil<4>, Stencil<WINDOW>),
+    pub stencils: (Stencil<4>, Stencil<WINDOW>),
     /// The segments of each piece.
     pub spans: Vec<(usize, usize)>,
     /// `n` in whole blocks.
@@ -36,7 +36,7 @@ pub(super) struct PathProblem<'a> {
     pub along: Along,
     pub tip: Option<TipLimits>,
     /// The first rows of speeds and of the frame's norms in `limits`.
-    speeds: Option<usize>,
+    pub speeds: Option<usize>,
     pub norms: Option<usize>,
     pub pieces: Vec<usize>,
     /// `(N + 1, stride)`: `q'`, and the slope of the frame's origin.
@@ -45,9 +45,9 @@ pub(super) struct PathProblem<'a> {
     pub bare: Vec<f64>,
     /// `(N + 1,)`: relative narrowing of the caps.
     pub cap_tight: Vec<f64>,
-    /// `(N + 1,)`: the bounds of `x` from the speed limits as they are.
-    widest: Vec<f64>,
-    stops: Vec<f64>,
+    /// `(N + 1,)`: the bounds of `x` from the speed limits as they are, and the rows of `limits` that give them.
+    pub widest: Vec<(usize, f64)>,
+    pub stops: Vec<f64>,
 }
 
 impl<'a> PathProblem<'a> {
@@ -172,7 +172,7 @@ impl<'a> PathProblem<'a> {
                 }
             }
         }
-        self.widest = (0..points).map(|i| self.fastest(i).1.powi(2).min(FASTEST)).collect();
+        self.set_widest();
         self.set_middles();
         self.set_caps();
     }
@@ -244,48 +244,6 @@ impl<'a> PathProblem<'a> {
             norms: self.norms,
             limits: &self.limits,
             stencil: &self.stencils.1,
-        }
-    }
-
-    /// The row of `limits` that limits the path speed at point `i` by a speed, and the path speed then.
-    pub fn fastest(&self, i: usize) -> (usize, f64) {
-        let mut most = (self.speeds.unwrap_or(0), f64::INFINITY);
-        for j in 0..self.n {
-            let slope = self.slopes[i * self.stride + j].abs();
-            let limit = self.hi[2 * self.n + j] * self.along_at(2, i, j);
-            if slope > 0.0 && limit / slope < most.1 {
-                most = (self.speeds.unwrap_or(0) + j, limit / slope);
-            }
-        }
-        if let (Some(row), Some(speed)) = (self.norms, self.tip.as_ref().and_then(|tip| tip.speed)) {
-            let slope = self.slopes[i * self.stride + self.n];
-            if slope > 0.0 && speed / slope < most.1 {
-                most = (row + 1, speed / slope);
-            }
-        }
-        most
-    }
-
-    /// The bounds of `x` at the grid points, from the speed limits and the stops; those of the ends give way to the end speeds up
-    /// to rounding.
-    pub fn set_caps(&mut self) {
-        let points = self.rows.s.len();
-        self.rows.cap.resize(points, FASTEST);
-        for i in 0..points {
-            let cap = self.widest[i];
-            let mut narrow = cap / (1.0 + self.cap_tight[i]);
-            for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
-                // 4e-10 of the speed is 8e-10 of its square.
-                if i == at && x <= cap * (1.0 + 8e-10) {
-                    narrow = narrow.max(x);
-                }
-            }
-            self.rows.cap[i] = narrow;
-        }
-        for stop in &self.stops {
-            if let Ok(i) = self.rows.s.binary_search_by(|s| s.total_cmp(stop)) {
-                self.rows.cap[i] = 0.0;
-            }
         }
     }
 

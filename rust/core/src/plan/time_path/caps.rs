@@ -1,0 +1,101 @@
+//! Speed limits as bounds of the squared path speed, and the path acceleration that follows such a bound.
+//!
+//! ```text
+//! x <= C(s) = (V / q')^2,   and for a frame's origin (V / |p'|)^2
+//! u_i + b (s - s_i - h/2) on a segment from C_i to C_(i+1):   x = C_m half way   if   b = 2 (C_i - 2 C_m + C_(i+1)) / h^2
+//! ```
+//!
+//! With that slope `b` the motion stays on the limit between grid points, up to a term that goes with `h^3`. With a constant `u` it would meet the
+//! limit at grid points alone, and `u` would jump at each of them.
+
+use super::lines::FASTEST;
+use super::reach::Profile;
+use super::setup::PathProblem;
+
+/// How near to its bound `x` follows it, relative.
+const ON: f64 = 1e-12;
+
+impl PathProblem<'_> {
+    /// The row of `limits` that limits the path speed at point `i` by a speed, and the path speed then.
+    pub fn fastest(&self, i: usize) -> (usize, f64) {
+        let mut most = (self.speeds.unwrap_or(0), f64::INFINITY);
+        for j in 0..self.n {
+            let slope = self.slopes[i * self.stride + j].abs();
+            let limit = self.hi[2 * self.n + j] * self.along_at(2, i, j);
+            if slope > 0.0 && limit / slope < most.1 {
+                most = (self.speeds.unwrap_or(0) + j, limit / slope);
+            }
+        }
+        if let (Some(row), Some(speed)) = (self.norms, self.tip.as_ref().and_then(|tip| tip.speed)) {
+            let slope = self.slopes[i * self.stride + self.n];
+            if slope > 0.0 && speed / slope < most.1 {
+                most = (row + 1, speed / slope);
+            }
+        }
+        most
+    }
+
+    /// The bounds of `x` from the speed limits.
+    pub fn set_widest(&mut self) {
+        let bound = |i: usize| {
+            let (row, speed) = self.fastest(i);
+            (row, speed.powi(2).min(FASTEST))
+        };
+        self.widest = (0..self.rows.s.len()).map(bound).collect();
+    }
+
+    /// The bounds of `x` at the grid points, from the speed limits and the stops; those of the ends give way to the end speeds up
+    /// to rounding.
+    pub fn set_caps(&mut self) {
+        let points = self.rows.s.len();
+        self.rows.cap.resize(points, FASTEST);
+        for i in 0..points {
+            let cap = self.widest[i].1;
+            let mut narrow = cap / (1.0 + self.cap_tight[i]);
+            for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
+                // 4e-10 of the speed is 8e-10 of its square.
+                if i == at && x <= cap * (1.0 + 8e-10) {
+                    narrow = narrow.max(x);
+                }
+            }
+            self.rows.cap[i] = narrow;
+        }
+        for stop in &self.stops {
+            if let Ok(i) = self.rows.s.binary_search_by(|s| s.total_cmp(stop)) {
+                self.rows.cap[i] = 0.0;
+            }
+        }
+    }
+
+    /// `(N,)`: the slope of `u` on segments that follow the bound of one speed limit from end to end; NaN on others.
+    pub fn cap_slopes(&self, profile: &Profile) -> Vec<f64> {
+        let on = |i: usize| profile.x[i] >= self.widest[i].1 * (1.0 - ON);
+        let mut slopes = vec![f64::NAN; self.pieces.len()];
+        for &(first, last) in &self.spans {
+            for i in first..last {
+                let (row, from) = self.widest[i];
+                let (other, to) = self.widest[i + 1];
+                if row == other && from.max(to) < FASTEST && on(i) && on(i + 1) {
+                    let h = self.rows.s[i + 1] - self.rows.s[i];
+                    slopes[i] = 2.0 * ((from + to) - 2.0 * self.between(row, i, first, last)) / (h * h);
+                }
+            }
+        }
+        slopes
+    }
+
+    /// The bound of `x` by the speed of this row half way between points `i` and `i + 1`; NaN where a piece has too few points.
+    fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
+        let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };
+        let (joint, limit) = match self.norms {
+            Some(norms) if row == norms + 1 => (self.n, self.limits.hi[row]),
+            _ => {
+                let joint = row - self.speeds.unwrap_or(0);
+                let middle = 0.5 * (self.rows.s[i] + self.rows.s[i + 1]);
+                (joint, self.limits.hi[row] * self.along.limit(&self.path, 2, joint, self.pieces[i], middle))
+            }
+        };
+        let slope: f64 = (0..4).map(|k| weights[k] * self.slopes[(start + k) * self.stride + joint]).sum();
+        (limit / slope).powi(2)
+    }
+}

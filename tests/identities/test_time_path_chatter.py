@@ -1,0 +1,112 @@
+"""A timing follows its active limit: between two switches the torque is continuous.
+
+    jump of u at a grid point, both of whose neighbouring segments follow the same limit:  O(h^3) on a speed limit, O(h^2) on others
+
+The active limit is the one that is nearest in the middle of a segment. The torques are those of the reference.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armlet as al
+from armlet import reference as ref
+
+LINKS = [0.5, 0.4]
+ARM, CHECKER = al.planar_arm(LINKS), ref.planar_arm(LINKS)
+Q = np.array([[0.0, 0.0], [0.5, 0.8], [1.2, 0.3]])
+TAU = np.array([20.0, 8.0])
+# How near to its limit the active one is in the middle of a segment; the settled grid leaves some 1e-5.
+ACTIVE = 1e-3
+PROMISE = 1e-9
+
+
+def used(p: al.TimedPath, t: np.ndarray, limits: dict[str, Any]) -> np.ndarray:
+    """The shares of all limits at the times t, (T, limits)."""
+    q, v, a = p(t)
+    parts = [np.abs(CHECKER.inverse_dynamics(q, v, a)) / limits["tau_max"]] if "tau_max" in limits else []
+    if "v_max" in limits:
+        parts.append(np.abs(v) / limits["v_max"])
+    if "a_max" in limits:
+        parts.append(np.abs(a) / limits["a_max"])
+    if "frame" in limits:
+        jacobian, change = CHECKER.jacobian(q, limits["frame"])[:, :3], CHECKER.jacobian_dot(q, v, limits["frame"])[:, :3]
+        velocity = np.einsum("kij,kj->ki", jacobian, v)
+        acceleration = np.einsum("kij,kj->ki", jacobian, a) + np.einsum("kij,kj->ki", change, v)
+        for name, rows in (("tip_speed", velocity), ("tip_acceleration", acceleration)):
+            if name in limits:
+                parts.append(np.linalg.norm(rows, axis=1, keepdims=True) / limits[name])
+    return np.concatenate(parts, axis=1)
+
+
+def jumps(p: al.TimedPath, limits: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Jumps of the torques (K, n) at the grid points whose four nearest segments follow one limit, and which limit it is (K,)."""
+    middles = used(p, 0.5 * (p.t[1:] + p.t[:-1]), limits)
+    active = np.where(middles.max(axis=1) > 1.0 - ACTIVE, middles.argmax(axis=1), -1)
+    steps = np.diff(p.s)
+    near = [np.roll(active, k) for k in (2, 1, 0, -1)]
+    even = np.isclose(np.roll(steps, 1), steps, rtol=1e-6)
+    inner = np.arange(2, active.size - 1)
+    chosen = inner[(np.ptp(np.stack(near), axis=0) == 0)[inner] & (active[inner] >= 0) & even[inner]]
+    # So short that the motion itself turns by less than 1e-6 of the torque.
+    aside = 1e-8 * p.duration
+    before, after = (CHECKER.inverse_dynamics(*p(p.t[chosen] + side * aside)) for side in (-1.0, 1.0))
+    return np.abs(after - before), active[chosen]
+
+
+CASES: dict[str, tuple[dict[str, Any], set[int]]] = {
+    "speed": ({"tau_max": TAU, "v_max": 2.0}, {2, 3}),
+    "faster": ({"tau_max": TAU, "v_max": 4.0}, {3}),
+    "acceleration": ({"a_max": 4.0}, {0, 1}),
+    "speed and acceleration": ({"a_max": 10.0, "v_max": 1.0}, {0, 1}),
+    "tip speed": ({"tau_max": TAU, "tip_speed": 0.6, "frame": "link2"}, {2}),
+    "tip acceleration": ({"tau_max": TAU, "tip_acceleration": 4.0, "frame": "link2"}, {2}),
+    "both of the tip": ({"tau_max": TAU, "tip_speed": 0.6, "tip_acceleration": 4.0, "frame": "link2"}, {2, 3}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_active_limit_is_followed(name: str) -> None:
+    """At most 0.02 N m where a limit of torque is 8 N m; a constant path acceleration on each segment leaves 0.25 N m on a speed limit.
+
+    On a limit of the tip's speed, which is low here, that is 0.003 N m.
+    """
+    limits, expected = CASES[name]
+    p = al.time_path(ARM, Q, **limits)
+    assert p.feasible and p.margin >= -PROMISE
+    found, which = jumps(p, limits)
+    assert set(which) >= expected and found.shape[0] > 20
+    assert found.max() <= (1e-3 if name == "tip speed" else 0.02), (name, found.max())
+
+
+def test_speed_limits_that_vary() -> None:
+    """A limit that is linear between waypoints is followed as a constant one is."""
+    limits = {"tau_max": TAU, "v_max": np.array([[4.0, 4.0], [2.0, 2.0], [0.5, 0.5]])}
+    p = al.time_path(ARM, Q, **limits)
+    knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(Q, axis=0), axis=1))])
+    middle = 0.5 * (p.s[1:] + p.s[:-1])
+    # The middle in s is that in time up to the change of speed in a segment.
+    here = np.stack([np.interp(middle, knots / knots[-1], column) for column in limits["v_max"].T], axis=1)
+    share = np.abs(p(0.5 * (p.t[1:] + p.t[:-1]))[1] / here).max(axis=1)
+    inner = np.arange(2, share.size - 1)
+    on = np.stack([np.roll(share, k) for k in (2, 1, 0, -1)])[:, inner].min(axis=0) > 1.0 - ACTIVE
+    at = p.t[inner[on]]
+    before, after = (CHECKER.inverse_dynamics(*p(at + side * 1e-8 * p.duration)) for side in (-1.0, 1.0))
+    # One switch between joints may be among them.
+    assert at.size > 50 and np.sort(np.abs(after - before).max(axis=1))[-10] <= 0.02
+
+
+def test_the_grid_and_the_jumps() -> None:
+    """Half the step leaves an eighth of the jump on a smooth speed limit, and the time falls."""
+    largest, durations = [], []
+    for grid in (201, 401):
+        p = al.time_path(ARM, Q, tau_max=TAU, v_max=2.0, grid=grid, refine=False)
+        found, which = jumps(p, {"tau_max": TAU, "v_max": 2.0})
+        largest.append(np.median(found[which == 3].max(axis=1)))
+        durations.append(p.duration)
+    # With a constant path acceleration a half is left.
+    assert largest[1] <= 0.25 * largest[0], largest
+    assert durations[1] <= durations[0]
