@@ -21,7 +21,7 @@ from .arguments import choice, finite, instance, number, text
 from .border import border, bordered
 from .errors import InputError, SolveError
 from .pickling import sealed
-from .pose_curves import NoCircleError, PoseCurve, columns_of, cubic, slopes
+from .pose_curves import NoCircleError, PoseCurve, columns_of, cubic
 from .status import Status
 
 __all__ = ["CartesianPath", "cartesian_path"]
@@ -97,7 +97,7 @@ class CartesianPath:
         self.q = finite(name, "q", _core.numbers(name, "q", q, (self.s.size, "n"))).copy()
         self.error = _core.numbers(name, "error", error, (2,)).copy()
         self.corners, self.length, self.shortfall = list(corners), number(name, "length", length), shortfall
-        self._slopes = slopes(self.s, self.q, natural=False) if self.s.size >= 4 else None
+        self._slopes = _core._spline_slopes(self.s, self.q, "not-a-knot") if shortfall is None else None
 
     @property
     def feasible(self) -> bool:
@@ -299,7 +299,7 @@ def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
     while True:
         h = np.diff(s)
         places = (s[:-1, None] + _SAMPLES * h[:, None]).clip(0.0, 1.0)
-        between = cubic(s, q, slopes(s, q, natural=False), places.ravel())[0]
+        between = cubic(s, q, _core._spline_slopes(s, q, "not-a-knot"), places.ravel())[0]
         samples = problem.errors(between, places.ravel()).reshape(h.size, _SAMPLES.size, 2)
         bend = np.abs(np.diff(samples, n=2, axis=1)).max(axis=1)
         error = samples.max(axis=1) + bend / 8.0
@@ -312,7 +312,7 @@ def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
             kind = "unresolved" if h[coarse].min() >= _LEAST else "jump"
             return _refused(problem, s[: worst + 1], q[: worst + 1], float(s[worst]), kind)
         middles = s[:-1][coarse] + 0.5 * h[coarse]
-        found, reached = problem.solve(middles, cubic(s, q, slopes(s, q, natural=False), middles)[0])
+        found, reached = problem.solve(middles, cubic(s, q, _core._spline_slopes(s, q, "not-a-knot"), middles)[0])
         if not reached.all():
             at = float(middles[np.argmin(reached)])
             known = s < at

@@ -14,40 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations
+from . import _core, rotations
 
-__all__ = ["NoCircleError", "PoseCurve", "columns_of", "cubic", "slopes"]
+__all__ = ["NoCircleError", "PoseCurve", "columns_of", "cubic"]
 
 _Array = NDArray[Any]
 # What one radian counts as, m.
 _ARM = 0.1
-
-
-def slopes(s: _Array, q: _Array, natural: bool) -> _Array:
-    """Slopes (K, n) of the C2 cubic spline through q (K, n) at s (K,), K >= 4: natural, or not-a-knot."""
-    h = np.diff(s)
-    secant = np.diff(q, axis=0) / h[:, None]
-    low, diagonal, up = np.zeros(s.size), np.ones(s.size), np.zeros(s.size)
-    right = np.zeros_like(q)
-    low[1:-1], diagonal[1:-1], up[1:-1] = h[1:], 2.0 * (h[:-1] + h[1:]), h[:-1]
-    right[1:-1] = 3.0 * (h[1:, None] * secant[:-1] + h[:-1, None] * secant[1:])
-    if natural:
-        diagonal[[0, -1]], up[0], low[-1] = 2.0, 1.0, 1.0
-        right[0], right[-1] = 3.0 * secant[0], 3.0 * secant[-1]
-    else:
-        for end, (a, b), (near, far) in ((0, h[:2], secant[:2]), (-1, h[:-3:-1], secant[:-3:-1])):
-            diagonal[end] = b
-            (up if end == 0 else low)[end] = a + b
-            right[end] = ((a + 2.0 * (a + b)) * b * near + a * a * far) / (a + b)
-    for k in range(1, s.size):
-        factor = low[k] / diagonal[k - 1]
-        diagonal[k] -= factor * up[k - 1]
-        right[k] -= factor * right[k - 1]
-    found = right
-    found[-1] /= diagonal[-1]
-    for k in range(s.size - 2, -1, -1):
-        found[k] = (right[k] - up[k] * found[k + 1]) / diagonal[k]
-    return found
 
 
 # Below this sine of the angle at the first of three points they are on one line.
@@ -227,6 +200,6 @@ class PoseCurve:
 
     def _spline(self, l: _Array) -> _Array:
         values = np.concatenate([self.rows[:, self.places], self.quaternions], axis=1)
-        found = cubic(self.along, values, slopes(self.along, values, natural=True), l)[0]
+        found = cubic(self.along, values, _core._spline_slopes(self.along, values, "natural"), l)[0]
         turn = found[:, len(self.places) :]
         return self._joined(found[:, : len(self.places)], turn / np.linalg.norm(turn, axis=1, keepdims=True) if self.turns else turn)

@@ -40,6 +40,7 @@ from .motions import Sinusoid as Sinusoid
 from .motions import Table as Table
 from .motions import TimedPath as TimedPath
 from .motions import _restore_time_path as _restore_time_path
+from .motions import _spline_slopes as _spline_slopes
 from .motions import time_path as time_path
 from .plans import BangBangBatch as BangBangBatch
 from .plans import BangBangReport as BangBangReport
@@ -159,6 +160,7 @@ __all__ = [
     "_seal",
     "_sensitivities",
     "_share",
+    "_spline_slopes",
     "bang_bang_time",
     "build_info",
     "damping_from_ratio",

@@ -76,7 +76,7 @@ mod _core {
     #[pymodule_export]
     use super::plan::profiles::{ProfileReport, minimum_jerk_time, trapezoid_time};
     #[pymodule_export]
-    use super::plan::time_path::time_path;
+    use super::plan::time_path::{_spline_slopes, time_path};
     #[pymodule_export]
     use super::plan::timed_path::{_restore_time_path, TimedPath};
     #[pymodule_export]

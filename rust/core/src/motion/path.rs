@@ -131,13 +131,23 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
 }
 
 impl Path {
-    /// The C2 cubic spline through `q` `(K, n)` at the path positions `s` `(K,)`.
-    pub fn spline(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Path> {
+    /// The slopes `(K, n)` of the C2 cubic spline through `q` `(K, n)` at the path positions `s` `(K,)`.
+    pub fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Vec<f64>> {
         increasing(s)?;
         finite("path", q)?;
-        memory::require((s.len() * 8).saturating_mul((TERMS + 4) * n + 4))?;
+        if s.len() < 2 || q.len() != s.len() * n {
+            return Err(Error::input("path", format!("has the wrong shape: expected two or more rows of {n}, got {} numbers", q.len())));
+        }
+        memory::require((s.len() * 8).saturating_mul(n + 1))?;
         let d = slopes(s, q, n, ends);
         finite("path", &d)?;
+        Ok(d)
+    }
+
+    /// The C2 cubic spline through `q` `(K, n)` at the path positions `s` `(K,)`.
+    pub fn spline(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Path> {
+        memory::require((s.len() * 8).saturating_mul((TERMS + 4) * n + 4))?;
+        let d = Path::slopes(s, q, n, ends)?;
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
         for p in 0..s.len() - 1 {
             if p % LOOK == 0 {

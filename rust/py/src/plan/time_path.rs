@@ -3,7 +3,7 @@
 use super::path_limits::{Along, NAME, limit};
 use super::timed_path::TimedPath;
 use crate::arm::{Arm, ArmModel};
-use crate::arrays::{Axis, Form, Looked, count, items, number, numbers, object, require_finite, shown, text, vector, whole};
+use crate::arrays::{Axis, Form, Looked, copied, count, items, number, numbers, object, owned, require_finite, shown, text, vector, whole};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::warnings::LimitCheck;
@@ -29,6 +29,21 @@ fn ends(value: Option<&Bound<'_, PyAny>>, default: Ends) -> Result<Ends, Failure
             Err(input_error(value.py(), NAME, "spline", problem).into())
         }
     }
+}
+
+/// Slopes `(K, m)` of the C2 cubic spline through `q` `(K, m)` at `s` `(K,)`; `spline` as `time_path` takes it.
+#[entered]
+#[pyfunction]
+pub fn _spline_slopes<'py>(s: &Bound<'py, PyAny>, q: &Bound<'py, PyAny>, spline: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "_spline_slopes";
+    let py = s.py();
+    entry(py, NAME, || {
+        let (shape, values) = numbers(NAME, "q", q, &[Form(&[Axis::Any("K"), Axis::Any("m")])])?;
+        let s = vector(NAME, "s", s, shape[0])?;
+        let (values, ends) = (owned(values)?, ends(Some(spline), Ends::Natural)?);
+        let slopes = long(py, || Path::slopes(&s, &values, shape[1], ends))?;
+        copied(py, &shape, &slopes)
+    })
 }
 
 /// The path of a callable, from samples; with derivatives where it gives them.
