@@ -195,3 +195,47 @@ def test_names_of_any_letters_survive_a_pickle() -> None:
     back = pickle.loads(pickle.dumps(arm))
     assert back == arm and back.joint_names == ("é \U0001f916", "b") and back.joint_types == arm.joint_types
     np.testing.assert_array_equal(back.limits["q_max"], arm.limits["q_max"])
+
+
+# More numbers than a pickle holds in one piece, and not a multiple of it.
+MANY = 600_001
+SHARE = 1 << 22
+
+
+def longest_bytes(pickled: bytes) -> int:
+    return max((len(value) for _, value, _ in pickletools.genops(pickled) if isinstance(value, bytes)), default=0)
+
+
+def test_large_arrays_are_pickled_in_shares() -> None:
+    """Python writes and reads bytes in one stretch, in which no other thread runs and no signal is heard."""
+    q = np.random.default_rng(3).standard_normal((MANY, 1))
+    table = al.Table(1e-3, q, 2.0 * q, 3.0 * q)
+    assert longest_bytes(pickle.dumps(table)) <= SHARE
+    _, (digest, *shares) = table.__reduce__()
+    body = b"".join(copy.deepcopy(share) for share in shares)
+    assert len(digest) == 32 and longest_bytes(body) <= SHARE
+    for back in (pickle.loads(pickle.dumps(table)), copy.copy(table), copy.deepcopy(table)):
+        for ours, theirs in zip(back(0.5 * MANY * 1e-3), table(0.5 * MANY * 1e-3), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("shape", [(MANY,), (2, MANY), (MANY, 2, 1)])
+def test_a_stored_array_comes_back(shape: tuple[int, ...]) -> None:
+    x = np.random.default_rng(4).standard_normal(shape)
+    x.flat[0], x.flat[-1] = -0.0, np.nan
+    make, (stored_shape, *shares) = al._core._stored_array(x)
+    back = make(stored_shape, *(copy.deepcopy(share) for share in shares))
+    assert back.shape == shape and back.dtype == np.float64 and back.flags.writeable
+    np.testing.assert_array_equal(back.view(np.int64), x.view(np.int64))
+
+
+@pytest.mark.parametrize("x", [np.zeros(3), np.zeros((MANY, 2))[:, :1], np.asfortranarray(np.zeros((MANY, 2))), np.zeros(MANY, np.float32)])
+def test_other_arrays_are_stored_as_numpy_does(x: np.ndarray) -> None:
+    make, *_ = al._core._stored_array(x)
+    assert make is not al._core._restore_array
+
+
+@pytest.mark.parametrize("stored", [((2,), b"12345678"), ((1,), b"1234567"), ((2**40, 2**40), b""), ((1,), 3.0), ((-1,), b"")])
+def test_a_damaged_array_is_refused(stored: tuple[Any, ...]) -> None:
+    with pytest.raises(al.FormatError, match="the stored array is damaged"):
+        al._core._restore_array(*stored)

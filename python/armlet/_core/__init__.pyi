@@ -3,10 +3,12 @@
 from .arms import Arm as Arm
 from .arms import _restore as _restore
 from .arms import _restore_arm as _restore_arm
+from .arms import _restore_array as _restore_array
 from .arms import _restore_planar_pr as _restore_planar_pr
 from .arms import _restore_tree as _restore_tree
 from .arms import _seal as _seal
 from .arms import _share as _share
+from .arms import _stored_array as _stored_array
 from .arms import example_urdf as example_urdf
 from .arms import load_urdf as load_urdf
 from .arms import pendulum as pendulum
@@ -150,6 +152,7 @@ __all__ = [
     "_check_starts",
     "_restore",
     "_restore_arm",
+    "_restore_array",
     "_restore_arm_solver",
     "_restore_observer",
     "_restore_plan",
@@ -161,6 +164,7 @@ __all__ = [
     "_sensitivities",
     "_share",
     "_spline_slopes",
+    "_stored_array",
     "bang_bang_time",
     "build_info",
     "damping_from_ratio",

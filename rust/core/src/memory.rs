@@ -4,7 +4,9 @@ use crate::error::{Error, Result};
 use crate::interrupt::look;
 
 /// Elements that are written between two looks whether to stop: the first touch of a page takes long.
-const PIECE: usize = 1 << 14;
+pub const PIECE: usize = 1 << 14;
+/// The same of elements that own memory.
+const SMALL_PIECE: usize = 1 << 10;
 
 /// An empty vector with room for `n` elements.
 pub fn reserved<T>(n: usize) -> Result<Vec<T>> {
@@ -21,12 +23,62 @@ pub fn more<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
 
 /// `n` copies of `value`.
 pub fn filled<T: Clone>(n: usize, value: T) -> Result<Vec<T>> {
-    let mut out = reserved(n)?;
+    let mut out = Vec::new();
+    enlarge(&mut out, n, value)?;
+    Ok(out)
+}
+
+/// At least `n` elements, the new ones copies of `value`.
+pub fn enlarge<T: Clone>(out: &mut Vec<T>, n: usize, value: T) -> Result<()> {
+    if out.len() < n {
+        more(out, n - out.len())?;
+        extend(out, n, &value);
+    }
+    Ok(())
+}
+
+fn extend<T: Clone>(out: &mut Vec<T>, n: usize, value: &T) {
     while out.len() < n {
         look();
         out.resize((out.len() + PIECE).min(n), value.clone());
     }
-    Ok(out)
+}
+
+/// `n` copies of `value`, where there is memory for them: [`require`] has said so of the whole that they belong to.
+pub fn copies<T: Clone>(n: usize, value: T) -> Vec<T> {
+    let mut out = Vec::with_capacity(n);
+    extend(&mut out, n, &value);
+    out
+}
+
+/// As [`copied`], for what takes its time to clone, and where there is memory for it.
+pub fn cloned<T: Clone>(values: &[T]) -> Vec<T> {
+    let mut out = Vec::with_capacity(values.len());
+    for piece in values.chunks(SMALL_PIECE) {
+        look();
+        out.extend_from_slice(piece);
+    }
+    out
+}
+
+/// `from` into `to`, of the same length. No look up to one piece.
+pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
+    for (k, (from, to)) in from.chunks(PIECE).zip(to.chunks_mut(PIECE)).enumerate() {
+        if k > 0 {
+            look();
+        }
+        to.copy_from_slice(from);
+    }
+}
+
+/// Every element set to `value`. No look up to one piece: this stands in the steps of loops.
+pub fn set<T: Copy>(out: &mut [T], value: T) {
+    for (k, piece) in out.chunks_mut(PIECE).enumerate() {
+        if k > 0 {
+            look();
+        }
+        piece.fill(value);
+    }
 }
 
 /// `n` zeros.
@@ -79,6 +131,9 @@ pub fn require(bytes: usize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::interrupt::{Interrupted, Watch, interruptible};
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
 
     #[test]
     fn what_cannot_be_had_is_an_error_that_says_how_much() {
@@ -91,6 +146,24 @@ mod tests {
         assert_eq!(require(most * 3), Err(Error::Memory { bytes: most as u128 * 3 }));
         assert_eq!(collected((0..3).map(f64::from)), Ok(vec![0.0, 1.0, 2.0]));
         assert_eq!(copied(&[1, 2]), Ok(vec![1, 2]));
+    }
+
+    #[test]
+    fn large_memory_is_handled_with_looks_and_small_memory_without() {
+        let asked = |work: &mut dyn FnMut()| interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), work) == Err(Interrupted);
+        let (mut small, mut large) = (vec![0.0; PIECE], vec![0.0; PIECE + 1]);
+        let (from, names) = (large.clone(), vec![String::new(); PIECE]);
+        assert!(!asked(&mut || set(&mut small, 1.0)) && asked(&mut || set(&mut large, 1.0)));
+        assert!(!asked(&mut || copy(&from[1..], &mut small)) && asked(&mut || copy(&from, &mut large)));
+        assert!(asked(&mut || drop(copies(1, 0.0))) && asked(&mut || drop(cloned(&names))));
+        assert!(asked(&mut || assert!(enlarge(&mut small, PIECE + 1, 0.0).is_ok())));
+        // And nothing is lost where nobody asks.
+        set(&mut large, 2.0);
+        assert_eq!((large.as_slice(), copies(PIECE + 1, 2.0)), ([2.0; PIECE + 1].as_slice(), vec![2.0; PIECE + 1]));
+        copy(&from, &mut large);
+        assert_eq!((large, cloned(&names)), (from, names));
+        assert_eq!(enlarge(&mut small, 2, 3.0), Ok(()));
+        assert_eq!(small.len(), PIECE);
     }
 
     #[test]

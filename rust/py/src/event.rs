@@ -1,6 +1,6 @@
 //! `simulate(events=..., dense=...)`: what a run is asked for besides its records, and what came of it.
 
-use crate::arrays::{items, number, taken, text, vector};
+use crate::arrays::{adopted, items, number, text, vector};
 use crate::errors::{Failure, input_error};
 use crate::force::{self, Raised};
 use armlet_core::dynamics::Model;
@@ -8,7 +8,7 @@ use armlet_core::integrate::solve::node;
 use armlet_core::memory;
 use armlet_core::plant::{PlantSpec, Stop};
 use armlet_core::simulate::{Crossings, Event, EventFunction, Polynomials, RunObserver};
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
@@ -75,7 +75,8 @@ fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, r
             EventFunction::Speed { at: n + joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)? }
         }
         "plane" => {
-            let frame = plant.model().tree("events")?.frame_index(&text(NAME, "events", &argument(0)?)?)?;
+            let name = text(NAME, "events", &argument(0)?)?;
+            let frame = plant.model().tree("events")?.frame_index(&name).map_err(|error| error.of_argument("events"))?;
             EventFunction::Plane { frame, point: three(1)?, normal: three(2)? }
         }
         "contact" => match plant.wall() {
@@ -111,7 +112,7 @@ pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool
 fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, states: usize, values: &[f64]) -> Result<(), Failure> {
     for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(states / n) {
         let part = memory::collected((0..rows * n).map(|i| values[i / n * states + k * n + i % n]))?;
-        fields.set_item(name, PyArray1::from_vec(fields.py(), part).reshape([rows, n])?)?;
+        fields.set_item(name, adopted(fields.py(), &[rows, n], part)?)?;
     }
     Ok(())
 }
@@ -123,14 +124,14 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer:
         let Crossings { index, t, x } = observer.crossings;
         let events = PyDict::new(py);
         put_parts(&events, t.len(), n, states, &x)?;
-        events.set_item("which", taken(py, &[t.len()], memory::collected(index.iter().map(|&i| i as i64))?)?)?;
-        events.set_item("t", PyArray1::from_vec(py, t))?;
+        events.set_item("which", adopted(py, &[t.len()], memory::collected(index.iter().map(|&i| i as i64))?)?)?;
+        events.set_item("t", adopted(py, &[t.len()], t)?)?;
         fields.set_item("events", events)?;
     }
     if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
         let shape = [ends.len(), degree + 1, states + p];
-        let positions = PyArray1::from_vec(py, (0..=degree).map(|k| node(k, degree)).collect());
-        let dense = (states, PyArray1::from_vec(py, ends), positions, PyArray1::from_vec(py, nodes).reshape(shape)?);
+        let positions = adopted(py, &[degree + 1], (0..=degree).map(|k| node(k, degree)).collect())?;
+        let dense = (states, adopted(py, &[ends.len()], ends)?, positions, adopted(py, &shape, nodes)?);
         fields.set_item("dense", dense)?;
     }
     Ok(())

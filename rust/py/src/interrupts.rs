@@ -6,7 +6,7 @@ use armlet_core::interrupt::{Interrupted, Watch, interruptible};
 use armlet_core::memory;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
 
 thread_local! {
@@ -33,7 +33,7 @@ pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send
 const BREAK: Duration = Duration::from_millis(10);
 
 /// Whoever waits for the GIL is handed it, and Ctrl-C is heard.
-pub fn pause(py: Python<'_>) -> PyResult<()> {
+fn pause(py: Python<'_>) -> PyResult<()> {
     py.detach(|| ());
     py.check_signals()
 }
@@ -59,6 +59,20 @@ impl Breaks {
         }
         Ok(())
     }
+}
+
+thread_local! {
+    /// When [`pause_in_turn`] pauses next on this thread.
+    static NEXT: Cell<Option<Instant>> = const { Cell::new(None) };
+}
+
+/// As [`Breaks::pause`], for calls that follow each other, each shorter than the time to a break: pieces that `pickle` asks for.
+pub fn pause_in_turn(py: Python<'_>) -> PyResult<()> {
+    if NEXT.get().is_none_or(|next| Instant::now() >= next) {
+        pause(py)?;
+        NEXT.set(Some(Instant::now() + BREAK));
+    }
+    Ok(())
 }
 
 /// What `read` makes of each of these objects, with pauses.

@@ -1,7 +1,7 @@
 //! `armlet.inverse_kinematics` and its answer.
 
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, Looked, SCALAR, copied, count, elements, flag, number, numbers, object, owned, shown, taken, whole};
+use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, count, elements, flag, number, numbers, object, owned, shown, whole};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, signalled};
@@ -250,14 +250,14 @@ fn many(
     let wide = |m: usize| slots.iter().copied().chain([m]).collect::<Vec<_>>();
     let all: Vec<bool> = found.reached.chunks_exact(functions.len()).map(|tasks| tasks.iter().all(|reached| *reached)).collect();
     let errors = found.errors.into_iter().zip(&functions);
-    let errors = errors.map(|(errors, function)| taken(py, &wide(function.rows()), errors)).collect::<PyResult<Vec<_>>>()?;
-    let counts = |counts: Vec<i64>| if lead.is_empty() { counts[0].into_py_any(py) } else { Ok(taken(py, &lead, counts)?.unbind()) };
+    let errors = errors.map(|(errors, function)| adopted(py, &wide(function.rows()), errors)).collect::<PyResult<Vec<_>>>()?;
+    let counts = |counts: Vec<i64>| if lead.is_empty() { counts[0].into_py_any(py) } else { Ok(adopted(py, &lead, counts)?.unbind()) };
     Ok(InverseKinematics {
-        q: taken(py, &wide(n), found.q)?.unbind(),
+        q: adopted(py, &wide(n), found.q)?.unbind(),
         errors: PyList::new(py, errors)?.into_any().unbind(),
         reached: copied(py, &slots, &all)?.unbind(),
         iterations: counts(found.iterations)?,
         restarts: counts(found.restarts)?,
-        status: taken(py, &slots, found.status)?.unbind(),
+        status: adopted(py, &slots, found.status)?.unbind(),
     })
 }

@@ -28,6 +28,7 @@ mod simulate;
 mod simulator;
 mod simulator_state;
 mod stops;
+mod stored_array;
 mod suggested_gains;
 mod task;
 mod warnings;
@@ -93,6 +94,8 @@ mod _core {
     use super::seal::{_restore, _seal, _share};
     #[pymodule_export]
     use super::simulate::{_check_starts, simulate, simulate_batch};
+    #[pymodule_export]
+    use super::stored_array::{_restore_array, _stored_array};
 
     #[pymodule_export]
     use super::batch_stepper::_BatchStepper;

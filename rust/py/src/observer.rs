@@ -2,7 +2,7 @@
 
 use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, SCALAR, copied, number, numbers, owned, require_finite, spread, taken, text};
+use crate::arrays::{Axis, Form, SCALAR, adopted, copied, number, numbers, owned, require_finite, spread, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::{Sealed, seal_call};
@@ -127,7 +127,7 @@ impl MomentumObserver {
             observed.core.wrench(&q, &frame, eps, &mut wrench, &mut rest)?;
             Ok((wrench, rest, [6, n].map(|width| observed.shape(width))))
         })?;
-        Ok([taken(py, &wide, wrench)?, taken(py, &narrow, rest)?])
+        Ok([adopted(py, &wide, wrench)?, adopted(py, &narrow, rest)?])
     }
 }
 
@@ -211,7 +211,7 @@ impl MomentumObserver {
                 observed.batched = shape.len() > 1;
                 memory::copied(&observed.core.state().residual)
             })?;
-            Ok(taken(py, &shape, residual)?)
+            Ok(adopted(py, &shape, residual)?)
         })
     }
 
@@ -289,7 +289,7 @@ impl MomentumObserver {
             let observed = self.observed(py);
             let found: Vec<i64> = observed.core.contacts()?.into_iter().map(|joint| joint.map_or(-1, |joint| joint as i64)).collect();
             if observed.batched {
-                Ok(taken(py, &[found.len()], found)?)
+                Ok(adopted(py, &[found.len()], found)?)
             } else {
                 Ok(PyInt::new(py, found.first().copied().unwrap_or(-1)).into_any())
             }

@@ -4,7 +4,8 @@
 //! `FormatError` and never another object. It detects damage, not intent: unpickle only what you trust.
 
 use crate::errors::format_error;
-use crate::interrupts::{Breaks, pause};
+use crate::interrupts::pause_in_turn;
+use crate::stored_array::array_table;
 use armlet_macros::entered;
 use pyo3::exceptions::{PyException, PyMemoryError};
 use pyo3::prelude::*;
@@ -17,8 +18,8 @@ pub type Sealed<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 
 /// Bytes that are handled between two moments in which other threads get the interpreter.
 const PIECE: usize = 1 << 20;
-/// Bytes that `pickle` itself copies at a time, while no other thread runs.
-const SHARE: usize = 1 << 25;
+/// Bytes that `pickle` itself copies at a time, while no other thread runs and no signal is heard.
+pub const SHARE: usize = 1 << 22;
 /// Bytes of the digest.
 const DIGEST: usize = 32;
 /// Every Python that armlet supports reads it, so that all versions write the same bytes.
@@ -29,13 +30,15 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     let py = make.py();
     let keywords = keywords.unwrap_or_else(|| PyDict::new(py));
     let file = Bound::new(py, Written { body: Vec::new(), hash: sha256(py)?.unbind() })?;
-    py.import("pickle")?.call_method1("dump", ((make, arguments, keywords), &file, PROTOCOL))?;
+    let pickler = py.import("pickle")?.call_method1("Pickler", (&file, PROTOCOL))?;
+    pickler.setattr("dispatch_table", array_table(py)?)?;
+    pickler.call_method1("dump", ((make, arguments, keywords),))?;
     let file = file.borrow();
     let digest = digest_of(file.hash.bind(py))?;
     let payload = if file.body.len() <= SHARE {
         PyTuple::new(py, [bytes(py, &[digest.as_bytes(), &file.body])?])?
     } else {
-        let shares = file.body.chunks(SHARE).map(|share| Ok(Share { bytes: bytes(py, &[share])?.unbind() }.into_pyobject(py)?.into_any()));
+        let shares = file.body.chunks(SHARE).map(|share| Share::of(py, bytes(py, &[share])?));
         PyTuple::new(py, std::iter::once(Ok(digest.into_any())).chain(shares).collect::<PyResult<Vec<_>>>()?)?
     };
     Ok((py.import("armlet._core")?.getattr("_restore")?, payload))
@@ -61,13 +64,12 @@ pub fn seal_call<'py>(py: Python<'py>, function: &str, arguments: Bound<'py, PyT
 
 /// These bytes, one after the other, as Python's.
 pub fn bytes<'py>(py: Python<'py>, parts: &[&[u8]]) -> PyResult<Bound<'py, PyBytes>> {
-    let mut breaks = Breaks::new();
     PyBytes::new_with(py, parts.iter().map(|part| part.len()).sum(), |mut out| {
         for piece in parts.iter().flat_map(|part| part.chunks(PIECE)) {
             let (to, rest) = out.split_at_mut(piece.len());
             to.copy_from_slice(piece);
             out = rest;
-            breaks.pause(py)?;
+            pause_in_turn(py)?;
         }
         Ok(())
     })
@@ -84,10 +86,9 @@ fn sha256(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 
 /// Of a megabyte at a time: `hashlib` does not look for signals.
 fn update(hash: &Bound<'_, PyAny>, bytes: &Bound<'_, PyAny>, first: usize, last: usize) -> PyResult<()> {
-    let mut breaks = Breaks::new();
     for first in (first..last).step_by(PIECE) {
         hash.call_method1("update", (view(bytes, first, (first + PIECE).min(last))?,))?;
-        breaks.pause(hash.py())?;
+        pause_in_turn(hash.py())?;
     }
     Ok(())
 }
@@ -107,12 +108,12 @@ struct Written {
 #[pymethods]
 impl Written {
     fn write(&mut self, data: &Bound<'_, PyBytes>) -> PyResult<usize> {
-        let (py, bytes, mut breaks) = (data.py(), data.as_bytes(), Breaks::new());
+        let (py, bytes) = (data.py(), data.as_bytes());
         update(self.hash.bind(py), data, 0, bytes.len())?;
         self.body.try_reserve(bytes.len()).map_err(|_| PyMemoryError::new_err("no memory for a pickle"))?;
         for piece in bytes.chunks(PIECE) {
             self.body.extend_from_slice(piece);
-            breaks.pause(py)?;
+            pause_in_turn(py)?;
         }
         Ok(bytes.len())
     }
@@ -124,11 +125,17 @@ pub struct Share {
     bytes: Py<PyBytes>,
 }
 
+impl Share {
+    pub fn of<'py>(py: Python<'py>, bytes: Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(Bound::new(py, Share { bytes: bytes.unbind() })?.into_any())
+    }
+}
+
 #[entered]
 #[pymethods]
 impl Share {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
-        pause(py)?;
+        pause_in_turn(py)?;
         Ok((py.import("armlet._core")?.getattr("_share")?, (self.bytes.bind(py).clone(),)))
     }
 }
@@ -137,7 +144,7 @@ impl Share {
 #[entered]
 #[pyfunction]
 pub fn _share<'py>(bytes: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {
-    pause(bytes.py())?;
+    pause_in_turn(bytes.py())?;
     Ok(bytes.clone())
 }
 
@@ -197,7 +204,12 @@ impl Reading {
 pub fn _restore<'py>(payload: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
     let py = payload.py();
     let damaged = || format_error(py, "unpickle: the stored object is damaged: its checksum does not match");
-    let parts: Vec<Bound<'py, PyBytes>> = payload.extract().map_err(|_| damaged())?;
+    // `copy.copy` hands over the shares themselves, a pickler their bytes.
+    let part = |part: Bound<'py, PyAny>| match part.cast::<Share>() {
+        Ok(share) => Ok(share.get().bytes.bind(py).clone()),
+        Err(_) => part.cast_into::<PyBytes>().map_err(|_| damaged()),
+    };
+    let parts = payload.iter().map(part).collect::<PyResult<Vec<_>>>()?;
     let Some((stored, _)) = parts.first().and_then(|first| first.as_bytes().split_at_checked(DIGEST)) else { return Err(damaged()) };
     let hash = sha256(py)?;
     for (k, part) in parts.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{Axis, Form, count, flag, items, numbers, object, owned, text, written_array};
+use crate::arrays::{Axis, Form, adopted, count, flag, items, numbers, object, owned, text, written_array};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
@@ -15,7 +15,6 @@ use armlet_core::parallel;
 use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{self as core, Force, Keep, Problem};
 use armlet_macros::entered;
-use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
@@ -53,7 +52,6 @@ pub fn several<'py, T: pyo3::PyClass>(
 }
 
 fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[usize]) -> Result<(), Failure> {
-    use numpy::PyArrayMethods;
     if values.len() <= FEW {
         let copy = |out: &mut [f64]| -> Result<(), Failure> {
             out.copy_from_slice(&values);
@@ -61,8 +59,7 @@ fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[
         };
         return Ok(fields.set_item(name, written_array(fields.py(), shape, copy)?)?);
     }
-    let array = PyArray1::from_vec(fields.py(), values).reshape(shape.to_vec())?;
-    Ok(fields.set_item(name, array)?)
+    Ok(fields.set_item(name, adopted(fields.py(), shape, values)?)?)
 }
 
 /// The recorded quantities of one run (`lead` empty) or of a batch (`lead` its rows) over `k` times.
@@ -234,7 +231,7 @@ pub fn simulate_batch<'py>(
         }
         fields.set_item("metrics", metrics)?;
         let status = memory::collected(batch.status.iter().map(|s| i64::from(s.code())))?;
-        fields.set_item("status", PyArray1::from_vec(py, status))?;
+        fields.set_item("status", adopted(py, &[status.len()], status)?)?;
         put(&fields, "ended", batch.ended, &[rows])?;
         fields.set_item("engine", batch.engine)?;
         Ok(fields)

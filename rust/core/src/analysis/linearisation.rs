@@ -2,11 +2,15 @@
 //!
 //! `A = [[0, 1], [da/dq, da/dv]]`, `B = [[0], [M^-1]]`, away from equilibria too.
 
+use crate::interrupt::look_at_row;
+use crate::memory;
+
 /// `A` `(2 n, 2 n)` and `B` `(2 n, n)`, row-major, from the rows of `Quantity::ForwardDynamicsDerivatives` `(3 n, n)`.
 pub fn state_matrices(n: usize, slopes: &[f64], a: &mut [f64], b: &mut [f64]) {
-    a.fill(0.0);
-    b.fill(0.0);
+    memory::set(a, 0.0);
+    memory::set(b, 0.0);
     for i in 0..n {
+        look_at_row(i);
         a[2 * n * i + n + i] = 1.0;
         let row = 2 * n * (n + i);
         a[row..row + n].copy_from_slice(&slopes[n * i..n * (i + 1)]);

@@ -73,7 +73,7 @@ impl ChainJoint {
 const BYTES_PER_JOINT: usize = 4096;
 
 /// Refuse more joints than memory holds, before the first of their many small parts is made.
-pub fn require_memory(joints: usize) -> Result<()> {
+pub(crate) fn require_memory(joints: usize) -> Result<()> {
     memory::require(joints.saturating_mul(BYTES_PER_JOINT))
 }
 

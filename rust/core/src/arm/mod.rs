@@ -13,6 +13,7 @@ mod tree;
 mod urdf;
 mod urdf_examples;
 
+pub(crate) use build::require_memory;
 pub use build::{ChainJoint, JointType};
 pub use classic::{Convention, DhRow};
 pub use joint::{Frame, Joint, JointKind, Limits};
@@ -26,6 +27,7 @@ pub use urdf_examples::{EXAMPLES, example_urdf};
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
+use crate::memory::cloned;
 use crate::spatial::PARAMETERS;
 
 /// Gravity on Earth along `-z`, m/s^2.
@@ -51,7 +53,7 @@ pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 /// assert_eq!(error.to_string(), "frame is unknown: expected one of the frames link1, link2, got hand");
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Arm {
     /// Name of the robot.
     pub name: String,
@@ -65,6 +67,20 @@ pub struct Arm {
     pub gravity: [f64; 3],
     /// What was noticed and what was dropped on the way in.
     pub report: Vec<String>,
+}
+
+impl Clone for Arm {
+    /// An arm of very many joints takes long: [`look`] is asked on the way.
+    fn clone(&self) -> Self {
+        Arm {
+            name: self.name.clone(),
+            joints: cloned(&self.joints),
+            mimics: cloned(&self.mimics),
+            frames: cloned(&self.frames),
+            gravity: self.gravity,
+            report: cloned(&self.report),
+        }
+    }
 }
 
 impl PartialEq for Arm {

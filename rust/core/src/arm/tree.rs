@@ -6,6 +6,7 @@
 
 use super::{Arm, Joining};
 use crate::interrupt::look;
+use crate::memory::cloned;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
 use std::sync::Arc;
@@ -128,6 +129,7 @@ impl Tree<f64> {
             .frames
             .iter()
             .map(|frame| {
+                look();
                 let back = Placement { rotation: parent_turn(frame.body), translation: Vector3::from([0.0; 3]) };
                 TreeFrame { body: frame.body.unwrap_or(BASE), placement: back.then(&frame.placement) }
             })
@@ -179,7 +181,7 @@ impl Tree<f64> {
                     lane(i, body)
                 })
                 .collect(),
-            frames: first.frames.clone(),
+            frames: cloned(&first.frames),
             gravity: first.gravity,
             joining: first.joining.clone(),
             is_shallow: first.is_shallow,

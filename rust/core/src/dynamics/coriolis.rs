@@ -13,7 +13,9 @@ use super::Dynamics;
 use super::crba::joint_column;
 use super::workspace::{Column, Composite, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
+use crate::interrupt::look_at_row;
 use crate::kinematics::{Pose, from_parent, place_body};
+use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Matrix, Matrix3, Vector, Vector3};
 
@@ -57,10 +59,11 @@ pub fn coriolis_matrix<S: Real>(
         poses[i] = pose;
         last = (pose, w, velocity);
     }
-    c.fill(S::zero());
+    set(c, S::zero());
     // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
+        look_at_row(j);
         let body = &tree.bodies[j];
         let mut whole = composites[j];
         if S::LANES == 1 && carried_to == j {

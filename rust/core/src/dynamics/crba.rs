@@ -7,7 +7,9 @@
 
 use super::hinge::{congruence, over, reach, rotation, to_parent};
 use crate::arm::{BASE, Body, Tree};
+use crate::interrupt::look_at_row;
 use crate::kinematics::Pose;
+use crate::memory::{copies, set};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, QuarterTurn, Spatial, Sym3, Vector, Vector3};
 
@@ -54,12 +56,12 @@ pub struct Composites<S: Real> {
 
 impl<S: Real> Composites<S> {
     pub fn new(n: usize) -> Self {
-        Composites { moments: vec![Moments::default(); n], momenta: vec![Spatial::zero(); n], rotations: vec![Matrix3::zero(); n] }
+        Composites { moments: copies(n, Moments::default()), momenta: copies(n, Spatial::zero()), rotations: copies(n, Matrix3::zero()) }
     }
 }
 
 pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
-    m.fill(S::zero());
+    set(m, S::zero());
     mass_matrix_on_zeros(tree, composites, trig, q, m);
 }
 
@@ -88,6 +90,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
     // The subtree just finished, while its first body is next in line; lanes have no registers to spare for it.
     let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
+        look_at_row(i);
         let body = &bodies[i];
         let whole = if body.end == i + 1 {
             Moments::of(body)

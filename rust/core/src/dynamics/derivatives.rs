@@ -18,7 +18,9 @@ use super::crba::joint_column;
 use super::joined::Joined;
 use super::workspace::{Composite, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
+use crate::interrupt::look_at_row;
 use crate::kinematics::{Pose, place_body};
+use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Vector, Vector3};
 
@@ -88,8 +90,9 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
         poses[i] = pose;
         slopes[i] = me;
     }
-    d.fill(S::zero());
+    set(d, S::zero());
     for j in (0..n).rev() {
+        look_at_row(j);
         let body = &tree.bodies[j];
         let (me, z, origin) = (slopes[j], poses[j].z(), poses[j].origin);
         let Composite { inertia: Inertia { mass, moment, inertia }, momentum, k } = composites[j];
@@ -145,11 +148,12 @@ pub fn inverse_dynamics_by_v<S: Real>(
     d: &mut [S],
 ) {
     tree.coriolis_matrix(ws, trig, q, v, d);
-    for x in d.iter_mut() {
-        *x = *x + *x;
+    let n = tree.n();
+    for (i, row) in d.chunks_exact_mut(n.max(1)).enumerate() {
+        look_at_row(i);
+        row.iter_mut().for_each(|x| *x = *x + *x);
     }
     if friction {
-        let n = tree.n();
         for i in 0..n {
             d[i * n + i] += S::splat(tree.leader(i).damping);
         }
@@ -157,9 +161,10 @@ pub fn inverse_dynamics_by_v<S: Real>(
 }
 
 /// `x -> -M^-1 x` for an `(n, n)` matrix in place, `M` given by its Cholesky factor.
-fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
+pub(super) fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
     for c in 0..n {
         for i in 0..n {
+            look_at_row(i);
             let mut sum = x[i * n + c] * factor;
             for k in 0..i {
                 sum = l[i * n + k].neg_mul_add(x[k * n + c], sum);
@@ -167,6 +172,7 @@ fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
             x[i * n + c] = sum * l[i * n + i];
         }
         for i in (0..n).rev() {
+            look_at_row(i);
             let mut sum = x[i * n + c];
             for k in i + 1..n {
                 sum = l[k * n + i].neg_mul_add(x[k * n + c], sum);
@@ -177,9 +183,10 @@ fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
 }
 
 /// The lower Cholesky factor in place, its diagonal inverted; NaN where `M` is not positive definite.
-fn factor<S: Real>(n: usize, m: &mut [S]) {
+pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
     for j in 0..n {
         for k in 0..j {
+            look_at_row(k);
             let l = m[j * n + k];
             for i in j..n {
                 m[i * n + j] = m[i * n + k].neg_mul_add(l, m[i * n + j]);
@@ -216,7 +223,7 @@ pub fn forward_dynamics_derivatives<S: Real>(
     solve(n, m, by_q, minus);
     inverse_dynamics_by_v(tree, ws, trig, q, v, friction, by_v);
     solve(n, m, by_v, minus);
-    by_tau.fill(S::zero());
+    set(by_tau, S::zero());
     for i in 0..n {
         by_tau[i * n + i] = S::splat(1.0);
     }

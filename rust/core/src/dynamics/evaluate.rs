@@ -3,8 +3,9 @@
 
 use super::quantities::{self, Compute};
 use super::{Quantity, Query, Size, Workspace};
-use crate::arm::{Arm, Tree};
+use crate::arm::{Arm, Tree, require_memory};
 use crate::error::{Error, Result, finite};
+use crate::memory;
 use crate::scalar::rows::read_one;
 use crate::scalar::{Float, Real};
 use crate::spatial::PARAMETERS;
@@ -46,12 +47,12 @@ impl<S: Real> Engine<S> {
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
-        let zeros = |k: usize| vec![S::zero(); k];
+        let zeros = |k: usize| memory::copies(k, S::zero());
         let largest = (n * (PARAMETERS * tree.bodies.len() + 3 * n)).max(6 * n).max(16).max(16 * tree.bodies.len());
         let eager = eager && largest <= EAGER;
         Engine {
             ws,
-            trig: vec![(S::zero(), S::zero()); n],
+            trig: memory::copies(n, (S::zero(), S::zero())),
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
             out: zeros(if eager { largest } else { 0 }),
             square: zeros(if eager { n * n } else { 0 }),
@@ -64,8 +65,8 @@ impl<S: Real> Engine<S> {
     fn grow(&mut self, query: &Query) -> Result<()> {
         let (n, size) = (self.tree.n(), self.tree.size());
         let square = if matches!(query.quantity, Quantity::ForwardDynamicsDerivatives | Quantity::Christoffel) { n * n } else { 0 };
-        enlarge(&mut self.out, query.length(size), S::zero())?;
-        enlarge(&mut self.square, square, S::zero())
+        memory::enlarge(&mut self.out, query.length(size), S::zero())?;
+        memory::enlarge(&mut self.square, square, S::zero())
     }
 
     /// One configuration. Whether the arguments are what is asked for, and every number of them and of the answer finite.
@@ -98,7 +99,7 @@ impl<S: Real> Engine<S> {
 
     fn make_room_for(&mut self, query: &Query) {
         if self.answered != Some(*query) {
-            self.out[..query.length(self.tree.size())].fill(S::zero());
+            memory::set(&mut self.out[..query.length(self.tree.size())], S::zero());
             self.answered = Some(*query);
         }
     }
@@ -117,16 +118,6 @@ impl<S: Real> Engine<S> {
     }
 }
 
-/// At least so many numbers, or an error that says how much memory they are.
-fn enlarge<T: Copy>(buffer: &mut Vec<T>, length: usize, fill: T) -> Result<()> {
-    if buffer.len() < length {
-        let bytes = length as u128 * size_of::<T>() as u128;
-        buffer.try_reserve_exact(length - buffer.len()).map_err(|_| Error::Memory { bytes })?;
-        buffer.resize(length, fill);
-    }
-    Ok(())
-}
-
 /// One configuration after another, without allocating for arms of up to two hundred joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
@@ -139,6 +130,12 @@ impl Evaluator {
     /// An evaluator of this arm, with its buffers.
     pub fn new(arm: &Arm) -> Self {
         Evaluator::sized(arm, true)
+    }
+
+    /// The same for an arm of any size: an error where its buffers do not fit in memory.
+    pub(super) fn large(arm: &Arm) -> Result<Self> {
+        require_memory(arm.joints.len())?;
+        Ok(Evaluator::new(arm))
     }
 
     /// `eager`: with room for every answer.

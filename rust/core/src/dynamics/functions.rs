@@ -40,14 +40,18 @@ struct CachedQuery {
     program: Option<ArmCall>,
 }
 
+/// Joints of the largest arm whose buffers are made with it: of larger ones they take longer than the arm itself.
+const FEW_JOINTS: usize = 1024;
+
 /// Single calls.
 struct Single {
-    evaluator: Evaluator,
+    /// Of a very large arm made at the first call.
+    evaluator: Option<Evaluator>,
     cached: Vec<CachedQuery>,
 }
 
 impl Single {
-    fn new(evaluator: Evaluator) -> Mutex<Self> {
+    fn new(evaluator: Option<Evaluator>) -> Mutex<Self> {
         Mutex::new(Single { evaluator, cached: Vec::new() })
     }
 
@@ -73,7 +77,11 @@ impl Single {
             self.cached.push(CachedQuery { query: *query, calls: 0, program: None });
             self.cached.len() - 1
         });
-        let answer = self.evaluator.one(query, inputs, out)?;
+        let evaluator = match &mut self.evaluator {
+            Some(evaluator) => evaluator,
+            none => none.insert(Evaluator::large(arm)?),
+        };
+        let answer = evaluator.one(query, inputs, out)?;
         let cached = &mut self.cached[at];
         cached.calls = cached.calls.saturating_add(1);
         if cached.calls == CALLS && query.operations(arm.size()) <= SHORT {
@@ -94,7 +102,8 @@ pub struct Functions {
 impl Functions {
     /// The functions of this arm.
     pub fn new(arm: Arc<Arm>) -> Self {
-        Functions { single: Single::new(Evaluator::new(&arm)), known: Mutex::default(), arm }
+        let evaluator = (arm.joints.len() <= FEW_JOINTS).then(|| Evaluator::new(&arm));
+        Functions { single: Single::new(evaluator), known: Mutex::default(), arm }
     }
 
     /// The arm.
@@ -107,7 +116,7 @@ impl Functions {
         match free(&self.single) {
             Some(mut single) => single.one(&self.arm, query, inputs, out),
             // Another thread is in the buffers: a set of one's own is the price.
-            None => Evaluator::new(&self.arm).one(query, inputs, out),
+            None => Evaluator::large(&self.arm)?.one(query, inputs, out),
         }
     }
 
@@ -168,7 +177,7 @@ impl Functions {
 impl Arm {
     /// As [`Functions::rows`], for once.
     pub fn evaluate(self: &Arc<Self>, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
-        let single = Single::new(Evaluator::sized(self, false));
+        let single = Single::new(Some(Evaluator::sized(self, false)));
         let functions = Functions { arm: self.clone(), single, known: Mutex::default() };
         functions.prepare(query, count)?;
         functions.rows(query, inputs, count, out)

@@ -24,6 +24,8 @@ pub mod forward;
 mod functions;
 mod hinge;
 mod joined;
+#[cfg(test)]
+mod large_tests;
 mod model;
 #[doc(hidden)]
 pub mod newton_euler;

@@ -5,7 +5,9 @@ use super::evaluate::Engine;
 use super::joined::Joined;
 use super::{Dynamics, Quantity, Query, coriolis, crba, derivatives, regressor};
 use crate::arm::Tree;
+use crate::interrupt::look;
 use crate::kinematics as kin;
+use crate::memory;
 use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
 use crate::spatial::{Lift, Matrix, Matrix3, PARAMETERS, Vector, Vector3, rotation_log};
@@ -17,8 +19,24 @@ pub trait Compute {
     /// The same to numbers of the caller's; whether all of them are finite.
     fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
         Self::compute(engine, query);
-        write_one(&engine.out[..out.len()], out)
+        write(&engine.out[..out.len()], out)
     }
+}
+
+/// As [`write_one`]; a row of very many numbers in pieces.
+#[inline(always)]
+fn write<S: Real>(values: &[S], out: &mut [f64]) -> bool {
+    if out.len() <= memory::PIECE { write_one(values, out) } else { write_many(values, out) }
+}
+
+#[inline(never)]
+fn write_many<S: Real>(values: &[S], out: &mut [f64]) -> bool {
+    let mut finite = true;
+    for (values, out) in values.chunks(memory::PIECE).zip(out.chunks_mut(memory::PIECE)) {
+        look();
+        finite &= write_one(values, out);
+    }
+    finite
 }
 
 /// What friction leaves of a torque.
@@ -76,10 +94,10 @@ impl Compute for MassMatrix {
         let n = engine.tree.n();
         if engine.tree.joining.is_some() {
             Self::compute(engine, query);
-            return write_one(&engine.out[..n * n], out);
+            return write(&engine.out[..n * n], out);
         }
         if engine.tree.bodies.iter().any(|body| body.end < n) {
-            out.fill(0.0);
+            memory::set(out, 0.0);
         }
         // NaN once a number was not finite.
         let mut zero = S::zero();

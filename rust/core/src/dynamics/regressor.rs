@@ -11,6 +11,8 @@ use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};
 use super::workspace::{BodyMotion, Link};
 use crate::arm::{BASE, Body, Tree, second_moment};
+use crate::interrupt::look_at_row;
+use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Spatial, Vector, Vector3};
 
@@ -107,7 +109,7 @@ pub fn regressor<S: Real>(
     ar: &[S],
     y: &mut [S],
 ) {
-    y.fill(S::zero());
+    set(y, S::zero());
     regressor_on_zeros(tree, width, links, fields, trig, q, v, vr, ar, y);
 }
 
@@ -142,6 +144,7 @@ pub fn regressor_on_zeros<S: Real>(
         fields[i] = Field::of(body, &motion);
     }
     for j in 0..n {
+        look_at_row(j);
         let Body { revolute, end, turn, .. } = tree.bodies[j];
         let mut twist = unit(revolute);
         if tree.bodies[j].forks {

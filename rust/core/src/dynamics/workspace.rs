@@ -6,6 +6,7 @@ use super::joined::Spread;
 use super::regressor::Field;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
+use crate::memory::copies;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Matrix, Matrix3, Spatial, Sym3, Vector, Vector3};
 
@@ -124,17 +125,17 @@ impl<S: Real> Workspace<S> {
     pub fn new(tree: &Tree<S>) -> Self {
         let n = tree.bodies.len();
         Workspace {
-            poses: vec![Pose::identity(); n],
-            links: vec![Link::default(); n],
-            fields: vec![Field::default(); n],
-            composites: vec![Composite::default(); n],
-            articulated: vec![Articulated::default(); n],
+            poses: copies(n, Pose::identity()),
+            links: copies(n, Link::default()),
+            fields: copies(n, Field::default()),
+            composites: copies(n, Composite::default()),
+            articulated: copies(n, Articulated::default()),
             mass: crba::Composites::new(n),
-            factors: Factors { matrix: vec![S::zero(); if tree.is_shallow { n * n } else { 0 }], inverse: vec![S::zero(); n] },
-            columns: vec![Column::default(); n],
-            slopes: vec![Slope::default(); n],
-            motion: vec![(Vector3::zero(), Vector3::zero()); n],
-            subtrees: vec![(S::zero(), Vector3::zero()); n],
+            factors: Factors { matrix: copies(if tree.is_shallow { n * n } else { 0 }, S::zero()), inverse: copies(n, S::zero()) },
+            columns: copies(n, Column::default()),
+            slopes: copies(n, Slope::default()),
+            motion: copies(n, (Vector3::zero(), Vector3::zero())),
+            subtrees: copies(n, (S::zero(), Vector3::zero())),
             spread: Spread::new(tree),
         }
     }

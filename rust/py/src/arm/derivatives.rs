@@ -5,6 +5,7 @@ use crate::arrays::flag_or_false;
 use crate::errors::entry;
 use armlet_core::analysis::linearisation::state_matrices;
 use armlet_core::dynamics::{Quantity, Query};
+use armlet_core::memory;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -27,7 +28,7 @@ impl Arm {
             let square = self.model.n() * self.model.n();
             self.apart(function, ["q", "v", third], values, &query, [&[self.model.n(); 2]; 3], out, |slopes, to: [&mut [f64]; 3]| {
                 for (from, to) in slopes.chunks_exact(square.max(1)).zip(to) {
-                    to.copy_from_slice(from);
+                    memory::copy(from, to);
                 }
             })
         })

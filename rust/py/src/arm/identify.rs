@@ -1,7 +1,7 @@
 //! Base parameters, physical consistency and identification: arrays in, the classes of `armlet.identification` out.
 
 use super::Arm;
-use crate::arrays::{Looked, any_vector, copied, flag_or_false, index_of, number, owned, require_finite, shown, taken, vector};
+use crate::arrays::{Looked, adopted, any_vector, copied, flag_or_false, index_of, number, owned, require_finite, shown, vector};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use armlet_core::analysis::base_parameters::{self as base, BaseParameters};
@@ -22,7 +22,7 @@ fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: boo
     let fields = PyDict::new(py);
     fields.set_item("arm", arm)?;
     let columns: Vec<i64> = found.independent.columns.iter().map(|&j| j as i64).collect();
-    fields.set_item("columns", taken(py, &[b], columns)?)?;
+    fields.set_item("columns", adopted(py, &[b], columns)?)?;
     fields.set_item("projection", copied(py, &[b, p], &found.independent.projection)?)?;
     fields.set_item("names", PyTuple::new(py, &found.names)?)?;
     fields.set_item("grouping", PyTuple::new(py, found.grouping())?)?;

@@ -9,9 +9,10 @@ mod shape;
 mod single;
 mod write;
 
-pub use raw::{Lent, of_lengths, of_shape, out_of_shape, out_slice, overwrite};
+pub use pieces::copied_to_bytes;
+pub use raw::{Lent, adopted, of_lengths, of_shape, out_of_shape, out_slice, overwrite};
 pub use read::{Looked, any_vector, numbers, owned, spread, three, vector};
 pub use sequence::items;
 pub use shape::{Axis, Form, SCALAR, WHATEVER, elements, index_of, require_finite, shown};
 pub use single::{count, flag, flag_or_false, name, number, object, optional_number, quoted, signed, text, whole};
-pub use write::{copied, new_array, new_vector, taken, written_array, written_arrays};
+pub use write::{copied, new_array, new_vector, written_array, written_arrays};

@@ -3,11 +3,12 @@
 
 use super::raw::in_place;
 use crate::errors::{Failure, input_error};
-use crate::interrupts::{Breaks, long};
-use armlet_core::interrupt::look;
+use crate::interrupts::{Breaks, long, pause_in_turn};
 use armlet_core::{error, memory};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use std::ops::Range;
 
 /// Numbers of a piece: half a megabyte.
 pub const PIECE: usize = 1 << 16;
@@ -19,10 +20,7 @@ pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> 
         return Ok(());
     }
     long(py, || {
-        for (to, from) in to.chunks_mut(PIECE).zip(from.chunks(PIECE)) {
-            look();
-            to.copy_from_slice(from);
-        }
+        memory::copy(from, to);
         Ok(())
     })
 }
@@ -40,6 +38,24 @@ pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> R
         breaks.pause(py)?;
     }
     Ok(values)
+}
+
+/// These numbers of a large C-contiguous array as bytes, little-endian.
+pub fn copied_to_bytes<'py>(array: &Bound<'py, PyArrayDyn<f64>>, range: Range<usize>) -> Result<Bound<'py, PyBytes>, Failure> {
+    let py = array.py();
+    let changed = || input_error(py, "pickle", "array", "was changed while it was read: expected an array that keeps its size and layout");
+    let mut at = range.start;
+    let bytes = PyBytes::new_with(py, range.len() * size_of::<f64>(), |out| {
+        for out in out.as_chunks_mut::<8>().0.chunks_mut(PIECE) {
+            // Looked up again for each piece: others may have run since the last one.
+            let values = in_place(array).and_then(|all| all.get(at..at + out.len())).ok_or_else(changed)?;
+            out.iter_mut().zip(values).for_each(|(bytes, x)| *bytes = x.to_le_bytes());
+            at += out.len();
+            pause_in_turn(py)?;
+        }
+        Ok(())
+    })?;
+    Ok(bytes)
 }
 
 /// Whether all are finite.

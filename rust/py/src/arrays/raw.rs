@@ -4,8 +4,9 @@
 //! which costs a global lock per array.
 
 use crate::errors::{Failure, input_error};
-use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
+use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
 use pyo3::prelude::*;
+use std::any::Any;
 use std::ffi::c_int;
 use std::ptr::null_mut;
 
@@ -149,6 +150,46 @@ pub fn made<'py, T: Bits>(
         fill(&mut [])?;
     }
     Ok(array)
+}
+
+/// Memory that arrays of [`adopted`] are views of.
+#[pyclass(frozen, module = "armlet._core", name = "_Memory")]
+struct Memory {
+    values: Option<Box<dyn Any + Send + Sync>>,
+    bytes: usize,
+}
+
+/// Bytes beyond which memory is given back without the interpreter's lock: the system takes back some 10 GB/s.
+const MANY: usize = 1 << 20;
+
+impl Drop for Memory {
+    fn drop(&mut self) {
+        if self.bytes > MANY {
+            let values = self.values.take();
+            Python::attach(|py| py.detach(|| drop(values)));
+        }
+    }
+}
+
+/// A new array of this shape that takes these values over, as many.
+pub fn adopted<'py, T: Element + Sync + 'static>(py: Python<'py>, shape: &[usize], mut values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
+    assert_eq!(shape.iter().product::<usize>(), values.len(), "as many numbers as the shape says");
+    let (data, bytes) = (values.as_mut_ptr(), size_of_val(&values[..]));
+    let owner = Bound::new(py, Memory { values: Some(Box::new(values)), bytes })?;
+    let api = &npyffi::PY_ARRAY_API;
+    let (axes, dims, flags) = (shape.len() as c_int, shape.as_ptr().cast_mut().cast(), npyffi::flags::NPY_ARRAY_CARRAY);
+    // SAFETY: contiguous and aligned elements of this type, as many as the shape says, which stay in their place while `owner` lives. The
+    // array holds `owner`, and nobody else reaches its values. The type of the elements is stolen by the first call, `owner` by the second.
+    unsafe {
+        let class = npyffi::get_type_object(py, npyffi::NpyTypes::PyArray_Type);
+        let kind = T::get_dtype(py).into_dtype_ptr();
+        let array = api.PyArray_NewFromDescr(py, class, kind, axes, dims, null_mut(), data.cast(), flags, null_mut());
+        let array = Bound::from_owned_ptr_or_err(py, array)?;
+        if api.PyArray_SetBaseObject(py, array.as_ptr().cast(), owner.into_ptr()) < 0 {
+            return Err(PyErr::fetch(py));
+        }
+        Ok(array)
+    }
 }
 
 /// Overwrite an array that `new_array` made and Python may hold too: of the same length, contiguous.

@@ -3,17 +3,11 @@
 use super::pieces;
 use super::raw::{Bits, made, out_of_shape};
 use crate::errors::Failure;
-use numpy::{Element, PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 
 /// A new array of this shape with these values, of float64 or bool.
 pub fn copied<'py, T: Bits>(py: Python<'py>, shape: &[usize], values: &[T]) -> Result<Bound<'py, PyAny>, Failure> {
     made(py, shape, false, |out| pieces::copy(py, values, out))
-}
-
-/// A new array of this shape that takes these values over.
-pub fn taken<'py, T: Element>(py: Python<'py>, shape: &[usize], values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
-    Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }
 
 /// A new array of this shape, zero but for what `fill` writes.

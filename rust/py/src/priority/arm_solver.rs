@@ -5,7 +5,7 @@ use super::solution::{residual_list, status_member};
 use super::stack::{Keywords, items, per_joint};
 use crate::arm::Arm;
 use crate::arrays::{
-    Axis, Form, copied, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, owned, require_finite, shown, taken,
+    Axis, Form, adopted, copied, new_array, new_vector, numbers, object, of_shape, out_of_shape, out_slice, owned, require_finite, shown,
     vector,
 };
 use crate::broadcast::{broadcast, require_all_finite};
@@ -348,7 +348,7 @@ impl ArmPrioritySolver {
     #[getter]
     fn ranks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let ranks: Vec<i64> = self.state().solver().ranks().iter().map(|&r| r as i64).collect();
-        let array = taken(py, &[ranks.len()], ranks)?;
+        let array = adopted(py, &[ranks.len()], ranks)?;
         array.call_method0("tolist")
     }
 

@@ -1,7 +1,7 @@
 //! `armlet.solve_priority` and its answer, for one stack or for a batch of stacks.
 
 use super::stack::{Keywords, Stack, items, method_name};
-use crate::arrays::{copied, of_shape, optional_number, taken};
+use crate::arrays::{adopted, copied, of_shape, optional_number};
 use crate::errors::{Failure, entry};
 use crate::interrupts::{long, signalled};
 use crate::seal::{Sealed, seal};
@@ -299,9 +299,10 @@ fn batch(py: Python<'_>, solver: Core, stack: Stack) -> Result<PrioritySolution,
         Ok((v, residuals, ranks, scales, status))
     })?;
     let shape = |last: &[usize]| -> Vec<usize> { stack.lead.iter().chain(last).copied().collect() };
-    let residuals = stack.rows.iter().zip(residuals).map(|(m, r)| Ok(taken(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
-    let (v, residuals) = (taken(py, &shape(&[stack.n]), v)?, PyList::new(py, residuals)?.into_any());
-    let (ranks, scales) = (taken(py, &shape(&[levels]), ranks)?, taken(py, &shape(&[levels]), scales)?);
-    let status = taken(py, &stack.lead, status)?;
+    let residuals =
+        stack.rows.iter().zip(residuals).map(|(m, r)| Ok(adopted(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
+    let (v, residuals) = (adopted(py, &shape(&[stack.n]), v)?, PyList::new(py, residuals)?.into_any());
+    let (ranks, scales) = (adopted(py, &shape(&[levels]), ranks)?, adopted(py, &shape(&[levels]), scales)?);
+    let status = adopted(py, &stack.lead, status)?;
     Ok(PrioritySolution::new(py, v.unbind(), residuals.unbind(), ranks.unbind(), scales.unbind(), status.unbind())?)
 }

@@ -1,0 +1,67 @@
+//! Arms of very many joints: their functions look whether to stop, and answer the same bits afterwards.
+
+use super::derivatives::{factor, solve};
+use super::{Evaluator, Functions, Quantity, Query};
+use crate::arm::Arm;
+use crate::interrupt::{Interrupted, Watch, interruptible};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// More joints than rows without a look, and fewer than those of a program.
+const JOINTS: usize = 330;
+
+fn asked<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {
+    interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), work)
+}
+
+fn planar(joints: usize) -> Arm {
+    Arm::planar(&vec![1.0; joints], None, None, None, [0.0, -9.81]).unwrap()
+}
+
+#[test]
+fn matrices_are_given_up_and_made_again() {
+    let arm = planar(JOINTS);
+    let mut evaluator = Evaluator::new(&arm);
+    let wave = |from: f64| (0..JOINTS).map(|i| (from + 2.3 * i as f64).sin()).collect::<Vec<f64>>();
+    let given = [wave(0.1), wave(0.2), wave(0.3), wave(0.4)];
+    for quantity in [Quantity::MassMatrix, Quantity::CoriolisMatrix, Quantity::Regressor, Quantity::InverseDynamicsDerivatives] {
+        let query = Query::from(quantity);
+        let inputs: Vec<&[f64]> = given[..query.inputs().len()].iter().map(Vec::as_slice).collect();
+        let mut out = vec![0.0; query.length(arm.size())];
+        assert!(evaluator.one(&query, &inputs, &mut out).unwrap(), "{quantity:?}");
+        let mut other = vec![0.0; out.len()];
+        // The buffers are large enough by now: what looks is the recursion.
+        assert!(asked(|| evaluator.one(&query, &inputs, &mut other)).is_err(), "{quantity:?}");
+        assert!(evaluator.one(&query, &inputs, &mut other).unwrap(), "{quantity:?}");
+        assert!(out.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()), "{quantity:?}");
+    }
+}
+
+#[test]
+fn a_factor_and_its_solutions_are_given_up() {
+    let mut unit = vec![0.0; JOINTS * JOINTS];
+    (0..JOINTS).for_each(|i| unit[i * JOINTS + i] = 1.0);
+    assert!(asked(|| factor(JOINTS, &mut unit.clone())).is_err());
+    assert!(asked(|| solve(JOINTS, &unit, &mut unit.clone(), 1.0)).is_err());
+}
+
+#[test]
+fn copies_and_buffers_are_given_up() {
+    let arm = planar(5000);
+    assert!(asked(|| arm.clone()).is_err());
+    let tree = crate::arm::Tree::<f64>::new(&arm);
+    assert!(asked(|| super::Workspace::new(&tree)).is_err());
+}
+
+#[test]
+fn buffers_of_very_many_joints_are_made_at_the_first_call() {
+    const MANY: usize = 5000;
+    let functions = Functions::new(Arc::new(planar(MANY)));
+    let (zero, mut out) = (vec![0.0; MANY], vec![0.0; MANY]);
+    // One that is interrupted leaves no half of them.
+    let query = Query::from(Quantity::Gravity);
+    assert!(asked(|| functions.one(&query, &[&zero], &mut out)).is_err());
+    assert_eq!(functions.one(&query, &[&zero], &mut out), Ok(true));
+    // Rods of 1 kg/m on the x axis; the sum rounds 5,000 times.
+    assert!((out[0] / (9.81 * 0.5 * (MANY * MANY) as f64) - 1.0).abs() < 1e-10, "{}", out[0]);
+}
