@@ -140,9 +140,15 @@ def simulate(
 
 
 def _ran_away(plant: _core.Plant, run: Run) -> str:
-    """Of a run that diverged: the joint that left its limits first, by the records, and the fastest one at the last record."""
+    """Of a run that diverged: an input that is not finite at the last record.
+
+    Else the joint that left its limits first, by the records, and the fastest one at the last record.
+    """
     if run.status != Status.DIVERGED or not len(run.t):
         return ""
+    bad = np.flatnonzero(~np.isfinite(run.tau[-1]))
+    if len(bad):
+        return f"; the input of the law is not finite at the last record, t = {run.t[-1]:.9g} s: tau[{bad[0]}] = {run.tau[-1, bad[0]]}"
     i = int(np.abs(run.v[-1]).argmax())
     text = f"; the fastest joint at the last record, t = {run.t[-1]:.9g} s: v[{i}] = {run.v[-1, i]:.4g}"
     limits = plant.arm.limits

@@ -1,9 +1,9 @@
 //! `armlet.equilibrium`, `armlet.elastic_limits` and the limits by numbers; the warning of a coarse sample time.
 
-use crate::arrays::{Looked, new_array, number, object, optional_number, text, vector};
+use crate::arrays::{Looked, new_array, number, object, optional_number, vector};
 use crate::broadcast::{LOOK, columns};
 use crate::errors::{Failure, entry, input_error};
-use crate::force::{self, Raised};
+use crate::force::{self, Raised, force_frame};
 use crate::interrupts::long;
 use crate::law::Law;
 use crate::plant::Plant;
@@ -43,7 +43,7 @@ fn constant(
 ) -> Result<(Wrench, Option<usize>), Failure> {
     let named = match frame {
         None => None,
-        Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(function, "force_frame", frame)?)?),
+        Some(frame) => Some(force_frame(function, plant, frame)?),
     };
     let own = law.coordinates();
     let at = named.or(own.map(|coordinates| coordinates.frame));

@@ -1,8 +1,9 @@
 //! External forces as Python gives them: None, a constant, `[(t_start, F), ...]` or `F(t)`.
 
-use crate::arrays::{Axis, Form, items, number, numbers, require_finite};
+use crate::arrays::{Axis, Form, items, number, numbers, require_finite, text};
 use crate::errors::{Failure, input_error};
 use armlet_core::memory;
+use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{Force, Wrench};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
@@ -14,6 +15,13 @@ pub type Raised = Arc<Mutex<Option<PyErr>>>;
 /// Whether something was raised: Python is asked no more, and the run is to end.
 pub fn failed(raised: &Raised) -> bool {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).is_some()
+}
+
+/// The frame that `force_frame` names.
+pub fn force_frame(function: &str, plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    const NAME: &str = "force_frame";
+    let name = text(function, NAME, value)?;
+    Ok(plant.model().tree(NAME)?.frame_index(&name).map_err(|error| error.of_argument(NAME))?)
 }
 
 /// The most steps of a force.

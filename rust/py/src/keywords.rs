@@ -5,7 +5,7 @@ use crate::arrays::{
     spread, text, vector, whole,
 };
 use crate::errors::{Failure, input_error};
-use crate::force::{self, Raised};
+use crate::force::{self, Raised, force_frame};
 use crate::law::Law;
 use crate::motion::Motion;
 use crate::warnings::LimitCheck;
@@ -200,7 +200,7 @@ impl<'py> Keywords<'py> {
     pub fn forces(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Vec<Force>, Option<usize>), Failure> {
         let frame = match self.get("force_frame")? {
             None => None,
-            Some(frame) => Some(plant.model().tree("force_frame")?.frame_index(&text(self.function, "force_frame", &frame)?)?),
+            Some(frame) => Some(force_frame(self.function, plant, &frame)?),
         };
         let Some(value) = self.get("force")? else { return Ok((Vec::new(), frame)) };
         let rows = if frame.is_some() { None } else { law.coordinates().map(|coordinates| coordinates.rows.as_slice()) };

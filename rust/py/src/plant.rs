@@ -112,7 +112,7 @@ fn wall<'py>(given: &mut Arguments<'py>, function: &str, wall: Option<&Bound<'py
     let object = object::<Wall>(function, "wall", "a Wall or None", wall)?;
     given.plain("wall", wall);
     let model = given.model();
-    let frame = model.tree("wall")?.frame_index(&object.get().frame)?;
+    let frame = model.tree("wall")?.frame_index(&object.get().frame).map_err(|error| error.of_argument("wall.frame"))?;
     Ok(Some(CoreWall { frame, ..object.get().core.clone() }))
 }
 

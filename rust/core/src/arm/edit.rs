@@ -12,7 +12,7 @@ impl Arm {
         finite("rpy", &rpy)?;
         finite("xyz", &xyz)?;
         writable("name", name)?;
-        let at = self.frames[self.frame_index(parent)?].clone();
+        let at = self.frames[self.frame_index(parent).map_err(|error| error.of_argument("parent"))?].clone();
         if self.frame_names().any(|known| known == name) {
             return Err(Error::input("name", format!("is taken: expected a new frame name, got {name}")));
         }
@@ -98,8 +98,10 @@ impl Arm {
     /// The part of the arm between two frames: `root` becomes the fixed base and world frame (gravity is then in its
     /// axes), and with `tip` only the joints that move it relative to `root` stay.
     pub fn sub_chain(&self, root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
-        let find = |name: Option<&str>| name.map(|name| self.frame_index(name)).transpose();
-        let (root, tip) = (find(root)?, find(tip)?);
+        let find = |argument: &str, name: Option<&str>| {
+            name.map(|name| self.frame_index(name).map_err(|error| error.of_argument(argument))).transpose()
+        };
+        let (root, tip) = (find("root", root)?, find("tip", tip)?);
         let base = root.and_then(|f| self.frames[f].body);
         let back = root.map_or(Placement::IDENTITY, |f| self.frames[f].placement.inverse());
         // Which bodies hang on the base, in one pass since parents come first.

@@ -4,7 +4,7 @@ use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
 use crate::error::{Error, Result};
 use crate::scalar::Real;
-use crate::trace::c::{CFile, COptions, CSource, Routine, comment};
+use crate::trace::c::{CFile, COptions, CSource, Routine, comment, require_names};
 use crate::trace::function::{Recorded, recorded};
 use crate::trace::{Sym, sym};
 
@@ -86,6 +86,7 @@ impl Model {
     /// # Ok::<(), armlet_core::error::Error>(())
     /// ```
     pub fn export_c(&self, functions: &[CFunction], options: &COptions) -> Result<Vec<CFile>> {
+        require_names("functions", functions.iter().map(|function| function.name.as_str()))?;
         let (mut source, n) = (CSource::new(options)?, self.n());
         source.define("N", n, "joints");
         source.write(&answer(source.prefix(), source.upper()));

@@ -270,7 +270,9 @@ impl Arm {
         match (wrench, frame) {
             (None, None) => self.evaluate(function, ["q", "v", third], [q, v, a], query, out),
             (Some(wrench), Some(frame)) => {
-                let frame = entry(q.py(), function, || Ok(self.model.frame(name(function, "wrench_frame", frame)?)?))?;
+                let found =
+                    || Ok(self.model.frame(name(function, "wrench_frame", frame)?).map_err(|error| error.of_argument("wrench_frame"))?);
+                let frame = entry(q.py(), function, found)?;
                 let query = Query { wrench: Some(frame), ..query };
                 self.evaluate(function, ["q", "v", third, "wrench"], [q, v, a, wrench], query, out)
             }

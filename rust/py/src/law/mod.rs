@@ -112,6 +112,9 @@ impl Law {
     ///
     /// `theta`, `theta_dot`: motor positions and velocities `(n,)`, for laws of elastic arms. `state`: the law's own
     /// state, such as an estimate `(p,)`; its initial value if None.
+    ///
+    /// Raises:
+    ///     InputError: an argument is wrong, or the input is not finite because a product overflows.
     #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
     fn __call__<'py>(
         &self,
@@ -133,7 +136,13 @@ impl Law {
                         // Another thread is in the buffers: a set of one's own is the price.
                         Err(_) => LawEvaluator::new(&self.spec).input(t, parts, z, tau),
                     }
-                    Ok(())
+                    match tau.iter().position(|x| !x.is_finite()) {
+                        None => Ok(()),
+                        Some(i) => {
+                            let problem = "give an input that is not finite: expected finite numbers, got";
+                            Err(input_error(py, name, "t, q, v", format!("{problem} {} (first bad index {i})", tau[i])).into())
+                        }
+                    }
                 })
             };
             // The call of a control loop: arrays as they should be are read where they are.

@@ -11,4 +11,4 @@ mod source;
 
 pub use comment::comment;
 pub use routine::{Printed, Routine};
-pub use source::{CFile, COptions, CSource, STATUSES};
+pub use source::{CFile, COptions, CSource, STATUSES, require_names};

@@ -4,6 +4,7 @@ use super::comment::comment;
 use super::routine::{Printed, Routine};
 use super::sines::sin_cos;
 use crate::error::{Error, Result};
+use std::collections::HashSet;
 use std::fmt::Write;
 
 /// The longest prefix of the names.
@@ -45,9 +46,7 @@ impl COptions {
     /// Refuse a prefix that is no identifier of C, or no name for a target of CMake.
     pub fn validate(&self) -> Result<()> {
         let prefix = self.prefix.as_str();
-        let letters = prefix.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
-        let starts = prefix.starts_with(|c: char| c.is_ascii_alphabetic());
-        if letters && starts && prefix.len() <= LONGEST && !TAKEN.contains(&format!(" {prefix} ")) {
+        if is_identifier(prefix) && prefix.len() <= LONGEST && !TAKEN.contains(&format!(" {prefix} ")) {
             if TARGETS.contains(&format!(" {prefix} ")) {
                 let expected = "a name that is neither a target that CMake makes nor the library m";
                 return Err(Error::input("prefix", format!("is no name for a target of CMake: expected {expected}, got {prefix:?}")));
@@ -57,6 +56,34 @@ impl COptions {
         let expected = format!("a letter, then letters, digits and _, at most {LONGEST}, no word of C");
         Err(Error::input("prefix", format!("is no name in C: expected {expected}, got {prefix:?}")))
     }
+}
+
+/// Names behind the prefix that every source file has for itself.
+const OWN: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
+
+/// Whether this is a letter, then letters, digits and `_`.
+fn is_identifier(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+}
+
+/// Refuse names of functions that are no identifiers of C, that stand there twice, or that the file has for itself.
+pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
+    let mut known = HashSet::new();
+    for (i, name) in names.enumerate() {
+        let refused = |problem: &str| Err(Error::input(format!("{argument}[{i}].name"), format!("{problem}, got {name:?}")));
+        if !is_identifier(name) {
+            return refused("is no name in C: expected a letter, then letters, digits and _");
+        }
+        if OWN.contains(&name) {
+            return refused("is a name that the file has for itself: expected another one");
+        }
+        // The parts of a long function have its name and a number.
+        let whole = name.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix('_').filter(|whole| known.contains(whole));
+        if whole.is_some() || !known.insert(name) {
+            return refused("is a name that is there already: expected another one");
+        }
+    }
+    Ok(())
 }
 
 /// What every header says of its statuses: name, code, meaning.
@@ -198,7 +225,7 @@ endif()\nendif()\n{}",
 
 #[cfg(test)]
 mod tests {
-    use super::COptions;
+    use super::{COptions, require_names};
 
     #[test]
     fn a_prefix_is_a_name_of_c() {
@@ -208,5 +235,20 @@ mod tests {
         for bad in ["", "7axis", "a-b", "double", "x y", "_x", "é", "test", "install", "m", &"a".repeat(41)] {
             assert!(COptions::new(bad).validate().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn names_of_functions_are_refused_that_are_none_in_c() {
+        let said = |names: &[&str]| require_names("functions", names.iter().copied()).map_err(|error| error.to_string());
+        assert_eq!(said(&["gravity", "M2", "gravity_1x"]), Ok(()));
+        for bad in ["", "2m", "a-b", "a b", "x(void); int y", "é", "a\n", "_a"] {
+            let expected = format!("functions[1].name is no name in C: expected a letter, then letters, digits and _, got {bad:?}");
+            assert_eq!(said(&["gravity", bad]), Err(expected));
+        }
+        for (first, second) in [("gravity", "gravity"), ("gravity", "gravity_1"), ("gravity", "gravity_23")] {
+            let expected = format!("functions[1].name is a name that is there already: expected another one, got {second:?}");
+            assert_eq!(said(&[first, second]), Err(expected));
+        }
+        assert!(said(&["answer"]).is_err_and(|text| text.contains("that the file has for itself")));
     }
 }
