@@ -38,9 +38,11 @@ class PID(Law):
         self.breaks = getattr(self.motion, "breaks", ())
         self.kp, self.ki, self.kd = gain(kp, n), np.zeros((n, n)) if ki is None else gain(ki, n), gain(kd, n)
         self.limit = np.broadcast_to(np.inf if tau_max is None else np.asarray(tau_max, dtype=np.float64), (n,))
-        self.friction, self.v_s = friction, friction_speed
-        self.rate, self.bandwidth = derivative_filter, observer_bandwidth
-        self.inertia = np.diag(arm.mass_matrix(self.motion(0.0)[0])) if nominal_inertia is None else np.asarray(nominal_inertia)
+        self.friction, self.v_s = friction, np.asarray(friction_speed, dtype=np.float64)
+        self.rate = None if derivative_filter is None else np.asarray(derivative_filter, dtype=np.float64)
+        self.bandwidth = None if observer_bandwidth is None else np.asarray(observer_bandwidth, dtype=np.float64)
+        first = arm.mass_matrix(self.motion(0.0)[0])
+        self.inertia = np.diag(first) if nominal_inertia is None else np.asarray(nominal_inertia, dtype=np.float64)
         self.state0 = np.zeros(n * (1 + (self.rate is not None) + (self.bandwidth is not None)))
 
     def start(self, q: Array, v: Array) -> Array:

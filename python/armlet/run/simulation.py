@@ -146,9 +146,9 @@ def _ran_away(plant: _core.Plant, run: Run) -> str:
     """
     if run.status != Status.DIVERGED or not len(run.t):
         return ""
-    bad = np.flatnonzero(~np.isfinite(run.tau[-1]))
-    if len(bad):
-        return f"; the input of the law is not finite at the last record, t = {run.t[-1]:.9g} s: tau[{bad[0]}] = {run.tau[-1, bad[0]]}"
+    if run.tau is not None and not np.isfinite(run.tau[-1]).all():
+        i = int(np.flatnonzero(~np.isfinite(run.tau[-1]))[0])
+        return f"; the input of the law is not finite at the last record, t = {run.t[-1]:.9g} s: tau[{i}] = {run.tau[-1, i]}"
     i = int(np.abs(run.v[-1]).argmax())
     text = f"; the fastest joint at the last record, t = {run.t[-1]:.9g} s: v[{i}] = {run.v[-1, i]:.4g}"
     limits = plant.arm.limits

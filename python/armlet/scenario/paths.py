@@ -28,7 +28,7 @@ POSES = Table(
 )
 
 
-def timed_path(arm: _core.Arm, path: Any, stops: list[float] | None = None, **limits: Any) -> _core.TimedPath:
+def timed_path(arm: _core.Arm, path: Any, stops: list[int] | None = None, **limits: Any) -> _core.TimedPath:
     """The timing of waypoints, or of a table of poses; `stops` are indices of either."""
     if not isinstance(path, Mapping):
         return _core.time_path(arm, path, stops=stops, **limits)

@@ -71,7 +71,7 @@ pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     }
 }
 
-/// Every element set to `value`. No look up to one piece: this stands in the steps of loops.
+/// Every element set to `value`. No look up to one piece: steps of loops call this.
 pub fn set<T: Copy>(out: &mut [T], value: T) {
     for (k, piece) in out.chunks_mut(PIECE).enumerate() {
         if k > 0 {

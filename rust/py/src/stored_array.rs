@@ -13,7 +13,7 @@ use pyo3::types::{PyBytes, PyDict, PyTuple};
 /// Numbers of a share.
 const NUMBERS: usize = SHARE / size_of::<f64>();
 
-/// What a pickler asks how to reduce objects of a type: that of every pickler, and arrays.
+/// The table by which a pickler reduces objects of a type: that of every pickler, and arrays.
 pub fn array_table(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let table = py.import("copyreg")?.getattr("dispatch_table")?.cast_into::<PyDict>()?.copy()?;
     table.set_item(py.import("numpy")?.getattr("ndarray")?, py.import("armlet._core")?.getattr("_stored_array")?)?;

@@ -70,7 +70,7 @@ pub struct Arm {
 }
 
 impl Clone for Arm {
-    /// An arm of very many joints takes long: [`look`] is asked on the way.
+    /// An arm of very many joints takes long: [`look`] runs on the way.
     fn clone(&self) -> Self {
         Arm {
             name: self.name.clone(),

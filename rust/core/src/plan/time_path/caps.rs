@@ -44,7 +44,7 @@ impl PathProblem<'_> {
         self.widest = (0..self.rows.s.len()).map(bound).collect();
     }
 
-    /// The bounds of `x` at the grid points, from the speed limits and the stops; those of the ends give way to the end speeds up
+    /// The bounds of `x` at the grid points, from the speed limits and the stops. Those of the ends give way to the end speeds up
     /// to rounding.
     pub fn set_caps(&mut self) {
         let points = self.rows.s.len();

@@ -66,7 +66,7 @@ fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Refuse names of functions that are no identifiers of C, that stand there twice, or that the file has for itself.
+/// Refuse names of functions that are no identifiers of C, that occur twice, or that the file has for itself.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let mut known = HashSet::new();
     for (i, name) in names.enumerate() {
