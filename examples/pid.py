@@ -4,7 +4,7 @@
 A two-joint arm lifts a tool that its controller does not know. Three controllers run on a clock of 1 kHz, with encoders alone.
 
 PD with gravity compensation leaves an error. An integral removes it slowly. A disturbance observer finds the torque of the tool within a
-fraction of a second. The lower panel compares this torque with the weight of the tool.
+fraction of a second. The lower panel compares this torque with the weight of the tool. While the arm moves it holds the tool's inertia too.
 
 Run: ``python examples/pid.py [figure.png]``
 """

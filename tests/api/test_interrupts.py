@@ -57,6 +57,11 @@ LONG = {
         "pi = np.tile([-1.0, 0, 0, 0, 1, 0, 1, 0, 0, 1], 10**5); pi[:10] = [1, 0, 0, 0, 1, 0, 1, 0, 0, 1]",
         "al.project_parameters(pi)",
     ),
+    "file_positions": ("q = np.zeros((3_000_000, 7))", "arm.file_positions(q)"),
+    "simulate with a Python law": (
+        "plant = al.RigidArm(arm)",
+        "al.simulate(plant, lambda t, q, v: -q, np.zeros(7), t_end=1e3, dt=1e-3, sample_time=1e-3, monitors=False, check_limits=False)",
+    ),
     "smallest_reduced_inertia": ("b = rng.uniform(0.1, 1.0, 10**5)", "al.smallest_reduced_inertia(b, 1e4, 1e-3)"),
 }
 

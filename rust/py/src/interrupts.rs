@@ -21,7 +21,22 @@ pub fn signalled() -> bool {
 
 /// Work without the GIL on this thread, ended by Ctrl-C where it looks, or where it asks [`signalled`] itself.
 pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
-    let result = py.detach(|| interruptible(Watch::Poll(signalled), work));
+    ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
+}
+
+/// As [`signalled`], of work that holds the GIL: whoever waits for it is handed it first.
+pub fn signalled_in_turn() -> bool {
+    Python::attach(pause).map_err(|error| SIGNAL.set(Some(error))).is_err()
+}
+
+/// As [`long`], of work that calls Python at every sample: it keeps the GIL, and hands it over every 20 ms, by [`signalled_in_turn`].
+///
+/// A thread that waits for a GIL that is released and taken at every call is woken each time, finds it taken, and waits anew.
+pub fn long_calling<T: Send>(work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
+    ended(interruptible(Watch::Poll(signalled_in_turn), work))
+}
+
+fn ended<T>(result: Result<CoreResult<T>, Interrupted>) -> Result<T, Failure> {
     match (SIGNAL.take(), result) {
         (Some(signal), _) => Err(signal.into()),
         (None, Ok(result)) => Ok(result?),

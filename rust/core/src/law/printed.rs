@@ -275,8 +275,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
             String::new()
         } else {
             let argument = if timing.dt.is_some() { "t" } else { "t - state->t" };
-            let begin =
-                if starts { format!("    else\n        {prefix}_start(x + {moving}, state->state);\n") } else { String::new() };
+            let begin = if starts { format!("    else\n        {prefix}_start(x + {moving}, state->state);\n") } else { String::new() };
             format!(
                 "    if (state->started && t < state->t) {{\n        memcpy(tau, state->tau, sizeof state->tau);\n        return {upper}_TIME;\n    }}\n    \
 if (state->started)\n        {prefix}_advance(state, {argument});\n{begin}    state->t = t;\n    state->started = 1;\n    \

@@ -6,7 +6,8 @@ use armlet_core::integrate::{Differentiable, System};
 use armlet_core::kinematics::Coordinates;
 use armlet_core::law::{
     Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, ElasticImpedanceSpec, Gain, JointColumn, JointColumns,
-    JointImpedanceSpec, LawSpec, LeakageForm, MotorPdSpec, PdGravitySpec, PidOptions, PidSpec, Projection, ReductionSpec, StateFeedbackSpec,
+    JointImpedanceSpec, LawSpec, LeakageForm, MotorPdSpec, PdGravitySpec, PidOptions, PidSpec, Projection, ReductionSpec,
+    StateFeedbackSpec,
 };
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, Wall};
@@ -117,12 +118,8 @@ fn cases(at: &[f64]) -> Vec<Case> {
     let limit = Some(vec![3.0, 500.0, 500.0, 500.0, 1e-3, f64::INFINITY]);
     let held = || Motion::hold(q_d.clone()).unwrap();
     let observer = || PidOptions { observer_bandwidth: Some(vec![40.0; N]), ..PidOptions::default() };
-    let all_of_it = || PidOptions {
-        tau_max: limit.clone(),
-        derivative_filter: Some(vec![150.0; N]),
-        friction_speed: Some(vec![0.2; N]),
-        ..observer()
-    };
+    let all_of_it =
+        || PidOptions { tau_max: limit.clone(), derivative_filter: Some(vec![150.0; N]), friction_speed: Some(vec![0.2; N]), ..observer() };
     for (name, law) in [
         ("PID", pid(held(), true, PidOptions::default())),
         ("PID, saturated", pid(held(), true, PidOptions { tau_max: limit.clone(), ..PidOptions::default() })),

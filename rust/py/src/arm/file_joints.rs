@@ -1,9 +1,10 @@
 //! The joints of the model's file, those that follow others included.
 
 use super::Arm;
-use crate::arrays::{elements, new_array, require_finite};
-use crate::broadcast::broadcast;
+use crate::arrays::{elements, written_array};
+use crate::broadcast::{broadcast, require_all_finite};
 use crate::errors::entry;
+use crate::interrupts::long;
 use armlet_core::dynamics::Quantity;
 use armlet_core::interrupt::look;
 use armlet_macros::entered;
@@ -86,18 +87,19 @@ impl Arm {
     fn file_positions<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         const NAME: &str = "file_positions";
         entry(py, NAME, || {
-            let inputs = broadcast(NAME, ["q"], [q], [self.model.n()])?;
+            require_all_finite(NAME, ["q"], [q])?;
+            let inputs = broadcast(NAME, ["q"], [q], [self.model.n()])?.owned()?;
             let width = self.model.size().bodies;
             let shape: Vec<usize> = inputs.shape.iter().copied().chain([width]).collect();
             elements(&shape)?;
-            let given: Vec<usize> = inputs.shape.iter().copied().chain([self.model.n()]).collect();
-            require_finite(py, NAME, "q", &given, &inputs.rows(0, 0, inputs.count))?;
-            new_array(py, &shape, |out| {
-                for (i, out) in out.chunks_exact_mut(width.max(1)).enumerate() {
-                    look();
-                    self.model.file_positions(inputs.row(0, i), out);
-                }
-                Ok(())
+            written_array(py, &shape, |out| {
+                long(py, || {
+                    for (i, out) in out.chunks_exact_mut(width.max(1)).enumerate() {
+                        look();
+                        self.model.file_positions(inputs.row(0, i), out);
+                    }
+                    Ok(())
+                })
             })
         })
     }
