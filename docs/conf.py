@@ -38,6 +38,7 @@ html_theme = "furo"
 html_title = f"armlet {release}"
 html_show_sphinx = False
 html_static_path = ["_static"]
+html_extra_path = ["../extra"] if (Path(__file__).parents[1] / "extra").is_dir() else []  # made by tools/docs.sh
 html_css_files = ["pages.css"]
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]

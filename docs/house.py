@@ -7,6 +7,8 @@ from pathlib import Path
 
 KEYS = re.findall(r"^@\w+\{([^,]+),", (Path(__file__).parent / "references.bib").read_text(), re.MULTILINE)
 CITATION = re.compile(r"\[((?:" + "|".join(KEYS) + r")(?:, (?:" + "|".join(KEYS) + r"))*)\](?!\()")
+# A file of the built pages alone, so no link of the sources.
+REPORT = '<a href="demo/report.html">The report of the demonstration</a>: each check with expected and actual value, and the figures.'
 FENCE = re.compile(r"(^```.*?^```$|^    .*?$)", re.MULTILINE | re.DOTALL)
 
 
@@ -19,13 +21,16 @@ def links(app: object, name: str, source: list[str]) -> None:
     pieces[::2] = [CITATION.sub(lambda m: "{cite}`" + m[1].replace(", ", ",") + "`", piece) for piece in pieces[::2]]
     source[0] = "".join(pieces)
     if name == "index":
-        source[0] += tree(source[0])
+        source[0] = source[0].replace("\n## How-to\n", f"\n{REPORT}\n\n## How-to\n") + tree(source[0])
 
 
 def tree(index: str) -> str:
-    """The pages in the order in which the first page links to them, then what is made: a page that it forgets is a warning."""
-    pages = dict.fromkeys(re.findall(r"\]\(([\w/]+)\.md\)", index))
-    captions = {"Pages": [*pages], "Examples": ["auto_examples/index"], "Background": ["benchmarks", "sources", "adr/*"]}
+    """The pages in the sections of the first page, then those that are made: a page without a link there is a warning."""
+    parts = re.split(r"^## (.+)$", index, flags=re.MULTILINE)
+    linked = [dict.fromkeys(re.findall(r"\]\(([\w/]+)\.md\)", text)) for text in parts[2::2]]
+    captions = {caption: [*pages] for caption, pages in zip(parts[1::2], linked, strict=True) if pages}
+    for caption, made in (("How-to", ["auto_examples/index"]), ("Project", ["benchmarks", "sources", "adr/*"])):
+        captions[caption] += made
     return "".join(
         f"\n\n```{{toctree}}\n:hidden:\n:glob:\n:caption: {caption}\n\n" + "\n".join(names) + "\n```\n"
         for caption, names in captions.items()

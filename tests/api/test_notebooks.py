@@ -1,4 +1,4 @@
-"""The notebooks of the exam run from the first cell to the last, without network, and hold neither outputs nor pictures."""
+"""The notebooks run from the first cell to the last, without network, and contain neither outputs nor pictures."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def faults(notebook: dict[str, Any]) -> list[str]:
     return found
 
 
-def test_there_is_one_for_each_exercise() -> None:
-    assert [path.name[:10] for path in NOTEBOOKS] == [f"exercise_{i}" for i in (1, 2, 3, 4)]
+def test_there_is_one_for_each_exercise_and_one_for_the_start() -> None:
+    assert [path.stem[:10] for path in NOTEBOOKS] == [*(f"exercise_{i}" for i in (1, 2, 3, 4)), "first_ten_"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
