@@ -118,7 +118,7 @@ def _limits(arm: Arm, given: Any) -> _Limits:
     for k in range(n):
         if not half[k] > 0.0:
             raise InputError(
-                f"{_NAME}: limits leave joint {arm.joint_names[k]} no room (first bad index {k}): expected q_min < 0 < q_max or a range"
+                f"{_NAME}: limits leave joint {arm.joint_names[k]} no range (first bad index {k}): expected q_min < 0 < q_max or a range"
             )
         if not np.isfinite([half[k], found["v_max"][k], found["a_max"][k]]).any():
             raise InputError(
@@ -249,7 +249,7 @@ class _Problem:
             k = int(np.argmax(g / limits.torque))
             raise InputError(
                 f"{_NAME}: limits leave joint {self.arm.joint_names[k]} no torque (first bad index {k}): "
-                f"expected an effort above {g[k]:.3g}, which holds the arm in the middle of its ranges, got {limits.torque[k]:.3g}"
+                f"expected an effort above {g[k]:.3g}, to hold the arm in mid range, got {limits.torque[k]:.3g}"
             )
         low, high = 0.0, 1.0
         for _ in range(40):

@@ -40,8 +40,8 @@ _ADVICE = {
     Status.SUCCESS: "the run reached its end",
     Status.DIVERGED: "the state stopped being finite or passed state_limit: reduce dt or the gains, or use an adaptive method",
     Status.STEP_UNDERFLOW: (
-        "the step fell below the resolution of time: the problem is singular here, or its input switches; try looser tolerances, or "
-        "where the input switches a fixed step or a sample time"
+        "the step fell below the resolution of time. The problem is singular here, or its input switches. Try looser tolerances; for an "
+        "input that switches, a fixed step or a sample time"
     ),
     Status.MAX_STEPS: "the cap on steps was reached: try looser tolerances or a shorter span",
     Status.INTERRUPTED: "the run was interrupted by the caller",
@@ -49,11 +49,11 @@ _ADVICE = {
     Status.DEGRADED: "part of the command was given up: see the residuals",
     Status.INFEASIBLE: "no answer exists: see the reason",
     Status.STALLED: (
-        "the steps collapsed and would never reach the end: where the input switches (a target out of reach, a bound) take a fixed step "
-        "or a sample time; else try looser tolerances"
+        "the steps became too small to reach the end. If the input switches (a target out of reach, a bound), take a fixed step or a "
+        "sample time. Otherwise try looser tolerances"
     ),
     Status.EXCESS_ACCURACY: (
-        "the tolerances are below what rounding in double precision leaves of the error estimate: take looser rtol and atol"
+        "the tolerances are below the rounding error of the error estimate: take looser rtol and atol"
     ),
 }
 

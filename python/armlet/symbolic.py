@@ -262,8 +262,8 @@ def _unit_energies(
 ) -> tuple[dict[tuple[int, int], Any], dict[tuple[int, int], Any]]:
     """`M_k` (n, n) and the gravity torque `g_k` (n,) of each unit parameter `(body, kind)`.
 
-    In a body's axes, `u_j` is the velocity of its origin and `w_j` the angular velocity for a unit rate of joint `j`:
-    `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, `g_j = -(m gamma.u_j + gamma.(w_j x h))`, `gamma` gravity.
+    In a body's axes and for a unit rate of joint `j`, `u_j` is the velocity of its origin, and `w_j` its angular velocity. Then
+    `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, `g_j = -(m gamma.u_j + gamma.(w_j x h))`, with gravity `gamma`.
     """
     n, zero = len(joints), trig.zero
     unit = [[trig.number(float(i == k)) for i in range(3)] for k in range(3)]

@@ -48,7 +48,7 @@ def short(**changed: Any) -> al.ExcitingMotion:
         ({"limits": LIMITS | {"torque": 1.0}}, "limits has an unknown name: expected one of q_min, .* got 'torque'"),
         ({"limits": LIMITS | {"v_max": [1.0, -1.0]}}, r"limits\['v_max'\] is not a number > 0: .* got -1.0 \(first bad index 1\)"),
         ({"limits": LIMITS | {"q_min": np.nan}}, r"limits\['q_min'\] is not a number: .* got nan \(first bad index 0\)"),
-        ({"limits": LIMITS | {"q_min": [-1.0, 2.0]}}, r"limits leave joint joint2 no room \(first bad index 1\)"),
+        ({"limits": LIMITS | {"q_min": [-1.0, 2.0]}}, r"limits leave joint joint2 no range \(first bad index 1\)"),
         ({"limits": {"effort": 10.0}}, r"limits do not bound joint joint1 \(first bad index 0\)"),
         ({"limits": None}, "limits do not bound joint joint1"),
         ({"limits": LIMITS | {"effort": 0.1}}, r"limits leave joint joint1 no torque \(first bad index 0\): expected an effort above 3.97"),

@@ -15,6 +15,7 @@ STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 70rem; padding: 1rem; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
 .wide { overflow-x: auto; }
+
 table { border-collapse: collapse; font-size: .875rem; width: 100%; }
 th, td { border-bottom: 1px solid var(--line); padding: .35rem .6rem; text-align: left; vertical-align: top; }
 td.number { font-family: ui-monospace, monospace; font-size: .8rem; }
@@ -23,7 +24,9 @@ td.what { white-space: pre-wrap; }
 figure { margin: 1rem 0 0; overflow-x: auto; }
 img { background: #fff; border-radius: .4rem; height: auto; max-width: 100%; }
 small { opacity: .75; }
-/* A phone: the claim and its verdict in one line, the values below it; figures keep a size that can be read and are pushed sideways. */
+
+/* On a phone the claim and its verdict share a line, and the values are below. Figures keep a readable size and scroll sideways. */
+
 @media (max-width: 42rem) {
  thead { display: none; }
  tr { border-bottom: 1px solid var(--line); display: grid; grid-template-columns: 1fr auto; padding: .5rem 0; }

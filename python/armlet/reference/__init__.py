@@ -1,7 +1,7 @@
-"""The same robotics in plain numpy, each result derived by another route than the core takes; imports numpy only.
+"""The same robotics in plain numpy. Each result has another derivation than in the core. It imports only numpy.
 
-It exists to be compared with: dynamics from energies by complex step instead of recursions, an extrapolation method
-instead of Runge-Kutta pairs, sampling and event simulation instead of closed forms. Slow, and never a fallback.
+Tests compare the core with it. Dynamics come from energies by complex steps instead of recursions. Integration is an extrapolation
+method instead of Runge-Kutta pairs. Sampled loops are simulations of events instead of closed forms. It is slow, and never a fallback.
 """
 
 from . import integrate

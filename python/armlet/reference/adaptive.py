@@ -1,14 +1,14 @@
-"""Adaptive tracking, typed from its equations; e = q_d - q, C the Christoffel factorisation.
+"""Adaptive tracking, by its equations; e = q_d - q, C is the Christoffel factorisation.
 
     v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
     tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot, and armature a_r where it is not estimated          (Slotine and Li 1987)
     a_hat_dot = Gamma w,  w = Y's, or as `adaptation` has it
-    columns of joints behind the inertial ones: diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
+    columns             inertial, then diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
     leakage             w = Y's - sigma (a_hat - a_0), e-modification with sigma |s|           (Ioannou 1984, Narendra 1987)
     dead zone           w = 0 while |s| < s_0
     composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W' = Y(q, v, v, a) - lambda W,  tau_W' = tau - lambda tau_W
                         with the plant's own acceleration a, from W = 0 and tau_W = 0                         (Slotine and Li 1989)
-    -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w of the plant, whatever the law estimates
+    for every estimate  -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w, with M, C, g, tau_f of the plant
 """
 
 from collections.abc import Iterable

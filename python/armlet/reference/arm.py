@@ -75,9 +75,13 @@ class Arm(Mechanism):
 
     @classmethod
     def from_chain(cls, joints: Sequence[Joint], gravity: ArrayLike = (0.0, 0.0, -9.81), armature: ArrayLike | None = None) -> Self:
-        """Joints as dicts: type R | P | revolute | continuous | prismatic | fixed, axis, rpy, xyz, phi; parent: the index of the
-        joint that carries it (-1 the base; left out: the joint before); name, lower, upper, velocity, armature, damping, friction;
-        mimic: the index `joint` of a joint that it follows, multiplier, offset."""
+        """An arm from a list of joints.
+
+        Each joint is a dict. `type` is R, P, revolute, continuous, prismatic or fixed. `axis`, `rpy`, `xyz` and `phi` are its geometry and
+        inertia. `parent` is the index of the joint that carries it: -1 is the base, and the default is the joint before. `name`, `lower`,
+        `upper`, `velocity`, `armature`, `damping` and `friction` are optional. `mimic` has the index `joint` of its leader, `multiplier`
+        and `offset`.
+        """
         carrier: list[tuple[int, Array]] = []  # of each joint's frame: moving body and constant offset from it
         parents: list[int] = []
         places, twists, moving = [], [], []
@@ -134,7 +138,10 @@ class Arm(Mechanism):
         return other
 
     def _joint(self, index: int, q: Analytic) -> Analytic:
-        """place exp(xi q), (..., 4, 4): 1 + 2 c s xi + 2 s^2 xi^2 with the half angle's c and s, or 1 + q xi where xi^2 = 0."""
+        """place exp(xi q), (..., 4, 4).
+
+        exp(xi q) = 1 + 2 c s xi + 2 s^2 xi^2 with c and s of the half angle, or 1 + q xi where xi^2 = 0.
+        """
         place, first, second = self._powers[index]
         if not second.any():
             slid: Analytic = place + q[..., None, None] * first

@@ -2,8 +2,8 @@
 
     projected rank of level i = rank(rows down to i) - rank(rows above),   overlap = sum rank J_i - rank J_E
     algorithmic iff rank J_E < min(sum rank J_i, n),   kinematic iff some rank J_i is below its rows      (Chiaverini 1997)
-    lost at level i:  1 - U U',  U the leading left vectors of J_i N,  N a null basis of the rows above
-    loss of a command:  (1 - U U')(v_i - J_i v_above),  v_above the exact solution of the levels above
+    lost at level i     1 - U U',  U the leading left vectors of J_i N,  N a null basis of the rows above
+    loss of a command   (1 - U U')(v_i - J_i v_above),  v_above the exact solution of the levels above
 
 Ranks count singular values of stacked rows above rounding * sigma_max, each block first divided by its own norm, because
 tasks have different units. No singular value of a projected Jacobian is ever compared with the projected Jacobian itself.
@@ -22,8 +22,11 @@ COMPATIBLE = 1e3  # a loss is rounding below this multiple of rounding, conditio
 
 
 class Diagnosis(NamedTuple):
-    """Ranks of each block, of the stack, of each block projected on the null space above; overlap; kind; and per level: singular
-    values alone and projected, the two flags, the projector on the lost directions; with a command its losses, and whether none."""
+    """Ranks of a stack of levels, and what a command loses.
+
+    There are ranks of each block, of the stack, and of each block projected on the null space above. Each level has singular values
+    alone and projected, two flags, and the projector on its lost directions. With a command there are its losses.
+    """
 
     ranks: list[int]
     stacked_rank: int

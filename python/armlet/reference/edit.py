@@ -1,8 +1,9 @@
 """Arms from Denavit-Hartenberg rows, and arms changed: tools, payloads, held joints.
 
     standard  T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha),   modified  T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)       (q adds to theta, or to d)
-    payload   P_body += X P X',  P the pseudo-inertia of a body of mass m about the frame:  P = sum m [r; 1][r; 1]' + [[S_c, 0], [0, 0]]
-    held      place_k exp(xi_k q_k) becomes constant: what joint k carries joins the body before it, X P X' and frames X F
+    payload   P_body += X P X',  P the pseudo-inertia about the frame
+              P = sum m [r; 1][r; 1]' + [[S_c, 0], [0, 0]],   m the mass of the body
+    held      place_k exp(xi_k q_k) is constant:   the body of joint k joins the body before it, X P X' and frames X F
 
 Arms are rebuilt from homogeneous transforms of their parts; no inertia is moved by the parallel-axis theorem.
 """

@@ -1,8 +1,8 @@
-"""How far the control of elastic joints can be taken at a rest.
+"""Limits of the control of elastic joints, at rest.
 
 sampled loop  links locked, torque held over dt: y' = A y + G tau with y = [theta, theta_dot] or, behind a torque sensor, [.., tau_f];
-              tau_f' = w_c (K_J theta - tau_f);  stable while the spectral radius of y -> Phi y + Gamma tau(y) is below 1
-              tau = (I - B B0^-1) tau_J - B B0^-1 D0 theta_dot
+              tau_f' = w_c (K_J theta - tau_f);   tau = (I - B B0^-1) tau_J - B B0^-1 D0 theta_dot
+              stable while the spectral radius of   y -> Phi y + Gamma tau(y)   is below 1
 1-DoF limit   roots of (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s), the largest k with none on the right
 stiffness     the largest multiple of K_m for which the loop, linearised at its rest, has no eigenvalue on the right
 """

@@ -2,11 +2,12 @@
 
     I x_ddot + G sin x + d x_dot + c sign(x_dot) = u,  -down <= u <= up
     push: u = up from rest at x0, forwards in time;   brake: u = -down to rest at x1, backwards in time
-    the monotone motion goes over from one to the other where both have the same place and speed
-    a swing is two monotone motions, from x0 to a turning point and from there to x1, with one torque about the turn
 
-Steps are classical Runge-Kutta; where the two curves cross both times are solved for by Newton's method. The turning point is
-searched on a grid and refined by golden section.
+The monotone motion changes from push to brake where both have the same place and speed. A swing is two monotone motions: from x0 to a
+turning point, and from there to x1. Both have the same torque at the turn.
+
+The steps are classical Runge-Kutta. Newton's method solves for both times at which the curves cross. The turning point is searched on a
+grid and refined by golden section.
 """
 
 import math

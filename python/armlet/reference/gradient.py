@@ -1,8 +1,8 @@
-"""Derivatives of runs by differences: a run as a function of one array of numbers, run anew for every entry.
+"""Derivatives of runs by differences. A run is a function of one array of numbers, and runs again for every entry.
 
     df/dp = (8 (f(p + d) - f(p - d)) - (f(p + 2 d) - f(p - 2 d))) / (12 d) + O(d^4)
 
-No program is differentiated here, and nothing is known of laws or plants.
+No program is differentiated here. The code does not depend on laws or plants.
 """
 
 from collections.abc import Callable
@@ -14,10 +14,10 @@ from .lagrange import Array
 
 
 def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
-    """The derivatives of `run(value)`, any array, with respect to the entries of `value`: an axis of them behind all others.
+    """The derivatives of the array `run(value)` with respect to the entries of `value`, as a last axis.
 
-    `d` is `step` of `size`, by default of each entry, or of 1 where it is zero: the error of a smooth run is some `step**4`, and rounding
-    adds 1e-16 / step.
+    `d` is `step * size`. By default `size` is the entry, or 1 where it is zero. The error of a smooth run is some `step**4`. Rounding adds
+    1e-16 / step.
     """
     at = np.array(value, dtype=np.float64)
     sizes = np.broadcast_to(np.where(at == 0.0, 1.0, np.abs(at)) if size is None else np.asarray(size, dtype=np.float64), at.shape)

@@ -1,14 +1,14 @@
-"""What the motion of an arm shows of its parameters, and what a record of motion and torque says about them.
+"""The parameters that the motion of an arm determines, and their estimate from a record of motion and torque.
 
-    tau = M(q) a + C(q, v) v + g(q) shows pi as far as M(q; pi) and g(q; pi) do, because C is made of slopes of M:
+    tau = M(q) a + C(q, v) v + g(q) determines pi as far as M(q; pi) and g(q; pi) do, because C has only derivatives of M:
         W z = 0,  W = rows M_ij(q; e_k) and g_i(q; e_k) at random q,  z = null space of W by SVD             (Gautier 1991)
-    a column is grouped with those before it where z has a vector that ends there:  z in reduced echelon form from the back,
-        W_j = -sum_k R_jk W_k over the columns k that stay,  so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
+    a column is grouped with earlier ones where z has a vector that ends there:   z in reduced echelon form from the back,
+        W_j = -sum_k R_jk W_k over the remaining columns k,   so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
     record:  W_b beta = tau over all samples at once,  W_b / (noise, lengths) = U S V',  beta = V S^-1 U' tau,
         sigma^2 = |tau - W_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'                     (Gautier and Khalil 1992)
     all parameters:  the least change of the arm's own pi with P pi = beta, by least squares
 
-The core stacks torques at random states, and drops columns one by one as it meets them; a record is folded block by block.
+The core stacks torques at random states, and removes dependent columns one by one. It processes a record block by block.
 """
 
 from typing import Any, NamedTuple

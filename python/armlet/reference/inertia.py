@@ -3,7 +3,7 @@
     P = [[S, h], [h', m]],  S = 1/2 tr(I) 1 - I,  h = m c        (4 x 4, linear in the ten parameters of a body)
 
     possible: m > 0 and the principal moments about the centre of mass obey 0 < J_1 and J_3 < J_1 + J_2; that is P > 0
-    nearest possible, in D P D with D = diag(1/l, 1/l, 1/l, 1):  (A + H)/2 + f 1,  A = D P D - f 1 = U H  (Higham 1988)
+    nearest possible, in D P D with D = diag(1/l, 1/l, 1/l, 1):   (A + H)/2 + f 1,   A = D P D - f 1 = U H  (Higham 1988)
 
 H is the polar factor of A, from the singular values; no eigenvalue of P is clipped.
 Parameters per body: m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, inertia about the body-frame origin.

@@ -6,9 +6,9 @@
     tau   = M(q) a + C(q, v) v + g(q) + [damping v + friction sign(v)] - J'F
     Y(q, v, v_r, a_r)[:, k] = M_k a_r + C_k v_r + g_k                      (one unit parameter at a time)
 
-Only M_k and U_k are written by hand. Every derivative is a complex step, f'(x) = Im f(x + i h) / h, which has no
-subtraction and so no rounding error at h = 1e-30 (Martins, Sturdza and Alonso, 2003). No recursion over bodies enters.
-Friction counts where `friction=True`; sign(0) = 0.
+Only M_k and U_k are written by hand. Every derivative is a complex step, f'(x) = Im f(x + i h) / h (Martins, Sturdza and Alonso, 2003).
+It has no subtraction, so it has no rounding error at h = 1e-30. There is no recursion over bodies. Friction acts only with
+`friction=True`; sign(0) = 0.
 """
 
 from copy import copy

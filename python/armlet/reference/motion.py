@@ -3,8 +3,9 @@
     Sinusoid:  q = offset + Im sum_k z_k,  z_k = amplitude_k exp(i (frequency_k t + phase_k));  d/dt multiplies z_k by i frequency_k
     Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and p' = p'' = 0 at the ends (solved, not quoted)
     BangBang:  q'' = +A before T/2, -A after,  integrated as polynomials piece by piece;  A = 4 (q1 - q0)/T^2
-    Table:     q, v, a given at knots; between two of them the Bezier curve of degree 5 that has them, with h = dt:
-               points q_k,  q_k + h v_k/5,  q_k + 2 h v_k/5 + h^2 a_k/20,  and back from the end;  derivatives from their differences
+    Table:     q, v, a at knots;   between two of them the Bezier curve of degree 5 with these values, h = dt
+               points q_k,   q_k + h v_k/5,   q_k + 2 h v_k/5 + h^2 a_k/20,   and the same from the end
+               derivatives   from differences of the points
 
 Quintic and BangBang rest at q0 before t = 0 and at q1 from t = T on. Accelerations that jump are continuous from the right.
 """

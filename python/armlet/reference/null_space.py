@@ -5,8 +5,8 @@
     N' = W^1/2 (1 - V diag(min(1, (s/eps)^2)) V') W^-1/2,   L = S U diag(1 / max(s, eps)^2) U' S
     tau_0 = K_n (q_n - q) + D_n (q_n' - v),   coupling: C v to the torque, L (x_d'' - J_dot v) to the wrench
 
-A rotation vector r that moves: w = A r', A = int_0^1 exp(s r) ds, by Gauss-Legendre quadrature, and w' = A r'' + A' r' with
-d exp(s r)/dt = [s A(s r) r']x exp(s r).
+A rotation vector r that moves has the angular velocity w = A r' and w' = A r'' + A' r'. Here A = int_0^1 exp(s r) ds, by Gauss-Legendre
+quadrature, and d exp(s r)/dt = [s A(s r) r']x exp(s r).
 """
 
 from dataclasses import dataclass, field

@@ -1,10 +1,10 @@
-"""Momentum observer (De Luca et al. 2006), typed from its equations.
+"""Momentum observer (De Luca et al. 2006), by its equations.
 
-    p = M v,  b = tau + M' v - C v - g - tau_f:  p' = b + tau_ext, with M' v in place of (C + C') v
-    r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),  tau of b the torque that acted since sample k-1
-    motors of elastic joints: M = B, b = tau = tau_m - tau_J
-    wrench F = (J')# r with singular values below eps clamped; unexplained r - J'F
-    contact: the outermost joint with |r_i| above its threshold
+    p = M v,   b = tau + M' v - C v - g - tau_f,   p' = b + tau_ext,   with M' v in place of (C + C') v
+    r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),   tau of b acted since sample k-1
+    motors of elastic joints   M = B,  b = tau = tau_m - tau_J
+    wrench                     F = (J')# r with singular values below eps clamped;  unexplained r - J'F
+    contact                    the outermost joint with |r_i| above its threshold
 """
 
 from typing import Any

@@ -1,11 +1,12 @@
-"""Plants: what turns the law's torque into motion.
+"""Plants: the motion that follows from the torque of the law.
 
     RigidArm    M a + C v + g + tau_f(v) = tau + J'F + tau_c
     ElasticArm  M a + C v + g = tau_J + J'F + tau_c,   B theta_ddot + F_m theta_dot + tau_J = tau
                 tau_J = K (theta - q) + D (theta_dot - v)
-    tau_f = d v + c sign(v) of the drives, tau_c of wall and stops (see `contact`)
+    friction    tau_f = d v + c sign(v) of the drives
+    contact     tau_c of wall and stops (see `contact`)
 
-`rates` returns the derivative of the state's columns; `energy` what is stored and `power` what is fed in from outside.
+`rates` returns the derivative of the state's columns, `energy` the stored energy, and `power` the power of external inputs.
 """
 
 from typing import Any, Protocol

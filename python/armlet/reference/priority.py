@@ -4,7 +4,7 @@
                 here:  min |J_i (x + N y) - v_i|, min |y|,  N an orthonormal null basis of all rows above,
                 with as many singular values of J_i N as  rank(rows down to i) - rank(rows above)
     clamp       A_i = J_i P_{i-1},  x += A_i+ (v_i - J_i x),  R_i = I - A_i+ A_i,  P_i = (P_{i-1} R_i^2 P_{i-1})^1/2
-                A+ = A' phi(A A'),  phi(mu) = 1/max(mu, eps^2) on the eigenvalues
+                A+ = A' phi(A A'),   phi(mu) = 1/max(mu, eps^2) on the eigenvalues
     damped      the same with x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
     chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ clamped, N_i as in exact                                (Chiaverini 1997)
     sns         x = N z within bounds, the largest scale of each level by fixing joints at their bounds: see `saturation`

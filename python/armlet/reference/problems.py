@@ -1,8 +1,9 @@
 """The usual test set of initial-value problems y' = f(t, y), each with the state at its end.
 
-Arenstorf's orbit and the Pleiades: Hairer, Norsett and Wanner, Solving ODEs I, sections II.0 and II.10. Van der Pol's equation, Robertson's
-reaction and HIRES: Hairer and Wanner, Solving ODEs II, section IV.10, and the test set of Mazzia and Magherini (2008), whose end states
-have 12 digits or more. Euler's free rigid body: Jacobi's elliptic functions; its end state is from their series in the nome.
+- Arenstorf's orbit and the Pleiades: Hairer, Norsett and Wanner, Solving ODEs I, sections II.0 and II.10.
+- Van der Pol's equation, Robertson's reaction and HIRES: Hairer and Wanner, Solving ODEs II, section IV.10.
+  Their end states have 12 digits or more, from the test set of Mazzia and Magherini (2008).
+- Euler's free rigid body: the end state is computed from series of Jacobi's elliptic functions in the nome.
 """
 
 from collections.abc import Callable

@@ -3,7 +3,7 @@
     from rest to the speed w:   t(w) = 2 (w/j)^1/2 where a is not reached, else w/a + a/j;   distance w t(w)/2
     one joint over D:           w t(w) = D for the largest speed w, found by bisection;   T = 2 t(w)
                                 or, where that is beyond v:   T = 2 t(v) + (D - v t(v))/v
-    a joint that could arrive sooner is slowed, so the motion takes the longest of the times
+    all joints:                 the longest of these times;   the other joints are slowed down
 """
 
 import numpy as np

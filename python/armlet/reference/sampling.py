@@ -1,11 +1,11 @@
-"""A law on a clock, as a simulation of events: samples and, a delay later, the moments at which their answers act.
+"""A sampled law, as a simulation of events: samples, and the later times at which their outputs act.
 
     sample k at t_k = k T + j_k,  j_k uniform in [0, jitter];   x_m = round((x + sigma w_k)/step) step
     the law answers x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
     torque sensor: tau_f' = w_c (tau_J - tau_f), tau_J in a straight line between samples;  q_m = theta_m - K_law^-1 reading
 
-Random numbers: splitmix64 (Steele, Lea and Flood 2014) over the words k and channel, in integers modulo 2^64; normal ones by Box and
-Muller (1958) as a complex exponential. Entry i of q, v, theta, theta_dot has channel 4 i + 0, 1, 2, 3.
+Random numbers are splitmix64 (Steele, Lea and Flood 2014) over the words k and channel, in integers modulo 2^64. Normal numbers are made
+by Box and Muller (1958), as a complex exponential. Entry i of q, v, theta, theta_dot has channel 4 i + 0, 1, 2, 3.
 """
 
 from collections.abc import Callable, Mapping

@@ -2,8 +2,8 @@
 
     level i:  J_i v = s v_i,  v = x + N z,  v_min <= v <= v_max,  N a null basis of the rows above,  the largest s <= 1 met on the way
     fixed joints F:  v(s) = x_F + N_F (J_i N_F)# (s v_i - J_i x_F),   x_F = x + N (E_F N)# (b_F - E_F x),   N_F = N null(E_F N)
-    while s = 1 is out of bounds, the joint that limits s most joins F; of equals the fastest  (Flacco, De Luca and Khatib 2015)
-    a joint at distance d from a limit:  the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  found by bisection
+    while s = 1 is out of bounds   the joint that limits s most joins F; of equals the fastest  (Flacco, De Luca and Khatib 2015)
+    at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
 
 All fixed joints are solved for at once, by SVD. In a metric W the levels are J W^-1/2, and `back` = W^-1/2 leads to joint velocities.
 """

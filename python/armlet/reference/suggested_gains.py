@@ -18,7 +18,10 @@ MASK = (1 << 64) - 1
 
 
 class SuggestedGains(NamedTuple):
-    """kp, kd and m (n,), and the bandwidth at which a loop that is held for a sample stops being stable, with l < 1 and with l = 1."""
+    """kp, kd and m (n,), and two limits of the bandwidth of a sampled loop: with l < 1, and with l = 1.
+
+    Above its limit a loop is unstable.
+    """
 
     kp: Array
     kd: Array

@@ -8,8 +8,8 @@
     A = M q',  B = M q'' + C(q, q') q'
     by Newton's method on  T/mu - sum log(distance to each limit),  mu falling to zero         (Verscheure et al. 2009)
 
-The planner of the core sweeps the grid forwards and backwards. Stops cut the path into parts that are timed alone. The start of the
-search holds still, so a path along which the arm cannot hold itself is refused, even where a faster motion could pass.
+The planner of the core sweeps the grid forwards and backwards. Stops divide the path into parts with separate timings. The search
+starts with the arm at rest. So a path on which the arm cannot hold itself is refused, even if a faster motion is feasible.
 """
 
 import itertools

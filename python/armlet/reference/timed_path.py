@@ -1,8 +1,8 @@
 """A path with a timing, q(s(t)), on a grid of path positions s_i, path speeds r_i and times t_i.
 
     s'' = u + b x,  x = s - s_i,  u = (r_1^2 - r_0^2) / (2 h) - b h / 2,  h = s_1 - s_0        (path acceleration linear in s)
-    x(t) = sum x_k t^k,  x_0 = 0,  x_1 = r_0,  x_2 = u / 2,  x_(k+2) = b x_k / ((k+1)(k+2))
-        b by bisection from the mean speed:  2 h / ((r_0 + r_1)(t_1 - t_0)) = tanh(y)/y,  y = b^1/2 (t_1 - t_0)/2  (b < 0: tan)
+    x(t) = sum x_k t^k,   x_0 = 0,  x_1 = r_0,  x_2 = u / 2,  x_(k+2) = b x_k / ((k+1)(k+2))
+        b by bisection from the mean speed:   2 h / ((r_0 + r_1)(t_1 - t_0)) = tanh(y)/y,   y = b^1/2 (t_1 - t_0)/2  (b < 0: tan)
     or x(t) the cubic with these ends and speeds                                             (path acceleration linear in time)
     q, q_s, q_ss of the path at s:   v = q_s s',  a = q_s s'' + q_ss s'^2
 

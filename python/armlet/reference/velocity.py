@@ -2,9 +2,9 @@
 
 q' = u,       u = the chosen priority map of  J_i u = x_d,i' + K_i e_i                       (closed-loop inverse kinematics)
 torque:       a = the map of  J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
-              tau = M a + C v + g
-limits (sns): v_min' <= u <= v_max' as bounds of the way to a joint limit in the time h with brakes a_max
-              (v_min' - v)/h <= a <= (v_max' - v)/h within +-a_max, with the time 4 h and brakes a_max / 2
+              tau = M a + C v + g   (computed torque)
+limits (sns): v_min' <= u <= v_max'   so that a joint can stop before its limit: time h, brakes a_max
+              (v_min' - v)/h <= a <= (v_max' - v)/h   within +-a_max: time 4 h, brakes a_max / 2
 """
 
 from collections.abc import Sequence

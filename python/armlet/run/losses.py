@@ -1,7 +1,6 @@
 """Losses of a run with their slopes: the derivatives with respect to each recorded number.
 
-A loss has three forms. It is a table of named terms with weights, a function that returns its value and its slopes, or a function that
-returns its value alone.
+A loss is a table of named terms with weights, or a function. A function returns a value and its derivatives, or only a value.
 """
 
 from __future__ import annotations

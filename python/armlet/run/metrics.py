@@ -8,9 +8,9 @@ name                   unit            definition
 error_rms              rad or m        sqrt(1/T int e^2 dt)
 error_peak             rad or m        max |e|
 error_final            rad or m        |e| at the end
-overshoot              1               how far q passes beyond the farthest point of the reference, as a fraction of the way from
-                                       q(0) to its end; NaN without such a way, and where the reference still moves at the end
-settling_time          s               from when on |e| stays within the band for good, for all joints; NaN if it does not
+overshoot              1               distance of q beyond the farthest point of the reference, over the whole distance;   NaN
+                                       without such a distance, and where the reference still moves at the end
+settling_time          s               the time after which |e| stays within the band for all joints; NaN if it does not
 position_error_rms,    m               of each task of a frame (`Run.position_error`), one value per task: the same of the distance of
 position_error_peak,                   the frame from its target; not there for laws without such tasks
 position_error_final

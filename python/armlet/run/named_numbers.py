@@ -1,8 +1,8 @@
 """The numbers of a closed loop by name, and loops in which one of them differs a little.
 
-`"law.kp"` is an argument of the law, `"plant.stiffness"` one of the plant, `"arm.parameters"` the inertial parameters of the plant's arm,
-and `"law.arm.parameters"` those of the law. `"law.motion.amplitude"` is an argument of its motion, and `"law.tasks.0.gain"` one of its
-first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
+`"law.kp"` is an argument of the law, and `"plant.stiffness"` one of the plant. `"arm.parameters"` are the inertial parameters of the
+plant's arm, and `"law.arm.parameters"` those of the law. `"law.motion.amplitude"` is an argument of the law's motion, and
+`"law.tasks.0.gain"` one of its first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
 
 The derivative of the set-up with respect to a number is a difference of fourth order. It is taken of the inputs of the programs, never of
 a run. The step is `d = 2^-10` of the number. The error is some 1e-12 if the set-up computes with the number, and 1e-13 if it passes it on.

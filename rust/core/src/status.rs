@@ -1,6 +1,6 @@
-//! How a run ended. A status is data: a diverged run is a result with a time, not a misuse.
+//! The outcome of a run. A status is data: a run that diverges is a result with a time, not a misuse.
 
-/// The outcome of a run or a solve; the numbers are stable and cross into Python as they are.
+/// The outcome of a run or a solve; the numbers are stable, and Python has the same ones.
 ///
 /// ```
 /// use armlet_core::status::Status;
@@ -12,7 +12,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Status {
-    /// The run reached its end, or the solve its answer.
+    /// The run reached its end, or the solver found a result.
     #[default]
     Success = 0,
     /// The state, its derivative or a monitor stopped being finite, or the state passed the limit that the caller set.
@@ -23,15 +23,15 @@ pub enum Status {
     MaxSteps = 3,
     /// The caller interrupted the run.
     Interrupted = 4,
-    /// An event asked the run to stop.
+    /// An event ended the run.
     Event = 5,
-    /// The answer leaves a residual that the problem did not allow for (lost directions, scaled task).
+    /// The result has a residual: a direction is lost, or a task is scaled.
     Degraded = 6,
-    /// No answer exists: the constraints exclude each other.
+    /// No solution exists: the constraints contradict each other.
     Infeasible = 7,
-    /// The adaptive step collapsed: at its pace the rest would take more than the cap on steps.
+    /// The adaptive step became so small that the remaining time would take more than the cap on steps.
     Stalled = 8,
-    /// The tolerances are below what rounding leaves of an implicit method's error estimate.
+    /// The tolerances are below the rounding error of an implicit method's error estimate.
     ExcessAccuracy = 9,
 }
 
@@ -72,8 +72,8 @@ impl Status {
             Status::Success => "the run reached its end",
             Status::Diverged => "the state stopped being finite or passed state_limit: reduce dt or the gains, or use an adaptive method",
             Status::StepUnderflow => {
-                "the step fell below the resolution of time: the problem is singular here, or its input switches; try looser tolerances, or \
-                 where the input switches a fixed step or a sample time"
+                "the step fell below the resolution of time. The problem is singular here, or its input switches. Try looser tolerances; for an \
+                 input that switches, a fixed step or a sample time"
             }
             Status::MaxSteps => "the cap on steps was reached: try looser tolerances or a shorter span",
             Status::Interrupted => "the run was interrupted by the caller",
@@ -81,11 +81,11 @@ impl Status {
             Status::Degraded => "part of the command was given up: see the residuals",
             Status::Infeasible => "no answer exists: see the reason",
             Status::Stalled => {
-                "the steps collapsed and would never reach the end: where the input switches (a target out of reach, a bound) take a fixed step \
-                 or a sample time; else try looser tolerances"
+                "the steps became too small to reach the end. If the input switches (a target out of reach, a bound), take a fixed step or a sample \
+                 time. Otherwise try looser tolerances"
             }
             Status::ExcessAccuracy => {
-                "the tolerances are below what rounding in double precision leaves of the error estimate: take looser rtol and atol"
+                "the tolerances are below the rounding error of the error estimate: take looser rtol and atol"
             }
         }
     }
