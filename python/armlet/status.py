@@ -52,9 +52,7 @@ _ADVICE = {
         "the steps became too small to reach the end. If the input switches (a target out of reach, a bound), take a fixed step or a "
         "sample time. Otherwise try looser tolerances"
     ),
-    Status.EXCESS_ACCURACY: (
-        "the tolerances are below the rounding error of the error estimate: take looser rtol and atol"
-    ),
+    Status.EXCESS_ACCURACY: ("the tolerances are below the rounding error of the error estimate: take looser rtol and atol"),
 }
 
 # An explicit method may end so on a stiff problem.

@@ -84,9 +84,7 @@ impl Status {
                 "the steps became too small to reach the end. If the input switches (a target out of reach, a bound), take a fixed step or a sample \
                  time. Otherwise try looser tolerances"
             }
-            Status::ExcessAccuracy => {
-                "the tolerances are below the rounding error of the error estimate: take looser rtol and atol"
-            }
+            Status::ExcessAccuracy => "the tolerances are below the rounding error of the error estimate: take looser rtol and atol",
         }
     }
 
