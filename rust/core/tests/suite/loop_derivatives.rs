@@ -65,7 +65,7 @@ struct Case {
     law: LawSpec,
     force: Option<Force>,
     tau_max: Option<Vec<f64>>,
-    /// The estimate at which the derivatives are taken; none: that of the start.
+    /// The law's state at which the derivatives are taken; none: that of the start.
     estimate: Option<Vec<f64>>,
 }
 
@@ -126,10 +126,14 @@ fn cases(at: &[f64]) -> Vec<Case> {
         ("PID, filtered", pid(held(), true, PidOptions { derivative_filter: Some(vec![150.0; N]), ..PidOptions::default() })),
         ("PID, moving", pid(moving(q_d.clone()), true, PidOptions::default())),
         ("PD with an observer", pid(moving(q_d.clone()), false, observer())),
-        ("PID, all options", pid(moving(q_d.clone()), true, all_of_it())),
     ] {
         all.push(case(name, rigid(), LawSpec::from(law)));
     }
+    // The filtered velocity is 10 rad/s: differences over `H` do not cross a limit of the torque then, as they do from the start.
+    let behind = at.iter().map(|q| q - 10.0 / 150.0);
+    let state = [0.0; N].into_iter().chain(behind).chain([0.0; N]).collect();
+    let law = LawSpec::from(pid(moving(q_d.clone()), true, all_of_it()));
+    all.push(Case { estimate: Some(state), ..case("PID, all options", rigid(), law) });
     let computed = ComputedTorqueSpec::new(model.clone(), moving(q_d.clone()), full(N, 100.0), gain(N, 20.0)).unwrap();
     all.push(case("ComputedTorque", rigid(), LawSpec::ComputedTorque(computed.clone())));
 
@@ -299,7 +303,8 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             let instant = closed.instant();
             // A contact that is held is not recorded.
             assert_eq!(closed.is_running(), plant.is_free(), "{name}");
-            let (h, most) = if estimate.is_some() { (H_BELOW, 1e-5) } else { (H_PARAMETER, 1e-10) };
+            let below = kind == 0 && estimate.is_some();
+            let (h, most) = if below { (H_BELOW, 1e-5) } else { (H_PARAMETER, 1e-10) };
             let found =
                 [worst(&mut closed, instant.clone(), &x, plant.states(), h), worst(&mut closed.direct, instant, &x, plant.states(), h)];
             for ((in_state, in_time), way) in found.into_iter().zip(["program", "duals"]) {
