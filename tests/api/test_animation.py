@@ -133,6 +133,12 @@ def test_refusals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = moved(PLANAR, [0.5, 0.5])
     with pytest.raises(al.InputError, match=r"Run\.animate: arm is not that of the run: expected 2 joints, got 7"):
         run.animate(tmp_path / "a.gif", SEVEN)
+    deep: dict[str, Any] = {}
+    for _ in range(5000):
+        deep = {"a": deep}
+    for path in (deep, b"a.gif", "a\0.gif"):
+        with pytest.raises(al.InputError, match=r"^Run\.animate: path "):
+            run.animate(path)
     with pytest.raises(al.InputError, match=r"Run\.animate: arm has nothing to draw: expected an arm with frames that move"):
         run.animate(tmp_path / "a.gif", al.planar_pr(2.0, 0.5, 0.5))
     with pytest.raises(al.InputError, match=r"Run\.animate: view is not finite: .*first bad index 1"):

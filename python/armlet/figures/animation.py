@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from .._core import Arm
-from ..arguments import finite, instance, integer, positive, shown
+from ..arguments import file_path, finite, instance, integer, positive, shown
 from ..errors import InputError
 from ..files import write_whole
 from .skeleton import Picture, Skeleton
@@ -60,6 +60,7 @@ def animate(
         ImportError: matplotlib is not installed.
         OSError: the file cannot be written, or ffmpeg failed.
     """
+    path = file_path("Run.animate", path)
     fps, speed = positive("Run.animate", "fps", fps, 50.0), positive("Run.animate", "speed", speed, 1e9)
     size = int(positive("Run.animate", "size", integer("Run.animate", "size", size), 4096))
     eye = None if view is None else finite("Run.animate", "view", _core.numbers("Run.animate", "view", view, (2,)))
@@ -90,9 +91,9 @@ def animate(
     write_whole(path, lambda file: _mp4(file, pictures(), fps, coder) if coder else _gif(file, pictures(), fps))
 
 
-def _coder(path: str | PathLike[str]) -> str | None:
+def _coder(path: str) -> str | None:
     """The program that makes an MP4 file, None for a GIF."""
-    if not str(fspath(path) if isinstance(path, PathLike) else path).lower().endswith(".mp4"):
+    if not path.lower().endswith(".mp4"):
         return None
     found = shutil.which("ffmpeg")
     if found is None:
