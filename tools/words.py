@@ -48,6 +48,8 @@ ITEM = re.compile(r"^\s*(?:[-*+] |\d+\. |#+ |\||(?:\w+(?:, \w+)*): |:\w+: )|^\s*
 COLUMNS = re.compile(r"\S {3,}\S")
 SENTENCE = re.compile(r" {3,}|(?<=[.!?])[)\"*]*\s+(?=\S)(?<!e\.g\. )(?<!i\.e\. )(?<!cf\. )(?<!Eq\. )(?<!no\. )(?<!\.\. )|\|")
 LITERAL = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)"(?P<raw>.*?)"\1|"(?P<text>(?:\\.|[^"\\])*)"|'(?:\\.|[^'\\])'""", re.DOTALL)
+# A literal that is code: statements of C, elements of XML.
+TEMPLATE = re.compile(r";\n|</\w+>")
 
 
 def sentences(prose: str) -> Iterator[str]:
@@ -78,7 +80,8 @@ def texts(path: Path) -> Iterator[str]:
             re.sub(r"^\s*//[/!] ?", "", block, flags=re.MULTILINE) for block in re.findall(r"(?:^\s*//[/!].*\n)+", source, re.MULTILINE)
         )
         for match in LITERAL.finditer(source):
-            yield re.sub(r"\\\n\s*", "", match["text"] or match["raw"] or "")
+            text = re.sub(r"\\\n\s*", "", match["text"] or match["raw"] or "")
+            yield "" if TEMPLATE.search(text) else text
     else:
         tree = ast.parse(source)
         formatted = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}

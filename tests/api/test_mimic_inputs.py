@@ -65,7 +65,7 @@ def test_limits_that_leave_no_room_are_left_out() -> None:
     near, far = "<mimic joint='j1' multiplier='1' offset='5'/>", "<mimic joint='j1' multiplier='1' offset='3'/>"
     arm = al.load_urdf(fingers("", near))
     assert arm.limits["q_min"] == [-2.0] and arm.limits["q_max"] == [2.0]
-    assert any("limits of j2, which follows j1, leave j1 no room: left out" in line for line in arm.report)
+    assert any("limits of j2, which follows j1, leave j1 no range: left out" in line for line in arm.report)
     arm = al.load_urdf(fingers("", far))
     assert arm.limits["q_min"] == [-2.0] and arm.limits["q_max"] == [-1.0]
 

@@ -42,6 +42,7 @@ SHORT = "word " * 24 + "end."
         ("a.py", f'"""Sum.\n\na = b    {SHORT}\nbb = c   {SHORT}\n"""\n', (0, 0)),
         ("a.py", f'"""Sum.\n\nArgs:\n    x: {SHORT}\n    y: {SHORT}\n\n>>> {LONG}\n"""\n', (0, 0)),
         ("a.rs", f'//! {LONG}\n\n/// Told.\nfn f() {{\n    // {LONG}\n    let a = "{SHORT} \\\n        word";\n}}\n', (1, 1)),
+        ("a.rs", f'let c = "    double q;\n    {LONG}";\nlet xml = "<a>{LONG}</a>";\nlet text = "{LONG}";\n', (1, 0)),
     ],
 )
 def test_faults_are_seen(name: str, text: str, expected: tuple[int, int], tmp_path: Path) -> None:

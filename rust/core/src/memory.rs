@@ -8,14 +8,14 @@ pub const PIECE: usize = 1 << 14;
 /// The same of elements that own memory.
 const SMALL_PIECE: usize = 1 << 10;
 
-/// An empty vector with room for `n` elements.
+/// An empty vector with capacity for `n` elements.
 pub fn reserved<T>(n: usize) -> Result<Vec<T>> {
     let mut out = Vec::new();
     more(&mut out, n)?;
     Ok(out)
 }
 
-/// Make room for exactly `n` more elements.
+/// Reserve memory for exactly `n` more elements.
 pub fn more<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
     let bytes = (out.len() as u128 + n as u128) * size_of::<T>() as u128;
     out.try_reserve_exact(n).map_err(|_| Error::Memory { bytes })

@@ -30,8 +30,9 @@ impl JointType {
     }
 }
 
-/// One joint of [`Arm::from_chain`]: a placement `(rpy, xyz)` in the parent body frame at `q = 0`, then a
-/// motion about or along `axis`; the body frame is the moved joint frame.
+/// One joint of [`Arm::from_chain`]: a placement and a motion.
+///
+/// The placement is `(rpy, xyz)` in the parent body frame at `q = 0`. The motion is about or along `axis`. The body frame is the moved joint frame.
 #[derive(Clone, Debug)]
 pub struct ChainJoint {
     /// Name; `None` for `"joint1"`, `"joint2"`, ..

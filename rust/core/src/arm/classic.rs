@@ -48,9 +48,9 @@ pub struct DhRow {
 }
 
 impl Arm {
-    /// An arm from Denavit-Hartenberg rows; frames `"link1"`.. are the Denavit-Hartenberg frames. With the
-    /// standard convention these sit at the far end of the link: `parameters` are then about the joint, in axes
-    /// whose z is the joint axis.
+    /// An arm from Denavit-Hartenberg rows. The frames `"link1"`.. are the Denavit-Hartenberg frames. In the
+    /// standard convention they are at the far end of the link. Then `parameters` are about the joint, in axes
+    /// with z along the joint axis.
     pub fn from_dh(rows: &[DhRow], convention: Convention, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if rows.is_empty() {
@@ -84,8 +84,8 @@ impl Arm {
     }
 
     /// A planar arm in the x-y plane, `q1` from the x axis, axes along z, frames `"link1"`.. at the link tips.
-    /// `coms` from each joint along the link (m), `inertias` about the com (kg m^2); what is omitted is that of a
-    /// uniform rod of 1 kg/m, its mass given or not. Lengths, masses and inertias are not negative.
+    /// `coms` are distances from each joint along the link (m), and `inertias` are about the centre of mass (kg m^2). By default a link is a
+    /// uniform rod, of 1 kg/m without `masses`. Lengths, masses and inertias are not negative.
     pub fn planar(
         lengths: &[f64],
         masses: Option<&[f64]>,
@@ -133,8 +133,10 @@ impl Arm {
         Ok(arm)
     }
 
-    /// `I a + G sin(theta) = tau`, theta from the downward vertical (SPEC system 4): a point mass `G^2 / (I g0^2)` at
-    /// the distance `I g0 / G` that has these two numbers, hanging in the x-y plane under `g0 = 9.81` along -y.
+    /// The pendulum `I a + G sin(theta) = tau`, theta from the downward vertical.
+    ///
+    /// It is a point mass `G^2 / (I g0^2)` at the distance `I g0 / G`, which has this inertia and gravity moment. It moves in the x-y plane
+    /// under `g0 = 9.81` along -y.
     pub fn pendulum(inertia: f64, gravity_moment: f64) -> Result<Arm> {
         crate::error::positive("inertia", inertia)?;
         finite("gravity_moment", &[gravity_moment])?;

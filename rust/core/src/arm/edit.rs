@@ -22,8 +22,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The arm carrying a body fixed to `frame`: centre of mass in frame axes from its origin, inertia about the
-    /// centre of mass in frame axes. A payload on the base changes nothing.
+    /// The arm with a body fixed to `frame`. The centre of mass is relative to the frame's origin, and the inertia is about the
+    /// centre of mass. Both are in the axes of the frame. A payload on the base has no effect.
     pub fn with_payload(&self, frame: &str, mass: f64, com: [f64; 3], inertia: [[f64; 3]; 3]) -> Result<Arm> {
         finite("mass", &[mass])?;
         if mass < 0.0 {
@@ -95,8 +95,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The part of the arm between two frames: `root` becomes the fixed base and world frame (gravity is then in its
-    /// axes), and with `tip` only the joints that move it relative to `root` stay.
+    /// The part of the arm between two frames. `root` becomes the fixed base and the world frame, and gravity is then in its
+    /// axes. With `tip`, only the joints that move it relative to `root` remain.
     pub fn sub_chain(&self, root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         let find = |argument: &str, name: Option<&str>| {
             name.map(|name| self.frame_index(name).map_err(|error| error.of_argument(argument))).transpose()

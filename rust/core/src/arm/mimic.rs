@@ -1,8 +1,9 @@
 //! Joints that follow another one, `q_follower = multiplier q_leader + offset`: one degree of freedom with their leader.
 //!
-//! A follower keeps its body. Its drive and its limits are those of the leader from then on: `tau = G' tau_joints` with
-//! `q_joints = G q + c` adds `multiplier^2` of its rotor inertia and viscous friction and `|multiplier|` of its Coulomb friction, and
-//! what its limits allow narrows the leader's. The effort limit stays the leader's: its motor moves them all.
+//! A follower keeps its body. Its drive and its limits are added to those of the leader, by `tau = G' tau_joints` with
+//! `q_joints = G q + c`. The leader gets `multiplier^2` of the follower's rotor inertia and viscous friction, and `|multiplier|` of its
+//! Coulomb friction. The leader's range is the part that the follower's limits also allow. The effort limit is that of the leader, whose
+//! motor moves all of them.
 
 use super::{Arm, Joint, Limits, listed};
 use crate::error::{Error, Result, finite};
@@ -73,7 +74,7 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// A leader with a follower. The second answer: whether the limits of the follower leave the leader no room, and are left out.
+    /// A leader with a follower. The second result is true if the follower's limits allow no motion of the leader. They are then ignored.
     pub fn with(&self, follower: &Moved, multiplier: f64, offset: f64) -> (Moved, bool) {
         let own = self.limits;
         let size = multiplier.abs();
@@ -123,9 +124,9 @@ impl Joint {
     }
 }
 
-/// The line of a report about limits that leave no room.
+/// The line of a report about limits that allow no motion.
 pub fn no_room(follower: &str, leader: &str) -> String {
-    format!("limits of {follower}, which follows {leader}, leave {leader} no room: left out")
+    format!("limits of {follower}, which follows {leader}, leave {leader} no range: left out")
 }
 
 impl Arm {
@@ -246,7 +247,7 @@ impl Arm {
     }
 }
 
-/// What a joint follows: its index in the arm, or `None` for a joint that is no part of it, whose limits and drive are `moved`.
+/// The leader of a joint: its index in the arm, or `None` for a joint outside of it, whose limits and drive are `moved`.
 pub struct Leader {
     pub at: Option<usize>,
     pub name: String,

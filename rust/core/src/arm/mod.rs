@@ -106,8 +106,8 @@ impl Arm {
         self.frames.iter().map(|frame| frame.name.as_str())
     }
 
-    /// The frame at the tip: of those that move the one with the longest way from the base, `sum |p|` over the offsets of joints and
-    /// frame. Of equal ones the last; `None` where nothing moves.
+    /// The frame at the tip: the moving frame with the longest path from the base. The length is `sum |p|` over the offsets of joints and
+    /// frame. Of equal lengths the last frame is taken. Without moving frames the result is `None`.
     pub fn tip_frame(&self) -> Option<usize> {
         let mut reach = Vec::<f64>::with_capacity(self.joints.len());
         for joint in &self.joints {

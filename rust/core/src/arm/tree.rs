@@ -1,8 +1,8 @@
 //! The compiled form of an arm, on which the algorithms run.
 //!
-//! Every body has a frame of its own choice: origin on the joint, z along the joint axis, so that the motion
-//! subspace is `e_z` and a joint rotation touches two columns. `turn` leads back to the body frame of the
-//! model. Geometry is the same in all lanes; inertial parameters may differ from lane to lane.
+//! Every body has an internal frame: origin on the joint, z along the joint axis. So the motion subspace is `e_z`, and a joint rotation
+//! changes two columns. `turn` is the rotation to the body frame of the model. The geometry is the same in all lanes. Inertial parameters
+//! may differ between lanes.
 
 use super::{Arm, Joining};
 use crate::interrupt::look;
@@ -265,7 +265,7 @@ impl<S: Real> Tree<S> {
     }
 }
 
-/// Axes with z along `axis`, such that the rotation from them by way of `before` to the parent's is a quarter turn where it can be.
+/// Axes with z along `axis`. If possible, the rotation from them through `before` to the parent's axes is a quarter turn.
 /// Axes of the model with z along the joint axis are kept.
 fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
     let mut turn = Matrix3::taking_z_to(axis);

@@ -1,5 +1,5 @@
-//! Forward dynamics by articulated bodies (Featherstone 2008, chapter 7), in world axes, every body about its
-//! own joint origin, with accelerations of material points so that no linear velocity is needed:
+//! Forward dynamics by articulated bodies (Featherstone 2008, chapter 7), in world axes, every body about its joint origin.
+//! Accelerations are those of material points, so no linear velocity occurs:
 //!
 //! ```text
 //! F_i = IA_i A_i + b_i,   A_i = X A_p + c_i + S a_i,   c = (w_p x (w_p x p) [+ 2 w_p x z v], w_p x z v)

@@ -1,5 +1,5 @@
-//! An arm at one configuration `q`, with what its algorithms need there made once: for what is asked now and then (terms of
-//! a law, monitors, equilibria). Loops share the sines of a stage between plant and law instead.
+//! An arm at one configuration `q`, with the intermediate results of its algorithms. It serves occasional evaluations: terms of a law,
+//! monitors, equilibria. In loops, plant and law share the sines of a stage instead.
 
 use super::{AnyArm, Dynamics, Model, Workspace};
 use crate::kinematics::Coordinates;
@@ -11,7 +11,7 @@ pub struct ArmAt<S: Real = f64> {
     workspace: Workspace<S>,
     q: Vec<S>,
     trig: Vec<(S, S)>,
-    /// Room for a geometric Jacobian, `(6, n)`.
+    /// Memory for a geometric Jacobian, `(6, n)`.
     full: Vec<S>,
 }
 

@@ -1,11 +1,11 @@
-//! What can be asked of the closed-form PR robot, as [`super::Evaluator`] answers it for trees; regressors of either.
+//! The quantities of the closed-form PR robot, as [`super::Evaluator`] computes them for trees, and regressors of both.
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
 impl PlanarPr<f64> {
-    /// One configuration: the inputs of `query`, finite and `(2,)` each, and room for its answer.
+    /// One configuration: the inputs of `query`, finite and `(2,)` each, and memory for its result.
     pub fn evaluate(&self, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
         let q = x[0];
         let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];

@@ -1,13 +1,13 @@
 //! The Christoffel Coriolis matrix in O(n d), from composite bodies (after Echeandia and Wensing 2021).
 //!
-//! Column `j` is the polarised inverse dynamics for a unit rate of `j`. A point at `r` with velocity `u` has, under
-//! the unit motion `(s, z)` of joint `j`, the polarised acceleration `V_j x S_j` (as a rigid field) plus `z x u(r)`.
-//! A subtree therefore enters through its composite inertia, its linear momentum `P` and `K = integral of u r' dm`:
+//! Column `j` is the polarised inverse dynamics for a unit rate of `j`. Let `(s, z)` be the unit
+//! motion of joint `j`. A point at `r` with velocity `u` then has the polarised acceleration `V_j x S_j` (as a rigid field) plus `z x u(r)`.
+//! So a subtree contributes its composite inertia, its linear momentum `P`, and `K = integral of u r' dm`:
 //!
 //! `f = m alpha_v + alpha_w x h + z x P`,  `n = I alpha_w + h x alpha_v + (tr K) z - K z`.
 //!
-//! `P` and `K` are taken relative to the velocity of the joint origin, so no large momenta cancel; moving the
-//! reference by `p` with relative velocity `d`: `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
+//! `P` and `K` are relative to the velocity of the joint origin, so that no large momenta cancel. A shift of the
+//! reference by `p` with relative velocity `d` gives `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
 
 use super::Dynamics;
 use super::crba::joint_column;
@@ -116,9 +116,9 @@ pub fn coriolis_matrix<S: Real>(
 }
 
 /// The Christoffel symbols `c[i, j, k]` `(n, n, n)` with `C(q, v)[i, j] = sum_k c[i, j, k] v[k]`: `C` is linear in `v`, so the slice at `k` is
-/// `C` at the unit rate of joint `k`. They are symmetric in `j` and `k`; what is computed for `j <= k` is written to both places.
+/// `C` at the unit rate of joint `k`. They are symmetric in `j` and `k`. Values for `j <= k` are written to both places.
 ///
-/// `unit` `(n,)` and `square` `(n, n)` are room for that rate and that matrix.
+/// `unit` `(n,)` and `square` `(n, n)` are memory for that rate and that matrix.
 pub fn christoffel<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

@@ -1,9 +1,9 @@
 //! Mass matrix by composite bodies (Walker and Orin 1982; Featherstone 2008, section 6.2), in body axes.
 //!
-//! With `I_j^c` the inertia of the subtree of `j` about the joint origin, in the axes of `j`, `F_j = I_j^c S_j` is the momentum of
-//! the subtree per unit rate of `j`, and `M_ij = S_i . F_j` for every joint `i` that carries `j`, `F_j` carried from body to
-//! body towards the base. Inertias are held as second moments `P = integral of r r' dm = tr(I)/2 1 - I`, which move from point to
-//! point in fewer products, and of which `S_j = e_z` takes one column: `I e_z = tr(P) e_z - P e_z`.
+//! `I_j^c` is the inertia of the subtree of `j` about the joint origin, in the axes of `j`. Then `F_j = I_j^c S_j` is the momentum of
+//! the subtree per unit rate of `j`. `F_j` is transformed from body to body towards the base, and `M_ij = S_i . F_j` for every joint `i`
+//! that carries `j`. Inertias are stored as second moments `P = integral of r r' dm = tr(I)/2 1 - I`. Their shift takes fewer products,
+//! and `S_j = e_z` selects one column: `I e_z = tr(P) e_z - P e_z`.
 
 use super::hinge::{congruence, over, reach, rotation, to_parent};
 use crate::arm::{BASE, Body, Tree};

@@ -1,8 +1,8 @@
 //! Whether the mass matrix of a model is positive definite, without forming it.
 //!
 //! `M = (1 + K) D (1 + K)'` with `K` strictly triangular and `D` the articulated inertias `D_i = S_i' IA_i S_i + armature_i`
-//! (Jain 2011, section 7.5), so that `M > 0` where all `D_i > 0`: linear in the number of joints. What rounds has the scale of the
-//! subtree's second moment about the joint (of its mass, for a slide).
+//! (Jain 2011, section 7.5). So `M > 0` if all `D_i > 0`, at a cost linear in the number of joints. Rounding errors scale with the
+//! subtree's second moment about the joint, or for a slide with its mass.
 
 use super::{Dynamics, Workspace, aba};
 use crate::arm::{Arm, BASE, Joint, JointKind, Tree, listed};

@@ -200,8 +200,8 @@ pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
     }
 }
 
-/// `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and the acceleration `a` that it gives
-/// there; each `(n, n)` row-major. `m` has room for `(n, n)`.
+/// `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and its acceleration `a`,
+/// each `(n, n)` row-major. `m` is memory for `(n, n)`.
 pub fn forward_dynamics_derivatives<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

@@ -10,7 +10,7 @@ use crate::scalar::rows::read_one;
 use crate::scalar::{Float, Real};
 use crate::spatial::PARAMETERS;
 
-/// Numbers that an arm's answers may take before room is made for them only when they are asked for: 8 MB.
+/// The size of the results of an arm up to which their memory is allocated at once, in numbers (8 MB). Beyond, it is allocated on request.
 const EAGER: usize = 1 << 20;
 
 /// Buffers of one number type.
@@ -43,7 +43,7 @@ macro_rules! with_quantity {
 }
 
 impl<S: Real> Engine<S> {
-    /// With room for every answer, or, where it is not wanted and for an arm of very many joints, for none yet.
+    /// With memory for every result. Without `eager`, an arm of very many joints has no memory yet.
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
@@ -61,7 +61,7 @@ impl<S: Real> Engine<S> {
         }
     }
 
-    /// Room for what is asked, or an error that says how much it would be.
+    /// Allocate memory for a query, or report its size in an error.
     fn grow(&mut self, query: &Query) -> Result<()> {
         let (n, size) = (self.tree.n(), self.tree.size());
         let square = if matches!(query.quantity, Quantity::ForwardDynamicsDerivatives | Quantity::Christoffel) { n * n } else { 0 };
@@ -138,7 +138,7 @@ impl Evaluator {
         Ok(Evaluator::new(arm))
     }
 
-    /// `eager`: with room for every answer.
+    /// `eager`: with memory for every result.
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
         Evaluator { engine: Box::new(Engine::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
     }
@@ -153,8 +153,8 @@ impl Evaluator {
         self.size
     }
 
-    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. Whether every
-    /// number of the answer is finite: a singular mass matrix and an overflow are told so.
+    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. The result is true if every
+    /// number is finite. It is false for a singular mass matrix and after an overflow.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         self.engine.grow(query)?;
         let sound = self.engine.dispatch(query, inputs, out);
@@ -165,7 +165,7 @@ impl Evaluator {
     }
 }
 
-/// Whether arguments and room are what `query` asks for at `count` configurations, and every number finite.
+/// Check that arguments and output have the sizes of `query` at `count` configurations, and that every number is finite.
 pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> Result<()> {
     let names = query.inputs();
     if inputs.len() != names.len() {

@@ -1,7 +1,7 @@
 //! Forward dynamics by the mass matrix: `M a = tau - C v - g`, `M = L' D L` with `L` unit lower triangular.
 //!
-//! Factored from the tips to the base, `L` has entries only between a joint and the joints that carry it, as `M` has
-//! (Featherstone 2008, section 6.5). So a tree costs what its branches cost. In loops the Newton-Euler recursion and the rotations
+//! The factorisation goes from the tips to the base. So `L`, like `M`, has entries only between a joint and the joints that carry it
+//! (Featherstone 2008, section 6.5). The cost of a tree is the sum of its branches. In loops the Newton-Euler recursion and the rotations
 //! are shared with the law.
 
 use super::workspace::{Factors, Workspace};
@@ -9,7 +9,7 @@ use super::{crba, newton_euler};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 
-/// `a = M^-1 (tau - C v - g)`; `ws.factors` has room.
+/// `a = M^-1 (tau - C v - g)`; `ws.factors` has the memory.
 pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
     let n = tree.bodies.len();
     let Factors { matrix, inverse } = &mut ws.factors;

@@ -1,7 +1,7 @@
 //! The functions of an arm, for any number of threads: at first directly, then by the program of the function.
 //!
-//! Both ways give the same bits, so that which one runs is a matter of time alone. A program takes some 1 ms to make; it is made once
-//! a query was asked for often enough.
+//! Both have the same bits and differ only in time. Making a program takes about 1 ms, so it is made after a query has occurred
+//! often enough.
 
 use super::Query;
 use super::evaluate::{Evaluator, check};
@@ -67,7 +67,7 @@ impl Single {
         self.direct(arm, found, query, inputs, out)
     }
 
-    /// Without a program: a query that is the entry `found` of those that were asked.
+    /// Without a program: the query `found` of those that have occurred.
     #[inline(never)]
     fn direct(&mut self, arm: &Arm, found: Option<usize>, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         let at = found.unwrap_or_else(|| {

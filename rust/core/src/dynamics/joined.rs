@@ -9,7 +9,7 @@ use crate::linalg::cholesky;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 
-/// What bodies do, in the coordinates of their own joints.
+/// Motions of bodies in the coordinates of all joints, followers included.
 #[derive(Clone, Debug, Default)]
 pub struct Spread<S: Real> {
     /// (sin, cos) and position of every joint.

@@ -1,8 +1,8 @@
-//! `M(q) a + C(q, v) v + g(q) = tau`: what control needs of an arm, whatever the arm is.
+//! `M(q) a + C(q, v) v + g(q) = tau`: the dynamics for control, for every kind of arm.
 //!
-//! `C` is the Christoffel factorisation, so that `C(q, x) y = C(q, y) x` and `dM/dt - 2 C` is skew.
-//! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`, computed once per stage
-//! and shared by plant and law; entries of joints that are not angular are never read.
+//! `C` is the Christoffel factorisation: `C(q, x) y = C(q, y) x`, and `dM/dt - 2 C` is skew-symmetric.
+//! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`. It is computed once per stage,
+//! and plant and law share it. Entries of joints that are not angular are never read.
 
 #[doc(hidden)]
 pub mod aba;

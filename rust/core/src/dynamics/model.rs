@@ -1,6 +1,6 @@
 //! Any arm, chosen at run time: the closed-form PR or a tree of bodies.
 //!
-//! Each quantity is a function of its own: laws and plants share one copy of the code, at the price of a call.
+//! Each quantity is a separate function. So laws and plants share one copy of the code, at the cost of a call.
 
 use super::workspace::Workspace;
 use super::{Dynamics, PlanarPr, Size};
@@ -249,7 +249,7 @@ impl<S: Real> AnyArm<S> {
         }
     }
 
-    /// Error `(m,)` and Jacobian `(m, n)` of Cartesian coordinates; `full` has room for `(6, n)`.
+    /// Error `(m,)` and Jacobian `(m, n)` of Cartesian coordinates; `full` is memory for `(6, n)`.
     #[inline(never)]
     pub fn error_and_jacobian(
         &self,

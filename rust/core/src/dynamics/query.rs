@@ -1,10 +1,10 @@
-//! What can be asked of an arm: the quantities of [`super::Evaluator`], their inputs, options and shapes.
+//! Queries of an arm: the quantities of [`super::Evaluator`], their inputs, options and shapes.
 
 use crate::arm::{Arm, Tree};
 use crate::scalar::{Isa, Real, isa};
 use crate::spatial::PARAMETERS;
 
-/// What can be asked; inputs in this order, each `(n,)` except a wrench `(6,)`.
+/// A quantity. Its inputs come in this order, each `(n,)` except a wrench `(6,)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// `q -> (n, n)`.
@@ -84,8 +84,8 @@ pub struct Query {
     pub frame: usize,
     /// Where the wrench `[f; n]` (world axes, at the frame origin) of inverse and forward dynamics acts.
     pub wrench: Option<usize>,
-    /// Add damping and Coulomb friction to bias and inverse dynamics, take them off the torque in forward
-    /// dynamics; in the regressor append columns `diag(v_r)` and `diag(sign v)`.
+    /// Add damping and Coulomb friction to bias and inverse dynamics, and subtract them from the torque in forward
+    /// dynamics. In the regressor append columns `diag(v_r)` and `diag(sign v)`.
     pub friction: bool,
     /// In the regressor append columns `diag(a_r)`, before those of friction.
     pub armature: bool,
@@ -152,7 +152,7 @@ impl Query {
         matches!(self.quantity, Quantity::Pose | Quantity::PoseVector | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
     }
 
-    /// Whether these inputs and this room are what is asked for; `check` says what is not.
+    /// Whether inputs and output have the right sizes. `check` reports the wrong one.
     pub(super) fn fits(&self, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> bool {
         let expected = self.inputs().len();
         let mut fits = inputs.len() == expected && out == count * self.length(size);

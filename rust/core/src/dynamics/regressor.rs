@@ -75,7 +75,7 @@ impl<S: Real> Field<S> {
     }
 }
 
-/// From the compiled axes of a body to those in which its parameters stand.
+/// From the internal axes of a body to those of its parameters.
 fn turned<S: Real>(body: &Body<S>, v: Vector3<S>) -> Vector3<S> {
     match body.turn {
         None => v,

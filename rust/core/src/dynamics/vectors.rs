@@ -1,6 +1,6 @@
 //! The quantities of an arm on nalgebra's types, one configuration at a time.
 //!
-//! Thin: each copies its answer out of [`Evaluator::one`], which loops call with slices of their own.
+//! Each function copies its result out of [`Evaluator::one`]. Loops call that function directly, with slices.
 
 use super::{Evaluator, Quantity, Query};
 use crate::error::{Error, Result};
@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, Un
 
 /// # On nalgebra's types
 ///
-/// `q`, `v`, `a` and `tau` are `(n,)`; frames are indices, see [`crate::arm::Arm::frame_index`]. Errors: `Input` for a wrong size or a number
-/// that is not finite, `Solve` for an answer that is not finite (a singular mass matrix, an overflow).
+/// `q`, `v`, `a` and `tau` are `(n,)`; frames are indices, see [`crate::arm::Arm::frame_index`]. `Input` is the error of a wrong size or a number
+/// that is not finite. `Solve` is the error of a result that is not finite (a singular mass matrix, an overflow).
 ///
 /// ```
 /// use armlet_core::arm::Arm;

@@ -1,4 +1,4 @@
-//! What every adaptive method does: steps of its own choice from `t` towards `t_end`, each with an error estimate
+//! The common part of adaptive methods. A method chooses its steps from `t` towards `t_end`, each with an error estimate
 //!
 //! `error = sqrt(1/m sum ((x - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`, accepted below 1,
 //!

@@ -1,5 +1,6 @@
-//! Columns of a sparse Jacobian that one difference of `f` finds together: no two columns of a group share a row
-//! (Curtis, Powell and Reid 1974). Each column in turn joins the first group in which its rows are free.
+//! Groups of columns of a sparse Jacobian for which one difference of `f` is sufficient (Curtis, Powell and Reid 1974).
+//!
+//! No two columns of a group have a common row. Each column in turn joins the first group in which its rows are free.
 
 /// The groups of the columns of an `(n, n)` row-major pattern. Columns without a row belong to none.
 pub fn column_groups(pattern: &[bool], n: usize) -> Vec<Vec<usize>> {

@@ -1,5 +1,6 @@
-//! The explicit Runge-Kutta method of order 8 with step control and dense output of order 7 (Dormand and
-//! Prince 1980; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.10).
+//! The explicit Runge-Kutta method of order 8 with step control and dense output of order 7 (Dormand and Prince 1980).
+//!
+//! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.10.
 //!
 //! Error of a step: `|h| e5^2 / sqrt(n (e5^2 + 0.01 e3^2))` with the weighted norms of the two estimators;
 //! accepted below 1, the next step grows by `0.9 error^(-1/8)` within [0.2, 10].

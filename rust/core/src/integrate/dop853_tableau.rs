@@ -1,6 +1,8 @@
-//! The coefficients of DOP853 (Dormand and Prince 1980; Hairer, Norsett and Wanner, Solving Ordinary
-//! Differential Equations I, second edition, section II.5 and its code `dop853.f`): 12 stages of order 8, the
-//! error estimators of orders 5 and 3, three more stages and the matrix of the dense output of order 7.
+//! The coefficients of DOP853 (Dormand and Prince 1980).
+//!
+//! There are 12 stages of order 8, error estimators of orders 5 and 3, and for the dense output of order 7 three more stages and a matrix.
+//! The source is Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, second edition, section II.5, with its code
+//! `dop853.f`.
 
 /// Times of the stages, those of the dense output last.
 pub(super) const C: &[f64] = &[

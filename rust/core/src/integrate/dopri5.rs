@@ -1,5 +1,6 @@
-//! The explicit Runge-Kutta pair of orders 5 and 4 (Dormand and Prince 1980), first same as last, with dense output of order 4
-//! (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6).
+//! The explicit Runge-Kutta pair of orders 5 and 4 (Dormand and Prince 1980), first same as last, with dense output of order 4.
+//!
+//! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
 
 use super::adaptive::{Accuracy, Tolerance};
 use super::step_controller::{Control, StepController};

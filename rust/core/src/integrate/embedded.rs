@@ -1,8 +1,13 @@
-//! Explicit Runge-Kutta methods with an embedded error estimate: one loop for every tableau whose last stage is the first of the next step
-//! (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6),
+//! Explicit Runge-Kutta methods with an embedded error estimate: one loop for every tableau whose last stage is the first of the next step.
 //!
-//! `k_i = f(t + c_i h, x + h sum_j a_ij k_j)`, `x_new` the argument of the last stage, estimates `sum_j e_j k_j`,
-//! dense output over the last step from rows `h sum_j d_j k_j`, for which a method may have more stages.
+//! | quantity | formula |
+//! |---|---|
+//! | stages | `k_i = f(t + c_i h, x + h sum_j a_ij k_j)` |
+//! | new state `x_new` | the argument of the last stage |
+//! | error estimates | `sum_j e_j k_j` |
+//! | dense output over the last step | rows `h sum_j d_j k_j`, for which a method may have more stages |
+//!
+//! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, sections II.4 to II.6.
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
@@ -32,8 +37,9 @@ pub trait Scheme {
     /// The error of a step of `h` from `x` to `y`, accepted below 1.
     fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
 
-    /// The dense output of one component in the step `h` as `(x(t) - x_old) / r` with `r = (t - t_old) / h`, `q = 1 - r`, from the change
-    /// `delta` over the step, the slopes `f` at its ends, and the rows.
+    /// The dense output of one component in the step `h`: `(x(t) - x_old) / r` with `r = (t - t_old) / h` and `q = 1 - r`.
+    ///
+    /// It uses the change `delta` over the step, the slopes `f` at its ends, and the rows.
     fn dense<S: Real>(at: (S, S), h: S, delta: S, f: [S; 2], row: impl Fn(usize) -> S) -> S;
 
     /// The results of an attempt. `slope(k, y, dx)` is asked for the slope of stage `k + 1` at the state `y`.

@@ -1,5 +1,6 @@
-//! A method of fixed step behind the door of the adaptive ones: `t_k = t_0 + k h`, a shorter step at the end, and
-//! the cubic Hermite polynomial between two steps (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6):
+//! A method of fixed step with the interface of the adaptive ones: `t_k = t_0 + k h`, and a shorter step at the end.
+//!
+//! Dense output is the cubic Hermite polynomial between two steps (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6):
 //!
 //! `x(s) = (1-s) x_0 + s x_1 + s (s-1) ((1-2s)(x_1 - x_0) + (s-1) h f_0 + s h f_1)`.
 
@@ -9,7 +10,7 @@ use super::{Buffer, FixedStep, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// Of the span, or of a step: what is less is rounding and makes no step of its own.
+/// A fraction of the span, or of a step. A smaller remainder is a rounding error, and is not a separate step.
 const SLIVER: f64 = 1e-9;
 
 /// Steps of `h` by `method`.

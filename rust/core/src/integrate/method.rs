@@ -66,14 +66,14 @@ methods! {
         /// An L-stable Rosenbrock method of order 2.
         Ros2 "ros2",
     }
-    /// Explicit, by steps of its own choice.
+    /// Explicit, with adaptive steps.
     ExplicitAdaptive {
         /// Dormand and Prince, order 5.
         Dopri5 "dopri5",
         /// Dormand and Prince, order 8.
         Dop853 "dop853",
     }
-    /// By the derivatives of the system, by steps of its own choice.
+    /// With derivatives of the system and adaptive steps.
     ImplicitAdaptive {
         /// Radau IIA, order 5.
         Radau5 "radau5",
@@ -189,7 +189,7 @@ impl ExplicitSteps {
         }
     }
 
-    /// For `system` from the state `x`, with room for inputs such as `u`. Refuses a system that the method cannot take.
+    /// For `system` from the state `x`, with memory for inputs such as `u`. It refuses a system that the method cannot integrate.
     pub fn apply<S, F, T>(self, system: F, x: Vec<S>, u: F::Input, task: T) -> Result<T::Output>
     where
         S: Real,
@@ -216,7 +216,7 @@ impl ImplicitSteps {
         }
     }
 
-    /// For `system` from the state `x`, with room for inputs such as `u`.
+    /// For `system` from the state `x`, with memory for inputs such as `u`.
     pub fn apply<F, T>(self, system: F, x: Vec<f64>, u: F::Input, task: T) -> T::Output
     where
         F: Differentiable<f64, Input: Send + Sync + 'static>,
@@ -251,7 +251,7 @@ pub trait WithScheme {
 }
 
 impl ExplicitAdaptive {
-    /// For `system` from the state `x`, with room for inputs such as `u`.
+    /// For `system` from the state `x`, with memory for inputs such as `u`.
     pub fn apply<S, F, A, T>(self, system: F, accuracy: A, x: Vec<S>, u: F::Input, task: T) -> T::Output
     where
         S: Real,
@@ -275,7 +275,7 @@ impl ExplicitAdaptive {
 }
 
 impl ImplicitAdaptive {
-    /// For `system` from the state `x`, with room for inputs such as `u`.
+    /// For `system` from the state `x`, with memory for inputs such as `u`.
     pub fn apply<F, A, T>(self, system: F, accuracy: A, x: Vec<f64>, u: F::Input, task: T) -> T::Output
     where
         F: Differentiable<f64, Input: Send + Sync + 'static>,

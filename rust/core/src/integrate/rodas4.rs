@@ -1,5 +1,6 @@
-//! RODAS, a stiffly accurate L-stable Rosenbrock method of order 4 with an embedded one of order 3 and dense output of order 3
-//! (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7; coefficients of its code `rodas.f`):
+//! RODAS, a stiffly accurate L-stable Rosenbrock method of order 4 with an embedded one of order 3 and dense output of order 3.
+//!
+//! See Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7; the coefficients are those of its code `rodas.f`.
 //!
 //! `(I/(g h) - df/dx) u_i = f(t + c_i h, x + sum_j a_ij u_j) + sum_j c_ij u_j / h + d_i h df/dt`, six stages,
 //! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, error `u_6`.

@@ -1,11 +1,12 @@
 //! Rounding in implicit methods at tight tolerances.
 //!
-//! A state `x` is stored to `eps |x|`, so that a stiff slope is known to `eps |J| |x|` alone, and the error estimate of a step `h` to
-//! `(s I - J)^-1 eps |J| |x|`, `s ~ 1/h`: it rises as the step falls. Below it no step is short enough. Two remedies, in this order:
+//! A state `x` is stored with an error of `eps |x|`. So a stiff slope has an error of `eps |J| |x|`, and the error estimate of a step `h` one
+//! of `(s I - J)^-1 eps |J| |x|` with `s ~ 1/h`. This error rises as the step falls. No step satisfies a tolerance below it. There are two
+//! remedies, in this order:
 //!
-//! 1. compensated states: the state is `x + rest`, and where a stage `x + z` is rounded to `y`, `f(x + z) = f(y) + J (x + z - y)`. The
-//!    difference is known exactly (Knuth's sum), and `J` to far more digits than it needs. What remains is the rounding of `f` itself.
-//! 2. where that is above the tolerance as well, the run ends: with [`Status::ExcessAccuracy`], and with the tolerance that can be met.
+//! 1. Compensated states. The state is `x + rest`. Where a stage `x + z` is rounded to `y`, `f(x + z) = f(y) + J (x + z - y)`. The
+//!    difference is exact (Knuth's sum), and `J` has more than enough digits. Only the rounding error of `f` itself remains.
+//! 2. If that also exceeds the tolerance, the run ends with [`Status::ExcessAccuracy`], and reports a feasible tolerance.
 
 use super::adaptive::Accuracy;
 use super::step_controller::StepController;
@@ -19,10 +20,10 @@ const REJECTED: u32 = 4;
 const MOST: u32 = 20;
 /// The part of what a method has to resolve above which rounding is noted.
 const NOTED: f64 = 0.05;
-/// Rounding of the error estimate, in units of the tolerance, that no step-size controller stands.
+/// The rounding error of the error estimate, in units of the tolerance, above which no step-size controller works.
 const EXCESS: f64 = 0.3;
-/// A tolerance that can be met all along a run is this times the rounding measured at one state, were that state so much smaller: rates
-/// fall towards rest, the rounding of positions does not.
+/// A feasible tolerance for the whole run is this factor times the rounding error at one state. The factor is for smaller states: rates
+/// decrease towards rest, but the rounding error of positions does not.
 const MARGIN: f64 = 100.0;
 const AT_REST: f64 = 1e-3;
 
@@ -79,7 +80,7 @@ impl<B> Rounding<B> {
         self.rest.as_mut().fill(S::zero());
     }
 
-    /// `y` and `lost` of `x + z`, where `z` stands in `y` and already holds `rest`.
+    /// `y` and `lost` of `x + z`. On entry `y` is `z`, and includes `rest`.
     pub fn place<S: Real>(&mut self, x: &[S], y: &mut [S])
     where
         B: Buffer<S>,
@@ -108,10 +109,11 @@ impl<B> Rounding<B> {
         true
     }
 
-    /// Measure what rounding leaves of the error estimate at `x`, whose slope is known: the same state is written in other numbers. `solve`
-    /// is the method's `(s I - J)^-1`, `gain` its rounding in units of that of one slope, `finest` what the method resolves in units of the
-    /// tolerance. `y` and `dy` are scratch. States are compensated from now on if that is in question; what is left then, if anything, is
-    /// returned.
+    /// Measure the rounding error of the error estimate at `x`, whose slope is known, by writing the same state with other numbers.
+    ///
+    /// `solve` is the method's `(s I - J)^-1`, and `gain` its rounding error in units of that of one slope. `finest` is the resolution of
+    /// the method in units of the tolerance. `y` and `dy` are scratch. If the rounding error may exceed the tolerance, states are
+    /// compensated from now on. The result is the remaining error, if there is one.
     #[cold]
     pub fn look<S, F, A>(
         &mut self,

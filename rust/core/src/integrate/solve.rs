@@ -1,7 +1,7 @@
-//! One run of a method from `t0` to `t_end`: states at the times asked for, events, and the polynomials of the steps.
+//! One run of a method from `t0` to `t_end`: states at the requested times, events, and the polynomials of the steps.
 //!
-//! A polynomial of degree `d` is handed out as its values at the `d + 1` Chebyshev points of its step,
-//! `t_k = t_old + (1 - cos(pi k / d))/2 (t - t_old)`, from which barycentric interpolation recovers it (Berrut and Trefethen 2004).
+//! A polynomial of degree `d` is returned as its values at the `d + 1` Chebyshev points of its step,
+//! `t_k = t_old + (1 - cos(pi k / d))/2 (t - t_old)`. Barycentric interpolation recovers it (Berrut and Trefethen 2004).
 
 use super::events::{Event, Watch, Watched};
 use super::{Adaptive, Buffer, System, Work};

@@ -1,12 +1,13 @@
-//! When an adaptive method is given up: at the cap on steps, or once it is plain that the cap would come long before the end.
+//! The end of a run that makes no progress: at the cap on steps, or when the cap would certainly come long before the end.
 //!
-//! An input that switches (a target out of reach, a bound) makes every step that crosses the switch fail, and the run creeps along it in
-//! steps of the size of the tolerance. Ten windows in a row, each at a pace at which the rest takes more than all steps allowed, end it.
+//! An input that switches (a target out of reach, a bound) makes every step across the switch fail. The run then follows the switch in
+//! steps of the size of the tolerance. Progress is measured in windows. The run ends after ten consecutive windows at whose rate the
+//! remaining time would take more steps than the cap.
 
 use super::adaptive::{MAX_STEPS, Work};
 use crate::status::Status;
 
-/// Attempts between two looks at the pace.
+/// Attempts in a window, after which the progress is measured.
 const WINDOW: u64 = 10_000;
 /// Slow windows in a row that end a run: a stiff start takes fewer.
 const SLOW: u32 = 10;

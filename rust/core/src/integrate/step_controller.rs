@@ -208,7 +208,7 @@ pub(super) fn finite<S: Real>(x: &[S]) -> bool {
     zero.lane(0) == 0.0
 }
 
-/// The parts of [`super::Adaptive`] that are the pace's: for a method with fields `pace` and `x`.
+/// The parts of [`super::Adaptive`] that the step-size controller provides, for a method with fields `pace` and `x`.
 macro_rules! paced {
     ($degree:expr) => {
         fn dense_degree(&self) -> usize {

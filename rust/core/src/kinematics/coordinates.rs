@@ -1,7 +1,7 @@
 //! Cartesian coordinates of a frame: chosen rows of its position and orientation, in world axes.
 //!
-//! Error `e = x_d - p_WF` for the letters x, y, z and `e = log(R_d R')` for rx, ry, rz, with `R_d = exp` of the target's
-//! rotation vector (letters that are left out count as zero); Jacobian: the same rows of the geometric one.
+//! The error is `e = x_d - p_WF` for the letters x, y, z, and `e = log(R_d R')` for rx, ry, rz. `R_d` is `exp` of the target's
+//! rotation vector, in which missing letters are zero. The Jacobian has the same rows of the geometric one.
 
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
@@ -89,7 +89,7 @@ impl Coordinates {
         }
     }
 
-    /// The error `e` `(m,)` to `target` `(m,)` and the Jacobian `j` `(m, n)`; `full` has room for `(6, n)`.
+    /// The error `e` `(m,)` to `target` `(m,)` and the Jacobian `j` `(m, n)`; `full` is memory for `(6, n)`.
     pub fn error_and_jacobian<S: Real>(
         &self,
         tree: &Tree<S>,
@@ -122,7 +122,7 @@ impl Coordinates {
         rotation_log(&rotation_exp(vector).times(r.transpose()))
     }
 
-    /// The same rows of `dJ/dt` `(m, n)`; `full` has room for `(6, n)`.
+    /// The same rows of `dJ/dt` `(m, n)`; `full` is memory for `(6, n)`.
     pub fn jacobian_dot<S: Real>(
         &self,
         tree: &Tree<S>,

@@ -1,8 +1,8 @@
 //! Poses of frames, geometric Jacobians in world axes at the frame origin `p`, and the centre of mass.
 //!
-//! Column of a revolute joint `[z x (p - o); z]`, of a slide `[z; 0]`; their time derivatives with `z' = w x z`,
-//! `o'` and `p'` the velocities of the joint and of the frame. Matrices are `(6, n)` or `(3, n)`, row-major. Columns of joints that
-//! follow others are added to their leaders', times the multiplier.
+//! The column of a revolute joint is `[z x (p - o); z]`, and that of a slide `[z; 0]`. Their time derivatives use `z' = w x z`, and
+//! the velocities `o'` and `p'` of the joint and of the frame. Matrices are `(6, n)` or `(3, n)`, row-major. The column of a joint that
+//! follows another one is added to its leader's, times the multiplier.
 
 use super::{Pose, from_parent, place_body};
 use crate::arm::{BASE, Tree};
@@ -72,7 +72,7 @@ pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value
     *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };
 }
 
-/// `dJ/dt` `(6, n)` at joint rates `v`. `motion` has room for `(w, velocity)` of every body.
+/// `dJ/dt` `(6, n)` at joint rates `v`. `motion` is memory for `(w, velocity)` of every body.
 pub fn jacobian_dot<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -128,7 +128,7 @@ pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &
     (mass, moment.scale(mass.recip()))
 }
 
-/// Jacobian `(3, n)` of the centre of mass. `subtree` has room for `(mass, first moment about the joint)`.
+/// Jacobian `(3, n)` of the centre of mass. `subtree` is memory for `(mass, first moment about the joint)`.
 pub fn com_jacobian<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],

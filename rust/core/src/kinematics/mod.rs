@@ -68,8 +68,8 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
     }
 }
 
-/// What body `i` takes from its parent in a pass outwards: along a chain it stays in registers (`last`), which spares
-/// the wait for a store that has only just been issued.
+/// The value of the parent of body `i` in a pass outwards. Along a chain it stays in registers (`last`), so that the code does not
+/// wait for a recent store.
 pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
     // The first body of the first tree: BASE is one before 0, and `last` starts as the base.
     if parent == i.wrapping_sub(1) {

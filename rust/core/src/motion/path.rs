@@ -167,8 +167,8 @@ impl Path {
 
     /// The C2 cubic spline through waypoints `q` `(K, n)`, and for each waypoint the index of its knot.
     ///
-    /// A waypoint that repeats the one before is left out. Positions `s` `(K,)` where none are given: the sums of distances
-    /// between waypoints, from 0 to 1. Waypoints that are all the same give a point, knots 0 and 1.
+    /// A waypoint that repeats the one before is omitted. Without positions `s` `(K,)`, they are the sums of distances
+    /// between waypoints, from 0 to 1. Identical waypoints give a point, with knots 0 and 1.
     pub fn waypoints(q: &[f64], n: usize, s: Option<&[f64]>, ends: Ends) -> Result<(Path, Vec<usize>)> {
         finite("path", q)?;
         let count = q.len() / n.max(1);

@@ -1,7 +1,7 @@
-//! Rest to rest on a straight line of joint space: `q = q0 + (q1 - q0) s(t)`, under one of two timings:
+//! Rest to rest on a straight line of joint space, `q = q0 + (q1 - q0) s(t)`, with one of two timings:
 //!
-//! quintic, with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / T`;
-//! bang-bang, the symmetric one: `s'' = 4 / T^2` for `T/2`, then its negative; right-continuous at the switch and zero from `T` on.
+//! - quintic, with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / T`;
+//! - symmetric bang-bang: `s'' = 4 / T^2` for `T/2`, then its negative. The acceleration is right-continuous, and zero from `T` on.
 
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;

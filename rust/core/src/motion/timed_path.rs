@@ -7,8 +7,8 @@
 //! v = q' r,   a = q' u + q'' r^2
 //! ```
 //!
-//! Or `u` is linear in time between the points, and `s(t)` a C2 cubic (`TimedPath::cubic`). Right-continuous in the acceleration. The start is held before time zero, the end after `duration`; at `duration` itself
-//! the motion still has its end speed, if that is not zero.
+//! In `TimedPath::cubic`, `u` is linear in time between the points, and `s(t)` is a C2 cubic. The acceleration is right-continuous. The motion
+//! holds the start before time zero, and the end after `duration`. At `duration` itself it has its end speed.
 
 use super::Path;
 use crate::error::{Error, Result, finite};

@@ -34,8 +34,8 @@ pub fn require_threads(threads: usize) -> Result<usize> {
     Err(Error::input("threads", format!("is out of range: expected 1 to {MOST_THREADS}, got {threads}")))
 }
 
-/// Run `work(stop)` on a thread of its own, so that the caller can go on listening: `poll` is asked every 20 ms.
-/// Where no thread can be had the work is done here.
+/// Run `work(stop)` on a separate thread, so that the caller remains responsive. `poll` is called every 20 ms.
+/// If no thread can start, the work is done here.
 pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     let stop = Arc::new(AtomicBool::new(false));
     let (todo, result) = (Mutex::new(Some(work)), Mutex::new(None));
@@ -122,7 +122,7 @@ mod tests {
                 }
                 (first, last)
             };
-            let said = rows(threads, &mut || false, (2, chunk), &mut out, fill).expect("nobody asked to stop");
+            let said = rows(threads, &mut || false, (2, chunk), &mut out, fill).expect("no request to stop");
             assert!(out.chunks(2).enumerate().all(|(i, row)| row == [i as f64; 2]), "{out:?}");
             assert_eq!((said[0].0, said[said.len() - 1].1, said.len()), (0, 11, 11usize.div_ceil(chunk)));
         }

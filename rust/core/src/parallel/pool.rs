@@ -38,8 +38,8 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
     Some(pool)
 }
 
-/// Run `work(stop)` in a pool of at most `threads` threads, and no more than there are `pieces` of work. `poll` is asked every
-/// 20 ms whether to stop, and its answer is passed on. Where no thread can be had the work is done here.
+/// Run `work(stop)` in a pool of at most `threads` threads, and at most one per piece of work. `poll` is called every
+/// 20 ms, and its result is passed on as the request to stop. If no thread can start, the work is done here.
 pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     match pool(threads.min(pieces).clamp(1, MOST_THREADS)) {
         Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),

@@ -4,7 +4,7 @@ use super::on_worker;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Run `work(stop)` on one worker thread. `poll` is asked every 20 ms whether to stop, and its answer is passed on.
+/// Run `work(stop)` on one worker thread. `poll` is called every 20 ms, and its result is passed on as the request to stop.
 pub fn run<R: Send>(_: usize, _: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     on_worker(poll, work)
 }

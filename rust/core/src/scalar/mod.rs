@@ -1,9 +1,9 @@
 //! The number that an algorithm runs on: one run ([`Float`]), or several independent runs side by
 //! side ([`lanes`]), one per lane.
 //!
-//! Algorithms are written once over [`Real`]. They have no branch on lane data: `select` instead. Only planners run in lanes here; all
-//! else runs in lanes as programs (`trace`). What planners call is `#[inline(always)]`, because the instruction set is that of the
-//! function that the code ends up in: [`Real::enter`] is the only door into a region compiled for AVX2 + FMA or AVX-512.
+//! Algorithms are written once over [`Real`]. They use `select` instead of branches on lane data. Only planners run in lanes of these types.
+//! All other algorithms run in lanes as programs (`trace`). Functions for planners are `#[inline(always)]`, because code gets the
+//! instruction set of the function around it. [`Real::enter`] is the only entry into a region compiled for AVX2 + FMA or AVX-512.
 
 mod atan;
 pub mod dual;

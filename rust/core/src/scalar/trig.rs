@@ -1,8 +1,8 @@
 //! Sine and cosine without a library call, so that they vectorise and give the same bits everywhere.
 //!
-//! `x = k pi/2 + r`, with pi/2 split in three parts of 33, 33 and 53 bits so that `k` times the first two is
-//! exact for `|k| < 2^20` (Cody and Waite, fdlibm's split); then minimax polynomials on `|r| <= pi/4`
-//! (fdlibm's coefficients). Beyond that range the library function answers, lane by lane.
+//! `x = k pi/2 + r`, with pi/2 split in three parts of 33, 33 and 53 bits (Cody and Waite, fdlibm's split). So `k` times the first two is
+//! exact for `|k| < 2^20`. Minimax polynomials on `|r| <= pi/4` follow (fdlibm's coefficients). Beyond that range, the library function
+//! is used lane by lane.
 
 /// Largest |x| for which the three-part reduction is exact enough.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;

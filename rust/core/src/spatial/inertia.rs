@@ -2,8 +2,8 @@
 //!
 //! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`  (a: acceleration of the origin).
 //!
-//! Moving the reference point by `p` (new point at `-p` from the old one, seen from the new one the old origin
-//! is at `p`): `h' = h + m p`, `I' = I + (h.p + p.h') 1 - (p h' + h p')` symmetrised (Huygens-Steiner).
+//! A shift of the reference point by `-p` puts the old origin at `p`. Then `h' = h + m p` and
+//! `I' = I + (h.p + p.h') 1 - (p h' + h p')`, symmetrised (Huygens-Steiner).
 
 use super::{Matrix, Matrix3, Placement, Sym3, Vector, Vector3};
 use crate::scalar::Real;
@@ -11,7 +11,7 @@ use crate::scalar::Real;
 /// Inertial parameters per body.
 pub const PARAMETERS: usize = 10;
 
-/// Where each parameter stands: `m`, `h`, then the inertia in `Sym3`'s order.
+/// The index of each parameter: `m`, `h`, then the inertia in `Sym3`'s order.
 pub mod parameter {
     pub const MASS: usize = 0;
     pub const FIRST_MOMENT: usize = 1;

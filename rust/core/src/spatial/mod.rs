@@ -2,7 +2,7 @@
 //!
 //! Spatial vectors are linear first, `[v; w]` and `[f; n]`. The ten inertial parameters of a body are
 //! `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` with the inertia about the body-frame origin
-//! (SPEC order, that of Pinocchio's `toDynamicParameters`). These orderings stand here and nowhere else.
+//! (the order of Pinocchio's `toDynamicParameters`). Only this file defines these orders.
 
 #[doc(hidden)]
 mod inertia;

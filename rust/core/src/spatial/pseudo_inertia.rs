@@ -6,9 +6,10 @@
 //! d(P || Q) = log(|Q| / |P|) + tr(Q^-1 P) - 4 >= 0
 //! ```
 //!
-//! A body is physically possible, with mass everywhere of one sign and not all on a plane, iff `P > 0`. With `L` the dual of
-//! `y = Y' s`, `tr(P(pi) L) = pi . y` for every `pi`, the law `P_hat' = gamma P_hat L P_hat` gives
-//! `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`: what Slotine and Li's proof needs of an adaptation law, with `P_hat > 0` for ever.
+//! A body is physically possible if and only if `P > 0`: its mass has one sign everywhere, and is not all on one plane. Let `L` be the dual
+//! of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. Then the law `P_hat' = gamma P_hat L P_hat` gives
+//! `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires this property of an adaptation law. `P_hat` remains
+//! positive definite.
 
 use super::{PARAMETERS, parameter::INERTIA};
 use crate::scalar::Real;

@@ -1,7 +1,7 @@
 //! The rotation vector of a rotation matrix: `log R`, axis times angle in [0, pi].
 //!
-//! Over the unit quaternion `(w, u)` (Shepperd 1978: of the four ways to write it the one with the largest root), `log R =
-//! 2 atan2(|u|, |w|) sign(w) u / |u|`, which loses no digits at any angle; near the identity the quotient is `2 / w (1 - |u|^2/(3 w^2))`.
+//! The unit quaternion `(w, u)` comes from the one of four formulas with the largest root (Shepperd 1978). Then `log R =
+//! 2 atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity the quotient is `2 / w (1 - |u|^2/(3 w^2))`.
 
 use super::{Matrix3, Vector3};
 use crate::scalar::Real;

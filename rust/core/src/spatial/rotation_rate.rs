@@ -1,6 +1,7 @@
-//! How a rotation `exp(r)` turns while its rotation vector `r` moves: `w = r' + b r x r' + c r x (r x r')`, with the left Jacobian's
-//! `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3`, `t = |r|`, and its rate (Chirikjian, Stochastic Models, Information Theory, and Lie
-//! Groups, volume 2, 10.86).
+//! The angular velocity of a rotation `exp(r)` whose rotation vector `r` moves, and its rate.
+//!
+//! `w = r' + b r x r' + c r x (r x r')`, with `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3` and `t = |r|` of the left Jacobian.
+//! See Chirikjian, Stochastic Models, Information Theory, and Lie Groups, volume 2, 10.86.
 
 use super::{Vector, Vector3};
 use crate::scalar::Real;

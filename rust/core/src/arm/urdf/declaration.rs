@@ -11,7 +11,7 @@ pub fn forgiven(text: &str) -> Cow<'_, str> {
     Cow::Owned([&text[..start], &blank, &text[end..]].concat())
 }
 
-/// Where a declaration stands that has blanks or comments, and nothing else, before it.
+/// The position of a declaration with only blanks or comments before it.
 fn late(text: &str) -> Option<usize> {
     let mut rest = text.trim_start_matches('\u{feff}');
     let first = text.len() - rest.len();

@@ -1,4 +1,4 @@
-//! From XML elements to numbers: links and joints of the file, with the lines they stand on.
+//! From XML elements to numbers: links and joints of the file, with their lines.
 
 use super::plausible::{ANGLE, Bound, DRIVE, INERTIA, LENGTH, MASS, axis_problem, negative_moment};
 use super::read::{Source, XACRO};
@@ -160,8 +160,8 @@ impl Reader<'_> {
         Ok(placement)
     }
 
-    /// Numbers that the writer adds because the standard ones round them, where both say the same: relative to `scales`, within what
-    /// the angles of a rotation lose where pitch is a right angle.
+    /// Exact numbers that the writer adds, because the standard ones are rounded. They are used if both agree relative to `scales`. The
+    /// tolerance is the rounding error of the angles of a rotation where pitch is a right angle.
     fn exact<const N: usize>(
         &mut self,
         node: Node,

@@ -1,12 +1,14 @@
-//! URDF in and out. Kept: links as frames, inertia, joints (revolute, continuous, prismatic, fixed), limits,
-//! joints that follow others (mimic), damping, Coulomb friction, and rotor inertia as the attribute `armature` of `<dynamics>` (an extension: URDF
-//! has no place for it). Everything else is counted in the report; meshes are never opened.
+//! Reads and writes URDF.
 //!
-//! Angles and centres of mass round what an arm holds, a rotation and ten parameters. Where they do, the writer adds these as the attributes
-//! `rotation` of `<origin>` and `parameters` of `<inertial>` (extensions too), which the reader takes where they say the same as the rest:
-//! what is written and read again is the same arm to the bit, and a number changed by hand still counts.
+//! The reader uses links as frames, inertia, joints (revolute, continuous, prismatic, fixed) with limits, and joints that follow others (mimic).
+//! It uses damping, Coulomb friction, and the rotor inertia `armature` of `<dynamics>`, an extension of URDF. The report counts everything
+//! else. Meshes are never opened.
 //!
-//! Numbers that no machine has are refused (`plausible`), since the dynamics of such an arm would be rounding alone.
+//! An arm has a rotation and ten parameters per body. Angles and centres of mass in a file round them. If they do, the writer adds the
+//! attributes `rotation` of `<origin>` and `parameters` of `<inertial>`, two more extensions. The reader uses them if they agree with the
+//! rounded numbers. So an arm that is written and read again has the same bits, and a number changed by hand is effective.
+//!
+//! Numbers that no machine has are refused (`plausible`), because rounding errors would dominate the dynamics of such an arm.
 
 #[cfg(feature = "urdf")]
 mod assemble;

@@ -1,5 +1,5 @@
-//! Bounds on the numbers of a robot's file. Beyond them a number is a slip (a lost exponent, a wrong unit), and the dynamics lose
-//! their digits. They leave room for every machine: a crane, a ship, a gantry whose model is in millimetres.
+//! Bounds on the numbers of a robot's file. A number beyond them is an error, such as a lost exponent or a wrong unit, and rounding errors
+//! dominate the dynamics. Every machine is within the bounds: a crane, a ship, a gantry whose model is in millimetres.
 
 use crate::spatial::{Sym3, Vector, Vector3};
 
@@ -43,8 +43,9 @@ pub fn axis_problem(axis: &[f64; 3]) -> Option<String> {
     Some(format!("is implausible: expected a vector of a length from {least:e} to {most:e}, got {length:e}"))
 }
 
-/// The least principal moment about the centre of mass where it is negative by more than rounding: that of the file's
-/// digits, and that of moving the inertia of a body at `com` to its centre of mass.
+/// The least principal moment about the centre of mass, if it is negative by more than rounding.
+///
+/// The digits of the file are rounded, and so is the inertia of a body at `com` after its shift to the centre of mass.
 pub fn negative_moment(moments: &Sym3<f64>, mass: f64, com: Vector3<f64>) -> Option<f64> {
     let largest = moments.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let moved = 1e-14 * mass * com.dot(com);

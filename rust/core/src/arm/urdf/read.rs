@@ -1,7 +1,7 @@
-//! The reader's front: size, encoding, nesting; then XML, elements (`element`) and the arm (`assemble`).
+//! The entry of the reader: size, encoding, nesting; then XML, elements (`element`) and the arm (`assemble`).
 //!
-//! Reading is linear in the size of the file and never recurses: what could make the XML parser slow (many
-//! attributes in one tag, many namespaces, deep nesting) is refused by a scan of the text beforehand.
+//! Reading is linear in the size of the file, and never recurses. Before parsing, a scan of the text refuses everything that makes the
+//! XML parser slow: many attributes in one tag, many namespaces, deep nesting.
 
 use super::followers::MimicMode;
 use super::{assemble, declaration, element};

@@ -79,10 +79,8 @@ impl Arm {
         }
         out.push_str("</robot>\n");
         if !made.is_empty() {
-            report.push(format!(
-                "added: links for bodies without a frame of their own: {}",
-                listed(&made.iter().map(String::as_str).collect::<Vec<_>>())
-            ));
+            report
+                .push(format!("added: links for bodies without a frame: {}", listed(&made.iter().map(String::as_str).collect::<Vec<_>>())));
         }
         if self.gravity != STANDARD_GRAVITY {
             report.push(format!("dropped: gravity {:?} (URDF has none)", self.gravity));

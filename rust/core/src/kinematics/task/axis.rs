@@ -1,5 +1,5 @@
-//! A direction of a frame points along a direction of the world: the turn vector from `a` to `a_d`, in the frame's two directions across
-//! `a`, and the same rows of `R' J_w`.
+//! A direction `a` of a frame shall point along a direction `a_d` of the world. The error is the turn vector from `a` to `a_d`, in the
+//! frame's two directions across `a`. The Jacobian has the same rows of `R' J_w`.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};

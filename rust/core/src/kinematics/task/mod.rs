@@ -1,5 +1,5 @@
-//! Task functions of an arm: error `e(q)`, feed-forward `w`, Jacobian `J(q)` and `dJ/dt`, so that a command
-//! `J v = w + K e` makes the error decay (closed-loop inverse kinematics, `siciliano1990kinematic`).
+//! Task functions of an arm: error `e(q)`, feed-forward `w`, Jacobian `J(q)` and `dJ/dt`. With the command
+//! `J v = w + K e` the error decays (closed-loop inverse kinematics, `siciliano1990kinematic`).
 //!
 //! A kind of task is declared in its own file and in the table `tasks!`.
 //!
@@ -65,7 +65,7 @@ pub trait TaskKind {
     fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]);
 }
 
-/// The kinds of tasks: the enum, and what it asks of each.
+/// The kinds of tasks: the enum, and the functions of each.
 macro_rules! tasks {
     ($($(#[$doc:meta])* $kind:ident($definition:ty),)*) => {
         /// What of an arm is controlled.

@@ -1,4 +1,4 @@
-//! Jacobians and their rates against central differences of the errors, on an arm with branches, slides and bends.
+//! Jacobians and their rates against central differences of the errors, on an arm with branches, slides and oblique axes.
 
 use super::{Axis, JointLimits, TaskFunction};
 use crate::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -191,5 +191,5 @@ fn what_no_arm_has_is_refused() {
     refused(TaskFunction::axis(&arm, &last, [f64::NAN, 0.0, 0.0]), "not finite");
     refused(TaskFunction::relative(&arm, &last, &last, "xyz"), "the frame itself");
     refused(TaskFunction::joint_limits(&arm, None, 0.6), "margin");
-    assert!(TaskFunction::axis(&arm, &last, [1e300, 0.0, 0.0]).is_ok(), "extreme lengths are directions all the same");
+    assert!(TaskFunction::axis(&arm, &last, [1e300, 0.0, 0.0]).is_ok(), "vectors of extreme length are directions");
 }

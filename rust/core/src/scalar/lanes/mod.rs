@@ -1,5 +1,6 @@
-//! The instruction sets and the only `unsafe` of the core: entering a region compiled for AVX2 + FMA or
-//! AVX-512 after the machine was seen to have it.
+//! The instruction sets, and entries into regions compiled for AVX2 + FMA or AVX-512 after a check of the processor.
+//!
+//! This entry is `unsafe`.
 
 mod array;
 #[cfg(target_arch = "x86_64")]
@@ -62,8 +63,8 @@ impl Isa {
 
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
-/// The instruction set in use: the best of the machine, or what `ARMLET_ISA` asks for if the machine has it
-/// (see [`isa_request`] for a request that can't be met).
+/// The instruction set in use: that of `ARMLET_ISA`, if the machine has it, or the best of the machine.
+/// See [`isa_request`] for a request that cannot be satisfied.
 #[inline(always)]
 pub fn isa() -> Isa {
     match CHOSEN.load(Ordering::Relaxed) {
@@ -74,13 +75,13 @@ pub fn isa() -> Isa {
     }
 }
 
-/// Whether products are fused with sums where the source says so: direct evaluation and programs agree on it.
+/// Whether `fma` of the source fuses a product with a sum. Direct evaluation and programs agree on it.
 #[inline(always)]
 pub fn fuses() -> bool {
     cfg!(target_arch = "aarch64") || CHOSEN.load(Ordering::Relaxed) >= Isa::Avx2 as u8 || fuses_after_all()
 }
 
-/// The same where nobody has chosen yet. Direct evaluation asks at every product, so the way to here is short.
+/// The same before the first choice. Direct evaluation calls it for every product, so it is short.
 #[cold]
 #[inline(never)]
 fn fuses_after_all() -> bool {

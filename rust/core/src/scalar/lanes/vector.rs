@@ -1,8 +1,10 @@
-//! What the explicit vectors share: `vector!` writes a register type and its arithmetic from the names of the
-//! intrinsics, so that each instruction set's file holds only what is its own.
+//! The common part of the explicit vectors. `vector!` writes a register type and its arithmetic from the names of the
+//! intrinsics. So the file of an instruction set contains only its special operations.
 
-/// A vector of `$lanes` doubles in `$register`. `$own` names what the file writes by hand: `fma` and `fnma`
-/// (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`, `select`, `bits` (a mask, one bit per lane) and `enter`.
+/// A vector of `$lanes` doubles in `$register`.
+///
+/// `$own` names the operations that the file writes by hand: `fma` and `fnma` (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`,
+/// `select`, `bits` (a mask, one bit per lane) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident) => {
@@ -182,7 +184,7 @@ macro_rules! vector {
 pub(super) use vector;
 
 /// Sine and cosine within the range of the reduction, without a branch, from the register operations of the
-/// file it is used in; see [`super::super::trig`] for the method.
+/// calling file. See [`super::super::trig`] for the method.
 macro_rules! sin_cos_near {
     ($register:ident, $set1:ident, $sub:ident, $mul:ident, $xor:ident, $swap:ident, $sign_of_bit_1:ident, $next:ident) => {
         #[inline(always)]
