@@ -48,8 +48,8 @@ ITEM = re.compile(r"^\s*(?:[-*+] |\d+\. |#+ |\||(?:\w+(?:, \w+)*): |:\w+: )|^\s*
 COLUMNS = re.compile(r"\S {3,}\S")
 SENTENCE = re.compile(r" {3,}|(?<=[.!?])[)\"*]*\s+(?=\S)(?<!e\.g\. )(?<!i\.e\. )(?<!cf\. )(?<!Eq\. )(?<!no\. )(?<!\.\. )|\|")
 LITERAL = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)"(?P<raw>.*?)"\1|"(?P<text>(?:\\.|[^"\\])*)"|'(?:\\.|[^'\\])'""", re.DOTALL)
-# A literal that is code: statements of C, elements of XML.
-TEMPLATE = re.compile(r";\n|</\w+>")
+# A literal that is code: statements of C or CMake, elements of XML.
+TEMPLATE = re.compile(r"[;)](?:\n|\\n)|</\w+>")
 
 
 def sentences(prose: str) -> Iterator[str]:

@@ -1,11 +1,11 @@
-//! The base parameters of an arm: the fewest combinations of the inertial parameters that its motion shows (`gautier1991numerical`).
+//! The base parameters of an arm: the fewest combinations of the inertial parameters that determine its motion (`gautier1991numerical`).
 //!
 //! `Y` is linear in `pi`, and over all states its columns span a space of dimension `b <= p`. With independent columns
 //! `Y_b` and every other column a combination of them, `Y = Y_b P`, so that `Y pi = Y_b (P pi)` for every state.
 //!
-//! The columns of `Y(q, v, v_r, a_r)` are stacked over seeded random states, scaled to length one, and taken in the order of the
-//! parameters, base to tip: one whose distance from the span of those before it is rounding is dependent. So a dependent
-//! parameter is always grouped with parameters of its own body and of bodies that carry it.
+//! The columns of `Y(q, v, v_r, a_r)` are stacked over seeded random states, and scaled to length one. They are examined in the order of the
+//! parameters, base to tip. A column is dependent if its distance from the span of the earlier columns is a rounding error. So a dependent
+//! parameter is always grouped with parameters of the same body and of bodies that carry it.
 
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::Result;
@@ -14,8 +14,8 @@ use crate::linalg::{axpy, dot};
 use crate::memory;
 use crate::spatial::{PARAMETERS, parameter};
 
-/// Distance from the span, relative to the column, below which a column is dependent: rounding leaves 1e-13 on well
-/// spread states, and the least independent parameter of real arms keeps over 1e-4.
+/// Distance from the span, relative to the column, below which a column is dependent. On well
+/// spread states, rounding errors are 1e-13. The least independent parameter of real arms has a distance over 1e-4.
 const DEPENDENT: f64 = 1e-8;
 /// A column that is this small against the largest is not seen at all.
 const UNSEEN: f64 = 1e-12;
@@ -207,5 +207,5 @@ fn short(x: f64) -> String {
     }
 }
 
-/// `parameters[0]` of an arm is a mass: the names stand in the order of the parameters.
+/// `parameters[0]` of an arm is a mass: the names are in the order of the parameters.
 const _: () = assert!(parameter::NAMES.len() == PARAMETERS && parameter::MASS == 0);

@@ -1,9 +1,10 @@
-//! How far the control of elastic joints can be taken.
+//! Limits of the control of elastic joints.
 //!
-//! sampled motor loop: the largest `dt` for a `B0`, the smallest `B0` for a `dt`, a damping ratio and a torque sensor
-//! 1-DoF stiffness limit (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`, with `D0 = 2 sqrt(B0 K_J)`:
-//! `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`
-//! stiffness scale: the largest `kappa` with every eigenvalue of the loop with `kappa K_m`, linearised at rest, on the left
+//! - Sampled motor loop: the largest `dt` for a `B0`, and the smallest `B0` for a `dt`, a damping ratio and a torque sensor.
+//! - Stiffness limit of one joint (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`. With `D0 = 2 sqrt(B0 K_J)` it is
+//!   `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`.
+//! - Stiffness scale: the largest `kappa` with a stable loop. Every eigenvalue of the loop with `kappa K_m`, linearised at rest, has a
+//!   negative real part.
 
 use super::equilibrium::equilibrium;
 use crate::error::{Error, Result, positive};
@@ -12,8 +13,10 @@ use crate::law::{LawSpec, LockedMotors};
 use crate::linalg::Gain;
 use crate::plant::PlantSpec;
 
-/// The largest stiffness `k` (N m/rad) of a spring at a link of inertia `M` behind a joint `K_J` whose motor feels like `B0`
-/// with damping `D0`, link damping `d`; negative or zero: no stiffness is stable.
+/// The largest stable stiffness `k` (N m/rad) of a spring at a link of inertia `M` behind a joint `K_J`.
+///
+/// The motor has the reduced inertia `B0` with damping `D0`, and `d` is the link damping. If the result is not positive, no stiffness is
+/// stable.
 pub fn stiffness_limit(mass: f64, joint_stiffness: f64, reduced_inertia: f64, damping: f64, motor_damping: f64) -> f64 {
     joint_stiffness * (1.0 + damping / motor_damping) * (1.0 - damping * reduced_inertia / (motor_damping * mass))
 }
@@ -59,8 +62,9 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
     }
 }
 
-/// The largest `kappa` for which the loop with `kappa K_m` (damping and rest as given) has every eigenvalue on the left at
-/// the rest `q`, `theta`; infinite if none is found below `1e6`, zero if the loop as given is unstable.
+/// The largest `kappa` for which the loop with `kappa K_m` is stable at the rest `q`, `theta`, with the same damping.
+///
+/// The result is infinite if no instability is found below `1e6`, and zero if the loop with `K_m` is unstable.
 pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
     const GROWTH: f64 = 1.05;
     const CAP: f64 = 1e6;
@@ -96,7 +100,7 @@ pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], forc
 pub struct ElasticLimits {
     /// The sample time at which the motor loops become unstable, s.
     pub sample_time_max: f64,
-    /// Per joint: the smallest `B0`, kg m^2, at the sample time asked about; empty without one.
+    /// Per joint: the smallest `B0`, kg m^2, at the requested sample time; empty without one.
     pub reduced_inertia_min: Vec<f64>,
     /// Per joint, the 1-DoF limit with the other joints held, N m/rad, and the stiffness `(J' K_m J)_ii` it bounds.
     pub stiffness_max: Vec<f64>,
@@ -108,8 +112,9 @@ pub struct ElasticLimits {
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
-/// The limits of `plant` under `law` at the rest that `q0` descends to; `sample_time` and `bandwidth` (rad/s, infinite without
-/// a torque sensor) for the smallest `B0` at the law's own damping ratio.
+/// The limits of `plant` under `law` at the rest to which `q0` descends.
+///
+/// `sample_time` and `bandwidth` (rad/s, infinite without a torque sensor) are for the smallest `B0` at the damping ratio of the law.
 pub fn elastic_limits(
     plant: &PlantSpec,
     law: &LawSpec,

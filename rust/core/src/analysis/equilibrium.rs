@@ -60,7 +60,7 @@ fn target(law: &CartesianImpedanceSpec) -> Vec<f64> {
     sample
 }
 
-/// The task of a law, asked at one pose after another.
+/// The task of a law, evaluated at one pose after another.
 struct TargetError<'a> {
     law: &'a CartesianImpedanceSpec,
     arm: ArmAt,

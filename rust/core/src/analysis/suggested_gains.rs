@@ -4,11 +4,11 @@
 //!
 //! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, `s` the least number with `M(q) <= diag(m)` at all samples.
 //!
-//! With the mass matrix frozen at `q`, each mode of `M e'' + kd e' + kp e = 0` obeys `l s^2 + 2 z w s + w^2 = 0`, `l` an eigenvalue of
-//! `diag(m)^-1 M` in (0, 1]: its natural frequency is `w / sqrt(l) >= w`, and its damping ratio `z / sqrt(l) >= z`.
+//! With the mass matrix frozen at `q`, each mode of `M e'' + kd e' + kp e = 0` obeys `l s^2 + 2 z w s + w^2 = 0`. Here `l` is an eigenvalue of
+//! `diag(m)^-1 M` in (0, 1]. So the natural frequency is `w / sqrt(l) >= w`, and the damping ratio `z / sqrt(l) >= z`.
 //!
-//! Held for a sample `h`, `x_(k+1) = [1 h; 0 1] x_k - [h^2/2; h] [kp kd] x_k / l` is stable iff `kd h < 2 l` and `kp h < 2 kd` (Jury),
-//! that is `w h < min(4 z, l / z)`. Gains of decoupled joints: `SicilianoEtAl2009`, section 8.5.
+//! With an input held for a sample `h`, the loop is `x_(k+1) = [1 h; 0 1] x_k - [h^2/2; h] [kp kd] x_k / l`. It is stable if and only if
+//! `kd h < 2 l` and `kp h < 2 kd` (Jury), that is `w h < min(4 z, l / z)`. Gains of decoupled joints: `SicilianoEtAl2009`, section 8.5.
 
 use super::uniform::within;
 use crate::dynamics::Model;
@@ -52,7 +52,7 @@ impl SuggestedGains {
         (self.bandwidth * self.bandwidth, 2.0 * self.damping_ratio * self.bandwidth)
     }
 
-    /// The bandwidth below which the loop is stable when the input is held for a sample, rad/s: of gains that are torques, and of computed
+    /// The bandwidth below which the sampled loop is stable, rad/s: for gains that are torques, and for computed
     /// torque. None without a sample time.
     pub fn limits(&self) -> Option<(f64, f64)> {
         let z = self.damping_ratio;
@@ -72,8 +72,9 @@ impl SuggestedGains {
     }
 }
 
-/// Gains of an arm for `bandwidth` in rad/s and a damping ratio, for a law that is evaluated all the time or, with `sample_time` in s,
-/// held for that long.
+/// Gains of an arm for `bandwidth` in rad/s and a damping ratio.
+///
+/// The law is continuous, or with `sample_time` in s a sampled one.
 ///
 /// ```
 /// use armlet_core::analysis::suggested_gains::suggest_gains;
@@ -176,7 +177,7 @@ impl fmt::Display for SuggestedGains {
             writeln!(f, "\nheld for a sample h = {h} s, a loop is stable below min(4 zeta, l/zeta)/h, l = 1 for ComputedTorque and")?;
             writeln!(f, "l = {:.4} for gains that are torques: the lightest direction of M(q) against the kp of its joint", self.lightest)?;
             writeln!(f, "  ComputedTorque: below {acceleration:.4} rad/s: {}", verdict(acceleration))?;
-            write!(f, "  gains that are torques: below {torque:.4} rad/s: {}; a third of it leaves room for delays", verdict(torque))?;
+            write!(f, "  gains that are torques: below {torque:.4} rad/s: {}; a third of it is a margin for delays", verdict(torque))?;
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
-//! Eigenvalues of any square matrix by the QR algorithm with an iteration cap (Golub and Van Loan, Matrix Computations,
-//! 7.5), after balancing (Parlett and Reinsch 1969): rates of position and of motor speed differ by orders of magnitude.
+//! Eigenvalues of any square matrix by the QR algorithm with an iteration cap (Golub and Van Loan, Matrix Computations, 7.5).
+//!
+//! The matrix is balanced first (Parlett and Reinsch 1969), because rates of position and of motor speed differ by orders of magnitude.
 
 use crate::error::{Error, Result, finite};
 use crate::status::Status;

@@ -8,8 +8,8 @@
 //! T in [ sqrt(4 I D / a_max), sqrt(4 I D / a_min) ]  iff  a_max > 0 and a_max >= a_min
 //! ```
 //!
-//! Torque is monotone in `a` at every angle, so the two bounds are exact, and the extremes of `sin` on an
-//! interval are closed form: nothing is sampled. `docs/minimum_time.md` has the derivation.
+//! Torque is monotone in `a` at every angle, so the two bounds are exact. The extremes of `sin` on an
+//! interval have a closed form, without samples. `docs/minimum_time.md` has the derivation.
 
 use super::link::{Link, SLACK, check_ends};
 use super::report::{Bind, Limit, Place, Reason};

@@ -5,8 +5,8 @@
 //! brake to rest at x1, backwards:   I y_ddot = (c - u_min) - G sin(-x1 + y) + d y_dot
 //! ```
 //!
-//! With viscous friction the energy is no longer a function of the angle alone, so the phases are integrated (`steps.rs`) and meet where
-//! their speeds agree. At equal angle and speed the push has the larger acceleration, so the two curves cross once at most.
+//! With viscous friction the energy is not a function of the angle alone. So the phases are integrated (`steps.rs`), and meet where
+//! their speeds agree. At equal angle and speed the push has the larger acceleration, so the two curves cross at most once.
 
 use super::steps::{Progress, Rough, Step, evaluate};
 use crate::interrupt::look;

@@ -3,7 +3,7 @@
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
-/// The way out and back to `x0` takes `2 sqrt(e)` times this or more, with the largest net torques `p_+` and `p_-` up and down:
+/// A lower bound of the time out and back to `x0`, over `2 sqrt(e)`. `p_+` and `p_-` are the largest net torques up and down:
 /// `sqrt((p_+ + p_-)/(p_+ p_-))` out, `sqrt(1/p_+)` back.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
     (((up + down) / down).sqrt() + 1.0) / up.sqrt()

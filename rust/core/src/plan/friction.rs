@@ -3,17 +3,19 @@
 //! ```text
 //! I theta_ddot + G sin theta + d theta_dot + c sign(theta_dot) = tau
 //! back-swing (-, +, -): x0 -> xt = x0 - e -> x1, the middle torque u+ less c after the turn, and with c before it
-//! dT/de = (z/v)_2 + (z/v)_3                     spread and speed (`curve.rs`) at the two switches, of the phase to the turn and of that from it
+//! dT/de = (z/v)_2 + (z/v)_3                     spread and speed (`curve.rs`) at the two switches, before and after the turn
 //! ```
 //!
-//! The switches drop out of the derivative, since the speeds agree there. An overshoot is the back-swing of the motion mirrored and
-//! run backwards in time, with both frictions negative. Coulomb friction alone only shifts the bounds: a test uses it as an
+//! The switches do not contribute to the derivative, because the speeds agree there. An overshoot is the back-swing of the mirrored motion,
+//! run backwards in time with both frictions negative. Coulomb friction alone only shifts the bounds. A test uses this as an
 //! independent check.
 //!
-//! Sturm's comparison holds for `exp(-d t / 2I)` times the adjoint, whose zeros are the switches: `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`. An
-//! overdamped link, `d^2 >= 4 I |G|`, switches once at most, with Coulomb friction, too: where the motion reverses, that makes the
-//! acceleration smaller, `phi_dot/phi - d/2I` shrinks with it, and a `phi` that has left zero keeps growing. With one switch the motion is monotone: from
-//! rest such a link never swings beyond where its torque is held by gravity (`v < 2 K_dot(x)/d` stays true), so no phase but a brake ends at rest.
+//! Let `phi` be `exp(-d t / 2I)` times the adjoint, whose zeros are the switches: `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`. Sturm's comparison
+//! holds for `phi`. So an overdamped link, `d^2 >= 4 I |G|`, switches at most once. This includes Coulomb friction. Where the motion reverses,
+//! Coulomb friction reduces the acceleration, and with it `phi_dot/phi - d/2I`. A `phi` that has left zero continues to grow.
+//!
+//! With one switch the motion is monotone. From rest, such a link never swings beyond the place where gravity holds its torque, because
+//! `v < 2 K_dot(x)/d` remains true. So only a brake ends at rest.
 
 use super::curve::{Curve, Leg, Meeting};
 use super::link::{Link, check_ends};
@@ -124,8 +126,10 @@ impl BackSwings for Search {
         self.straight.then(|| (1e-3 * (self.x1 - self.x0).min(1.0)).max(1e-6))
     }
 
-    /// Each stretch from rest with all of a torque and of gravity, and on, at no moment faster than the last brake:
-    /// `T > k sqrt(2 I e / p) + T_brake(D)`, `k = 2` for the ways to the turn and back to `x0`; backwards only the first begins at rest.
+    /// A lower bound of the duration: `T > k sqrt(2 I e / p) + T_brake(D)`.
+    ///
+    /// The first term is for stretches from rest with the full torque and gravity. Afterwards the motion is never faster than the last
+    /// brake. `k = 2` for the stretches to the turn and back to `x0`. Backwards, only the first stretch begins at rest.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;

@@ -13,7 +13,7 @@ pub(super) struct Monotone {
     pub brake_length: f64,
 }
 
-/// Kinetic energies of a push and a brake: at the switch, and at the hump of the push, infinite if it has none.
+/// Kinetic energies of a push and a brake: at the switch, and where gravity opposes the push most, infinite without such a place.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Energies {
     pub peak: f64,

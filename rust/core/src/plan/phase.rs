@@ -7,10 +7,10 @@
 //! dF/dx  = sqrt(L) int_0^1 G cos(x + h) sinc(h) w^(-3/2) ds,       dF/dL = 1/sqrt(K(L))
 //! ```
 //!
-//! The substitution `y = L s^2` removes the inverse square root at the rest point. What remains is smooth unless
-//! `w` comes near zero (a hump barely cleared): adaptive bisection with the 10-21 point Gauss-Kronrod pair then
-//! gains a digit per few panels, since the integrand is analytic up to the near pole. A phase that brakes to rest
-//! at x is the same phase from `-x` run backwards, with the braking torque as push.
+//! The substitution `y = L s^2` removes the inverse square root at the rest point. The remaining integrand is smooth unless
+//! `w` comes near zero, where the link barely passes a maximum of gravity. There adaptive bisection with the 10-21 point Gauss-Kronrod
+//! pair gains a digit every few panels, because the integrand is analytic up to the near pole. A phase that brakes to rest
+//! at x is the phase from `-x` run backwards, with the braking torque as push.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};
@@ -93,19 +93,19 @@ impl Phase {
         (y > 0.0 && y < length).then_some(y)
     }
 
-    /// The kinetic energy at the hump, infinite where none comes before `length`.
+    /// The kinetic energy at the first maximum of gravity, infinite without one before `length`.
     #[inline]
     pub fn lowest(&self, length: f64) -> f64 {
         self.hump(length).map_or(f64::INFINITY, |y| self.energy(y))
     }
 
-    /// Whether the phase leaves its rest and clears its hump, if that comes before `length`.
+    /// Whether the phase leaves its rest and passes the first maximum of gravity, if that comes before `length`.
     #[inline]
     pub fn clears(&self, length: f64) -> bool {
         self.net() > 0.0 && self.lowest(length) > 0.0
     }
 
-    /// Where the phase comes to rest again, infinite if it clears its hump.
+    /// Where the phase comes to rest again, infinite if it passes the maximum of gravity.
     pub fn reach(&self) -> f64 {
         if self.least.is_nan() {
             return f64::INFINITY;

@@ -7,9 +7,9 @@
 //! minimum jerk:  s = 10 u^3 - 15 u^4 + 6 u^5,  s'' = 60 u (1 - u)(1 - 2 u)
 //! ```
 //!
-//! The trapezoid is closed form: on each stretch only the extremes of `sin` count; `r = 1/2` is `bang_bang_time`. For the
-//! quintic the bounds on `k` are extremes over `u` of `(bound - G sin x)/s''`: bracketed on a grid that resolves
-//! every quarter turn and polished by golden section; between grid points nothing but one extreme can hide.
+//! The trapezoid has a closed form: on each stretch only the extremes of `sin` count. `r = 1/2` is `bang_bang_time`. For the
+//! quintic the bounds on `k` are extremes over `u` of `(bound - G sin x)/s''`. They are bracketed on a grid that resolves
+//! every quarter turn, with at most one extreme between grid points. Golden section refines them.
 
 use super::link::{Link, check_ends};
 use super::sine::{crest_inside, sine, trough_inside};

@@ -4,7 +4,7 @@
 //! int f = sum over panels of the 21-point Kronrod rule; a panel is halved while that differs too much from the 10-point Gauss rule
 //! ```
 //!
-//! The pair of rules is QUADPACK's (qk21); where few digits are asked there is the 8-point Gauss rule.
+//! The pair of rules is QUADPACK's (qk21); the 8-point Gauss rule is for results with few digits.
 
 use crate::scalar::Real;
 

@@ -1,17 +1,20 @@
 //! The fastest swing of a family: a one-dimensional search over the turning point.
 //!
 //! ```text
-//! minimise T(e), e > 0 the way beyond the start, in the windows where the swing is possible
-//! dT/de = r(l2) + r(l3), r(l) = (1 + dy/dx)/v after the stretch l from the turn: it falls along a phase, since its numerator and its speed
-//!     solve one linear equation, from +infinity where the link turns to -infinity where it comes to rest again
-//! T falls inwards at the edges of a window: dT/de -> -infinity at the lower one, where a push hardly comes over a crest or to x1, and
-//!     +infinity at the upper one, where the link turns on a crest, or where a brake ends and a stretch with it
-//! dT/de -> +infinity as e -> 0, which is an edge only where the monotone motion is possible
+//! minimise T(e),   e > 0 the distance beyond the start, in the intervals where the swing is feasible
+//! dT/de = r(l2) + r(l3),   r(l) = (1 + dy/dx)/v after the stretch l from the turn
+//! dT/de -> -infinity   at the lower edge of an interval, where a push hardly reaches a crest or x1
+//! dT/de -> +infinity   at the upper edge, where the link turns on a crest, or where a brake ends
+//! dT/de -> +infinity   as e -> 0, which is an edge only if the monotone motion is feasible
 //! ```
 //!
-//! So T has a minimum in every window that does not begin with `e = 0`, and has no other: none was seen in half a million windows of random
-//! links. Where it begins there T rises, and where a swing pays it falls to one and rises again: such windows, and those without a crest, are
-//! swept for a slope that changes its sign. Slopes are rough at first (see `phase.rs`); the last ones are not.
+//! `r` falls along a phase, because its numerator and the speed solve one linear equation. It falls from +infinity where the link turns to
+//! -infinity where it comes to rest again.
+//!
+//! So T has a minimum in every interval that does not begin with `e = 0`. It is the only one: half a million intervals of random
+//! links had no other. In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T falls to a minimum and rises
+//! again. Such intervals, and those without a crest, are searched for a derivative that changes its sign. The first derivatives are
+//! coarse (see `phase.rs`), and the last ones are accurate.
 
 use crate::interrupt::look;
 
@@ -45,13 +48,13 @@ impl Swing {
     }
 }
 
-/// Turning points between two ways beyond the start, rad, themselves not.
+/// An open interval of turning points, by their distances beyond the start, rad.
 pub(super) type Window = (f64, f64);
 
 /// The back-swings of a problem, by the way `e` that they back up.
 pub(super) trait BackSwings {
-    /// `d/(|d| + c)` within a window, `d = dT/de` and `c` its part from the speeds at the switches, of the order of `T/e` and more where one
-    /// is slow; none where rounding forbids. `fine`: to many digits.
+    /// `d/(|d| + c)` within an interval, where `d = dT/de` and `c` is its part from the speeds at the switches. `c` is of the order of `T/e`, and
+    /// larger at low speeds. The result is none where rounding errors dominate. `fine`: to many digits.
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
     /// None where it is impossible.
     fn swing(&self, e: f64) -> Option<Swing>;

@@ -5,8 +5,8 @@
 //! max over [a, b] of sin = 1 iff a point pi/2 + 2 pi k lies in [a, b], else max(sin a, sin b)
 //! ```
 //!
-//! The quarter turns are counted by the same reduction that gives the sine, so "does the interval hold an extreme"
-//! never disagrees with the values at its ends. Reduction in three parts after Cody and Waite; the kernels are the
+//! The reduction of the sine also counts the quarter turns. So the decision whether an interval contains an extreme
+//! always agrees with the values at its ends. Reduction in three parts after Cody and Waite; the kernels are the
 //! Taylor series, whose first dropped term is below 5e-17 at pi/4. Nothing is fused, so that lanes give the bits of one number.
 
 use crate::scalar::Real;

@@ -9,9 +9,9 @@
 //! collocation:  y_ddot = sum a_k (t/h)^k with the equation of motion at Chebyshev's points of (0, h], by Newton's method
 //! ```
 //!
-//! Taylor series of order 24 after Jorba and Zou, in steps whose last terms are below 1e-17 of the motion. They can't be longer than some
-//! time constants `I/d` of the friction, so where that has settled, and the motion is slow beside it, steps are by collocation: it is
-//! stiffly accurate, and as long as the slow motion allows.
+//! Taylor series of order 24 follow Jorba and Zou, in steps whose last terms are below 1e-17 of the motion. Such a step is at most some
+//! time constants `I/d` of the friction long. After the friction has settled, a slower motion is integrated by collocation. Collocation is
+//! stiffly accurate, and its steps are as long as the slow motion allows.
 
 use super::sine::sin_cos;
 use nalgebra::{SMatrix, SVector};
@@ -52,8 +52,8 @@ pub(super) struct Step {
     pub spread: Series,
 }
 
-/// A phase of constant torque from rest, as far as it has come. Time is in units in which the motion begins at the order of one, so that no
-/// coefficient of a series is too large for a number.
+/// A phase of constant torque from rest, up to its present point. The unit of time is that in which the motion begins at the order of one.
+/// So no coefficient of a series overflows.
 pub(super) struct Progress {
     x: f64,
     push: f64,

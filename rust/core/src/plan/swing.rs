@@ -141,8 +141,8 @@ impl BackSwings for Search {
         self.nearest
     }
 
-    /// A swing takes more than its detour and, once back at `x0`, than the brake `F(-x1, D; u-)`, at no moment slower; and it has to be
-    /// faster than the monotone motion.
+    /// A lower bound of a swing: its detour, and from `x0` on the brake `F(-x1, D; u-)`, which is never slower. The bound has to be
+    /// below the duration of the monotone motion.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;

@@ -1,17 +1,17 @@
-//! Which back-swings are possible: open intervals of the way `e` that they back up, whose edges are roots of smooth functions.
+//! The feasible back-swings: open intervals of their distance `e` beyond the start, whose edges are roots of smooth functions.
 //!
-//! Over the angle, energy under a constant torque is a straight line, `E = V(xt) + u (x - xt)` from rest at `xt`, and the phase lasts
-//! while that is above the potential `V = -G cos x`. The line of `u+` rises and those of `u-` fall, so they cross once, and
+//! Under a constant torque from rest at `xt`, the energy is a straight line over the angle, `E = V(xt) + u (x - xt)`. The phase lasts
+//! while this line is above the potential `V = -G cos x`. The line of `u+` rises and those of `u-` fall, so they cross once:
 //!
 //! ```text
-//! the back-swing to xt is possible iff
+//! the back-swing to xt is feasible iff
 //!     both lines of u-, from x0 and from x1 to the left, stay above V as far as xt, and
 //!     the line of u+ from xt stays above V as far as x1:   W(xt) > W(x) for xt < x <= x1,   W(x) = V(x) - u+ x
 //! ```
 //!
-//! Leftwards from `x1`, the second condition holds where `W` exceeds all that it was before: it rises from its level at `x1` to a crest, and then
-//! from the level of each crest to another crest, `W(x - 2 pi) = W(x) + 2 pi u+`. That is one interval a turn, down to where a line of `u-` ends.
-//! With friction the curves of the phase plane take the place of lines: those of one torque do not cross, and those of two cross once.
+//! Leftwards from `x1`, the second condition holds where `W` exceeds all of its earlier values. `W` rises from its level at `x1` to a crest. Then
+//! it rises from the level of each crest to the next one, `W(x - 2 pi) = W(x) + 2 pi u+`. So there is one interval per turn, until a line of
+//! `u-` ends. With friction, curves of the phase plane replace the lines. Those of one torque do not cross, and those of two torques cross once.
 
 use super::search::Window;
 use std::cell::LazyCell;

@@ -2,8 +2,9 @@
 //! Source: Arm Architecture Reference Manual for A-profile, chapter C7 (SIMD and floating-point instructions).
 //!
 //! An instruction is a word of 32 bits: a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and `m` in
-//! 16 to 20. Only loads and stores reach memory, so that operands in memory pass through a scratch register.
-//! The frame is in x0, the constants are in x1, the stream is in x2, the turns left are in x3. Bits beyond the first number are anything in scalar code.
+//! 16 to 20. Only loads and stores access memory, so operands in memory pass through a scratch register.
+//! x0 points to the frame, x1 to the constants and x2 to the stream. x3 is the number of remaining turns. In scalar code, bits beyond the
+//! first number are undefined.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
@@ -56,8 +57,8 @@ const SHL: u32 = 0x4F00_5400;
 /// The first lane in both lanes.
 const DUP: u32 = 0x4E08_0400;
 
-/// A load and a store, of 16 or of 8 bytes: with an offset counted in operands (bits 10 to 21), with one of nine bits
-/// in bytes (bits 12 to 20), and with one in a register (bits 16 to 20).
+/// A load and a store, of 16 or of 8 bytes. The offset is counted in operands (bits 10 to 21), or in bytes with nine bits
+/// (bits 12 to 20), or is in a register (bits 16 to 20).
 struct Access {
     size: i32,
     scaled: u32,

@@ -1,7 +1,7 @@
 //! From a straight-line program to machine code: registers by furthest next use (Belady 1966), one instruction after another.
 //!
-//! A value that no register has room for moves to a slot of the frame behind the program's own. Inputs and constants are read from
-//! memory where an instruction can and the value is not read again soon.
+//! A value without a register moves to a slot of the frame behind those of the program. Inputs and constants are read from
+//! memory if the instruction allows it and the value is not read again soon.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 use super::lifetimes::{Lifetimes, NEVER};
@@ -151,7 +151,7 @@ impl<A: Assemble> Emitter<'_, A> {
         !self.form.packed || self.form.set == Set::Avx512
     }
 
-    /// Where instructions can't spread a number the constants stand in every lane.
+    /// If instructions cannot broadcast a number, the constants are stored for every lane.
     fn constant(&mut self, value: u32, x: f64) -> Source {
         let spreads = self.form.packed && self.spreads();
         let copies = if spreads { 1 } else { self.form.lanes() };

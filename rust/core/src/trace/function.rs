@@ -44,7 +44,7 @@ impl Layout {
     }
 }
 
-/// A function with the numbers of its set-up, on a frame of its own: for one run or for as many as there are lanes.
+/// A function with the numbers of its set-up, on a separate frame: for one run, or for one run per lane.
 #[derive(Clone)]
 pub struct Evaluation {
     function: Arc<Function>,

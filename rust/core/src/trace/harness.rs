@@ -23,7 +23,7 @@ impl Cases {
         self.len
     }
 
-    /// A function, the memory that it gets, its turns along the stream, and what it must leave at the start of the frame: the same
+    /// A function, its memory, its turns along the stream, and the expected values at the start of the frame: the same
     /// bits, or any NaN for NaN.
     pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], (stream, turns): (&[f64], usize), expected: &[f64]) {
         assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());

@@ -148,11 +148,11 @@ pub trait Assemble {
 
     fn finish(self) -> Vec<u8>;
 
-    /// `dst = a op b`. SSE2 requires `dst == a`. Scalar AVX2 and AVX-512 require `dst != a` where `b` is in memory
-    /// and `op` is logic: no instruction reads one number of eight bytes, so `b` is loaded into `dst` first.
+    /// `dst = a op b`. SSE2 requires `dst == a`. Scalar AVX2 and AVX-512 require `dst != a` if `b` is in memory
+    /// and `op` is logic. No such instruction reads a number of eight bytes, so `b` is loaded into `dst` first.
     fn binary(&mut self, op: Binary, dst: u8, a: u8, b: Source);
 
-    /// `dst` = the product and sum of `dst, a, b` in the given order, with one rounding. Not on SSE2.
+    /// `dst` = the product and sum of `dst, a, b` in the roles of `order`, with one rounding. Not on SSE2.
     fn fused(&mut self, product: Product, order: Order, dst: u8, a: u8, b: Source);
 
     /// `dst` = the square root of `a`.

@@ -1,4 +1,4 @@
-//! Machine code as text: what the emitter asks of an assembler, one line each, for any instruction set.
+//! Machine code as text: one line per operation of the emitter, for any instruction set.
 //!
 //! Registers are `r0`, `r1`, .. and a value that left them is `spill0`, `spill1`, .. An operand that is an input or a number is in
 //! memory. An operation that takes several instructions is one line.
@@ -19,7 +19,7 @@ enum Place {
 struct Writer(Vec<(Place, &'static str, Vec<Place>)>);
 
 impl Lowered {
-    /// The machine code as the emitter makes it for `form`; values of its own are in slots from `free` on.
+    /// The machine code as the emitter makes it for `form`; spilled values are in slots from `free` on.
     pub fn code(&self, form: Form, free: usize, names: Names) -> Listing {
         let (writer, emitted) = assemble::<Writer>(&self.straight, form, free);
         let stream = self.straight.stream;

@@ -70,8 +70,8 @@ impl Lowering<'_> {
         })
     }
 
-    /// Lower what the outputs need, in the order of the recording: lifetimes are shorter than depth first, and what is computed next
-    /// depends less on what was computed just before.
+    /// Lower the entries that the outputs require, in the order of the recording. Lifetimes are shorter than in depth-first order, and an
+    /// operation depends less often on the one just before.
     fn entries(&mut self) {
         let mut needed = vec![false; self.ops.len()];
         self.part.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);

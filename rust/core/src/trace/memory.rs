@@ -8,9 +8,12 @@
 //! - A system that forbids new executable pages (hardened runtime, SELinux `execmem`, PaX, prctl PR_SET_MDWE): [`Code::new`]
 //!   returns the system's error.
 //!
-//! Not covered: the hardened runtime on Intel, where the call succeeds and the process ends at the first instruction; iOS;
-//! unwinding and debugging through the code, which has no unwind tables. The parts for Apple silicon and for Windows on
-//! aarch64 are compiled by no test.
+//! Not covered:
+//! - the hardened runtime on Intel, where the call succeeds and the process ends at the first instruction;
+//! - iOS;
+//! - unwinding and debugging through the code, which has no unwind tables.
+//!
+//! No test compiles the parts for Apple silicon and for Windows on aarch64.
 //!
 //! On aarch64 the instruction cache does not follow writes, so that it is flushed before the first run.
 
@@ -98,8 +101,9 @@ fn flush(start: *const u8, bytes: usize) {
     unsafe { FlushInstructionCache(GetCurrentProcess(), start.cast(), bytes) };
 }
 
-/// Make written instructions visible to the instruction fetch: data lines out to the level that both caches share,
-/// then the instruction lines are dropped (Arm Architecture Reference Manual, B2.4.4).
+/// Make written instructions visible to the instruction fetch (Arm Architecture Reference Manual, B2.4.4).
+///
+/// Data lines are written to the level that both caches share. Then the instruction lines are invalidated.
 #[cfg(all(target_arch = "aarch64", not(target_vendor = "apple"), not(windows)))]
 fn flush(start: *const u8, bytes: usize) {
     use core::arch::asm;

@@ -1,4 +1,4 @@
-//! Executable pages on Apple silicon: a mapping with MAP_JIT is executable, except for a thread that has asked to write it.
+//! Executable pages on Apple silicon: a mapping with MAP_JIT is executable, except for a thread that has requested to write it.
 //! Source: Apple, "Porting just-in-time compilers to Apple silicon".
 
 use std::ffi::{c_int, c_void};

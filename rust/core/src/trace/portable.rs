@@ -1,7 +1,7 @@
 //! A program without machine code: one loop over its instructions, each on all lanes of the frame.
 //!
-//! It gives the same bits as the emitted code of the same instruction set: it is that code's check, and what runs where executable
-//! memory is refused. Values live in slots behind those of the program; a slot is used again when its value is dead.
+//! It gives the same bits as the emitted code of the same instruction set. It checks that code, and runs where the system refuses executable
+//! memory. Values are in slots behind those of the program. A slot is used again when its value is dead.
 
 use super::frame::Frame;
 use super::lifetimes::{Lifetimes, NEVER};

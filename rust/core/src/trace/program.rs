@@ -1,6 +1,6 @@
 //! A program: a recorded computation that runs on frames, as machine code where the system allows it.
 //!
-//! The two ways give the same bits. `ARMLET_PROGRAMS=portable` chooses the second one.
+//! Otherwise it runs without machine code, with the same bits. `ARMLET_PROGRAMS=portable` selects this.
 
 #[cfg(target_arch = "aarch64")]
 use super::aarch64::Assembler;
@@ -37,7 +37,7 @@ impl Engine {
     }
 }
 
-/// How programs run in this process: asked of the environment and of the system once.
+/// How programs run in this process: read once from the environment and the system.
 pub fn engine() -> Engine {
     static ENGINE: OnceLock<Engine> = OnceLock::new();
     *ENGINE.get_or_init(|| {
@@ -58,7 +58,7 @@ pub fn form(packed: bool) -> Form {
     Form { set, packed }
 }
 
-/// Where a program finds room in a frame.
+/// The memory of a program in a frame.
 #[derive(Clone, Copy)]
 pub struct Scratch {
     /// The slot for the largest angle of all runs of the program.

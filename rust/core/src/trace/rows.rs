@@ -27,7 +27,7 @@ pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: us
     }
 }
 
-/// The `length` slots from `first` on as rows of `out`, as many as it has room for; whether every number is finite. No zero is negative.
+/// The `length` slots from `first` on as rows of `out`, up to its size. The result is true if every number is finite. No zero is negative.
 pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> bool {
     let lanes = frame.lanes();
     let from = &frame.numbers()[first * lanes..(first + length) * lanes];

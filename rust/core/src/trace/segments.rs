@@ -1,4 +1,4 @@
-//! A recording in segments: long computations are cut where the same part comes again, which is then a program of its own.
+//! A recording in segments. A long computation is cut where a part repeats, and this part becomes a separate program.
 //!
 //! A value that a later segment reads goes to a slot of the frame.
 

@@ -1,8 +1,8 @@
 //! An interpreter of the x86-64 instructions that the encoder emits, bit by bit as processors run them.
 //!
-//! It runs AVX-512 code on processors without AVX-512. It knows the conventions of programs (frame in rdi, constants
-//! in rsi, stream in rdx, turns in rcx, return at the end), reads and writes nothing outside them, and panics at any other instruction.
-//! What a NaN becomes follows Intel's manual, volume 1, 4.8.3.5: the first operand that is NaN, made quiet.
+//! It runs AVX-512 code on processors without AVX-512. It follows the conventions of programs: frame in rdi, constants
+//! in rsi, stream in rdx, turns in rcx, return at the end. It accesses no other memory, and panics at any other instruction.
+//! The result of NaN operands follows Intel's manual, volume 1, 4.8.3.5: the first operand that is NaN, made quiet.
 
 use super::instruction::Base;
 use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
@@ -16,7 +16,7 @@ struct Machine<'a> {
     k1: u8,
     frame: &'a mut [f64],
     constants: &'a [f64],
-    /// What is left of it, and of the turns.
+    /// The remaining stream, and the remaining turns.
     stream: &'a [f64],
     turns: usize,
 }
@@ -24,8 +24,8 @@ struct Machine<'a> {
 /// Run machine code of a program until it returns.
 ///
 /// # Panics
-/// On an instruction that the encoder does not emit, on a slot outside the frame and the constants or one that is not
-/// aligned, and at the end of code that does not return.
+/// It panics on an instruction that the encoder does not emit, and at the end of code that does not return. It also panics on a slot that
+/// is outside of the frame and the constants, or not aligned.
 pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
     // Registers hold anything at the start.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
@@ -154,8 +154,8 @@ impl Machine<'_> {
         to.iter_mut().zip(from).for_each(|(to, from)| *to = f64::from_bits(from));
     }
 
-    /// The rest of a register: legacy code leaves it, AVX code clears what is beyond its width, and scalar code takes
-    /// the second number from its first operand, except that a load clears it.
+    /// The rest of a register. Legacy code keeps it, and AVX code clears the part beyond its width. Scalar code takes
+    /// the second number from its first operand, but a load clears it.
     fn write(&mut self, i: &Instruction, to: Register, vex: bool, scalar: bool, lanes: usize, value: Lanes) {
         let second = self.registers[number(if vex && i.op_count() > 2 { i.op_register(1) } else { to })][1];
         let register = &mut self.registers[number(to)];

@@ -32,7 +32,7 @@ pub enum Instruction {
     Sqrt(u32),
     /// All bits where `a < b`, else none.
     Less(u32, u32),
-    /// All bits where the sign bit is set, else none; an instruction set may leave the value as it is.
+    /// All bits if the sign bit is set, else none. An instruction set may keep the value unchanged.
     Signs(u32),
     /// The second where the sign bit of the first is set, else the third.
     Select(u32, u32, u32),

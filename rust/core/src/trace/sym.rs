@@ -1,8 +1,8 @@
 //! The number that records: an implementation of [`Real`] that writes down what is computed with it.
 //!
-//! A computation runs in two phases. In the *set-up* (plants, laws and arms are built) every number that may differ between
-//! runs arrives through [`Real::from_lanes`] and becomes an input, unless it is 0, 1 or -1: those belong to the structure and are
-//! folded. In the *evaluation* the inputs are declared by [`input`], and what a caller gives by [`Real::splat`] is a constant.
+//! A computation has two phases. In the *set-up*, plants, laws and arms are built. Every number that may differ between
+//! runs comes through [`Real::from_lanes`] and becomes an input. Only 0, 1 and -1 belong to the structure, and are
+//! folded. In the *evaluation*, [`input`] declares the inputs, and a number from [`Real::splat`] is a constant.
 //!
 //! `Sym` reports two lanes, so that code for one lane, which may branch on its value, is not taken. Code that still reads the value
 //! of a lane fails the recording: [`Recording::failed`].
@@ -48,7 +48,7 @@ pub fn begin_that(folds: bool) {
     on_tape(|tape| *tape = Tape::that(folds));
 }
 
-/// Start a new recording, in whose set-up the numbers `moving` are inputs of their own whatever their value.
+/// Start a new recording, in whose set-up the numbers `moving` are separate inputs for every value.
 pub fn begin_moving(moving: Moving) {
     begin();
     on_tape(|tape| tape.moving = moving);

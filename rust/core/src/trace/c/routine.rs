@@ -1,7 +1,7 @@
 //! A recording as C: one statement per operation, in the order of the recording, in functions of limited length.
 //!
-//! Inputs are in an array `x`, answers go to an array `y`, and what one function leaves to a later one is in an array `w`. The statements round as
-//! the program of the recording does: `fma` is written where the engine fuses, and nowhere else may the compiler do so.
+//! Inputs are in an array `x`, results in an array `y`, and values from one function to a later one in an array `w`. The statements round like
+//! the program of the recording. `fma` is written where the engine fuses, and the compiler must not fuse elsewhere.
 
 use super::super::tape::Op;
 use super::fold::Folded;
@@ -30,7 +30,7 @@ pub struct Routine<'a> {
 pub struct Printed {
     /// The functions that it consists of, each `static`.
     pub functions: String,
-    /// What runs them, one after another: calls that say whether all angles were in the range of the sines, on the arrays `x`, `w` and `y`.
+    /// The calls that run them one after another, on the arrays `x`, `w` and `y`. Each returns whether all angles were in the range of the sines.
     pub calls: Vec<String>,
     /// Numbers that `w` holds; without any there is no `w`.
     pub room: usize,

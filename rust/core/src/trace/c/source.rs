@@ -15,7 +15,7 @@ const TAKEN: &str = " auto break case char const continue default do double else
 signed sizeof static struct switch typedef union unsigned void volatile while bool class delete new private public this throw try catch \
 template namespace operator using virtual true false asm math string ";
 
-/// Names that CMake keeps for targets of its own, and the library that the target links.
+/// Names that CMake reserves for its targets, and the library that the target links.
 const TARGETS: &str = " all ALL_BUILD help install INSTALL preinstall clean edit_cache rebuild_cache list_install_components depend ZERO_CHECK test RUN_TESTS \
 package PACKAGE package_source m ";
 
@@ -147,7 +147,7 @@ impl CSource {
         self.body += text;
     }
 
-    /// The functions of a routine; what runs it, line by line, and the room that it takes.
+    /// The functions of a routine, the lines that run it, and the memory that it takes.
     pub fn routine(&mut self, routine: &Routine, name: &str) -> (String, usize) {
         let Printed { functions, calls, room, statements } =
             routine.print(&format!("{}_{name}", self.options.prefix), &self.options.prefix);
@@ -164,7 +164,7 @@ impl CSource {
         let stamp = format!("Made by armlet {version}");
         let about = about.lines().map(comment).collect::<Vec<_>>().join("\n");
         let rounding = if fused {
-            "Products are fused with sums where fma() says so, and nowhere else: compile with -ffp-contract=off, on x86-64 also with -mfma."
+            "Only fma() fuses a product with a sum: compile with -ffp-contract=off, on x86-64 also with -mfma."
         } else {
             "Every product is rounded before it is added: compile with -ffp-contract=off."
         };
