@@ -6,8 +6,8 @@ use syn::{Block, Expr, ImplItem, Item, ReturnType, Signature, Stmt, Type, parse_
 
 /// Run the body of this function, or of every function of this `impl`, inside `errors::caught`.
 ///
-/// It stands above `#[pymethods]` and `#[pyfunction]`, so that pyo3 sees the changed functions: what returned `T` returns `PyResult<T>`.
-/// A body that is one call of `errors::entry` is inside already and stays as it is.
+/// It comes before `#[pymethods]` and `#[pyfunction]`, so that pyo3 sees the changed functions. A function that returned `T` returns `PyResult<T>`.
+/// A body that is one call of `errors::entry` is not changed.
 #[proc_macro_attribute]
 pub fn entered(_: proc_macro::TokenStream, item: proc_macro::TokenStream) -> proc_macro::TokenStream {
     expand(item.into()).unwrap_or_else(|error| error.to_compile_error()).into()

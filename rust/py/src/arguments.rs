@@ -13,7 +13,7 @@ use pyo3::types::{PyBool, PyDict, PyTuple};
 const AN_ARM: &str = "an Arm such as planar_pr(..)";
 const A_MOTION: &str = "a Motion such as Hold";
 
-/// The arguments of a law or a plant that stands on an arm.
+/// The arguments of a law or a plant that contains an arm.
 pub struct Arguments<'py> {
     function: &'static str,
     pub arm: Bound<'py, Arm>,
@@ -107,7 +107,7 @@ impl<'py> Arguments<'py> {
         Ok(flag)
     }
 
-    /// Text or a flag, kept as it is.
+    /// Text or a flag, unchanged.
     pub fn plain(&mut self, name: &'static str, value: &Bound<'py, PyAny>) {
         self.arguments.push((name, value.clone().unbind()));
     }

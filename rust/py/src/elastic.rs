@@ -23,7 +23,7 @@ use pyo3::types::PyDict;
 /// A limit less than this many sample times away deserves a word.
 const COMFORTABLE: f64 = 3.0;
 
-/// Say so where the sample time comes close to what the motor loop stands.
+/// Warn if the sample time comes close to the limit of the motor loop.
 pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> PyResult<()> {
     let (Some(sampling), Some(limit)) = (&problem.options.sampling, problem.sample_time_limit(COMFORTABLE)) else { return Ok(()) };
     let text = format!(
@@ -173,7 +173,7 @@ fn each<'py, const K: usize>(
     })
 }
 
-/// The smallest motor inertia `B0` that a sampled inertia reduction stands, links locked; NaN if even `B0 = B` is too small.
+/// The smallest stable motor inertia `B0` of a sampled inertia reduction with locked links. NaN if `B0 = B` is unstable.
 ///
 /// One sample of length `dt` with the torque held maps `(theta, theta_dot)` exactly; `B0` is where the spectral radius of the
 /// map reaches 1 with `D0 = 2 zeta sqrt(B0 K_J)`. For `B0 << B`: `B0 = K_J (dt / min(4 zeta, 1/zeta))^2`.

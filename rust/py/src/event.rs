@@ -55,7 +55,7 @@ fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> Even
     }))
 }
 
-/// What an `armlet.Event` of this kind watches.
+/// The function that an `armlet.Event` of this kind locates.
 fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Raised) -> Result<EventFunction, Failure> {
     let n = plant.n();
     let argument = |i: usize| arguments.get_item(i);

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 /// What a callable raised, kept until the run has ended.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
 
-/// Whether something was raised: Python is asked no more, and the run is to end.
+/// Whether an error was raised. Then Python is not called again, and the run ends.
 pub fn failed(raised: &Raised) -> bool {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).is_some()
 }

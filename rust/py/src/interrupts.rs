@@ -19,7 +19,7 @@ pub fn signalled() -> bool {
     Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// Work without the GIL on this thread, ended by Ctrl-C where it looks, or where it asks [`signalled`] itself.
+/// Work without the GIL on this thread. Ctrl-C ends it where it checks `stop` or [`signalled`].
 pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
     ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
 }
@@ -53,10 +53,10 @@ fn pause(py: Python<'_>) -> PyResult<()> {
     py.check_signals()
 }
 
-/// For loops that need the GIL: every 10 ms other threads get it for a moment, and Ctrl-C is heard.
+/// For loops that require the GIL: every 10 ms other threads get it for a moment, and Ctrl-C is answered.
 ///
-/// Python hands the GIL over only to a thread that has waited in vain for its switch interval, 5 ms. Breaks that follow each other faster wake that
-/// thread and take the GIL away again, so that it waits for as long as the loop runs.
+/// Python hands the GIL over only to a thread that has already waited for its switch interval, 5 ms. More frequent breaks wake that
+/// thread and take the GIL away again. Then the thread waits until the loop ends.
 pub struct Breaks {
     next: Instant,
 }

@@ -241,7 +241,7 @@ fn torque_sensor(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> 
     Ok(Some(TorqueSensor::new(field("noise")?, bias, field("resolution")?, field("bandwidth")?)?))
 }
 
-/// The law as it is, or the callable that stands for one.
+/// The law, or the callable in its place.
 pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, raised: &Raised) -> Result<LawSpec, Failure> {
     if let Ok(law) = law.cast::<Law>() {
         return Ok(law.get().spec.clone());

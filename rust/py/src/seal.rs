@@ -156,7 +156,7 @@ struct Reading {
 }
 
 impl Reading {
-    /// The bytes that come next, as far as they stand together: up to `most` of them, or to the end of the line.
+    /// The next bytes that are contiguous: up to `most` of them, or to the end of the line.
     fn next(&mut self, py: Python<'_>, most: Option<usize>) -> Option<(Py<PyBytes>, Range<usize>)> {
         loop {
             let part = self.parts.front()?;

@@ -19,7 +19,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
 const A_PLANT: &str = "a plant such as RigidArm";
-/// Numbers that are sooner copied into an array than given to one.
+/// The number of numbers up to which a copy into an array is faster than handing over their memory.
 const FEW: usize = 1024;
 
 /// One object, or a list of them.

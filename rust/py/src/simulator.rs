@@ -19,27 +19,26 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, PoisonError};
 
-/// A closed loop stepped by hand: `step()` advances by `dt` under the law, `step(tau)` under an input of your own.
+/// A closed loop with one step per call: `step()` advances by `dt` under the law, and `step(tau)` under your input.
 ///
-/// `q`, `v`, `tau` (and `theta`, `theta_dot` of elastic arms, `estimate` of laws with a state) are `(n,)` arrays that are
-/// made once and overwritten by every step: keep them, copy what must last. A loop of your own at 1 kHz costs well under a
-/// microsecond per step besides the arithmetic.
+/// `q`, `v` and `tau` are `(n,)` arrays, and so are `theta` and `theta_dot` of elastic arms, and `estimate` of laws with a state. Every step
+/// overwrites them, so copy values that you keep. A call costs less than a microsecond in addition to the arithmetic.
 ///
 /// Args:
-///     plant: what is controlled, such as `RigidArm(arm)`.
-///     law: what controls it; None where every step is given its input.
+///     plant: the controlled system, such as `RigidArm(arm)`.
+///     law: the controller; None if every step has an input.
 ///     q0: initial position, `(n,)`, rad or m.
 ///     dt: the step, s (keyword only).
-///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max, state_limit, check_limits: as for `simulate`; the method takes
-///         fixed steps: "euler", "semi_implicit", "rk4" or "ros2" (keyword only). With `force_frame` alone `step(force=)` pushes there.
+///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max, state_limit, check_limits: as for `simulate` (keyword only).
+///         The method has fixed steps: "euler", "semi_implicit", "rk4" or "ros2". `force_frame` is the frame of `step(force=)`.
 ///
-/// `status` is `Status.SUCCESS` until a step diverges: the state is then not finite, or beyond `state_limit`. Such a step raises and is
-/// not taken: the arrays keep the state and the input before it, and every further step raises, too, until `set_state` or `reset`.
-/// `tau` is the input that acted: within `tau_max`.
+/// `status` is `Status.SUCCESS` until a step diverges. The state would then not be finite, or would exceed `state_limit`. Such a step raises and is
+/// not taken, so the arrays keep the state and the input before it. Every further step also raises, until `set_state` or `reset`.
+/// `tau` is the input that acted, within `tau_max`.
 ///
 /// Raises:
-///     InputError: an argument is not what it should be.
-///     SolveError: of `step`, where it diverges; `.partial` is the `state` before it.
+///     InputError: an argument has a wrong type, shape or value.
+///     SolveError: a `step` diverges; `.partial` is the `state` before it.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.pendulum(1.0, 5.0)
@@ -97,15 +96,15 @@ impl Simulator {
         Simulator::made(plant, law, q0, keywords.map_or(Ok(PyDict::new(plant.py())), |keywords| keywords.copy())?, true)
     }
 
-    /// Advance by `dt`: under `tau` `(n,)`, held for the step, or under the law.
+    /// Advance by `dt`, under the law or under a constant `tau` `(n,)`.
     ///
     /// Args:
     ///     tau: the plant's input, `(n,)`, N m or N; None: the law's.
-    ///     force: external force during this step alone, in place of the one of the constructor: in the law's axes at its frame, or at
-    ///         `force_frame`, (3,), or (6,) as [f; m], in world axes, N, N m (keyword only).
+    ///     force: external force during this step, in place of that of the constructor (keyword only). It has the law's axes at the law's frame.
+    ///         Otherwise it acts at `force_frame`, `(3,)`, or `(6,)` as `[f; m]`, in world axes, N and N m.
     ///
     /// Raises:
-    ///     InputError: an argument is not what it should be.
+    ///     InputError: an argument has a wrong type, shape or value.
     ///     SolveError: the step diverges; it is not taken.
     #[pyo3(signature = (tau=None, *, force=None))]
     fn step(&mut self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>, force: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
@@ -140,12 +139,12 @@ impl Simulator {
         status_member(py, self.stepping.lock().unwrap_or_else(PoisonError::into_inner).status())
     }
 
-    /// Go on from `q` and `v`, `(n,)`, at the present time; the law's own state stays.
+    /// Continue from `q` and `v`, `(n,)`, at the present time. The state of the law does not change.
     ///
     /// Args:
     ///     q, v: position and velocity of the links, `(n,)`, rad or m and per second.
-    ///     theta, theta_dot: the same of the motors of elastic arms; None: the springs carry gravity, and the motors move with the links, as
-    ///         at the start of `simulate` (keyword only).
+    ///     theta, theta_dot: the same of the motors of elastic arms (keyword only). None: the springs carry gravity, and the motors move with
+    ///         the links, as at the start of `simulate`.
     ///
     /// Raises:
     ///     InputError: a shape is wrong, a number is not finite, or motors are given of a plant without elastic joints.

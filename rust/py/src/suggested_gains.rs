@@ -121,23 +121,25 @@ fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
 
 /// Gains of an arm for a bandwidth and a damping ratio, from its mass matrix over the workspace.
 ///
-/// `kp = m w^2` and `kd = 2 zeta m w` for laws whose gains are torques (`PDGravity`, `PID`, `JointImpedance`, `Adaptive`); `kp = w^2` and
-/// `kd = 2 zeta w` for `ComputedTorque`, in `.computed_torque`. `m` is the largest `diag M(q)` of 512 configurations within the joint limits,
-/// times the least number with `M(q) <= diag(m)` at all of them: with `M` frozen there, every mode has at least this natural frequency
-/// and damping ratio. Joints without limits are sampled over a turn, or a metre either way. The same call returns the same gains.
+/// `kp = m w^2` and `kd = 2 zeta m w` for laws whose gains are torques (`PDGravity`, `PID`, `JointImpedance`, `Adaptive`). For `ComputedTorque`,
+/// `.computed_torque` has `kp = w^2` and `kd = 2 zeta w`.
 ///
-/// With `sample_time=h` the input is held for `h`, and a loop is stable below `min(4 zeta, l/zeta)/h` rad/s: `l = 1` for `ComputedTorque`, and
-/// the least eigenvalue of `diag(m)^-1 M(q)` for gains that are torques. Gravity must be compensated by the law, and the limit is that
-/// of the mass matrix frozen at a sample.
+/// `m` is the largest `diag M(q)` of 512 configurations within the joint limits, times one factor. This is the least factor with
+/// `M(q) <= diag(m)` at all of them. With `M` frozen at one of them, every mode has at least this natural frequency and damping ratio. Joints
+/// without limits are sampled over a turn, or over a metre in both directions. The same call returns the same gains.
+///
+/// With `sample_time=h` the input is held for `h`. A loop is then stable below `min(4 zeta, l/zeta)/h` rad/s. `l = 1` for `ComputedTorque`, and
+/// for gains that are torques `l` is the least eigenvalue of `diag(m)^-1 M(q)`. The law must compensate gravity. The limit holds for the
+/// mass matrix frozen at a sample.
 ///
 /// Args:
 ///     arm: the arm; its inertia includes the armature.
 ///     bandwidth: `w`, rad/s, > 0.
 ///     damping_ratio: `zeta`, > 0; 1 is critical.
-///     sample_time: how long the input of a sampled law is held, s, > 0; None: evaluated all the time.
+///     sample_time: the time for which a sampled law holds its input, s, > 0; None: a continuous law.
 ///
 /// Returns:
-///     A `SuggestedGains`: `.kp`, `.kd`, and `str(g)` with what they promise.
+///     A `SuggestedGains`: `.kp`, `.kd`, and `str(g)` with bandwidths, poles and limits.
 ///
 /// Raises:
 ///     InputError: a number is not positive, `bandwidth` is not below the limit of `ComputedTorque` at this sample time, or the mass

@@ -245,12 +245,19 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
 impl Arm {
     /// An arm from a list of joints, each a dict.
     ///
-    /// Keys: `type` ("R", "P", "F", or "revolute", "continuous", "prismatic", "fixed"); `axis` `(3,)` in the joint frame,
-    /// normalised for you; `rpy`, `xyz`: placement of the joint frame in the parent's body frame at q = 0 (rad, m);
-    /// `phi`: the ten inertial parameters about the body frame's origin. Optional: `parent` (index of an earlier joint,
-    /// -1 or None for the base; the previous joint if not given), `name`, `lower`, `upper`, `velocity`, `effort`,
-    /// `armature`, `damping`, `friction`, `mimic`: a dict with `joint`, the index of the joint that it follows, `multiplier` (1) and
-    /// `offset` (0), as `<mimic>` of a URDF. Frames "link1" .. are the body frames.
+    /// The required keys are:
+    ///
+    /// - `type`: "R", "P", "F", or "revolute", "continuous", "prismatic", "fixed";
+    /// - `axis`: `(3,)` in the joint frame, of any length;
+    /// - `rpy`, `xyz`: placement of the joint frame in the parent's body frame at q = 0 (rad, m);
+    /// - `phi`: the ten inertial parameters about the origin of the body frame.
+    ///
+    /// The optional keys are `name`, `lower`, `upper`, `velocity`, `effort`, `armature`, `damping`, `friction`, and:
+    ///
+    /// - `parent`: index of an earlier joint; -1 or None is the base, and the default is the previous joint;
+    /// - `mimic`: a dict with `joint`, the index of the leader, `multiplier` (1) and `offset` (0), as `<mimic>` of a URDF.
+    ///
+    /// Frames "link1" .. are the body frames.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.Arm.from_chain([{"type": "R", "axis": [0, 0, 1], "phi": [1, 0.5, 0, 0, 0, 0, 0, 0, 0, 0.3]}])

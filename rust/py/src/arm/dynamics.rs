@@ -96,7 +96,7 @@ impl Arm {
         self.evaluate("gravity", ["q"], [q], Quantity::Gravity.into(), out)
     }
 
-    /// What is left of the torque without acceleration: `C(q, v) v + g(q)`, `(..., n)`, N m or N.
+    /// The torque at zero acceleration: `C(q, v) v + g(q)`, `(..., n)`, N m or N.
     ///
     /// Args:
     ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.

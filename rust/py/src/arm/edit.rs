@@ -184,11 +184,11 @@ impl Arm {
         })
     }
 
-    /// The arm as URDF: the text, and a line for everything that URDF has no place for.
+    /// The arm as URDF: the text, and a line for everything that URDF cannot express.
     ///
-    /// Read again, under the same gravity, it is the same arm to the bit. Rotor inertia stands as the attribute `armature` of `<dynamics>`;
-    /// a rotation and ten inertial parameters that angles and a centre of mass would round stand beside these as attributes `rotation` of
-    /// `<origin>` and `parameters` of `<inertial>`, which other readers ignore.
+    /// Under the same gravity, the arm of this text has the same bits. Rotor inertia is the attribute `armature` of `<dynamics>`. Angles and
+    /// a centre of mass in a URDF are rounded. The exact rotation and the ten inertial parameters are the attributes `rotation` of `<origin>` and
+    /// `parameters` of `<inertial>`, which other programs ignore.
     ///
     /// Raises:
     ///     InputError: the arm has no links.

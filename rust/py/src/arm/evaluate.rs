@@ -36,7 +36,7 @@ impl Arm {
         }
     }
 
-    /// Whatever [`Arm::single`] leaves.
+    /// All calls that [`Arm::single`] does not take.
     #[inline(never)]
     fn many<'py, const K: usize>(
         &self,
@@ -212,9 +212,10 @@ impl Arm {
         self.model.rows(query, &rows, last - first, out)
     }
 
-    /// `work` on all `parts` of at most so many configurations, and whether all of the answer is finite. Long work is shared by threads
-    /// and given up on Ctrl-C; it is then done on a copy of the inputs, since other threads may write to the caller's arrays. Who reads
-    /// `out=` meanwhile sees rows of before and of now, as with numpy's own functions.
+    /// Run `work` on all `parts` of at most so many configurations. The result is true if every number is finite.
+    ///
+    /// Threads share long work, and Ctrl-C ends it. Then the work uses a copy of the inputs, because other threads may write to the caller's
+    /// arrays. Meanwhile `out=` contains old and new rows, as with functions of numpy.
     fn share<'a, const K: usize, P: Send>(
         &self,
         py: Python<'_>,

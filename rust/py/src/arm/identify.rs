@@ -138,17 +138,16 @@ impl Arm {
     ///
     /// Args:
     ///     q, v, a, tau: positions, velocities, accelerations and torques, `(samples, n)`; more axes before the last are samples too.
-    ///     armature, friction: identify the rotors' inertia, and damping and Coulomb friction, too (keyword only). Rotors that are not
-    ///         identified are known, those of the arm; friction that is not identified is none, as in `inverse_dynamics`.
+    ///     armature, friction: also identify the rotors' inertia, and damping and Coulomb friction (keyword only). Otherwise rotors are those of
+    ///         the arm, and there is no friction, as in `inverse_dynamics`.
     ///     noise: standard deviation of the torque of each joint, `(n,)`, which weighs them; equal if None (keyword only).
-    ///     cutoff: singular values of the scaled regressor below this, relative to the largest, are not shown by the record
-    ///         (keyword only).
+    ///     cutoff: singular values of the scaled regressor below this, relative to the largest, count as undetermined (keyword only).
     ///
     /// Returns:
     ///     An `al.Identification`: `.values`, `.deviations`, `.rank`, `.condition`, `.residuals`, `.unidentified`, `.arm`.
     ///
     /// Raises:
-    ///     InputError: an argument is not finite, shapes differ, there are too few samples, or armature or friction is asked of
+    ///     InputError: an argument is not finite, shapes differ, there are too few samples, or armature or friction is requested for
     ///         `planar_pr`, which has none.
     ///
     /// Source: Gautier and Khalil 1992.
@@ -248,8 +247,8 @@ fn projected<'py>(
 
 /// The nearest physically possible inertial parameters.
 ///
-/// Nearest in the Frobenius norm of `D P D`, `P` each body's pseudo-inertia and `D = diag(1/l, 1/l, 1/l, 1)`, in kg: the eigenvectors stay,
-/// eigenvalues below the floor are raised to it. Bodies that are possible already are not touched.
+/// `P` is each body's pseudo-inertia and `D = diag(1/l, 1/l, 1/l, 1)`. The result is the nearest in the Frobenius norm of `D P D`, in kg. The
+/// eigenvectors are kept, and eigenvalues below the floor are raised to it. Bodies that are already possible do not change.
 ///
 /// Args:
 ///     pi: `(10 n,)`, in the order of `Arm.parameters`.

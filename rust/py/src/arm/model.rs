@@ -1,4 +1,4 @@
-//! The model behind `armlet.Arm`: a closed-form arm or a tree, with one way to ask either.
+//! The model behind `armlet.Arm`: a closed-form arm or a tree, with one interface.
 
 use armlet_core::arm::{Arm as CoreArm, JointKind};
 use armlet_core::dynamics::{Functions, PlanarPr, Quantity, Query, Size};
@@ -33,7 +33,7 @@ impl From<CoreArm> for super::Arm {
 }
 
 impl ArmModel {
-    /// What stands in the place of a model that is taken away.
+    /// The placeholder of a model that was taken out.
     pub fn nothing() -> Self {
         ArmModel::PlanarPr(PlanarPr::with_parameters([0.0; 3]))
     }

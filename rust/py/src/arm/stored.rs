@@ -1,5 +1,6 @@
-//! What the pickle of an arm of links holds: `(integers, numbers, text)`, three runs of bytes, little-endian, so that a pickle of many
-//! links is written and read without the interpreter's lock.
+//! The content of the pickle of an arm of links: `(integers, numbers, text)`, three strings of bytes, little-endian.
+//!
+//! So a pickle of many links is written and read without the interpreter's lock.
 //!
 //! ```text
 //! integers  joints, frames, remarks; the parent of each joint; the body of each frame and whether a joint leads to it; each joint that

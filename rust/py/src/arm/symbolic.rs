@@ -16,12 +16,12 @@ const MOST_JOINTS: usize = 4;
 impl Arm {
     /// Formulas of a small arm: `M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)` as sympy expressions (`armlet[sympy]`).
     ///
-    /// The inertial parameters stay symbols: `m1, mcx1, .., Izz1` of joint 1 and so on, `Ir1` the inertia of its rotor; `A, B, C` for `planar_pr`.
-    /// Those that are zero in this arm are left out of `M`, `C` and `g`. Each expression is collected by parameter and simplified.
+    /// The inertial parameters are symbols: `m1, mcx1, .., Izz1` of joint 1 and so on, and `Ir1` for the inertia of its rotor. Those of `planar_pr`
+    /// are `A, B, C`. Parameters that are zero in this arm do not appear in `M`, `C` and `g`. Each expression is collected by parameter and simplified.
     ///
     /// Args:
-    ///     lengths: symbols for the offsets of the joints too, `x2, y2, z2` of joint 2 in the axes of the link before it, and for gravity,
-    ///         `gx, gy, gz`; else they are numbers (keyword only).
+    ///     lengths: True for symbols of lengths and gravity (keyword only). `x2, y2, z2` is the offset of joint 2 in the axes of the link
+    ///         before it, and `gx, gy, gz` is gravity. By default these are numbers.
     ///
     /// Returns:
     ///     An `armlet.symbolic.Formulas`: `.M`, `.C`, `.g`, `.Y`, the symbols `.q, .v, .v_r, .a_r`, their `.values`, `.latex()` and `.function(name)`.

@@ -1,5 +1,7 @@
-//! The Jacobian of a Python callable: a matrix, a callable, or differences of `f`, of one column at a time or of a group of
-//! columns that share no row. Sparse matrices are taken and made dense: the methods decompose dense ones.
+//! The Jacobian of a Python callable: a matrix, a callable, or differences of `f`.
+//!
+//! A difference is that of one column, or of a group of columns that share no row. Sparse matrices are converted to dense ones, which the
+//! methods decompose.
 
 use super::settings::Settings;
 use super::slope::{Slope, States, python};
@@ -144,7 +146,7 @@ fn each(groups: &[Vec<usize>]) -> impl Iterator<Item = (usize, usize)> {
     groups.iter().enumerate().flat_map(|(g, group)| group.iter().map(move |&k| (g, k)))
 }
 
-/// A sparse matrix made dense once its shape is right; anything else as it is.
+/// A sparse matrix of the right shape as a dense one, and anything else unchanged.
 fn dense<'py>(py: Python<'py>, function: &str, name: &str, value: &Bound<'py, PyAny>, n: usize) -> PyResult<Bound<'py, PyAny>> {
     let Some(toarray) = value.getattr_opt("toarray")? else { return Ok(value.clone()) };
     let shape: Vec<usize> = value.getattr("shape")?.extract()?;

@@ -1,4 +1,4 @@
-//! What is asked of a method: its name, tolerances and steps, checked before anything is made.
+//! The settings of a method: its name, tolerances and steps, checked first.
 
 use super::field::Field;
 use super::slope::States;

@@ -97,7 +97,7 @@ fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States
     slow(py, function, value, states, shape, out)
 }
 
-/// `callable(t, y, *arguments)` with a state of its own.
+/// `callable(t, y, *arguments)` with a separate state.
 pub fn with<'py>(
     py: Python<'py>,
     callable: &Bound<'py, PyAny>,

@@ -50,7 +50,7 @@ impl Arguments<'_> {
 /// `t`, the plant's state and the law's own.
 type CallArguments = (f64, Vec<f64>, Vec<f64>);
 
-/// What a law is asked about, checked.
+/// The checked arguments of a law.
 fn call_arguments(
     function: &str,
     spec: &LawSpec,

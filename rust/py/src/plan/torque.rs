@@ -170,8 +170,8 @@ impl TorqueOptimum {
         self.core.certified_global
     }
 
-    /// `pi / sqrt(|gravity_moment|/inertia - (viscous/(2 inertia))^2)`, s: no optimal motion shorter than this switches more than once (nothing is
-    /// known of Coulomb friction); infinite if overdamped, and then no optimal motion does at all.
+    /// `pi / sqrt(|gravity_moment|/inertia - (viscous/(2 inertia))^2)`, s. An optimal motion shorter than this switches at most once. With
+    /// Coulomb friction this is not proved. The value is infinite for an overdamped link, where every optimal motion switches at most once.
     #[getter]
     fn sturm_bound(&self) -> f64 {
         self.core.sturm_bound
@@ -189,7 +189,8 @@ impl TorqueOptimum {
         Best { core: slf.get().core.best, owner: slf.clone().unbind() }
     }
 
-    /// `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at time `t` (s), a number or an array; at rest before 0 and from its end on.
+    /// `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at time `t` (s), a number or an array. It is at rest before 0 and from its
+    /// end on.
     fn profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
         entry(py, "TorqueOptimum.profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.profile", 0, t)?)?))
     }

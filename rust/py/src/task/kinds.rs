@@ -88,9 +88,9 @@ impl CentreOfMassTask {
     }
 }
 
-/// A direction of a frame points along a direction of the world; turning about it is free. Two rows.
+/// A direction of a frame shall point along a direction of the world. Rotation about it is free. Two rows.
 ///
-/// The error is the turn vector from the one to the other, in the frame's two directions across its axis; the velocity of the
+/// The error is the turn vector from the first to the second direction, in the frame's two directions across its axis. The velocity of the
 /// task is the frame's angular velocity about these two, rad/s.
 ///
 /// Args:
@@ -177,9 +177,9 @@ impl RelativeTask {
     }
 }
 
-/// Joints kept away from their limits: the error is the way back out of the margin, zero inside.
+/// A task that keeps joints away from their limits. The error is the distance out of the margin, and zero elsewhere.
 ///
-/// As the last level it moves joints that are too near a limit, and asks the others for rest, with the freedom left over.
+/// As the last level, it uses the remaining freedom. It moves joints that are too near a limit, and commands zero velocity for the others.
 ///
 /// Args:
 ///     gain: as for `Task`.

@@ -54,7 +54,7 @@ struct Raw {
     values: Vec<f64>,
 }
 
-/// What of an arm is to be controlled. The base of all tasks; as a class of its own: rows of a frame.
+/// A task of an arm: the base class of all tasks. As a task, it controls rows of a frame.
 ///
 /// `Task(frame, axes, target, gain)`: the error is `x_d - p` for x, y, z and `log(R_d R')` for rx, ry, rz, in world axes.
 ///
@@ -120,7 +120,7 @@ impl Raw {
     }
 }
 
-/// A frozen copy of numbers, and anything else as it is.
+/// A frozen copy of numbers, and anything else unchanged.
 fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
     match value.call_method0("tolist") {
         Ok(list) => Ok(list.unbind()),
