@@ -146,6 +146,40 @@ def test_seeds_repeat_and_rows_are_their_own() -> None:
     np.testing.assert_array_equal(env.reset(seed=3)[0], first)
 
 
+class _Doubled(Reach):
+    """Starts and errors of its own."""
+
+    def draw(self, rng: np.random.Generator) -> Any:
+        q0, v0, goal = super().draw(rng)
+        return q0 + 0.01 * rng.random(), v0, goal
+
+    def error(self, k: Any, q: Any, v: Any, goal: Any) -> Any:
+        return 2.0 * super().error(k, q, v, goal)
+
+
+@pytest.mark.parametrize("task", [Reach(), Reach(axes="zx"), Track(MOTION), _Doubled()], ids=["all axes", "two axes", "track", "own"])
+def test_starts_and_errors_of_all_rows_are_those_of_each(task: Reach | Track) -> None:
+    """To the bit: rows that start anew at once draw the numbers that `draw` draws, and observe the error that `error` finds."""
+    envs = ArmVectorEnv(ROWS, ARM, task, tau_max=[30.0, 10.0], horizon=0.2)
+    observed, _ = envs.reset(seed=3)
+    own = envs._rows.task
+    for row, rng in enumerate(gymnasium.utils.seeding.np_random(3 + row)[0] for row in range(ROWS)):
+        q0, v0, goal = own.draw(rng)
+        assert np.array_equal(observed[row], np.concatenate([q0, v0, own.error(np.zeros(1, int), q0[None], v0[None], goal[None])[0]]))
+    ended = 0
+    for _ in range(25):
+        observed, rewards, terminated, truncated, _ = envs.step(envs.action_space.sample())
+        rows = envs._rows
+        error = own.error(rows.k, rows.states.q, rows.states.v, rows.goal)
+        assert np.array_equal(observed[:, 4:], np.clip(error, rows.low[4:], rows.high[4:]))
+        again = rows.k == 0
+        assert np.array_equal(rewards[~again], own.reward(error, np.zeros((ROWS, 2)), rows.k, rows.states.q, rows.states.v)[~again])
+        size = np.linalg.norm(error, axis=-1) / 0.1
+        assert np.array_equal(rewards[~again], (1.0 / (1.0 + size * size))[~again])
+        ended += int((terminated | truncated).sum())
+    assert ended >= ROWS
+
+
 def test_how_runs_end() -> None:
     """At the horizon, out of the limits, at the target; the last observation is in the space."""
     env = ArmEnv(ARM, Reach(axes="xy", spread=0.0), tau_max=1.0, horizon=0.1)
