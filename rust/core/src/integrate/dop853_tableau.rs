@@ -1,10 +1,10 @@
 //! The coefficients of DOP853 (Dormand and Prince 1980).
 //!
-//! There are 12 stages of order 8, error estimators of orders 5 and 3, and for the dense output of order 7 three more stages and a matrix.
+//! There are 12 stages of order 8, and error estimators of orders 5 and 3. The dense output of order 7 has three more stages and a matrix.
 //! The source is Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, second edition, section II.5, with its code
 //! `dop853.f`.
 
-/// Times of the stages, those of the dense output last.
+/// Times of the stages. Those of the dense output come last.
 pub(super) const C: &[f64] = &[
     0.0,
     0.05260015195876773,

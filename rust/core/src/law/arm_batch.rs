@@ -22,7 +22,7 @@ type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
 /// The program of a solver, and what it was made with.
 type Made = Option<(With, Option<Evaluation>)>;
 
-/// Room for the program of a solver, shared by its copies.
+/// The program of a solver, shared by its copies.
 pub(super) type SharedProgram = Arc<Mutex<Made>>;
 
 /// The program of a solver that has made it already, or a new one. Never waits: a process that was forked while another thread of its

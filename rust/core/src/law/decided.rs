@@ -1,4 +1,4 @@
-//! Laws that decide ranks: on plain numbers by every route, or recorded by the regular route alone, which says whether it stands.
+//! Laws that decide ranks. On plain numbers they use every algorithm. Recorded, they use the regular algorithm and report whether it is valid.
 
 use super::Law;
 use crate::error::Result;

@@ -1,4 +1,4 @@
-//! A law from outside: any function of time, the measured state and nothing else, asked at samples.
+//! An external law: any function of time and the measured state, evaluated at samples.
 
 use super::{Build, Definition, Instant, Law, Route, Term};
 use crate::dynamics::Model;

@@ -70,7 +70,7 @@ impl<S: Real> Lyapunov<S> {
         })
     }
 
-    /// `V1` under the desired motion at `q`, where `links` stand, `v` and the estimate.
+    /// `V1` under the desired motion at `q`, `v` and the estimate. `links` are at `q`.
     pub fn value(&mut self, desired: &[S], links: &mut ArmAt<S>, q: &[S], v: &[S], estimate: &[S]) -> S {
         let n = self.e.len();
         for i in 0..n {

@@ -5,7 +5,7 @@
 //! The map `sns` keeps `u` within bounds that follow from the limits of the joints at every evaluation: see `joint_limits`.
 //!
 //! Ranks are decided on entries that carry a relative error of `8 eps (1 + sum|q|)`. The maps branch on singular values, so this law runs on
-//! one number at a time; a recording takes the route for regular stacks and says where it does not stand.
+//! one number at a time. A recording uses the algorithm for regular stacks, and reports where it is not valid.
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};

@@ -104,7 +104,7 @@ impl crate::scalar::GenericKernel for &Rate<'_> {
         gain.multiply(&y, &mut dz);
         let free = dz.clone();
         projector.correct(&gain, &z, &y, &mut dz);
-        assert!((1..S::LANES).all(|lane| (0..20).all(|k| dz[k].lane(lane) == free[k].lane(lane))), "inside nothing is bent");
+        assert!((1..S::LANES).all(|lane| (0..20).all(|k| dz[k].lane(lane) == free[k].lane(lane))), "inside nothing changes");
         dz.iter().map(|x| x.lane(0)).collect()
     }
 }

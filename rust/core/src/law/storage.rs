@@ -21,7 +21,7 @@ pub struct Storage<S: Real> {
 }
 
 impl<S: Real> Storage<S> {
-    /// For the laws `of(lane)`, of one shape; `None` for laws without a storage function of their own.
+    /// For the laws `of(lane)`, of one shape; `None` for laws without a storage function.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec) -> Option<Self> {
         let own = of(0).storage()?;
         let law = |lane: usize| of(lane).storage().unwrap_or(own);
@@ -37,7 +37,7 @@ impl<S: Real> Storage<S> {
         })
     }
 
-    /// `E` under the desired motions at plant state `x`, whose `q` is where `links` stand.
+    /// `E` under the desired motions at plant state `x`. `links` are at its `q`.
     pub fn energy(&mut self, desired: &[S], links: &mut ArmAt<S>, plant: &Stored<S>, x: &[S]) -> S {
         let n = self.stretch.len();
         let target = &desired[..self.error.len()];

@@ -1,7 +1,7 @@
-//! What the Lyapunov function of an adaptive law knows that the law does not: the plant's parameters and its friction.
+//! The numbers of the plant in the Lyapunov function of an adaptive law, which the law does not know: parameters and friction.
 //!
-//! With friction `tau_f(v)` of the plant, `Y_f a_f` the law's columns of friction at the plant's parameters, and rotors `B` of the plant and
-//! `B_0` of the model where they are not estimated:
+//! The friction of the plant is `tau_f(v)`, and `Y_f a_f` are the law's columns of friction at the plant's parameters. Rotors that are not
+//! estimated are `B` in the plant and `B_0` in the model. Then
 //!
 //! `V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`,
 //!

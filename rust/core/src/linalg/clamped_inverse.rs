@@ -1,15 +1,16 @@
-//! `f(A) = max(A, c)^-1` of a symmetric positive semidefinite matrix, its eigenvalues raised to at least `c`, without a branch on the data:
-//! by a fixed number of sweeps of Jacobi's method (Golub and Van Loan, Matrix Computations, 8.5).
+//! `f(A) = max(A, c)^-1` of a symmetric positive semidefinite matrix: its eigenvalues are raised to at least `c`.
+//!
+//! There is no branch on the data, but a fixed number of sweeps of Jacobi's method (Golub and Van Loan, Matrix Computations, 8.5).
 //!
 //! With `A = G G'` and `c = eps^2`, `G' f(A)` is the pseudo-inverse of `G` with the spectral clamp `sigma / max(sigma, eps)^2`.
 //!
 //! With `B = V' A V` nearly diagonal, `f(A) = V F V'`, `F_ii = f(B_ii)` and `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` (Daleckii and
-//! Krein): what is left beside the diagonal counts to first order, and the rates of `V` cancel in those of the result.
+//! Krein). So the entries beside the diagonal count to first order, and the rates of `V` cancel in those of the result.
 
 use super::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 
-/// Sweeps after which what is left beside the diagonal is below 1e-7 of the largest eigenvalue, by number of rows: it counts squared.
+/// Sweeps after which the entries beside the diagonal are below 1e-7 of the largest eigenvalue, by number of rows. They count squared.
 const SWEEPS: [usize; 7] = [0, 0, 1, 4, 5, 6, 7];
 
 /// The inverse of matrices of one size, with its buffers.

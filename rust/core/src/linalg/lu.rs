@@ -1,8 +1,9 @@
-//! `P A = L U` with partial pivoting (Golub and Van Loan, Matrix Computations, section 3.4), row-major, in place:
-//! `L` below the diagonal (its own is one), `U` above, the inverse of `U`'s diagonal on it.
+//! `P A = L U` with partial pivoting (Golub and Van Loan, Matrix Computations, section 3.4), row-major, in place.
 //!
-//! Complex systems are the same with entries `(re, im)`: the transformed Newton systems of implicit Runge-Kutta
-//! methods need them.
+//! `L` is below the diagonal, with ones on its diagonal. `U` is above, and the inverse of its diagonal is on the diagonal.
+//!
+//! Complex systems are the same with entries `(re, im)`. They occur in the transformed Newton systems of implicit Runge-Kutta
+//! methods.
 
 use crate::scalar::Real;
 
@@ -83,9 +84,10 @@ impl<S: Real> Entry for Complex<S> {
 /// Rows from which a decomposition takes milliseconds.
 const LONG: usize = 200;
 
-/// Decompose `a`, `(n, n)`, in place; `pivots[k]` is the row exchanged with row `k`. `false` where `a` is singular
-/// to working precision of a zero pivot, or not finite, or `stopped`, which a long decomposition asks once per column; what it
-/// holds then is of no use.
+/// Decompose `a`, `(n, n)`, in place; `pivots[k]` is the row exchanged with row `k`.
+///
+/// The result is `false` if `a` has a zero pivot to working precision, is not finite, or after `stopped`. A long decomposition calls
+/// `stopped` once per column. After `false` the content of `a` is undefined.
 #[inline]
 pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stopped: impl FnMut() -> bool) -> bool {
     let (a, pivots) = (&mut a[..n * n], &mut pivots[..n]);

@@ -70,7 +70,7 @@ impl Pairs {
         lu::decompose(m, lu, &mut pivots[..m], stopped)
     }
 
-    /// Solve in place from that decomposition; `work` has room for `n`.
+    /// Solve in place from that decomposition; `work` is memory for `n` numbers.
     #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();

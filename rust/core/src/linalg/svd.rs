@@ -1,9 +1,11 @@
-//! Singular values `A = U diag(s) V'` by one-sided Jacobi rotations on the triangular factor of `A`
-//! (Drmac and Veselic 2008, `drmac2008jacobi`): `A = L Q` (wide) or `A = Q R` (tall), rotate the columns of the
-//! triangle until they are orthogonal, apply the same rotations to the rows of `V'`.
+//! Singular values `A = U diag(s) V'` by one-sided Jacobi rotations on the triangular factor of `A` (Drmac and Veselic 2008,
+//! `drmac2008jacobi`).
 //!
-//! `V` is complete (`k` by `k`) and orthonormal even where singular values vanish, because it is only ever multiplied by
-//! reflections and rotations: its trailing rows are the null basis. The sweep count is capped and the buffers are kept.
+//! The factor is `A = L Q` (wide) or `A = Q R` (tall). Rotations make the columns of the triangle orthogonal. The same rotations are
+//! applied to the rows of `V'`.
+//!
+//! `V` is a product of reflections and rotations. So it is complete (`k` by `k`) and orthonormal even where singular values vanish, and
+//! its trailing rows are the null basis. The number of sweeps is bounded, and the buffers are kept.
 
 use super::householder::{reflect, reflector};
 use super::{axpy, dot, largest};

@@ -200,7 +200,7 @@ impl fmt::Display for MonotoneReason {
             }
             MonotoneReason::Apart { push, brake, missing } => write!(
                 f,
-                "the push ends at theta = {push:.6} rad and the brake can begin at theta = {brake:.6} rad, but their speeds differ: \
+                "the push ends at theta = {push:.6} rad and the brake can begin at theta = {brake:.6} rad. Their speeds differ: \
                  {missing:.6e} N m are missing in both torques"
             ),
         }

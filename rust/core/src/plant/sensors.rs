@@ -1,9 +1,9 @@
-//! A joint-torque sensor: what a controller reads of `tau_J = K (theta - q)`,
+//! A joint-torque sensor: the reading of `tau_J = K (theta - q)` in a controller,
 //!
 //! `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise) / step) step`.
 //!
-//! A controller that has torque sensors and motor encoders, as light-weight arms do, knows its links through them:
-//! `q = theta - K^-1 reading`, so that its own `K (theta - q)` is the reading.
+//! Light-weight arms have torque sensors and motor encoders. Their controllers compute the positions of the links from them,
+//! `q = theta - K^-1 reading`. So the controller's `K (theta - q)` is the reading.
 
 use crate::error::{Error, Result, finite};
 

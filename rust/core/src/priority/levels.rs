@@ -1,15 +1,16 @@
-//! The recursion over levels by singular values. With `X` an orthonormal basis of what the levels above left free, and
-//! `0 < scale <= 1` what they left of each direction,
+//! The recursion over levels by singular values. `X` is an orthonormal basis of the directions that the levels above leave free, and
+//! `0 < scale <= 1` the remaining fraction of each direction. Then
 //!
 //! `A_i = J_i X diag(scale) = U diag(s) V'`,  `v += X V g(s) U' (v_i - J_i v)`,  `X diag(scale) <- X diag(scale) V_k diag(d)`,
 //!
-//! where `g` is the method's inverse and `d` what it leaves free: for `exact` 0 or 1 by the rank rule, for `clamp` and `damped`
-//! `1 - min(1, (s/eps)^2)`, columns with `d = 0` dropped. Two levels give the map of SPEC system 2.
-//! The product on the right is brought back to the form `X diag(scale)` by its singular values, which makes the
-//! projector `X diag(scale) X'` symmetric and continuous; its range is orthogonal to every direction with `s >= eps` above.
+//! where `g` is the method's inverse, and `d` the fraction that it leaves free. For `exact`, `d` is 0 or 1 by the rank rule. For `clamp` and
+//! `damped` it is `1 - min(1, (s/eps)^2)`. Columns with `d = 0` are removed.
 //!
-//! Rank rule: `s` counts iff `s > rounding |J_i| c`, `c` the product of `|J_l| / (smallest counted s of level l)` over the levels above:
-//! the relative error of the null basis that they hand down. For two levels `c = cond(J1)`.
+//! An SVD factors the product on the right into the form `X diag(scale)`. So the projector `X diag(scale) X'` is symmetric and continuous. Its
+//! range is orthogonal to every direction with `s >= eps` above.
+//!
+//! Rank rule: `s` counts iff `s > rounding |J_i| c`. Here `c` is the product of `|J_l| / (smallest counted s of level l)` over the levels above,
+//! the relative error of their null basis. For two levels `c = cond(J1)`.
 
 use super::workspace::Workspace;
 use crate::error::Result;
@@ -104,10 +105,10 @@ impl Workspace {
         Ok(())
     }
 
-    /// `(counted, spent)` singular directions of level `i` after `project`; `condition` is carried on.
+    /// `(counted, spent)` singular directions of level `i` after `project`. `condition` is updated.
     ///
-    /// Directions between rounding itself and the rule's cut-off are neither counted nor handed down: they may be noise, so
-    /// commanding them is wrong, and they may be real, so a lower level could disturb this one through them.
+    /// Directions between the rounding error and the cut-off of the rule are neither counted nor passed to lower levels. They may be noise, so
+    /// this level must not command them. They may be real, so a lower level could disturb this one through them.
     pub(super) fn consume_exact_rank(&mut self, i: usize, condition: &mut f64) -> Result<(usize, usize)> {
         let norm = self.spectral_norm(i)?;
         let rank = self.svd.rank(self.rounding * norm * *condition);

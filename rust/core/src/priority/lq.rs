@@ -1,5 +1,6 @@
-//! The arithmetic of `regular`: Householder reflections of a row (`J_E = L Q`), the least squares of a level with more rows than freedom,
-//! and `|T^-1|_F` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
+//! The arithmetic of `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
+//!
+//! It has Householder reflections of a row (`J_E = L Q`), least squares of a level with more rows than freedom, and `|T^-1|_F`.
 
 use crate::scalar::Real;
 

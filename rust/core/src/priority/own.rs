@@ -1,5 +1,6 @@
-//! `J_i# v_i` of each level by itself, away from singularities: by an LQ factorisation of its rows, or by least squares where it has more
-//! rows than joints. For the method `chiaverini`.
+//! `J_i# v_i` of each level alone, away from singularities, for the method `chiaverini`.
+//!
+//! It uses an LQ factorisation of the rows, or least squares for a level with more rows than joints.
 
 use super::lq::{Factor, tall};
 use super::metric::Metric;

@@ -1,10 +1,10 @@
-//! Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`): at each level find the largest `s <= 1` with
+//! Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`). At each level it finds the largest `s <= 1` with
 //!
 //! `J_i v = s v_i`,  `v = v_above + N z`,  `v_min <= v <= v_max`,  `N` the null basis of the levels above.
 //!
-//! `v(s) = s a + b` is affine in `s`. While `s = 1` is out of bounds, the joint that limits `s` most is fixed at its bound, its
-//! direction is removed from `N`, and the others take over; the best scale met on the way is kept. A level that has no scale at
-//! all (`s < 0` only) leaves `v_above` as it is. Ranks as in `exact`, so higher levels are never disturbed.
+//! `v(s) = s a + b` is affine in `s`. While `s = 1` violates a bound, the joint that limits `s` most is fixed at its bound. Its
+//! direction is removed from `N`, and the others take over. The largest scale of this search is kept. A level without a feasible scale
+//! (`s < 0` only) does not change `v_above`. Ranks are those of `exact`, so higher levels are never disturbed.
 
 use super::workspace::Workspace;
 use crate::error::Result;
@@ -14,8 +14,8 @@ use crate::linalg::{axpy, dot};
 /// A joint moves within the remaining null space if its row there is longer than this; below, fixing it would amplify rounding 1e10 times.
 const MOBILE: f64 = 1e-10;
 
-/// Rounding of `v(s)` relative to its largest parts, which cancel near singularities: up to this a joint at its bound has no room, and a
-/// joint no rate.
+/// The rounding error of `v(s)` relative to its largest parts, which cancel near singularities. Below it, the distance of a joint from its
+/// bound counts as zero, and so does the rate of a joint.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// What passes a bound is cut off if it is noise: at most so much of the fastest joint, and this much in any case.

@@ -21,7 +21,7 @@ pub enum EventFunction {
         /// Take `value - q_i`.
         below: bool,
     },
-    /// `v_i - value`; `at` is where `v_i` stands in the plant's state.
+    /// `v_i - value`; `at` is the index of `v_i` in the plant's state.
     Speed {
         /// Index in the plant's state.
         at: usize,
@@ -54,7 +54,7 @@ impl EventFunction {
     }
 }
 
-/// What is watched.
+/// The functions of the events.
 #[derive(Clone)]
 pub struct Event {
     /// The function.

@@ -1,11 +1,12 @@
-//! A run summed up while it goes. With the error `e = q_d - q`, twice the weight `w_i = t_{i+1} - t_{i-1}` of record `i` by the
-//! trapezoidal rule, and the largest values so far, of one run or of several side by side:
+//! Metrics of a run, computed during the run, for one run or several side by side.
+//!
+//! The error is `e = q_d - q`, and `w_i = t_{i+1} - t_{i-1}` is twice the weight of record `i` in the trapezoidal rule. The metrics are
 //!
 //! `sum w e^2`, `max |e|`, `max q`, the last record with `|e| > settle max |e|`, `sum w |x_d - p|^2`, `sum w tau^2`, `max |tau|`,
-//! the time beyond a limit, `max |E|`, and the records at which `|E(t) - E(0) - int P dt| > tolerance max |E|` or the like.
+//! the time beyond a limit, `max |E|`, and the number of violations such as `|E(t) - E(0) - int P dt| > tolerance max |E|`.
 //!
-//! The largest error of a unit comes no later than the last record outside of the band, since it is outside itself. So the band "so far"
-//! finds the same last record as the band that is known at the end.
+//! The largest error of a unit is outside of the band, so it does not come after the last record outside. So the band of the largest error
+//! up to now finds the same last record as the final band.
 
 use super::measures::{Plan, Wanted};
 use crate::dynamics::{ArmAt, Model};
@@ -22,7 +23,7 @@ pub struct Seen<'a, S> {
     pub identities: Identities<S>,
 }
 
-/// What the monitors of a record show; zero for what is not watched.
+/// The monitors of a record; zero for those that are off.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identities<S> {
     pub skewness: S,

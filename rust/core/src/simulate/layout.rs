@@ -17,7 +17,7 @@ pub struct Layout {
     pub inputs: usize,
     /// Numbers of the law's answer beside its input.
     pub answer: usize,
-    /// One if the law says whether its answer stands, else none.
+    /// One if the law reports whether its result is valid, else none.
     pub guards: usize,
     /// Numbers of the first record from which monitors count, and all numbers of a record beside the state; none where nothing is noted.
     pub firsts: usize,
@@ -53,7 +53,7 @@ impl Layout {
     pub fn law_rate(&self) -> usize {
         self.tau() + self.inputs
     }
-    /// One as long as the law's answers stand, else zero: a step changes it.
+    /// One as long as the law's results are valid, else zero. A step changes it.
     pub fn stands(&self) -> usize {
         self.law_rate() + self.answer
     }

@@ -1,4 +1,4 @@
-//! Norms of the error and of the residual of each level of a law of tasks in priority, which is asked again at the records.
+//! Norms of the error and of the residual of each level of a law of tasks in priority, which is evaluated again at the records.
 
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity, Solve};
 use crate::scalar::Real;

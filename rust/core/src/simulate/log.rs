@@ -7,7 +7,7 @@ use crate::memory;
 use crate::trace::{Frame, rows};
 use std::ops::Range;
 
-/// Records that a log has room for: those of a block of steps, and the last one of a run.
+/// The capacity of a log: the records of a block of steps, and the last one of a run.
 const ROOM: usize = 40;
 
 /// The records that were noted since the last ones were passed on, frame by frame.

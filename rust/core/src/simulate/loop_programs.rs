@@ -6,11 +6,11 @@ use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream
 
 /// Which entries of a recording are the results.
 pub struct Tracing {
-    /// The law's input and rate, and whether they stand.
+    /// The law's input and rate, and whether they are valid.
     pub law: Vec<u32>,
-    /// The rates of a stage, where a step runs them as a program of their own, and the law's input there.
+    /// The rates of a stage, where they are a separate program, and the law's input there.
     pub rates: Option<(Vec<u32>, Vec<u32>)>,
-    /// The cuts of the step, before each stage, and the next state with whether it stands.
+    /// The cuts of the step, before each stage, and the next state with whether it is valid.
     pub cuts: Vec<Cut>,
     pub next: Vec<u32>,
     /// What sums the run up.
@@ -29,7 +29,7 @@ pub struct Noting {
     pub firsts: Vec<u32>,
     /// Whether the norms of levels are right.
     pub stands: Vec<u32>,
-    /// Whether a step stands that begins so.
+    /// Whether a step that begins there is valid.
     pub next: Vec<u32>,
 }
 
@@ -124,13 +124,13 @@ impl Programs {
         }
     }
 
-    /// The program of whole steps along a stream of inputs, each begun by noting its record; `None` where the step is in parts or nothing is
-    /// noted.
+    /// The program of whole steps along a stream of inputs. Each step first writes its record. `None` if the step is in parts or there are no
+    /// records.
     pub fn noted_step(&self) -> Option<&Program> {
         self.noted_step.as_ref()
     }
 
-    /// The program that repeats whole steps along a stream of inputs, each begun by summing up where the state carries sums; `None` for
+    /// The program that repeats whole steps along a stream of inputs. Each step first adds to the metrics, if the state has them. `None` for
     /// a loop whose step is in parts.
     pub fn repeated(&self) -> Option<&Program> {
         let whole = self.whole()?;

@@ -1,4 +1,4 @@
-//! What is measured of a run, and where each quantity stands among the numbers that the measuring keeps.
+//! The metrics of a run, and the index of each quantity among their numbers.
 
 use super::problem::Problem;
 use crate::dynamics::Model;
@@ -96,7 +96,7 @@ pub struct Plan {
     pub settle: f64,
     pub tolerance: f64,
     pub bounds: Option<Bounds>,
-    /// Whether energy and skewness are watched, and the Lyapunov function.
+    /// Whether energy and skewness are monitored, and the Lyapunov function.
     pub energy: bool,
     pub lyapunov: bool,
     /// The input is the velocity.

@@ -189,7 +189,7 @@ impl<S: Real> ProgramLoop<'_, S> {
         read(&self.frames, state, x);
     }
 
-    /// A sample of a controller with a clock of its own.
+    /// A sample of a controller with a separate clock.
     fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
         let (n, p) = (self.tau.len(), self.dz.len());
         let states = self.recorded.plant_states();

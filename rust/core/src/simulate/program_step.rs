@@ -1,5 +1,7 @@
-//! Steps of a recorded loop behind the interface of a method. The exogenous inputs of some steps are sampled in advance into a stream, along
-//! which the program of a small loop repeats itself; the parts of a large step read them from their frame.
+//! Steps of a recorded loop with the interface of a method.
+//!
+//! The exogenous inputs of some steps are sampled in advance into a stream. The program of a small loop repeats itself along this stream. The
+//! parts of a large step read the inputs from their frame.
 
 use super::layout::Layout;
 use super::log::Log;
@@ -15,7 +17,7 @@ use crate::scalar::Real;
 use crate::trace::Frame;
 use std::marker::PhantomData;
 
-/// Steps that a stream has room for.
+/// The capacity of a stream, in steps.
 const TURNS: usize = 32;
 
 /// Numbers of the largest table: it has to live in the cache to pay.
@@ -38,8 +40,8 @@ pub struct ProgramStep<S> {
     lanes: PhantomData<S>,
 }
 
-/// The instants of steps of size `h` that end at `end`, each with its start: without the last instant of a step where it is the first
-/// one of the next.
+/// The instants of steps of size `h` that end at `end`, each with its start. The last instant of a step is omitted if it is the first
+/// one of the next step.
 fn instants(layout: &Layout, steps: impl Iterator<Item = [f64; 3]>, times: &mut Vec<f64>) {
     times.clear();
     let mut last = None;

@@ -20,7 +20,7 @@ use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Steps below which a run by itself is done sooner than its program is made.
+/// The number of steps below which a direct run is faster than making a program.
 const SHORT: usize = 20;
 
 /// Runs side by side.

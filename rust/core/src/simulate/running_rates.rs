@@ -74,7 +74,7 @@ impl<S: Real> Running<S> {
         self.recorded.programs.derivatives.as_ref().is_some_and(|derivatives| derivatives.moves)
     }
 
-    /// Room for the exogenous input and its rate.
+    /// Memory for the exogenous input and its rate.
     pub fn instants(&mut self) -> &mut [Exogenous<S>; 2] {
         &mut self.instants
     }

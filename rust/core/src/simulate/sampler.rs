@@ -53,8 +53,8 @@ impl<S: Real> Sampler<S> {
         (k % self.ring.len() as u64) as usize
     }
 
-    /// At time `t` and plant state `x`: take the sample that is due, let the answer act that is due.
-    /// `law(measured, tau, dz)` is asked where a sample is taken; `tau` and `dz` are what acts from now on.
+    /// At time `t` and plant state `x`: take the sample that is due, and apply the output that is due.
+    /// `law(measured, tau, dz)` is called for a sample. `tau` and `dz` are the values that act from now on.
     pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
         // Shown the same instant twice, at a record and at a step, it samples once.
         if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.ring[self.slot(k)].index != k) {

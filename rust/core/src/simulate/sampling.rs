@@ -1,9 +1,9 @@
-//! A controller on a clock: when it looks, what it sees, and when its answer reaches the plant.
+//! A sampled controller: its sample times, its measurements, and the times at which its outputs act.
 //!
-//! Sample `k` is taken at `t_k = k T + j_k`, `j_k` uniform in [0, jitter]; what was measured `sensor_delay` samples before
-//! is what the law sees, with noise and in steps of the encoders' resolution; its answer acts from `t_k + delay` on, its rate
-//! of change limited. Every random number is a function of seed, sample and channel alone (splitmix64; Steele, Lea and
-//! Flood 2014): a run repeats to the bit, and so does one that is taken up again in the middle.
+//! Sample `k` is taken at `t_k = k T + j_k`, `j_k` uniform in [0, jitter]. The law gets the measurement of `sensor_delay` samples
+//! before, with noise and in steps of the encoders' resolution. Its output acts from `t_k + delay` on, with a limited rate of
+//! change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea and Flood 2014). So a run repeats to
+//! the bit, and so does a run that continues from its middle.
 
 use super::schedule::require_memory;
 use crate::error::{Error, Result, positive};

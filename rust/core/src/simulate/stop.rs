@@ -1,4 +1,4 @@
-//! Whether a run is to stop: told by another thread, or found out by looking up now and then.
+//! Whether a run shall stop: set by another thread, or found by a regular check.
 
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,7 +9,7 @@ const SLICE: Duration = Duration::from_millis(20);
 /// Questions between two looks at the clock: a question comes once per block of steps.
 const QUESTIONS: u32 = 16;
 
-/// What a run asks from time to time.
+/// The regular check of a run.
 pub trait Stop {
     /// Whether the run is to stop.
     fn requested(&self) -> bool;
@@ -21,7 +21,7 @@ impl Stop for AtomicBool {
     }
 }
 
-/// Asks `poll` every 20 ms, on the thread that runs: no other thread is needed to hear of Ctrl-C.
+/// Calls `poll` every 20 ms on the thread of the run, so that Ctrl-C requires no other thread.
 pub struct Poller<'a> {
     poll: RefCell<&'a mut dyn FnMut() -> bool>,
     questions: Cell<u32>,
@@ -30,7 +30,7 @@ pub struct Poller<'a> {
 }
 
 impl<'a> Poller<'a> {
-    /// Ask this function.
+    /// Call this function.
     pub fn new(poll: &'a mut dyn FnMut() -> bool) -> Self {
         Poller { poll: RefCell::new(poll), questions: Cell::new(0), next: Cell::new(None), stopped: Cell::new(false) }
     }

@@ -3,7 +3,7 @@
 use super::measures::{Plan, Wanted};
 use std::ops::Range;
 
-/// A way from the start to the end of the reference below this, rad or m, has no overshoot; so has an end that moves faster.
+/// A distance from the start to the end of the reference below this, rad or m, has no overshoot. Nor has an end that moves faster.
 const STILL: f64 = 1e-9;
 
 /// What the summary of a run needs besides the numbers kept.

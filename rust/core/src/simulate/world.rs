@@ -5,11 +5,11 @@ use crate::motion::{Motion, Table};
 use crate::scalar::Real;
 use std::borrow::Cow;
 
-/// The step of time over which the desired acceleration is differenced, s: what it leaves out of a Jacobian of second order
-/// in it is far below an error of a step.
+/// The time step for differences of the desired acceleration, s. The error of the Jacobian is of second order in it, and far below the error
+/// of a step.
 const JERK_STEP: f64 = 1e-6;
 
-/// What the world tells the loop at one instant.
+/// The exogenous inputs of the loop at one instant.
 #[derive(Clone)]
 pub struct Exogenous<S> {
     pub t: f64,
@@ -50,7 +50,7 @@ impl<'a> World<'a> {
         World { motions, forces, pushed: None, rows: vec![0.0; widest * lanes], lanes, width }
     }
 
-    /// The same world with motions and forces of its own.
+    /// The same world with separate motions and forces.
     pub fn into_owned(self) -> World<'static> {
         World {
             motions: self.motions.into_iter().map(|lanes| lanes.into_iter().map(|m| Cow::Owned(m.into_owned())).collect()).collect(),
@@ -82,7 +82,7 @@ impl<'a> World<'a> {
         self.pushed = wrench.copied();
     }
 
-    /// Room for one instant.
+    /// Memory for one instant.
     pub fn instant<S: Real>(&self) -> Exogenous<S> {
         Exogenous { t: f64::NAN, desired: vec![S::zero(); self.width], wrench: [S::zero(); 6] }
     }
@@ -145,8 +145,8 @@ impl<'a> World<'a> {
         if let Motion::Table(table) = &**motion { Some(table) } else { None }
     }
 
-    /// The exogenous input of lane `lane` at each of `times`: rows of `width` numbers, the desired motions and then the wrench if there is
-    /// room for it. What lanes share is written for lane 0 alone.
+    /// The exogenous input of lane `lane` at each of `times`: rows of `width` numbers, the desired motions and then the wrench if it
+    /// fits. Values that lanes share are written only for lane 0.
     pub fn sample_each(&self, lane: usize, times: &[f64], width: usize, out: &mut [f64]) {
         let own = |count: usize| if count > 1 { Some(lane) } else { (lane == 0).then_some(0) };
         let mut at = 0;

@@ -1,4 +1,5 @@
 //! Encoder of aarch64 machine code (NEON) for straight-line programs of numbers: two lanes, or one number.
+//!
 //! Source: Arm Architecture Reference Manual for A-profile, chapter C7 (SIMD and floating-point instructions).
 //!
 //! An instruction is a word of 32 bits: a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and `m` in
@@ -57,8 +58,8 @@ const SHL: u32 = 0x4F00_5400;
 /// The first lane in both lanes.
 const DUP: u32 = 0x4E08_0400;
 
-/// A load and a store, of 16 or of 8 bytes. The offset is counted in operands (bits 10 to 21), or in bytes with nine bits
-/// (bits 12 to 20), or is in a register (bits 16 to 20).
+/// A load and a store, of 16 or of 8 bytes. The offset is in operands (bits 10 to 21), in bytes (bits 12 to 20), or in a register
+/// (bits 16 to 20).
 struct Access {
     size: i32,
     scaled: u32,

@@ -53,7 +53,7 @@ fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     moves
 }
 
-/// Whether the outputs or a mask need each entry whatever branch is taken: then it is finite where they are.
+/// Whether the outputs or a mask require each entry in both branches. Such an entry is finite if they are.
 fn finite(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
     let mut needed = vec![false; ops.len()];
     outputs.iter().for_each(|&output| needed[output as usize] = true);

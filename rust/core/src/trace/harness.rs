@@ -23,8 +23,8 @@ impl Cases {
         self.len
     }
 
-    /// A function, its memory, its turns along the stream, and the expected values at the start of the frame: the same
-    /// bits, or any NaN for NaN.
+    /// A function, its memory, its turns along the stream, and the expected values at the start of the frame.
+    /// They are the same bits, or any NaN for NaN.
     pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], (stream, turns): (&[f64], usize), expected: &[f64]) {
         assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());
         let i = self.len;

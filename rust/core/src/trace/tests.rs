@@ -36,7 +36,7 @@ fn forms() -> Vec<Form> {
     sets.iter().flat_map(|&set| [true, false].map(|packed| Form { set, packed })).collect()
 }
 
-/// Let some inputs from the third on come along a stream, in half of all programs; the stream of so many turns, in lines of a cache.
+/// In half of all programs, some inputs from the third on come along a stream. The stream has so many turns, in lines of a cache.
 pub fn random_stream(random: &mut Random, program: &mut Straight, inputs: usize, lanes: usize, turns: usize) -> Frame {
     if inputs < 4 || random.below(2) == 0 {
         return Frame::new(0, 1);

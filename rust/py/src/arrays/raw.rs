@@ -113,7 +113,7 @@ impl Bits for bool {
     const ANY_BITS: bool = false;
 }
 
-/// A new array of numbers or of truth values, all zero or, unless `zeroed`, of whatever was in the memory, and written by `fill`.
+/// A new array of numbers or of truth values, written by `fill`. Before, it is zero if `zeroed`, and undefined otherwise.
 pub fn made<'py, T: Bits>(
     py: Python<'py>,
     shape: &[usize],
@@ -272,7 +272,7 @@ pub fn out_slice<'a>(
         let Ok(input) = input.cast::<PyArrayDyn<f64>>() else { continue };
         // SAFETY: pointers are compared, not followed.
         if unsafe { overlaps(array, input) } {
-            return Err(refuse("overlaps an argument: expected an array of its own".into()));
+            return Err(refuse("overlaps an argument: expected a separate array".into()));
         }
     }
     // SAFETY: contiguous, aligned, writeable, apart from the inputs, and the GIL is held while it is written.

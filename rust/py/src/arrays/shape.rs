@@ -22,7 +22,7 @@ pub struct Form<'a>(pub &'a [Axis<'a>]);
 
 /// A single number.
 pub const SCALAR: Form<'static> = Form(&[]);
-/// Whatever the shape.
+/// Any shape.
 pub const WHATEVER: Form<'static> = Form(&[Axis::Leading]);
 
 impl Form<'_> {
@@ -74,7 +74,7 @@ pub fn elements(shape: &[usize]) -> Result<usize, Failure> {
     if bytes > isize::MAX as u128 { Err(Error::Memory { bytes }.into()) } else { Ok(bytes as usize / 8) }
 }
 
-/// The row and column, or whatever the indices are, of element `k` of an array of this shape.
+/// The indices of element `k` of an array of this shape, such as its row and column.
 pub fn index_of(shape: &[usize], mut k: usize) -> String {
     let mut index = vec![0; shape.len()];
     for (i, &n) in index.iter_mut().zip(shape).rev() {

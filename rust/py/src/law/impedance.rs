@@ -118,11 +118,11 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     tau = J' F + N' tau_0 + g(q)                            within tau_max
 ///
 /// `N' tau_0` is the torque of a `NullSpace`. With `compensate_coupling` the law adds `C v` to the torque and `L (x_d'' - J_dot v)` to the
-/// wrench, `L = (J M^-1 J')^-1`: then `L (x'' - x_d'') = F` whatever the null motion does, at full rank and without an external force.
+/// wrench, with `L = (J M^-1 J')^-1`. At full rank and without an external force, `L (x'' - x_d'') = F` then holds for every null motion.
 /// Near singularities `L` is clamped: singular values of `J M^-1/2` count as `eps`, each unit relative to the root mean square of its rows.
 ///
 /// The integral wrench `w` `(m,)` is the law's state: `run.estimate` records it, and it starts at zero. A row of it stops while `F` or a
-/// torque is beyond a limit and the row would go further that way.
+/// torque exceeds a limit and the row would increase the excess.
 ///
 /// Args:
 ///     arm: the model: its kinematics, its gravity, and for the options its mass matrix.
@@ -143,7 +143,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, a limit is not positive,
 ///         a target `(4, 4)` is no pose.
 ///
-/// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985; Khatib, A unified approach for motion
+/// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985. Khatib, A unified approach for motion
 /// and force control of robot manipulators: the operational space formulation, IEEE J. Robotics and Automation 3(1), 1987.
 ///
 /// >>> import armlet as al

@@ -43,7 +43,7 @@ pub struct ArmPrioritySolver {
     state: Mutex<Core>,
 }
 
-/// Levels that are read without a buffer of their own.
+/// Levels that are read without a separate buffer.
 const MOST: usize = 8;
 
 /// Rows that are copied between two looks whether to stop.
@@ -89,8 +89,8 @@ impl ArmPrioritySolver {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// One row, where all is float64, contiguous and of the right shape; `None` where it is not, and where something is to be refused: what
-    /// went wrong is said by the way that looks at everything.
+    /// One row whose arguments are float64, contiguous and of the right shape. `None` otherwise, also for an error: the general path reports
+    /// it.
     #[inline]
     fn quick<'py>(
         &self,

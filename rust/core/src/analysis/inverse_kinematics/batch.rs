@@ -1,5 +1,6 @@
-//! Inverse kinematics of many targets, in threads: every row is the search for its own target, from its own start, with the numbers of
-//! a single call, whatever its neighbours are and however many threads there are.
+//! Inverse kinematics of many targets, in threads. Each row is one search, from one start to one target.
+//!
+//! Its numbers are those of a single call. They do not depend on the other rows or on the number of threads.
 
 use super::{IkOptions, IkSolver};
 use crate::arm::Arm;
@@ -42,11 +43,12 @@ struct Part<'a> {
     status: &'a mut [i32],
 }
 
-/// As [`super::inverse_kinematics`], for `count` targets: `targets` holds `(count, size)` numbers per task, or `(size,)` for all rows,
-/// and `q0` `(count, n)` or `(n,)`. `solutions`: so many different postures per target, the best first. `poll` is asked every 20 ms
-/// whether to stop.
+/// As [`super::inverse_kinematics`], for `count` targets.
 ///
-/// A row that is not finite ends as `Diverged` and touches no other.
+/// `targets` has `(count, size)` numbers per task, or `(size,)` for all rows, and `q0` is `(count, n)` or `(n,)`. `solutions` is the number of
+/// different postures per target, the best first. `poll` is called every 20 ms, and stops the search.
+///
+/// A row that is not finite ends as `Diverged` and changes no other row.
 ///
 /// ```
 /// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics_batch};

@@ -1,7 +1,7 @@
-//! The samples of every segment, and what they say: see `check`.
+//! The samples of every segment, and their evaluation: see `check`.
 //!
-//! Of the blocks of rows that one register holds, the one that comes nearest to its limits is sampled; another one only if three samples
-//! and a parabola through them leave it as near.
+//! A register holds a block of rows. The block nearest to its limits is sampled. Another block is sampled only if three samples
+//! and a parabola through them allow it to be as near.
 
 use super::check::{Course, FINE, TOLERANCE, WINDOW};
 use super::lines::{FASTEST, LimitRows, largest, load, store};

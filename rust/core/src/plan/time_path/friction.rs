@@ -27,8 +27,10 @@ impl PathProblem<'_> {
         self.set_middles();
     }
 
-    /// Viscous friction `d q' sqrt(x)` as a line through its value at the profile: the chord from rest, `d q' x / sqrt(x0)`, which
-    /// leaves what is possible at low speeds possible, or the tangent, `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
+    /// Viscous friction `d q' sqrt(x)` as a line through its value at the profile.
+    ///
+    /// The line is the chord from rest, `d q' x / sqrt(x0)`, under which low speeds remain feasible. Or it is the tangent,
+    /// `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
     pub fn linearise_friction(&mut self, x: &[f64], line: Line) {
         if self.friction.is_none() {
             return;

@@ -1,8 +1,10 @@
-//! The lines of a segment: at one `x = (ds/dt)^2` the rows `lo <= alpha u + beta x + gamma <= hi` at both ends of the segment and half
-//! way between them leave `u` between the largest of lines `L(x)` and the smallest of lines `U(x)`.
+//! The lines of a segment, in the plane of `x = (ds/dt)^2` and `u`.
+//!
+//! There are rows `lo <= alpha u + beta x + gamma <= hi` at both ends of the segment and half way between them. They allow `u` between the
+//! largest of lines `L(x)` and the smallest of lines `U(x)`.
 //!
 //! ```text
-//! U_k(x) = max(room_hi, room_lo)/alpha - (beta/alpha) x,   L_k(x) = min(..)/alpha - (beta/alpha) x,   room = limit - gamma
+//! U_k(x) = max(margin_hi, margin_lo)/alpha - (beta/alpha) x,   L_k(x) = min(..)/alpha - (beta/alpha) x,   margin = limit - gamma
 //! ```
 //!
 //! `U - L` is concave, so Newton's method on its active pair of lines finds an end of `{x : L(x) <= U(x)}` in a few steps, from
@@ -17,14 +19,14 @@ pub(super) const FASTEST: f64 = 1e60;
 /// A coefficient of `u` below this is none.
 pub(super) const NONE: f64 = 1e-140;
 pub(super) const FAR: f64 = 1e200;
-/// How far above its middle a row is held in a segment, as a share of its rise above the chord there: a parabola that obeys
-/// its limit at both ends and so in the middle is past it by at most 0.14 of that rise.
+/// The margin of a row in the middle of a segment, as a fraction of its rise above the chord there. A parabola that satisfies
+/// its limit at both ends and with this margin in the middle exceeds it by at most 0.14 of that rise.
 const SHARE: f64 = 0.25;
 /// Slack of `L <= U` against rounding, relative.
 const ROUNDING: f64 = 1e-13;
 /// A coefficient of `u` below this, relative to the largest of its row, is rounding.
 const ROUNDED: f64 = 1e-14;
-/// What a static torque that stands on its limit is given, relative to the limit.
+/// The tolerance of a static torque at its limit, relative to the limit.
 pub(super) const STANDING: f64 = 3e-10;
 /// Lane counts divide this.
 pub(super) const BLOCK: usize = 8;
@@ -59,7 +61,7 @@ pub(super) struct LimitRows {
 }
 
 impl LimitRows {
-    /// Where a path turns back, what rounding leaves of `A` is none: over so small a number the last digit of `B x` would be any `u`.
+    /// Where a path turns back, `A` is only a rounding error, and counts as zero. A division by it would turn the last digit of `B x` into any `u`.
     pub fn drop_rounding(&mut self) {
         let width = self.width;
         let mut least = vec![0.0_f64; width];
@@ -88,7 +90,7 @@ pub(super) struct Lines {
     balls: Vec<[Ball; 3]>,
 }
 
-/// `U`, `L` at `x`, and where their lines stand in the lists; `WAY` is the way into `K_(i+1)`.
+/// `U`, `L` at `x`, and the places of their lines in the lists. `WAY` stands for the condition to reach `K_(i+1)`.
 struct Gap {
     upper: f64,
     upper_at: usize,
@@ -140,7 +142,7 @@ pub(super) fn largest<S: Real>(x: S) -> f64 {
 }
 
 impl Lines {
-    /// Room for `segments` segments of `width` rows.
+    /// Memory for `segments` segments of `width` rows.
     pub fn resize(&mut self, segments: usize, width: usize, balls: bool) {
         self.width = 3 * width;
         self.balls.resize(if balls { segments } else { 0 }, Default::default());
@@ -152,8 +154,8 @@ impl Lines {
         }
     }
 
-    /// The rows of segment `i`: at its start, and at its end with `x + 2 h u` for `x`; limits widened by `widen` of their scale;
-    /// into the lists at `place`.
+    /// Write the rows of segment `i` into the lists at `place`: those at its start, and those at its end with `x + 2 h u` for `x`. Limits are
+    /// widened by `widen` of their scale.
     #[inline(always)]
     pub fn build<S: Real>(&mut self, rows: &LimitRows, i: usize, place: usize, widen: f64) {
         let w = rows.width;

@@ -2,12 +2,12 @@
 //!
 //! 1. The dynamics along the path on a grid: `tau = A u + B x + g` (`rows`).
 //! 2. Reachability analysis on that grid (`reach`).
-//! 3. A check ten times finer. Limits are narrowed, segment by segment, by what they are exceeded by between grid points, and 2
-//!    is done again, until nothing exceeds a limit anywhere (`check`). Where the grid is too coarse for that it is halved.
-//! 4. Under friction that may end where no speed is left: the timing that came nearest is then slowed (`slow`).
-//! 5. Where torques may change only so fast, the timing is averaged over time and slowed (`rate`).
+//! 3. A check ten times finer (`check`). In each segment, a limit is reduced by its largest excess between grid points. Step 2
+//!    is repeated until no limit is exceeded. A grid that is too coarse for that is halved.
+//! 4. With friction, step 3 may end without a feasible speed. Then the best timing is slowed down (`slow`).
+//! 5. With limits of the torque rate, the timing is averaged over time and slowed down (`rate`).
 //! 6. Limits of a frame's origin (`tip`), limits that vary along the path (`along`), and position limits (`positions`).
-//! 7. Where there is no timing: the joint, the place, the limit, and by how much it falls short (`reason`).
+//! 7. Without a feasible timing: the joint, the place, the limit, and the missing amount (`reason`).
 
 mod along;
 mod caps;
@@ -48,8 +48,8 @@ const CORRECTIONS: usize = 8;
 /// How often what a limit is narrowed by is doubled; with friction it is then narrowed on twice as many segments each time.
 const MOST_DOUBLINGS: usize = 7;
 const SPREAD: usize = 4;
-/// Passes with chords and then with tangents of viscous friction, and the relative changes of `x` that are near enough for tangents, and
-/// for a profile that stands.
+/// The number of passes with chords and then with tangents of viscous friction. Then the relative changes of `x` at which tangents begin, and
+/// at which the profile has converged.
 const CHORDS: usize = 40;
 const TANGENTS: usize = 6;
 const NEAR: f64 = 0.03;
@@ -94,8 +94,8 @@ fn change(new: &[f64], old: &[f64]) -> f64 {
     new.iter().zip(old).map(|(new, old)| (new - old).abs() / new.max(*old).max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
 }
 
-/// The profile with viscous friction, on the rows as they are: chords until it changes little, since they can't cut it off from
-/// rest, then tangents, whose error goes with the square of the change.
+/// The profile with viscous friction, on the present rows. Chords come first, because they keep speeds near rest feasible. When the
+/// profile changes little, tangents follow, whose error is of second order in the change.
 fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() {
         return Ok(());
@@ -120,7 +120,7 @@ fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::resul
     tangents(problem, profile)
 }
 
-/// The profile with friction by tangents, until it stands: what is left of their error would be taken for an excess.
+/// The profile with friction by tangents, until it converges. A remaining error of the tangents would count as an excess.
 fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     for _ in 0..TANGENTS {
         let x = profile.x.clone();

@@ -6,12 +6,12 @@
 //! u_i = largest u that obeys them at x_i,   x_(i+1) = x_i + 2 h u_i                                    (forward)
 //! ```
 //!
-//! The rows of a segment hold at both of its ends and half way between them (`lines`). A second pass does again only what follows
-//! from rows or bounds that changed, so that a correction costs no more than what it moves.
+//! The rows of a segment hold at both of its ends and half way between them (`lines`). A second pass repeats only the segments whose
+//! rows or bounds have changed. So the cost of a correction is proportional to its extent.
 //!
-//! A constant `u` under a limit that changes along the segment loses time in proportion to `h`. So once the limits that a profile
-//! follows are known, `u` is given their slope, `u_i + b (s - s_i - h/2)`: that adds constants to the rows, changes nothing else
-//! above, and what is lost goes with `h^2`.
+//! A constant `u` under a limit that changes along the segment loses time in proportion to `h`. So once the active limits of a profile
+//! are known, `u` gets their slope, `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of the order
+//! of `h^2`.
 
 use super::lines::{FAR, LimitRows, Lines, NONE, STANDING, largest, load};
 use super::tip::Ball;
@@ -221,8 +221,9 @@ pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f6
     run_lanes(Bends(rows, profile, caps));
 }
 
-/// What a segment may lose, as a share of the duration, for a path acceleration that jumps at one of its ends: there a limit takes
-/// over from another, and ideally does so within the segment.
+/// The largest loss of a segment for a path acceleration that jumps at one of its ends, as a fraction of the duration.
+///
+/// The active limit changes there. In the optimum it changes within the segment.
 pub(super) fn losses(rows: &LimitRows, profile: &Profile, to: &mut Vec<f64>) {
     let count = rows.u_slope.len();
     let x = &profile.x;

@@ -58,8 +58,8 @@ impl Samples {
         self.middles.resize(count * course.n, 0.0);
     }
 
-    /// Margins and excesses; `narrow(segment, row, below, above)` is told what each row is past its limits by, where it is. Segments
-    /// that held their limits and did not move are not looked at again.
+    /// Margins and excesses. `narrow(segment, row, below, above)` gets the excess of each row over its limits. Unchanged segments
+    /// within their limits are not examined again.
     pub fn examine(
         &mut self,
         course: &Course,
@@ -99,7 +99,7 @@ impl Samples {
         self.first.extend(self.segments.iter().map(|segment| segment.excess));
     }
 
-    /// Whether the last examination stands: what it interpolated is what the dynamics say. Where it is not, they are asked next time.
+    /// Whether the last examination is valid: its interpolation agrees with the dynamics. Where it does not, the dynamics are used next time.
     pub fn stands(&mut self, course: &Course, rows: &LimitRows, profile: &Profile) -> bool {
         if !course.kinds[0] {
             return true;

@@ -20,7 +20,7 @@ impl<const NODES: usize> Stencil<NODES> {
         Stencil { weights: (0..NODES - 1).map(|o| places.iter().map(|z| weight(o as f64 + z)).collect()).collect() }
     }
 
-    /// The first point of the window of segment `i` in a piece of segments `first..last`, and the weights; None if the piece has too
+    /// The first point of the stencil of segment `i` in a piece of segments `first..last`, and the weights. None if the piece has too
     /// few points.
     #[inline(always)]
     pub fn of(&self, i: usize, first: usize, last: usize) -> Option<(usize, &[[f64; NODES]])> {

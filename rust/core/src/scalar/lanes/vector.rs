@@ -3,7 +3,7 @@
 
 /// A vector of `$lanes` doubles in `$register`.
 ///
-/// `$own` names the operations that the file writes by hand: `fma` and `fnma` (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`,
+/// `$own` names the operations that the file writes by hand. They are `fma` and `fnma` (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`,
 /// `select`, `bits` (a mask, one bit per lane) and `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
