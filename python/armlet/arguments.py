@@ -20,6 +20,7 @@ from .errors import InputError
 __all__ = [
     "choice",
     "count",
+    "entries",
     "file_path",
     "finite",
     "instance",
@@ -139,6 +140,16 @@ def count(function: str, name: str, value: object) -> int:
     if not math.isfinite(whole) or int(whole) != whole or whole < 0:
         raise InputError(f"{function}: {name} is not a count: expected an integer >= 0, got {shown(value)}")
     return int(whole)
+
+
+def entries(function: str, name: str, value: object, most: int) -> list[Any]:
+    """The entries of an iterable that ends, at most `most` of them."""
+    if not isinstance(value, Iterable) and not hasattr(type(value), "__getitem__"):
+        raise InputError(f"{function}: {name} is not a sequence: expected a list or a tuple, got {shown(value)}")
+    found = list(islice(iter(value), most + 1))  # type: ignore[call-overload]  # by its entries, where it has no iterator
+    if len(found) > most:
+        raise InputError(f"{function}: {name} is too long: expected at most {most:,} entries")
+    return found
 
 
 def instance(function: str, name: str, value: object, kind: type[T] | tuple[type[T], ...], expected: str) -> T:

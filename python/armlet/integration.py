@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .arguments import count, instance, integer, number, shown
+from .arguments import count, entries, instance, integer, number, shown
 from .border import border, bordered
 from .errors import InputError, SolveError
 from .pickling import sealed
 from .status import Status, advice_on_run
 
 __all__ = ["DenseOutput", "Integration", "integrate"]
+
+#: Events and further arguments of a call, at most.
+MOST = 10_000
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -103,7 +106,7 @@ def _events(events: object) -> list[tuple[Callable[..., Any], float, int]]:
     """Each function with its direction and the number of crossings that ends the run, as scipy writes them."""
     if events is None:
         return []
-    given: list[Any] = list(events) if isinstance(events, Sequence) else [events]
+    given: list[Any] = entries("integrate", "events", events, MOST) if isinstance(events, Sequence) else [events]
     found: list[tuple[Callable[..., Any], float, int]] = []
     for k, event in enumerate(given):
         if not callable(event):
@@ -205,7 +208,7 @@ def integrate(
         _events(events),
         jac,
         jac_sparsity,
-        tuple(args),
+        tuple(entries("integrate", "args", args, MOST)),
         max_step,
         first_step,
         positions,

@@ -14,7 +14,7 @@ from pr_loops import ARM, LAW, PLANT, adaptive, batch, run
 
 import armlet as al
 from armlet.figures import time_path
-from armlet.gym import ArmEnv, Reach
+from armlet.gym import ArmEnv, ArmVectorEnv, Reach
 
 CHAIN = al.planar_arm([1.0, 1.0])
 TIP = al.Task("link2", "xy")
@@ -227,6 +227,15 @@ def test_hostile_arguments_are_refused_at_once(name: str) -> None:
 def test_no_more_is_read_than_the_length_says() -> None:
     """A length of two with entries without end is a vector of two."""
     np.testing.assert_array_equal(ARM.mass_matrix(Longer()), ARM.mass_matrix([0.5, 0.5]))
+
+
+@pytest.mark.parametrize("many", [Endless, endless, lambda: range(10**9)])
+def test_sequences_of_anything_end(many: Callable[[], Any]) -> None:
+    """Arguments that are no arrays of numbers, but are read entry by entry."""
+    with pytest.raises(al.InputError, match="integrate: args is too long"):
+        al.integrate(lambda t, y: -y, (0.0, 1.0), Q, args=many())
+    with pytest.raises(al.InputError, match=r"ArmVectorEnv\.reset: seed is too long"):
+        ArmVectorEnv(2).reset(seed=many())
 
 
 def test_integers_that_float64_represents_are_taken() -> None:

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import Arm, Plant
-from ..arguments import instance, shown
+from ..arguments import entries, instance, shown
 from ..border import bordered
 from ..errors import InputError
 from ..scenario import Scenario
@@ -91,7 +91,10 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Start anew, row i from `seed + i` or from `seed[i]`; with `options={"reset_mask": mask}` the rows of the mask alone."""
-        seeds = [None if seed is None else seed + i for i in range(self.num_envs)] if seed is None or isinstance(seed, int) else list(seed)
+        if seed is None or isinstance(seed, int):
+            seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
+        else:
+            seeds = entries("ArmVectorEnv.reset", "seed", seed, self.num_envs + 1)
         if len(seeds) != self.num_envs:
             raise InputError(f"ArmVectorEnv.reset: seed has the wrong number of entries: expected {self.num_envs}, got {len(seeds)}")
         options = {} if options is None else instance("ArmVectorEnv.reset", "options", options, dict, "a table or None")
