@@ -1,8 +1,8 @@
 """Adaptation of friction
 ======================
 
-How fast the tracking error and the error of the parameters vanish, with a motion that excites all parameters and with one that does not:
-for the plain law, for one that estimates friction too, and for leakage and a dead zone.
+The decay of the tracking error and of the parameter error, with a motion that excites all parameters and with one that does not.
+The laws are the plain one, one that also estimates friction, and laws with leakage and a dead zone.
 
 Run: ``python examples/adaptation_terms.py [figure.png]``
 """

@@ -1,7 +1,7 @@
 """Adaptive tracking
 =================
 
-Nothing is known of a planar PR robot, and its tracking error goes to zero.
+A law tracks a motion of a planar PR robot whose parameters it does not know. The tracking error goes to zero.
 
 Run: ``python examples/adaptive_pr.py [figure.png]``
 """

@@ -1,8 +1,8 @@
-"""What an arm is asked
+"""Quantities of an arm
 ====================
 
-A planar arm in four poses, with what it can do at its tip: the ellipse of velocities for joint rates of length one, and how heavy the
-tip feels in every direction. Then the identities that tie mass matrix, Coriolis matrix and inverse dynamics together.
+A planar arm in four poses, with two quantities of its tip: the ellipse of velocities for joint rates of length one, and the effective mass
+in every direction. Then identities of mass matrix, Coriolis matrix and inverse dynamics.
 
 Run: ``python examples/arm_quantities.py [figure.png]``
 """

@@ -1,7 +1,8 @@
 """Collision detection
 ===================
 
-A momentum observer tells a collision from sensor noise: how late, against how many false alarms, from 10,000 noisy runs.
+A momentum observer distinguishes a collision from sensor noise. The figure compares its delay with the share of false alarms, from 10,000
+noisy runs.
 
 Run: ``python examples/collision_detection.py [figure.png]``
 """

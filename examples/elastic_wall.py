@@ -1,8 +1,8 @@
 """Elastic joints against a wall
 =============================
 
-A 7-axis arm with elastic joints under Cartesian impedance, moved against a wall: contact force, joint torques, and the limits
-of the control.
+A seven-axis arm with elastic joints moves against a wall under Cartesian impedance. The figure has the contact force, the joint torques,
+and limits of the control.
 
 Run: ``python examples/elastic_wall.py [figure.png]``
 """

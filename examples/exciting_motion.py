@@ -1,8 +1,8 @@
 """Exciting motion
 ===============
 
-From a motion to an identified arm: a periodic motion within the limits of the joints that shows the base parameters best,
-a noisy record of it, and the arm that the record says.
+From a motion to an identified arm. The script computes the periodic motion within the joint limits that determines the base parameters
+best, makes a noisy record of it, and identifies the arm.
 
 Run: ``python examples/exciting_motion.py [figure.png]``
 """

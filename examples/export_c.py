@@ -1,8 +1,8 @@
 """A law as C
 ==========
 
-An adaptive law of a six-axis arm, written as C99, compiled, and called from Python at the samples of a run of armlet: the torques and the
-estimates are the same, bit for bit.
+An adaptive law of a six-axis arm is written as C99, compiled, and called from Python at the samples of a run of armlet. Torques and
+estimates have the same bits.
 
 Run: ``python examples/export_c.py [folder]``
 """

@@ -1,8 +1,8 @@
 """Formulas of an arm
 ==================
 
-The mass matrix of a shoulder with two parallel axes, as a formula. Then the formulas against
-the core's numbers, and the regressor of the exam's robot in LaTeX.
+The mass matrix of a shoulder with two parallel axes, as a formula. Then a comparison of the formulas with
+numbers of the core, and the regressor of the exam's robot in LaTeX.
 
 Run: ``python examples/formulas.py``
 """

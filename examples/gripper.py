@@ -1,8 +1,8 @@
 """An arm with a gripper
 =====================
 
-Two joints carry a parallel gripper. The right finger follows the left one against it (``<mimic>``), so that both fingers are one degree of
-freedom: ``q`` has three entries for four joints. A computed-torque law closes the gripper while the arm moves.
+Two joints carry a parallel gripper. The right finger mirrors the left one (``<mimic>``), so that both fingers are one degree of
+freedom. ``q`` has three entries for four joints. A computed-torque law closes the gripper while the arm moves.
 
 Run: ``python examples/gripper.py [figure.png]``
 """

@@ -1,7 +1,8 @@
 """Identification
 ==============
 
-What a noisy record says about a six-axis arm: base parameters, their deviations, and a possible robot that has them.
+The parameters of a six-axis arm from a noisy record: base parameters, their standard deviations, and a physically possible robot with
+these parameters.
 
 Run: ``python examples/identification.py [figure.png]``
 """

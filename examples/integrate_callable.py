@@ -1,7 +1,7 @@
 """Integration
 ===========
 
-Integrate a right-hand side of your own: a ball that bounces, and a stiff reaction beside scipy.
+Integrate your right-hand side: a ball that bounces, and a stiff reaction in comparison with scipy.
 
 Run: ``python examples/integrate_callable.py [figure.png]``
 """

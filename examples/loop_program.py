@@ -1,7 +1,7 @@
 """The program of a loop
 =====================
 
-What one step of a pendulum under PD control with gravity compensation computes: as the source says it, simplified, lowered to the
+The computation of one step of a pendulum under PD control with gravity compensation, in four forms: recorded, simplified, lowered to the
 instruction set, and as machine code.
 
 Run: ``python examples/loop_program.py [figure.png]``

@@ -1,7 +1,7 @@
 """Minimum time
 ============
 
-Minimum time of one link under gravity: which durations a torque limit allows, and how fast it can be done at all.
+One link under gravity: the durations of a profile that a torque limit allows, and the minimum time of all motions.
 
 Run: ``python examples/minimum_time.py [figure.png]``
 """

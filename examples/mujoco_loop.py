@@ -1,11 +1,11 @@
 """A MuJoCo model under an armlet law
 ==================================
 
-An armlet law drives a MuJoCo model, and the loop is the one that armlet simulates.
+A law of armlet controls a MuJoCo model. The script compares the loop with the one that armlet simulates.
 
-The law is asked once per step of MuJoCo, and its torque is held for the step: a sampled loop. With MuJoCo's Runge-Kutta method both
-loops integrate the same equations by the same method, so they differ by rounding alone; with its own semi-implicit Euler they differ by its
-error, of the order of the step.
+The law is called once per step of MuJoCo, and its torque is held for the step: a sampled loop. With MuJoCo's Runge-Kutta method both
+loops integrate the same equations by the same method, so they differ only by rounding. With MuJoCo's semi-implicit Euler they differ by
+the error of that method, which is of the order of the step.
 
 Run: ``python examples/mujoco_loop.py [figure.png]``; needs mujoco (``pip install 'armlet[mujoco]'``).
 """

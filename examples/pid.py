@@ -1,10 +1,10 @@
 """An unknown tool under PID
 =========================
 
-A two-joint arm lifts a tool that its controller does not know. Three controllers run on a clock of 1 kHz, with encoders alone.
+A two-joint arm lifts a tool that its controller does not know. Three controllers run at 1 kHz and measure only positions.
 
 PD with gravity compensation leaves an error. An integral removes it slowly. A disturbance observer finds the torque of the tool within a
-fraction of a second. The lower panel compares this torque with the weight of the tool. While the arm moves it holds the tool's inertia too.
+fraction of a second. The lower panel compares this torque with the weight of the tool. During the motion it also includes the tool's inertia.
 
 Run: ``python examples/pid.py [figure.png]``
 """

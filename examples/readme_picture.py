@@ -1,11 +1,11 @@
 """The picture of the README
 =========================
 
-The picture of the README: one result of each of the four systems that armlet grew from.
+The picture of the README: one result of each of the four systems at the origin of armlet.
 
     python examples/readme_picture.py docs/images
 
-draws ``four_systems.png`` into the folder given, else into the current one. Needs matplotlib.
+draws ``four_systems.png`` into this folder, or by default into the current one. It requires matplotlib.
 """
 
 import sys

@@ -1,8 +1,8 @@
-"""What sampling costs
+"""Effects of sampling
 ===================
 
-An adaptive law is proved for continuous time. Held over a sample time it tracks worse, its Lyapunov balance no longer closes, and a
-delay of one sample costs as much again: until neither law nor proof holds.
+The proof of an adaptive law holds for continuous time. With longer sample times the tracking error grows, and the Lyapunov balance no longer
+closes. A delay of one sample has about the same effect again.
 
 Run: ``python examples/sampling.py [figure.png]``
 """

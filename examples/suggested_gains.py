@@ -1,10 +1,10 @@
 """Gains for a bandwidth
 =====================
 
-Gains of a seven-axis arm for 15 rad/s, and how far the sample time may go.
+Gains of a seven-axis arm for 15 rad/s, and the largest sample time.
 
 ``suggest_gains`` evaluates the mass matrix over the workspace. The step responses below are those of a sampled controller of one
-link, with three bandwidths: a part of the largest stable one, almost all of it, and a tenth more. The last one diverges.
+link, with three bandwidths: a fraction of the largest stable one, almost the largest, and a tenth more. The last one diverges.
 
 Run: ``python examples/suggested_gains.py``.
 """

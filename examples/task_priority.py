@@ -1,7 +1,7 @@
 """Task priority
 =============
 
-Two tasks in priority on a planar 4R arm: what a singularity takes away, and how five maps pass through it.
+Two tasks in priority on a planar 4R arm: the lost direction at a singularity, and the velocities of five maps on a path through it.
 
 Run: ``python examples/task_priority.py [figure.png]``
 """

@@ -1,7 +1,7 @@
 """Timing of a path
 ================
 
-How fast can an arm follow a path: torque limits decide where, and the motion stays inside them.
+The fastest motion of an arm along a path, within torque limits.
 
 Run: ``python examples/time_path.py [figure.png]``
 """

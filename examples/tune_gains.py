@@ -3,8 +3,8 @@
 
 Gains of a joint controller by differential evolution, for payloads that the controller does not know.
 
-A two-joint arm in a horizontal plane under PD control: sampled every 2 ms with 4 ms delay and noisy speeds, and limited in torque. What is
-sought: the gains whose worst settling time over three payloads is least, with overshoot and torque charged.
+A two-joint arm in a horizontal plane is under PD control, with samples every 2 ms, 4 ms delay, noisy speeds and limited torque. The script
+searches the gains with the least worst settling time over three payloads. Overshoot and torque add to this cost.
 
 Run: ``python examples/tune_gains.py [figure.png]``; needs scipy (``pip install 'armlet[tune]'``).
 """
