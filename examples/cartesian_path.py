@@ -1,7 +1,8 @@
 """Path of poses
 =============
 
-From poses of the tool to a timed motion. The tool follows straight lines with rounded corners, as fast as torques and limits of the tool allow.
+From poses of the tool to a timed motion. The tool follows straight lines with rounded corners, as fast as torques
+and limits of the tool allow.
 
 Run: ``python examples/cartesian_path.py [figure.png]``
 """

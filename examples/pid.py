@@ -4,7 +4,8 @@
 A two-joint arm lifts a tool that its controller does not know. Three controllers run at 1 kHz and measure only positions.
 
 PD with gravity compensation leaves an error. An integral removes it slowly. A disturbance observer finds the torque of the tool within a
-fraction of a second. The lower panel compares this torque with the weight of the tool. During the motion it also includes the tool's inertia.
+fraction of a second. The lower panel compares this torque with the weight of the tool. It also includes the tool's
+inertia.
 
 Run: ``python examples/pid.py [figure.png]``
 """

@@ -1,8 +1,8 @@
 """Effects of sampling
 ===================
 
-The proof of an adaptive law holds for continuous time. With longer sample times the tracking error grows, and the Lyapunov balance no longer
-closes. A delay of one sample has about the same effect again.
+The proof of an adaptive law holds for continuous time. With longer sample times the tracking error grows, and the Lyapunov balance no
+longer closes. A delay of one sample has about the same effect again.
 
 Run: ``python examples/sampling.py [figure.png]``
 """

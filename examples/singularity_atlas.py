@@ -3,8 +3,8 @@
 
 The singularities of a planar 4R arm with two tasks, and the results of five maps on one path across them.
 
-The figure has level sets over joints 2 and 4. They are those of det J_E = L^4/16 sin q2 sin q4 and of the smallest singular values of J1 and
-of J2 P1. It also has the path of a closed loop across the algorithmic singularity q4 = 0.
+The figure has level sets over joints 2 and 4. They are those of det J_E = L^4/16 sin q2 sin q4 and of the smallest singular values of J1
+and of J2 P1. It also has the path of a closed loop across the algorithmic singularity q4 = 0.
 
 Run: ``python examples/singularity_atlas.py [figure.png]``
 """
