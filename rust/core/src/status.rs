@@ -66,7 +66,7 @@ impl Status {
         }
     }
 
-    /// What the caller can do about it.
+    /// Advice for the caller.
     pub fn advice(self) -> &'static str {
         match self {
             Status::Success => "the run reached its end",

@@ -1,4 +1,4 @@
-//! What the extension is.
+//! Information about the extension.
 
 use armlet_core::simulate;
 use armlet_macros::entered;

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 use std::sync::{Arc, Mutex};
 
-/// What a callable raised, kept until the run has ended.
+/// The error of a callable, kept until the run has ended.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
 
 /// Whether an error was raised. Then Python is not called again, and the run ends.
@@ -97,7 +97,7 @@ pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).get_or_insert(error);
 }
 
-/// What was raised inside a run.
+/// Raise the error of a callable inside a run.
 pub fn raise(raised: &Raised) -> Result<(), Failure> {
     let inside = raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
     inside.map_or(Ok(()), |error| Err(Failure::Python(error)))

@@ -10,7 +10,7 @@ use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
 
 thread_local! {
-    /// What a signal's handler raised on this thread, until the call that it interrupted passes it on.
+    /// The error of a signal handler on this thread, until the interrupted call raises it.
     static SIGNAL: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
@@ -90,7 +90,7 @@ pub fn pause_in_turn(py: Python<'_>) -> PyResult<()> {
     Ok(())
 }
 
-/// What `read` makes of each of these objects, with pauses.
+/// The result of `read` for each of these objects, with pauses.
 pub fn paused<'py, T>(
     list: &[Bound<'py, PyAny>],
     read: impl Fn(usize, &Bound<'py, PyAny>) -> Result<T, Failure>,

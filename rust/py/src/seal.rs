@@ -13,7 +13,7 @@ use pyo3::types::{PyBytes, PyDict, PyMemoryView, PySlice, PyTuple};
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// What `__reduce__` returns: `_restore` and the payload, whole or in pieces.
+/// The result of `__reduce__`: `_restore` and the payload, whole or in pieces.
 pub type Sealed<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 
 /// Bytes that are handled between two moments in which other threads get the interpreter.
@@ -44,7 +44,7 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     Ok((py.import("armlet._core")?.getattr("_restore")?, payload))
 }
 
-/// What `__reduce__` of a class in Python returns: the pickle of `make(*arguments)`.
+/// The result of `__reduce__` of a class in Python: the pickle of `make(*arguments)`.
 #[entered]
 #[pyfunction]
 pub fn _seal<'py>(make: &Bound<'py, PyAny>, arguments: &Bound<'py, PyTuple>) -> PyResult<Sealed<'py>> {
@@ -97,7 +97,7 @@ fn digest_of<'py>(hash: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
     Ok(hash.call_method0("digest")?.cast_into::<PyBytes>()?)
 }
 
-/// The file that a body is pickled to: other threads run meanwhile, as they do not while `pickle.dumps` copies.
+/// The file for the pickle of a body. Other threads run while it is written, but not while `pickle.dumps` copies.
 #[pyclass(module = "armlet._core", name = "_Written")]
 struct Written {
     body: Vec<u8>,
@@ -225,7 +225,7 @@ pub fn _restore<'py>(payload: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny
         let (make, arguments, keywords): (Bound<'_, PyAny>, Bound<'_, PyTuple>, Bound<'_, PyDict>) = parts.extract()?;
         make.call(arguments, Some(&keywords))
     })();
-    // What was written whole and cannot be made is of another version of armlet, or of a package that is not here.
+    // A complete pickle that cannot be restored is of another version of armlet, or of a package that is not installed.
     made.map_err(|error| {
         let passes = error.is_instance_of::<PyMemoryError>(py) || !error.is_instance_of::<PyException>(py);
         if passes { error } else { format_error(py, &format!("unpickle: the stored object is of another version: {error}")) }

@@ -20,7 +20,7 @@ pub fn array_table(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(table)
 }
 
-/// What `__reduce__` of an array returns, in shares where it is large.
+/// The result of `__reduce__` of an array, in parts if it is large.
 #[entered]
 #[pyfunction]
 pub fn _stored_array<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {

@@ -1,4 +1,4 @@
-//! `armlet.suggest_gains` and its answer.
+//! `armlet.suggest_gains` and its result.
 
 use crate::arm::Arm;
 use crate::arrays::{any_vector, copied, number, object, optional_number};

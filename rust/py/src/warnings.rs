@@ -8,7 +8,7 @@ use armlet_core::simulate::Problem;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
-/// Frames that are looked at for the first one outside of armlet.
+/// The number of frames that are searched for the first one outside of armlet.
 const MOST_FRAMES: usize = 64;
 
 /// Warn, as if the first frame outside of armlet did.
@@ -27,7 +27,7 @@ pub fn warn(py: Python<'_>, text: String) -> PyResult<()> {
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, level as i32)
 }
 
-/// What to do with a position outside of joint limits.
+/// The action for a position outside of joint limits.
 #[derive(Clone, Copy, PartialEq)]
 pub enum LimitCheck {
     Warn,

@@ -52,7 +52,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
         look();
         if norms[j] > UNSEEN * largest {
             coefficients = vec![0.0; out.columns.len()];
-            // Twice is enough (Parlett 1980): the second pass takes off what rounding left of the first.
+            // Twice is enough (Parlett 1980): the second pass removes the rounding error of the first.
             for _ in 0..2 {
                 for (k, &i) in out.columns.iter().enumerate() {
                     look();

@@ -70,7 +70,7 @@ impl ChainJoint {
     }
 }
 
-/// What a joint takes in an arm and in the model made of it, about, with its names.
+/// The approximate memory of a joint in an arm and in its model, names included.
 const BYTES_PER_JOINT: usize = 4096;
 
 /// Refuse more joints than memory holds, before the first of their many small parts is made.

@@ -4,7 +4,7 @@ use super::{Arm, JointKind};
 use crate::interrupt::look;
 use std::f64::consts::TAU;
 
-/// What a position may be beyond a limit, rad or m: files and scripts round both.
+/// The tolerance of a position beyond a limit, rad or m, because files and scripts round both.
 const SLACK: f64 = 1e-9;
 
 /// The first position outside of the limits of its joint, and how many there are.
@@ -24,7 +24,7 @@ pub struct Outside {
     pub joints: usize,
     /// Rows with a joint outside.
     pub rows: usize,
-    /// Rows looked at.
+    /// The number of rows that were checked.
     pub of: usize,
 }
 
@@ -65,7 +65,7 @@ impl Outside {
         if of_rows { format!("[{}, {}]", self.row, self.joint) } else { format!("[{}]", self.joint) }
     }
 
-    /// What is wrong with it: `= -57 rad is outside [-3.1, 3.1]: degrees?`.
+    /// The problem in words: `= -57 rad is outside [-3.1, 3.1]: degrees?`.
     pub fn problem(&self) -> String {
         let ([lower, upper], unit) = (self.limits.map(short), if self.angle { "rad" } else { "m" });
         let mut text = format!("= {} {unit} is outside [{lower}, {upper}]", short(self.value));

@@ -1,4 +1,4 @@
-//! Arms of very many joints: their functions look whether to stop, and answer the same bits afterwards.
+//! Functions of arms with very many joints check for a stop, and return the same bits afterwards.
 
 use super::derivatives::{factor, solve};
 use super::{Evaluator, Functions, Quantity, Query};
@@ -58,7 +58,7 @@ fn buffers_of_very_many_joints_are_made_at_the_first_call() {
     const MANY: usize = 5000;
     let functions = Functions::new(Arc::new(planar(MANY)));
     let (zero, mut out) = (vec![0.0; MANY], vec![0.0; MANY]);
-    // One that is interrupted leaves no half of them.
+    // An interrupted call leaves no partial results.
     let query = Query::from(Quantity::Gravity);
     assert!(asked(|| functions.one(&query, &[&zero], &mut out)).is_err());
     assert_eq!(functions.one(&query, &[&zero], &mut out), Ok(true));

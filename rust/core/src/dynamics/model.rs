@@ -97,7 +97,7 @@ impl Model {
         names
     }
 
-    /// The tree of bodies, or an error that says what `argument` lacks.
+    /// The tree of bodies, or an error about `argument`.
     pub fn tree(&self, argument: &str) -> Result<&Arc<Arm>> {
         match self {
             Model::Tree(arm) => Ok(arm),

@@ -149,7 +149,7 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         yt_s: &mut [S],
     ) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
-        // What is known last comes last, here and below: a run waits for its longest chain of operations.
+        // Here and below, values that are known last are used last, because a run waits for its longest chain of operations.
         y_pi[0] = y12.mul_add(pi[1], a_r[0].mul_add(pi[0], y_pi[0]));
         y_pi[1] = y22.mul_add(pi[1], a_r[1].mul_add(pi[2], y_pi[1]));
         yt_s[0] = a_r[0] * s[0];

@@ -16,7 +16,7 @@ const LONGEST: f64 = 600_000.0;
 pub struct CFunction {
     /// Its name in C, behind the prefix.
     pub name: String,
-    /// What it computes.
+    /// The quantity of the function.
     pub query: Query,
 }
 
@@ -43,7 +43,7 @@ impl Quantity {
         ("forward_dynamics_derivatives", Quantity::ForwardDynamicsDerivatives),
     ];
 
-    /// What the answer is, in a line.
+    /// The meaning of the result, in one line.
     fn meaning(self) -> &'static str {
         match self {
             Quantity::MassMatrix => "M(q), N x N",
@@ -163,7 +163,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
         }
     }
 
-    /// What a header says of the arm: joints with their units, and the inertial parameters.
+    /// The lines of a header about the arm: joints with their units, and the inertial parameters.
     pub(crate) fn described(&self) -> String {
         let (names, slides): (Vec<String>, Vec<bool>) = match self {
             Model::PlanarPr(_) => (vec!["p1".into(), "r2".into()], vec![true, false]),
@@ -227,7 +227,7 @@ fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
     }
 }
 
-/// How an answer is handed out: numbers, or none.
+/// The code that returns a result: numbers, or none.
 fn answer(prefix: &str, upper: &str) -> String {
     format!(
         "static int {prefix}_refuse(int status, int count, double *out)\n{{\n    int k;\n    for (k = 0; k < count; k++)\n        \

@@ -50,7 +50,7 @@ pub enum Quantity {
     ForwardDynamicsDerivatives,
 }
 
-/// What the shapes of answers depend on.
+/// The sizes on which the shapes of results depend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
     /// Coordinates.
@@ -78,11 +78,11 @@ impl<S: Real> Tree<S> {
 /// A quantity with its options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Query {
-    /// What is computed.
+    /// The quantity.
     pub quantity: Quantity,
     /// Of pose, position, Jacobian and its rate.
     pub frame: usize,
-    /// Where the wrench `[f; n]` (world axes, at the frame origin) of inverse and forward dynamics acts.
+    /// The frame of the wrench `[f; n]` (world axes, at the frame origin) of inverse and forward dynamics.
     pub wrench: Option<usize>,
     /// Add damping and Coulomb friction to bias and inverse dynamics, and subtract them from the torque in forward
     /// dynamics. In the regressor append columns `diag(v_r)` and `diag(sign v)`.
@@ -146,7 +146,7 @@ impl Query {
         rows * columns
     }
 
-    /// Whether the answer depends on a frame.
+    /// Whether the result depends on a frame.
     #[inline]
     pub(super) fn is_framed(&self) -> bool {
         matches!(self.quantity, Quantity::Pose | Quantity::PoseVector | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)

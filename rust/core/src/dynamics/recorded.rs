@@ -17,7 +17,7 @@ use std::sync::Mutex;
 const BLOCK: usize = 16;
 
 pub(super) struct ArmFunction {
-    /// Widths of the inputs, and numbers of an answer.
+    /// Widths of the inputs, and the size of a result.
     widths: Vec<usize>,
     length: usize,
     first: Evaluation,
@@ -51,7 +51,7 @@ pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluati
     recorded_by(arm, query, &widths, |inputs, set_up, answer| record(lanes, inputs, set_up, answer))
 }
 
-/// What `record` makes of so many inputs, the set-up and the answer.
+/// Record `record` with so many inputs and the set-up.
 fn recorded_by<T>(
     arm: &Arm,
     query: &Query,
@@ -73,7 +73,7 @@ fn recorded_by<T>(
 
 /// A quantity of one configuration at a time.
 pub(super) struct ArmCall {
-    /// Widths of the inputs, and numbers of an answer.
+    /// Widths of the inputs, and the size of a result.
     widths: Vec<usize>,
     length: usize,
     evaluation: Evaluation,
@@ -84,7 +84,7 @@ impl ArmCall {
         Ok(ArmCall { widths: widths(query, arm.n()), length: query.length(arm.size()), evaluation: recorded(arm, query, false)? })
     }
 
-    /// One configuration: whether all is as it should be. If not, direct evaluation has the answer.
+    /// One configuration. If the result is false, direct evaluation must compute it.
     pub fn answer(&mut self, inputs: &[&[f64]], out: &mut [f64]) -> bool {
         if inputs.len() != self.widths.len() || out.len() != self.length {
             return false;
@@ -133,7 +133,7 @@ impl ArmFunction {
             if sound && (0..lanes).all(|lane| evaluation.is_near(lane)) {
                 continue;
             }
-            // Group by group: the rows that the program does not answer.
+            // Group by group: the rows that the program does not compute.
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
                 let at = start + group * lanes;
                 read(&mut evaluation, at);

@@ -20,7 +20,7 @@ pub struct BodyMotion<S: Real> {
     pub u: Matrix3<S>,
 }
 
-/// What one body needs in the Newton-Euler recursions.
+/// The memory of one body in the Newton-Euler recursions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Link<S: Real> {
     /// Rotation to the parent's axes where it is not a quarter turn and `Rz`, and the joint origin in them.
@@ -68,7 +68,7 @@ impl<S: Real> Handle<S> {
     }
 }
 
-/// What one body needs in the articulated-body recursion.
+/// The memory of one body in the articulated-body recursion.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Articulated<S: Real> {
     pub handle: Handle<S>,

@@ -116,7 +116,7 @@ impl<B: Clone> Chatter<B> {
                 return false;
             }
         }
-        // What rounding errors of the state do to the slope.
+        // The effect of rounding errors of the state on the slope.
         for (at, &x) in self.at.as_mut().iter_mut().zip(x) {
             *at = S::splat(1.0 + f64::EPSILON) * x;
         }

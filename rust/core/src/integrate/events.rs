@@ -105,7 +105,7 @@ impl<B: Buffer<f64>> Watch<B> {
         let mut end = None;
         for k in 0..self.crossings.len() {
             let crossing = &mut self.crossings[k];
-            // What falls on the end is seen too, whatever its place in the list.
+            // A crossing at the end counts too, independent of its place in the list.
             if end.is_some_and(|end| crossing.t > end) {
                 self.crossings.truncate(k);
                 break;
@@ -127,7 +127,7 @@ pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> 
     let (mut a, mut b) = (b, a);
     let mut c;
     let mut part = 0.5;
-    // Bisection alone needs no more than the 2^64 numbers there are; NaN ends it too.
+    // Bisection alone ends after at most as many steps as there are numbers, and NaN also ends it.
     for _ in 0..200 {
         let middle = a.0 + part * (b.0 - a.0);
         let inside = |t: f64| (t > a.0 && t < b.0) || (t > b.0 && t < a.0);

@@ -30,7 +30,7 @@ pub struct Steps<M, B, U> {
     input_end: f64,
     dense: bool,
     work: Work,
-    /// What one step costs.
+    /// The cost of one step.
     each: Work,
 }
 

@@ -31,9 +31,9 @@ const AT_REST: f64 = 1e-3;
 pub(super) struct Rounding<B> {
     /// Whether states are compensated.
     pub compensated: bool,
-    /// What the state is more than `x`.
+    /// The difference of the state and `x`.
     pub rest: B,
-    /// What the last argument of `f` is more than its rounded numbers.
+    /// The difference of the last argument of `f` and its rounded numbers.
     pub lost: B,
     strain: u32,
     looks: u64,
@@ -99,7 +99,7 @@ impl<B> Rounding<B> {
         }
     }
 
-    /// The step is rejected; whether rounding is to be looked at.
+    /// Count a rejected step. The result is true if the rounding error shall be measured.
     pub fn rejected(&mut self) -> bool {
         self.strain += REJECTED;
         if self.strain < MOST {

@@ -7,7 +7,7 @@ use super::events::{Event, Watch, Watched};
 use super::{Adaptive, Buffer, System, Work};
 use crate::status::Status;
 
-/// What a run hands out as it goes.
+/// Receives the results of a run while it proceeds.
 pub trait Recorder {
     /// The state at a requested time, or after a step.
     fn state(&mut self, t: f64, x: &[f64]);
@@ -21,7 +21,7 @@ pub trait Recorder {
     }
 }
 
-/// What is asked for.
+/// The requested results.
 #[derive(Clone, Debug, Default)]
 pub struct Request<'a> {
     /// Increasing, within the span; `None` for every step.

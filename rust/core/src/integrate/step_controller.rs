@@ -74,7 +74,7 @@ impl<T: Accuracy> StepController<T> {
         t.min(self.input_end)
     }
 
-    /// Where `t` is in the last step, as a part of its size, and this size; `None` at its end.
+    /// The place of `t` in the last step as a fraction of its size, and this size; `None` at its end.
     pub fn within(&self, t: f64) -> Option<(f64, f64)> {
         let h = self.t - self.t_old;
         if h == 0.0 || t >= self.t { None } else { Some(((t - self.t_old) / h, h)) }
@@ -120,7 +120,7 @@ impl<T: Accuracy> StepController<T> {
         system.rhs(u, y.as_ref(), dy.as_mut());
         self.work.evaluations += 1;
         let dy = dy.as_ref();
-        // Where the slope is not finite a little further on, the first step keeps away from there.
+        // If the slope is not finite a little further on, the first step stays away from there.
         let (d2, most) = if finite(dy) {
             (self.norm(x, x, |i| dy[i] - k[i]) / h0, span)
         } else {

@@ -106,7 +106,7 @@ impl<S: Real> Bodies<S> {
         }
     }
 
-    /// Where a frame is, and how it moves where that is asked for.
+    /// The placement of a frame, and on request its velocity.
     pub(super) fn frame(&self, frame: usize, moving: bool) -> Moving<S> {
         let (r, p) = of_frame(&self.tree, &self.poses, frame);
         let body = self.tree.frames[frame].body;

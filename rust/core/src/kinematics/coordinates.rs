@@ -41,7 +41,7 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
 ///
 /// Errors: it is no pose, or it turns about an axis that the rows leave out while they have others of orientation.
 pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
-    /// How far a rotation may be from orthogonal.
+    /// The largest accepted deviation of a rotation from orthogonality.
     const ORTHOGONAL: f64 = 1e-6;
     /// Angles below it are rounding.
     const STRAIGHT: f64 = 1e-9;

@@ -1,10 +1,10 @@
-//! What a law is measured by: where it wants the joints, and the positions of frames that it brings to targets.
+//! The references of a law: the desired positions of the joints, and the targets of frames.
 
 use super::LawSpec;
 use crate::kinematics::{Coordinates, TaskFunction};
 use crate::motion::Motion;
 
-/// Where a law wants the joints.
+/// The desired positions of the joints.
 #[derive(Clone, Debug, PartialEq)]
 pub enum JointReference {
     /// Its motion: the first of [`Definition::motions`](super::Definition::motions).
@@ -20,12 +20,12 @@ pub struct Aim {
     pub frame: usize,
     /// Which of x, y, z.
     pub rows: Vec<usize>,
-    /// Where the target's rows are in [`LawSpec::desired`].
+    /// The places of the target's rows in [`LawSpec::desired`].
     pub places: Vec<usize>,
 }
 
 impl JointReference {
-    /// What a motion that holds asks for.
+    /// The reference of a constant motion.
     pub(super) fn held(motion: &Motion) -> Self {
         let mut sample = vec![0.0; 3 * motion.dof()];
         motion.sample(0.0, &mut sample);

@@ -16,7 +16,7 @@ pub struct ArmBatch {
     declined: Vec<usize>,
 }
 
-/// What a program was made with: thresholds and bounds.
+/// The settings of a program: thresholds and bounds.
 type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
 
 /// The program of a solver, and what it was made with.

@@ -77,11 +77,11 @@ impl ArmSolver {
         jacobians(&mut self.running, q, out)
     }
 
-    /// Joint velocities for `q` `(n,)` and the stacked task velocities `(sum rows,)`; the answer is `solver().v()`.
+    /// Solve for `q` `(n,)` and the stacked task velocities `(sum rows,)`. The joint velocities are `solver().v()`.
     pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<Status> {
         self.prepare(q)?.copy_from_slice(velocities);
         self.solver.run().or_else(|error| {
-            // What the Jacobians lack is what q lacks.
+            // Jacobians are not finite only if `q` is not.
             finite("q", q)?;
             Err(error)
         })

@@ -21,7 +21,7 @@ pub trait Solve {
     fn solve(&mut self, rounding: Self::Number, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()>;
     /// The joint velocities found.
     fn v(&self) -> &[Self::Number];
-    /// What they leave of each level's task velocities, stacked.
+    /// The residuals of each level's task velocities, stacked.
     fn residuals(&self) -> &[Self::Number];
     /// One where they are right, zero where another route has to be taken; `None` where they always are.
     fn stands(&self) -> Option<Self::Number>;
@@ -96,7 +96,7 @@ pub enum Decided<L, R> {
     Recorded(R, Buffers<Sym>),
 }
 
-/// What a law reads and writes, on its own number.
+/// The inputs and outputs of a law, on its number type.
 pub struct Buffers<T> {
     desired: Vec<T>,
     trig: Vec<(T, T)>,

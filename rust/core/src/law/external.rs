@@ -7,7 +7,7 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 use std::sync::Arc;
 
-/// `call(t, x, tau)`; `false` where it has no answer, which ends the run.
+/// `call(t, x, tau)`; `false` without a result, which ends the run.
 pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 
 /// A law that is a function of the caller.

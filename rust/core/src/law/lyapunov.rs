@@ -10,7 +10,7 @@ use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::divergence;
 
-/// How far an estimate is from the truth.
+/// The distance of an estimate from the true parameters.
 enum Metric<S> {
     /// The diagonal of `Gamma`.
     Diagonal(Vec<S>),
@@ -24,7 +24,7 @@ enum Metric<S> {
 pub struct Lyapunov<S: Real> {
     lambda: AnyGain<S>,
     metric: Metric<S>,
-    /// The plant's parameters, as far as they are estimated.
+    /// The estimated parameters, with the plant's values.
     truth: Vec<S>,
     e: Vec<S>,
     s: Vec<S>,

@@ -80,7 +80,7 @@ impl PriorityVelocitySpec {
     }
 }
 
-/// The arm's own velocity limits where the map needs bounds and has none.
+/// Use the arm's velocity limits if the map requires bounds and has none.
 pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<PriorityOptions> {
     let arm = model.tree("arm")?;
     if options.method == PriorityMethod::Sns && options.v_min.is_none() && options.v_max.is_none() {

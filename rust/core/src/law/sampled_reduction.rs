@@ -24,7 +24,7 @@ struct Group {
     n: usize,
     stiffness: Vec<f64>,
     inverse_inertia: Vec<f64>,
-    /// What brakes the motors against the ground, `(n,)`.
+    /// The friction of the motors, `(n,)`.
     friction: Vec<f64>,
     model_stiffness: Vec<f64>,
     /// `B B0^-1`

@@ -15,7 +15,7 @@ use crate::plant::PlantSpec;
 use crate::scalar::{Real, sign};
 
 impl AdaptiveSpec {
-    /// The true parameters of a plant, as far as they are estimated.
+    /// The true values of the estimated parameters of a plant.
     pub(super) fn truth(&self, plant: &PlantSpec) -> Vec<f64> {
         let parameters = plant.model().parameters();
         let mut truth = self.base.as_ref().map_or(parameters.clone(), |base| base.project(&parameters));
@@ -28,7 +28,7 @@ impl AdaptiveSpec {
 pub struct Truth<S> {
     /// `a`.
     parameters: Vec<S>,
-    /// What the columns of joints have of friction, `a_f`; zero for rotors.
+    /// The friction parameters `a_f` of the columns of joints; zero for rotors.
     rubbing: Vec<S>,
     /// Viscous and Coulomb friction of the plant, and `B - B_0`, `(n,)` each.
     viscous: Vec<S>,
@@ -42,7 +42,7 @@ impl<S: Real> Truth<S> {
         let own = of(0).adaptive().filter(|law| !law.is_plain())?;
         let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).adaptive().unwrap_or(own).truth(plant(lane))).collect();
         let parameters = S::labelled("plant", 1, || (0..truths[0].len()).map(|k| S::from_lanes(|lane| truths[lane][k])).collect());
-        // What follows belongs to the geometry, which lanes share.
+        // The rest belongs to the geometry, which lanes share.
         let (model, n) = (plant(0).model(), plant(0).n());
         let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
         let [viscous, coulomb] = model.friction(plant(0).has_friction()).map(fixed);

@@ -24,7 +24,7 @@ pub fn least_to_turn<'a, S: Real>(entries: impl IntoIterator<Item = &'a S>) -> S
 }
 
 impl<S: Real> JacobiRotation<S> {
-    /// That leaves nothing between two axes with `a_pp`, `a_qq` and `a_pq`; `least`: see [`least_to_turn`].
+    /// The rotation that makes two axes with `a_pp`, `a_qq` and `a_pq` independent; `least`: see [`least_to_turn`].
     pub fn new(a_pp: S, a_qq: S, a_pq: S, least: S) -> Self {
         let (zero, one) = (S::zero(), S::splat(1.0));
         let (twice, d) = (a_pq + a_pq, a_qq - a_pp);

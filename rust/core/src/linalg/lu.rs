@@ -7,7 +7,7 @@
 
 use crate::scalar::Real;
 
-/// What a decomposition is over: real or complex numbers.
+/// The numbers of a decomposition: real or complex.
 pub trait Entry: Copy {
     type Real: Real;
     /// A real number as an entry.

@@ -88,7 +88,7 @@ pub fn rows<R: Send>(
     pieces(threads, poll, parts, |(i, rows): (usize, &mut [f64])| work(i * chunk, i * chunk + rows.len() / length.max(1), rows))
 }
 
-/// `work` on each of these parts; what it said of each, in order.
+/// Run `work` on each of these parts. The results are in the same order.
 pub fn pieces<P: Send, R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,

@@ -60,7 +60,7 @@ where
     parts.into_par_iter().with_max_len(1).map(&work).collect()
 }
 
-/// `work(i, part)` on each part, by the threads of the pool that calls; whether any of them said yes.
+/// Run `work(i, part)` on each part, by the threads of the calling pool. The result is true if any of them returned true.
 pub fn any<P: Send>(parts: &mut [P], work: impl Fn(usize, &mut P) -> bool + Sync) -> bool {
     parts.par_iter_mut().enumerate().with_max_len(1).map(|(i, part)| work(i, part)).reduce(|| false, |a, b| a | b)
 }

@@ -14,7 +14,7 @@ pub(super) fn map<P, R, C: FromIterator<R>>(parts: Vec<P>, work: impl Fn(P) -> R
     parts.into_iter().map(work).collect()
 }
 
-/// `work(i, part)` on each part; whether any of them said yes.
+/// Run `work(i, part)` on each part. The result is true if any of them returned true.
 pub fn any<P>(parts: &mut [P], work: impl Fn(usize, &mut P) -> bool) -> bool {
     parts.iter_mut().enumerate().fold(false, |any, (i, part)| any | work(i, part))
 }

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// What the profile can and cannot do. Labels and words are computed on request.
+/// The feasible durations of the profile. Labels and messages are computed on request.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BangBangReport {
     /// Whether a feasible duration exists.
@@ -53,7 +53,7 @@ fn bounds<S: Real>([g, tau_min, tau_max]: [S; 3], [s0, sm, s1]: &[Sine<S>; 3]) -
     Bounds { upper: [tau_max - high1, low2 - tau_min], lower: [tau_min - low1, high2 - tau_max] }
 }
 
-/// The answers to one problem per lane; flags are 1 or 0.
+/// The results of one problem per lane; flags are 1 or 0.
 struct Answers<S> {
     /// `t_min`, `t_max`, `a_min`, `a_max`.
     numbers: [S; 4],
@@ -121,7 +121,7 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
     Ok(BangBangReport { feasible, t_min, t_max, a_min, a_max, hold_start, hold_end, theta0, thetaf, link })
 }
 
-/// Where the answers to many problems go, `(count,)` each: `t_min, t_max, a_min, a_max`, and `feasible, hold_start, hold_end`.
+/// The output arrays of many problems, `(count,)` each: `t_min, t_max, a_min, a_max`, and `feasible, hold_start, hold_end`.
 pub struct BangBangTimes<'a> {
     /// Durations and accelerations: `t_min`, `t_max`, `a_min`, `a_max`.
     pub numbers: [&'a mut [f64]; 4],

@@ -113,7 +113,7 @@ fn stall(step: &Step) -> Option<f64> {
     Some(a)
 }
 
-/// Where a push meets the brake after it.
+/// The point where a push meets the brake after it.
 pub(super) struct Meeting {
     /// The distance from the start.
     pub at: f64,

@@ -27,7 +27,7 @@ use super::torque_optimal::{Best, Family, TorqueOptimum};
 use super::windows::Windows;
 use crate::error::{Error, Result};
 
-/// Where a motion that comes from an equilibrium is taken to begin, rad beside it: its energy there is rounding.
+/// The offset, in rad, at which a motion from an equilibrium begins. Its energy there is a rounding error.
 const BESIDE: f64 = 1e-7;
 
 /// The back-swings of `x0 -> x1 > x0`.
@@ -203,7 +203,7 @@ struct Straight {
 }
 
 impl Straight {
-    /// Where push and brake meet with both torques larger by `more`, and how far the two go.
+    /// The point where push and brake meet with both torques larger by `more`, and the ends of both.
     fn meeting(&self, more: f64) -> (Option<Meeting>, [f64; 2]) {
         let (distance, link) = (self.x1 - self.x0, self.link);
         let push = Curve::new(self.x0, self.up + more, &link, distance, None);

@@ -17,7 +17,7 @@ use super::sine::{sin_cos, sinc_cos_small};
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{PI, TAU};
 
-/// The mean net torque, in parts of all torques, below which the fixed rule is not enough.
+/// The mean net torque, as a fraction of all torques, below which the fixed rule is not sufficient.
 const LEAN: f64 = 1e-3;
 /// Relative accuracy of each panel of a time: with 1e-12 two rules agreed by chance in one of some million links, 1e-10 beside the time.
 const ACCURACY: f64 = 3e-14;
@@ -110,7 +110,7 @@ impl Phase {
         if self.least.is_nan() {
             return f64::INFINITY;
         }
-        // A phase that leaves its rest comes to a crest before it falls: rounding may tell where both are one.
+        // A phase that leaves its rest comes to a crest before it falls. Rounding errors may hide this if both places coincide.
         let least = self.first_least();
         if self.descent_length() >= least || self.energy(least) > 0.0 { f64::INFINITY } else { self.zero(least) }
     }
@@ -140,7 +140,7 @@ impl Phase {
         length - TAU * (length / TAU).floor()
     }
 
-    /// Where the energy is zero between a maximum and the minimum at `least`: Halley's method from the inflection.
+    /// The place of zero energy between a maximum and the minimum at `least`, by Halley's method from the inflection.
     fn zero(&self, least: f64) -> f64 {
         let (mut y, mut last) = (least - 0.5 * self.descent_length(), f64::INFINITY);
         for _ in 0..60 {
@@ -178,7 +178,8 @@ impl Phase {
         let hump = self.hump(length);
         let least = hump.map_or(f64::INFINITY, |y| self.energy(y) / y).min(self.net());
         let (enough, end) = (LEAN * (self.push + self.g.abs()), energy / length);
-        // A turn and more sees several humps, and one that is barely cleared leaves a narrow peak; at the end the rule is close.
+        // A phase longer than one turn crosses several maxima of gravity. One that it barely passes makes a narrow peak; at the end the rule is
+        // accurate.
         if length > TAU || least < enough || end < 0.01 * enough {
             self.time_gradient(length, 1e-3)
         } else {

@@ -215,7 +215,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
         }
     }
     let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
-    // What is missing: the least widening of both limits at which some k fits. A parabola gives the crest between places of the grid.
+    // The missing torque: the least widening of both limits with a feasible k. A parabola finds the crest between grid points.
     let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 {
         0.0
     } else {

@@ -70,7 +70,7 @@ const FEW: [[f64; 8]; 2] = {
 const MAX_PANELS: usize = 600;
 const MAX_DEPTH: usize = 60;
 
-/// What is integrated, at several places.
+/// An integrand, evaluated at several places.
 pub(super) trait Integrand {
     fn at<S: Real>(&self, s: S) -> S;
 }

@@ -51,7 +51,7 @@ pub struct Bind {
     pub limit: Limit,
     /// 1 while accelerating, 2 while braking (of three phases: 1, 2, 3).
     pub phase: u8,
-    /// Where in the phase.
+    /// The place in the phase.
     pub place: Place,
     /// Angle where the limit is reached, rad.
     pub theta: f64,
@@ -83,16 +83,16 @@ pub enum Reason {
     },
     /// Gravity alone takes the whole of a limit: no duration, however long, obeys it.
     Blocked {
-        /// Where the upper limit binds.
+        /// The place where the upper limit binds.
         upper: Bind,
         /// Missing torque, N m.
         missing: f64,
     },
     /// One limit asks for a slow motion, the other for a fast one. `missing`: how much wider both must be, N m.
     Conflict {
-        /// Where the upper limit binds.
+        /// The place where the upper limit binds.
         upper: Bind,
-        /// Where the lower limit binds.
+        /// The place where the lower limit binds.
         lower: Bind,
         /// Missing torque, N m.
         missing: f64,

@@ -58,9 +58,9 @@ pub(super) trait BackSwings {
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
     /// None where it is impossible.
     fn swing(&self, e: f64) -> Option<Swing>;
-    /// Where swings are possible, from the nearest window to the last one that begins before `farthest`, and maybe on.
+    /// The intervals of feasible swings, from the nearest one to the last one that begins before `farthest`, or beyond.
     fn windows(&self, farthest: f64) -> impl Iterator<Item = Window>;
-    /// Where the monotone motion is possible, the least `e` worth trying.
+    /// If the monotone motion is feasible, the least `e` with a possible gain.
     fn nearest(&self) -> Option<f64>;
     /// No larger `e` is faster than `limit`.
     fn farthest(&self, limit: f64) -> f64;
@@ -69,9 +69,9 @@ pub(super) trait BackSwings {
 /// A turning point and the slope there, at the edges of a window what it tends to.
 type Point = (f64, f64);
 
-/// What the last step of the turning point changes T by, relative to the order of `c e`: with it T is far nearer than that.
+/// The change of T in the last step of the turning point, relative to the order of `c e`. The error of T is then far smaller.
 const FLAT: f64 = 1e-10;
-/// The last step on rough slopes, in parts of the way to an edge.
+/// The last step with coarse derivatives, as a fraction of the distance to an edge.
 const NEAR: f64 = 2e-3;
 /// A slope that is near zero: T hardly changes any more.
 const LEVEL: f64 = 0.3;
@@ -89,7 +89,7 @@ const LONGEST: f64 = 1.0;
 struct Search<'a, B> {
     swings: &'a B,
     best: Option<Swing>,
-    /// What the next swing has to be faster than, and the turning point beyond which none can be.
+    /// The duration that the next swing must beat, and the turning point beyond which no swing can do so.
     limit: f64,
     farthest: f64,
 }

@@ -25,10 +25,10 @@ pub(super) type Series = [f64; ORDER + 1];
 const POINTS: usize = 12;
 /// Time constants of the friction after which steps are collocated: exp(-40) is below rounding.
 const SETTLED: f64 = 40.0;
-/// What the last term of a collocated speed may be, beside the speed.
+/// The largest last term of a collocated speed, relative to the speed.
 const TAIL: f64 = 2e-14;
 
-/// What moves: inertia, gravity, friction. Backwards in time both frictions are negative.
+/// The parameters of the link: inertia, gravity, friction. Backwards in time both frictions are negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rough {
     pub inertia: f64,
@@ -98,7 +98,7 @@ impl Progress {
         self.push - self.link.g * sin_cos(self.x).0
     }
 
-    /// What rounding may do to the torque.
+    /// The rounding error of the torque.
     fn noise(&self) -> f64 {
         1e-15 * (self.push.abs() + self.link.g.abs() * (1.0 + self.x.abs() + self.y))
     }

@@ -59,7 +59,7 @@ pub struct Best {
     pub t_switches: [f64; 2],
     /// Number of switches.
     pub switches: usize,
-    /// Where and when a swing reverses, NaN for the monotone motion.
+    /// The place and the time of the reversal of a swing, NaN for the monotone motion.
     pub theta_turn: f64,
     /// When the swing reverses, s.
     pub t_turn: f64,

@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 
 /// The windows, the nearest first: ways back from `x0`, rad.
 pub(super) struct Windows<F> {
-    /// Where the next one begins, unless that is not back at all, and the crest where it ends; infinite where there is none.
+    /// The begin of the next interval and the crest where it ends. Both are infinite if there is none backwards.
     low: f64,
     crest: f64,
     most: f64,

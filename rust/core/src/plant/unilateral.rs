@@ -6,7 +6,7 @@
 use crate::error::{Error, Result, positive};
 use crate::scalar::Real;
 
-/// What a contact does.
+/// The state of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Touch {
     /// Outside.
@@ -39,7 +39,7 @@ impl Touch {
         }
     }
 
-    /// What follows where guard `which` has changed its sign, at depth `depth`.
+    /// The next state after a sign change of guard `which` at depth `depth`.
     pub fn next(self, which: usize, depth: f64) -> Self {
         match self {
             Touch::Apart => Touch::Pressed,
@@ -54,7 +54,7 @@ impl Touch {
 pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Touch>) -> (S, S) {
     let spring = stiffness * depth;
     let force = damping.mul_add(rate, spring);
-    // What enters the spring is stored; the rest is lost: (f - k d) d_dot.
+    // The spring stores a part of the power. The rest is lost: (f - k d) d_dot.
     match held {
         None => {
             let touching = S::zero().lt(depth);

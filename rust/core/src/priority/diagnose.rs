@@ -15,14 +15,14 @@ use crate::linalg::{axpy, dot};
 /// A lost part of a command is rounding below this multiple of `rounding c (|v_i| + |J_i| |v|)`.
 const COMPATIBLE: f64 = 1e3;
 
-/// What kind of singularity the stack has.
+/// The kind of singularity of the stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Full rank at every level.
     Regular,
     /// Tasks of full rank that compete for the same joints.
     Algorithmic,
-    /// A task is singular by itself.
+    /// A task alone is singular.
     Kinematic,
     /// Both kinds of singularity.
     Both,
@@ -61,7 +61,7 @@ pub struct LevelDiagnosis {
     pub lost: Vec<Vec<f64>>,
 }
 
-/// What a given command loses at one level.
+/// The loss of a command at one level.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compatibility {
     /// The part of `v_i - J_i v_above` along `lost`, shape `(rows,)`, in the unit of the task.
@@ -88,7 +88,7 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// Rank of each level by itself.
+    /// The rank of each level alone.
     pub fn ranks(&self) -> Vec<usize> {
         self.levels.iter().map(|l| l.rank).collect()
     }

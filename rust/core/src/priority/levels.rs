@@ -31,7 +31,7 @@ impl Workspace {
         self.y.fill(0.0);
     }
 
-    /// Whether a level takes what level `i` leaves.
+    /// Whether a level uses the freedom that level `i` leaves.
     fn is_followed(&self, i: usize) -> bool {
         i + 1 < self.rows.len()
     }
@@ -158,7 +158,7 @@ impl Workspace {
         Ok(())
     }
 
-    /// Hand down what a clamped level leaves: `X diag(scale) V_k diag(d)` in the form `X diag(scale)`.
+    /// Pass on the freedom of a clamped level: `X diag(scale) V_k diag(d)` in the form `X diag(scale)`.
     fn leave(&mut self, eps: f64, k: usize) -> Result<()> {
         let n = self.n;
         // s descends, so the directions with d = 0 come first.

@@ -18,7 +18,7 @@ const MOBILE: f64 = 1e-10;
 /// bound counts as zero, and so does the rate of a joint.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
-/// What passes a bound is cut off if it is noise: at most so much of the fastest joint, and this much in any case.
+/// An excess over a bound is cut off if it is noise: at most this fraction of the fastest joint, or this much.
 const MOST_EDGE: f64 = 1e-11;
 const LEAST_EDGE: f64 = 1e-13;
 
@@ -59,7 +59,7 @@ impl Workspace {
             let cut = self.rounding * self.spectral_norm(i)? * above;
             self.ranks[i] = rank;
             self.lost[i] = rank < self.rows[i].min(k);
-            // `consume` leaves the rotated free basis in t; the level works on that copy, the basis goes on to the next level.
+            // `consume` writes the rotated free basis to t. The level works on that copy, and the next level gets the basis.
             self.consume(spent);
             self.task_scale[i] = self.saturate(i, k, rank, cut, sat)?;
         }

@@ -14,7 +14,7 @@ pub(super) struct Workspace {
     /// Rows of each level and the index of its first row in the stack.
     pub rows: Vec<usize>,
     pub start: Vec<usize>,
-    /// The stack as given: Jacobians `(sum rows, n)` and task velocities.
+    /// The original stack: Jacobians `(sum rows, n)` and task velocities.
     pub jacobian: Vec<f64>,
     pub command: Vec<f64>,
     /// The stack in the coordinates of the metric, each level scaled by a power of two where its entries are extreme.
@@ -39,7 +39,7 @@ pub(super) struct Workspace {
     pub z: Vec<f64>,
     /// The regular route.
     pub regular: Single,
-    /// The answer in metric coordinates.
+    /// The result in metric coordinates.
     pub y: Vec<f64>,
     /// Results.
     pub v: Vec<f64>,
@@ -48,7 +48,7 @@ pub(super) struct Workspace {
     pub lost: Vec<bool>,
     pub task_scale: Vec<f64>,
     pub metric: Option<Metric>,
-    /// Thresholds of each level as given, in the unit of its Jacobian.
+    /// Thresholds of each level, in the unit of its Jacobian.
     pub eps: Option<Vec<f64>>,
     pub rounding: f64,
     pub bounds: Option<(Vec<f64>, Vec<f64>)>,

@@ -20,7 +20,7 @@ const ATAN: [f64; 11] = [
     1.628_582_011_536_578_236_23e-2,
 ];
 
-/// `atan(1/2)` and `atan(1)`, each with what rounding left of it; the same of `pi/2` and `pi`.
+/// `atan(1/2)` and `atan(1)`, each with its rounding error, and `pi/2` and `pi` in the same form.
 const HALF: [f64; 2] = [4.636_476_090_008_060_935_15e-1, 2.269_877_745_296_168_709_24e-17];
 const ONE: [f64; 2] = [FRAC_PI_4, 3.061_616_997_868_383_017_93e-17];
 const RIGHT: [f64; 2] = [FRAC_PI_2, 6.123_233_995_736_766_035_87e-17];
@@ -75,7 +75,7 @@ pub(super) fn atan2<S: Real>(y: S, x: S) -> S {
 mod tests {
     use crate::scalar::{Array8, Real};
 
-    /// In units of the last place of the right answer.
+    /// In units of the last place of the correct result.
     fn distance(y: f64, x: f64, got: f64) -> f64 {
         let expected = f64::atan2(y, x);
         if got.to_bits() == expected.to_bits() || (got.is_nan() && expected.is_nan()) {

@@ -11,7 +11,7 @@ pub fn hex(x: f64) -> String {
     if exponent == 0 && fraction == 0 {
         return format!("{sign}0.0");
     }
-    // What is subnormal has no leading one.
+    // Subnormal numbers have no leading one.
     let (lead, power) = if exponent == 0 { (0, -1022) } else { (1, exponent - 1023) };
     let digits = format!("{fraction:013x}");
     let digits = digits.trim_end_matches('0');

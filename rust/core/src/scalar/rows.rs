@@ -1,4 +1,4 @@
-//! One row of numbers into an engine and out of it, looked at whether it is finite on the way.
+//! Transfer of one row of numbers into an engine and out of it, with a check for finite numbers.
 
 use crate::scalar::Real;
 
@@ -11,7 +11,7 @@ fn infinite(x: f64) -> u64 {
     u64::from(x.to_bits() & INFINITE == INFINITE)
 }
 
-/// One row into single numbers, as many; whether all of them are finite. Four at a time, and no more: rows are short.
+/// One row into single numbers. The result is true if all are finite. Groups of four are sufficient, because rows are short.
 #[inline(always)]
 pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (given.as_chunks::<4>(), to.as_chunks_mut::<4>());

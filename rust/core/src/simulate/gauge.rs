@@ -13,7 +13,7 @@ use crate::dynamics::{ArmAt, Model};
 use crate::scalar::Real;
 use crate::spatial::Vector;
 
-/// What one record shows.
+/// The numbers of one record.
 pub struct Seen<'a, S> {
     /// The law's desired motions, one after another.
     pub desired: &'a [S],

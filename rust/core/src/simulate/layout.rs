@@ -1,4 +1,4 @@
-//! Where the quantities of a recorded loop are in a frame.
+//! The places of the quantities of a recorded loop in a frame.
 
 /// All places and sizes are in slots.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,11 +11,11 @@ pub struct Layout {
     /// The instants of a step at which the exogenous input is taken, as parts of the step.
     pub instants: &'static [f64],
     pub states: usize,
-    /// Numbers that sum the run up, which a state carries behind it; how many of them every step needs.
+    /// The number of metrics in the state, and how many of them every step updates.
     pub kept: usize,
     pub lasting: usize,
     pub inputs: usize,
-    /// Numbers of the law's answer beside its input.
+    /// Numbers of the law's result besides its input.
     pub answer: usize,
     /// One if the law reports whether its result is valid, else none.
     pub guards: usize,
@@ -57,7 +57,7 @@ impl Layout {
     pub fn stands(&self) -> usize {
         self.law_rate() + self.answer
     }
-    /// What monitors count from.
+    /// The reference values of the monitors.
     pub fn firsts(&self) -> usize {
         self.stands() + self.guards
     }

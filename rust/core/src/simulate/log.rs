@@ -67,7 +67,7 @@ impl Log {
         self.row(i, k)[states * lanes..].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
     }
 
-    /// What is there, which is taken from here; `time`: of each step.
+    /// Pass on the records, and remove them here; `time` is that of each step.
     pub fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, take: impl FnOnce(&Block)) {
         if self.count > 0 {
             let all = self.frames.len() * self.lanes;
@@ -85,7 +85,7 @@ pub struct Block<'a> {
     /// The number of the first record, and how many there are.
     pub first: usize,
     pub count: usize,
-    /// Whose records those of each lane are; `None` where they are not wanted.
+    /// The run of each lane; `None` without records.
     pub lanes: [Option<usize>; MOST_LANES],
 }
 

@@ -13,9 +13,9 @@ pub struct Tracing {
     /// The cuts of the step, before each stage, and the next state with whether it is valid.
     pub cuts: Vec<Cut>,
     pub next: Vec<u32>,
-    /// What sums the run up.
+    /// The program that updates the metrics.
     pub sums: Option<Summing>,
-    /// What records need.
+    /// The program of the records.
     pub notes: Option<Noting>,
 }
 
@@ -25,7 +25,7 @@ pub struct Noting {
     pub alone: Vec<u32>,
     /// For the input that acts in the step.
     pub along: Vec<u32>,
-    /// What monitors count from if it is the first one.
+    /// The reference values of the monitors, at the first record.
     pub firsts: Vec<u32>,
     /// Whether the norms of levels are right.
     pub stands: Vec<u32>,
@@ -43,7 +43,7 @@ pub struct Summing {
     pub along: Vec<u32>,
 }
 
-/// What sees each part of a recording that becomes a program: its name, and whether it is for lanes.
+/// A callback for each part of a recording that becomes a program: its name, and whether it is for lanes.
 pub type Watch<'a> = &'a mut dyn FnMut(String, Part, Option<Stream>, Scratch, bool);
 
 /// The programs of one structure.
@@ -209,7 +209,7 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
         along = Some(match step {
             Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
-            // The first stage leaves the law's input in the frame.
+            // The first stage writes the law's input to the frame.
             Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
         });
     }

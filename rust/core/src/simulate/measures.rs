@@ -6,7 +6,7 @@ use crate::error::{Error, Result, finite};
 use crate::law::{Aim, JointReference};
 use std::ops::Range;
 
-/// What the caller wants to know.
+/// The metrics that the caller requests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measures {
     /// The band of the settling time as a part of the largest error so far of the joints of the same unit.
@@ -15,7 +15,7 @@ pub struct Measures {
     pub band: Option<Vec<f64>>,
     /// Of the monitors, relative.
     pub tolerance: f64,
-    /// Where the joints should be, `(n,)`, in place of what the law wants.
+    /// The reference of the joints, `(n,)`, in place of that of the law.
     pub reference: Option<Vec<f64>>,
     /// Measure the position of this frame against where the joints' reference has it, in place of the law's tasks.
     pub frame: Option<String>,
@@ -27,7 +27,7 @@ impl Default for Measures {
     }
 }
 
-/// Where the joints' reference comes from.
+/// The source of the joints' reference.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wanted {
     Nothing,
@@ -45,7 +45,7 @@ pub struct Bounds {
     pub effort: Vec<f64>,
 }
 
-/// The numbers that measuring keeps from record to record, by name. Those that only the last record needs come last.
+/// The numbers that metrics keep between records, by name. Those of the last record alone come last.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasureLayout {
     /// The time since the last record, and the number of records.
@@ -77,12 +77,12 @@ pub struct MeasureLayout {
     pub sum: usize,
     pub error_final: Range<usize>,
     pub distance_final: Range<usize>,
-    /// How many there are, and how many of them every record needs.
+    /// Their number, and how many of them every record updates.
     pub all: usize,
     pub lasting: usize,
 }
 
-/// What is measured of the runs of one structure.
+/// The metrics of runs of one structure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub n: usize,
@@ -105,7 +105,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What is measured of each run of a problem: one plan for all, or one per run.
+    /// The metrics of each run of a problem: one plan for all, or one per run.
     pub fn all(problem: &Problem, measures: &Measures) -> Result<Vec<Self>> {
         let aims = same_aims(problem);
         (0..problem.plants.len().max(problem.laws.len())).map(|run| Plan::of(problem, run, measures, aims)).collect()
@@ -119,7 +119,7 @@ impl Plan {
             && (&self.units, &self.bounds, self.velocity) == (&other.units, &other.bounds, other.velocity)
     }
 
-    /// What is measured of run `run` of a problem; `aims`: the law's tasks are, see [`same_aims`].
+    /// The metrics of run `run` of a problem; `aims`: the law's tasks are the same, see [`same_aims`].
     pub fn of(problem: &Problem, run: usize, measures: &Measures, aims: bool) -> Result<Self> {
         let (plant, law) = (problem.plant(run), problem.law(run));
         let n = plant.n();

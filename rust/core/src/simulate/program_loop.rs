@@ -31,15 +31,15 @@ pub struct ProgramLoop<'a, S: Real> {
     sampler: Option<Sampler<S>>,
     pub(super) tau: Vec<S>,
     pub(super) dz: Vec<S>,
-    /// What acts while another answer is worked out.
+    /// The input that acts while the next one is computed.
     acting: (Vec<S>, Vec<S>),
     /// The state as the controller sees it.
     seen: Vec<S>,
     /// The exogenous inputs of all whole steps from the first one on, where somebody sampled them in advance.
     pub(super) table: Option<&'a [f64]>,
-    /// What takes the steps that the programs decline.
+    /// Takes the steps that the programs decline.
     pub(super) redo: Redo<'a, S>,
-    /// Where records are noted; `None` where they are not.
+    /// The log of the records; `None` without records.
     pub(super) log: Option<Log>,
 }
 
@@ -119,7 +119,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         !(self.number(self.recorded.layout.reach(), lane) < REDUCTION_LIMIT)
     }
 
-    /// What a slot holds in a lane.
+    /// The number of a slot in a lane.
     pub(super) fn number(&self, slot: usize, lane: usize) -> f64 {
         let lanes = self.frames[0].lanes();
         self.frames[lane / lanes].numbers()[slot * lanes + lane % lanes]

@@ -1,4 +1,4 @@
-//! The clock of a sampled loop as it runs: which sample a time belongs to, what the law answered there, and which answer acts.
+//! The clock of a sampled loop: the sample of a time, the law's output there, and the output that acts.
 
 use super::sampling::{CHANNELS, ON_TIME, Sampling};
 use super::torque_sensing::{Sensed, TorqueSensing};
@@ -7,7 +7,7 @@ use crate::scalar::Real;
 /// Answers kept: a faulty block of steps is run again from its start, whose input must still be known.
 const KEPT: usize = 64;
 
-/// One sample: what was measured, and the law's answer to it.
+/// One sample: the measurement, and the output of the law.
 #[derive(Clone, Debug)]
 struct Entry<S> {
     index: u64,
@@ -98,7 +98,7 @@ impl<S: Real> Sampler<S> {
         }
     }
 
-    /// What the torque sensors make of it, whose filters go on from the sample before.
+    /// The reading of the torque sensors, whose filters continue from the sample before.
     fn sense(&mut self, k: u64, x: &[S], entry: &mut Entry<S>) {
         let Some(mut sensing) = self.sensing.take() else { return };
         let before = k.checked_sub(1).map(|k| (k, &self.ring[self.slot(k)])).filter(|(k, entry)| entry.index == *k);
@@ -107,7 +107,7 @@ impl<S: Real> Sampler<S> {
         self.sensing = Some(sensing);
     }
 
-    /// The answer moves from the one before, from nothing at first, no faster than the limit; both are within saturation.
+    /// The output changes from the one before, at first from zero, at most by the rate limit. Both are within saturation.
     fn limit_rate(&self, k: u64, tau: &mut [S]) {
         if !self.sampling.rate_limit.is_finite() {
             return;
@@ -126,7 +126,7 @@ impl<S: Real> Sampler<S> {
         self.ring.iter_mut().for_each(|entry| entry.index = u64::MAX);
     }
 
-    /// All instants inside a run: samples and the moments at which their answers act, increasing.
+    /// All instants inside a run, increasing: samples and the times at which their outputs act.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
         let samples = (t_end / self.sampling.period).ceil() as u64 + 1;
         let mut all: Vec<f64> =

@@ -9,7 +9,7 @@ use super::schedule::require_memory;
 use crate::error::{Error, Result, positive};
 use crate::plant::sensors::TorqueSensor;
 
-/// Samples that are kept for answers and measurements that come late: more is a mistake in the arguments, not a controller.
+/// The largest number of samples that are stored for late outputs and measurements. More indicates an error in the arguments.
 const MOST_LATE: f64 = 1e5;
 /// More samples than this in one run are another.
 const MOST_SAMPLES: f64 = 1e12;
@@ -17,7 +17,7 @@ const MOST_SAMPLES: f64 = 1e12;
 /// A time this close to an instant, in periods, is that instant.
 pub(super) const ON_TIME: f64 = 1e-9;
 
-/// What is measured of a plant, in the order of its state.
+/// The measured quantities of a plant, in the order of its state.
 pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
 
 /// How a sampled law measures and acts.
@@ -25,7 +25,7 @@ pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
 pub struct Sampling {
     /// `T`, s.
     pub period: f64,
-    /// From a sample to the moment its answer acts, s.
+    /// The time from a sample until its output acts, s.
     pub delay: f64,
     /// Largest lateness of a sample, s.
     pub jitter: f64,
@@ -99,7 +99,7 @@ impl Sampling {
         if self.is_plain() { Ok(()) } else { require_memory((t_end / self.period) as u128) }
     }
 
-    /// Whether all it does is to hold the law's answer.
+    /// Whether it only holds the law's output.
     pub fn is_plain(&self) -> bool {
         *self == Sampling { seed: self.seed, ..Sampling::every(self.period) }
     }
@@ -118,7 +118,7 @@ impl Sampling {
         if self.instant(seed, k, grid) <= t + slack { Some(k) } else { k.checked_sub(1) }
     }
 
-    /// The sample whose answer acts at `t`.
+    /// The sample whose output acts at `t`.
     pub(super) fn acting(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
         self.last_sample(seed, grid, t - self.delay)
     }

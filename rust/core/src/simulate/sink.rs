@@ -1,4 +1,4 @@
-//! Where the records of a group of lanes go.
+//! The destination of the records of a group of lanes.
 
 use super::log::Block;
 

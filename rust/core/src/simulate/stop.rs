@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How long a run goes on between two looks.
+/// The time between two checks of a run.
 const SLICE: Duration = Duration::from_millis(20);
 /// Questions between two looks at the clock: a question comes once per block of steps.
 const QUESTIONS: u32 = 16;

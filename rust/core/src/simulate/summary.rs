@@ -6,7 +6,7 @@ use std::ops::Range;
 /// A distance from the start to the end of the reference below this, rad or m, has no overshoot. Nor has an end that moves faster.
 const STILL: f64 = 1e-9;
 
-/// What the summary of a run needs besides the numbers kept.
+/// The data of the summary of a run besides the stored numbers.
 pub struct Ends<'a> {
     /// The times of the first and of the last record.
     pub times: [f64; 2],
@@ -68,7 +68,7 @@ impl Plan {
         all
     }
 
-    /// How far joint `i` passes beyond the farthest point of the reference, as a part of the way to the reference's end.
+    /// The distance of joint `i` beyond the farthest point of the reference, as a fraction of the distance to the reference's end.
     fn overshoot(&self, kept: &[f64], ends: &Ends, i: usize) -> f64 {
         let places = &self.places;
         let (end, speed) = match &self.wanted {

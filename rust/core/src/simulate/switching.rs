@@ -6,7 +6,7 @@ use crate::plant::{PlantSpec, Stop, Stops, Touch, Wall};
 use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
 
-/// Where a frame is at a plant state, and how fast.
+/// The position and the velocity of a frame at a plant state.
 pub struct Probe {
     arm: AnyArm<f64>,
     ws: Workspace<f64>,
@@ -38,7 +38,7 @@ pub struct Switching {
     wall: Option<Wall>,
     stops: Option<Stops>,
     which: Vec<Stop>,
-    /// What each does at present.
+    /// The present state of each contact.
     pub touches: Vec<Touch>,
 }
 
@@ -78,7 +78,7 @@ impl Switching {
         damping > 0.0
     }
 
-    /// See the contacts as they are at `x`.
+    /// Set the contacts to their state at `x`.
     pub fn begin(&mut self, x: &[f64]) {
         for i in 0..self.touches.len() {
             let (depth, push) = self.contact(i, x);

@@ -1,4 +1,4 @@
-//! What comes to a loop from outside: desired motions and applied forces, of one run or of several side by side.
+//! The exogenous inputs of a loop: desired motions and applied forces, of one run or of several side by side.
 
 use super::force::{Force, Wrench};
 use crate::motion::{Motion, Table};
@@ -18,11 +18,11 @@ pub struct Exogenous<S> {
     pub wrench: [S; 6],
 }
 
-/// Where it comes from: per desired motion one for all lanes, or one per lane; the same of forces.
+/// The sources: for each desired motion one for all lanes, or one per lane; the same of forces.
 pub struct World<'a> {
     motions: Vec<Vec<Cow<'a, Motion>>>,
     forces: Vec<Cow<'a, Force>>,
-    /// What acts in place of the forces.
+    /// The wrench in place of the forces.
     pushed: Option<Wrench>,
     /// A sample per lane, of the widest motion.
     rows: Vec<f64>,

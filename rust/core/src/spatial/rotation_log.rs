@@ -37,7 +37,7 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     let (w, sign) = (w.abs(), S::select(negative, -one, one));
     let square = ux * ux + uy * uy + uz * uz;
     let small = square.lt(S::splat(SMALL));
-    // A root of zero has no slope: take it of a number that does not matter where the series answers.
+    // A root of zero has no derivative. If the series is used, take the root of another number, whose value does not matter.
     let length = S::select(small, one, square).sqrt();
     let far = S::splat(2.0) * length.atan2(w) / length;
     let near_w = S::select(small, w, one);
@@ -53,10 +53,10 @@ pub fn rotation_exp<S: Real>(vector: [S; 3]) -> Matrix3<S> {
     let one = S::splat(1.0);
     let square = x * x + y * y + z * z;
     let small = square.lt(S::splat(SMALL));
-    // A root of zero has no slope: take it of a number that does not matter where the series answers.
+    // A root of zero has no derivative. If the series is used, take the root of another number, whose value does not matter.
     let angle = S::select(small, one, square).sqrt();
     let (sin, cos) = angle.sin_cos();
-    // What is left out is below rounding: `t^4 / 120`, `t^4 / 720`.
+    // The omitted terms are below rounding: `t^4 / 120`, `t^4 / 720`.
     let a = S::select(small, one - square / S::splat(6.0), sin / angle);
     let b = S::select(small, S::splat(0.5) - square / S::splat(24.0), (one - cos) / (angle * angle));
     let c = S::select(small, one - b * square, cos);

@@ -28,7 +28,7 @@ pub fn rotation_rate<S: Real>(r: Vector3<S>, rate: Vector3<S>, acceleration: Vec
     let (one, two) = (S::splat(1.0), S::splat(2.0));
     let square = r.dot(r);
     let small = square.lt(one);
-    // A root of zero has no slope: take it of a number that does not matter where the series answers.
+    // A root of zero has no derivative. If the series is used, take the root of another number, whose value does not matter.
     let s = S::select(small, one, square);
     let angle = s.sqrt();
     let (sin, cos) = angle.sin_cos();

@@ -69,7 +69,7 @@ fn operations() -> Vec<Operation> {
     all
 }
 
-/// What the encoder is to write, as assembler text.
+/// The expected code of the encoder, as assembler text.
 struct Text {
     packed: bool,
     lines: Vec<String>,

@@ -140,7 +140,8 @@ impl Reversal {
                 self.add_product(b, i, quotient, finite);
             }
             Op::Sqrt(a) => {
-                // Where the slope is infinite the root is of a sum of squares, whose derivative is zero: so is that of the root.
+                // An infinite derivative occurs at the root of a zero sum of squares. The derivative of the sum is zero, so that of the root is
+                // set to zero.
                 let (half, least) = (self.tape.constant(0.5), self.tape.constant(f64::MIN_POSITIVE));
                 let (slope, nothing) = (self.tape.div(half, i), self.tape.less(i, least));
                 let slope = self.tape.select(nothing, 0, slope);

@@ -1,4 +1,4 @@
-//! What was made from recordings, kept for the next one of the same structure.
+//! A store of the programs made from recordings, for the next recording with the same structure.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
@@ -30,7 +30,7 @@ impl<T: Clone> Cache<T> {
         Cache(Mutex::new(VecDeque::new()))
     }
 
-    /// The entry that is looked for, if it is there.
+    /// The matching entry, if there is one.
     pub fn find(&self, is: impl Fn(&T) -> bool) -> Option<T> {
         let mut entries = free(&self.0)?;
         let at = entries.iter().position(is)?;

@@ -1,4 +1,4 @@
-//! What the encoders are tested against: the same operations in plain Rust, on a file of registers.
+//! Checks of the encoders: the same operations in plain Rust, on a file of registers.
 
 use super::instruction::{Assemble, Base, Binary, Form, Order, Product, Set, Source};
 
@@ -169,7 +169,7 @@ impl Machine {
                 let merge = |mask: u64, yes: f64, no: f64| f64::from_bits(mask & yes.to_bits() | !mask & no.to_bits());
                 (dst, std::array::from_fn(|lane| merge(bits(mask[lane]), yes[lane], no[lane])))
             }
-            // What a mask is beside its sign depends on the form.
+            // The bits of a mask besides its sign depend on the form.
             Operation::SignMask(dst, a) if self.form.selects_bits() => {
                 (dst, register(a).map(|a| f64::from_bits((a.to_bits() as i64 >> 63) as u64)))
             }

@@ -10,7 +10,7 @@ use super::straight::{Instruction, Straight};
 /// A value that is read again within so many instructions is worth a register.
 const SOON: u32 = 24;
 
-/// Machine code with what it needs beside the frame.
+/// Machine code with its constants.
 pub struct Emitted {
     pub bytes: Vec<u8>,
     /// The numbers that the code reads behind its second argument.
@@ -57,7 +57,7 @@ struct Emitter<'a, A> {
     lifetimes: &'a Lifetimes,
     form: Form,
     assembler: A,
-    /// Where each value is: in a register, in a slot, or both.
+    /// The place of each value: a register, a slot, or both.
     register: Vec<Option<u8>>,
     spill: Vec<Option<u32>>,
     /// The value in each register.
@@ -125,7 +125,7 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// Where a value is in memory; `None` for one that is in a register alone.
+    /// The memory of a value; `None` for one that is only in a register.
     fn memory(&mut self, value: u32) -> Option<Source> {
         if let Some(slot) = self.spill[value as usize] {
             return Some(Source::Slot(Base::Frame, self.offset(slot)));
@@ -137,7 +137,7 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// Where an input is.
+    /// The place of an input.
     fn input(&self, slot: u32) -> Source {
         match self.program.stream.and_then(|stream| Some((stream.spread, stream.place(slot)?))) {
             None => Source::Slot(Base::Frame, self.offset(slot)),

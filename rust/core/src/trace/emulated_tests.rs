@@ -28,7 +28,7 @@ fn neon_programs_are_written_for_the_emulator() {
             (frame.numbers_mut()[k], expected.numbers_mut()[k]) = (x, x);
         }
         portable.run(&mut expected, stream.numbers(), turns);
-        // The machine code leaves these slots as they are.
+        // The machine code does not change these slots.
         [&mut frame, &mut expected].into_iter().for_each(|frame| forget_stream(program.stream, frame));
         spilling += usize::from(emitted.slots > inputs + 8);
         cases.add(

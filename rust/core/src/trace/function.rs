@@ -57,7 +57,7 @@ impl std::fmt::Debug for Evaluation {
     }
 }
 
-/// A recorded function: its operations, the numbers of its set-up, which are the first inputs, how many inputs follow, and the entries of its answer.
+/// A recorded function: its operations, the numbers of its set-up (the first inputs), the number of further inputs, and the entries of its result.
 pub struct Recorded {
     pub ops: Vec<Op>,
     pub values: Vec<f64>,
@@ -65,7 +65,7 @@ pub struct Recorded {
     pub answer: Vec<u32>,
 }
 
-/// Record `answer` of what `set_up` makes and of so many inputs; `None` where the code branches on data.
+/// Record `answer` of the set-up and of so many inputs; `None` if the code branches on data.
 pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Recorded> {
     sym::begin();
     let made = set_up();
@@ -98,7 +98,7 @@ impl Evaluation {
         for (slot, &x) in given.iter().enumerate() {
             frame.fill(slot, x);
         }
-        // What is known is no output of the program.
+        // A known number is no output of the program.
         for (k, &entry) in answer.iter().enumerate() {
             if let Op::Const(bits) = ops[entry as usize] {
                 frame.fill(layout.answer() + k, f64::from_bits(bits));
@@ -134,7 +134,7 @@ impl Evaluation {
         &mut self.frame.numbers_mut()[layout.given * lanes..layout.reach() * lanes]
     }
 
-    /// The answer at the inputs that are there.
+    /// Evaluate the function at the present inputs.
     #[inline]
     pub fn run(&mut self) {
         self.forget();
@@ -155,12 +155,12 @@ impl Evaluation {
         }
     }
 
-    /// Number `k` of the answer in every lane.
+    /// Number `k` of the result in every lane.
     pub fn output(&self, k: usize) -> &[f64] {
         self.outputs(k, 1)
     }
 
-    /// `count` numbers of the answer from `first` on, of all lanes.
+    /// `count` numbers of the result from `first` on, of all lanes.
     pub fn outputs(&self, first: usize, count: usize) -> &[f64] {
         let (slot, lanes) = (self.function.layout.answer() + first, self.lanes());
         &self.frame.numbers()[slot * lanes..(slot + count) * lanes]

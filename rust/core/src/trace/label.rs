@@ -1,4 +1,4 @@
-//! What the numbers of a set-up are called: the name of a scope and the place in it.
+//! Names of the numbers of a set-up: the name of a scope and the place in it.
 
 /// A name with its number; no name where nobody gave one, no number where it is 0.
 pub type Label = (&'static str, u32);

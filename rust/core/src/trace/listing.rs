@@ -96,7 +96,7 @@ pub(super) fn number(x: f64) -> String {
 }
 
 impl Op {
-    /// What it does, in one word.
+    /// The kind of operation, in one word.
     pub fn kind(self) -> &'static str {
         match self {
             Op::Const(_) => "number",
@@ -121,7 +121,7 @@ impl Op {
 }
 
 impl Instruction {
-    /// What it does, in one word.
+    /// The kind of operation, in one word.
     pub fn kind(self) -> &'static str {
         use Instruction::*;
         match self {

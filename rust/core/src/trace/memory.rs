@@ -56,7 +56,7 @@ impl Code {
         pages::executable(bytes).map(Code)
     }
 
-    /// Where the machine code starts.
+    /// The address of the machine code.
     pub fn address(&self) -> *const u8 {
         self.0.as_ptr()
     }

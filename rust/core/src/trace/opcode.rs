@@ -1,4 +1,4 @@
-//! What identifies an instruction of x86-64, in legacy encoding, VEX and EVEX.
+//! The identification of an instruction of x86-64, in legacy encoding, VEX and EVEX.
 
 /// What precedes the opcode in legacy code: nothing, 66, F3, F2. VEX and EVEX hold the index.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -122,7 +122,7 @@ impl Program {
         }
     }
 
-    /// Write what the program needs into a new frame.
+    /// Write the constants of the program into a new frame.
     pub fn prepare(&self, frame: &mut Frame) {
         if let Backend::Portable(portable) = &self.backend {
             portable.prepare(frame);
@@ -164,7 +164,7 @@ impl Program {
     }
 }
 
-/// How long the machine code of instructions is for `form`, and how often a value leaves its registers; `None` without an emitter.
+/// The length of the machine code for `form`, and the number of spilled values; `None` without an emitter.
 pub fn size(straight: &Straight, free: usize, form: Form) -> Option<(usize, usize)> {
     let emitted = HAS_EMITTER.then(|| emit::<Assembler>(straight, form, free))?;
     Some((emitted.bytes.len(), emitted.spilled))

@@ -136,7 +136,7 @@ mod avx2 {
     unsafe fn short_columns(rows: [*const f64; 4], width: usize) -> [__m256d; 4] {
         let mask = _mm256_cmpgt_epi64(_mm256_set1_epi64x(width as i64), _mm256_set_epi64x(3, 2, 1, 0));
         let [a, b, c, d] = rows;
-        // SAFETY: what the mask leaves out is not read.
+        // SAFETY: lanes outside of the mask are not read.
         unsafe {
             transposed([_mm256_maskload_pd(a, mask), _mm256_maskload_pd(b, mask), _mm256_maskload_pd(c, mask), _mm256_maskload_pd(d, mask)])
         }

@@ -9,7 +9,7 @@ use super::tape::Op;
 pub struct Cut {
     /// The number of entries recorded so far.
     pub end: u32,
-    /// What it leaves behind: `(slot, entry)`.
+    /// The values for later segments: `(slot, entry)`.
     pub outputs: Vec<(u32, u32)>,
 }
 

@@ -175,7 +175,7 @@ fn number(register: Register) -> usize {
     register.number()
 }
 
-/// What an operand is relative to, and its index there.
+/// The base of an operand, and its index there.
 fn place(i: &Instruction, lanes: usize) -> (Base, usize) {
     let base = match i.memory_base() {
         Register::RDI => Base::Frame,

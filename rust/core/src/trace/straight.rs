@@ -94,7 +94,7 @@ pub struct Straight {
     pub outputs: Vec<(u32, u32)>,
     /// The largest magnitude of all angles whose sine is taken; beyond [`REDUCTION_LIMIT`](crate::scalar::trig::REDUCTION_LIMIT) the results are not valid.
     pub reach: Option<u32>,
-    /// What comes anew with every turn of a program that repeats itself.
+    /// The inputs that change with every turn of a program that repeats itself.
     pub stream: Option<Stream>,
 }
 
@@ -134,7 +134,7 @@ pub struct Part<'a> {
     pub ops: &'a [Op],
     pub start: u32,
     pub outputs: &'a [(u32, u32)],
-    /// The slots of earlier entries that it reads; leaves need none.
+    /// The slots of earlier entries that it reads. Leaves have no slots.
     pub places: &'a SlotTable,
 }
 

@@ -176,7 +176,7 @@ fn batch_rows_are_runs() {
             // The same operations in another order of rounding: a contracting loop keeps them together.
             assert_close(&batch.q[2 * k * i..2 * k * (i + 1)], &run.q, 1e-12, "q");
             assert_close(&batch.tau[2 * k * i..2 * k * (i + 1)], &run.tau, 1e-11, "tau");
-            // What is open of its balances, by their definitions.
+            // The errors of its balances, by their definitions.
             let row = |name: &str| &batch.monitors.iter().find(|(known, _)| *known == name).unwrap().1[k * i..k * (i + 1)];
             let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most: f64, x| most.max(x.abs()));
             let (energy, balance, lyapunov) = (row("energy"), row("energy_balance"), row("lyapunov"));

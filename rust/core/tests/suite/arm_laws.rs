@@ -1,4 +1,4 @@
-//! What rigid-body dynamics promises, on seeded random trees of 1 to 30 joints with branches, slides and fixed bodies.
+//! Identities of rigid-body dynamics, on seeded random trees of 1 to 30 joints with branches, slides and fixed bodies.
 
 use crate::arm_common::{Rng, close, largest, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, Tree};

@@ -1,4 +1,4 @@
-//! Joint placements by quarter turns are not multiplied out: the answers are those of the products.
+//! Joint placements by quarter turns have special code, with the results of the full products.
 
 use crate::arm_common::{Rng, close, lift, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType, Tree};

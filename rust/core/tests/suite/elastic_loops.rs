@@ -87,7 +87,7 @@ fn forces_in_steps_and_as_functions_give_the_same_steps() {
     }
 }
 
-/// Monitored or not, by fixed steps or by error: the same motion, and the energy balance to what the method leaves.
+/// The motion does not depend on the monitors or the step control, and the energy balance closes within the error of the method.
 #[test]
 fn monitors_do_not_disturb_a_run() {
     let plain = run(false, Method::Dop853, false, true);
@@ -143,6 +143,6 @@ fn batches_are_monitored_in_lanes() {
             assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < rounding(name)), "{name}: {series:?} {row:?}");
         }
     }
-    // Motors at 3e4 rad/s in steps of 2 us: what order 4 leaves of 20 J.
+    // Motors at 3e4 rad/s in steps of 2 us: the error of order 4 in 20 J.
     assert!(one.monitors[2].1.iter().all(|b| b.abs() < 1e-6), "{:?}", one.monitors[2]);
 }

@@ -101,7 +101,7 @@ fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, 
         None => portable.run(&mut expected),
         Some(Stream { first, count, .. }) => {
             portable.run_along(&mut expected, desired.numbers(), turns);
-            // The machine code leaves these slots as they are.
+            // The machine code does not change these slots.
             (first..first + count)
                 .for_each(|slot| [&mut frame, &mut expected].into_iter().for_each(|frame| frame.fill(slot as usize, 0.0)));
         }

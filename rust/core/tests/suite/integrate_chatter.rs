@@ -53,7 +53,7 @@ impl Problem for Noisy {
     }
 }
 
-/// A triangular wave: the slope jumps 64 times, and the solution goes on.
+/// A triangular wave: the slope jumps 64 times, and the solution continues.
 struct Wave;
 impl Problem for Wave {
     const N: usize = 2;

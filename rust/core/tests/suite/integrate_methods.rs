@@ -205,7 +205,7 @@ fn what_is_not_finite_ends_with_a_status() {
     }
 }
 
-/// Free fall onto a floor that gives back a velocity: events stop the run, the state jumps, the run goes on.
+/// Free fall onto a floor that reflects: events stop the run, the state jumps, and the run continues.
 struct Fall;
 impl Problem for Fall {
     const N: usize = 2;

@@ -1,4 +1,4 @@
-//! Inverse kinematics from random starts, and what it says of poses out of reach.
+//! Inverse kinematics from random starts, and its report about poses out of reach.
 
 use crate::arm_common::Rng;
 use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinematics};

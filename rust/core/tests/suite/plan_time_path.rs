@@ -1,4 +1,4 @@
-//! Timings of paths whose answers are known in closed form, and paths that turn back.
+//! Timings of paths with results in closed form, and paths that turn back.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::{Functions, PlanarPr};

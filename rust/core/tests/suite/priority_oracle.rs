@@ -124,7 +124,7 @@ fn paths_through_singularities_are_continuous() {
     assert_eq!(paths, 2);
 }
 
-/// The exam's two answers, from any base rotation and after many turns of the joints.
+/// The two results of the exam, from any base rotation and after many turns of the joints.
 #[test]
 fn cases_a_and_b_from_any_base_rotation() {
     let half = std::f64::consts::FRAC_PI_2;

@@ -1,4 +1,4 @@
-//! What a controller on a clock measures: noise with the moments of its distribution, encoders in steps.
+//! The measurements of a sampled controller: noise with the moments of its distribution, encoders in steps.
 
 use armlet_core::simulate::Sampling;
 

@@ -308,7 +308,7 @@ fn not_finite<const K: usize>(py: Python<'_>, function: &str, names: [&str; K], 
     input_error(py, function, &names.join(", "), problem).into()
 }
 
-/// New arrays of these shapes, or the caller's own, whose shapes are not looked at yet.
+/// New arrays of these shapes, or the caller's arrays, whose shapes are checked later.
 fn targets<'py, const M: usize>(
     py: Python<'py>,
     function: &str,

@@ -108,7 +108,7 @@ impl Arm {
         .map(Some)
     }
 
-    /// What the model's source said that deserves a look, and what was dropped: one line each.
+    /// Remarks of the reader about odd or unused parts of the model's source, one line each.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         Self::named(py, self.model.report())

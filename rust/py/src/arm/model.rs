@@ -38,7 +38,7 @@ impl ArmModel {
         ArmModel::PlanarPr(PlanarPr::with_parameters([0.0; 3]))
     }
 
-    /// The tree, or an error that says what this arm lacks.
+    /// The tree, or an error about this arm.
     pub fn tree(&self, function: &str) -> Result<&CoreArm> {
         match self {
             ArmModel::Tree(tree) => Ok(tree.arm()),
@@ -196,7 +196,7 @@ impl ArmModel {
         }
     }
 
-    /// One configuration. Whether every number of the answer is finite.
+    /// One configuration. The result is true if every number is finite.
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match self {
             ArmModel::PlanarPr(arm) => {
@@ -221,7 +221,7 @@ impl ArmModel {
         }
     }
 
-    /// `count` configurations, the arguments and the rows of the answer written out in full. Whether every number of the answer is finite.
+    /// `count` configurations with full arrays of arguments and results. The result is true if every number is finite.
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         match self {
             ArmModel::PlanarPr(arm) => {

@@ -52,7 +52,7 @@ pub fn numbers<'py>(
             let (shape, values) = looked.values()?;
             copied(py, &shape, &values)
         };
-        // What does not fit in memory is said in the name of who asked.
+        // An error about missing memory names the calling function.
         read().map_err(|failure| match failure {
             Failure::Core(error) => to_python(py, function, error).into(),
             failure => failure,

@@ -97,7 +97,7 @@ pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<
     }
 }
 
-/// What arrays of the extension hold. All bits zero are an element of each.
+/// Elements of arrays of the extension. All bits zero are a valid element.
 pub trait Bits: Send + Sync + Copy {
     const TYPE: npyffi::NPY_TYPES;
     /// Whether any bits are an element.
@@ -123,7 +123,8 @@ pub fn made<'py, T: Bits>(
     let count = elements(shape)?;
     let (api, axes, dims) = (&npyffi::PY_ARRAY_API, shape.len() as c_int, shape.as_ptr().cast_mut().cast());
     let number = T::TYPE as c_int;
-    // What fits in a cache is zeroed by hand, quicker than by the system. Truth values are never left as they were: not all bits are one.
+    // An array that fits in a cache is zeroed here, which is faster than by the system. Arrays of truth values are always zeroed, because not all
+    // bytes are valid.
     let zeroed = zeroed || !T::ANY_BITS;
     let by_system = zeroed && count > 1024;
     // SAFETY: the shape is that many sizes, read and not kept; what numpy has no memory for is null and a MemoryError.

@@ -5,7 +5,7 @@ use crate::errors::{Failure, input_error};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyString};
 
-/// What was given, for a message: its type, and the value where it is short.
+/// An argument in a message: its type, and its value if that is short.
 pub fn quoted(value: &Bound<'_, PyAny>) -> String {
     let shown = value.repr().map(|text| text.to_string()).unwrap_or_default();
     let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();

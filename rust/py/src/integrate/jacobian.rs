@@ -33,7 +33,7 @@ pub struct Differences {
 }
 
 impl Jacobian {
-    /// What `jac=` and `jac_sparsity=` are; the latter serves differences alone.
+    /// Read `jac=` and `jac_sparsity=`; the latter is only for differences.
     pub fn new(
         function: &str,
         jac: Option<&Bound<'_, PyAny>>,
@@ -166,7 +166,7 @@ fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, out: &mut [f64
     Ok(())
 }
 
-/// Where `jac_sparsity=`, of numbers or of flags, is not zero.
+/// The places where `jac_sparsity=`, of numbers or of flags, is not zero.
 fn pattern(function: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<bool>, Failure> {
     const NAME: &str = "jac_sparsity";
     let value = dense(value.py(), function, NAME, value, n)?;

@@ -72,7 +72,7 @@ impl Slope {
     }
 }
 
-/// What `f` returned, into `out`.
+/// Write the result of `f` to `out`.
 fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States, shape: [usize; 2], out: &mut [f64]) -> PyResult<()> {
     let single = shape[1] == 1;
     let found = if states == States::Columns { of_shape(value, &shape) } else { None };

@@ -22,7 +22,7 @@ fn gain_or_zero<'py>(function: &str, name: &'static str, value: &Bound<'py, PyAn
     }
 }
 
-/// The options of an impedance law, as they are given.
+/// The options of an impedance law.
 #[derive(Default)]
 pub(super) struct Given<'a, 'py> {
     pub nullspace: Option<&'a Bound<'py, PyAny>>,

@@ -202,7 +202,7 @@ impl ArmPrioritySolver {
         }
     }
 
-    /// All rows into `v`, which `private` says nobody else can see.
+    /// Write all rows to `v`; `private`: no other thread can see it.
     fn fill(
         &self,
         py: Python<'_>,

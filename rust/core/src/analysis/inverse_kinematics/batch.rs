@@ -14,7 +14,7 @@ use crate::status::Status;
 /// Targets that a thread takes at a time: a hundred microseconds where they are near, a second where none is in reach.
 const CHUNK: usize = 32;
 
-/// What was found for `count` targets, `k` solutions each.
+/// The results for `count` targets, `k` solutions each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IkRows {
     /// `(count, k, n)`, the best first; NaN where a target was not finite, the search overflowed, or nothing more was found.
@@ -122,7 +122,7 @@ pub fn inverse_kinematics_batch(
     Ok(rows)
 }
 
-/// What all rows are made of.
+/// The common arguments of all rows.
 struct Given<'a> {
     functions: &'a [TaskFunction],
     targets: &'a [Vec<f64>],

@@ -14,7 +14,7 @@ pub struct Robot {
     pub name: String,
     pub links: Vec<Link>,
     pub joints: Vec<UrdfJoint>,
-    /// What was noticed, one line each.
+    /// Remarks, one line each.
     pub report: Vec<String>,
 }
 
@@ -41,7 +41,7 @@ pub struct UrdfJoint {
     pub mimic: Option<Imitated>,
 }
 
-/// What an element `mimic` says.
+/// The content of an element `mimic`.
 pub struct Imitated {
     pub line: u32,
     pub leader: String,

@@ -7,7 +7,7 @@ use crate::arm::{Arm, Follows};
 use crate::error::{Error, Result};
 use std::collections::HashMap;
 
-/// What becomes of joints that follow others.
+/// The treatment of joints that follow others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
     /// One degree of freedom with their leader.

@@ -16,7 +16,7 @@ mod assemble;
 mod declaration;
 #[cfg(feature = "urdf")]
 mod element;
-// The writer alone needs a few of its bounds.
+// Without the reader, only the writer uses some of its bounds.
 #[cfg(feature = "urdf")]
 mod followers;
 #[cfg_attr(not(feature = "urdf"), allow(dead_code))]

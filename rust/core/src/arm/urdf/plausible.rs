@@ -9,7 +9,7 @@ const NEGATIVE: f64 = 1e-9;
 /// has -3.5e-8). What is below comes with a triangle warning.
 const DIGITS: f64 = 1e-7;
 
-/// What a number measures, and how large it may be.
+/// The kind of a number, and its largest magnitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
     pub most: f64,
@@ -26,14 +26,14 @@ pub const DRIVE: Bound = Bound { most: 1e15, unit: "in SI units" };
 pub const AXIS: [f64; 2] = [1e-6, 1e6];
 
 impl Bound {
-    /// What is wrong with the first value beyond the bound.
+    /// The problem of the first value beyond the bound.
     pub fn problem(&self, values: &[f64]) -> Option<String> {
         let beyond = values.iter().find(|x| !(x.abs() <= self.most))?;
         Some(format!("is implausible: expected at most {:e} {}, got {beyond:e}", self.most, self.unit))
     }
 }
 
-/// What is wrong with the length of an axis, none of whose entries need be plausible.
+/// The problem of the length of an axis. Its entries have no bounds.
 pub fn axis_problem(axis: &[f64; 3]) -> Option<String> {
     let length = axis.iter().fold(0.0, |sum: f64, x| sum.hypot(*x));
     let [least, most] = AXIS;

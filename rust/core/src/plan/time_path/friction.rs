@@ -3,7 +3,7 @@
 use super::lines::LimitRows;
 use super::setup::PathProblem;
 
-/// What stands for the root of `x`.
+/// The line that replaces the root of `x`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Line {
     Chord,

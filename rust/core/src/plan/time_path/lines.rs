@@ -86,7 +86,7 @@ pub(super) struct Lines {
     high: Vec<f64>,
     /// `3 width`.
     width: usize,
-    /// `(N,)`: what a limit of the frame's acceleration leaves at the three points; empty without one.
+    /// `(N,)`: the constraint of the frame's acceleration at the three points; empty without one.
     balls: Vec<[Ball; 3]>,
 }
 
@@ -179,7 +179,7 @@ impl Lines {
             let a0 = load::<S>(first, k);
             let a2 = (h + h).mul_add(b2, load::<S>(last, k));
             let am = h.mul_add(bm, load::<S>(middle, k));
-            // What the bend of u adds: it leaves the mean of u, and so x at the end, as they are. It is not there at rest.
+            // The contribution of the slope of u. It does not change the mean of u, nor x at the end. At rest it is zero.
             let (p0, p2, pm) = (-(turn * a0), turn * load::<S>(last, k), -(dip * bm));
             let (p0, p2, pm) = if rubs {
                 let [points, middles] = &rows.moving;

@@ -63,9 +63,9 @@ const SETTLED: f64 = 1e-4;
 pub(crate) const FIRST_GRID: usize = 201;
 /// Excess between grid points, relative to the limit, above which a grid is halved for the sake of the duration.
 const COARSE: f64 = 1e-3;
-/// The share of the duration that a segment may lose, in parts of what a limit may be exceeded by.
+/// The fraction of the duration that a segment may lose, relative to the tolerance of a limit.
 const LOST: f64 = 0.02;
-/// How far a limit is narrowed at first, in parts of what it was exceeded by; twice that every time after.
+/// The first reduction of a limit, relative to its excess. Each further reduction is twice as large.
 const BEYOND: f64 = 1.2;
 /// Passes that give the path acceleration the slope of its limits.
 const BENDS: usize = 1;
@@ -81,7 +81,7 @@ pub struct TimePath {
     pub reason: Option<PathReason>,
 }
 
-/// What one grid gave.
+/// The result of one grid.
 enum Outcome {
     Done(LimitCheck),
     /// The grid is too coarse: in places, or, where corrections failed, altogether.
@@ -127,7 +127,7 @@ fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Re
         problem.linearise_friction(&x, Line::Tangent);
         profile.forget();
         if solve(&problem.rows, profile).is_err() {
-            // Of a tangent that leaves nothing the chord is kept.
+            // If a tangent leaves no feasible speed, the chord is kept.
             problem.linearise_friction(&x, Line::Chord);
             profile.forget();
             return solve(&problem.rows, profile);
@@ -179,7 +179,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
         let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let (width, count) = (problem.rows.width, problem.pieces.len());
-        // Where friction takes most of the torque, a segment that is narrowed hands its excess on to the next: neighbours go along.
+        // With dominant friction, a reduced segment passes its excess to the next one. So neighbours are reduced too.
         let spread = if problem.friction.is_some() && k >= SPREAD { 1_usize << (k - SPREAD) } else { 0 };
         let mut caps = std::mem::take(&mut problem.cap_tight);
         narrowed.clear();

@@ -8,7 +8,7 @@ use super::rows::Mover;
 use crate::interrupt::look;
 use crate::motion::{Path, TERMS};
 
-/// What a limit may be exceeded by, relative: rounding of the path.
+/// The relative tolerance of a limit: the rounding error of the path.
 const ROUNDING: f64 = 1e-12;
 
 type Polynomial = [f64; TERMS];

@@ -22,7 +22,7 @@ use nalgebra::Vector3;
 /// Segments between two looks whether to stop.
 const LOOK: usize = 1 << 12;
 
-/// Where no speed is left.
+/// A place without a feasible speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Stuck {
     /// No path speed at the start of this segment obeys the limits and reaches the next one.

@@ -1,4 +1,4 @@
-//! What is known of the segments of a grid, from one examination to the next: see `check`.
+//! The state of the segments of a grid between two examinations: see `check`.
 
 use super::check::{Course, FINE, INTERPOLATION, LimitCheck, TOLERANCE, WINDOW, measure};
 use super::examine::Examine;
@@ -6,7 +6,7 @@ use super::lines::LimitRows;
 use super::reach::Profile;
 use crate::scalar::run_lanes;
 
-/// What the last examination of a segment found.
+/// The result of the last examination of a segment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     pub margin: f64,
@@ -14,11 +14,11 @@ pub(super) struct Segment {
     pub excess: f64,
     pub at: usize,
     pub torque: f64,
-    /// What was interpolated is what the dynamics say.
+    /// Whether the interpolation agrees with the dynamics.
     pub proven: bool,
 }
 
-/// The samples and what they said, segment by segment.
+/// The samples and their results, segment by segment.
 #[derive(Default)]
 pub(super) struct Samples {
     pub segments: Vec<Segment>,

@@ -62,7 +62,7 @@ fn bits(mask: u8) -> u32 {
     u32::from(mask)
 }
 
-/// Where bit 0 is set.
+/// The lanes with bit 0 set.
 #[inline(always)]
 fn swap(quadrant: __m512d) -> u8 {
     unsafe { _mm512_test_epi64_mask(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(1)) }

@@ -1,4 +1,4 @@
-//! What is known before a routine runs: operations on numbers of the set-up alone, computed once, with the rounding of the program.
+//! Constant folding: operations on numbers of the set-up, computed once before a routine runs, with the rounding of the program.
 
 use super::super::tape::Op;
 
@@ -21,7 +21,7 @@ impl Folded {
                 folded.value[i] = folded.at(folded.same[i]);
                 continue;
             }
-            // No number is made that is not one: the routine says at run time that its answer is not finite.
+            // A result that is not finite is not folded: at run time the routine reports it.
             folded.value[i] = folded.compute(op, given, fused).filter(|x| !x.is_nan());
         }
         folded

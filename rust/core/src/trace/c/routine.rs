@@ -20,7 +20,7 @@ pub struct Routine<'a> {
     pub ops: &'a [Op],
     /// The number of each input where it is known; the others are `x[0]`, `x[1]`, .. in their order.
     pub given: &'a [Option<f64>],
-    /// The entries that are the answer, `y[0]`, `y[1]`, ..
+    /// The entries of the result, `y[0]`, `y[1]`, ..
     pub answer: &'a [u32],
     /// Products are fused with sums where they were recorded so.
     pub fused: bool,
@@ -44,7 +44,7 @@ struct Statement {
     reads: Vec<u32>,
 }
 
-/// Where an entry is made, and for how long it is read.
+/// The place where an entry is computed, and the last place where it is read.
 #[derive(Clone, Copy)]
 struct Life {
     part: usize,
@@ -118,7 +118,7 @@ impl Printer<'_> {
         }
     }
 
-    /// The statements that the answer needs, in the order of the recording.
+    /// The statements of the result, in the order of the recording.
     fn order(&mut self) {
         let count = self.routine.ops.len();
         let mut needed = vec![false; count];
@@ -214,7 +214,7 @@ impl Printer<'_> {
         )
     }
 
-    /// The answers that need no statement.
+    /// The results without a statement.
     fn leaves(&self, used: &mut Used) {
         for (k, &entry) in self.routine.answer.iter().enumerate() {
             let entry = self.folded.same[entry as usize];

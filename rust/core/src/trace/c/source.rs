@@ -31,7 +31,7 @@ pub struct CFile {
 /// How C is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct COptions {
-    /// What all names begin with, and the names of the files.
+    /// The prefix of all names and files.
     pub prefix: String,
     /// Products are fused with sums where the engine does so, by `fma`; else they are rounded before.
     pub fused: bool,
@@ -86,7 +86,7 @@ pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -
     Ok(())
 }
 
-/// What every header says of its statuses: name, code, meaning.
+/// The statuses of every header: name, code, meaning.
 pub const STATUSES: [(&str, u32, &str); 6] = [
     ("OK", 0, "the answer is right"),
     ("NOT_FINITE", 1, "an argument is infinite or not a number"),
@@ -113,7 +113,7 @@ impl CSource {
         Ok(CSource { options: options.clone(), upper, declarations: String::new(), body: String::new(), statements: 0 })
     }
 
-    /// What all names begin with.
+    /// The prefix of all names.
     pub fn prefix(&self) -> &str {
         &self.options.prefix
     }
@@ -193,7 +193,7 @@ impl CSource {
     }
 }
 
-/// What a source file begins with: the rounding that it relies on, and whether numbers are finite.
+/// The begin of a source file: the required rounding, and the test for finite numbers.
 fn prologue(prefix: &str) -> String {
     format!(
         "#include \"{prefix}.h\"\n#include <math.h>\n#include <string.h>\n\n\

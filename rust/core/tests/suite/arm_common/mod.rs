@@ -1,4 +1,4 @@
-//! What the arm tests share: every number, seeded random trees, chains from the vectors.
+//! Common parts of the arm tests: every number type, seeded random trees, chains from the vectors.
 
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
 use armlet_core::scalar::{Array8, Float, GenericKernel, Isa, Kernel, Real};

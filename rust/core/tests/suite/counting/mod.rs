@@ -25,7 +25,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What `work` returns, and how often it allocated on this thread.
+/// The result of `work`, and the number of its allocations on this thread.
 pub fn counted<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = COUNT.with(Cell::get);
     let done = work();

@@ -1,4 +1,4 @@
-//! What the planner tests share: the oracle file, a seeded generator and the strata of random problems.
+//! Common parts of the planner tests: the oracle file, a seeded generator and the strata of random problems.
 
 use serde_json::Value;
 

@@ -1,4 +1,4 @@
-//! What the priority tests share: planar kinematics, a seeded generator, small matrix products.
+//! Common parts of the priority tests: planar kinematics, a seeded generator, small matrix products.
 
 use std::f64::consts::TAU;
 
