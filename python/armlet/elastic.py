@@ -56,7 +56,7 @@ class ElasticLimits:
     Attributes:
         sample_time_max: the sample time at which the motor loop becomes unstable, links locked, s.
         stiffness_max: largest stiffness of a spring at each joint, the others held (Routh), (n,), N m/rad.
-        stiffness: what it bounds: the diagonal of J'K J, (n,), N m/rad.
+        stiffness: the bounded quantity: the diagonal of J'K J, (n,), N m/rad.
         stiffness_scale_max: by how much K may be multiplied before the linearised loop becomes unstable.
         eigenvalues: of the closed loop linearised at rest, complex, 1/s, by real part.
         reduced_inertia_min: smallest B0 of each motor at `sample_time`, (n,), kg m^2; None without one.

@@ -47,12 +47,12 @@ class ModelError(InputError):
 
 
 class SolveError(ArmletError, RuntimeError):
-    """A run or a solver ended without its answer.
+    """A run or a solver ended without a result.
 
     Attributes:
         status: how it ended, with advice (`armlet.Status`); None where no status applies.
         t: the time (s) or the iteration at which it ended; None where none applies.
-        partial: what was reached before: a `Run` up to `t`, or the last iterate; None where nothing was.
+        partial: the partial result: a `Run` up to `t`, or the last iterate; None without one.
     """
 
     def __init__(self, message: str, status: Status | int | None = None, t: float | None = None, partial: Any = None) -> None:

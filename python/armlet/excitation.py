@@ -41,7 +41,7 @@ _LEAST, _MOST = 1e-6, 1e9
 
 
 class ExcitingMotion(Sinusoid):
-    """A `Sinusoid` with period `duration` that shows the base parameters of an arm; made by `exciting_motion`.
+    """A `Sinusoid` with period `duration` that determines the base parameters of an arm, made by `exciting_motion`.
 
     Attributes:
         duration: the period, s.
@@ -273,13 +273,13 @@ def exciting_motion(
     iterations: int = 200,
     seed: int = 0,
 ) -> ExcitingMotion:
-    """A periodic motion within limits whose record shows the base parameters of an arm best. Needs scipy (`armlet[tune]`).
+    """A periodic motion within limits whose record determines the base parameters of an arm best. It requires scipy (`armlet[tune]`).
 
     Limits of position, speed and acceleration hold at every time. Limits of torque hold at 64 points per harmonic, for the arm's own
     parameters and friction.
 
     Args:
-        arm: its own parameters count for limits of torque alone.
+        arm: its parameters count only for limits of torque.
         duration: the period, s.
         limits: `q_min`, `q_max` (rad or m), `v_max` (per s), `a_max` (per s^2), `effort` (N m or N), each a number or `(n,)`. They
             replace the arm's own; an arm has no `a_max`. Each joint needs a bound other than `effort`.
@@ -295,7 +295,7 @@ def exciting_motion(
         A motion, with `duration`, `condition` and `deviations` of `arm.base_parameters(armature=armature, friction=friction)`.
 
     Raises:
-        InputError: an argument is not what it should be, a joint is not bounded, or the torques cannot hold the arm.
+        InputError: an argument has a wrong type, shape or value, a joint is not bounded, or the torques cannot hold the arm.
         ImportError: scipy is not installed.
 
     Source: Swevers, Ganseman, Tukel, de Schutter and van Brussel, Optimal robot excitation and identification, IEEE T-RA 13, 1997.

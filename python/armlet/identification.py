@@ -21,7 +21,7 @@ _Array = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """The fewest combinations of inertial parameters that the motion of an arm shows: `Y pi = Y_b (P pi)`.
+    """The fewest combinations of inertial parameters that determine the motion of an arm: `Y pi = Y_b (P pi)`.
 
     >>> import armlet as al
     >>> base = al.planar_arm([1.0, 1.0]).base_parameters()
@@ -139,7 +139,7 @@ class ParameterReport:
 @sealed
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """The base parameters that a record of motion and torque shows, with their standard deviations."""
+    """The base parameters from a record of motion and torque, with their standard deviations."""
 
     base: BaseParameters
     #: Estimates of the base parameters, (b,).
@@ -170,7 +170,7 @@ class Identification:
 
     @property
     def unidentified(self) -> tuple[str, ...]:
-        """The base parameters that the record does not show."""
+        """The base parameters that the record does not determine."""
         return tuple(name for name, deviation in zip(self.base.grouping, self.deviations, strict=True) if not np.isfinite(deviation))
 
     def __str__(self) -> str:

@@ -65,7 +65,7 @@ class DenseOutput:
 @bordered
 @sealed
 class Integration:
-    """What `integrate` returns.
+    """The result of `integrate`.
 
     Attributes:
         t: the times, (K,).
@@ -173,15 +173,15 @@ def integrate(
         lists: hand y to f, jac and events as a list of floats: two to four times as quick as an array for a few states.
         vectorized: f takes states as columns, y (n, k), and returns their slopes, (n, k): all differences of a Jacobian are then one call.
             jac and events still take y (n,).
-        throw: raise where the run does not reach its end; False returns what there is, with its status.
+        throw: raise an error if the run does not reach its end; False returns the partial run, with its status.
 
     Returns:
         Times, states, status, work and events.
 
     Raises:
-        InputError: an argument is not what it should be.
-        SolveError: the run did not reach its end; `.status`, `.t` and `.partial` say how, when and what there is.
-        (any): what f, jac or an event raised, with its traceback.
+        InputError: an argument has a wrong type, shape or value.
+        SolveError: the run did not reach its end; `.status`, `.t` and `.partial` are its outcome, its time and the partial run.
+        (any): the error of f, jac or an event, with its traceback.
 
     >>> import armlet as al
     >>> run = al.integrate(lambda t, y: [y[1], -y[0]], (0.0, 3.141592653589793), [1.0, 0.0], method="dop853")

@@ -19,12 +19,12 @@ __all__ = ["NullSpace"]
 @sealed
 @dataclass(frozen=True)
 class NullSpace:
-    """A spring and a damper of the joints that leave the frame of an impedance law alone: `N' (K_n (q_n - q) + D_n (q_n' - v))`.
+    """A spring and a damper of the joints in the null space of an impedance law: `N' (K_n (q_n - q) + D_n (q_n' - v))`.
 
     `projection="consistent"`: `N' = I - J' L J M^-1`, `L = (J M^-1 J')^-1`. The torque does not accelerate the frame (Khatib 1987).
     `projection="static"`: `N' = I - J' (J')#`. In general the torque accelerates the frame.
 
-    Either way the null motion moves the frame through `C v` and `J_dot v`, unless the law compensates the coupling. Near singularities
+    With both, the null motion moves the frame through `C v` and `J_dot v`, unless the law compensates the coupling. Near singularities
     the inverse is clamped: a direction whose singular value is below `eps` of the law keeps a part of the torque.
 
     Args:

@@ -27,7 +27,7 @@ class PriorityDiagnosis:
     Attributes:
         n: number of joints.
         kind: "regular", "algorithmic", "kinematic" or "algorithmic+kinematic".
-        ranks: rank of each J_i alone.
+        ranks: rank of each J_i.
         projected_ranks: rank of each J_i in the null space of the levels above, level 1 included.
         stacked_rank: rank of all levels together, the sum of `projected_ranks`.
         overlap: sum of `ranks` minus `stacked_rank`.
@@ -35,7 +35,7 @@ class PriorityDiagnosis:
         projected_singular_values: of each J_i in the null space of the levels above.
         kinematic: per level: the rank is below the number of rows.
         algorithmic: per level: the projected rank is below the rank and the freedom that the levels above leave.
-        lost: per level, (k, rows_i): orthonormal directions of the command that no joint velocity left to the level produces.
+        lost: per level, (k, rows_i): orthonormal directions of the command that no joint velocity in the freedom of the level produces.
         losses: per level, (rows_i,): the part of the command `rhs` along `lost`, in the unit of the task; None without `rhs`.
         compatible: whether every loss is zero up to rounding, so that the whole command can be executed; None without `rhs`.
     """

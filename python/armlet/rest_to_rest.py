@@ -49,7 +49,7 @@ def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Arra
 def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, j_max: ArrayLike) -> TimedPath:
     """The fastest motion from rest at `q0` to rest at `q1` in which all joints arrive together, each inside its limits.
 
-    Needs Ruckig: `pip install 'armlet[ruckig]'`. Dynamics play no part: for limits of torque see `time_path`.
+    It requires Ruckig: `pip install 'armlet[ruckig]'`. There are no dynamics; for limits of torque see `time_path`.
 
     Args:
         q0, q1: start and end, `(n,)`, rad or m.

@@ -37,13 +37,13 @@ _DEEPEST = 32
 @sealed
 @dataclass(frozen=True)
 class SrdfGroup:
-    """A group of an SRDF: what it lists, with the groups that it names taken in.
+    """A group of an SRDF: its joints and links, with those of the groups that it names.
 
     Attributes:
         name: its name.
         chains: pairs of the base link and the tip link.
         joints: names of joints.
-        links: names of links: each stands for the joint that carries it.
+        links: names of links; each means the joint that carries it.
     """
 
     name: str

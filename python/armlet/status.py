@@ -13,9 +13,9 @@ __all__ = ["Status", "having"]
 
 
 class Status(IntEnum):
-    """The outcome of a run or a solve; `status.advice` says what can be done about it.
+    """The outcome of a run or a solve. `status.advice` is advice for the caller.
 
-    The numbers are stable: arrays of statuses (one per row of a batch) hold them as integers.
+    The numbers are stable. Arrays of statuses, with one per row of a batch, contain them as integers.
     """
 
     SUCCESS = 0
@@ -31,7 +31,7 @@ class Status(IntEnum):
 
     @property
     def advice(self) -> str:
-        """What the caller can do about it, in one sentence."""
+        """Advice for the caller."""
         return _ADVICE[self]
 
 

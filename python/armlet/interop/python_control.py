@@ -45,18 +45,18 @@ def to_control(
     States by name (`q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`); outputs: the states, and in a loop the law's `tau1..`.
 
     Args:
-        plant: what is moved; an arm stands for `RigidArm(arm)`. Without a wall.
-        law: what closes the loop; None: the arm alone.
+        plant: the plant, without a wall; an arm means `RigidArm(arm)`.
+        law: the law of the loop; None: only the arm.
         x0: None for the nonlinear system, or the state of the linearisation. This is q, (n,), or all states. With q the arm is at rest, the
             springs carry gravity, and the law has its first estimate. The states of the linear system are deviations from this state.
         t: time of the law when linearised, s.
-        u0: input to linearise about, (n,); None: what keeps the arm from accelerating (the linear loop has none).
+        u0: input to linearise about, (n,); None: the input without acceleration (the linear loop has none).
 
     Returns:
         A `control.NonlinearIOSystem`; with `x0` a `control.StateSpace`.
 
     Raises:
-        InputError: an argument is not what it should be.
+        InputError: an argument has a wrong type, shape or value.
         ImportError: python-control is not installed.
 
     Source: Carpentier and Mansard 2018.

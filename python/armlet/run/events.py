@@ -158,7 +158,7 @@ class Event:
 
     @classmethod
     def contact(cls, **keywords: Any) -> Event:
-        """The event that a frame touches the plant's wall (rising) or leaves it (falling), by its depth in the wall, m.
+        """The event of a frame that touches the plant's wall (rising) or leaves it (falling), by its depth in the wall, m.
 
         Args:
             **keywords: `direction`, `stop` and `name` of the event.
@@ -170,7 +170,7 @@ class Event:
 
     @classmethod
     def joint_stop(cls, joint: int | str, side: Literal["lower", "upper"], **keywords: Any) -> Event:
-        """The event that a joint meets the plant's stop (rising) or leaves it (falling), by its depth beyond the limit, rad or m.
+        """The event of a joint that touches the plant's stop (rising) or leaves it (falling), by its depth beyond the limit, rad or m.
 
         Args:
             joint: index or name of the joint.

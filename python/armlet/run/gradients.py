@@ -55,14 +55,14 @@ def gradient(
         law: the law.
         q0: initial position, (n,), rad or m.
         names: names of numbers such as `["law.kp", "arm.parameters", "q0"]`, as for `simulate(sensitivity=)`.
-        memory: bytes for states that are kept on the way. What lies between two of them is computed again.
+        memory: bytes for stored states. States between two of them are computed again.
         keywords: the keywords of `simulate`, `t_end` among them.
 
     Returns:
         The value, and by name an array of the shape of the number: units of the loss per unit of the number.
 
     Raises:
-        InputError: an argument is not what it should be; a function without slopes is not analytic.
+        InputError: an argument has a wrong type, shape or value, or a function without slopes is not analytic.
         SolveError: the run did not reach its end, or has no derivative there.
 
     Source:

@@ -33,7 +33,7 @@ class LoopProgram:
     """One program of a closed loop at one stage, as `loop_program` gives it; `print(program)` lists it, `len(program)` counts its lines.
 
     Attributes:
-        plant, law, method: names of what the program is for.
+        plant, law, method: names of the plant, the law and the method of the program.
         part: "step" is one whole step and "rates" the right-hand side, which a larger loop runs in every stage of a step. "law" is the law
             alone, for records and samples. "segment1", .. is what a larger loop computes between the stages. Implicit methods have "values"
             (the rates, and what their derivatives read) and the derivatives "along_plant" and "along_law".
@@ -42,7 +42,7 @@ class LoopProgram:
         engine: how it runs here, "machine" or "portable".
         instruction_set, lanes: the instruction set, and how many numbers an instruction computes.
         code_bytes: length of the machine code; None on processors that armlet emits no code for.
-        spilled: how often a value leaves the registers for memory, because too many are needed at once; None as above.
+        spilled: the number of values that move to memory because there are too few registers; None as above.
     """
 
     plant: str
@@ -66,12 +66,13 @@ class LoopProgram:
 
     @property
     def outputs(self) -> dict[str, str]:
-        """What is computed: the name of each output, and of the line (or input, or number) that it is. A step writes over its inputs."""
+        """The outputs: the name of each output, and the line, input or number that is its value. A step overwrites its inputs."""
         return dict(self._listings[self.stage].outputs)
 
     @property
     def inputs(self) -> dict[str, float | None]:
-        """What is read: the number of this loop's set-up (parameters, gains, targets, limits), None for what changes within a run."""
+        """The inputs: numbers of the set-up of this loop (parameters, gains, targets, limits), or None for inputs that change during a
+        run."""
         used = self._used()
         return {name: value for (name, _), value in self._inputs if name in used}
 

@@ -101,7 +101,8 @@ class Run(_Stored):
         animate(self, path, arm, **keywords)
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write the table of `to_pandas` with its index as CSV, every number with the digits that give it back; needs no pandas."""
+        """Write the table of `to_pandas` with its index as CSV. Every number has enough digits to be read back exactly. pandas is not
+        required."""
         to_csv({"t": self.t, **self._table()}, path)
 
     def to_parquet(self, path: str | PathLike[str]) -> None:
@@ -138,7 +139,7 @@ class BatchRun(_Stored):
     """B runs side by side: the fields of `Run` with B before the time axis; `batch[i]` is one `Run`.
 
     Attributes:
-        status: how each run ended, (B,), integers of `armlet.Status`; rows hold NaN after their fault.
+        status: the outcome of each run, (B,), integers of `armlet.Status`. A failed row is NaN after its fault.
         t: times, (K,) where all rows share them, else (B, K).
     """
 

@@ -198,7 +198,7 @@ class Scenario:
         """Describe the loop in lines of text.
 
         Returns:
-            Law, plant and time; the joints in their order; parts of the robot that the loop leaves out.
+            Law, plant and time; the joints in their order; parts of the robot that the loop does not use.
         """
         return summary(self.build(), self.data)
 

@@ -41,11 +41,11 @@ FAILED = 1e30
 @sealed
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """What `tune` found.
+    """The result of `tune`.
 
     Attributes:
         best: the values by path.
-        cost: what they cost.
+        cost: the cost of these values.
         scenario: the scenario with them.
         costs: the least cost after each generation, the first that of the initial candidates.
         tried: every candidate, in order: `cell`, a column per path, and `cost`.

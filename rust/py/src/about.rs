@@ -5,7 +5,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// How the extension was built and what it chose at run time.
+/// The build of the extension, and its choices at run time: instruction set and threads.
 #[entered]
 #[pyfunction]
 pub fn build_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {

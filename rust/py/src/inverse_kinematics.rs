@@ -20,7 +20,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
-/// Joint positions and what became of each task.
+/// The result of `inverse_kinematics`: joint positions, and the outcome of each task.
 ///
 /// `q`: joint positions, `(n,)`, rad or m. `errors`: the error of each task at `q`, `(rows_i,)` each, m or rad. `reached`: whether
 /// each task is reached. `iterations`: steps from all starts together. `restarts`: random starts used. `status`: `Status.SUCCESS`

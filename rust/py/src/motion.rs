@@ -169,7 +169,7 @@ macro_rules! rest_to_rest {
     ($name:ident, $doc:literal) => {
         #[doc = $doc]
         ///
-        /// Holds `q0` before time 0 and `q1` after `duration`.
+        /// The motion holds `q0` before time 0 and `q1` after `duration`.
         ///
         /// Args:
         ///     q0, q1: start and end, `(n,)`, rad or m.

@@ -26,7 +26,7 @@ const NAME: &str = "MomentumObserver";
 /// Args:
 ///     arm: the model.
 ///     gain: `K`, 1/s, positive definite: scalar, `(n,)` or `(n, n)`.
-///     friction: take the model's viscous and Coulomb friction off; else `r` holds it. Not with `motor_inertia` (keyword only).
+///     friction: subtract the model's viscous and Coulomb friction; otherwise `r` includes it. Not with `motor_inertia` (keyword only).
 ///     motor_inertia: observe the motors of elastic joints instead: `B`, kg m^2, scalar, `(n,)` or `(n, n)`. Then `q`, `v` are theirs, `tau` is
 ///         `tau_m - tau_J`, and `r` goes to minus the friction of the motors (keyword only).
 ///     threshold: `|r_i|` above it is contact, N m or N, > 0: scalar or `(n,)`; see `calibrate` (keyword only).
@@ -252,7 +252,7 @@ impl MomentumObserver {
         })
     }
 
-    /// What of `r` the wrench at this frame leaves: `r - J' F`, of the shape of `q`; arguments as for `wrench`.
+    /// The part of `r` that the wrench at this frame does not explain: `r - J' F`, of the shape of `q`. Arguments as for `wrench`.
     #[pyo3(signature = (q, frame, *, eps=None))]
     fn unexplained<'py>(
         &self,

@@ -10,7 +10,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-/// What a law drives. The base of all plants.
+/// A controlled system: the base class of all plants.
 #[pyclass(frozen, subclass, module = "armlet", name = "Plant")]
 pub struct Plant {
     pub spec: PlantSpec,

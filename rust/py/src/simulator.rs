@@ -173,7 +173,7 @@ impl Simulator {
         })
     }
 
-    /// Start anew at `t = 0`, from the initial state or from `q0` and `v0`, `(n,)`; the law's own state starts anew too.
+    /// Restart at `t = 0`, from the initial state or from `q0` and `v0`, `(n,)`. The state of the law restarts too.
     #[pyo3(signature = (q0=None, v0=None))]
     fn reset(&mut self, py: Python<'_>, q0: Option<&Bound<'_, PyAny>>, v0: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         entry(py, "Simulator.reset", || {
@@ -203,7 +203,7 @@ impl Simulator {
         self.stepping.lock().unwrap_or_else(PoisonError::into_inner).steps() as f64 * self.dt
     }
 
-    /// The state as a dictionary of copies: `t`, `q`, `v`, `tau`, and what else there is.
+    /// The state as a dictionary of copies: `t`, `q`, `v`, `tau`, and the states of motors and of the law.
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);

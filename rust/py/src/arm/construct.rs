@@ -140,7 +140,7 @@ pub fn load_urdf(
     })
 }
 
-/// The text of one of the package's own URDFs; a wrong name is answered with the names there are.
+/// The text of an example URDF of the package. The error of an unknown name lists the valid ones.
 #[entered]
 #[pyfunction]
 pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'static str> {

@@ -79,7 +79,7 @@ impl Arm {
         self.evaluate("christoffel", ["q"], [q], Quantity::Christoffel.into(), out)
     }
 
-    /// The gravity torque `g(q)`, `(..., n)`, N m or N: the slope of the potential energy.
+    /// The gravity torque `g(q)`, `(..., n)`, N m or N: the gradient of the potential energy.
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.

@@ -88,7 +88,7 @@ impl Arm {
     ///
     /// Args:
     ///     name: of the new frame.
-    ///     parent: name of the frame that carries it.
+    ///     parent: name of the frame to which it is fixed.
     ///     xyz: its origin in the parent, `(3,)`, m; zero if None (keyword only).
     ///     rpy: its roll, pitch and yaw in the parent, `(3,)`, rad, `R = Rz(yaw) Ry(pitch) Rx(roll)`; zero if None (keyword only).
     ///
@@ -116,7 +116,7 @@ impl Arm {
         })
     }
 
-    /// The same arm with a load fixed to a frame.
+    /// The arm with a load fixed to a frame.
     ///
     /// Args:
     ///     frame: name of the frame.
@@ -153,7 +153,7 @@ impl Arm {
         })
     }
 
-    /// The same arm with joints held at positions: they leave `q`, and what they carry joins the body before them.
+    /// The same arm with joints locked at positions. They are no longer part of `q`, and their bodies join the body before them.
     ///
     /// Args:
     ///     joints: a dict from the names of joints to their positions, rad or m.

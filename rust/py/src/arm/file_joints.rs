@@ -26,7 +26,7 @@ impl Arm {
         Self::named(py, &self.model.file_joint_names())
     }
 
-    /// Of each joint of `file_joint_names`, the index of the joint that carries it; -1 for a joint on the base.
+    /// For each joint of `file_joint_names`, the index of the joint that carries it; -1 for a joint on the base.
     ///
     /// >>> import armlet as al
     /// >>> al.planar_arm([0.5, 0.4]).file_joint_parents

@@ -37,7 +37,7 @@ fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: boo
 #[entered]
 #[pymethods]
 impl Arm {
-    /// The base parameters: the fewest combinations of inertial parameters that the arm's motion shows.
+    /// The base parameters: the fewest combinations of inertial parameters that determine the motion of the arm.
     ///
     /// `Y pi = Y_b (P pi)` for every state, with the columns `Y_b` of `Y` independent. Decided by rank on regressors stacked over
     /// seeded random states, column by column from base to tip, under the arm's own gravity.

@@ -29,7 +29,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     kp, kd: positive definite gains: scalar, `(n,)` or `(n, n)`; `kp = kd Lambda`.
 ///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`, p the size of the estimate.
 ///     estimate: initial estimate `(p,)`; zero if None (keyword only).
-///     base: what `arm.base_parameters()` returns: only this base set of parameters is estimated, and p is its size (keyword only).
+///     base: the result of `arm.base_parameters()`: the law estimates only this base set, and p is its size (keyword only).
 ///     natural: adapt in the metric of the bodies' pseudo-inertias: the estimate stays physically possible for ever; it has
 ///         to start so, and gamma is a scalar or one number per body, then one per further parameter (keyword only).
 ///     projection: keep the estimate physically possible in the metric of gamma: the least body as a mass in kg (with a radius

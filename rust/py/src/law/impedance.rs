@@ -133,7 +133,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     axes: the rows, such as "xyz", "xy" or "xyz rx ry rz" (keyword only).
 ///     nullspace: a `NullSpace`, for arms of more joints than rows (keyword only).
 ///     feedforward: `F_ff`, a wrench in the law's rows `(m,)`, N and N m (keyword only).
-///     compensate_coupling: compensate what couples the null motion and the frame (keyword only).
+///     compensate_coupling: compensate the coupling of the null motion and the frame (keyword only).
 ///     eps: the clamp of `L` and of the null space, between 0 and 1; 0.02 if None (keyword only).
 ///     integral_gain: `K_i`, N/(m s) and N m/(rad s), at least zero: scalar, `(m,)`, or positive definite `(m, m)` (keyword only).
 ///     wrench_max: the largest `F` of each row, N and N m, scalar or `(m,)`; no limit if None (keyword only).

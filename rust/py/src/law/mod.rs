@@ -194,7 +194,7 @@ impl Law {
         })
     }
 
-    /// The motion the law tracks; None for a law that holds a target.
+    /// The motion that the law tracks; None for a law with a constant target.
     #[getter]
     fn motion(&self, py: Python<'_>) -> Option<Py<PyAny>> {
         self.arguments.iter().find(|(name, _)| *name == "motion").map(|(_, value)| value.clone_ref(py))

@@ -62,11 +62,11 @@ impl<'py> Arguments<'py> {
 ///
 /// Args:
 ///     arm: the model, of links.
-///     tasks: `Task` and its kin, the highest first, each with a target.
+///     tasks: `Task` and other tasks, the highest first, each with a target.
 ///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 of each level's largest row norm.
-///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: the arm's own (keyword only).
-///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's own (keyword only). At every evaluation
+///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: those of the arm (keyword only).
+///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: those of the arm (keyword only). At every evaluation
 ///         they bound the velocity by `(q_max - q) / horizon`.
 ///     a_max: deceleration with which "sns" brakes before a limit, `v <= sqrt(2 a_max (q_max - q))`; None: any (keyword only).
 ///     horizon: time in which the way to a limit may be used up, s (0.1; keyword only): at least the step or the sample time.

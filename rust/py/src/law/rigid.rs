@@ -92,7 +92,7 @@ impl PDGravity {
 /// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w`, `w' = Ki (q_d - q)`, `tau` = `u` within `tau_max`.
 ///
 /// The integral torque `w` `(n,)`, N m or N, is the law's state: `run.estimate[:, :n]` records it, and it starts at zero. It leaves no error
-/// under a load that the model does not know. While `u_i` is beyond the limit of joint `i`, `w_i` does not go further that way.
+/// under a load that the model does not know. While `u_i` exceeds the limit of joint `i`, `w_i` does not grow in that direction.
 /// A target that moves adds `M(q) a_d`.
 ///
 /// Args:

@@ -86,7 +86,7 @@ pub fn bang_bang_time<'py>(
     })
 }
 
-/// What the symmetric bang-bang profile can and cannot do: see `bang_bang_time`.
+/// The feasible durations of the symmetric bang-bang profile: see `bang_bang_time`.
 #[pyclass(frozen, module = "armlet", name = "BangBangReport")]
 pub struct BangBangReport {
     core: plan::BangBangReport,

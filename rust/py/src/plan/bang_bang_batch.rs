@@ -14,7 +14,7 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 
-/// The answers of `bang_bang_time` to arrays of problems: the fields of `BangBangReport` as arrays of the broadcast shape.
+/// The results of `bang_bang_time` for arrays of problems: the fields of `BangBangReport` as arrays of the broadcast shape.
 #[pyclass(frozen, module = "armlet", name = "BangBangBatch")]
 pub struct BangBangBatch {
     problems: Columns<6>,

@@ -88,7 +88,7 @@ pub fn minimum_jerk_time<'py>(
     })
 }
 
-/// What a trapezoidal or minimum-jerk motion can and cannot do: see `trapezoid_time` and `minimum_jerk_time`.
+/// The feasible durations of a trapezoidal or minimum-jerk motion: see `trapezoid_time` and `minimum_jerk_time`.
 #[pyclass(frozen, module = "armlet", name = "ProfileReport")]
 pub struct ProfileReport {
     core: plan::ProfileReport,

@@ -170,7 +170,7 @@ impl TimedPath {
         self.margin
     }
 
-    /// Why there is no timing: the joint, the path position, the limit, what it is short by. None if there is one.
+    /// The reason for an infeasible path: the joint, the path position, the limit, and the missing amount. None if there is a timing.
     #[getter]
     fn reason(&self) -> Option<&str> {
         self.why.as_ref().map(|why| why.text.as_str())

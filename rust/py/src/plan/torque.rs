@@ -31,7 +31,7 @@ use std::sync::OnceLock;
 ///         With friction the motion is integrated, and a call takes longer.
 ///
 /// Returns:
-///     A `TorqueOptimum`. No motion is an answer, not an error: `t` is NaN, and `reason` says what is missing.
+///     A `TorqueOptimum`. If no motion is feasible there is no error: `t` is NaN, and `reason` states the missing torque.
 ///
 /// Raises:
 ///     InputError: a number is not finite, or outside its range.

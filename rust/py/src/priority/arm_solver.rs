@@ -285,7 +285,7 @@ impl ArmPrioritySolver {
         })
     }
 
-    /// Which directions of which task can be commanded at `q` `(n,)`, and what of `velocities` is lost: a `PriorityDiagnosis`.
+    /// The directions of each task that can be commanded at `q` `(n,)`, and the loss of `velocities`: a `PriorityDiagnosis`.
     #[pyo3(signature = (q, velocities=None))]
     fn diagnose<'py>(slf: &Bound<'py, Self>, q: &Bound<'py, PyAny>, velocities: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let fields = slf.get()._diagnose(slf.py(), q, velocities)?;

@@ -17,7 +17,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple};
 use std::cell::RefCell;
 
-/// Joint velocities from prioritised tasks, and what became of each level.
+/// The result of `solve_priority`: joint velocities, and the outcome of each level.
 ///
 /// `v`: joint velocities, `(n,)`, rad/s or m/s. `residuals`: `v_i - J_i v` per level, `(rows_i,)` each, in the unit of the task.
 /// `ranks`: directions of each level that were realised. `scales`: scale of each level's command, `(levels,)`, 1 except for "sns".
@@ -173,7 +173,7 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 of each level's largest row norm.
 ///     rounding: relative error of the entries of the Jacobians; None: 8 machine epsilons; `8 eps (1 + sum|q|)` where angles made them.
 ///     weight: joint metric `W`, `(n, n)`, symmetric positive definite: `v' W v` is minimised; None: the identity.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s; one alone is symmetric.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s; a single one holds for both signs.
 ///
 /// Returns:
 ///     A `PrioritySolution`. Batches never raise for one bad row: `status` has one entry per row, and a row whose numbers are not

@@ -183,7 +183,7 @@ impl RelativeTask {
 ///
 /// Args:
 ///     gain: as for `Task`.
-///     margin: the part of the range at either end to be left, 0 to 0.5; 0.5 centres the joints.
+///     margin: the fraction of the range at each end that the joints shall avoid, 0 to 0.5; 0.5 centres the joints.
 ///     joints: names of the joints; None: all that have two finite limits (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
