@@ -1,4 +1,4 @@
-//! Tasks in priority on an arm from URDF: the tip first, a posture with what freedom is left.
+//! Tasks in priority on an arm from URDF: the tip first, then a posture with the remaining freedom.
 //! `cargo run --release --example task_priority`.
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};

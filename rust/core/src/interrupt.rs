@@ -50,7 +50,7 @@ pub fn look() {
             Ok(*poll)
         }
     });
-    // Called without the borrow: what it runs may start interruptible work too.
+    // Called without the borrow, because the handler may also start interruptible work.
     if poll.map_or_else(|stop| stop, |poll| poll()) {
         interrupt();
     }

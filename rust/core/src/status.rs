@@ -17,7 +17,7 @@ pub enum Status {
     Success = 0,
     /// The state, its derivative or a monitor stopped being finite, or the state passed the limit that the caller set.
     Diverged = 1,
-    /// The adaptive step fell below what the time variable can resolve.
+    /// The adaptive step fell below the resolution of time.
     StepUnderflow = 2,
     /// The cap on steps or iterations was reached.
     MaxSteps = 3,

@@ -1,4 +1,4 @@
-//! Ctrl-C and the interpreter lock: long work runs without the lock, and every 20 ms somebody looks whether a signal has come.
+//! Ctrl-C and the interpreter lock: long work runs without the lock, and checks for a signal every 20 ms.
 
 use crate::errors::Failure;
 use armlet_core::error::Result as CoreResult;
@@ -14,7 +14,7 @@ thread_local! {
     static SIGNAL: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
-/// Whether a signal has come: what its handler raised is kept for `long`.
+/// Whether a signal has come. An error of its handler is kept for `long`.
 pub fn signalled() -> bool {
     Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
@@ -31,7 +31,7 @@ pub fn signalled_in_turn() -> bool {
 
 /// As [`long`], of work that calls Python at every sample: it keeps the GIL, and hands it over every 20 ms, by [`signalled_in_turn`].
 ///
-/// A thread that waits for a GIL that is released and taken at every call is woken each time, finds it taken, and waits anew.
+/// If the GIL is released and taken at every call, a waiting thread wakes each time, finds it taken, and waits again.
 pub fn long_calling<T: Send>(work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
     ended(interruptible(Watch::Poll(signalled_in_turn), work))
 }

@@ -56,7 +56,7 @@ pub fn _c_of_law(
     })
 }
 
-/// The files of functions of an arm: their names in C, what they compute, and a frame where one is given.
+/// The files of functions of an arm: their names in C, their quantities, and a frame if there is one.
 #[entered]
 #[pyfunction]
 pub fn _c_of_arm(

@@ -204,7 +204,7 @@ impl Reading {
 pub fn _restore<'py>(payload: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
     let py = payload.py();
     let damaged = || format_error(py, "unpickle: the stored object is damaged: its checksum does not match");
-    // `copy.copy` hands over the shares themselves, a pickler their bytes.
+    // `copy.copy` passes the parts themselves, and a pickler their bytes.
     let part = |part: Bound<'py, PyAny>| match part.cast::<Share>() {
         Ok(share) => Ok(share.get().bytes.bind(py).clone()),
         Err(_) => part.cast_into::<PyBytes>().map_err(|_| damaged()),

@@ -51,7 +51,7 @@ impl LimitCheck {
         self.tell(py, function, found.map(|found| (format!("{argument}{}", found.index(of_rows)), found)))
     }
 
-    /// Starts, and what laws want of the joints.
+    /// Starts, and the joint positions of laws.
     pub fn problem(self, py: Python<'_>, function: &str, problem: &Problem<'_>, batch: bool) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());

@@ -85,7 +85,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
                 x[i] -= r[out.columns[k]][i] * x[k];
             }
         }
-        // In units of the largest part, what is left below the threshold is rounding.
+        // In units of the largest part, entries below the threshold are rounding errors.
         let part = |k: usize| x[k].abs() * norms[out.columns[k]];
         let scale = (0..b).fold(0.0f64, |a, k| a.max(part(k)));
         for k in 0..b {
@@ -95,7 +95,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     out
 }
 
-/// Ones and minus ones are what most groupings are made of.
+/// Most groupings consist of ones and minus ones.
 fn snapped(x: f64) -> f64 {
     if (x.abs() - 1.0).abs() < 1e-11 { x.signum() } else { x }
 }

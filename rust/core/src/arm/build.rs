@@ -177,7 +177,7 @@ impl Arm {
         Ok(())
     }
 
-    /// Add a body that is fixed to another; what is fixed to the base does not move and has no effect.
+    /// Add a body that is fixed to another one. A body that is fixed to the base does not move and has no effect.
     pub(super) fn merge(&mut self, body: Option<usize>, inertia: &Inertia<f64>, placement: &Placement) {
         if let Some(b) = body {
             let sum = Inertia::from_parameters(&self.joints[b].parameters).plus(&inertia.placed(placement));

@@ -54,7 +54,7 @@ impl Outside {
         found
     }
 
-    /// Whether it looks like an angle in degrees: more than a turn as radians, inside as degrees.
+    /// Whether a value may be an angle in degrees: more than a turn as radians, and within the limits as degrees.
     fn degrees(&self) -> bool {
         let [lower, upper] = self.limits;
         self.angle && self.value.abs() > TAU && (lower..=upper).contains(&self.value.to_radians())

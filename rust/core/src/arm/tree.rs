@@ -11,12 +11,12 @@ use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
 use std::sync::Arc;
 
-/// What recordings call the parameters of a body, beside its mass `m`.
+/// The name of the parameters of a body in recordings, besides its mass `m`.
 const MOMENT: [&str; 3] = ["mx", "my", "mz"];
 const INERTIA: [&str; 6] = ["Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
 const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
 
-/// The parent of a body that hangs on the fixed base.
+/// The parent of a body on the fixed base.
 pub const BASE: usize = usize::MAX;
 
 #[derive(Clone, Debug)]
@@ -25,13 +25,13 @@ pub struct Body<S: Real> {
     pub parent: usize,
     /// One beyond the last body that it carries: the bodies from the next one to there, since their order is depth first.
     pub end: usize,
-    /// A body that is not the next one hangs on it: what it hands on has to be kept.
+    /// Another body than the next one is its child, so its values must be stored.
     pub forks: bool,
     /// Turns about its axis; slides along it otherwise.
     pub revolute: bool,
     /// Placement of the joint in the parent's compiled frame at `q = 0`.
     pub rotation: Matrix3<f64>,
-    /// What `rotation` is, if it is one of these.
+    /// The kind of `rotation`, if it is one of these.
     pub quarter: Option<QuarterTurn>,
     pub translation: Vector3<f64>,
     /// Whether the joint's origin is the parent's in every state, as in a wrist: moments go from one to the other as they are.
@@ -67,7 +67,7 @@ pub struct Tree<S: Real> {
 
 /// The mean number of joints that carry a body up to which forward dynamics takes less time by the mass matrix (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
-/// What a joint whose placement is no quarter turn counts more.
+/// The additional cost of a joint whose placement is no quarter turn.
 const GENERAL: f64 = 1.25;
 /// Joints of the largest arm whose mass matrix a workspace keeps: 0.5 MB.
 const MOST_JOINTS: usize = 256;
@@ -215,7 +215,7 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    /// What [`Tree::set_parameters`] was given, up to rounding.
+    /// The argument of [`Tree::set_parameters`], up to rounding.
     pub fn write_parameters(&self, pi: &mut [S]) {
         for (body, p) in self.bodies.iter().zip(pi.chunks_exact_mut(PARAMETERS)) {
             let inertia = match body.turn {

@@ -61,7 +61,7 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
     (S::splat(0.5) * twice, potential)
 }
 
-/// What a joint's friction takes at rate `v`: `damping v + friction sign(v)`.
+/// The friction torque of a joint at rate `v`: `damping v + friction sign(v)`.
 pub fn friction_torque<S: Real>(body: &Body<S>, v: S) -> S {
     S::splat(body.friction).mul_add(sign(v), S::splat(body.damping) * v)
 }

@@ -95,7 +95,7 @@ impl Single {
 pub struct Functions {
     arm: Arc<Arm>,
     single: Mutex<Single>,
-    /// Those used last come last.
+    /// In the order of their last use.
     known: Mutex<Vec<Known>>,
 }
 

@@ -30,7 +30,7 @@ fn matrices_are_given_up_and_made_again() {
         let mut out = vec![0.0; query.length(arm.size())];
         assert!(evaluator.one(&query, &inputs, &mut out).unwrap(), "{quantity:?}");
         let mut other = vec![0.0; out.len()];
-        // The buffers are large enough by now: what looks is the recursion.
+        // The buffers are now large enough, so the recursion makes the check.
         assert!(asked(|| evaluator.one(&query, &inputs, &mut other)).is_err(), "{quantity:?}");
         assert!(evaluator.one(&query, &inputs, &mut other).unwrap(), "{quantity:?}");
         assert!(out.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()), "{quantity:?}");

@@ -11,7 +11,7 @@ use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// Attempts between two looks.
+/// Attempts between two checks.
 const WINDOW: u64 = 500;
 /// A step that moves the state by more allowed errors than this is not held up by a jump.
 const MOVES: f64 = 1e3;

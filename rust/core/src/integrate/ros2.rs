@@ -4,7 +4,7 @@
 //! `x += h (3 k1 + k2) / 2`, `g = 1 - 1/sqrt 2`.
 //!
 //! `g = 1 + 1/sqrt 2` is L-stable too and stays positive on real negative poles, with an error constant 20 times larger.
-//! A `W` that cannot be inverted leaves NaN, which the run's own check takes for what it is.
+//! A singular `W` gives NaN, and the check of the run reports it.
 
 use super::{Buffer, Differentiable, FixedStep};
 use crate::scalar::Real;

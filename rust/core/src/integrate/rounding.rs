@@ -18,7 +18,7 @@ use crate::status::Status;
 /// a row, or 30 attempts of which a third are rejected.
 const REJECTED: u32 = 4;
 const MOST: u32 = 20;
-/// The part of what a method has to resolve above which rounding is noted.
+/// The fraction of the method's resolution above which rounding errors count.
 const NOTED: f64 = 0.05;
 /// The rounding error of the error estimate, in units of the tolerance, above which no step-size controller works.
 const EXCESS: f64 = 0.3;
@@ -39,7 +39,7 @@ pub(super) struct Rounding<B> {
     looks: u64,
 }
 
-/// `a + b` rounded, and what that loses.
+/// `a + b` rounded, and the rounding error.
 pub(super) fn two_sum<S: Real>(a: S, b: S) -> (S, S) {
     let sum = a + b;
     let part = sum - a;
@@ -91,7 +91,7 @@ impl<B> Rounding<B> {
         }
     }
 
-    /// The step is taken: what its last sum lost is the state's.
+    /// The step is accepted, so the rounding error of its last sum belongs to the state.
     pub fn accepted(&mut self) {
         self.strain = self.strain.saturating_sub(1);
         if self.compensated {
@@ -198,7 +198,7 @@ mod tests {
         };
         assert_eq!(attempts(0), Some(5));
         assert!(attempts(2).unwrap() <= 30);
-        // One in five is what a step-size controller may do.
+        // A step-size controller may reject one step in five.
         assert_eq!(attempts(4), None);
     }
 }

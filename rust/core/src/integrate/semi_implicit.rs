@@ -2,7 +2,7 @@
 //!
 //! `v += h v'(t, q, v)`, then `q += h v` with the new `v`; every other component as in the explicit method.
 //!
-//! The system says which component is the rate of which: [`System::rate_of`].
+//! The system maps each rate to its component: [`System::rate_of`].
 
 use super::{Advance, Buffer, FixedStep, System};
 use crate::error::{Error, Result};

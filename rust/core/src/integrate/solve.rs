@@ -26,7 +26,7 @@ pub trait Recorder {
 pub struct Request<'a> {
     /// Increasing, within the span; `None` for every step.
     pub times: Option<&'a [f64]>,
-    /// Hand out the polynomials.
+    /// Return the polynomials.
     pub dense: bool,
     /// Events to locate.
     pub events: &'a [Event],

@@ -1,4 +1,4 @@
-//! The time and the step of an adaptive method: when to give up, how long the next step is.
+//! The time and the step of an adaptive method: the length of the next step, and the end of a run without progress.
 //!
 //! PI control (Gustafsson; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.2):
 //! `h_new = h safety error^-alpha error_old^beta`, within `[shrink, grow]`, never longer right after a rejection.

@@ -19,7 +19,7 @@ pub struct ArmBatch {
 /// The settings of a program: thresholds and bounds.
 type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
 
-/// The program of a solver, and what it was made with.
+/// The program of a solver, and its settings.
 type Made = Option<(With, Option<Evaluation>)>;
 
 /// The program of a solver, shared by its copies.

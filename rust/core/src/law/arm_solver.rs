@@ -87,7 +87,7 @@ impl ArmSolver {
         })
     }
 
-    /// Which directions of which task can be commanded at `q`, and what is lost of `velocities` where they are given.
+    /// The directions of each task that can be commanded at `q`, and the loss of `velocities`, if there are any.
     pub fn diagnose(&mut self, q: &[f64], velocities: Option<&[f64]>) -> Result<Diagnosis> {
         finite("q", q)?;
         let (n, rows) = (self.n(), self.rows().to_vec());

@@ -17,7 +17,7 @@ pub trait Solve {
         Self: Sized;
     /// The stacked Jacobians and task velocities, to be filled.
     fn inputs(&mut self) -> (&mut [Self::Number], &mut [Self::Number]);
-    /// Solve for what was filled in, whose Jacobians have entries with this relative error; within bounds where there are any.
+    /// Solve for the present Jacobians, whose entries have this relative error, within bounds if there are any.
     fn solve(&mut self, rounding: Self::Number, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()>;
     /// The joint velocities found.
     fn v(&self) -> &[Self::Number];

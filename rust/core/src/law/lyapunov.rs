@@ -113,7 +113,7 @@ fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
     if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
 }
 
-/// The divergence of all bodies, and half the squares of what is estimated beside them, each over its gain.
+/// The divergence of all bodies, and half the squares of the other parameter errors, each over its gain.
 fn natural<S: Real>(gamma: &[S], truth: &[S], error: &[S], estimate: &[S]) -> S {
     let bodies = (truth.len() - gamma.len()) / (PARAMETERS - 1);
     let ((pi, _), (pi_hat, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());

@@ -22,7 +22,7 @@ fn square(pi: &[f64]) -> f64 {
 
 #[test]
 fn negative_parts_of_matrices() {
-    // Diagonal, repeated and indefinite; what is left is positive, and orthogonal to what was taken.
+    // Diagonal, repeated and indefinite. The result is positive, and orthogonal to the removed part.
     let full = [[1.0, 2.0, 0.5, -1.0], [2.0, -1.0, 0.3, 0.2], [0.5, 0.3, 0.1, 4.0], [-1.0, 0.2, 4.0, 1e-3]];
     let zero = [[0.0; 4]; 4];
     let minus = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { -2.0 } else { 0.0 }));

@@ -1,4 +1,4 @@
-//! Thread pools of rayon: made on first use, kept by size, made anew in a forked child.
+//! Thread pools of rayon: made on first use, kept by size, made again in a forked child.
 
 use super::{MOST_THREADS, lock, on_worker};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator};

@@ -88,7 +88,7 @@ impl Monotone {
     }
 }
 
-/// The monotone motion `x0 -> x1 > x0`, and what its swings take from it.
+/// The monotone motion `x0 -> x1 > x0`, and the quantities that its swings use.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Straight {
     pub monotone: Monotone,

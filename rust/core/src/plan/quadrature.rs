@@ -141,7 +141,7 @@ fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
     (half * kronrod, half * size * difference.min(scaled * scaled.sqrt()))
 }
 
-/// Over [0, 1], beside what another part of the integral gave.
+/// Over [0, 1], relative to another part of the integral.
 #[inline(always)]
 pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, beside: f64) -> f64 {
     let mut stack = [(0.0, 0.0); MAX_DEPTH];

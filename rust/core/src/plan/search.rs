@@ -66,7 +66,7 @@ pub(super) trait BackSwings {
     fn farthest(&self, limit: f64) -> f64;
 }
 
-/// A turning point and the slope there, at the edges of a window what it tends to.
+/// A turning point and the derivative there. At the edges of an interval it is the limit.
 type Point = (f64, f64);
 
 /// The change of T in the last step of the turning point, relative to the order of `c e`. The error of T is then far smaller.

@@ -231,7 +231,7 @@ impl Collocation {
                 last = now;
                 continue;
             }
-            // No nearer, though not near: beside what rounding of the angle does.
+            // No improvement, and still far away, relative to the rounding error of the angle.
             if !(now.min(last) <= 1e-12 * size + 1e-15 * straight[0].abs()) {
                 motion.fill(f64::NAN);
             }

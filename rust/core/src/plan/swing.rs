@@ -27,7 +27,7 @@ struct Search {
     straight: Straight,
     /// The first phase.
     leaves: Phase,
-    /// The push of the monotone motion, if that is possible, and then the least way back that is worth trying.
+    /// The push of the monotone motion, if that is feasible, and then the least distance back with a possible gain.
     push: Option<Push>,
     nearest: Option<f64>,
     /// `F(-x1, D; u-)`, zero where that brake stalls.
@@ -83,7 +83,7 @@ impl Search {
         Trial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
     }
 
-    /// No larger `e` is worth trying, if none above `most` is, nor above the `bound` for the largest net torques up and down.
+    /// An upper bound of `e`: no distance above `most` has a gain, nor one above the `bound` of the largest net torques up and down.
     fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
         let turns = &self.straight.monotone.push;
         let start = sine(turns.x);

@@ -50,7 +50,7 @@ impl Touch {
     }
 }
 
-/// The force at depth `depth` that grows at `rate`, and the power lost; `held`: as what, `None` to follow the state.
+/// The force at depth `depth` that grows at `rate`, and the lost power. `held` is the state of the contact, `None` to follow the plant.
 pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Touch>) -> (S, S) {
     let spring = stiffness * depth;
     let force = damping.mul_add(rate, spring);

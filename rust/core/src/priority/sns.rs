@@ -171,7 +171,7 @@ impl Workspace {
             metric.velocity(&mut sat.va);
         }
         let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
-        // Near singularities the noise is large: to cut off that much would move what higher levels decided.
+        // Near singularities the noise is large. Cutting off so much would change results of higher levels.
         let fastest = largest(&sat.va);
         let edge = noise.min(MOST_EDGE * fastest).max(LEAST_EDGE * fastest);
         if !(0..n).all(|j| sat.va[j] >= lower[j] - edge && sat.va[j] <= upper[j] + edge) {

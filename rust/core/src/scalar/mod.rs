@@ -139,7 +139,7 @@ pub trait Real:
 
 /// Work to be done inside the instruction-set region of a known [`Real`]. `run` must be `#[inline(always)]`.
 pub trait Kernel {
-    /// What it computes.
+    /// The type of the result.
     type Output;
     /// Do the work.
     fn run(self) -> Self::Output;
@@ -154,7 +154,7 @@ pub fn sign<S: Real>(x: S) -> S {
 
 /// Work that can be done on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
 pub trait GenericKernel {
-    /// What it computes.
+    /// The type of the result.
     type Output;
     /// Do the work on the number `S`.
     fn run<S: Real>(self) -> Self::Output;

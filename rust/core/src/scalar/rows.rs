@@ -2,7 +2,7 @@
 
 use crate::scalar::Real;
 
-/// The exponent of what is not finite.
+/// The exponent of numbers that are not finite.
 const INFINITE: u64 = 0x7ff << 52;
 
 /// One if not finite, without a branch.

@@ -1,4 +1,4 @@
-//! The two single numbers: `f64` for set-ups, which are the same on every machine, and [`Float`] for what runs.
+//! The two single numbers: `f64` for set-ups, with the same results on every machine, and [`Float`] for runs.
 
 use super::lanes::fuses;
 use super::{Kernel, Real, trig};

@@ -1,6 +1,6 @@
 //! The bound of a state: `|q_i|, |v_i| <= limit` for the positions and velocities of a plant, links and motors alike.
 //!
-//! A state far beyond what a robot does is nonsense long before it stops being finite, as coarse steps of a stiff loop make it.
+//! Coarse steps of a stiff loop make a state meaningless long before it stops being finite: it is far beyond any state of a robot.
 
 use crate::scalar::Real;
 

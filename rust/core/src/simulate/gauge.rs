@@ -29,7 +29,7 @@ pub struct Identities<S> {
     pub skewness: S,
     pub energy: S,
     pub lyapunov: S,
-    /// The integrals of what the law dissipates and of the power put in.
+    /// The integrals of the power that the law dissipates, and of the input power.
     pub quadratures: [S; 2],
 }
 
@@ -38,7 +38,7 @@ pub struct Identities<S> {
 pub enum Start {
     /// They do: this is a later record.
     Known,
-    /// The number of records says whether they do.
+    /// The number of records decides whether they do.
     Asked,
 }
 
@@ -73,7 +73,7 @@ impl<S: Real> Gauge<S> {
         }
     }
 
-    /// Add a record to what is `kept`; `h`: the time to the next one, zero after the last.
+    /// Add a record to the numbers `kept`; `h`: the time to the next one, zero after the last.
     pub fn add(&mut self, seen: &Seen<S>, h: S, start: Start, kept: &mut [S]) {
         let weight = kept[self.plan.places.since] + h;
         let count = kept[self.plan.places.count];

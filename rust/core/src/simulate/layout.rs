@@ -88,7 +88,7 @@ impl Layout {
     pub fn ends_at_last(&self) -> bool {
         self.instants.len() > 1 && self.instants.last() == Some(&1.0)
     }
-    /// A record beside the state, and what monitors count from if it is the first one.
+    /// A record beside the state, and the reference values of the monitors if it is the first one.
     pub fn noted(&self) -> usize {
         self.reach() + 1
     }

@@ -17,7 +17,7 @@ pub struct Log {
     /// The number of the first record that is there, and how many there are.
     first: usize,
     count: usize,
-    /// Record after record: the state, then what is noted beside it, each of all lanes of the frame.
+    /// Record after record: the state, then its other numbers, each of all lanes of the frame.
     frames: Vec<Vec<f64>>,
     lanes: usize,
     /// The places of both in a frame.

@@ -53,7 +53,7 @@ pub struct Programs {
     step: Step,
     /// From the state, the first instant, the input and `h` to the numbers kept.
     sums: Option<Program>,
-    /// The same of later records: a whole step that begins so, or what follows the first stage of a step in parts.
+    /// The same of later records: a whole step that begins so, or the part after the first stage of a step in parts.
     along: Option<Program>,
     /// From the state, the first instant and the input to the rest of a record.
     notes: Option<Program>,
@@ -88,7 +88,7 @@ impl Programs {
         self.all().map(Program::slots).max().unwrap_or(0)
     }
 
-    /// Write what they need into a new frame.
+    /// Write their constants into a new frame.
     pub fn prepare(&self, frame: &mut Frame) {
         self.all().for_each(|program| program.prepare(frame));
     }

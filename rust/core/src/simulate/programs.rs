@@ -87,7 +87,7 @@ impl Structures {
 /// The records of some lanes of a group.
 struct Chosen<'a> {
     sink: &'a mut dyn Sink,
-    /// Which lane of the group each lane is; `None` where its records are not wanted.
+    /// The lane of the group for each lane; `None` without records.
     lanes: Vec<Option<usize>>,
 }
 

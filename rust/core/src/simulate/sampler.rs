@@ -121,7 +121,7 @@ impl<S: Real> Sampler<S> {
         }
     }
 
-    /// Forget every sample: the run starts anew.
+    /// Forget every sample, because the run restarts.
     pub fn forget(&mut self) {
         self.ring.iter_mut().for_each(|entry| entry.index = u64::MAX);
     }

@@ -29,7 +29,7 @@ pub struct Sampling {
     pub delay: f64,
     /// Largest lateness of a sample, s.
     pub jitter: f64,
-    /// Samples between what is measured and what the law sees.
+    /// Samples between a measurement and its arrival at the law.
     pub sensor_delay: usize,
     /// Standard deviation of the noise of each channel, in its unit.
     pub noise: [f64; 4],

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 /// The time between two checks of a run.
 const SLICE: Duration = Duration::from_millis(20);
-/// Questions between two looks at the clock: a question comes once per block of steps.
+/// Calls between two readings of the clock. There is one call per block of steps.
 const QUESTIONS: u32 = 16;
 
 /// The regular check of a run.

@@ -1,4 +1,4 @@
-//! The numbers that sum a run up, from what a [`Gauge`](super::gauge::Gauge) kept of it.
+//! The summary of a run, from the numbers of a [`Gauge`](super::gauge::Gauge).
 
 use super::measures::{Plan, Wanted};
 use std::ops::Range;

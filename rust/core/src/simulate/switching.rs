@@ -91,7 +91,7 @@ impl Switching {
         2 * self.touches.len()
     }
 
-    /// Guard `k` at `x`: negative where its contact no longer is what it is taken for.
+    /// Guard `k` at `x`: negative if its contact has another state than the assumed one.
     pub fn guard(&mut self, k: usize, x: &[f64]) -> f64 {
         let (depth, push) = self.contact(k / 2, x);
         self.touches[k / 2].guards(depth, push)[k % 2]

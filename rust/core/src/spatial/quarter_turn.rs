@@ -1,5 +1,5 @@
 //! Rotations by quarter turns about x or y. Most robots' joint placements are one of these once z is the joint axis, and it
-//! costs no product: components change places and signs. What follows holds for `R = Rx(90)`, the others alike:
+//! costs no product: components change places and signs. The code below is for `R = Rx(90)`, and similar for the others:
 //!
 //! `R (x, y, z) = (x, -z, y)`,  `M R` has the columns `(m_x, m_z, -m_y)`.
 

@@ -218,7 +218,7 @@ fn assembled(form: Form, fill: impl FnOnce(&mut Assembler)) -> Vec<u8> {
     code.finish()
 }
 
-/// Text and bytes of all operations, of what enters and leaves, and of the return.
+/// Text and bytes of all operations, of prologue and epilogue, and of the return.
 fn encoded() -> (Vec<String>, Vec<u8>) {
     let (mut lines, mut bytes) = (Vec::new(), Vec::new());
     for form in forms() {

@@ -7,7 +7,7 @@ use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Produc
 use super::lifetimes::{Lifetimes, NEVER};
 use super::straight::{Instruction, Straight};
 
-/// A value that is read again within so many instructions is worth a register.
+/// A value that is read again within this number of instructions is kept in a register.
 const SOON: u32 = 24;
 
 /// Machine code with its constants.
@@ -111,7 +111,7 @@ impl<A: Assemble> Emitter<'_, A> {
         self.lifetimes.next_read(value, self.at + 1) == NEVER
     }
 
-    /// Free what the values that are read for the last time occupy.
+    /// Free the registers and slots of values that are read for the last time.
     fn release(&mut self, values: [u32; 3]) {
         for value in values {
             if self.dies(value) {
@@ -204,7 +204,7 @@ impl<A: Assemble> Emitter<'_, A> {
         register
     }
 
-    /// The value as the last operand of an instruction: from memory, unless it is worth a register.
+    /// The value as the last operand of an instruction: from memory, unless it should be in a register.
     fn operand(&mut self, value: u32, keep: [u32; 3]) -> Source {
         if self.register[value as usize].is_none() {
             let next = self.lifetimes.next_read(value, self.at + 1);

@@ -177,7 +177,7 @@ pub trait Assemble {
     /// `dst = a << bits` in lanes of 64 bits. SSE2 requires `dst == a`.
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8);
 
-    /// First of all: bring the arguments to their registers, and save what belongs to the caller.
+    /// The prologue: move the arguments to their registers, and save the caller's registers.
     fn enter(&mut self, convention: Convention);
 
     /// The place of the next instruction, for [`again`](Self::again).
@@ -186,7 +186,7 @@ pub trait Assemble {
     /// Move the stream on by `advance` bytes, and go back to `start` unless this was the last turn.
     fn again(&mut self, start: usize, advance: u32);
 
-    /// Just before [`ret`](Self::ret): give back what [`enter`](Self::enter) saved.
+    /// Just before [`ret`](Self::ret): restore the registers that [`enter`](Self::enter) saved.
     fn leave(&mut self, convention: Convention);
 
     /// Return to the caller.

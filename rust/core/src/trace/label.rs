@@ -1,6 +1,6 @@
 //! Names of the numbers of a set-up: the name of a scope and the place in it.
 
-/// A name with its number; no name where nobody gave one, no number where it is 0.
+/// A name with its number. Both may be missing: a name without a label, and a number 0.
 pub type Label = (&'static str, u32);
 
 /// The labels of all inputs of a set-up, and the next one.
@@ -11,12 +11,12 @@ pub(super) struct Labels {
 }
 
 impl Labels {
-    /// Call the numbers that follow `name` with numbers from `first` on; what was there before.
+    /// Name the following numbers `name`, with indices from `first` on. The result is the label before.
     pub fn begin(&mut self, name: &'static str, first: u32) -> Label {
         std::mem::replace(&mut self.scope, (name, first))
     }
 
-    /// Go on as before.
+    /// Restore the label from before.
     pub fn end(&mut self, before: Label) {
         self.scope = before;
     }

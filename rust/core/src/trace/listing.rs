@@ -20,7 +20,7 @@ pub struct Line {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Listing {
     pub lines: Vec<Line>,
-    /// `(output, what it is)`
+    /// `(output, its value)`
     pub outputs: Vec<(String, String)>,
 }
 

@@ -15,7 +15,7 @@ enum Place {
     Bits(u8),
 }
 
-/// An assembler that writes down what it is asked for: what is written, how, and from what.
+/// An assembler that writes each operation as text: its result, its kind and its operands.
 struct Writer(Vec<(Place, &'static str, Vec<Place>)>);
 
 impl Lowered {

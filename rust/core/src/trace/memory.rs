@@ -165,7 +165,7 @@ mod tests {
         }
         const PR_SET_MDWE: i32 = 65;
         if std::env::var_os(CHILD).is_some() {
-            // SAFETY: changes what this process may do, and no memory.
+            // SAFETY: this changes permissions of this process, and no memory.
             let given_up = unsafe { prctl(PR_SET_MDWE, 1, 0, 0, 0) } == 0;
             // A kernel without this right cannot refuse.
             assert_eq!(Code::new(&SUM).is_err(), given_up);

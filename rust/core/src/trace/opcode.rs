@@ -1,6 +1,6 @@
 //! The identification of an instruction of x86-64, in legacy encoding, VEX and EVEX.
 
-/// What precedes the opcode in legacy code: nothing, 66, F3, F2. VEX and EVEX hold the index.
+/// The prefix of an opcode in legacy code: none, 66, F3, F2. VEX and EVEX contain its index.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Prefix {
     None,

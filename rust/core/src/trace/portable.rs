@@ -8,7 +8,7 @@ use super::lifetimes::{Lifetimes, NEVER};
 use super::straight::{Instruction, Straight, Stream};
 use crate::scalar::lanes::{Isa, isa};
 
-/// An instruction on slots; which one is in `what`, as that of the values.
+/// An instruction on slots; `what` is its kind, with values as indices.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     what: Instruction,

@@ -1,4 +1,4 @@
-//! A recorded computation as straight-line instructions of one instruction set: what the emitter and the portable evaluation run.
+//! A recorded computation as straight-line instructions of one instruction set, for the emitter and the portable evaluation.
 
 use super::tape::{Memo, Op};
 

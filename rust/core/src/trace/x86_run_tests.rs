@@ -103,7 +103,7 @@ fn win64_code_keeps_the_callers_registers() {
         let function: Windows = unsafe { std::mem::transmute(code.address()) };
         let kept = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr(), stream.0.as_ptr());
         assert_eq!(kept, [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from), "{form:?}");
-        // Two turns: constants are added, then what the stream has for each.
+        // Two turns: constants are added, then the inputs of the stream for each.
         assert_eq!(frame.0[..form.lanes()], [2.0 + 2.0 * 3.0 + 10.0 + 20.0; 8][..form.lanes()]);
         assert!(frame.0[form.lanes()..].iter().all(|&x| x == 2.0));
     }

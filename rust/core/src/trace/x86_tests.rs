@@ -88,7 +88,7 @@ fn text(instruction: &Instruction) -> String {
     format!("{:?}{mask} {}", instruction.mnemonic(), operands.join(",")).trim_end().to_lowercase()
 }
 
-/// The decoder reads what is meant, and the encoder of the same crate writes the same bytes.
+/// The decoder reads the intended instruction, and the encoder of the same crate writes the same bytes.
 fn check(form: Form, fill: impl FnOnce(&mut Assembler), expected: &[String]) {
     let code = assembled(form, fill);
     let instructions = decoded(&code);

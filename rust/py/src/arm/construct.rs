@@ -1,4 +1,4 @@
-//! The constructors of arms, and what pickling stores.
+//! The constructors of arms, and their pickles.
 
 use super::lists::{as_list, chain_joint, dh_row};
 use super::stored::stored;
@@ -45,7 +45,7 @@ pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: 
     })
 }
 
-/// Any finite parameters: what pickling and `with_parameters` made need not be a possible robot.
+/// Any finite parameters: those of a pickle or of `with_parameters` may be physically impossible.
 #[entered]
 #[pyfunction]
 pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
@@ -77,7 +77,7 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 /// A leader that `root` and `tip` leave out is replaced by the first of its followers.
 ///
 /// The order of `q` is depth first, siblings in file order; frames are the link names. Meshes are never opened.
-/// What looks odd, and what armlet does not keep, is listed in `arm.report`, also where the mass matrix is not positive definite.
+/// `arm.report` lists odd values, parts that armlet does not use, and a mass matrix that is not positive definite.
 ///
 /// Raises:
 ///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` say where.
@@ -114,7 +114,7 @@ pub fn load_urdf(
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
         };
-        // A string with a bracket is no path; what is wrong with such a text is for the XML parser to say.
+        // A string with a bracket is no path. The XML parser reports errors of such a text.
         let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
         // Files of packages and of xacro are found and expanded in Python: the path, and the expanded text.
         let is_plain = is_xml || !(text.contains("://") || text.ends_with(".xacro"));

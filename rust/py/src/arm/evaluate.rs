@@ -12,13 +12,13 @@ use armlet_core::{memory, parallel};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// Work that is worth giving up the GIL for, ns: the arguments are then copied, and threads share it.
+/// The time of work, in ns, above which the GIL is released. The arguments are then copied, and threads share the work.
 const LONG: f64 = 1e6;
 
 /// Joints up to which no configuration is that much work.
 const FEW: usize = 64;
 
-/// Work of one piece of a shared call, ns: between two pieces a thread looks whether to stop.
+/// The time of one piece of a shared call, in ns. Between two pieces a thread checks for a stop.
 const PIECE: f64 = 5e5;
 
 impl Arm {
@@ -293,7 +293,7 @@ impl Arm {
     }
 }
 
-/// The core looks at every number once; which argument's it was is worth a second look only now.
+/// The core checks every number once. Only after an error is the argument found.
 fn whose<const K: usize>(failure: Failure, function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Failure {
     match failure {
         Failure::Core(error) => require_all_finite(function, names, values).err().unwrap_or(error.into()),

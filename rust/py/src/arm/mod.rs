@@ -36,7 +36,7 @@ pub struct Arm {
     pub model: ArmModel,
 }
 
-/// More joints than this take a while to give back.
+/// The number of joints above which freeing the memory takes noticeable time.
 const MANY: usize = 1 << 10;
 
 impl Drop for Arm {

@@ -102,7 +102,7 @@ pub fn stored<'py>(py: Python<'py>, arm: &core::Arm) -> Result<[Bound<'py, PyByt
     Ok([bytes(py, &[&integers])?, bytes(py, &[&numbers])?, bytes(py, &[&text])?])
 }
 
-/// The three runs while they are read; `None` where one ends too soon or holds what it cannot.
+/// The three strings while they are read; `None` if one ends too early or has an invalid content.
 struct Reader<'a> {
     integers: &'a [[u8; 8]],
     numbers: &'a [[u8; 8]],
@@ -171,7 +171,7 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     let mut reader = Reader { integers, numbers, lengths: &[], text };
     let mut count = || reader.integer().and_then(|n| usize::try_from(n).ok()).filter(|&n| n <= integers.len()).ok_or_else(damaged);
     let (joints, frames, remarks) = (count()?, count()?, count()?);
-    // Counts are at most the number of integers: no sum overflows, and what is reserved is in proportion to what was read.
+    // Counts are at most the number of integers. So no sum overflows, and reserved memory is proportional to the size of the pickle.
     let strings = 1 + 2 * joints + 2 * frames + remarks;
     let (own_integers, own_numbers) = (3 + joints + 2 * frames + strings, 3 + JOINT * joints + PLACEMENT * frames);
     let mimics = integers.len().checked_sub(own_integers).ok_or_else(damaged)? / 2;
@@ -209,7 +209,7 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     Ok(arm)
 }
 
-/// An arm from what its pickle holds.
+/// An arm from the content of its pickle.
 #[entered]
 #[pyfunction]
 pub fn _restore_arm(

@@ -33,7 +33,7 @@ pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&
 
 /// The elements of a C-contiguous, aligned float64 array of exactly this shape, in place; None for anything else.
 ///
-/// For hot reads: `numbers` takes what this leaves.
+/// For frequent small arrays. `numbers` reads all others.
 #[inline]
 pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a [f64]> {
     // SAFETY: the pointer is compared, not followed.
@@ -242,7 +242,7 @@ fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
     }
 }
 
-/// The elements of a caller's `out=` array of the wanted shape, refused where writing it would be wrong.
+/// The elements of a caller's `out=` array of the right shape. It is refused if writing would be wrong.
 // The array owns its elements and Python shares it freely: `&Bound` is all that ever stands for one.
 #[allow(clippy::mut_from_ref)]
 pub fn out_slice<'a>(

@@ -1,4 +1,4 @@
-//! Shapes: what an argument must have, their sizes, how they read, and refusals that name an index.
+//! Shapes: the expected shape of an argument, sizes, names in messages, and errors that name an index.
 
 use super::pieces;
 use crate::errors::{Failure, input_error};

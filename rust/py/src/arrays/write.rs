@@ -10,7 +10,7 @@ pub fn copied<'py, T: Bits>(py: Python<'py>, shape: &[usize], values: &[T]) -> R
     made(py, shape, false, |out| pieces::copy(py, values, out))
 }
 
-/// A new array of this shape, zero but for what `fill` writes.
+/// A new array of this shape, zero except for the numbers that `fill` writes.
 pub fn new_array<'py>(
     py: Python<'py>,
     shape: &[usize],

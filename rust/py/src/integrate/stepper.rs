@@ -1,4 +1,4 @@
-//! One method on one callable, a step at a time: what `scipy_method` builds its `OdeSolver` on.
+//! One method on one callable, a step at a time: the basis of the `OdeSolver` of `scipy_method`.
 
 use super::field::Field;
 use super::filled;

@@ -1,4 +1,4 @@
-//! `al.CartesianImpedance`, and what the impedance laws have in common: their targets and their options.
+//! `al.CartesianImpedance`, and the common parts of the impedance laws: targets and options.
 
 use super::{Arguments, Law};
 use crate::arrays::{Axis, Form, SCALAR, new_vector, numbers, owned, require_finite, spread, text};

@@ -78,7 +78,7 @@ pub struct TorqueOptimum {
     profiles: [OnceLock<Option<TorqueProfile>>; 2],
 }
 
-/// Times between two looks whether to stop.
+/// Times between two checks for a stop.
 const LOOK: usize = 256;
 
 impl TorqueOptimum {

@@ -46,12 +46,12 @@ pub struct ArmPrioritySolver {
 /// Levels that are read without a separate buffer.
 const MOST: usize = 8;
 
-/// Rows that are copied between two looks whether to stop.
+/// Rows that are copied between two checks for a stop.
 const LOOK: usize = 1 << 12;
 
 const SOLVE: &str = "ArmPrioritySolver.solve";
 
-/// Build one: what `PrioritySolver.for_arm` does.
+/// Build one: the work of `PrioritySolver.for_arm`.
 pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywords<'_, '_>) -> Result<ArmPrioritySolver, Failure> {
     const NAME: &str = "PrioritySolver.for_arm";
     let py = arm.py();
@@ -71,7 +71,7 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
     Ok(ArmPrioritySolver { n, rows, arm: arm.unbind(), tasks, keywords: kept, state: Mutex::new(core) })
 }
 
-/// Make one anew: for pickling.
+/// Make a copy, for pickling.
 #[entered]
 #[pyfunction]
 pub fn _restore_arm_solver(
@@ -104,7 +104,7 @@ impl ArmPrioritySolver {
         if list.len() != self.rows.len() || self.rows.len() > MOST {
             return None;
         }
-        // No vector of them: that would be half of what the look at the arguments costs.
+        // No vector of them, because it would take half of the time of the checks of the arguments.
         let held: [Option<Bound<'py, PyAny>>; MOST] = std::array::from_fn(|i| if i < list.len() { list.get_item(i).ok() } else { None });
         let mut given: [&[f64]; MOST] = [&[]; MOST];
         for ((slot, velocity), &m) in given.iter_mut().zip(&held).zip(&self.rows) {
@@ -139,7 +139,7 @@ impl ArmPrioritySolver {
         }
     }
 
-    /// Anything else: lists, other types, leading axes, what is to be refused.
+    /// Anything else: lists, other types, leading axes, and invalid arguments.
     fn full<'py>(
         &self,
         py: Python<'py>,

@@ -184,7 +184,7 @@ impl PrioritySolver {
                 }
             };
             answer.map_err(|failure| {
-                // Say which entry is not finite in the caller's indices, if that is what it was.
+                // Name the entry that is not finite in the caller's indices, if there is one.
                 Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))
                     .and_then(|stack| stack.require_finite(py, SOLVE))
                     .err()

@@ -49,7 +49,7 @@ pub struct Imitated {
     pub offset: f64,
 }
 
-/// A triangle inequality missed by more than this share is worth a warning.
+/// A violation of the triangle inequality by more than this fraction gives a warning.
 const TRIANGLE: f64 = 1e-6;
 
 struct Reader<'a> {
@@ -141,7 +141,7 @@ impl Reader<'_> {
         node.attribute(attribute).map(|text| self.numbers(node, attribute, text)).transpose()
     }
 
-    /// Refuse values beyond their bound; `what` names them.
+    /// Refuse values beyond their bound; `what` is their name in the message.
     fn plausible(&self, node: Node, what: impl FnOnce() -> String, bound: Bound, values: &[f64]) -> Result<()> {
         bound.problem(values).map_or(Ok(()), |problem| Err(self.error(node, format!("{} {problem}", what()))))
     }
@@ -361,7 +361,7 @@ fn left_over(text: &str) -> bool {
     text.contains("${") || text.contains("$(")
 }
 
-/// A word of the file, cut to what a message can show.
+/// A word of the file, shortened for a message.
 fn shortened(word: &str) -> String {
     let cut: String = word.chars().take(40).collect();
     if cut.len() < word.len() { format!("{cut}...") } else { cut }

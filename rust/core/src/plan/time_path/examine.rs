@@ -58,7 +58,7 @@ impl States {
 
 /// A distance from the limits, relative, that the parabola of three samples does not mistake for none.
 const FAR_ENOUGH: f64 = 0.01;
-/// Segments between two looks whether to stop.
+/// Segments between two checks for a stop.
 const LOOK: usize = 64;
 
 pub(super) struct Examine<'a, F> {

@@ -40,12 +40,12 @@ pub(super) struct LimitRows {
     pub middles: Vec<f64>,
     /// `(N + 1, width)` and `(N, width)`: the part of `g` that is not there at rest, from tangents of friction; empty where there is none.
     pub moving: [Vec<f64>; 2],
-    /// `(width,)`: limits, and what `STANDING` and tolerances are relative to.
+    /// `(width,)`: limits, and the scale of `STANDING` and of tolerances.
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
-    /// `(N, width)`: what the limits are narrowed by, segment by segment.
+    /// `(N, width)`: the reduction of the limits, segment by segment.
     pub tight_lo: Vec<f64>,
     pub tight_hi: Vec<f64>,
     /// `(N,)`: the slope `du/ds` that the path acceleration is given in each segment, about its mean.
@@ -203,7 +203,7 @@ impl Lines {
                 store(S::select(idle, -far, a.min(b)), &mut self.lower, at);
                 store(S::select(idle, zero, slope), &mut self.slope, at);
                 if S::any(idle) {
-                    // beta x between the rooms; without beta they must hold zero.
+                    // beta x between the margins; without beta the margins must include zero.
                     let still = beta.abs().lt(none);
                     let inverse = S::select(still, S::splat(1.0), beta).recip();
                     let (a, b) = (room_hi * inverse, room_lo * inverse);

@@ -45,7 +45,7 @@ use std::sync::Arc;
 
 /// Corrections of one grid before it is halved; twice as many under friction, and where it can't be.
 const CORRECTIONS: usize = 8;
-/// How often what a limit is narrowed by is doubled; with friction it is then narrowed on twice as many segments each time.
+/// How often the reduction of a limit is doubled. With friction, each later reduction covers twice as many segments.
 const MOST_DOUBLINGS: usize = 7;
 const SPREAD: usize = 4;
 /// The number of passes with chords and then with tangents of viscous friction. Then the relative changes of `x` at which tangents begin, and
@@ -84,7 +84,7 @@ pub struct TimePath {
 /// The result of one grid.
 enum Outcome {
     Done(LimitCheck),
-    /// The grid is too coarse: in places, or, where corrections failed, altogether.
+    /// The grid is too coarse: in places, or everywhere after failed corrections.
     Coarse(LimitCheck, bool),
     Stuck(Stuck),
 }
@@ -246,7 +246,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
     }
 }
 
-/// How often to halve a segment for what is `over` times too large and goes with the square of its length.
+/// The number of halvings of a segment whose value is `over` times too large and of second order in its length.
 fn halvings(over: f64) -> u32 {
     if over > 1.0 { (0.5 * over.log2()).ceil().min(9.0) as u32 } else { 0 }
 }

@@ -19,7 +19,7 @@ use crate::interrupt::look;
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use nalgebra::Vector3;
 
-/// Segments between two looks whether to stop.
+/// Segments between two checks for a stop.
 const LOOK: usize = 1 << 12;
 
 /// A place without a feasible speed.
@@ -27,7 +27,7 @@ const LOOK: usize = 1 << 12;
 pub(super) enum Stuck {
     /// No path speed at the start of this segment obeys the limits and reaches the next one.
     Empty(usize),
-    /// The start speed is outside of what the path allows: the bounds of `x` there.
+    /// The start speed is infeasible: the bounds of `x` there.
     Start(f64, f64),
     /// The end speed is above its bound.
     End(f64),

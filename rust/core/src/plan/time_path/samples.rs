@@ -30,7 +30,7 @@ pub(super) struct Samples {
     pub exact: Vec<bool>,
     /// Segments to be examined.
     pub list: Vec<usize>,
-    /// Segments to be measured, and what was measured.
+    /// Segments to be sampled, and their samples.
     evaluated: Vec<usize>,
     pub values: Vec<f64>,
     /// Interpolated torques in the middle of every segment, `(N, n)`.

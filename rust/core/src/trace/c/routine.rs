@@ -285,7 +285,7 @@ impl Printer<'_> {
     }
 }
 
-/// The text of a function, and whether it says that it is sound.
+/// The text of a function, and whether it returns a check.
 struct Used<'a> {
     turns: bool,
     text: &'a mut String,
