@@ -84,7 +84,7 @@ fn sha256(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     py.import("hashlib")?.call_method0("sha256")
 }
 
-/// Of a megabyte at a time: `hashlib` does not look for signals.
+/// In pieces of a megabyte, because `hashlib` does not check for signals.
 fn update(hash: &Bound<'_, PyAny>, bytes: &Bound<'_, PyAny>, first: usize, last: usize) -> PyResult<()> {
     for first in (first..last).step_by(PIECE) {
         hash.call_method1("update", (view(bytes, first, (first + PIECE).min(last))?,))?;

@@ -15,7 +15,7 @@ use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Vector3};
 pub enum Convention {
     /// The joint axis is `z` of the previous frame.
     Standard,
-    /// The joint axis is `z` of the own frame (Craig).
+    /// The joint axis is `z` of the frame of the joint (Craig).
     Modified,
 }
 

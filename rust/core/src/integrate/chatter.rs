@@ -26,7 +26,7 @@ const NOISE: f64 = 10.0;
 
 #[derive(Clone, Debug)]
 pub(super) struct Chatter<B> {
-    /// Attempts at which to look next, and those spent on jumps.
+    /// The number of attempts at the next check, and the number of those spent on jumps.
     look_at: u64,
     spent: u64,
     slope: B,

@@ -35,7 +35,7 @@ pub struct Steps<M, B, U> {
 }
 
 impl<M, B: Clone, U: Clone> Steps<M, B, U> {
-    /// Steps of `h > 0`; `each` is the work of one.
+    /// A method with steps of `h > 0`; `each` is the work of one step.
     pub fn new(method: M, h: f64, each: Work, state: B, input: U) -> Self {
         let (x_old, f_old, f) = (state.clone(), state.clone(), state.clone());
         Steps {

@@ -14,7 +14,7 @@ const SLOW: u32 = 10;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StallDetector {
-    /// Attempts at which to look next, and the time at the last look.
+    /// The number of attempts at the next check, and the time of the last one.
     look_at: u64,
     t: f64,
     slow: u32,

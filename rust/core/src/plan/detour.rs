@@ -22,7 +22,7 @@ impl Push {
         let mean = if push.push >= push.g.abs() {
             push.push - gravity_range(push.g, &sine(push.x), &sine(push.x + length)).1
         } else {
-            // Up to the hump the net torque rises and falls, or either; from there on the energy is not less.
+            // Before the maximum of gravity, the net torque rises, falls, or rises and falls. After it, the energy does not decrease.
             push.net().min(energies.peak.min(energies.push_hump) / length)
         };
         Push { length, mean }

@@ -221,7 +221,7 @@ impl<const GRADIENT: bool> GenericKernel for Integral<GRADIENT> {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
-        // Split at the hump, where w is least, and close together beside it.
+        // Split at the maximum of gravity, where w is least, with short panels near it.
         match self.phase.hump(self.length) {
             None => adaptive::<S>(&self, self.accuracy, 0.0),
             Some(y) => {

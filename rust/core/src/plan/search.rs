@@ -79,7 +79,7 @@ const LEVEL: f64 = 0.3;
 const ROUGH: f64 = 0.02;
 /// Farthest turning point, rad: beyond two turns only a chain of swings could help.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// Longer windows have no crest, and may have a minimum in every turn. They begin beside `e = 0`, where the monotone motion is possible unless the
+/// Longer intervals have no crest, and may have a minimum in every turn. They begin beside `e = 0`, where the monotone motion is feasible unless the
 /// torque is that of gravity in rest at the start.
 const ONE_TURN: f64 = 6.5;
 /// The first step of a sweep through one of those, and the longest of any, rad.
@@ -120,7 +120,7 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// The slope within a window; rounding beside its edges may forbid one.
+    /// The derivative within an interval. Near its edges, rounding errors may prevent one.
     fn point(&self, e: f64, (low, high): Window, fine: bool) -> Point {
         look();
         (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
@@ -137,7 +137,7 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// Every minimum of a window at whose lower edge T has this slope, the first point being a `step` away.
+    /// Every minimum of an interval. `T` has this derivative at its lower edge, and the first point is a `step` away.
     fn sweep(&mut self, window: Window, slope: f64, mut step: f64) {
         let mut low = (window.0, slope);
         while low.0 < self.farthest.min(window.1) {
@@ -214,7 +214,7 @@ pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
     Search { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
 }
 
-/// Whether swings are possible within their windows and nowhere else, `beside` each edge and at evenly spaced turning points: how many were, and
+/// Whether swings are feasible exactly within their intervals, `beside` each edge and at evenly spaced turning points: how many were, and
 /// were not.
 #[cfg(test)]
 pub(super) fn check_windows(swings: &impl BackSwings, beside: f64, spacing: f64) -> [usize; 2] {

@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn a_minimum_beside_an_edge_is_found() {
-        // 1e-7 of 2e-3 rad from the edge; the next window would take 142.7.
+        // 1e-7 of 2e-3 rad from the edge; the next interval would take 142.7.
         let straight = Straight::new(6.2831853083864555, 6.28318550293321, -1.0, 1.2068690262570462e-9, 1.9572908712209023e-7);
         let swing = overshoot(&straight, f64::INFINITY).unwrap();
         assert!((swing.time - 79.92567).abs() < 1e-4, "{}", swing.time);

@@ -17,7 +17,7 @@ use super::search::Window;
 use std::cell::LazyCell;
 use std::f64::consts::TAU;
 
-/// The windows, the nearest first: ways back from `x0`, rad.
+/// The intervals of feasible swings, the nearest first: distances back from `x0`, rad.
 pub(super) struct Windows<F> {
     /// The begin of the next interval and the crest where it ends. Both are infinite if there is none backwards.
     low: f64,

@@ -29,7 +29,7 @@ impl Bound {
                 largest = largest.max(value.abs());
             }
         }
-        // Zero times a finite number is zero, and NaN otherwise; a NaN is below nothing.
+        // Zero times a number is zero if the number is finite, and NaN otherwise. No comparison with NaN is true.
         S::all(zero.lt(S::splat(1.0))) && S::all(largest.lt(S::splat(self.beyond)))
     }
 

@@ -27,7 +27,7 @@ pub struct Noting {
     pub along: Vec<u32>,
     /// The reference values of the monitors, at the first record.
     pub firsts: Vec<u32>,
-    /// Whether the norms of levels are right.
+    /// Whether the norms of levels are valid.
     pub stands: Vec<u32>,
     /// Whether a step that begins there is valid.
     pub next: Vec<u32>,
@@ -64,7 +64,7 @@ pub struct Programs {
 /// From the state, the inputs and `h` to the next state.
 enum Step {
     Whole(Program),
-    /// Before, between and after the stages; the rates of a stage.
+    /// The parts before, between and after the stages, and the rates of a stage.
     Stages {
         segments: Vec<Program>,
         rates: Program,

@@ -27,7 +27,7 @@ struct Machine<'a> {
 /// It panics on an instruction that the encoder does not emit, and at the end of code that does not return. It also panics on a slot that
 /// is outside of the frame and the constants, or not aligned.
 pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
-    // Registers hold anything at the start.
+    // Registers have arbitrary contents at the start.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
     let mut machine = Machine { registers, k1: 0x5A, frame, constants, stream, turns };
     let mut decoder = Decoder::new(64, code, DecoderOptions::NONE);

@@ -17,7 +17,7 @@ fn without_viscous_friction_the_bounds_are_shifted() {
         assert_eq!(f.feasible, o.feasible, "{p:?} {c} {f:?} {o:?}");
         if f.feasible {
             compared += 1;
-            // Near a hump the errors of both grow with exp(t sqrt(|G|/I)).
+            // Near a maximum of gravity the errors of both grow with exp(t sqrt(|G|/I)).
             let growth = (o.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.t, o.t, 1e-13 * growth + 1e-12), "{p:?} {c} {} {}", f.t, o.t);
             assert!((f.theta_switch - o.theta_switch).abs() <= 1e-12 * growth, "{p:?} {c}");
@@ -72,7 +72,7 @@ fn swings_without_friction_are_the_exact_ones() {
         assert_eq!(f.best.kind, o.best.kind, "{p:?} {f:?} {o:?}");
         if f.best.switches == 2 {
             swings += 1;
-            // Near a hump the errors of both grow with exp(t sqrt(|G|/I)); T is flat at its turning point.
+            // Near a maximum of gravity the errors of both grow with exp(t sqrt(|G|/I)); T is flat at its turning point.
             let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.best.t, o.best.t, 1e-13 * growth + 1e-11), "{p:?} {f:?} {o:?}");
         }
@@ -190,7 +190,7 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
         let o = rough(&p, d, c);
         let (best, Some(profile)) = (o.best, o.profile()) else { continue };
         swings += usize::from(best.switches == 2);
-        // Near a hump errors grow with exp(t sqrt(|G|/I)), less with friction.
+        // Near a maximum of gravity errors grow with exp(t sqrt(|G|/I)), less with friction.
         let growth = (best.t * (p.gravity.abs() / p.inertia).sqrt()).exp().min(1e6);
         let speed = p.tau_max.max(-p.tau_min).max(p.gravity.abs()) / p.inertia * (p.inertia / (d + scale));
         for (theta, t) in best.theta_switches.into_iter().zip(best.t_switches).take(best.switches) {

@@ -199,7 +199,7 @@ fn clamp_is_continuous_for_any_number_of_levels() {
             for (j, (c, d)) in s.jacobians.iter_mut().zip(centre.iter().zip(&noise)) {
                 *j = c.iter().zip(d).map(|(c, d)| c + t * d).collect();
             }
-            // A fixed eps: one relative to a level that is zero at the centre would vanish there.
+            // `eps` is fixed. Relative to a level that is zero at the centre, it would vanish there.
             prefix_eps(&s, centre.len(), PriorityMethod::Clamp, Some(vec![0.05])).v
         };
         let (mut from, mut to, mut samples) = (-1.0, 1.0, 500);

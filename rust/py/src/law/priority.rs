@@ -181,5 +181,5 @@ impl PriorityAcceleration {
     }
 }
 
-/// Damping of motions that no task sees, 1/s.
+/// Damping of motions that change no task, 1/s.
 const JOINT_DAMPING: f64 = 5.0;

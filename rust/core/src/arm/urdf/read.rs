@@ -98,7 +98,7 @@ impl Arm {
         file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
         let text = match std::str::from_utf8(&bytes) {
             Ok(text) => text,
-            // A cut multi-byte character at the cap is a matter of size, not of encoding.
+            // A character that is cut at the largest size is an error of the size, not of the encoding.
             Err(_) if bytes.len() > MAX_BYTES => return Err(Source::new(&name, "").error(1, too_large())),
             Err(e) => {
                 let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u32;

@@ -138,7 +138,7 @@ fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str, report: &mut
 }
 
 fn ends(out: &mut String, parent: &str, child: &str, placement: &Placement) {
-    // Zero has one sign in text.
+    // In text, zero is never negative.
     let rpy = placement.rotation.to_rpy().map(|angle| angle + 0.0);
     let rounded = Placement::from_rpy(rpy, placement.translation.array()).rotation;
     let rows: [f64; 9] = std::array::from_fn(|k| placement.rotation[(k / 3, k % 3)]);

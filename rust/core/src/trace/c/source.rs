@@ -33,7 +33,7 @@ pub struct CFile {
 pub struct COptions {
     /// The prefix of all names and files.
     pub prefix: String,
-    /// Products are fused with sums where the engine does so, by `fma`; else they are rounded before.
+    /// Whether products are fused with sums by `fma`, where the engine does so. Otherwise every product is rounded.
     pub fused: bool,
 }
 
