@@ -40,7 +40,7 @@ DEPTH = 32
 
 
 def one_line(text: str) -> str:
-    """`text` in one line; what does not print, orders to a terminal and overrides of the direction among it, is replaced."""
+    """`text` in one line. Characters that do not print are replaced, such as terminal codes and overrides of the direction."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
 
 
@@ -56,7 +56,7 @@ def shown(value: object) -> str:
 
 
 class _Short(Repr):
-    """What is too long or too deep for a message is not written out first."""
+    """A text that is too long or too deep for a message is not written out first."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -127,7 +127,7 @@ def text(function: str, name: str, value: object) -> str:
 
 
 def choice(function: str, name: str, value: object, known: Iterable[str]) -> str:
-    """One of the texts `known`."""
+    """One of the valid texts `known`."""
     known = list(known)
     if not isinstance(value, str) or value not in known:
         raise InputError(f"{function}: {name} is unknown: expected one of {', '.join(known)}, got {shown(value)}")
@@ -163,7 +163,7 @@ def file_path(function: str, value: object, name: str = "path") -> str:
     """A path that the system can be asked for.
 
     Raises:
-        InputError: it is none, or holds what no path may.
+        InputError: it is no path, or has characters that no path may have.
     """
     if not isinstance(value, str | PathLike):
         raise InputError(f"{function}: {name} is of the wrong type: expected a path, got {shown(value)}")

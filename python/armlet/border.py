@@ -1,4 +1,4 @@
-"""What may leave armlet: its own errors, TypeError, MemoryError, OSError; ImportError of an extra that is not installed.
+"""The errors that may leave armlet: its errors, TypeError, MemoryError, OSError, and ImportError of an extra that is not installed.
 
 Each function checks its arguments. A check may miss a ValueError of numpy or an AttributeError of a foreign object. This is a fault of
 armlet. `border` changes it into an `InternalError`, as the extension does with a panic. Exceptions of the caller's functions pass
@@ -22,9 +22,9 @@ R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
 PASS = (ArmletError, TypeError, MemoryError, OSError, ImportError, Warning)
-# Packages whose interfaces armlet keeps, with their errors.
+# Packages whose interfaces and errors armlet keeps.
 THEIRS = {"gymnasium"}
-# Packages whose errors are answers to what armlet asked of them.
+# Packages whose errors report invalid arguments of armlet's calls.
 OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control"}
 
 

@@ -132,7 +132,7 @@ class CartesianPath:
 
     @property
     def _waypoints_and_knots(self) -> tuple[_Array, _Array]:
-        """What `time_path` takes."""
+        """The arguments for `time_path`."""
         self._require()
         return self.q, self.s
 
@@ -200,7 +200,7 @@ def cartesian_path(
     arcs: ArrayLike = (),
     limits: bool = True,
 ) -> CartesianPath:
-    """Find a joint path that leads a frame along poses.
+    """Find a joint path that moves a frame along poses.
 
     Args:
         arm: an arm with frames.
@@ -215,7 +215,7 @@ def cartesian_path(
         limits: keep to the joint limits of the arm.
 
     Returns:
-        A `CartesianPath`. Poses that the arm can't follow are not an error: `feasible` is False and `reason` says where and why.
+        A `CartesianPath`. Poses that the arm cannot follow are not an error: `feasible` is False, and `reason` has the place and the cause.
 
     Raises:
         InputError: a shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are the same.
@@ -322,7 +322,7 @@ def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
 
 
 def _refused(problem: _Problem, s: _Array, q: _Array, at: float, kind: str | None = None) -> CartesianPath:
-    """The answer that the arm can't follow at `at`, with the reason."""
+    """The result for poses that the arm cannot follow at `at`, with the reason."""
     target, last = np.array([at]), q[-1:]
     joint = None
     if kind is None:

@@ -1,4 +1,4 @@
-"""Periodic motions that show the parameters of an arm well: finite Fourier series within limits (Swevers et al. 1997).
+"""Periodic motions that determine the parameters of an arm well: finite Fourier series within limits (Swevers et al. 1997).
 
     q(t) = o + sum_l (A_l sin(l w t) + B_l cos(l w t)),   w = 2 pi / duration,   l = 1 .. harmonics
     F = sum_k Y_b(t_k)' N^-2 Y_b(t_k),   N = diag(noise);   the motion maximises log det F (D-optimality)
@@ -157,7 +157,7 @@ class _Problem:
         self.rubs = bool(arm.limits)
 
     def scaled(self, c: _Array) -> tuple[_Array, Any]:
-        """Coefficients within the limits, and what turns a slope by them into one by `c`."""
+        """Coefficients within the limits, and the linear map from a derivative by them to one by `c`."""
         limits, p = self.limits, self.power
         weights = [np.where(np.isfinite(limit), 1.0 / limit, 0.0)[:, None] for limit in (limits.half, limits.speed, limits.acceleration)]
         shares = np.hstack([weight * (c @ rows.T) for weight, rows in zip(weights, self.series, strict=True)])
@@ -337,7 +337,7 @@ def exciting_motion(
 
 
 def _motion(problem: _Problem, c: _Array, duration: float, harmonics: int) -> ExcitingMotion:
-    """The motion of these coefficients, with what its record shows."""
+    """The motion of these coefficients, with the quality of its record."""
     q, v, a = problem.motion(c)
     W = problem.regressor(q, v, a).reshape(-1, problem.base.count)
     lengths = np.linalg.norm(W, axis=0)

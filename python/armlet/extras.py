@@ -10,7 +10,7 @@ __all__ = ["extra"]
 
 
 def extra(caller: str, module: str, install: str, library: str | None = None) -> Any:
-    """The module of a library that need not be there; `install`: what pip is given.
+    """The module of an optional library; `install`: the argument of pip that installs it.
 
     Raises:
         ImportError: `library`, by default the package of `module`, is not installed; the message begins with `caller`.

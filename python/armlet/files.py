@@ -36,7 +36,7 @@ def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str
 
 
 def pack(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write the arrays as an npz archive whose comment seals it."""
+    """Write the arrays as an npz archive with a checksum in its comment."""
     np.savez(file, allow_pickle=False, **arrays)
     # The last two bytes of an archive without a comment are the length of the comment.
     file.seek(-2, os.SEEK_END)
@@ -77,7 +77,7 @@ def _digest_of(file: IO[bytes], size: int) -> bytes:
 
 
 def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
-    """Call `write(file)` on a temporary file beside `path` and rename it to `path`: never half a file, never the old one lost."""
+    """Call `write(file)` on a temporary file beside `path`, and rename it to `path`. The file is always a complete one, old or new."""
     target = os.path.abspath(file_path("save", path))
     if os.path.exists(target) and not os.path.isfile(target):
         # A renamed file would take the place of a device or a pipe, for everybody.

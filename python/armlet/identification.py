@@ -1,4 +1,4 @@
-"""What `Arm.base_parameters`, `Arm.check_parameters` and `Arm.identify` return."""
+"""The results of `Arm.base_parameters`, `Arm.check_parameters` and `Arm.identify`."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class BaseParameters:
     names: tuple[str, ...]
     #: Each base parameter as a sum of parameters, b of them.
     grouping: tuple[str, ...]
-    #: Parameters that no motion shows.
+    #: Parameters that no motion determines.
     unseen: tuple[str, ...]
     #: Columns for rotor inertia, and for damping and Coulomb friction, are among them.
     armature: bool
     friction: bool
-    #: The smallest relative distance of a column that stays from the span of those before it, and the largest of one that goes.
+    #: The smallest relative distance of a kept column from the span of the earlier ones, and the largest of a dropped one.
     smallest_kept: float
     largest_dropped: float
 
@@ -107,7 +107,7 @@ class ParameterReport:
     joints: tuple[str, ...]
     #: Of the pseudo-inertia of each body, (n, 4), ascending.
     eigenvalues: _Array
-    #: What is wrong with each body, empty where nothing is.
+    #: The problem of each body, empty for a possible body.
     problems: tuple[str, ...]
 
     @property
@@ -117,7 +117,7 @@ class ParameterReport:
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """The joints whose bodies are not possible."""
+        """The joints with impossible bodies."""
         return tuple(joint for joint, problem in zip(self.joints, self.problems, strict=True) if problem)
 
     def __bool__(self) -> bool:
@@ -144,17 +144,17 @@ class Identification:
     base: BaseParameters
     #: Estimates of the base parameters, (b,).
     values: _Array
-    #: Their standard deviations, (b,); infinite for what the record does not show.
+    #: Their standard deviations, (b,); infinite for undetermined parameters.
     deviations: _Array
     #: (b, b).
     covariance: _Array
-    #: How many combinations of the base parameters the record shows.
+    #: The number of combinations of base parameters that the record determines.
     rank: int
     #: Of the regressor with columns scaled to one: largest over smallest singular value; infinite where the rank is short.
     condition: float
     #: (b,), descending, of the scaled regressor.
     singular_values: _Array
-    #: Root mean square of what the model leaves of the torque, by joint, (n,).
+    #: Root mean square of the torque that the model does not explain, by joint, (n,).
     residuals: _Array
     #: All parameters: of those with these base parameters the nearest to the arm's own, (p,) in the order of `base.names`.
     parameters: _Array

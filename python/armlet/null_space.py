@@ -1,4 +1,4 @@
-"""What an impedance law does in the null space of its frame."""
+"""The options of an impedance law in the null space of its frame."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class NullSpace:
     `projection="static"`: `N' = I - J' (J')#`. In general the torque accelerates the frame.
 
     With both, the null motion moves the frame through `C v` and `J_dot v`, unless the law compensates the coupling. Near singularities
-    the inverse is clamped: a direction whose singular value is below `eps` of the law keeps a part of the torque.
+    the inverse is clamped: a direction whose singular value is below `eps` of the law keeps a fraction of the torque.
 
     Args:
         q_d: `q_n`, the posture, (n,), rad or m, or a motion of the joints.

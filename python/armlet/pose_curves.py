@@ -19,7 +19,7 @@ from . import _core, rotations
 __all__ = ["NoCircleError", "PoseCurve", "columns_of", "cubic"]
 
 _Array = NDArray[Any]
-# What one radian counts as, m.
+# The length that counts like one radian, m.
 _ARM = 0.1
 
 

@@ -18,13 +18,13 @@ from .files import folder_for, write_whole
 
 __all__ = ["export_c"]
 
-#: What is exported of an arm where nothing is chosen.
+#: The functions of an arm that are exported by default.
 DYNAMICS = ("mass_matrix", "coriolis_matrix", "gravity", "bias", "inverse_dynamics", "forward_dynamics")
 #: Functions that are of a frame.
 FRAMED = ("pose", "pose_vector", "position", "jacobian", "jacobian_dot")
 #: Functions that may take a wrench at a frame.
 LOADED = ("inverse_dynamics", "forward_dynamics")
-#: What every file that armlet wrote begins with.
+#: The first line of every file that armlet wrote.
 STAMPS = ("/* Made by armlet ", "# Made by armlet ")
 
 Function: TypeAlias = str | tuple[str, str]

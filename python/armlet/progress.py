@@ -50,7 +50,7 @@ def duration(seconds: float) -> str:
 
 
 def reporter(caller: str, progress: Any, what: str) -> Any:
-    """What is called with the progress: a function of the caller's, `Progress` for True, None for None or False.
+    """The progress callback: a function of the caller, `Progress` for True, None for None or False.
 
     Raises:
         InputError: it is none of these.

@@ -34,7 +34,7 @@ _CAPS = (1e6, 1e9, 1e12), (1e4, 1e6, 1e8), (1e3, 1e4, 1e5)
 
 
 def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Array:
-    """`(n,)` from numbers, or from one number where `n` is known."""
+    """`(n,)` from numbers, or from one number if `n` is given."""
     shapes: tuple[tuple[int | str, ...], ...] = (("n",),) if n is None else ((n,),) if not positive else ((), (n,))
     array = finite(_NAME, name, _core.numbers(_NAME, name, value, *shapes))
     if n is None and not array.size:

@@ -25,7 +25,7 @@ _SCHEME = "package://"
 SearchPath = str | PathLike[str] | Sequence[str | PathLike[str]] | None
 # As for URDF itself.
 _MOST_BYTES = 16 << 20
-# xacro keeps what it does in variables of its module.
+# xacro stores its state in variables of its module.
 _XACRO = threading.Lock()
 
 
@@ -67,7 +67,7 @@ def robot_text(
 
 
 def _folders(search_path: SearchPath) -> list[Path]:
-    """The search path: what the caller gives, then what the environment does."""
+    """The search path: folders of the caller, then those of the environment."""
     if search_path is None:
         given: list[Any] = []
     elif isinstance(search_path, str | PathLike):
@@ -120,7 +120,7 @@ def _package(name: str, folders: Sequence[Path]) -> Path:
 
 
 def _literal(name: str) -> str:
-    """A name without what `glob` reads as a pattern."""
+    """A name with the patterns of `glob` escaped."""
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)
 
 

@@ -69,7 +69,7 @@ def having(statuses: NDArray[Any], status: Status) -> NDArray[np.bool_]:
 
 
 def advice_on_run(status: Status, method: str, rtol: object, atol: object, stats: Mapping[str, float]) -> str:
-    """`status.advice`, and what the run's method and tolerances add to it."""
+    """`status.advice`, with additional advice for the run's method and tolerances."""
     advice = status.advice
     if status in _MAY_BE_STIFF and method in ("dopri5", "dop853"):
         return f"{advice}; where the problem is stiff take radau5 or rodas4"

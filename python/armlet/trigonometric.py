@@ -145,7 +145,7 @@ class Polynomials:
             yield self._factored(self.reduced(absolute, keep_sines=True), True)
 
     def _symbols(self, angles: Sequence[Any]) -> list[Any]:
-        """What the generators stand for where sines and cosines are of `angles`."""
+        """The values of the generators, where sines and cosines are of `angles`."""
         sin, cos = self.sympy.sin, self.sympy.cos
         return [f(angle) for angle in angles for f in (sin, cos)] + self.others
 
@@ -171,7 +171,7 @@ class Polynomials:
         content, factors = small.factor_list()
         expressions = []
         for factor, power in factors:
-            # A number goes where numbers are: 0.06 + 0.3 cos q, not 3 (2 + 10 cos q) / 100.
+            # A numeric factor stays with the numbers: 0.06 + 0.3 cos q, not 3 (2 + 10 cos q) / 100.
             if power == 1 and content != 1 and any(abs(coefficient) != 1 for coefficient in factor.coeffs()):
                 factor, content = factor * content, self.domain.one
             expressions.append(factor.as_expr(*own) ** power)

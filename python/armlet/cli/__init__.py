@@ -1,4 +1,4 @@
-"""The command line, `armlet ..`: every command with its arguments, and what it prints."""
+"""The command line, `armlet ..`: every command with its arguments and its output."""
 
 from .command_line import main
 

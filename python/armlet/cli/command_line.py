@@ -90,13 +90,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"armlet: {_line(error)}", file=sys.stderr)
         return 2
     except Exception as error:
-        # A fault of armlet: its kind is worth more to who reports it than a traceback to who reads it.
+        # A fault of armlet: its kind is more useful in a report than a traceback is to the user.
         print(f"armlet: internal error, please report it: {type(error).__name__}: {_line(error)}", file=sys.stderr)
         return 2
 
 
 def _line(error: BaseException) -> str:
-    """An error in one line; of the system's errors the file and what is wrong with it, without their number."""
+    """An error in one line. Errors of the system have the file and the problem, without their number."""
     if isinstance(error, OSError) and error.strerror:
         return one_line((f"{error.filename}: " if error.filename else "output: ") + error.strerror.lower())
     return one_line(str(error)) or type(error).__name__

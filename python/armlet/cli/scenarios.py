@@ -58,7 +58,7 @@ def _can_plot(command: str) -> None:
 
 
 def _prepare(args: argparse.Namespace) -> None:
-    """What can be refused is refused before the run, not after it."""
+    """Invalid arguments are refused before the run, not after it."""
     if args.plot:
         _can_plot("run")
     if args.out is not None or args.plot:

@@ -13,14 +13,14 @@ __all__ = ["Check", "Section"]
 
 @dataclass(frozen=True)
 class Check:
-    """One claim and what became of it.
+    """One claim and its result.
 
     Attributes:
         what: the claim, in words.
         expected: the right value: a number, an array, or anything that compares equal; None: the claim is |got| <= tolerance.
-        got: what armlet computed.
+        got: the value that armlet computed.
         tolerance: largest deviation allowed, absolute; 0 for values that must be equal.
-        printed: what the exam's printed solution says, where it differs from `expected`.
+        printed: the value of the exam's printed solution, if it differs from `expected`.
         erratum: the number of that erratum, "E1".., else "".
     """
 
@@ -47,7 +47,7 @@ class Check:
         return "ok" if self.passed else "FAILED"
 
     def columns(self) -> tuple[str, str, str, str]:
-        """What, expected, got and verdict as texts."""
+        """Claim, expected value, actual value and verdict as texts."""
         what = f"{self.what} [{self.erratum}, printed: {self.printed}]" if self.erratum else self.what
         if self.expected is None:
             return what, f"<= {self.tolerance:g}", _text(self.got, 2), self.verdict

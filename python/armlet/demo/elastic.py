@@ -149,7 +149,7 @@ def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elasti
     report.equal(f"the printed J'F + g is off by {wrong:.1f} N m", True, wrong > 1.0, "u_E = J'F + g", "E10")
     energy = step.monitors["energy"]
     report.near("E(0) (J)", 0.17393085271986963, energy[0], 1e-12)
-    # An identity: what is left is the error of the integrator.
+    # An identity: the remainder is the error of the integrator.
     balance = np.abs(step.monitors["energy_balance"]).max() / energy.max()
     report.bound("energy balance E(t) - E(0) - integral of P, over the largest E", balance, 1e-8)
     return step

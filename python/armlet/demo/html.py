@@ -69,7 +69,7 @@ def _section(section: Section) -> str:
 
 
 def page(sections: list[Section], build: str) -> str:
-    """The whole page; `build` says what ran: version, instruction set, machine."""
+    """The whole page; `build` describes version, instruction set and machine."""
     passed = [check.passed for section in sections for check in section.checks]
     verdict = f"{sum(passed)} of {len(passed)} checks hold"
     colour = "ok" if all(passed) else "FAILED"

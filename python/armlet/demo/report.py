@@ -32,7 +32,7 @@ def _table(checks: list[tuple[str, str, str, str]]) -> list[str]:
 
 
 class Drawing(Protocol):
-    """What has a figure: a run, a problem."""
+    """An object with a figure: a run, a problem."""
 
     def plot(self, fig: Figure, /) -> Any: ...
 
@@ -83,7 +83,7 @@ class Report:
         self.draw_figure(name, run.plot)
 
     def draw_figure(self, name: str, draw: Callable[[Figure], Any]) -> None:
-        """Write what `draw` puts into an empty matplotlib figure to `out/name.png`."""
+        """Write the picture of `draw`, in an empty matplotlib figure, to `out/name.png`."""
         if not self.draw:
             return
         from matplotlib.figure import Figure

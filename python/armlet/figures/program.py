@@ -21,7 +21,7 @@ __all__ = ["plot"]
 LIMIT = 300
 SWEEPS = 24
 SIGNS = {"add": "+", "sub": "−", "mul": "×", "div": "÷", "neg": "−", "fma": "×+", "fms": "×−", "fnma": "−×", "fnms": "−×−"}
-# Colours tell what takes how long.
+# Colours distinguish operations by their time.
 GROUPS = {
     "sums": (COLOURS[0], {"add", "sub", "neg", "abs", "max", "min"}),
     "products": (COLOURS[2], {"mul"}),
@@ -33,7 +33,7 @@ GROUPS = {
 
 
 class Flow:
-    """Nodes with their column and neighbours: lines, the inputs where they are read, outputs, and points that lead a value on."""
+    """Nodes with their column and neighbours: lines, the inputs where they are read, outputs, and intermediate points of long edges."""
 
     def __init__(self, listing: Listing) -> None:
         self.label: list[str] = []

@@ -22,9 +22,9 @@ __all__ = ["plot"]
 
 Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
 
-#: Joints of one panel, as many as there are colours that stand out.
+#: Joints of one panel, as many as there are distinct colours.
 MOST = 7
-#: The ten parameters of a link, by kind: their places, what they are, their unit, and the components that the strokes tell apart.
+#: The ten parameters of a link, by kind: their places, names and units, and the components that the strokes distinguish.
 KINDS = (
     ((0,), "masses", "kg", ""),
     ((1, 2, 3), "first moments", "kg m", ": x solid, y dashed, z dotted"),
@@ -102,13 +102,13 @@ def _of_joints(draw: Callable[[Axes, Recorded, slice], None], run: Recorded) -> 
 
 
 def _names(run: Recorded) -> list[str]:
-    """`1 shoulder`, ..: the joints by number, and by name where the arm is known."""
+    """`1 shoulder`, ..: the joints by number, and by name if the arm is available."""
     names = getattr(run.arm, "joint_names", None) or [""] * run.q.shape[-1]
     return [f"{i + 1} {literal(name).strip()}".strip() for i, name in enumerate(names)]
 
 
 def _legend_of_joints(figure: Figure, run: Recorded) -> None:
-    """One legend above all panels: a colour per joint, and what dashes and dots are."""
+    """One legend above all panels: a colour per joint, and the meaning of dashes and dots."""
     from matplotlib.lines import Line2D
 
     entries = [Line2D([], [], color=COLOURS[i], label=name) for i, name in enumerate(_names(run))]
@@ -125,7 +125,7 @@ def _lines(ax: Axes, t: NDArray[Any], values: NDArray[Any], labels: list[str] | 
 
 
 def _limits(ax: Axes, run: Recorded, joints: slice, upper: str, lower: str | None = None) -> None:
-    """Dotted lines at the limits that the run comes near; others would squeeze what is to be seen."""
+    """Dotted lines at the limits that the run comes near. Other limits would compress the curves."""
     if run.limits is None:
         return
     low, high = ax.get_ylim()
@@ -215,7 +215,7 @@ def _estimates(run: Recorded) -> list[Panel]:
     assert run.estimate is not None
     if run.law_name in ("PID", "CartesianImpedance"):
         return [_integral]
-    # Behind the estimate a composite law keeps its filters.
+    # In a composite law, the filters follow the estimate.
     count = run.estimate[..., : run._estimated].shape[-1]
     links = _links(count, run.q.shape[-1])
     if count <= 12 or count < 10 * links:
@@ -227,7 +227,7 @@ def _estimates(run: Recorded) -> list[Panel]:
 def _integral(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     wrench = run.law_name == "CartesianImpedance"
-    # Behind the integral PID keeps its filters.
+    # In a PID law, the filters follow the integral.
     integral = run.estimate if wrench else run.estimate[..., : run.q.shape[-1]]
     _lines(ax, run.t, integral, [f"$w_{{{i + 1}}}$" for i in range(integral.shape[-1])])
     ax.set_ylabel("N, N m" if wrench else ", ".join(dict.fromkeys(run.input_units)))
@@ -295,7 +295,7 @@ def _magnitude(ax: Axes, run: Recorded, name: str) -> None:
     shown = values[np.isfinite(values) & (values > 0)]
     ax.semilogy(run.t, np.where(values > 0, values, np.nan), color=COLOURS[0], linewidth=0.9)
     if len(shown):
-        # A decade of air on both sides, so that rounding does not look like a signal.
+        # A decade of space on both sides, so that rounding errors do not look like a signal.
         ax.set_ylim(shown.min() / 10, 10 * shown.max())
 
 

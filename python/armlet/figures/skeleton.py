@@ -33,7 +33,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Lines:
-    """What is drawn of an arm at K configurations, m.
+    """The drawing of an arm at K configurations, m.
 
     Attributes:
         links, slides: ends of lines, (K, lines, 2, 3).

@@ -59,7 +59,7 @@ def require(caller: str) -> None:
 
 
 def literal(text: str) -> str:
-    """A name from a file as matplotlib shows it: no mathematics, in one line, and never taken for a label that is to be hidden."""
+    """A name from a file as matplotlib shows it: without mathematics, in one line, and never hidden."""
     line = one_line(text)
     return (" " if line.startswith("_") else "") + line.replace("$", r"\$")
 

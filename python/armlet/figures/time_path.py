@@ -1,4 +1,4 @@
-"""The figure of a timing along a path: what binds where.
+"""The figure of a timing along a path: the active limits and their places.
 
     tau = A u + B r^2 + g + d q' r,   A = M q',   B = M q'' + C(q, q') q',   r = ds/dt,   u = d^2 s/dt^2
 
@@ -44,7 +44,7 @@ def _bounds(limit: ArrayLike | None, n: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class PathTiming:
-    """A timing of `time_path` and what it was given, to be drawn.
+    """A timing of `time_path` and its arguments, to be drawn.
 
     Attributes:
         arm, motion: the arm, and the feasible `TimedPath`.
@@ -188,7 +188,7 @@ class PathTiming:
         ax.legend(loc="best", handlelength=1.8)
 
     def _over_time(self, ax: Axes, t: Array, values: Array, limit: ArrayLike | None, what: tuple[str, str]) -> None:
-        """A quantity of the joints, in parts of its limits where it has some: the name, and what it is per."""
+        """A quantity of the joints, as a fraction of its limits if there are some: the name, and the unit."""
         name, per = what
         low, high = _bounds(limit, self.arm.n)
         if limit is not None:

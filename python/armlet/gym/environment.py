@@ -32,7 +32,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     Args:
         plant: a plant, an arm (then `RigidArm(arm)`), or a `Scenario`, whose plant, `tau_max`, `dt`, `t_end` and joint motion are taken;
             None: a planar arm of two joints in a horizontal plane, and a target for its tip.
-        task: what to do: `Reach`, `Track`, or your own `Task`; None: `Reach()`.
+        task: `Reach`, `Track`, or your `Task`; None: `Reach()`.
         tau_max: torque of an action of 1, a number or (n,), N m or N (the speed, of a `VelocityArm`); None: the arm's effort limits.
         dt: step of the integration by rk4, s; 2 ms if None.
         period: for which an action is held, s.
@@ -43,7 +43,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
             time. None: nothing is drawn.
 
     Raises:
-        InputError: an argument, or an action, is not what it should be.
+        InputError: an argument or an action has a wrong type, shape or value.
         gymnasium.error.ResetNeeded: a step before `reset`, or after the end.
 
     >>> import armlet as al
@@ -86,7 +86,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
 
     @property
     def plant(self) -> Plant:
-        """What is moved."""
+        """The plant."""
         return self._rows.plant
 
     @property
@@ -100,7 +100,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         return float(self._rows.k[0]) * self._rows.period
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start anew; the same seed draws the same starts and targets."""
+        """Restart. The same seed draws the same starts and targets."""
         super().reset(seed=seed)
         self._rows.reset(np.zeros(1, dtype=np.int64), [self.np_random])
         self._ready = self._begun = True

@@ -30,7 +30,7 @@ class Stepper:
         self.q, self.v = self._arms.step(tau, self._steps)
 
     def reset(self, rows: NDArray[np.int64], q: Array, v: Array) -> None:
-        """Put these rows there, (len(rows), n) each."""
+        """Set the states of these rows, (len(rows), n) each."""
         self.q, self.v = self._arms.put(rows.tolist(), q, v)
 
     def __getstate__(self) -> tuple[object, ...]:

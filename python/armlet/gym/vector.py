@@ -29,7 +29,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 @bordered
 class ArmVectorEnv(VectorEnv[Array, Array, Array]):
-    """`num_envs` arms that are stepped at once, in lanes and threads: what `SyncVectorEnv` of that many `ArmEnv` does, faster.
+    """`num_envs` arms that are stepped at once, in lanes and threads. It replaces `SyncVectorEnv` of that many `ArmEnv`, and is faster.
 
     All rows are advanced in one call, as machine code made for the plant, in lanes and threads.
 
@@ -41,7 +41,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         render_mode: "rgb_array": `render` returns a picture of each row; None: nothing is drawn.
 
     Raises:
-        InputError: an argument, or an action, is not what it should be.
+        InputError: an argument or an action has a wrong type, shape or value.
         gymnasium.error.ResetNeeded: a step before `reset`; with `DISABLED`, of a run that has ended.
 
     >>> from armlet.gym import ArmVectorEnv
@@ -90,7 +90,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         self._ready = False
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start anew, row i from `seed + i` or from `seed[i]`; with `options={"reset_mask": mask}` the rows of the mask alone."""
+        """Restart, row i from `seed + i` or from `seed[i]`. With `options={"reset_mask": mask}`, only the rows of the mask restart."""
         if seed is None or isinstance(seed, int):
             seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
         else:

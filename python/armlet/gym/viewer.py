@@ -82,7 +82,7 @@ class Viewer:
 
 
 def viewer_for(caller: str, mode: str | None, modes: list[str], rows: Rows) -> Viewer | None:
-    """What draws, None where nothing is to be drawn."""
+    """The window of the drawing, None without one."""
     if mode is None:
         return None
     if mode not in modes:

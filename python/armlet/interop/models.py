@@ -36,7 +36,7 @@ def _unit(function: str, axis: _Array, name: str) -> list[float]:
 
 
 def _stored(rotation: _Array, translation: _Array) -> list[list[float]]:
-    """Three columns of the rotation, then the translation: what a pickled arm holds."""
+    """Three columns of the rotation, then the translation, as in a pickled arm."""
     return [*np.asarray(rotation, dtype=float).T.tolist(), np.asarray(translation, dtype=float).tolist()]
 
 
@@ -218,7 +218,7 @@ def _row(model: Any, names: tuple[str, ...], row: int) -> float:
 
 
 def _bound(value: float, sign: float) -> float:
-    """A limit; the largest float stands for none."""
+    """A limit; the largest float means no limit."""
     return sign * np.inf if not abs(value) < 1e300 else float(value)
 
 

@@ -1,4 +1,4 @@
-"""What a `mujoco.MjModel` says in more than one place: gravity, and what actuators add to the joints they drive."""
+"""Parts of a `mujoco.MjModel` that are in several places: gravity, and the contributions of actuators to their joints."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Row:
     difference: float
     #: Where it is largest: a joint, a frame.
     where: str
-    #: What explains it, or what was compared.
+    #: The explanation, or the compared quantity.
     remark: str
     agrees: bool
 
@@ -112,7 +112,7 @@ class _Pinocchio:
             self.conventions.append("the model's rnea and aba ignore its damping: compared without friction")
 
     def frames(self) -> list[str]:
-        # A name that stands for two frames, a joint's and a body's, is the body's.
+        # A name of two frames, a joint's and a body's, means the body's.
         kinds = self.pin.FrameType
         return [frame.name for frame in self.model.frames if frame.type in (kinds.BODY, kinds.OP_FRAME)]
 
@@ -140,7 +140,7 @@ class _Pinocchio:
         if self.model.nv == 0:
             return np.zeros((6, 0))  # asked for it, the library would crash
         axes = self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        # A model of one joint answers with vectors where others have matrices.
+        # A model of one joint returns vectors where others return matrices.
         full = self.pin.getFrameJacobian(self.model, self.data, self._frame(frame), axes)
         return _array(full).reshape(6, self.model.nv)[:, self.rows]
 

@@ -33,7 +33,7 @@ def mesh_of(shape: Shape) -> tuple[Any, Any]:
             vertices, faces = body.vertices * np.array(shape.size), body.faces
         except Exception:  # whatever a broken file makes its reader raise
             faces = ()
-        # A ball stands for a link that cannot be drawn.
+        # A ball marks a link that cannot be drawn.
         return (vertices, faces) if len(faces) else mesh_of(Shape(shape.frame, "sphere", (0.02,)))
     if shape.kind == "box":
         body = made.box(extents=shape.size)
@@ -80,7 +80,7 @@ class ArmScene:
         return scene.add_mesh_simple(f"{parent}/shape{k}", vertices, faces, color=shape.colour, **placed)
 
     def look(self) -> None:
-        """Put the eye of every browser where the whole arm is seen."""
+        """Move the eye of every browser so that the whole arm is visible."""
         camera = self.server.initial_camera
         eye, at = self.reach * np.array([0.3, -2.0, 0.9]), self.reach * np.array([0.0, 0.0, 0.15])
         camera.position, camera.look_at = eye, at
@@ -94,7 +94,7 @@ class ArmScene:
             self.frames[frame].wxyz = rotations.of_matrix(pose[:3, :3])
 
     def goal(self, point: Array | None) -> None:
-        """Show where the tip should be, (3,), m; None hides it."""
+        """Show the target of the tip, (3,), m; None hides it."""
         self._goal.visible = point is not None
         if point is not None:
             self._goal.position = point

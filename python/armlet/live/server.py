@@ -25,7 +25,7 @@ def load_viser(command: str) -> Any:
     """The module viser.
 
     Raises:
-        ImportError: it is not installed; the message says how to get it.
+        ImportError: it is not installed; the message has the install command.
     """
     return extra(command, "viser", "armlet[live]")
 

@@ -1,4 +1,4 @@
-"""What is drawn of an arm: bodies fixed to its frames, from the file of the robot or as plain links.
+"""The drawing of an arm: bodies fixed to its frames, from the file of the robot or as plain links.
 
     X_WS = X_WF X_FS,   X_WF = arm.pose(q, frame),  X_FS the shape's own
 

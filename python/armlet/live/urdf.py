@@ -24,7 +24,7 @@ from .shapes import BLUE, ORANGE, Array, Colour, Shape, between
 
 __all__ = ["Looks", "find_mesh", "missing_line", "read_shapes"]
 
-# What trimesh reads; Collada with a reader of its own.
+# File types of trimesh; Collada has a separate reader.
 ENDINGS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", *([".dae"] if find_spec("collada") else []))
 
 
@@ -34,14 +34,14 @@ DECLARATION = re.compile(r"<\?xml\s.*?\?>", re.DOTALL)
 
 
 class Looks(NamedTuple):
-    """What is drawn of a robot, and the names of the meshes that are not."""
+    """The drawing of a robot, and the names of the missing meshes."""
 
     shapes: list[Shape]
     missing: tuple[str, ...]
 
 
 def missing_line(missing: Sequence[str]) -> str:
-    """What a page says of meshes that are not drawn; nothing where there are none."""
+    """The note of a page about missing meshes, empty without one."""
     if not missing:
         return ""
     first = missing[0] if len(missing[0]) <= 80 else f"{missing[0][:77]}..."
@@ -49,7 +49,7 @@ def missing_line(missing: Sequence[str]) -> str:
 
 
 def read_shapes(source: str | Path, arm: al.Arm, packages: Sequence[Path] = ()) -> Looks:
-    """What to draw at each frame of an arm that `al.load_urdf(source)` gave, with meshes of its folder and of `packages` alone."""
+    """The drawing at each frame of an arm from `al.load_urdf(source)`, with meshes of its folder and of `packages`."""
     text, folders = _text(source, packages)
     try:
         # A text needs no declaration, and one after a comment is none to this parser.
@@ -66,19 +66,19 @@ def read_shapes(source: str | Path, arm: al.Arm, packages: Sequence[Path] = ()) 
         name = link.get("name", "")
         if name not in frames:
             continue
-        # Where no visual can be drawn, what it collides with often can: meshes of a simpler kind.
+        # If no visual can be drawn, the collision shape often can: its meshes are simpler.
         for tag in ("visual", "collision"):
             seen = [shape for looks in link.findall(tag) if (shape := _visual(looks, name, folders, colours, missing))]
             if seen:
                 break
         shapes += seen
         plain += [] if seen else skeleton[name]
-    # A ball marks the end of a plain chain; beside real geometry it would be a thing that is not there.
+    # A ball marks the end of a plain chain. Beside real geometry it would look like a part of the robot.
     return Looks(shapes + [shape for shape in plain if not shapes or shape.kind == "capsule"], tuple(missing))
 
 
 def _text(source: str | Path, packages: Sequence[Path]) -> tuple[str, list[Path]]:
-    """The text, and the folders whose meshes it may name."""
+    """The text, and the folders of its meshes."""
     if isinstance(source, str) and "<" in source:  # as `al.load_urdf` tells a text from a path
         return source, [*packages]
     path = Path(source)
@@ -109,7 +109,7 @@ def _name(joint: ElementTree.Element, tag: str) -> str:
 def _visual(
     visual: ElementTree.Element, frame: str, folders: Sequence[Path], colours: dict[str, Colour], missing: dict[str, None]
 ) -> Shape | None:
-    """The shape of a <visual> or <collision>; None where it is not known or its mesh is not found."""
+    """The shape of a <visual> or <collision>; None if it is unknown or its mesh is missing."""
     geometry = visual.find("geometry/*")
     if geometry is None:
         return None
@@ -156,7 +156,7 @@ def find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
 
 
 def _inside(path: Path, roots: Sequence[Path]) -> Path | None:
-    """The file that `path` leads to, links followed, where that is a mesh inside one of `roots`."""
+    """The target of `path`, links followed, if it is a mesh inside one of `roots`."""
     try:
         file = path.resolve(strict=True)
         known = file.suffix.lower() in ENDINGS and file.is_file() and file.stat().st_size <= MOST_BYTES

@@ -19,7 +19,7 @@ MARKS = re.compile(r"([!-/:-@\[-`{-~])")
 
 
 def escaped(text: str) -> str:
-    """The markdown that shows `one_line(text)`: no mark keeps a meaning."""
+    """The markdown of `one_line(text)`, with every mark escaped."""
     return MARKS.sub(r"\\\1", one_line(text))
 
 
@@ -27,7 +27,7 @@ class Words:
     """Paragraphs on a page, each a text, or a strong text and the rest.
 
     Attributes:
-        shown: what a reader sees, a line per paragraph.
+        shown: the visible text, a line per paragraph.
     """
 
     def __init__(self, gui: Any, *paragraphs: str | tuple[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Runs of closed loops: what they take, what they return, what sums them up, and how they are stored."""
+"""Runs of closed loops: arguments, results, metrics and storage."""
 
 from .records import BatchRun, Run, load
 

@@ -46,7 +46,7 @@ def quiet() -> Iterator[None]:
 
 
 def energy_error(monitors: Mapping[str, Array]) -> Array | None:
-    """The largest `energy_balance` as a fraction of the largest energy stored or exchanged, `()` or `(B,)`; None where it is not known."""
+    """The largest `energy_balance` as a fraction of the largest energy stored or exchanged, `()` or `(B,)`; None without a balance."""
     if "energy_balance" not in monitors or not monitors["energy_balance"].shape[-1]:
         return None
     energy, balance = monitors["energy"], monitors["energy_balance"]

@@ -43,7 +43,7 @@ class Instruction(NamedTuple):
 
 
 class Listing(NamedTuple):
-    """The lines of one stage, and `(output, what it is)`."""
+    """The lines of one stage, and pairs `(output, value)`."""
 
     instructions: tuple[Instruction, ...]
     outputs: tuple[tuple[str, str], ...]

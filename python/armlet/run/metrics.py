@@ -50,7 +50,7 @@ PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
 PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations", "energy_error", "completed")
 ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
 SETTLE, TOLERANCE = 0.02, 1e-6
-#: What `metrics` takes beside the run.
+#: The arguments of `metrics` besides the run.
 MEASURES = ("reference", "band", "settle", "tolerance", "frame")
 
 

@@ -1,4 +1,4 @@
-"""What a scenario stands for: a plant, a law, and how long they run."""
+"""The objects of a scenario: a plant, a law, and the arguments of the run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Built", "summary"]
 
 
 class Built(NamedTuple):
-    """What a scenario stands for: `al.simulate(built.plant, built.law, **built.arguments)`.
+    """The objects of a scenario: `al.simulate(built.plant, built.law, **built.arguments)`.
 
     Attributes:
         plant: the plant.

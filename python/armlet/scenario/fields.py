@@ -1,4 +1,4 @@
-"""What a key of a scenario may hold: one object checks a value and says the same as JSON schema.
+"""The valid values of a key of a scenario. One object checks a value, and gives the same rule as JSON schema.
 
 `check(value, path)` yields problems as `path: expected .., got ..`, and converts nothing. The constructors check shapes that depend on
 the arm. `Kind.build` adds the path to their messages.
@@ -40,7 +40,7 @@ def _float(value: Any) -> float:
 
 
 class Field:
-    """What a key may hold."""
+    """The valid values of a key."""
 
     def check(self, value: object, path: str) -> Iterator[str]:
         """Problems of `value`, each starting with the path of the fault."""
@@ -69,7 +69,7 @@ class Numbers(Field):
             if not value:
                 yield f"{path}: expected {self._expected()}, got an empty list"
             for i, item in enumerate(value):
-                # A list holds numbers or rows, and which of the two the first entry says.
+                # A list has numbers or rows. Its first entry decides which.
                 if level + 1 < self.depth and isinstance(item, list | tuple) is not isinstance(value[0], list | tuple):
                     yield f"{path}[{i}]: expected {'a row' if isinstance(value[0], list) else 'a number'} like [0], got {shown(item)}"
                 else:
@@ -78,7 +78,7 @@ class Numbers(Field):
             yield f"{path}: expected {self._expected() if level == 0 else 'a number'}, got {shown(value)}"
         else:
             number = _float(value)
-            # A matrix has entries of any sign; what must be positive is the matrix, and the constructor sees to it.
+            # A matrix has entries of any sign. The constructor checks that it is positive definite.
             below = level < 2 and (number < self.low or (self.strict and number <= self.low))
             if (self.finite and not math.isfinite(number)) or math.isnan(number):
                 yield f"{path}: expected a finite number, got {number}"
@@ -203,12 +203,12 @@ class Kind(Table):
 
 @dataclass(frozen=True)
 class OneOf(Field):
-    """A table whose `kind` says which keys it has."""
+    """A table whose keys depend on its `kind`."""
 
     kinds: Mapping[str, Kind]
 
     def make(self, table: Mapping[str, Any], **others: Any) -> Any:
-        """What the table describes, made with those of `others` that its kind needs."""
+        """The object of the table, made with the required ones of `others`."""
         name = table["kind"]
         kind = self.kinds[name]
         if missing := [need for need in kind.needs if need not in others]:
@@ -303,7 +303,7 @@ class Entries(Field):
 
 
 def _wanted(what: Field) -> str:
-    """What a missing key should have held."""
+    """The valid values of a missing key."""
     if isinstance(what, Numbers):
         return what._expected()
     if isinstance(what, Text):

@@ -1,4 +1,4 @@
-"""What goes out as text: the scenario's tables as JSON schema for editors, and templates to start from."""
+"""Texts about scenarios: the JSON schema of their tables, for editors, and templates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A chunk of a sweep: consecutive cells, run side by side; what a worker does. A cell that raises costs itself alone."""
+"""A chunk of a sweep: consecutive cells that a worker runs side by side. A cell that raises an error affects only itself."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Chunk:
 
 
 def of_cell(i: int, changes: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Any]) -> Any:
-    """`make(changes)`, with the number and the values of the cell in the message of what it raises."""
+    """`make(changes)`. Its errors also name the number and the values of the cell."""
     try:
         return make(changes)
     except ArmletError as error:
@@ -139,7 +139,7 @@ def _batches(
             raise
         if len(members) > 1:
             return [each for member in members for each in _batches([member], start, cells, how, errors, tried + 1)]
-        # What is refused once is refused again.
+        # An invalid cell is not repeated.
         if tried < TRIES and not isinstance(error, ArmletError):
             return _batches(members, start, cells, how, errors, tried + 1)
         errors[members[0][0]] = _text(error)

@@ -32,8 +32,8 @@ class Store:
 
     Args:
         out: the folder; made if it is not there.
-        what: everything that the cells depend on; a folder of another sweep is refused.
-        chunk: cells per chunk; a sweep that goes on keeps the number it began with.
+        what: everything that affects the cells; a folder of another sweep is refused.
+        chunk: cells per chunk; a resumed sweep keeps its first number.
     """
 
     def __init__(self, out: Path, what: Mapping[str, Any], chunk: int) -> None:
@@ -89,7 +89,7 @@ class Store:
         return arrays if whole and all(len(array) == stop - start for array in arrays.values()) else None
 
     def tidy(self) -> None:
-        """Remove what killed writers left behind; younger files may belong to another client."""
+        """Remove files that killed writers left. Younger files may belong to another client."""
         for path in self.out.glob(".armlet-*"):
             with suppress(OSError):
                 if time.time() - path.stat().st_mtime > 60:

@@ -60,7 +60,7 @@ class _Work:
         self.waiting: dict[Future[Columns | None], Chunk] = {}
         self.lost: Counter[tuple[int, int]] = Counter()
         self.blamed: Counter[tuple[int, int]] = Counter()
-        # Chunks that go on cell by cell: the chunk, and the rows that are there.
+        # Chunks that continue cell by cell: the chunk, and its finished rows.
         self.parts: dict[int, tuple[Chunk, dict[int, Columns]]] = {}
 
     def results(self) -> Iterator[tuple[int, Columns]]:
@@ -76,7 +76,7 @@ class _Work:
                 self.lanes.shutdown()
 
     def _submit(self) -> bool:
-        """Give the executor what it can take; whether there is anything to wait for."""
+        """Submit as much as the executor takes. The result is true if there is something to wait for."""
         while len(self.waiting) < (self.lanes.free() + len(self.waiting) if self.lanes else AHEAD):
             chunk = self.again.popleft() if self.again else next(self.chunks, None)
             if chunk is None:
@@ -95,7 +95,7 @@ class _Work:
         return bool(self.waiting)
 
     def _taken(self, future: Future[Columns | None], chunk: Chunk) -> Iterator[tuple[int, Columns]]:
-        """What is to be done with a chunk that came back."""
+        """The next action for a chunk that came back."""
         key = (chunk.start, chunk.stop)
         try:
             found = future.result()

@@ -74,7 +74,7 @@ class AdaptivePR(System):
         ]
 
     def motion(self, t: float, values: Values, targets: Targets) -> al.Sinusoid:
-        """The desired motion about the dragged centre, for a loop whose own time starts at `t`."""
+        """The desired motion about the dragged centre, for a loop whose time starts at `t`."""
         x, y, _ = targets["centre"]
         turn = np.arccos(np.clip(-y / LENGTH, -1.0, 1.0))
         amplitude = number(values, "amplitude") * np.array([1.0, 1.5])

@@ -77,7 +77,7 @@ class MinimumTime(System):
         return state.t >= self.begin + self.duration and abs(state.v[0]) < SLOW and abs(state.q[0] - self.rest) < SLOW
 
     def replan(self, values: Values, targets: Targets, state: State) -> None:
-        """Answer the goal and the limit from where the link rests."""
+        """Plan to the target within the limit, from the resting position of the link."""
         goal, limit = self.goal(targets, self.rest), number(values, "tau_max")
         self.wanted = (goal, limit)
         if goal == self.rest:
@@ -93,7 +93,7 @@ class MinimumTime(System):
         self.plan, self.begin, self.duration, self.rest = plan, state.t, plan.best.t, goal
 
     def motion(self, t: float) -> al.Motion:
-        """The plan for a loop whose own time starts at `t`; held at its end."""
+        """The plan for a loop whose time starts at `t`. It holds its end."""
         left = self.begin + self.duration - t
         if self.plan is None or left <= 0.0:
             return al.Hold([self.rest])
