@@ -36,8 +36,8 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
         look();
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
         let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
-        // Beyond the first limit there are islands of stability, where the motor happens to swing back in time: shorter
-        // samples tell them from the mainland.
+        // Beyond the first limit there are isolated stable sample times, because the motor happens to swing back in time. They are
+        // excluded here: all shorter samples must be stable too.
         (1..=SHORTER).rev().all(|k| motor.radius(sample_time * f64::from(k) / f64::from(SHORTER)) < 1.0)
     };
     const SHORTER: u32 = 8;

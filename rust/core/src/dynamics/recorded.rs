@@ -109,8 +109,8 @@ impl ArmFunction {
         Ok(ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths: widths(query, arm.n()), length: query.length(arm.size()) })
     }
 
-    /// All configurations of the inputs, which are what the query asks for. `direct` answers rows that turn by angles for which programs
-    /// have no sine, and rows whose answer is not finite.
+    /// All configurations of the inputs of the query. `direct` computes rows with angles outside of the range of the programs' sine, and rows
+    /// whose result is not finite.
     pub fn rows(&self, inputs: &[&[f64]], out: &mut [f64], mut direct: impl FnMut(usize, &mut [f64]) -> Result<()>) -> Result<()> {
         let mut evaluation = free(&self.others).and_then(|mut others| others.pop()).unwrap_or_else(|| self.first.clone());
         let (lanes, length) = (evaluation.lanes(), self.length);

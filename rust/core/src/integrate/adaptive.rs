@@ -85,8 +85,8 @@ impl Accuracy for Tolerances {
 
 /// An adaptive method on a system. Time runs forward; a decreasing span is a system with its time reversed.
 ///
-/// `x_mut` first, to put the initial state; then `begin` a segment, and `step` until it says `true`. A segment ends
-/// where the input or the state jumps; the next one begins there, with the state changed through `x_mut` if it jumped.
+/// Set the initial state through `x_mut`. Then `begin` a segment, and `step` until it returns `true`. A segment ends
+/// where the input or the state jumps. The next one begins there, with a jump of the state made through `x_mut`.
 pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     /// Begin a segment from the state `x` at `t < t_end`. `input_end` is the latest time at which the input is taken:
     /// `t_end`, or just before it where the input jumps there. Fails where the state or its derivative is not finite.

@@ -1,7 +1,7 @@
 //! Zero crossings of functions `g_i(t, x)` along a run, located on the dense output of each step.
 //!
 //! An event is a change of sign from one accepted step to the next. Rising: `g` was last negative and is now zero or positive.
-//! Falling: the reverse. A `g` that starts at zero has no sign until it leaves it. Two changes within one step
+//! Falling: the reverse. A `g` that starts at zero has no sign until it differs from zero. Two changes within one step
 //! cancel and are missed: limit the step where that matters. The root is bracketed until no time lies between its ends.
 //! The method is that of Chandrupatla 1997: inverse quadratic interpolation where it is safe, bisection elsewhere. The
 //! later end is the event, so that a run that starts there begins on the new side.

@@ -14,8 +14,8 @@ use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// What a rejected attempt adds to the strain; an accepted one takes one away. Above `MOST` rounding is looked at: after five rejections in
-/// a row, or 30 attempts of which a third are rejected.
+/// A counter of rejections: a rejected attempt adds this number, and an accepted one subtracts one. Above `MOST` the rounding error is measured.
+/// This happens after five rejections in a row, or 30 attempts with a third of them rejected.
 const REJECTED: u32 = 4;
 const MOST: u32 = 20;
 /// The fraction of the method's resolution above which rounding errors count.

@@ -1,7 +1,7 @@
 //! Prioritised accelerations under computed torque, for rigid arms (`siciliano1991priority`, `nakanishi2008operational`):
 //!
-//! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority, and `a = -c v` in what freedom is
-//! left, which stops motions that no task sees; `tau = M a + C v + g`. The map `sns` keeps `a` within bounds that follow from the
+//! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority. In the remaining freedom `a = -c v`,
+//! which stops motions that change no task. Then `tau = M a + C v + g`. The map `sns` keeps `a` within bounds that follow from the
 //! limits of the joints at every evaluation: see `joint_limits`.
 
 use super::decided::{Decided, RecordedSolver, Solve};

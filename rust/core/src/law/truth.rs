@@ -56,8 +56,8 @@ impl<S: Real> Truth<S> {
         Some(Truth { parameters, rubbing: fixed(rubbing), viscous, coulomb, rotors: fixed(rotors) })
     }
 
-    /// `s'(tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`: what the plant's friction and the restraint add to `V1'`. `columns`: the
-    /// entries of the columns of joints; `back`: `y - w`.
+    /// `s'(tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`: the contribution of the plant's friction and of the restraint to `V1'`.
+    /// `columns`: the entries of the columns of joints; `back`: `y - w`.
     pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], columns: &[S], estimate: &[S], back: &[S]) -> S {
         let (n, mut sum) = (s.len(), S::zero());
         for i in 0..n {

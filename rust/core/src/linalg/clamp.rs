@@ -1,5 +1,5 @@
 //! Spectral clamp `sigma -> sigma / max(sigma, eps)^2`: the pseudo-inverse where `sigma >= eps`, continuous in the
-//! matrix and bounded by `1/eps` everywhere. What it leaves of a direction is `1 - min(1, (sigma/eps)^2)`.
+//! matrix and bounded by `1/eps` everywhere. A direction keeps the fraction `1 - min(1, (sigma/eps)^2)`.
 
 /// Gain of the clamped inverse, 1/unit of `sigma`; zero at zero, also for `eps = 0`.
 #[inline]

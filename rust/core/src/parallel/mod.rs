@@ -1,5 +1,5 @@
-//! Worker threads: a pool made on first use, made anew in a forked child, and a caller that keeps listening
-//! while they work. Work on rows is cut at places that do not depend on the number of threads.
+//! Worker threads: a pool that is made on first use, and again in a forked child. The caller remains responsive
+//! while they work. Work on rows is divided at places that do not depend on the number of threads.
 //!
 //! `pool` has the threads. Without the feature `parallel`, `serial` takes its place: one worker, the same results.
 
@@ -74,8 +74,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Fill the rows of `out`, `length` numbers each, by `work(first, last, rows)` on `chunk` rows at a time; what each chunk
-/// said, in order.
+/// Fill the rows of `out`, `length` numbers each, by `work(first, last, rows)` on `chunk` rows at a time. The results of
+/// the chunks are in order.
 pub fn rows<R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,

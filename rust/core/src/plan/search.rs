@@ -75,12 +75,12 @@ const FLAT: f64 = 1e-10;
 const NEAR: f64 = 2e-3;
 /// A slope that is near zero: T hardly changes any more.
 const LEVEL: f64 = 0.3;
-/// The slope at a root of the rough slope above which that is no help.
+/// The largest accurate derivative at a root of the coarse one. Above it, the coarse root is not used.
 const ROUGH: f64 = 0.02;
-/// Farthest turning point, rad: beyond two turns only a chain of swings could help.
+/// The farthest turning point, rad. Beyond two turns, only a sequence of swings could be faster.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// Longer intervals have no crest, and may have a minimum in every turn. They begin beside `e = 0`, where the monotone motion is feasible unless the
-/// torque is that of gravity in rest at the start.
+/// Longer intervals have no crest, and may have a minimum in every turn. They begin beside `e = 0`, where the monotone motion is feasible. An
+/// exception is a torque that equals gravity at the start.
 const ONE_TURN: f64 = 6.5;
 /// The first step of a sweep through one of those, and the longest of any, rad.
 const FIRST: f64 = 0.2;

@@ -1,7 +1,7 @@
 //! A spring and a damper that push one way: `f = max(0, k d + c d_dot)` at depth `d > 0`, nothing outside.
 //!
-//! What acts changes where `d` or `k d + c d_dot` changes sign. A run that locates these instants holds the contact as it
-//! is between them, so that no step sees the corner.
+//! The force changes its formula where `d` or `k d + c d_dot` changes sign. A run that locates these instants keeps the
+//! formula between them, so that no step contains a change.
 
 use crate::error::{Error, Result, positive};
 use crate::scalar::Real;

@@ -142,8 +142,8 @@ impl Programs {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// The state after one step in parts, from the state, inputs and `h` of the frame. `first_stage`: what is done once the first stage has left
-    /// the law's input in the frame.
+    /// The state after one step in parts, from the state, inputs and `h` of the frame. `first_stage` is called when the
+    /// first stage has written the law's input to the frame.
     pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();

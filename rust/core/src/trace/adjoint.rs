@@ -1,7 +1,7 @@
 //! The adjoint of a recorded computation (reverse mode, Griewank and Walther 2008, section 3.2).
 //!
-//! From `y = f(x)` and the weights `y_bar` of its outputs, `x_bar = f'(x)' y_bar`. The operations of `x_bar` follow those of `y`. What no
-//! output depends on, and what does not depend on a moving input, adds no operation.
+//! From `y = f(x)` and the weights `y_bar` of its outputs, `x_bar = f'(x)' y_bar`. The operations of `x_bar` follow those of `y`. Entries
+//! without an effect on an output, and entries that do not depend on a moving input, add no operation.
 //! At a corner the derivative is that of the branch taken. The branch that is not taken has the weight zero; its numbers may be infinite, and
 //! zero times infinity must not reach the result. So its products are taken only where the weight is not zero.
 

@@ -6,8 +6,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 /// Entries of every kind that are kept at most.
 pub const KEPT: usize = 64;
 
-/// What a lock guards, if no other thread holds it. Never waits: a process that was forked while another thread of its parent held the
-/// lock would wait for ever.
+/// The content of a lock, if no other thread holds it. It never waits. Otherwise a process could wait for ever, if it was forked while
+/// another thread of its parent held the lock.
 pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Some(guard),

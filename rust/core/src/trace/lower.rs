@@ -1,7 +1,7 @@
 //! From a recording to the instructions of one instruction set.
 //!
-//! Lowering removes what no output needs, writes sine and cosine out (`scalar::trig`, the same polynomials), turns negation and
-//! absolute value into bit operations. A fused product is one instruction where the target has it, elsewhere a product and a sum. Nothing
+//! Lowering removes entries without an effect on an output. It expands sine and cosine into the polynomials of `scalar::trig`, and turns
+//! negation and absolute value into bit operations. A fused product is one instruction where the target has it, elsewhere a product and a sum. Nothing
 //! else is fused and nothing is reordered, so the bits are those of direct evaluation on the same instruction set, signs of zeros aside.
 
 use super::straight::{Instruction, Part, Straight};
@@ -9,7 +9,7 @@ use super::tape::{Memo, Op};
 use crate::scalar::trig;
 
 /// Lower a part of a recording; `fused`: the target has fused multiply-add. Input `k` is in slot `k`.
-/// Where angles occur, `reach_slot` receives the largest magnitude of them and of what it holds.
+/// If there are angles, `reach_slot` receives the largest magnitude of them and of its content.
 pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
     let Part { ops, outputs, .. } = part;
     let mut lowering = Lowering {

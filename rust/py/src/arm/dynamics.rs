@@ -229,7 +229,7 @@ impl Arm {
         self.evaluate(NAME, ["q", "v", "v_r", "a_r"], [q, v, v_r, a_r], query, out)
     }
 
-    /// Kinetic and potential energy, `v' M v / 2` and that whose slope is `g`, `(...)` each, in J.
+    /// Kinetic energy `v' M v / 2` and potential energy, whose gradient is `g`, `(...)` each, in J.
     ///
     /// Args:
     ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.

@@ -16,9 +16,9 @@ const MOST_AXES: usize = 64;
 /// An array argument as float64, checked as every array argument is: the array itself where it is one already, else a copy.
 ///
 /// Args:
-///     function, name: who takes it and what it is called, for the refusal.
+///     function, name: the function and the name of the argument, for messages.
 ///     value: anything.
-///     shapes: what it may be: tuples of lengths, of names where any length will do, and of "..." for leading axes. None given: any.
+///     shapes: the valid shapes: tuples of lengths, of names for any length, and of "..." for leading axes. Without shapes any is valid.
 ///
 /// Raises:
 ///     InputError: `value` is no array of real numbers, or has another shape.

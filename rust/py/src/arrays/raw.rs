@@ -80,9 +80,9 @@ fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::
     }
 }
 
-/// The elements of a caller's `out=` array, writeable and otherwise as for `of_shape`; None for what `out_slice` refuses or copies.
+/// The elements of a caller's `out=` array, writeable and otherwise as for `of_shape`; None for arrays that `out_slice` refuses or copies.
 ///
-/// For hot writes: that no input overlaps is the caller's to know.
+/// For frequent writes. The caller ensures that no input overlaps.
 #[inline]
 #[allow(clippy::mut_from_ref)]
 pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a mut [f64]> {
@@ -243,7 +243,7 @@ fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
 }
 
 /// The elements of a caller's `out=` array of the right shape. It is refused if writing would be wrong.
-// The array owns its elements and Python shares it freely: `&Bound` is all that ever stands for one.
+// The array owns its elements and Python shares it freely: there is never another reference than `&Bound`.
 #[allow(clippy::mut_from_ref)]
 pub fn out_slice<'a>(
     function: &str,

@@ -19,8 +19,8 @@ pub fn new_array<'py>(
     made(py, shape, true, fill)
 }
 
-/// A new array of this shape, every number of it written by `fill`: what was in the memory before would show. Zeroing an array
-/// that is written once anyway costs a pass over memory.
+/// A new array of this shape, with every number written by `fill`, because its memory is not zeroed before. Zeroing would cost
+/// another pass over memory.
 pub fn written_array<'py>(
     py: Python<'py>,
     shape: &[usize],

@@ -6,7 +6,7 @@ use crate::spatial::{Sym3, Vector, Vector3};
 /// Principal moments negative by more than this share of the largest entry are not rounding,
 const NEGATIVE: f64 = 1e-9;
 /// nor by more than this, kg m^2: files print seven or eight decimals (an antenna of one milligram in a public robot
-/// has -3.5e-8). What is below comes with a triangle warning.
+/// has -3.5e-8). Smaller violations give a warning about the triangle inequality.
 const DIGITS: f64 = 1e-7;
 
 /// The kind of a number, and its largest magnitude.

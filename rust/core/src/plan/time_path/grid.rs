@@ -12,8 +12,8 @@ const RUN: usize = WINDOW - 1;
 const MOST_HALVINGS: u32 = 3;
 
 impl PathProblem<'_> {
-    /// Halve segment `i` `times(i)` times. What is halved is a run of some segments, so that the rows can be interpolated in it.
-    /// Whether anything was.
+    /// Halve segment `i` `times(i)` times. Several neighbouring segments are halved together, so that the rows can be interpolated.
+    /// The result is true if any segment was halved.
     pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
         let (mut fine, mut pieces) = (Vec::new(), Vec::new());
         let s = &self.rows.s;

@@ -196,13 +196,13 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
             } else {
                 // The cap is on the square: twice the relative excess of the speed.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
-                // Of two bounds far apart the larger one is to blame: where the path turns back it has no bound of its own. But
-                // a speed that peaks beside the smaller one goes down with the square of what the larger one does.
+                // If two bounds are far apart, the larger one is reduced, because it has no limit where the path turns back. But
+                // a peak of the speed beside the smaller one decreases only with the square of this reduction.
                 let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
                 for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
                     if here * 1.2 >= other || k >= 2 {
-                        // Beside an end whose speed is given, the peak is brought down from one side: it moves towards that end, and
-                        // goes with the square of what is still to be narrowed.
+                        // Beside an end with a given speed, the peak is reduced from one side. It moves towards that end, and
+                        // is of second order in the remaining reduction.
                         let given = (next == 0 && problem.rows.x_start > 0.0) || (next == count && problem.rows.x_end > 0.0);
                         let past = if given { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
                         caps[at] = caps[at].max(cap_old[at] + past);
