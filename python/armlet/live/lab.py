@@ -59,7 +59,7 @@ class LabPage:
         pause = gui.add_button("Pause")
         reset = gui.add_button("Reset")
         defaults = gui.add_button("Controls to their defaults")
-        speed = gui.add_slider("speed asked for (s per s)", 0.05, 2.0, 0.05, 1.0)
+        speed = gui.add_slider("desired speed (s per s)", 0.05, 2.0, 0.05, 1.0)
         self._hand = gui.add_slider("hand: spring of the pull (N/m)", 5.0, 500.0, 5.0, 60.0)
 
         # Only a wish: `frame` builds the page.
