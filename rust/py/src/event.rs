@@ -70,7 +70,7 @@ fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, r
         "speed" => {
             if !plant.kind().has_speeds() {
                 let name = plant.kind().name();
-                return Err(refuse(arguments, format!("watch a speed: expected a plant with speeds among its states, got {name}")));
+                return Err(refuse(arguments, format!("have a speed: expected a plant with speeds among its states, got {name}")));
             }
             EventFunction::Speed { at: n + joint(plant, &argument(0)?)?, value: number(NAME, "events", &argument(1)?)? }
         }
@@ -81,13 +81,13 @@ fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, r
         }
         "contact" => match plant.wall() {
             Some(wall) => EventFunction::Plane { frame: wall.frame, point: wall.point, normal: wall.normal.map(|x| -x) },
-            None => return Err(refuse(arguments, "watch a contact: expected a plant with a wall, got one without".into())),
+            None => return Err(refuse(arguments, "have a contact: expected a plant with a wall, got one without".into())),
         },
         "joint_stop" => {
             let stop = Stop { joint: joint(plant, &argument(0)?)?, upper: text(NAME, "events", &argument(1)?)? == "upper" };
             match plant.stops().filter(|stops| stops.all().any(|known| known == stop)) {
                 Some(stops) => EventFunction::Joint { joint: stop.joint, value: stops.limit(stop), below: !stop.upper },
-                None => return Err(refuse(arguments, "watch a stop: expected one that the plant has, got none there".into())),
+                None => return Err(refuse(arguments, "have a joint stop: expected one that the plant has, got another".into())),
             }
         }
         _ => function(plant, &argument(0)?, raised),

@@ -197,7 +197,7 @@ impl<'a> Problem<'a> {
             return Err(Error::input("method", problem));
         }
         if law.route() == Route::Outside && self.options.sampling.is_none() {
-            return Err(Error::input("sample_time", "is missing: expected the period at which a law from outside is asked, got None"));
+            return Err(Error::input("sample_time", "is missing: expected the sample period of an external law, got None"));
         }
         let n = plant.n();
         for (i, l) in self.laws.iter().enumerate() {
