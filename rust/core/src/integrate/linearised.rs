@@ -1,5 +1,6 @@
-//! The Jacobian of any system from the same right-hand side on dual numbers: column `j` of `df/dx` is the rate of `f` along
-//! `x_j`, `RATES` columns per evaluation.
+//! The Jacobian of any system from the same right-hand side on dual numbers.
+//!
+//! Column `j` of `df/dx` is the rate of `f` along `x_j`. An evaluation gives `RATES` columns.
 
 use super::{Differentiable, System};
 use crate::linalg::Pairs;

@@ -1,4 +1,4 @@
-//! What the core asks of a law that a user states. Most of it has an answer that fits most laws.
+//! The functions of a law that the core calls. Most of them have a default that suits most laws.
 
 use super::{AdaptiveSpec, CartesianImpedanceSpec, ElasticImpedanceSpec, JointReference, Law, LawSpec, Level, ReductionSpec};
 use crate::dynamics::Model;
@@ -61,7 +61,7 @@ pub trait Definition {
         None
     }
 
-    /// The law itself, where it has a storage function of its own.
+    /// The law itself, if it has a storage function.
     fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         None
     }
@@ -138,7 +138,7 @@ impl Route {
     }
 }
 
-/// What a law is asked about.
+/// The arguments of a law.
 pub struct Instant<'a> {
     /// The time.
     pub t: f64,

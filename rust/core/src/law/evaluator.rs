@@ -1,4 +1,4 @@
-//! A law asked instant by instant: what `law(t, q, v)` costs from Python. Directly at first, then by its program, with the same bits.
+//! A law evaluated at single instants, as `law(t, q, v)` in Python: at first directly, then by its program, with the same bits.
 
 use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};

@@ -1,8 +1,8 @@
-//! Limits of an arm as bounds of what a law commands, anew at every evaluation (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
+//! Limits of an arm as bounds of the command of a law, at every evaluation (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
 //!
 //! Velocities, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`, beyond the limit `u <= d/h`.
-//! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`: the loop on the velocity is four times
-//! as fast as that on the position, so that it does not overshoot, and it brakes at half of `a_max`, so that there is some left to catch up.
+//! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`. The velocity loop is four times
+//! as fast as the position loop, so that it does not overshoot. It brakes at half of `a_max`, as a reserve for corrections.
 //! From below likewise. A loop sampled at `h` or faster, or with steps of at most `h`, stays within.
 
 use crate::dynamics::Model;
@@ -107,7 +107,7 @@ impl JointLimits {
         Ok(limits)
     }
 
-    /// What a solver with bounds of its own starts from.
+    /// The start of a solver with separate bounds.
     pub fn open(&self, mut options: PriorityOptions) -> PriorityOptions {
         let n = self.q_min.len();
         (options.v_min, options.v_max) = (Some(vec![f64::NEG_INFINITY; n]), Some(vec![f64::INFINITY; n]));

@@ -1,7 +1,7 @@
-//! A law as C: `init` and `step` of a controller that is asked at samples, [`crate::trace::c`].
+//! A law as C: `init` and `step` of a sampled controller, see [`crate::trace::c`].
 //!
-//! A step takes the desired motion at time `t`, the measured state and the law's own state `z`, as [`super::LawEvaluator`] and sampled loops do, with
-//! the same bits. From one sample to the next the rate of `z` is held, and `z` advances by the steps of a fixed-step method:
+//! A step takes the desired motion at time `t`, the measured state and the state `z` of the law. It has the bits of [`super::LawEvaluator`] and of
+//! sampled loops. From one sample to the next the rate of `z` is held, and `z` advances by the steps of a fixed-step method:
 //!
 //! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)`, `k = z'` (rk4)
 

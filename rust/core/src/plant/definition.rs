@@ -1,4 +1,4 @@
-//! What the core asks of a plant that a user states. Most of it has an answer that fits most plants.
+//! The functions of a plant that the core calls. Most of them have a default that suits most plants.
 
 use super::{ElasticSpec, Plant, Stops, Wall};
 use crate::dynamics::Model;

@@ -40,11 +40,11 @@ pub trait Plant<S: Real> {
     /// made with; returns the power put in.
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
 
-    /// Hold every contact, the wall first, then the stops, as it is said to be, whatever the state.
+    /// Set every contact, the wall first, then the stops, to this mode for every state.
     fn hold(&mut self, _contacts: &[Touch]) {}
 }
 
-/// The kinds of plants: the enums, names and parts of the state, and how loops are made of them. A plant stands in its own file and here.
+/// The kinds of plants: the enums, names and parts of the state, and how loops are made of them. A plant is declared in its file and here.
 macro_rules! plants {
     ($($(#[$doc:meta])* $kind:ident($definition:ty) $name:literal [$($part:literal)*],)*) => {
         /// Which plant a law is made for.
@@ -53,7 +53,7 @@ macro_rules! plants {
             $($(#[$doc])* $kind,)*
         }
 
-        /// A plant of any kind; what is asked of it is in [`Definition`].
+        /// A plant of any kind; its functions are in [`Definition`].
         #[derive(Clone, Debug, PartialEq)]
         pub enum PlantSpec {
             $($(#[$doc])* $kind($definition),)*

@@ -43,7 +43,7 @@ impl<S: Real> Stored<S> {
         }
     }
 
-    /// The energy at plant state `x`, whose `q` is where `links` stand.
+    /// The energy at plant state `x`. `links` are at its `q`.
     pub fn energy(&mut self, links: &mut ArmAt<S>, x: &[S]) -> S {
         let n = self.n;
         let (kinetic, potential) = links.energy(&x[n..2 * n]);

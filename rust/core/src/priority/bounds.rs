@@ -2,7 +2,7 @@
 //!
 //! `v_max' = min( (q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)) )`, `v_min'` likewise from below.
 //!
-//! The last term leaves room to brake before the limit. Outside a limit the bound points back inside, at most at `v_max`.
+//! With the last term, a joint can brake before the limit. Outside of a limit the bound points inside, at most at `v_max`.
 
 use crate::error::{Error, Result, positive};
 
@@ -41,8 +41,8 @@ pub fn velocity_bounds(
     Ok(())
 }
 
-/// Bounds of one joint's velocity within `(v_min, v_max)`: at the distance `d` from a limit at most `min(d/dt, sqrt(k d))` towards it, `k`
-/// twice the deceleration; beyond it, back.
+/// Bounds of one joint's velocity within `(v_min, v_max)`. At the distance `d` from a limit, the bound towards it is
+/// `min(d/dt, sqrt(k d))`, with `k` twice the deceleration. Beyond the limit, it points back.
 pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max): (f64, f64), dt: f64, k: f64) -> (f64, f64) {
     let room = |distance: f64| {
         let speed = if distance > 0.0 { (k * distance).sqrt() } else { f64::INFINITY };

@@ -19,8 +19,8 @@ pub enum PriorityMethod {
     /// Damped least squares `s -> s / (s^2 + lambda^2)`, `lambda = eps (1 - w)`, `w = prod min(1, s/eps)`: the manipulability
     /// relative to the one at the threshold (Nakamura and Hanafusa 1986, `nakamura1986inverse`).
     Damped,
-    /// `v = sum P_{i-1} J_i# v_i` (Chiaverini 1997, `chiaverini1997singularity`): no algorithmic singularities, because nothing
-    /// projected is inverted; the price is an error of the lower levels wherever tasks are not orthogonal.
+    /// `v = sum P_{i-1} J_i# v_i` (Chiaverini 1997, `chiaverini1997singularity`): there are no algorithmic singularities, because no
+    /// projected matrix is inverted. In return, lower levels have an error wherever tasks are not orthogonal.
     Chiaverini,
     /// Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`): joint bounds by fixing
     /// saturated joints and scaling the task, direction kept.

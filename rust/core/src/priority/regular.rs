@@ -245,7 +245,7 @@ fn threshold2<S: Real>(eps2: Option<&[S]>, i: usize, most2: S) -> S {
     eps2.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2, |eps2| eps2[i])
 }
 
-/// Directions of every level that are realised where the route stands.
+/// Directions of every level that are realised, if this method applies.
 pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = usize> {
     rows.iter().scan(n, |free, &m| {
         let p = m.min(*free);

@@ -199,8 +199,8 @@ impl PrioritySolver {
         self.run()
     }
 
-    /// Tell that a caller comes again. After some calls a program is made for stacks away from singularities, which takes some
-    /// 0.2 ms: the solves from then on are sooner done, with the same bits.
+    /// Count a repeated call. After some calls a program is made for stacks away from singularities, which takes some
+    /// 0.2 ms. Later solves are faster, with the same bits.
     #[inline]
     pub fn used(&mut self) {
         self.uses += 1;
@@ -242,7 +242,7 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Solve for what stands in `inputs`.
+    /// Solve for the numbers in `inputs`.
     pub fn run(&mut self) -> Result<Status> {
         if self.work.solve_regular() {
             self.work.lost.fill(false);

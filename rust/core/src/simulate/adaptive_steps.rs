@@ -24,7 +24,7 @@ pub struct Segments {
     pub bound: Bound,
 }
 
-/// When a sampled law is asked.
+/// The instants at which a sampled law is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clock {
     /// In every stage.

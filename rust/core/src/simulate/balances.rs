@@ -1,6 +1,6 @@
-//! Balances of recorded runs that do not close: what tells a run apart from nonsense with finite numbers.
+//! Balances of recorded runs that do not close. They detect wrong runs with finite numbers.
 //!
-//! `E(t) - E(0) - int P dt = 0` and `V1(0) - V1(t) - int s'Kd s dt = 0` hold for the loop, so what is left of them is the error of the
+//! `E(t) - E(0) - int P dt = 0` and `V1(0) - V1(t) - int s'Kd s dt = 0` hold for the loop. So their residual is the error of the
 //! method.
 
 /// Names of the balances of a run, in the order of `Run::balances`.

@@ -71,7 +71,7 @@ pub fn lanes() -> usize {
     programs::Lanes::LANES
 }
 
-/// Run every run of `problem` on `threads` threads. `poll` is asked every 20 ms whether to stop.
+/// Run every run of `problem` on `threads` threads. `poll` is called every 20 ms, and may stop the runs.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -146,7 +146,7 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
     Ok(out)
 }
 
-/// Room for the records, which nothing touches before the groups write their rows; an error at once where it does not fit.
+/// Memory for the records, which nothing accesses before the groups write their rows. If it does not fit, there is an error at once.
 fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<BatchRuns> {
     let (runs, records, columns) = (problem.runs(), t.len(), Columns::of(problem));
     let (n, p) = (columns.n, columns.p);

@@ -183,7 +183,7 @@ impl GroupRecorder<'_> {
         let mut sound = true;
         for (k, series) in self.series.iter_mut().enumerate().filter(|(_, series)| !series.numbers.is_empty()) {
             let places = runs.map(|run| series.place(run, self.records, &records));
-            let Ok(mut rows) = series.rows.get_disjoint_mut(places) else { unreachable!("runs have rows of their own") };
+            let Ok(mut rows) = series.rows.get_disjoint_mut(places) else { unreachable!("runs have separate rows") };
             let finite = block.write(series.numbers.clone(), lane, &mut rows);
             sound &= finite || k < own;
         }

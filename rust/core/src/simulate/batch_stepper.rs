@@ -1,4 +1,4 @@
-//! Many arms of one kind stepped by hand, side by side: each row under an input of its own that is held for some steps.
+//! Single steps of many arms of one kind, side by side. Each row has a separate input, which is held for some steps.
 
 use super::key::Common;
 use super::problem::{Options, Problem};

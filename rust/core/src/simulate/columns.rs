@@ -1,4 +1,4 @@
-//! Where the recorded quantities stand in a loop's state.
+//! The places of the recorded quantities in a loop's state.
 
 use super::problem::Problem;
 use crate::plant::PlantKind;

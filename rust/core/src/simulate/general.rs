@@ -95,7 +95,7 @@ impl Watched<f64> for Twins<'_> {
 }
 
 impl Twins<'_> {
-    /// The same loop with motions, forces and limits of its own.
+    /// The same loop with separate motions, forces and limits.
     pub fn into_owned(self) -> Twins<'static> {
         let (closed, twin) = (self.system.into_owned(), self.twin.into_owned());
         let (state, input) = (vec![Dual8::zero(); closed.size()], twin.instant());
@@ -212,7 +212,7 @@ impl Problem<'_> {
 }
 
 impl<'a> General<'a> {
-    /// Run the one run `first`, by whatever the method needs.
+    /// Run the one run `first`, with the code of its kind of method.
     pub fn run_single(self) -> Ended {
         match (self.problem.options.method.kind(), self.division) {
             (Kind::ExplicitSteps(method), Division::Fixed(fixed)) => {

@@ -13,7 +13,7 @@ pub type Named = (String, &'static str);
 pub struct SlotNames(Vec<Named>);
 
 impl SlotNames {
-    /// The numbers of the set-up come first: by their labels, `c17` without one. Two of one label are told apart by an underscore.
+    /// The numbers of the set-up come first: by their labels, `c17` without one. An underscore distinguishes two of one label.
     fn of(labels: &[Label]) -> Self {
         let mut seen = HashSet::new();
         let mut unique = |(slot, &label): (usize, &Label)| {

@@ -1,12 +1,12 @@
-//! Whether a controller's sample time is one that the motor loops of elastic joints stand, links locked.
+//! Whether the motor loops of elastic joints with locked links are stable at a controller's sample time.
 
 use super::problem::Problem;
 use crate::error::{Error, Result};
 use crate::law::LockedMotors;
 
 impl Problem<'_> {
-    /// The sample time at which the motor loop of the first run becomes unstable with locked links, where that is less than `times` the
-    /// sample time of the problem; `None` without such a limit, or where the sample time itself is unstable.
+    /// The sample time at which the motor loop of the first run becomes unstable with locked links, if it is less than `times` the
+    /// sample time of the problem. `None` without such a limit, or if the sample time itself is unstable.
     pub fn sample_time_limit(&self, times: f64) -> Option<f64> {
         let period = self.options.sampling.as_ref()?.period;
         let (plant, law) = (self.plants.first()?.elastic()?, self.laws.first()?.reduction()?);
@@ -14,7 +14,7 @@ impl Problem<'_> {
         (limit > 0.0 && limit.is_finite()).then_some(limit)
     }
 
-    /// Refuse a sample time that no motor loop stands.
+    /// Refuse a sample time at which no motor loop is stable.
     pub(super) fn validate_motor_loops(&self, period: f64) -> Result<()> {
         for run in 0..self.plants.len().max(self.laws.len()) {
             let (Some(plant), Some(law)) = (self.plant(run).elastic(), self.law(run).reduction()) else { continue };

@@ -1,5 +1,5 @@
-//! Prioritised velocities for many rows, in threads: every row has the bits of a solve by itself, whatever rows share a lane
-//! group, a chunk or a thread with it.
+//! Prioritised velocities for many rows, in threads. Every row has the bits of a single solve. They do not depend on the other rows of its
+//! lane group, chunk or thread.
 
 use crate::interrupt::{Watch, interruptible};
 use crate::law::{ArmBatch, ArmSolver};

@@ -2,8 +2,8 @@
 //!
 //! Source: Arm Architecture Reference Manual for A-profile, chapter C7 (SIMD and floating-point instructions).
 //!
-//! An instruction is a word of 32 bits: a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and `m` in
-//! 16 to 20. Only loads and stores access memory, so operands in memory pass through a scratch register.
+//! An instruction is a word of 32 bits. It is a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and
+//! `m` in 16 to 20. Only loads and stores access memory, so operands in memory pass through a scratch register.
 //! x0 points to the frame, x1 to the constants and x2 to the stream. x3 is the number of remaining turns. In scalar code, bits beyond the
 //! first number are undefined.
 

@@ -140,8 +140,8 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     tau_max: the largest torque that the law asks for, N m or N, scalar or `(n,)`; no limit if None (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, a limit is not positive,
-///         a target `(4, 4)` is no pose.
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown. Also a limit that
+///         is not positive, and a target `(4, 4)` that is no pose.
 ///
 /// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985. Khatib, A unified approach for motion
 /// and force control of robot manipulators: the operational space formulation, IEEE J. Robotics and Automation 3(1), 1987.

@@ -27,7 +27,7 @@ pub struct IkOptions {
     pub tolerance: f64,
     /// Steps from each start.
     pub max_iterations: usize,
-    /// Random starts after the given one.
+    /// Random starts after the first one.
     pub restarts: usize,
     /// Seed of the random starts.
     pub seed: u64,
@@ -164,8 +164,8 @@ impl IkSolver {
         }
     }
 
-    /// Put what the last start led to in its place: less missed by the first task that differs goes first; of those that reach
-    /// every task the nearer to `q0`, else the earlier. Of those that are the same posture the better one stays.
+    /// Insert the result of the last start in order. The order is by the error of the first task that differs. Results that reach every task
+    /// are ordered by their distance from `q0`, then by time. Of equal postures the better one is kept.
     fn rank(&mut self, q0: &[f64], most: usize) {
         let IkSolver { newton, found, .. } = self;
         let new = &newton.found;

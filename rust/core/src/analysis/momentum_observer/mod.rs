@@ -56,7 +56,7 @@ pub struct MomentumObserver {
     thresholds: Option<Vec<f64>>,
     arm: ArmAt<f64>,
     state: ObserverState,
-    /// Room for the state after a sample, which takes the place of `state` where it is finite.
+    /// Memory for the state after a sample. It replaces `state` if it is finite.
     next: ObserverState,
     /// The `dt` of `factor`, which is of `I + K dt`.
     dt: f64,
@@ -95,7 +95,7 @@ impl MomentumObserver {
         })
     }
 
-    /// The same for motors of this inertia `B`, which have positions, velocities and torques `tau_m - tau_J` of their own.
+    /// The same for motors of this inertia `B`, with their positions, velocities and torques `tau_m - tau_J`.
     pub fn of_motors(mut self, inertia: Gain) -> Result<Self> {
         if self.takes_friction {
             let problem = "goes with no motor_inertia: expected False, since the model's friction is that of its joints, got True";

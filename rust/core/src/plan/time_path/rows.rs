@@ -96,7 +96,7 @@ pub struct Friction {
     pub coulomb: Vec<f64>,
 }
 
-/// What is asked of the points of a path.
+/// The quantities at the points of a path.
 pub(super) struct Points<'a> {
     pub mover: Mover<'a>,
     pub path: &'a Path,

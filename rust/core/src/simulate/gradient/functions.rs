@@ -28,7 +28,7 @@ pub struct Sizes {
     pub states: usize,
     /// The input and the rate of the law's state.
     pub answer: usize,
-    /// Whether the law is asked at samples.
+    /// Whether the law is sampled.
     pub sampled: bool,
     guards: usize,
     /// Numbers of the set-up that move, and whether what comes from outside does.

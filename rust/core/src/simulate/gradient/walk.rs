@@ -131,7 +131,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Measure, ask the law, and limit the rate of its input.
+    /// Measure, evaluate the law, and limit the rate of its output.
     pub fn sample(&mut self, k: u64, t: f64, state: &mut [f64]) -> Result<()> {
         let (places, n) = (self.places, self.prepared.functions.sizes.n);
         let Some(sampling) = &self.prepared.timeline.sampling else { return Ok(()) };
