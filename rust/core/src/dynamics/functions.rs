@@ -175,7 +175,7 @@ impl Functions {
 }
 
 impl Arm {
-    /// As [`Functions::rows`], for once.
+    /// As [`Functions::rows`], for a single call.
     pub fn evaluate(self: &Arc<Self>, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         let single = Single::new(Some(Evaluator::sized(self, false)));
         let functions = Functions { arm: self.clone(), single, known: Mutex::default() };

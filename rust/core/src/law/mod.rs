@@ -99,7 +99,7 @@ pub trait Law<S: Real> {
         S::zero()
     }
 
-    /// The same against what the plant really is, with the parts that need it: `x` is the plant's state and `z` the law's own.
+    /// The same with the true plant: `x` is the state of the plant, and `z` that of the law.
     fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
         self.dissipation()
     }

@@ -65,7 +65,7 @@ impl Search {
         (search.most > 0.0).then_some(search)
     }
 
-    /// The ways `e` from which the torque of the middle phase, against the friction of `link`, comes as far as `x`.
+    /// The distances `e` from which the middle phase reaches `x`, with its torque and the friction of `link`.
     fn windows_to(&self, x: f64, link: Rough) -> Vec<Window> {
         let (push, from) = (self.up - link.coulomb, x - self.x0);
         if push.abs() >= link.g.abs() {
@@ -78,13 +78,13 @@ impl Search {
         Windows::new(low - from, crest - from, self.most, || recovery(-angle - BESIDE) + BESIDE).collect()
     }
 
-    /// The way out, with the phase to the turn run backwards.
+    /// Where the phases outwards meet. The phase to the turn runs backwards.
     fn away(&self, e: f64) -> Option<Meeting> {
         let to = Curve::new(self.x0 - e, self.up, &self.link.backwards(), e, Some(&self.leaves));
         Leg { push: &self.leaves, brake: &to, distance: e }.meeting()
     }
 
-    /// And the way in.
+    /// Where the phases inwards meet.
     fn towards(&self, e: f64) -> Option<Meeting> {
         let distance = e + self.x1 - self.x0;
         let from = Curve::new(self.x0 - e, self.up, &self.link, distance, Some(&self.arrives));

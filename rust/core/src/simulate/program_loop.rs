@@ -27,7 +27,7 @@ pub struct ProgramLoop<'a, S: Real> {
     pub(super) frames: Vec<Frame>,
     now: Exogenous<S>,
     pub(super) held: bool,
-    /// The clock of a controller that is late or sees badly; `None` for a perfect one.
+    /// The clock of a controller with delay, jitter, noise or resolution; `None` for an ideal one.
     sampler: Option<Sampler<S>>,
     pub(super) tau: Vec<S>,
     pub(super) dz: Vec<S>,

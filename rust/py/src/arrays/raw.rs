@@ -172,7 +172,7 @@ impl Drop for Memory {
     }
 }
 
-/// A new array of this shape that takes these values over, as many.
+/// A new array of this shape that takes over the memory of these values. Their number is the size.
 pub fn adopted<'py, T: Element + Sync + 'static>(py: Python<'py>, shape: &[usize], mut values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
     assert_eq!(shape.iter().product::<usize>(), values.len(), "as many numbers as the shape says");
     let (data, bytes) = (values.as_mut_ptr(), size_of_val(&values[..]));
