@@ -129,8 +129,8 @@ def imposed(report: Report) -> None:
     text = "secondary error minimised, only its x lost"
     report.bound("case b: largest singular value of J2 P1", seen.projected_singular_values[1].max(), 1e-15)
     report.equal("case b: rank of J2 P1", 0, seen.projected_ranks[1], text, "E4")
-    asked = [exact(CASE_B, [ONES[0], v2]).v for v2 in (np.array([1.0, 1.0]), np.array([-5.0, 7.0]))]
-    report.near("case b: v for p2 = (-5, 7) is that for p2 = (1, 1)", asked[0], asked[1], TOLERANCE, text, "E4")
+    pair = [exact(CASE_B, [ONES[0], v2]).v for v2 in (np.array([1.0, 1.0]), np.array([-5.0, 7.0]))]
+    report.near("case b: v for p2 = (-5, 7) is that for p2 = (1, 1)", pair[0], pair[1], TOLERANCE, text, "E4")
 
 
 def trap(report: Report) -> None:
@@ -193,10 +193,10 @@ def draw(figure: Any) -> None:
         ax.plot(*points[:-1].T, "o", color="white", markeredgecolor="0.25", markersize=8, markeredgewidth=1.5, zorder=3)
         ax.plot(*points[-1], "s", color="0.25", markersize=6, zorder=3)
         for level, (tip, label) in enumerate(((4, "task 1"), (2, "task 2"))):
-            asked, realised = ONES[level], stack(q)[level] @ sol.v
-            # The asked velocity is a wide pale arrow, so that the realised one is seen on it where they agree.
+            target_velocity, realised = ONES[level], stack(q)[level] @ sol.v
+            # The commanded velocity is a wide pale arrow, so that the realised one is seen on it where they agree.
             for velocity, width, alpha, order, text in (
-                (asked, 0.022, 0.35, 4, f"{label} commanded: ({asked[0]:.0f}, {asked[1]:.0f}) m/s"),
+                (target_velocity, 0.022, 0.35, 4, f"{label} commanded: ({target_velocity[0]:.0f}, {target_velocity[1]:.0f}) m/s"),
                 (realised, 0.008, 1.0, 5, f"{label} realised: ({realised[0]:z.0f}, {realised[1]:z.0f}) m/s"),
             ):
                 ax.quiver(

@@ -107,7 +107,7 @@ mod tests {
         Arm::from_chain(&joints, STANDARD_GRAVITY).unwrap()
     }
 
-    fn told(rows: &[[f64; 3]]) -> Option<String> {
+    fn report_of(rows: &[[f64; 3]]) -> Option<String> {
         let arm = arm();
         let found = Outside::first(rows.iter().map(|row| (&arm, &row[..])))?;
         Some(found.index(rows.len() > 1) + " " + &found.problem())
@@ -115,14 +115,17 @@ mod tests {
 
     #[test]
     fn a_position_is_named_with_its_limits() {
-        assert_eq!(told(&[[90.0, 3.1 + 0.9e-9, -0.9e-9]]), None);
-        assert_eq!(told(&[[f64::NAN; 3]]), None);
-        assert_eq!(told(&[[0.0, -57.0, 0.1]]).unwrap(), "[1] = -57 rad is outside [-3.1, 3.1]: degrees?");
-        assert_eq!(told(&[[0.0, 3.2, 0.1]]).unwrap(), "[1] = 3.2 rad is outside [-3.1, 3.1]");
-        assert_eq!(told(&[[0.0, 0.0, -25.0]]).unwrap(), "[2] = -25 m is outside [0, 0.5]");
-        assert_eq!(told(&[[0.0, -57.29577951, 2.0]]).unwrap(), "[1] = -57.2958 rad is outside [-3.1, 3.1]: degrees? (and 1 more joint)");
+        assert_eq!(report_of(&[[90.0, 3.1 + 0.9e-9, -0.9e-9]]), None);
+        assert_eq!(report_of(&[[f64::NAN; 3]]), None);
+        assert_eq!(report_of(&[[0.0, -57.0, 0.1]]).unwrap(), "[1] = -57 rad is outside [-3.1, 3.1]: degrees?");
+        assert_eq!(report_of(&[[0.0, 3.2, 0.1]]).unwrap(), "[1] = 3.2 rad is outside [-3.1, 3.1]");
+        assert_eq!(report_of(&[[0.0, 0.0, -25.0]]).unwrap(), "[2] = -25 m is outside [0, 0.5]");
         assert_eq!(
-            told(&[[0.0; 3], [0.0, 1e300, 0.0], [0.0, 4.0, 0.0]]).unwrap(),
+            report_of(&[[0.0, -57.29577951, 2.0]]).unwrap(),
+            "[1] = -57.2958 rad is outside [-3.1, 3.1]: degrees? (and 1 more joint)"
+        );
+        assert_eq!(
+            report_of(&[[0.0; 3], [0.0, 1e300, 0.0], [0.0, 4.0, 0.0]]).unwrap(),
             "[1, 1] = 1e300 rad is outside [-3.1, 3.1] (2 of 3 rows)"
         );
     }

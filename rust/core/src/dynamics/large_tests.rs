@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 /// More joints than rows without a look, and fewer than those of a program.
 const JOINTS: usize = 330;
 
-fn asked<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {
+fn with_stop_requested<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {
     interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), work)
 }
 
@@ -31,7 +31,7 @@ fn matrices_are_given_up_and_made_again() {
         assert!(evaluator.one(&query, &inputs, &mut out).unwrap(), "{quantity:?}");
         let mut other = vec![0.0; out.len()];
         // The buffers are now large enough, so the recursion makes the check.
-        assert!(asked(|| evaluator.one(&query, &inputs, &mut other)).is_err(), "{quantity:?}");
+        assert!(with_stop_requested(|| evaluator.one(&query, &inputs, &mut other)).is_err(), "{quantity:?}");
         assert!(evaluator.one(&query, &inputs, &mut other).unwrap(), "{quantity:?}");
         assert!(out.iter().zip(&other).all(|(a, b)| a.to_bits() == b.to_bits()), "{quantity:?}");
     }
@@ -41,16 +41,16 @@ fn matrices_are_given_up_and_made_again() {
 fn a_factor_and_its_solutions_are_given_up() {
     let mut unit = vec![0.0; JOINTS * JOINTS];
     (0..JOINTS).for_each(|i| unit[i * JOINTS + i] = 1.0);
-    assert!(asked(|| factor(JOINTS, &mut unit.clone())).is_err());
-    assert!(asked(|| solve(JOINTS, &unit, &mut unit.clone(), 1.0)).is_err());
+    assert!(with_stop_requested(|| factor(JOINTS, &mut unit.clone())).is_err());
+    assert!(with_stop_requested(|| solve(JOINTS, &unit, &mut unit.clone(), 1.0)).is_err());
 }
 
 #[test]
 fn copies_and_buffers_are_given_up() {
     let arm = planar(5000);
-    assert!(asked(|| arm.clone()).is_err());
+    assert!(with_stop_requested(|| arm.clone()).is_err());
     let tree = crate::arm::Tree::<f64>::new(&arm);
-    assert!(asked(|| super::Workspace::new(&tree)).is_err());
+    assert!(with_stop_requested(|| super::Workspace::new(&tree)).is_err());
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn buffers_of_very_many_joints_are_made_at_the_first_call() {
     let (zero, mut out) = (vec![0.0; MANY], vec![0.0; MANY]);
     // An interrupted call leaves no partial results.
     let query = Query::from(Quantity::Gravity);
-    assert!(asked(|| functions.one(&query, &[&zero], &mut out)).is_err());
+    assert!(with_stop_requested(|| functions.one(&query, &[&zero], &mut out)).is_err());
     assert_eq!(functions.one(&query, &[&zero], &mut out), Ok(true));
     // Rods of 1 kg/m on the x axis; the sum rounds 5,000 times.
     assert!((out[0] / (9.81 * 0.5 * (MANY * MANY) as f64) - 1.0).abs() < 1e-10, "{}", out[0]);

@@ -122,9 +122,12 @@ mod tests {
                 }
                 (first, last)
             };
-            let said = rows(threads, &mut || false, (2, chunk), &mut out, fill).expect("no request to stop");
+            let chunk_results = rows(threads, &mut || false, (2, chunk), &mut out, fill).expect("no request to stop");
             assert!(out.chunks(2).enumerate().all(|(i, row)| row == [i as f64; 2]), "{out:?}");
-            assert_eq!((said[0].0, said[said.len() - 1].1, said.len()), (0, 11, 11usize.div_ceil(chunk)));
+            assert_eq!(
+                (chunk_results[0].0, chunk_results[chunk_results.len() - 1].1, chunk_results.len()),
+                (0, 11, 11usize.div_ceil(chunk))
+            );
         }
         let slow = |_: usize, _: usize, _: &mut [f64]| std::thread::sleep(Duration::from_millis(2));
         assert!(rows(2, &mut || true, (1, 1), &mut [0.0; 1000], slow).is_err());

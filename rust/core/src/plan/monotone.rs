@@ -52,13 +52,13 @@ impl Monotone {
             };
         }
         let peak = push.energy(push_length);
-        if let Some(y) = push.hump(push_length) {
+        if let Some(y) = push.gravity_crest(push_length) {
             let energy = push.energy(y);
             if energy <= 0.0 {
                 return MonotoneReason::Hump { x: push.x + y, missing: -energy / y };
             }
         }
-        if let Some(y) = brake.hump(brake_length) {
+        if let Some(y) = brake.gravity_crest(brake_length) {
             let energy = brake.energy(y);
             if energy <= 0.0 {
                 return MonotoneReason::Hump { x: -brake.x - y, missing: -energy / y };

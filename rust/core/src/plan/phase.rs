@@ -85,7 +85,7 @@ impl Phase {
 
     /// The first stretch in `(0, length)` at which the kinetic energy has a local minimum.
     #[inline]
-    pub fn hump(&self, length: f64) -> Option<f64> {
+    pub fn gravity_crest(&self, length: f64) -> Option<f64> {
         if self.least.is_nan() {
             return None;
         }
@@ -96,7 +96,7 @@ impl Phase {
     /// The kinetic energy at the first maximum of gravity, infinite without one before `length`.
     #[inline]
     pub fn lowest(&self, length: f64) -> f64 {
-        self.hump(length).map_or(f64::INFINITY, |y| self.energy(y))
+        self.gravity_crest(length).map_or(f64::INFINITY, |y| self.energy(y))
     }
 
     /// Whether the phase leaves its rest and passes the first maximum of gravity, if that comes before `length`.
@@ -175,15 +175,15 @@ impl Phase {
     /// `dF/dx` at fixed length, where the energy is known, to three digits or so and most often to more.
     #[inline]
     pub fn rough_gradient(&self, length: f64, energy: f64) -> f64 {
-        let hump = self.hump(length);
-        let least = hump.map_or(f64::INFINITY, |y| self.energy(y) / y).min(self.net());
+        let gravity_crest = self.gravity_crest(length);
+        let least = gravity_crest.map_or(f64::INFINITY, |y| self.energy(y) / y).min(self.net());
         let (enough, end) = (LEAN * (self.push + self.g.abs()), energy / length);
         // A phase longer than one turn crosses several maxima of gravity. One that it barely passes makes a narrow peak; at the end the rule is
         // accurate.
         if length > TAU || least < enough || end < 0.01 * enough {
             self.time_gradient(length, 1e-3)
         } else {
-            run_lanes(Rough { phase: *self, length, hump })
+            run_lanes(Rough { phase: *self, length, gravity_crest })
         }
     }
 }
@@ -192,17 +192,17 @@ impl Phase {
 struct Rough {
     phase: Phase,
     length: f64,
-    hump: Option<f64>,
+    gravity_crest: Option<f64>,
 }
 
 impl GenericKernel for Rough {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
-        let Rough { phase, length, hump } = self;
+        let Rough { phase, length, gravity_crest } = self;
         let f = &Integral::<true> { phase, length, accuracy: f64::NAN };
         // From where w may be least.
-        let parts = match hump.map(|y| (y / length).sqrt()) {
+        let parts = match gravity_crest.map(|y| (y / length).sqrt()) {
             Some(from) => [Graded { f, from, way: -from }, Graded { f, from, way: 1.0 - from }],
             None => [Graded { f, from: 0.0, way: 0.5 }, Graded { f, from: 1.0, way: -0.5 }],
         };
@@ -222,7 +222,7 @@ impl<const GRADIENT: bool> GenericKernel for Integral<GRADIENT> {
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
         // Split at the maximum of gravity, where w is least, with short panels near it.
-        match self.phase.hump(self.length) {
+        match self.phase.gravity_crest(self.length) {
             None => adaptive::<S>(&self, self.accuracy, 0.0),
             Some(y) => {
                 let from = (y / self.length).sqrt();

@@ -232,13 +232,13 @@ impl Arm {
         }
         let inputs = inputs.owned()?;
         let chunk = (PIECE / each) as usize / 16 * 16 + 16;
-        let said = long(py, || {
+        let piece_results = long(py, || {
             prepare()?;
-            let said = parallel::pieces(parallel::default_threads(), &mut signalled, parts(chunk), |part| work(&inputs, part));
+            let piece_results = parallel::pieces(parallel::default_threads(), &mut signalled, parts(chunk), |part| work(&inputs, part));
             drop(inputs);
-            said.unwrap_or_else(|_| interrupt()).into_iter().collect::<Result<Vec<bool>, Error>>()
+            piece_results.unwrap_or_else(|_| interrupt()).into_iter().collect::<Result<Vec<bool>, Error>>()
         })?;
-        Ok(said.into_iter().all(|sound| sound))
+        Ok(piece_results.into_iter().all(|sound| sound))
     }
 
     pub(super) fn framed<'py, const K: usize>(

@@ -239,16 +239,16 @@ mod tests {
 
     #[test]
     fn names_of_functions_are_refused_that_are_none_in_c() {
-        let said = |names: &[&str]| require_names("functions", names.iter().copied()).map_err(|error| error.to_string());
-        assert_eq!(said(&["gravity", "M2", "gravity_1x"]), Ok(()));
+        let checked_names = |names: &[&str]| require_names("functions", names.iter().copied()).map_err(|error| error.to_string());
+        assert_eq!(checked_names(&["gravity", "M2", "gravity_1x"]), Ok(()));
         for bad in ["", "2m", "a-b", "a b", "x(void); int y", "é", "a\n", "_a"] {
             let expected = format!("functions[1].name is no name in C: expected a letter, then letters, digits and _, got {bad:?}");
-            assert_eq!(said(&["gravity", bad]), Err(expected));
+            assert_eq!(checked_names(&["gravity", bad]), Err(expected));
         }
         for (first, second) in [("gravity", "gravity"), ("gravity", "gravity_1"), ("gravity", "gravity_23")] {
             let expected = format!("functions[1].name is a name that is there already: expected another one, got {second:?}");
-            assert_eq!(said(&[first, second]), Err(expected));
+            assert_eq!(checked_names(&[first, second]), Err(expected));
         }
-        assert!(said(&["answer"]).is_err_and(|text| text.contains("that the file has for itself")));
+        assert!(checked_names(&["answer"]).is_err_and(|text| text.contains("that the file has for itself")));
     }
 }
