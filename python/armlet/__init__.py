@@ -78,6 +78,7 @@ from .elastic import ElasticLimits, Equilibrium, elastic_limits, equilibrium
 from .errors import ArmletError, FormatError, InputError, InternalError, ModelError, SolveError
 from .excitation import ExcitingMotion, exciting_motion
 from .figures.comparison import compare
+from .friction_models import LuGre, StickSlip
 from .identification import BaseParameters, Identification, ParameterReport
 from .integration import DenseOutput, Integration, integrate
 from .interop import Verification, from_mujoco, from_pinocchio, scipy_method, to_control, verify
@@ -134,6 +135,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "JointStops",
     "Law",
     "LoopProgram",
+    "LuGre",
     "Metrics",
     "ModelError",
     "MomentumObserver",
@@ -166,6 +168,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "State",
     "StateFeedback",
     "Status",
+    "StickSlip",
     "SuggestedGains",
     "SweepTable",
     "Table",

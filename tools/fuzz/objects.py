@@ -64,8 +64,13 @@ class Objects:
         elastic = f"al.ElasticArm({self.arm}, {self.vector(self.n, 100.0, 1e4)}, {self.vector(self.n, 0.1, 1.0)})"
         wall = f"wall=al.Wall('{self.frame}', [0.5, 0.0, 0.0], [1.0, 0.0, 0.0], stiffness=1e3)" if self.frame else "friction=True"
         stops = "stops=al.JointStops(1e3, 1.0, lower=-1.0, upper=1.0)"
+        bristles = "al.LuGre(coulomb=1.0, static=2.0, stribeck_speed=0.1, stiffness=300.0, damping=1.0, load_ratio=0.1)"
+        sticks = "al.StickSlip(coulomb=1.0, static=1.5, load_ratio=0.1)"
+        dry = [f"al.RigidArm({self.arm}, friction={each})" for each in (bristles, sticks)]
+        dry.append(elastic[:-1] + f", motor_friction={self.chance.choice([bristles, sticks])})")
         return self.chance.choice(
             [f"al.RigidArm({self.arm})"] * 3
+            + dry
             + [f"al.RigidArm({self.arm}, {wall})", f"al.RigidArm({self.arm}, {stops})", elastic, f"al.VelocityArm({self.arm})"]
         )
 
@@ -169,6 +174,8 @@ class Objects:
             "ElasticLimits": self.limits,
             "Event": lambda: "al.Event.joint(0, 0.5)",
             "JointStops": lambda: "al.JointStops(1.0)",
+            "LuGre": lambda: "al.LuGre(coulomb=1.0, stiffness=300.0)",
+            "StickSlip": lambda: "al.StickSlip(coulomb=1.0)",
             "Sensitivity": lambda: f"al.simulate({self.loop()}, t_end=0.01, dt=1e-3, sensitivity='q0').sensitivity['q0']",
             "ExcitingMotion": lambda: "al.ExcitingMotion([0.0], [[0.5, 0.2]], [[1.0, 2.0]], [[0.3, 0.1]], 6.0, 3.5, [0.1, 0.2])",
             "NullSpace": lambda: f"al.NullSpace({[0.1] * self.n}, 10.0, 1.0)",

@@ -5,6 +5,7 @@ from typing import Any, Self, final
 from numpy.typing import ArrayLike
 from typing_extensions import disjoint_base
 
+from ..friction_models import LuGre, StickSlip
 from ..run.events import JointStops
 from .arms import Arm
 
@@ -21,7 +22,9 @@ class Wall:
 
 @final
 class RigidArm(Plant):
-    def __new__(cls, arm: Arm, *, friction: bool = False, wall: Wall | None = None, stops: JointStops | None = None) -> Self: ...
+    def __new__(
+        cls, arm: Arm, *, friction: bool | LuGre | StickSlip = False, wall: Wall | None = None, stops: JointStops | None = None
+    ) -> Self: ...
 
 @final
 class VelocityArm(Plant):
@@ -36,7 +39,7 @@ class ElasticArm(Plant):
         motor_inertia: ArrayLike,
         *,
         joint_damping: ArrayLike | None = None,
-        motor_friction: ArrayLike | None = None,
+        motor_friction: ArrayLike | LuGre | StickSlip | None = None,
         wall: Wall | None = None,
         stops: JointStops | None = None,
     ) -> Self: ...

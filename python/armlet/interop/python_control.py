@@ -25,6 +25,7 @@ from ..arguments import finite, number
 from ..border import border
 from ..errors import InputError
 from ..extras import extra
+from ..friction_models import LuGre, StickSlip
 from ..run.simulation import simulate
 
 __all__ = ["to_control"]
@@ -101,6 +102,11 @@ class _Loop:
         made = plant.__getnewargs_ex__()[1]
         if made.get("wall") is not None:
             raise InputError("to_control: plant has a wall: expected one without, since its force is not smooth")
+        for name in ("friction", "motor_friction"):
+            if isinstance(made.get(name), LuGre | StickSlip):
+                raise InputError(
+                    f"to_control: plant has dry friction: expected {name} without a {type(made[name]).__name__}, which is not smooth"
+                )
         self.plant, self.law, self.arm, self.n = plant, law, plant.arm, plant.arm.n
         n, self.friction = self.n, bool(made.get("friction"))
         self.elastic, self.velocity = isinstance(plant, ElasticArm), isinstance(plant, VelocityArm)

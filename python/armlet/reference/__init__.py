@@ -7,6 +7,7 @@ method instead of Runge-Kutta pairs. Sampled loops are simulations of events ins
 from . import integrate
 from .adaptive import Adaptive
 from .arm import Arm, planar_arm
+from .bristles import LuGre
 from .cartesian_path import cartesian_path
 from .cartesian_path import curve as cartesian_curve
 from .contact import JointStops, Wall
@@ -38,6 +39,7 @@ from .sampling import Sampling, TorqueSensor
 from .saturation import velocity_bounds
 from .simulate import simulate
 from .slopes import forward_dynamics_derivatives, inverse_dynamics_derivatives, linearize
+from .stick_slip import StickSlip, stick_slip_run
 from .suggested_gains import SuggestedGains, suggest_gains
 from .tasks import AxisTask, CentreOfMassTask, JointLimitTask, PostureTask, RelativeTask, Task
 from .time_path import Timing, time_path
@@ -68,6 +70,7 @@ __all__ = [
     "JointLimitTask",
     "JointStops",
     "Law",
+    "LuGre",
     "Mechanism",
     "MomentumObserver",
     "MotorPD",
@@ -85,6 +88,7 @@ __all__ = [
     "Sampling",
     "Sinusoid",
     "StateFeedback",
+    "StickSlip",
     "SuggestedGains",
     "Table",
     "Task",
@@ -122,6 +126,7 @@ __all__ = [
     "simulate",
     "smallest_reduced_inertia",
     "solve_priority",
+    "stick_slip_run",
     "stiffness_limit",
     "suggest_gains",
     "time_path",

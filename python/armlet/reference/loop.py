@@ -132,6 +132,10 @@ class ClosedLoop:
         row |= {"estimate": state, "loss": y[-2], "work": y[-1]}
         if theta is not None:
             row |= {"theta": theta, "theta_dot": theta_dot}
+        plant: Any = self.plant
+        dry = getattr(plant, "dry", None)
+        if dry is not None:
+            row |= {"friction": plant.rub(x, terms["tau"])[0], "bristles": dry.deflection(x[-q.size :])}
         if isinstance(self.law, Adaptive):
             row["lyapunov"] = self.law.lyapunov(t, q, v, state, self.plant)
             row["s"] = terms["s"]

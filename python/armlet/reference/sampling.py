@@ -137,8 +137,8 @@ class Clock:
 
     def _measure(self, k: int, x: Array, since: float) -> Array:
         s, parts = self.sampling, x.reshape(-1, self.n).copy()
-        for channel, part in enumerate(parts):
-            name = NAMES[channel]
+        # The state of dry friction, which comes last, is not measured.
+        for channel, (name, part) in enumerate(zip(NAMES, parts, strict=False)):
             sigma = s.noise.get(name, 0.0)
             noise = [sigma * gaussian(s.seed, k, 4 * i + channel) for i in range(self.n)] if sigma else 0.0
             part[:] = rounded(part + noise, s.resolution.get(name, 0.0))

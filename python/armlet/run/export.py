@@ -62,7 +62,7 @@ def to_xarray(run: Recorded) -> xr.Dataset:
     xarray = extra("Run.to_xarray", "xarray", "armlet[data]")
     unit = ", ".join(dict.fromkeys(run.units))
     force = ", ".join(dict.fromkeys(run.input_units))
-    units = {"q": unit, "theta": unit, "tau": force, "estimate": "SI"}
+    units = {"q": unit, "theta": unit, "tau": force, "estimate": "SI", "friction": force, "bristles": unit}
     variables: dict[str, Any] = {}
     for name in SERIES:
         values = getattr(run, name)

@@ -50,7 +50,7 @@ def gradient(
             A function `loss(run) -> (value, slopes)`: `slopes` is a dict of the derivatives by series, such as `{"q": (K, n)}`.
             A function `loss(run) -> value` that numpy computes for complex numbers too. It is differentiated by complex steps along the
             tangents of the run, one per parameter: use it for few parameters. `run` has `t`, `q`, `v`, `tau`, `estimate`, `theta`,
-            `theta_dot`.
+            `theta_dot`, `bristles`.
         plant: the plant; or a `Scenario` in place of plant, law, q0 and keywords.
         law: the law.
         q0: initial position, (n,), rad or m.

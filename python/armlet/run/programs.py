@@ -196,8 +196,8 @@ def loop_program(
         stage: "recorded", "simplified", "lowered" or "machine"; `LoopProgram.at` returns the others.
 
     Returns:
-        The program. Names of its inputs: `q1, v1, theta1, theta_dot1` are the state, and `estimate1` or `z1` that of the law. `q_d1, v_d1,
-        a_d1` are the desired motion at the start of a step (`_mid` and `_end` in its middle and at its end). `x1_d1, xdot1_d1,
+        The program. Names of its inputs: `q1, v1, theta1, theta_dot1, bristle1` are the state, and `estimate1` or `z1` that of the law.
+        `q_d1, v_d1, a_d1` are the desired motion at the start of a step (`_mid` and `_end` in its middle and at its end). `x1_d1, xdot1_d1,
         xddot1_d1` are a desired motion of a task. `h` is the step, `kp1, kd1, ..` are gains. `m1, mx1, Ixx1, ..` are parameters of body 1
         in axes with z along its joint. An input without a name is `c17`.
 

@@ -25,7 +25,7 @@ __all__ = ["SERIES", "Array", "Recorded"]
 Array: TypeAlias = NDArray[np.float64]
 
 # Quantities recorded over time, in the order in which tables and files hold them.
-SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot")
+SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot", "friction", "bristles")
 # Laws whose motion is not one of joints.
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
@@ -43,6 +43,8 @@ class Recorded:
     estimate: Array | None
     theta: Array | None
     theta_dot: Array | None
+    friction: Array | None
+    bristles: Array | None
     monitors: dict[str, Array]
     stats: dict[str, Any]
     #: How the run ended, one `Status`, or one number per run of a batch.

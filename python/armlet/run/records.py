@@ -48,6 +48,8 @@ class Run(_Stored):
         estimate: the state of the law, (K, p); None for laws without one. It is the parameter estimate of Adaptive (then its filters, if
             composite) or the integral wrench of CartesianImpedance. Of PID it is the integral torque, then its filters.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad, rad/s; else None.
+        friction: torques of the `StickSlip` or `LuGre` friction of the joints or motors, (K, n), N m or N; else None.
+        bristles: the deflections of the bristles of `LuGre` friction, (K, n), rad or m; else None.
         status: how the run ended (`armlet.Status`), with advice.
         stats: what it cost: counts of steps, evaluations, rejections; where the status is EXCESS_ACCURACY `coarsen`: times this both
             tolerances can be met.

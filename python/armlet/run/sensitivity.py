@@ -35,6 +35,7 @@ class Sensitivity:
         q, v, tau: (K, n, size), in units of the series per unit of the number.
         estimate: of the law's own state, (K, p, size); None for laws without one.
         theta, theta_dot: of the motors, (K, n, size); None without elastic joints.
+        bristles: of the bristles of `LuGre` friction, (K, n, size); None without.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Sensitivity:
     estimate: Array | None = None
     theta: Array | None = None
     theta_dot: Array | None = None
+    bristles: Array | None = None
 
     @property
     def size(self) -> int:

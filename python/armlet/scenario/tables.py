@@ -13,6 +13,7 @@ import numpy as np
 from .. import _core
 from ..errors import InputError, ModelError
 from ..excitation import exciting_motion
+from ..friction_models import LuGre, StickSlip
 from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
@@ -114,12 +115,26 @@ _STOPS = Table(
 )
 
 
+_CURVE: dict[str, Field] = dict.fromkeys(("coulomb", "static", "stribeck_speed", "viscous", "load_ratio"), Numbers(depth=1, low=0.0))
+_FRICTION = OneOf(
+    {
+        "LuGre": Kind(
+            _CURVE | {"stiffness": Numbers(depth=1, low=0.0, strict=True), "damping": Numbers(depth=1, low=0.0)},
+            ("coulomb", "stiffness"),
+            LuGre,
+        ),
+        "StickSlip": Kind(_CURVE, ("coulomb",), StickSlip),
+    }
+)
+
+
 def _with_contacts(make: Any) -> Any:
     def plant(
         arm: _core.Arm, wall: Mapping[str, Any] | None = None, stops: Mapping[str, Any] | None = None, **keywords: Any
     ) -> _core.Plant:
         contacts = {"wall": wall and _core.Wall(**wall), "stops": stops and JointStops(**stops)}
-        made: _core.Plant = make(arm, **keywords, **{name: contact for name, contact in contacts.items() if contact})
+        dry = {name: _FRICTION.make(value) for name, value in keywords.items() if isinstance(value, Mapping)}
+        made: _core.Plant = make(arm, **keywords | dry, **{name: contact for name, contact in contacts.items() if contact})
         return made
 
     return plant
@@ -127,9 +142,21 @@ def _with_contacts(make: Any) -> Any:
 
 PLANTS = OneOf(
     {
-        "RigidArm": Kind({"friction": Flag(), "wall": _WALL, "stops": _STOPS}, (), _with_contacts(_core.RigidArm), ("arm",)),
+        "RigidArm": Kind(
+            {"friction": Entries({"plain": Flag(), "table": _FRICTION}), "wall": _WALL, "stops": _STOPS},
+            (),
+            _with_contacts(_core.RigidArm),
+            ("arm",),
+        ),
         "ElasticArm": Kind(
-            {"stiffness": GAIN, "motor_inertia": GAIN, "joint_damping": DAMPING, "motor_friction": DAMPING, "wall": _WALL, "stops": _STOPS},
+            {
+                "stiffness": GAIN,
+                "motor_inertia": GAIN,
+                "joint_damping": DAMPING,
+                "motor_friction": Entries({"plain": DAMPING, "table": _FRICTION}),
+                "wall": _WALL,
+                "stops": _STOPS,
+            },
             ("stiffness", "motor_inertia"),
             _with_contacts(_core.ElasticArm),
             ("arm",),

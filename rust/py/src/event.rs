@@ -40,7 +40,7 @@ fn joint(plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> 
 
 /// A function of time and state, `g(t, q, v, ..)` as a law is called.
 fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> EventFunction {
-    let (call, raised, n, states) = (call.clone().unbind(), raised.clone(), plant.n(), plant.states());
+    let (call, raised, n, states) = (call.clone().unbind(), raised.clone(), plant.n(), plant.seen());
     EventFunction::Function(Arc::new(move |t: f64, x: &[f64]| {
         Python::attach(|py| {
             let ask = || -> Result<f64, Failure> {
@@ -108,9 +108,9 @@ pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool
     Ok((dense || !observer.events.is_empty()).then_some(observer))
 }
 
-/// `values`, `(rows, width)`, cut into the parts `names` of `n` columns each.
-fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, states: usize, values: &[f64]) -> Result<(), Failure> {
-    for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(states / n) {
+/// `values`, `(rows, states)`, of which the first `seen` are cut into the parts `names` of `n` columns each.
+fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, (seen, states): (usize, usize), values: &[f64]) -> Result<(), Failure> {
+    for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(seen / n) {
         let part = memory::collected((0..rows * n).map(|i| values[i / n * states + k * n + i % n]))?;
         fields.set_item(name, adopted(fields.py(), &[rows, n], part)?)?;
     }
@@ -123,15 +123,21 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer:
     if !observer.events.is_empty() {
         let Crossings { index, t, x } = observer.crossings;
         let events = PyDict::new(py);
-        put_parts(&events, t.len(), n, states, &x)?;
+        put_parts(&events, t.len(), n, (plant.seen(), states), &x)?;
         events.set_item("which", adopted(py, &[t.len()], memory::collected(index.iter().map(|&i| i as i64))?)?)?;
         events.set_item("t", adopted(py, &[t.len()], t)?)?;
         fields.set_item("events", events)?;
     }
     if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
-        let shape = [ends.len(), degree + 1, states + p];
+        // Without the bristles between the states that a law knows and its own.
+        let (seen, all) = (plant.seen(), states + p);
+        let kept = seen + p;
+        let place = |i: usize| i / kept * all + if i % kept < seen { i % kept } else { i % kept + states - seen };
+        let count = nodes.len() / all * kept;
+        let nodes = if seen == states { nodes } else { memory::collected((0..count).map(|i| nodes[place(i)]))? };
+        let shape = [ends.len(), degree + 1, kept];
         let positions = adopted(py, &[degree + 1], (0..=degree).map(|k| node(k, degree)).collect())?;
-        let dense = (states, adopted(py, &[ends.len()], ends)?, positions, adopted(py, &shape, nodes)?);
+        let dense = (seen, adopted(py, &[ends.len()], ends)?, positions, adopted(py, &shape, nodes)?);
         fields.set_item("dense", dense)?;
     }
     Ok(())

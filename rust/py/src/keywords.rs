@@ -160,6 +160,10 @@ impl<'py> Keywords<'py> {
     /// Initial states of the plants, `(rows, states)`: `q0, v0, theta0, theta_dot0` are `(n,)` for one run, `(B, n)` for a batch.
     pub fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
         let n = plants[0].n();
+        if let Some(i) = plants.iter().position(|plant| plant.bristles() != plants[0].bristles()) {
+            let problem = format!("mixes models of friction: expected LuGre friction throughout or not at all (first bad index {i})");
+            return Err(input_error(q0.py(), self.function, "plant", problem).into());
+        }
         let read = |name: &str, value: &Bound<'py, PyAny>| -> Result<(usize, Vec<f64>), Failure> {
             if batch { batch_rows(self.function, name, value, plants[0]) } else { Ok((1, vector(self.function, name, value, n)?)) }
         };

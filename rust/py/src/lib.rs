@@ -10,6 +10,7 @@ mod elastic;
 mod errors;
 mod event;
 mod force;
+mod friction;
 mod gradient;
 mod integrate;
 mod interrupts;

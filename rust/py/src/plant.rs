@@ -4,8 +4,9 @@ use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
 use crate::arrays::{number, object, text, three};
 use crate::errors::{Failure, entry};
+use crate::friction;
 use crate::seal::{Sealed, seal_new};
-use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
+use armlet_core::plant::{ElasticSpec, JointFriction, PlantSpec, RigidSpec, Stops, VelocitySpec, Wall as CoreWall};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -125,11 +126,28 @@ fn stops<'py>(given: &mut Arguments<'py>, function: &'static str, stops: Option<
     Ok(found)
 }
 
-/// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) = tau + J'F`, `x = [q, v]`.
+/// `friction=` of a plant: a flag, or a model of friction.
+fn friction_or_flag<'py>(
+    given: &mut Arguments<'py>,
+    function: &'static str,
+    name: &'static str,
+    value: Option<&Bound<'py, PyAny>>,
+) -> Result<(bool, Option<JointFriction>), Failure> {
+    if let Some(value) = value
+        && let Some(dry) = friction::friction(function, given.model().n(), name, value)?
+    {
+        given.plain(name, value);
+        return Ok((false, Some(dry)));
+    }
+    Ok((given.flag(name, value)?, None))
+}
+
+/// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`, `x = [q, v]`.
 ///
 /// Args:
 ///     arm: the true arm; a law may be made for another one.
-///     friction: the model's viscous and Coulomb friction act too (keyword only).
+///     friction: True adds the viscous and Coulomb friction of the model; a `StickSlip` or a `LuGre` gives the joints that
+///         friction instead (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the joints (keyword only).
 ///
@@ -153,13 +171,13 @@ impl RigidArm {
         const NAME: &str = "RigidArm";
         entry(arm.py(), NAME, || {
             let mut given = Arguments::new(NAME, arm)?;
-            let friction = given.flag("friction", friction)?;
+            let (friction, dry) = friction_or_flag(&mut given, NAME, "friction", friction)?;
             if friction {
                 given.model().tree("friction")?;
             }
             let wall = self::wall(&mut given, NAME, wall)?;
             let stops = self::stops(&mut given, NAME, stops)?;
-            let spec = RigidSpec { friction, wall, stops, ..RigidSpec::new(given.model()) };
+            let spec = RigidSpec { friction, wall, stops, ..RigidSpec::new(given.model()) }.with_friction(dry)?;
             Ok(given.plant(spec.into()).add_subclass(RigidArm))
         })
     }
@@ -196,7 +214,7 @@ impl VelocityArm {
 ///     stiffness: `K`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     motor_inertia: `B`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     joint_damping: in parallel with the springs, N m s/rad, `(n,)`, >= 0 (keyword only).
-///     motor_friction: viscous, N m s/rad, `(n,)`, >= 0 (keyword only).
+///     motor_friction: viscous, N m s/rad, `(n,)`, >= 0, or a `StickSlip` or a `LuGre` (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the links (keyword only).
 ///
@@ -231,10 +249,15 @@ impl ElasticArm {
             let n = model.n();
             let (stiffness, inertia) = (given.gain("stiffness", stiffness, n)?, given.gain("motor_inertia", motor_inertia, n)?);
             let mut optional = |name, value: Option<&Bound<'py, PyAny>>| value.map(|value| given.vector(name, value, n)).transpose();
-            let (damping, friction) = (optional("joint_damping", joint_damping)?, optional("motor_friction", motor_friction)?);
+            let damping = optional("joint_damping", joint_damping)?;
+            let dry = motor_friction.map_or(Ok(None), |value| friction::friction(NAME, n, "motor_friction", value))?;
+            let friction = if dry.is_some() { None } else { optional("motor_friction", motor_friction)? };
+            if let (Some(_), Some(value)) = (&dry, motor_friction) {
+                given.plain("motor_friction", value);
+            }
             let wall = self::wall(&mut given, NAME, wall)?;
             let stops = self::stops(&mut given, NAME, stops)?;
-            let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?.with_stops(stops);
+            let spec = ElasticSpec::new(model, stiffness, inertia, damping, friction, wall)?.with_stops(stops).with_friction(dry)?;
             Ok(given.plant(spec.into()).add_subclass(ElasticArm))
         })
     }

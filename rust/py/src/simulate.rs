@@ -69,12 +69,12 @@ fn put_series(
     k: usize,
     n: usize,
     p: usize,
-    series: [(&str, Vec<f64>); 6],
+    series: [(&str, Vec<f64>); 8],
 ) -> Result<(), Failure> {
     for (name, values) in series {
         let width = if name == "estimate" { p } else { n };
-        // A plant without motors has no theta, a law without state no estimate.
-        if (name.starts_with("theta") && values.is_empty() && k > 0) || width == 0 {
+        // A plant without motors has no theta, a law without state no estimate, a plant without dry friction none of its records.
+        if (values.is_empty() && k > 0) || width == 0 {
             continue;
         }
         let shape: Vec<usize> = lead.iter().copied().chain([k, width]).collect();
@@ -120,8 +120,16 @@ pub fn simulate<'py>(
         let (k, p) = (run.t.len(), law.initial_state().len());
         let fields = PyDict::new(py);
         put(&fields, "t", run.t, &[k])?;
-        let series =
-            [("q", run.q), ("v", run.v), ("tau", run.tau), ("theta", run.theta), ("theta_dot", run.theta_dot), ("estimate", run.z)];
+        let series = [
+            ("q", run.q),
+            ("v", run.v),
+            ("tau", run.tau),
+            ("theta", run.theta),
+            ("theta_dot", run.theta_dot),
+            ("estimate", run.z),
+            ("friction", run.friction),
+            ("bristles", run.bristles),
+        ];
         put_series(&fields, &[], k, n, p, series)?;
         let series = PyDict::new(py);
         for (name, values) in run.monitors {
@@ -214,6 +222,8 @@ pub fn simulate_batch<'py>(
             ("theta", batch.theta),
             ("theta_dot", batch.theta_dot),
             ("estimate", batch.z),
+            ("friction", batch.friction),
+            ("bristles", batch.bristles),
         ];
         put_series(&fields, &[rows], k, n, p, series)?;
         let series = PyDict::new(py);

@@ -7,7 +7,7 @@ use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
 use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
-use crate::simulator_state::{fastest, finite_vector, of_motors, require_known, wrench};
+use crate::simulator_state::{fastest, finite_vector, require_known, state_of, wrench};
 use crate::warnings::LimitCheck;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::PlantSpec;
@@ -21,8 +21,8 @@ use std::sync::{Mutex, PoisonError};
 
 /// A closed loop with one step per call: `step()` advances by `dt` under the law, and `step(tau)` under your input.
 ///
-/// `q`, `v` and `tau` are `(n,)` arrays, and so are `theta` and `theta_dot` of elastic arms, and `estimate` of laws with a state. Every step
-/// overwrites them, so copy values that you keep. A call costs less than a microsecond in addition to the arithmetic.
+/// `q`, `v` and `tau` are `(n,)` arrays, and so are `theta` and `theta_dot` of elastic arms, and `estimate` of laws with a state. `LuGre`
+/// friction adds `bristles`. Every step overwrites them, so copy values that you keep. A call costs less than a microsecond in addition to the arithmetic.
 ///
 /// Args:
 ///     plant: the controlled system, such as `RigidArm(arm)`.
@@ -76,6 +76,8 @@ pub struct Simulator {
     theta: Option<Py<PyAny>>,
     #[pyo3(get)]
     theta_dot: Option<Py<PyAny>>,
+    #[pyo3(get)]
+    bristles: Option<Py<PyAny>>,
     #[pyo3(get)]
     estimate: Option<Py<PyAny>>,
 }
@@ -145,10 +147,11 @@ impl Simulator {
     ///     q, v: position and velocity of the links, `(n,)`, rad or m and per second.
     ///     theta, theta_dot: the same of the motors of elastic arms (keyword only). None: the springs carry gravity, and the motors move with
     ///         the links, as at the start of `simulate`.
+    ///     bristles: deflections of the bristles of `LuGre` friction, `(n,)`, rad or m (keyword only). None: zeros.
     ///
     /// Raises:
-    ///     InputError: a shape is wrong, a number is not finite, or motors are given of a plant without elastic joints.
-    #[pyo3(signature = (q, v, *, theta=None, theta_dot=None))]
+    ///     InputError: a shape is wrong, a number is not finite, or motors or bristles are given of a plant without them.
+    #[pyo3(signature = (q, v, *, theta=None, theta_dot=None, bristles=None))]
     fn set_state(
         &mut self,
         py: Python<'_>,
@@ -156,15 +159,10 @@ impl Simulator {
         v: &Bound<'_, PyAny>,
         theta: Option<&Bound<'_, PyAny>>,
         theta_dot: Option<&Bound<'_, PyAny>>,
+        bristles: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        const NAME: &str = "Simulator.set_state";
-        entry(py, NAME, || {
-            let n = self.plant.n();
-            let (q, v) = (finite_vector(NAME, "q", q, n)?, finite_vector(NAME, "v", v, n)?);
-            let motors = |name: &str, value| of_motors(NAME, name, value, &self.plant);
-            let (theta, theta_dot) = (motors("theta", theta)?, motors("theta_dot", theta_dot)?);
-            let v = if self.plant.kind().has_speeds() { v } else { Vec::new() };
-            let state = self.plant.initial_state(&q, &v, theta.as_deref(), theta_dot.as_deref());
+        entry(py, "Simulator.set_state", || {
+            let state = state_of("Simulator.set_state", &self.plant, (q, v), (theta, theta_dot), bristles)?;
             let mut x = self.x.clone();
             x[..state.len()].copy_from_slice(&state);
             self.law.restart(&state, &mut x[state.len()..]);
@@ -208,7 +206,7 @@ impl Simulator {
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
         state.set_item("t", self.t()?)?;
-        let some = [("theta", &self.theta), ("theta_dot", &self.theta_dot), ("estimate", &self.estimate)];
+        let some = [("theta", &self.theta), ("theta_dot", &self.theta_dot), ("bristles", &self.bristles), ("estimate", &self.estimate)];
         let all = [("q", &self.q), ("v", &self.v), ("tau", &self.tau)];
         for (name, array) in all.into_iter().chain(some.into_iter().filter_map(|(name, array)| Some((name, array.as_ref()?)))) {
             state.set_item(name, array.call_method0(py, "copy")?)?;
@@ -342,6 +340,7 @@ impl Simulator {
                 tau: array(n)?,
                 theta: elastic.then(|| array(n)).transpose()?,
                 theta_dot: elastic.then(|| array(n)).transpose()?,
+                bristles: (plant.bristles() > 0).then(|| array(n)).transpose()?,
                 estimate: (p > 0).then(|| array(p)).transpose()?,
                 start,
                 plant,
@@ -381,14 +380,16 @@ impl Simulator {
     /// Write the state into the arrays.
     fn show(&mut self, py: Python<'_>) -> Result<(), Failure> {
         self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).read(&mut self.x, &mut self.input);
-        let (n, kind) = (self.plant.n(), self.plant.kind());
-        let states = kind.states(n);
+        let (n, kind, seen, states) = (self.plant.n(), self.plant.kind(), self.plant.seen(), self.plant.states());
         overwrite(self.q.bind(py), &self.x[..n])?;
         overwrite(self.v.bind(py), if kind.has_speeds() { &self.x[n..2 * n] } else { &self.input })?;
         overwrite(self.tau.bind(py), &self.input)?;
         if let (Some(theta), Some(theta_dot)) = (&self.theta, &self.theta_dot) {
             overwrite(theta.bind(py), &self.x[2 * n..3 * n])?;
             overwrite(theta_dot.bind(py), &self.x[3 * n..4 * n])?;
+        }
+        if let Some(bristles) = &self.bristles {
+            overwrite(bristles.bind(py), &self.x[seen..states])?;
         }
         if let Some(estimate) = &self.estimate {
             overwrite(estimate.bind(py), &self.x[states..])?;

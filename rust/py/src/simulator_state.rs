@@ -16,13 +16,42 @@ pub fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: us
 }
 
 /// The same of motors, which only plants with elastic joints have.
-pub fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
+fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if !plant.kind().has_motors() {
         let problem = format!("is not used: expected None for {}", plant.kind().name());
         return Err(input_error(value.py(), function, name, problem).into());
     }
     Ok(Some(finite_vector(function, name, value, plant.n())?))
+}
+
+/// The same of the bristles of friction, which only plants with them have.
+fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
+    let Some(value) = value else { return Ok(None) };
+    if plant.bristles() == 0 {
+        return Err(input_error(value.py(), function, "bristles", "is not used: expected None for a plant without LuGre friction").into());
+    }
+    Ok(Some(finite_vector(function, "bristles", value, plant.n())?))
+}
+
+/// The state of a plant from what the caller gives of links, motors and bristles.
+pub fn state_of(
+    function: &str,
+    plant: &PlantSpec,
+    (q, v): (&Bound<'_, PyAny>, &Bound<'_, PyAny>),
+    (theta, theta_dot): (Option<&Bound<'_, PyAny>>, Option<&Bound<'_, PyAny>>),
+    bristles: Option<&Bound<'_, PyAny>>,
+) -> Result<Vec<f64>, Failure> {
+    let n = plant.n();
+    let (q, v) = (finite_vector(function, "q", q, n)?, finite_vector(function, "v", v, n)?);
+    let motors = |name: &str, value| of_motors(function, name, value, plant);
+    let (theta, theta_dot) = (motors("theta", theta)?, motors("theta_dot", theta_dot)?);
+    let v = if plant.kind().has_speeds() { v } else { Vec::new() };
+    let mut state = plant.initial_state(&q, &v, theta.as_deref(), theta_dot.as_deref());
+    if let Some(deflections) = of_bristles(function, bristles, plant)? {
+        state[plant.seen()..].copy_from_slice(&deflections);
+    }
+    Ok(state)
 }
 
 /// The fastest joint of a state, in words.

@@ -12,6 +12,8 @@ pub trait DualSystem<V: Real>: System<Duals<V>> {
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
     /// Hold what a sampled loop holds: its input and the rate of its law.
     fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}
+    /// Let switches do what those of the system on plain numbers do.
+    fn follow(&mut self, _sides: &[i8]) {}
     /// Whether the input never moves.
     fn autonomous(&self) -> bool {
         false
@@ -66,6 +68,19 @@ where
         if let Some((input, rate)) = self.system.held() {
             self.twin.hold(input, rate);
         }
+    }
+    fn enter_step(&mut self, t: f64, x: &[S]) -> bool {
+        let switches = self.system.enter_step(t, x);
+        self.twin.follow(self.system.sides());
+        switches
+    }
+    fn leave_step(&mut self, x: &mut [S]) -> bool {
+        let switches = self.system.leave_step(x);
+        self.twin.follow(self.system.sides());
+        switches
+    }
+    fn sides(&mut self) -> &[i8] {
+        self.system.sides()
     }
     fn held(&self) -> Option<(&[S], &[S])> {
         self.system.held()

@@ -69,6 +69,18 @@ pub trait System<S: Real> {
     }
     /// Called with the state at every sample of a sampled loop: what is held until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
+    /// A fixed step begins at `t` and `x`: what switches there. Returns whether the slope jumps.
+    fn enter_step(&mut self, _t: f64, _x: &[S]) -> bool {
+        false
+    }
+    /// A fixed step has ended at `x`, which may be put where the system switches; whether it was.
+    fn leave_step(&mut self, _x: &mut [S]) -> bool {
+        false
+    }
+    /// What switches of the system do, for its twin.
+    fn sides(&mut self) -> &[i8] {
+        &[]
+    }
     /// Add the state at `t` to what `x` carries behind it of a run that is summed up; `h`: the time to the next step, zero at the end.
     fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
     /// Note the state at `t` as record `i`, of a run whose records are noted within its steps.

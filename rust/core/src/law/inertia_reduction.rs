@@ -162,5 +162,5 @@ impl Reduction<f64> {
 
 /// The elastic plant that `law`'s model and inner loop describe exactly, if `plant` is one.
 pub(super) fn described<'a>(plant: &'a PlantSpec, model: &crate::dynamics::Model, reduction: &ReductionSpec) -> Option<&'a ElasticSpec> {
-    plant.elastic().filter(|plant| plant.model == *model && reduction.matches(plant))
+    plant.elastic().filter(|plant| plant.model == *model && plant.dry.is_none() && reduction.matches(plant))
 }

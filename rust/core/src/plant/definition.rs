@@ -1,6 +1,6 @@
 //! The functions of a plant that the core calls. Most of them have a default that suits most plants.
 
-use super::{ElasticSpec, Plant, Stops, Wall};
+use super::{ElasticSpec, JointFriction, Plant, Stops, Wall};
 use crate::dynamics::Model;
 use crate::scalar::Real;
 
@@ -27,6 +27,11 @@ pub trait Definition {
     /// Whether the friction of a rigid arm's joints acts.
     fn has_friction(&self) -> bool {
         false
+    }
+
+    /// The dry friction of its joints, or of its motors.
+    fn friction(&self) -> Option<&JointFriction> {
+        None
     }
 
     /// The plant itself, where its joints are elastic.

@@ -1,11 +1,14 @@
 //! An arm with elastic joints (Spong 1987): links and motors coupled by springs,
 //!
 //! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`,
-//! `tau_J = K (theta - q) + D (theta_dot - v)`, `x = [q, v, theta, theta_dot]`.
+//! `tau_J = K (theta - q) + D (theta_dot - v)`, `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors
+//! under the load `L = tau_J`.
 
-use super::rigid::Links;
+use super::lugre::LaneLuGre;
+use super::rigid::{Links, bristles, lane_bristles, lane_stick_slip};
+use super::stick_slip::{LaneStickSlip, Load};
 use super::stops::Stops;
-use super::{Build, Definition, Plant, Power, Touch, Wall};
+use super::{Build, Definition, JointFriction, Plant, Power, Touch, Wall};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
@@ -24,6 +27,8 @@ pub struct ElasticSpec {
     pub joint_damping: Vec<f64>,
     /// Viscous friction `F` of the motors, N m s/rad, `(n,)`, >= 0.
     pub motor_friction: Vec<f64>,
+    /// Dry friction of the motors.
+    pub dry: Option<JointFriction>,
     /// A wall that a frame may touch.
     pub wall: Option<Wall>,
     /// Of the links.
@@ -61,12 +66,18 @@ impl ElasticSpec {
         let (joint_damping, motor_friction) =
             (dissipative("joint_damping", joint_damping)?, dissipative("motor_friction", motor_friction)?);
         let inverse_inertia = motor_inertia.inverse();
-        Ok(ElasticSpec { model, stiffness, motor_inertia, joint_damping, motor_friction, wall, stops: None, inverse_inertia })
+        Ok(ElasticSpec { model, stiffness, motor_inertia, joint_damping, motor_friction, dry: None, wall, stops: None, inverse_inertia })
     }
 
     /// The same plant with joint stops.
     pub fn with_stops(self, stops: Option<Stops>) -> Self {
         ElasticSpec { stops, ..self }
+    }
+
+    /// The same plant with this dry friction of its motors.
+    pub fn with_friction(self, friction: Option<JointFriction>) -> Result<Self> {
+        friction.iter().try_for_each(|friction| friction.require_joints("motor_friction", self.model.n()))?;
+        Ok(ElasticSpec { dry: friction, ..self })
     }
 
     /// The motor position at which the springs carry gravity: `theta = q + K^-1 g(q)`.
@@ -91,6 +102,10 @@ impl Definition for ElasticSpec {
         self.stops.as_ref()
     }
 
+    fn friction(&self) -> Option<&JointFriction> {
+        self.dry.as_ref()
+    }
+
     fn elastic(&self) -> Option<&ElasticSpec> {
         Some(self)
     }
@@ -98,7 +113,9 @@ impl Definition for ElasticSpec {
     fn initial_state(&self, q0: &[f64], v0: &[f64], theta0: Option<&[f64]>, theta_dot0: Option<&[f64]>) -> Vec<f64> {
         let resting = || self.resting_motor(q0);
         let theta = theta0.map_or_else(resting, <[f64]>::to_vec);
-        [q0, v0, &theta, theta_dot0.unwrap_or(v0)].concat()
+        let mut x = [q0, v0, &theta, theta_dot0.unwrap_or(v0)].concat();
+        x.resize(x.len() + bristles(self.dry.as_ref()), 0.0);
+        x
     }
 }
 
@@ -109,6 +126,8 @@ pub struct Elastic<S: Real> {
     inverse_inertia: AnyGain<S>,
     joint_damping: Vec<S>,
     motor_friction: Vec<S>,
+    bristles: Option<LaneLuGre<S>>,
+    sticking: Option<LaneStickSlip<S>>,
     /// `theta - q`, then what is left for the motors.
     work: Vec<S>,
 }
@@ -124,8 +143,27 @@ impl Build for ElasticSpec {
             inverse_inertia: AnyGain::labelled("inverse_motor_inertia", |i| &of(i).inverse_inertia),
             joint_damping: S::labelled("joint_damping", 1, || (0..n).map(|k| S::from_lanes(|i| of(i).joint_damping[k])).collect()),
             motor_friction: S::labelled("motor_friction", 1, || (0..n).map(|k| S::from_lanes(|i| of(i).motor_friction[k])).collect()),
+            bristles: lane_bristles(|i| of(i).dry.as_ref()),
+            sticking: lane_stick_slip(|i| of(i).dry.as_ref()).map(|sticking| with_inertia(sticking, |i| &of(i).motor_inertia)),
             work: vec![S::zero(); n],
         }
+    }
+}
+
+/// With `A = B`, which stays.
+fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) -> &'a Gain) -> LaneStickSlip<S> {
+    let n = of(0).n();
+    for (k, entry) in sticking.matrix.iter_mut().enumerate() {
+        *entry = S::from_lanes(|i| of(i).at(k / n, k % n));
+    }
+    sticking
+}
+
+/// Write what acts on the motors, and their loads `tau_J`.
+fn load<S: Real>(sticking: &mut LaneStickSlip<S>, drive: &[S], joint: &[S]) {
+    sticking.drive.copy_from_slice(drive);
+    for (load, &joint) in sticking.loads.iter_mut().zip(joint) {
+        *load = Load::Known(joint);
     }
 }
 
@@ -148,7 +186,25 @@ impl<S: Real> Plant<S> for Elastic<S> {
             outside = outside - damped * slip - rubbed * theta_dot[i];
             (dx[i], dx[2 * n + i]) = (v[i], theta_dot[i]);
         }
-        self.inverse_inertia.multiply(&self.work, &mut dx[3 * n..4 * n]);
+        if let Some(bristles) = &self.bristles {
+            for i in 0..n {
+                let rubbing = bristles.rub(i, theta_dot[i], x[4 * n + i], self.links.effort[i]);
+                self.work[i] -= rubbing.torque;
+                dx[4 * n + i] = rubbing.z_dot;
+                outside -= rubbing.lost;
+            }
+        }
+        match &mut self.sticking {
+            None => self.inverse_inertia.multiply(&self.work, &mut dx[3 * n..4 * n]),
+            Some(sticking) => {
+                load(sticking, &self.work, &self.links.effort);
+                sticking.slide(theta_dot);
+                sticking.hold(&mut dx[3 * n..4 * n]);
+                for i in 0..n {
+                    outside = sticking.torque()[i].neg_mul_add(theta_dot[i], outside);
+                }
+            }
+        }
         outside += self.links.add_outside(trig, q, v, wrench);
         self.links.accelerate(trig, q, v, &mut dx[n..2 * n]);
         Power { input, outside }
@@ -156,5 +212,23 @@ impl<S: Real> Plant<S> for Elastic<S> {
 
     fn hold(&mut self, contacts: &[Touch]) {
         self.links.hold(contacts);
+    }
+
+    fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
+        Some((self.sticking.as_mut()?, 3 * self.links.n))
+    }
+
+    fn load_friction(&mut self, _: &[(S, S)], x: &[S], tau: &[S], _: &[S]) {
+        let (Some(sticking), n) = (&mut self.sticking, self.links.n) else { return };
+        for i in 0..n {
+            self.work[i] = x[2 * n + i] - x[i];
+        }
+        self.stiffness.multiply(&self.work, &mut self.links.effort);
+        for i in 0..n {
+            let (v, theta_dot) = (x[n + i], x[3 * n + i]);
+            self.links.effort[i] += self.joint_damping[i] * (theta_dot - v);
+            self.work[i] = tau[i] - self.links.effort[i] - self.motor_friction[i] * theta_dot;
+        }
+        load(sticking, &self.work, &self.links.effort);
     }
 }

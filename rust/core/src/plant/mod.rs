@@ -1,13 +1,17 @@
 //! Plants: what turns a law's input into motion, and what a state of it is.
 //!
-//! rigid `x = [q, v]`, elastic `x = [q, v, theta, theta_dot]`, velocity-controlled `x = [q]`. An external wrench
+//! rigid `x = [q, v]`, elastic `x = [q, v, theta, theta_dot]`, velocity-controlled `x = [q]`; bristles `z` of friction come last. An external wrench
 //! `W = [f; m]` (world axes) acts at one frame as `J' W`; a wall pushes back where a frame enters it.
 
 mod contact;
 mod definition;
 mod elastic;
+mod friction;
+mod friction_torque;
+mod lugre;
 mod rigid;
 pub mod sensors;
+mod stick_slip;
 mod stops;
 mod stored;
 pub mod unilateral;
@@ -16,7 +20,11 @@ mod velocity;
 pub use contact::{LaneWall, Wall};
 pub use definition::{Build, Definition};
 pub use elastic::{Elastic, ElasticSpec};
+pub use friction::{FrictionCurve, JointFriction};
+pub use friction_torque::{FrictionTorque, Rubbed};
+pub use lugre::LuGre;
 pub use rigid::{Rigid, RigidSpec};
+pub use stick_slip::{LaneStickSlip, StickSlip};
 pub use stops::{Stop, Stops};
 pub use stored::Stored;
 pub use unilateral::Touch;
@@ -42,6 +50,14 @@ pub trait Plant<S: Real> {
 
     /// Set every contact, the wall first, then the stops, to this mode for every state.
     fn hold(&mut self, _contacts: &[Touch]) {}
+
+    /// The friction that holds joints or motors at rest, and where the first of their speeds is in the state.
+    fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
+        None
+    }
+
+    /// Write what acts on the joints or motors but their friction, at a state as in [`Plant::rates`], into [`Plant::stick_slip`].
+    fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
 }
 
 /// The kinds of plants: the enums, names and parts of the state, and how loops are made of them. A plant is declared in its file and here.
@@ -122,7 +138,7 @@ plants! {
 }
 
 impl PlantKind {
-    /// Size of the state of a plant of `n` joints.
+    /// Size of the state of a plant of `n` joints without bristles.
     pub fn states(self, n: usize) -> usize {
         self.parts().len() * n
     }
@@ -146,7 +162,17 @@ impl PlantSpec {
 
     /// Size of the state `x`.
     pub fn states(&self) -> usize {
+        self.seen() + self.bristles()
+    }
+
+    /// Size of what a law knows of the state: all but the bristles.
+    pub fn seen(&self) -> usize {
         self.kind().states(self.n())
+    }
+
+    /// How many bristles of friction are among the states.
+    pub fn bristles(&self) -> usize {
+        self.friction().and_then(JointFriction::bristles).map_or(0, |_| self.n())
     }
 
     /// Whether both can run side by side in lanes.
@@ -156,6 +182,12 @@ impl PlantSpec {
             && self.wall().map(|wall| wall.frame) == other.wall().map(|wall| wall.frame)
             && self.stops().into_iter().flat_map(Stops::all).eq(other.stops().into_iter().flat_map(Stops::all))
             && self.has_friction() == other.has_friction()
+            && self.friction().map(std::mem::discriminant) == other.friction().map(std::mem::discriminant)
+    }
+
+    /// Whether joints or motors stick and slip.
+    pub fn sticks(&self) -> bool {
+        self.friction().is_some_and(|friction| friction.stick_slip().is_some())
     }
 
     /// Whether nothing can be touched.

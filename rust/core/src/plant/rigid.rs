@@ -1,10 +1,14 @@
-//! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`, `x = [q, v]`.
+//! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`, `x = [q, v]`, then the bristles
+//! of LuGre friction under the load `L = tau - sigma_0 z`.
 
 use super::contact::LaneWall;
+use super::lugre::LaneLuGre;
+use super::stick_slip::{LaneStickSlip, Load};
 use super::stops::{LaneStops, Stops};
-use super::{Build, Definition, Plant, Power, Touch, Wall};
+use super::{Build, Definition, JointFriction, Plant, Power, Touch, Wall};
 use crate::dynamics::energy::friction_torque;
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
+use crate::error::Result;
 use crate::scalar::Real;
 use crate::spatial::Vector3;
 
@@ -39,6 +43,8 @@ pub struct RigidSpec {
     pub model: Model,
     /// Viscous and Coulomb friction of the model's joints act on the plant.
     pub friction: bool,
+    /// Dry friction of the joints.
+    pub dry: Option<JointFriction>,
     /// A wall that a frame may touch.
     pub wall: Option<Wall>,
     /// Joint stops.
@@ -48,7 +54,13 @@ pub struct RigidSpec {
 impl RigidSpec {
     /// The arm without friction, wall and stops.
     pub fn new(model: Model) -> Self {
-        RigidSpec { model, friction: false, wall: None, stops: None }
+        RigidSpec { model, friction: false, dry: None, wall: None, stops: None }
+    }
+
+    /// The same plant with this friction of its joints.
+    pub fn with_friction(self, friction: Option<JointFriction>) -> Result<Self> {
+        friction.iter().try_for_each(|friction| friction.require_joints("friction", self.model.n()))?;
+        Ok(RigidSpec { dry: friction, ..self })
     }
 }
 
@@ -68,6 +80,33 @@ impl Definition for RigidSpec {
     fn has_friction(&self) -> bool {
         self.friction
     }
+
+    fn friction(&self) -> Option<&JointFriction> {
+        self.dry.as_ref()
+    }
+
+    fn initial_state(&self, q0: &[f64], v0: &[f64], _: Option<&[f64]>, _: Option<&[f64]>) -> Vec<f64> {
+        let mut x = [q0, v0].concat();
+        x.resize(x.len() + bristles(self.dry.as_ref()), 0.0);
+        x
+    }
+}
+
+/// How many bristles a friction has.
+pub(super) fn bristles(friction: Option<&JointFriction>) -> usize {
+    friction.and_then(JointFriction::bristles).map_or(0, |bristles| bristles.curve.n())
+}
+
+/// The bristles of the lanes, if the first one has any.
+pub(super) fn lane_bristles<'a, S: Real>(of: impl Fn(usize) -> Option<&'a JointFriction>) -> Option<LaneLuGre<S>> {
+    let bristles = |lane: usize| of(lane).and_then(JointFriction::bristles);
+    bristles(0).map(|first| LaneLuGre::new(|lane| bristles(lane).unwrap_or(first)))
+}
+
+/// The stick-slip friction of the lanes, if the first one has any.
+pub(super) fn lane_stick_slip<'a, S: Real>(of: impl Fn(usize) -> Option<&'a JointFriction>) -> Option<LaneStickSlip<S>> {
+    let friction = |lane: usize| of(lane).and_then(JointFriction::stick_slip);
+    friction(0).map(|first| LaneStickSlip::new(|lane| friction(lane).unwrap_or(first)))
 }
 
 /// The links of a plant, and what pushes them from outside.
@@ -162,10 +201,22 @@ impl<S: Real> Links<S> {
     }
 }
 
+/// Write `A = M`, `b` = the effort less `C v + g`, and the loads, under the input `tau`.
+fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[(S, S)], (q, v): (&[S], &[S]), tau: &[S]) {
+    links.arm.mass_matrix(&mut links.ws, trig, q, &mut sticking.matrix);
+    links.arm.bias(&mut links.ws, trig, q, v, &mut sticking.drive);
+    for i in 0..links.n {
+        sticking.drive[i] = links.effort[i] - sticking.drive[i];
+        sticking.loads[i] = Load::Driven(tau[i]);
+    }
+}
+
 /// The plant in a loop.
 pub struct Rigid<S: Real> {
     links: Links<S>,
     friction: bool,
+    bristles: Option<LaneLuGre<S>>,
+    sticking: Option<LaneStickSlip<S>>,
 }
 
 impl Build for RigidSpec {
@@ -173,7 +224,12 @@ impl Build for RigidSpec {
 
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Rigid<S> {
         let friction = of(0).friction;
-        Rigid { links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame), friction }
+        Rigid {
+            links: Links::new(|i| &of(i).model, |i| of(i).wall.as_ref(), |i| of(i).stops.as_ref(), force_frame),
+            friction,
+            bristles: lane_bristles(|i| of(i).dry.as_ref()),
+            sticking: lane_stick_slip(|i| of(i).dry.as_ref()),
+        }
     }
 }
 
@@ -194,9 +250,41 @@ impl<S: Real> Plant<S> for Rigid<S> {
                 outside = loss.neg_mul_add(v[i], outside);
             }
         }
+        if let Some(bristles) = &self.bristles {
+            for i in 0..n {
+                let z = x[2 * n + i];
+                let rubbing = bristles.rub(i, v[i], z, tau[i] - bristles.spring(i, z));
+                self.links.effort[i] -= rubbing.torque;
+                dx[2 * n + i] = rubbing.z_dot;
+                outside -= rubbing.lost;
+            }
+        }
         outside += self.links.add_outside(trig, q, v, wrench);
-        self.links.accelerate(trig, q, v, &mut dx[n..2 * n]);
+        let a = &mut dx[n..2 * n];
+        match &mut self.sticking {
+            None => self.links.accelerate(trig, q, v, a),
+            Some(sticking) => {
+                load(&mut self.links, sticking, trig, (q, v), tau);
+                sticking.slide(v);
+                sticking.hold(a);
+                for i in 0..n {
+                    outside = sticking.torque()[i].neg_mul_add(v[i], outside);
+                }
+            }
+        }
         Power { input, outside }
+    }
+
+    fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
+        Some((self.sticking.as_mut()?, self.links.n))
+    }
+
+    fn load_friction(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S]) {
+        let Some(sticking) = &mut self.sticking else { return };
+        let (q, v) = x.split_at(self.links.n);
+        self.links.effort.copy_from_slice(tau);
+        self.links.add_outside(trig, q, v, wrench);
+        load(&mut self.links, sticking, trig, (q, v), tau);
     }
 
     fn hold(&mut self, contacts: &[Touch]) {

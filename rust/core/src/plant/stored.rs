@@ -1,8 +1,10 @@
 //! The energy stored in a plant: `E = v' M v / 2 + U(q)`, with `(theta - q)' K (theta - q) / 2 + theta_dot' B theta_dot / 2` of elastic
-//! joints and motors, and the springs of wall and stops.
+//! joints and motors, the springs of wall and stops, and the bristles of friction.
 
 use super::PlantSpec;
 use super::contact::LaneWall;
+use super::lugre::LaneLuGre;
+use super::rigid::lane_bristles;
 use super::stops::LaneStops;
 use crate::dynamics::ArmAt;
 use crate::linalg::gain::{AnyGain, Multiply};
@@ -21,6 +23,7 @@ pub struct Stored<S: Real> {
     wall: Option<LaneWall<S>>,
     stops: Option<LaneStops<S>>,
     springs: Option<Springs<S>>,
+    bristles: Option<LaneLuGre<S>>,
 }
 
 impl<S: Real> Stored<S> {
@@ -40,6 +43,7 @@ impl<S: Real> Stored<S> {
             wall: first.wall().map(|own| LaneWall::new(|lane| of(lane).wall().unwrap_or(own))),
             stops: first.stops().map(|own| LaneStops::new(|lane| of(lane).stops().unwrap_or(own))),
             springs,
+            bristles: lane_bristles(|lane| of(lane).friction()),
         }
     }
 
@@ -48,7 +52,10 @@ impl<S: Real> Stored<S> {
         let n = self.n;
         let (kinetic, potential) = links.energy(&x[n..2 * n]);
         let (wall, stops) = self.contacts(links, x);
-        let energy = kinetic + potential + wall + stops;
+        let mut energy = kinetic + potential + wall + stops;
+        if let Some(bristles) = &self.bristles {
+            energy += bristles.energy(&x[x.len() - n..]);
+        }
         let Some(Springs { stiffness, motor_inertia, stretch }) = &mut self.springs else { return energy };
         for (i, stretch) in stretch.iter_mut().enumerate() {
             *stretch = x[2 * n + i] - x[i];

@@ -186,7 +186,7 @@ where
                         if cut > t {
                             switch_at = Some(cut);
                         } else {
-                            watch.switch(system, method.x());
+                            watch.switch(system, t, method.x_mut());
                         }
                         break;
                     }
@@ -234,7 +234,7 @@ where
             if done {
                 (t, inside) = (end, end < segment_end);
                 if switch_at.take().is_some() {
-                    watch.switch(system, method.x());
+                    watch.switch(system, end, method.x_mut());
                 }
                 break;
             }

@@ -50,6 +50,10 @@ pub struct BatchRuns {
     pub theta_dot: Vec<f64>,
     /// States of the laws `(B, K, p)`.
     pub z: Vec<f64>,
+    /// Deflections of the bristles of LuGre friction, `(B, K, n)`; else empty.
+    pub bristles: Vec<f64>,
+    /// Torques of dry friction, `(B, K, n)`; empty without.
+    pub friction: Vec<f64>,
     /// Monitors by name, `(B, K)` each.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
     /// How far the balances of recorded runs are open, see [`super::BALANCES`]; NaN for one that did not reach its end.
@@ -166,6 +170,8 @@ fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<Batch
         theta: room(columns.motors())?,
         theta_dot: room(columns.motors())?,
         z: room(p)?,
+        bristles: room(columns.bristles)?,
+        friction: room(if problem.plant(0).friction().is_some() { n } else { 0 })?,
         monitors,
         balances: [nan()?, nan()?, nan()?, nan()?],
         metrics,

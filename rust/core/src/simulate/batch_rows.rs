@@ -14,6 +14,7 @@ use super::problem::{Ended, Problem};
 use super::sink::Sink;
 use crate::error::{Result, all_finite};
 use crate::memory;
+use crate::plant::{FrictionTorque, Rubbed};
 use crate::status::Status;
 use std::ops::Range;
 use std::slice::ChunksMut;
@@ -39,6 +40,10 @@ pub struct GroupRecorder<'a> {
     /// One series after another; those of the monitors are the last ones.
     series: Vec<Series<'a>>,
     monitors: usize,
+    /// The torques of friction, `(runs, records, n)`, or nothing.
+    friction: &'a mut [f64],
+    /// The times of the records.
+    times: &'a [f64],
     /// Those that are computed record by record, made when they are asked for: each compiles an arm.
     checks: Vec<Option<Box<Monitor<'a>>>>,
     first: usize,
@@ -115,13 +120,16 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let (records, monitors) = (out.t.len(), out.monitors.len());
     let numbers = Columns::of(problem).series(problem.state_size(), monitors);
     let width = problem.state_size() + problem.plant(0).n() + monitors;
-    let own = [&mut out.q, &mut out.v, &mut out.tau, &mut out.theta, &mut out.theta_dot, &mut out.z];
+    let own = [&mut out.q, &mut out.v, &mut out.tau, &mut out.theta, &mut out.theta_dot, &mut out.z, &mut out.bristles];
     let arrays = own.into_iter().chain(out.monitors.iter_mut().map(|(_, series)| series));
     let chunks = |(array, numbers): (&'a mut Vec<f64>, &Range<usize>)| {
         let of_run = records * numbers.len();
         array.chunks_mut((lanes * of_run).max(1))
     };
     let mut arrays: Vec<_> = arrays.zip(&numbers).map(chunks).collect();
+    let of_run = records * problem.plant(0).n();
+    let times = out.t.as_slice();
+    let mut friction = out.friction.chunks_mut((lanes * of_run).max(1));
     let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
     let mut balances = out.balances.each_mut().map(|numbers| numbers.chunks_mut(lanes));
@@ -140,6 +148,8 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
         records,
         series: series(),
         monitors,
+        friction: friction.next().unwrap_or_default(),
+        times,
         checks: Vec::new(),
         first: group * lanes,
         record: vec![0.0; width],
@@ -230,6 +240,9 @@ impl GroupRecorder<'_> {
         }
         (0..self.status.len()).filter(|_| !(interrupted || measured)).for_each(|run| self.balance(run));
         let written = std::mem::take(&mut self.written);
+        if !interrupted {
+            self.rub(&written);
+        }
         for (run, &written) in written.iter().enumerate().filter(|_| !interrupted) {
             for series in &mut self.series {
                 let place = series.place(run, self.records, &(written..self.records));
@@ -238,6 +251,28 @@ impl GroupRecorder<'_> {
         }
         self.record = Vec::new();
         interrupted
+    }
+
+    /// The torques of friction of the records that are written; NaN behind them.
+    fn rub(&mut self, written: &[usize]) {
+        if self.friction.is_empty() {
+            return;
+        }
+        let (n, all) = (self.problem.plant(0).n(), self.records);
+        for (run, &written) in written.iter().enumerate() {
+            let out = &mut self.friction[run * all * n..(run + 1) * all * n];
+            out[written * n..].fill(f64::NAN);
+            let Some(mut friction) = FrictionTorque::of(self.problem.plant(self.first + run), self.problem.force_frame()) else {
+                continue;
+            };
+            let force = self.problem.force(self.first + run);
+            let wrench = |k: usize| force.map_or([0.0; 6], |force| force.at(self.times[k]));
+            let [q, v, tau, theta, theta_dot, bristles] = [0, 1, 2, 3, 4, 6].map(|k| {
+                let series = &self.series[k];
+                &series.rows[series.place(run, all, &(0..written))]
+            });
+            friction.series(&Rubbed { q, v, theta, theta_dot, bristles, tau }, wrench, &mut out[..written * n]);
+        }
     }
 
     /// How far the balances of a run are open, if it reached its end.

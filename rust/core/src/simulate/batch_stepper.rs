@@ -49,6 +49,9 @@ impl BatchStepper {
         let mut made = BatchStepper { plant: plant.clone(), law, options, recorded: None, lanes: form(packed).lanes() };
         let problem = made.problem();
         problem.validate()?;
+        if plant.sticks() {
+            return Ok(made);
+        }
         let common = Common::of(&problem, packed);
         let parameters = recorded::loop_parameters(&problem, 0, common);
         let seen = recorded::of_run(&problem, 0, common, &parameters);

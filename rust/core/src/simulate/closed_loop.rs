@@ -40,8 +40,9 @@ pub struct ClosedLoop<'a, S: Real> {
     limits: Vec<S>,
     /// The clock of a controller that is late or sees badly; `None` for a perfect one.
     sampler: Option<Sampler<S>>,
-    /// Size of the plant's state, and which joints are angles.
+    /// Size of the plant's state, and of what the law knows of it, and which joints are angles.
     states: usize,
+    seen: usize,
     angles: Vec<bool>,
     trig: Vec<(S, S)>,
     /// The plant's input as of the last evaluation.
@@ -66,7 +67,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         world: World<'a>,
         closing: Closing<'a>,
         sampler: Option<Sampler<S>>,
-        (states, p, angles): (usize, usize, Vec<bool>),
+        (states, seen, p, angles): (usize, usize, usize, Vec<bool>),
     ) -> Self {
         let n = angles.len();
         let trig = vec![(S::zero(), S::splat(1.0)); n];
@@ -82,6 +83,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             limits,
             sampler,
             states,
+            seen,
             angles,
             trig,
             tau: vec![S::zero(); n],
@@ -110,6 +112,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
             limits: self.limits,
             sampler: self.sampler,
             states: self.states,
+            seen: self.seen,
             angles: self.angles,
             trig: self.trig,
             tau: self.tau,
@@ -144,6 +147,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
 
     /// The law's answer at the plant state `measured` and its own state `z`, within the limits of the input.
     fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
+        let measured = &measured[..self.seen];
         let (rate, dissipated) = self.dz.split_at_mut(self.p);
         self.law.evaluate(desired, &self.trig, measured, z, &mut self.tau, rate);
         if let [dissipated] = dissipated {
@@ -212,7 +216,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         dx[states..states + p].copy_from_slice(&self.dz[..p]);
         if self.closing.monitored {
             (dx[states + p], dx[states + p + 1]) = if self.closing.storage {
-                let stored = self.law.storage_rate(&x[..states], power.outside);
+                let stored = self.law.storage_rate(&x[..self.seen], power.outside);
                 (power.outside - stored, stored)
             } else {
                 (self.dz[p], power.input + power.outside)
@@ -280,6 +284,29 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         sampler
     }
 
+    /// Whether the input is held.
+    pub fn is_held(&self) -> bool {
+        self.closing.held
+    }
+
+    /// The forces at time `t` and the sines and cosines of state `x`, for [`ClosedLoop::load_plant`].
+    pub fn look(&mut self, t: f64, x: &[S]) {
+        let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
+        self.world.sample(t, &mut now);
+        self.turn_to(x);
+        self.now = now;
+    }
+
+    /// Write what acts on the plant at state `x`, as of the last look, into its friction.
+    pub fn load_plant(&mut self, x: &[S]) {
+        self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, &self.now.wrench);
+    }
+
+    /// The plant.
+    pub fn plant_mut(&mut self) -> &mut dyn Plant<S> {
+        self.plant.as_mut()
+    }
+
     /// As [`ClosedLoop::observe`] if the law is evaluated in every stage; a held input does not change.
     pub fn observe_unheld(&mut self, t: f64, x: &[S]) {
         if !self.closing.held {
@@ -301,6 +328,18 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         } else if self.closing.held {
             self.observe(t, x);
         }
+    }
+
+    fn enter_step(&mut self, t: f64, x: &[S]) -> bool {
+        self.settle(t, x, None)
+    }
+
+    fn leave_step(&mut self, x: &mut [S]) -> bool {
+        self.arrest(x)
+    }
+
+    fn sides(&mut self) -> &[i8] {
+        ClosedLoop::sides(self)
     }
 
     fn held(&self) -> Option<(&[S], &[S])> {
@@ -334,6 +373,10 @@ impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
         for (to, &from) in self.tau.iter_mut().zip(input).chain(self.dz.iter_mut().zip(rate)) {
             *to = Duals::new(from, V::zero());
         }
+    }
+
+    fn follow(&mut self, sides: &[i8]) {
+        ClosedLoop::follow(self, sides);
     }
 
     fn autonomous(&self) -> bool {

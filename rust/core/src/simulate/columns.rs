@@ -11,6 +11,8 @@ pub struct Columns {
     pub n: usize,
     /// Size of the law's state.
     pub p: usize,
+    /// Numbers of bristles of friction.
+    pub bristles: usize,
 }
 
 /// Where the quantities of a record `[x, tau, monitors]` are.
@@ -21,6 +23,7 @@ pub struct SampleColumns {
     pub theta: Range<usize>,
     pub theta_dot: Range<usize>,
     pub z: Range<usize>,
+    pub bristles: Range<usize>,
     /// The first monitor.
     pub monitors: usize,
 }
@@ -32,12 +35,13 @@ pub struct Parts<'a, S> {
     pub theta: &'a [S],
     pub theta_dot: &'a [S],
     pub z: &'a [S],
+    pub bristles: &'a [S],
 }
 
 impl Columns {
     pub fn of(problem: &Problem) -> Self {
         let plant = problem.plant(0);
-        Columns { kind: plant.kind(), n: plant.n(), p: problem.law(0).initial_state().len() }
+        Columns { kind: plant.kind(), n: plant.n(), p: problem.law(0).initial_state().len(), bristles: plant.bristles() }
     }
 
     /// Motor positions per record: none without elastic joints.
@@ -54,22 +58,24 @@ impl Columns {
             tau: size..size + n,
             theta: states - 2 * motors..states - motors,
             theta_dot: states - motors..states,
-            z: states..states + self.p,
+            bristles: states..states + self.bristles,
+            z: states + self.bristles..states + self.bristles + self.p,
             monitors: size + n,
         }
     }
 
-    /// The numbers of each series in such a record: positions, velocities, inputs, motors, the law's state, and each monitor.
+    /// The numbers of each series in such a record: positions, velocities, inputs, motors, the law's state,
+    /// bristles, and each monitor.
     pub fn series(&self, size: usize, monitors: usize) -> Vec<Range<usize>> {
-        let SampleColumns { q, v, tau, theta, theta_dot, z, monitors: first } = self.places(size);
-        let own = [q, v, tau, theta, theta_dot, z].into_iter();
+        let SampleColumns { q, v, tau, theta, theta_dot, z, bristles, monitors: first } = self.places(size);
+        let own = [q, v, tau, theta, theta_dot, z, bristles].into_iter();
         own.chain((first..first + monitors).map(|k| k..k + 1)).collect()
     }
 
     /// The parts of a state `x` under the input `tau`.
     pub fn split<'a, S>(&self, x: &'a [S], tau: &'a [S]) -> Parts<'a, S> {
-        let SampleColumns { q, v, theta, theta_dot, z, .. } = self.places(x.len());
+        let SampleColumns { q, v, theta, theta_dot, z, bristles, .. } = self.places(x.len());
         let v = if self.kind.has_speeds() { &x[v] } else { tau };
-        Parts { q: &x[q], v, theta: &x[theta], theta_dot: &x[theta_dot], z: &x[z] }
+        Parts { q: &x[q], v, theta: &x[theta], theta_dot: &x[theta_dot], z: &x[z], bristles: &x[bristles] }
     }
 }

@@ -193,7 +193,13 @@ where
                 piece = if schedule.is_end(jump, end) { end - t } else { jump - t };
             }
         }
+        if system.enter_step(t, x.as_ref()) {
+            method.restart();
+        }
         method.step(system, t, piece, input_end, x);
+        if system.leave_step(x.as_mut()) {
+            method.restart();
+        }
         if !jumps {
             return;
         }

@@ -44,6 +44,12 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn hold_contacts(&mut self, contacts: &[Touch]);
     /// Let this wrench act in place of the forces there are; `None` gives them back.
     fn push(&mut self, wrench: Option<&Wrench>);
+    /// Decide which joints stick at time `t` and state `x`.
+    fn settle(&mut self, _t: f64, _x: &[S]) {}
+    /// What a joint with stick-slip friction does is over at time `t` and state `x`: it slips, or stops there. `None`: of any joint.
+    fn switch_joint(&mut self, _t: f64, _x: &mut [S], _joint: Option<usize>) {}
+    /// Of each joint with stick-slip friction the number that is negative where what it does is over.
+    fn margins(&mut self, _t: f64, _x: &[S], _out: &mut [f64]) {}
     /// The records that were noted within steps; `time`: of each step.
     fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
 }
@@ -65,6 +71,15 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     fn push(&mut self, wrench: Option<&Wrench>) {
         ClosedLoop::push(self, wrench);
     }
+    fn settle(&mut self, t: f64, x: &[S]) {
+        ClosedLoop::settle(self, t, x, None);
+    }
+    fn switch_joint(&mut self, t: f64, x: &mut [S], joint: Option<usize>) {
+        ClosedLoop::switch_joint(self, t, x, joint);
+    }
+    fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
+        ClosedLoop::margins(self, t, x, out);
+    }
 }
 
 /// A loop with its twin on dual numbers.
@@ -84,6 +99,17 @@ impl Watched<f64> for Twins<'_> {
     fn push(&mut self, wrench: Option<&Wrench>) {
         self.system.push(wrench);
         self.twin.push(wrench);
+    }
+    fn settle(&mut self, t: f64, x: &[f64]) {
+        Watched::settle(&mut self.system, t, x);
+        self.twin.follow(self.system.sides());
+    }
+    fn switch_joint(&mut self, t: f64, x: &mut [f64], joint: Option<usize>) {
+        self.system.switch_joint(t, x, joint);
+        self.twin.follow(self.system.sides());
+    }
+    fn margins(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
+        self.system.margins(t, x, out);
     }
     fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
         self.system.drive(tau, held);
@@ -286,7 +312,7 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     let law = LawSpec::build::<S>(|lane| problem.law(run(lane)));
     let closing = Closing { tau_max: o.tau_max.as_deref().map(Cow::Borrowed), held: o.sampling.is_some(), monitored: o.monitors, storage };
     let spec = problem.plant(run(0));
-    let sizes = (spec.states(), problem.law(run(0)).initial_state().len(), spec.model().angles());
+    let sizes = (spec.states(), spec.seen(), problem.law(run(0)).initial_state().len(), spec.model().angles());
     let truth =
         if closing.watches_dissipation() { Truth::new(|lane| problem.law(run(lane)), |lane| problem.plant(run(lane))) } else { None };
     ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth)

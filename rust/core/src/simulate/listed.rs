@@ -137,6 +137,9 @@ fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
     if law.route() == Route::Outside {
         return directly("law", "a law of armlet such as Adaptive".into(), "a function in Python".into());
     }
+    if problem.plant(0).sticks() {
+        return directly("plant", "a plant without stick-slip friction".into(), "one with it".into());
+    }
     if fixed && !law.route().is_recordable() {
         return directly(
             "law",

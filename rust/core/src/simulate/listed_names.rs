@@ -108,9 +108,10 @@ fn states(problem: &Problem) -> Vec<String> {
     let (plant, law) = (problem.plant(0), problem.law(0));
     let own = if law.adaptive().is_some() { "estimate" } else { "z" };
     let plant = plant.kind().parts().iter().flat_map(|part| (1..=plant.n()).map(move |i| format!("{part}{i}")));
+    let bristles = (1..=problem.plant(0).bristles()).map(|i| format!("bristle{i}"));
     let law = (1..=law.initial_state().len()).map(|k| format!("{own}{k}"));
     let monitors: &[&str] = if problem.options.monitors { &["dissipated", "supplied"] } else { &[] };
-    plant.chain(law).chain(monitors.iter().map(|&name| name.to_owned())).collect()
+    plant.chain(bristles).chain(law).chain(monitors.iter().map(|&name| name.to_owned())).collect()
 }
 
 /// The desired motions and the wrench at one instant: of the joints `q_d1, v_d1, a_d1`, of motion `k` in other coordinates `x1_d1`, ..

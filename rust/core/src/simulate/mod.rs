@@ -18,6 +18,7 @@ mod force;
 mod gauge;
 mod general;
 mod gradient;
+mod gripping;
 mod identities;
 mod key;
 mod layout;

@@ -78,7 +78,7 @@ impl<P: Solve> Checks<P> {
             balances: Balances::new(|_| plant, |_| law, storage),
             levels: LevelNorms::of(law),
             target: if target { TargetModel::new(problem, run) } else { None },
-            states: plant.states(),
+            states: plant.seen(),
         }
     }
 

@@ -146,7 +146,8 @@ impl<'a> Problem<'a> {
     /// touches.
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
-        let alone = |plant: &PlantSpec| plant.kind() == PlantKind::Rigid && !plant.has_friction() && plant.is_free();
+        let alone =
+            |plant: &PlantSpec| plant.kind() == PlantKind::Rigid && !plant.has_friction() && plant.friction().is_none() && plant.is_free();
         let all = self.laws.iter().all(|law| law.impedance().is_some_and(|law| law.has_target_model()))
             && self.plants.iter().all(|plant| alone(plant));
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
@@ -175,6 +176,10 @@ impl<'a> Problem<'a> {
         }
         if let Some(i) = self.plants.iter().position(|p| p.kind() != plant.kind()) {
             return mixed("plant", i, plant.kind().name(), self.plants[i].kind().name());
+        }
+        let friction = |plant: &PlantSpec| plant.friction().map(std::mem::discriminant);
+        if let Some(i) = self.plants.iter().position(|p| friction(p) != friction(plant)) {
+            return Err(Error::input("plant", format!("mixes models of friction: expected one throughout (first bad index {i})")));
         }
         if law.plant() != plant.kind() {
             let problem = format!(

@@ -162,6 +162,15 @@ impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
         self.direct.sample(t, x);
         self.hold();
     }
+    fn enter_step(&mut self, t: f64, x: &[S]) -> bool {
+        self.direct.enter_step(t, x)
+    }
+    fn leave_step(&mut self, x: &mut [S]) -> bool {
+        self.direct.leave_step(x)
+    }
+    fn sides(&mut self) -> &[i8] {
+        self.direct.sides()
+    }
     fn held(&self) -> Option<(&[S], &[S])> {
         self.direct.held()
     }
@@ -189,6 +198,15 @@ impl<S: Real, D: Watched<S>> Watched<S> for RatesLoop<'_, S, D> {
     }
     fn push(&mut self, wrench: Option<&Wrench>) {
         self.direct.push(wrench);
+    }
+    fn settle(&mut self, t: f64, x: &[S]) {
+        self.direct.settle(t, x);
+    }
+    fn switch_joint(&mut self, t: f64, x: &mut [S], joint: Option<usize>) {
+        self.direct.switch_joint(t, x, joint);
+    }
+    fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
+        self.direct.margins(t, x, out);
     }
 }
 

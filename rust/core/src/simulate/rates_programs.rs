@@ -144,7 +144,7 @@ pub fn is_recordable(problem: &Problem) -> bool {
         _ if method.is_implicit() => plant.wall().is_none(),
         _ => true,
     };
-    problem.plants.iter().all(free) && !problem.law(0).route().is_scalar()
+    problem.plants.iter().all(|plant| free(plant) && !plant.sticks()) && !problem.law(0).route().is_scalar()
 }
 
 /// The rates of a run, and the numbers of its set-up.

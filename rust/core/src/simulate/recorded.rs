@@ -66,6 +66,7 @@ impl Recorded {
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), Kind::ExplicitSteps(_))
         && problem.law(0).route().is_recordable()
+        && !problem.plants.iter().any(|plant| plant.sticks())
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 

@@ -9,7 +9,7 @@ use super::layout::Layout;
 use super::monitors::Monitor;
 use super::problem::Problem;
 use super::program_loop::{MOST_LANES, ProgramLoop};
-use crate::integrate::{Advance, Kind, WithExplicitSteps};
+use crate::integrate::{Advance, Kind, System, WithExplicitSteps};
 use crate::scalar::{Float, Real};
 
 /// One run on plain numbers.
@@ -87,7 +87,9 @@ impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for Steps<'a,
             load(&mut self.dz, dz);
             self.closed.hold_input(&self.tau, &self.dz);
         }
+        self.closed.enter_step(t, &self.x);
         self.method.advance_anew(&mut self.closed, t, h, end, &mut self.x);
+        self.closed.leave_step(&mut self.x);
         store(x, &self.x);
     }
 

@@ -14,6 +14,7 @@ use super::stop::Stop;
 use super::watching::RunObserver;
 use crate::error::{Error, Result, all_finite};
 use crate::memory::{self, append};
+use crate::plant::{FrictionTorque, Rubbed};
 use crate::status::Status;
 use std::ops::Range;
 
@@ -34,6 +35,10 @@ pub struct Run {
     pub theta_dot: Vec<f64>,
     /// The law's state, `(K, p)`.
     pub z: Vec<f64>,
+    /// Deflections of the bristles of LuGre friction, `(K, n)`; else empty.
+    pub bristles: Vec<f64>,
+    /// Torques of dry friction, `(K, n)`; empty without.
+    pub friction: Vec<f64>,
     /// `(K,)` per monitor.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
     /// How it ended.
@@ -104,7 +109,7 @@ impl Sink for RunRecorder<'_> {
 
 impl RunRecorder<'_> {
     fn reserve(&mut self, records: usize) -> Result<()> {
-        let Columns { kind, n, p } = self.columns;
+        let Columns { kind, n, p, bristles } = self.columns;
         let run = &mut *self.run;
         memory::more(&mut run.t, records)?;
         for series in [&mut run.q, &mut run.v, &mut run.tau] {
@@ -115,6 +120,7 @@ impl RunRecorder<'_> {
             memory::more(&mut run.theta_dot, n * records)?;
         }
         memory::more(&mut run.z, p * records)?;
+        memory::more(&mut run.bristles, bristles * records)?;
         for (_, series) in &mut run.monitors {
             memory::more(series, records)?;
         }
@@ -125,7 +131,7 @@ impl RunRecorder<'_> {
     fn keep_block(&mut self, block: &Block) -> Result<()> {
         let (run, monitors) = (&mut *self.run, self.values.len());
         let (mut sound, numbers) = (true, &self.numbers);
-        let own = [&mut run.q, &mut run.v, &mut run.tau, &mut run.theta, &mut run.theta_dot, &mut run.z];
+        let own = [&mut run.q, &mut run.v, &mut run.tau, &mut run.theta, &mut run.theta_dot, &mut run.z, &mut run.bristles];
         for (series, numbers) in own.into_iter().zip(numbers) {
             block.append(numbers.clone(), series)?;
         }
@@ -153,6 +159,7 @@ impl RunRecorder<'_> {
         append(&mut run.theta, parts.theta)?;
         append(&mut run.theta_dot, parts.theta_dot)?;
         append(&mut run.z, parts.z)?;
+        append(&mut run.bristles, parts.bristles)?;
         for ((_, series), &value) in run.monitors.iter_mut().zip(&self.values) {
             append(series, &[value])?;
         }
@@ -224,6 +231,7 @@ pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Optio
             run.coarsen = outcome.work.coarsen;
         }
     }
+    run.rub(problem)?;
     run.balances = balances::open(|name| run.monitors.iter().find(|(known, _)| *known == name).map(|(_, series)| series.as_slice()));
     Ok(run)
 }
@@ -234,6 +242,17 @@ impl Run {
         self.truncate(self.t.iter().position(|&s| s >= t).unwrap_or(self.t.len()));
     }
 
+    /// Add the torques of friction.
+    fn rub(&mut self, problem: &Problem) -> Result<()> {
+        let Some(mut friction) = FrictionTorque::of(problem.plant(0), problem.force_frame()) else { return Ok(()) };
+        let mut torques = memory::zeros(self.q.len())?;
+        let Run { t, q, v, theta, theta_dot, bristles, tau, .. } = &*self;
+        let wrench = |k: usize| problem.force(0).map_or([0.0; 6], |force| force.at(t[k]));
+        friction.series(&Rubbed { q, v, theta, theta_dot, bristles, tau }, wrench, &mut torques);
+        self.friction = torques;
+        Ok(())
+    }
+
     /// Keep the first `k` records.
     fn truncate(&mut self, k: usize) {
         if k >= self.t.len() {
@@ -241,7 +260,7 @@ impl Run {
         }
         let records = self.t.len();
         self.t.truncate(k);
-        for series in [&mut self.q, &mut self.v, &mut self.tau, &mut self.theta, &mut self.theta_dot, &mut self.z] {
+        for series in [&mut self.q, &mut self.v, &mut self.tau, &mut self.theta, &mut self.theta_dot, &mut self.z, &mut self.bristles] {
             series.truncate(series.len() / records * k);
         }
         for (_, series) in &mut self.monitors {

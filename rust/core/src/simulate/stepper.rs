@@ -88,7 +88,13 @@ where
             }
         }
         self.tau.copy_from_slice(self.closed.input_at(t, &self.x));
+        if self.closed.enter_step(t, &self.x) {
+            self.method.restart();
+        }
         self.method.step(&mut self.closed, t, self.dt, end, &mut self.x);
+        if self.closed.leave_step(&mut self.x) {
+            self.method.restart();
+        }
         if self.bound.holds(&self.x) {
             self.steps += 1;
         } else {

@@ -21,6 +21,6 @@ pub trait Watcher<F, B, M> {
     fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
     /// The last step of `method` is part of the run up to `t`.
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
-    /// The system switches now, at `x`.
-    fn switch(&mut self, system: &mut F, x: &B);
+    /// The system switches now, at `t` and `x`, which may be put exactly where it does.
+    fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
 }

@@ -1,5 +1,5 @@
 //! What is looked for in a run of an adaptive method: changes of contact, where the step is taken again up to the change
-//! and the contact held as it is in between, so that no step sees a corner; events of the user's; the polynomials of the steps.
+//! and the contact held as it is in between, so that no step sees a corner; joints that stick and slip; events of the user's; the polynomials of the steps.
 //!
 //! Functions are looked at in four places of every step. Two changes of sign between two of these cancel and are missed.
 
@@ -67,8 +67,11 @@ pub struct Watching<'a, S> {
     events: Vec<Seen>,
     /// The crossings of the last step: time and event.
     crossed: Vec<(f64, usize)>,
-    /// Guards of the contacts at the last look.
+    /// Guards of the contacts at the last look, then those of joints that stick and slip, of which there are so many.
     guards: Vec<f64>,
+    sticking: usize,
+    now: Vec<f64>,
+    trial: Vec<f64>,
     /// The guard whose contact switches next.
     switches: usize,
     stuck: usize,
@@ -83,14 +86,18 @@ impl<'a, S: Real> Watching<'a, S> {
     /// `width` states of plant and law are kept of a state like `x`.
     pub fn new(plant: &PlantSpec, observer: Option<&'a mut RunObserver>, width: usize, x: &[S]) -> Self {
         let switching = Switching::of(plant);
-        let guards = switching.as_ref().map_or(0, Switching::guards);
+        let contacts = switching.as_ref().map_or(0, Switching::guards);
+        let sticking = if plant.sticks() { plant.n() } else { 0 };
         Watching {
             events: vec![Seen::default(); observer.as_ref().map_or(0, |observer| observer.events.len())],
             crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| LOOKS * observer.events.len())),
             switching,
             probe: Probe::new(plant),
             observer,
-            guards: vec![0.0; guards],
+            guards: vec![0.0; contacts + sticking],
+            sticking,
+            now: vec![0.0; contacts + sticking],
+            trial: vec![0.0; contacts + sticking],
             switches: 0,
             stuck: 0,
             states: plant.states(),
@@ -106,30 +113,39 @@ impl<'a, S: Real> Watching<'a, S> {
         F: Watched<S>,
         M: Adaptive<S, F, Vec<S>>,
     {
-        let Some(switching) = &mut self.switching else { return Ok(None) };
+        if self.guards.is_empty() {
+            return Ok(None);
+        }
         let (t0, t1) = (method.t_old(), method.t());
-        let (at, x) = (&mut self.at, &mut self.x);
+        let (at, x, now, trial) = (&mut self.at, &mut self.x, &mut self.now, &mut self.trial);
+        let (switching, sticking) = (&mut self.switching, self.sticking);
+        let contacts = self.guards.len() - sticking;
+        let mut look = |system: &mut F, method: &mut M, t: f64, all: &mut [f64]| {
+            interpolate(system, method, t, at, x);
+            if let Some(switching) = switching {
+                (0..contacts).for_each(|i| all[i] = switching.guard(i, x));
+            }
+            if sticking > 0 {
+                system.margins(t, at, &mut all[contacts..]);
+            }
+        };
         let mut first: Option<(f64, usize)> = None;
         let mut before = t0;
-        interpolate(system, method, t0, at, x);
-        for (i, guard) in self.guards.iter_mut().enumerate() {
-            *guard = switching.guard(i, x);
-        }
-        for look in 1..=LOOKS {
-            let t = place(look, t0, t1);
-            interpolate(system, method, t, at, x);
-            for i in 0..self.guards.len() {
-                let (was, guard) = (self.guards[i], switching.guard(i, x));
-                if guard.is_nan() {
-                    return Err(Status::Diverged);
-                }
+        look(system, method, t0, &mut self.guards);
+        for k in 1..=LOOKS {
+            let t = place(k, t0, t1);
+            look(system, method, t, now);
+            if now.iter().any(|guard| guard.is_nan()) {
+                return Err(Status::Diverged);
+            }
+            for (i, &guard) in now.iter().enumerate() {
+                let was = self.guards[i];
                 if guard < 0.0 {
                     let g = |t: f64| {
-                        interpolate(system, method, t, at, x);
-                        switching.guard(i, x)
+                        look(system, method, t, trial);
+                        trial[i]
                     };
                     let root = if was > 0.0 { crossing(g, (before, was), (t, guard)) } else { before };
-                    interpolate(system, method, t, at, x);
                     if first.is_none_or(|(earliest, _)| root < earliest) {
                         first = Some((root, i));
                     }
@@ -150,11 +166,18 @@ impl<'a, S: Real> Watching<'a, S> {
         if self.stuck <= STUCK {
             return Ok(Some(t));
         }
-        // Contacts that undo each other within rounding: on with them as they are found at the end of the step.
-        interpolate(system, method, t1, at, x);
-        switching.begin(x);
-        system.hold_contacts(&switching.touches);
         self.stuck = 0;
+        if i >= contacts {
+            // Joints that undo each other within rounding: on to the end of the step with what they do.
+            self.switches = self.guards.len();
+            return Ok(Some(t1));
+        }
+        // Contacts that undo each other within rounding: on with them as they are found at the end of the step.
+        interpolate(system, method, t1, &mut self.at, &mut self.x);
+        if let Some(switching) = &mut self.switching {
+            switching.begin(&self.x);
+            system.hold_contacts(&switching.touches);
+        }
         Ok(None)
     }
 
@@ -225,7 +248,7 @@ where
 
 impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> for Watching<'_, S> {
     fn active(&self) -> bool {
-        self.switching.is_some() || self.observer.is_some()
+        !self.guards.is_empty() || self.observer.is_some()
     }
 
     fn begin(&mut self, system: &mut F, t: f64, x: &Vec<S>) -> Result<(), Status> {
@@ -233,6 +256,9 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
         if let Some(switching) = &mut self.switching {
             switching.begin(&self.x);
             system.hold_contacts(&switching.touches);
+        }
+        if self.sticking > 0 {
+            system.settle(t, x);
         }
         if let Some(observer) = &self.observer {
             for (event, seen) in observer.events.iter().zip(&mut self.events) {
@@ -273,9 +299,12 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
         });
     }
 
-    fn switch(&mut self, system: &mut F, x: &Vec<S>) {
+    fn switch(&mut self, system: &mut F, t: f64, x: &mut Vec<S>) {
         lanes_of(&mut self.x, x);
-        if let Some(switching) = &mut self.switching {
+        let contacts = self.guards.len() - self.sticking;
+        if let Some(joint) = self.switches.checked_sub(contacts).filter(|_| self.sticking > 0) {
+            system.switch_joint(t, x, (joint < self.sticking).then_some(joint));
+        } else if let Some(switching) = &mut self.switching {
             switching.switch(self.switches, &self.x);
             system.hold_contacts(&switching.touches);
         }

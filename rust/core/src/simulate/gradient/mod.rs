@@ -37,7 +37,7 @@ pub type RecordParts = Vec<(&'static str, Range<usize>)>;
 pub fn record_parts(problem: &Problem) -> (RecordParts, usize) {
     let columns = Columns::of(problem);
     let size = problem.plant(0).states() + columns.p;
-    let names = ["q", "v", "tau", "theta", "theta_dot", "estimate"];
+    let names = ["q", "v", "tau", "theta", "theta_dot", "estimate", "bristles"];
     (names.into_iter().zip(columns.series(size, 0)).filter(|(_, range)| !range.is_empty()).collect(), size + columns.n)
 }
 
@@ -81,6 +81,9 @@ fn prepare<'a>(problem: &'a Problem<'a>, parameters: &[Parameter], stop: &dyn St
     }
     if o.sampling.as_ref().is_some_and(|sampling| sampling.torque_sensor.is_some()) {
         return refused("sample_time", "a Sampling without torque_sensor", "one with it");
+    }
+    if problem.plants.iter().any(|plant| plant.sticks()) {
+        return refused("plant", "a plant without stick-slip friction", "one with it");
     }
     if o.method.is_adaptive() && !problem.plant(0).is_free() {
         return refused("plant", "a plant without a wall or stops for an adaptive method, or fixed steps", "one with contacts");

@@ -1,0 +1,161 @@
+//! Dry friction of joints that depends on speed and load (Stribeck's curve; Hamon, Gautier and Garrec 2010):
+//!
+//! `h(v, L) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`,
+//!
+//! `F_c` Coulomb and `F_s` static friction, `v_s` the Stribeck speed, `L` the torque that the joint passes on to its load.
+
+use super::{LuGre, StickSlip};
+use crate::error::{Error, Result, finite};
+use crate::scalar::Real;
+use crate::scalar::hyperbolic::decay;
+
+/// The friction of all joints, `(n,)` each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrictionCurve {
+    /// `F_c`, N m or N.
+    pub coulomb: Vec<f64>,
+    /// `F_s`, N m or N.
+    pub breakaway: Vec<f64>,
+    /// `v_s`, rad/s or m/s; zero where friction falls to `F_c` as soon as the joint moves.
+    pub stribeck_speed: Vec<f64>,
+    /// N m s/rad or N s/m.
+    pub viscous: Vec<f64>,
+    /// `mu`.
+    pub load_ratio: Vec<f64>,
+}
+
+/// Refuse the first number of `values` for which `holds` is false.
+pub(super) fn require(name: &str, values: &[f64], expected: &str, holds: impl Fn(usize, f64) -> bool) -> Result<()> {
+    finite(name, values)?;
+    match values.iter().enumerate().find(|&(i, &x)| !holds(i, x)) {
+        Some((i, x)) => Err(Error::input(name, format!("is out of range: expected {expected}, got {x} (first bad index {i})"))),
+        None => Ok(()),
+    }
+}
+
+impl FrictionCurve {
+    /// A curve of each joint; `breakaway` defaults to `coulomb`, all other numbers to zero.
+    pub fn new(
+        coulomb: Vec<f64>,
+        breakaway: Option<Vec<f64>>,
+        stribeck_speed: Option<Vec<f64>>,
+        viscous: Option<Vec<f64>>,
+        load_ratio: Option<Vec<f64>>,
+    ) -> Result<Self> {
+        let n = coulomb.len();
+        let zeros = |values: Option<Vec<f64>>| values.unwrap_or_else(|| vec![0.0; n]);
+        let breakaway = breakaway.unwrap_or_else(|| coulomb.clone());
+        let curve = FrictionCurve {
+            coulomb,
+            breakaway,
+            stribeck_speed: zeros(stribeck_speed),
+            viscous: zeros(viscous),
+            load_ratio: zeros(load_ratio),
+        };
+        let all = [
+            ("coulomb", &curve.coulomb),
+            ("static", &curve.breakaway),
+            ("stribeck_speed", &curve.stribeck_speed),
+            ("viscous", &curve.viscous),
+            ("load_ratio", &curve.load_ratio),
+        ];
+        for (name, values) in all {
+            if values.len() != n {
+                return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
+            }
+        }
+        require("coulomb", &curve.coulomb, ">= 0", |_, x| x >= 0.0)?;
+        require("static", &curve.breakaway, "at least coulomb", |i, x| x >= curve.coulomb[i])?;
+        require("stribeck_speed", &curve.stribeck_speed, ">= 0", |_, x| x >= 0.0)?;
+        require("viscous", &curve.viscous, ">= 0", |_, x| x >= 0.0)?;
+        require("load_ratio", &curve.load_ratio, ">= 0 and < 1", |_, x| (0.0..1.0).contains(&x))?;
+        Ok(curve)
+    }
+
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        self.coulomb.len()
+    }
+}
+
+/// The friction of a plant's joints, or of its motors.
+#[derive(Clone, Debug, PartialEq)]
+pub enum JointFriction {
+    /// With bristles, whose deflections are states of the plant.
+    LuGre(LuGre),
+    /// That holds joints at rest.
+    StickSlip(StickSlip),
+}
+
+impl JointFriction {
+    /// Number of joints.
+    pub fn n(&self) -> usize {
+        match self {
+            JointFriction::LuGre(friction) => friction.curve.n(),
+            JointFriction::StickSlip(friction) => friction.curve.n(),
+        }
+    }
+
+    /// The bristles, where there are any.
+    pub fn bristles(&self) -> Option<&LuGre> {
+        match self {
+            JointFriction::LuGre(friction) => Some(friction),
+            JointFriction::StickSlip(_) => None,
+        }
+    }
+
+    /// What sticks, if anything does.
+    pub fn stick_slip(&self) -> Option<&StickSlip> {
+        match self {
+            JointFriction::LuGre(_) => None,
+            JointFriction::StickSlip(friction) => Some(friction),
+        }
+    }
+
+    /// Refuse a friction of other joints than `n`.
+    pub(super) fn require_joints(&self, name: &str, n: usize) -> Result<()> {
+        match self.n() {
+            own if own == n => Ok(()),
+            own => Err(Error::input(name, format!("has the wrong number of joints: expected {n}, got {own}"))),
+        }
+    }
+}
+
+/// The curves of the lanes.
+pub(super) struct LaneCurve<S> {
+    coulomb: Vec<S>,
+    /// `F_s - F_c`.
+    excess: Vec<S>,
+    /// `1 / v_s`.
+    per_speed: Vec<S>,
+    pub viscous: Vec<S>,
+    pub load_ratio: Vec<S>,
+}
+
+impl<S: Real> LaneCurve<S> {
+    pub fn new<'a>(of: impl Fn(usize) -> &'a FrictionCurve) -> Self {
+        let n = of(0).n();
+        let numbers = |name, f: &dyn Fn(&FrictionCurve, usize) -> f64| {
+            S::labelled(name, 1, || (0..n).map(|i| S::from_lanes(|lane| f(of(lane), i))).collect::<Vec<S>>())
+        };
+        let smooth = |curve: &FrictionCurve, i: usize| curve.stribeck_speed[i] > 0.0;
+        LaneCurve {
+            coulomb: numbers("coulomb_friction", &|curve, i| curve.coulomb[i]),
+            excess: numbers("stribeck_friction", &|curve, i| if smooth(curve, i) { curve.breakaway[i] - curve.coulomb[i] } else { 0.0 }),
+            per_speed: numbers("inverse_stribeck_speed", &|curve, i| if smooth(curve, i) { curve.stribeck_speed[i].recip() } else { 0.0 }),
+            viscous: numbers("viscous_friction", &|curve, i| curve.viscous[i]),
+            load_ratio: numbers("load_ratio", &|curve, i| curve.load_ratio[i]),
+        }
+    }
+
+    /// `h(v, 0)` of joint `i`.
+    pub fn unloaded(&self, i: usize, v: S) -> S {
+        let r = v * self.per_speed[i];
+        self.excess[i].mul_add(decay(r * r), self.coulomb[i])
+    }
+
+    /// `h(v, L)` of joint `i`.
+    pub fn level(&self, i: usize, v: S, load: S) -> S {
+        self.load_ratio[i].mul_add(load.abs(), self.unloaded(i, v))
+    }
+}

@@ -1,0 +1,145 @@
+//! The torque of dry friction at recorded states.
+
+use super::lugre::LaneLuGre;
+use super::rigid::lane_bristles;
+use super::{Plant, PlantSpec};
+use crate::linalg::gain::{AnyGain, Multiply};
+use crate::scalar::Real;
+
+/// A state of a plant and its input, `(n,)` each; motors and bristles are empty where there are none.
+#[derive(Clone, Copy, Debug)]
+pub struct Rubbed<'a> {
+    /// Positions of the links.
+    pub q: &'a [f64],
+    /// Velocities of the links.
+    pub v: &'a [f64],
+    /// Positions of the motors.
+    pub theta: &'a [f64],
+    /// Velocities of the motors.
+    pub theta_dot: &'a [f64],
+    /// Deflections of the bristles.
+    pub bristles: &'a [f64],
+    /// The input.
+    pub tau: &'a [f64],
+}
+
+/// The springs and dampers of elastic joints, which load the motors.
+struct Joints<'a> {
+    stiffness: AnyGain<f64>,
+    damping: &'a [f64],
+    stretch: Vec<f64>,
+}
+
+/// Bristles, whose torque is a function of the state.
+struct Bristles<'a> {
+    friction: LaneLuGre<f64>,
+    joints: Option<Joints<'a>>,
+    load: Vec<f64>,
+}
+
+/// Stick-slip friction, whose torque is that of the whole plant.
+struct Sticking {
+    plant: Box<dyn Plant<f64> + Send>,
+    trig: Vec<(f64, f64)>,
+    x: Vec<f64>,
+    a: Vec<f64>,
+}
+
+enum Kind<'a> {
+    Bristles(Bristles<'a>),
+    Sticking(Sticking),
+}
+
+/// What computes the torques of one plant.
+pub struct FrictionTorque<'a> {
+    n: usize,
+    kind: Kind<'a>,
+}
+
+impl<'a> FrictionTorque<'a> {
+    /// `None` for a plant without a `JointFriction`. A wrench acts at `force_frame`.
+    pub fn of(plant: &'a PlantSpec, force_frame: Option<usize>) -> Option<Self> {
+        let n = plant.n();
+        plant.friction()?;
+        let kind = match lane_bristles(|_| plant.friction()) {
+            None => Kind::Sticking(Sticking {
+                plant: PlantSpec::build::<f64>(|_| plant, force_frame),
+                trig: vec![(0.0, 1.0); n],
+                x: Vec::with_capacity(plant.states()),
+                a: vec![0.0; n],
+            }),
+            Some(friction) => {
+                let joints = plant.elastic().map(|elastic| Joints {
+                    stiffness: AnyGain::from_lanes(|_| &elastic.stiffness),
+                    damping: &elastic.joint_damping,
+                    stretch: vec![0.0; n],
+                });
+                Kind::Bristles(Bristles { friction, joints, load: vec![0.0; n] })
+            }
+        };
+        Some(FrictionTorque { n, kind })
+    }
+
+    /// The torques of records one after another, `(K, n)`, under the wrenches `wrench(k)`.
+    pub fn series(&mut self, records: &Rubbed, wrench: impl Fn(usize) -> [f64; 6], out: &mut [f64]) {
+        let n = self.n;
+        for (k, out) in out.chunks_exact_mut(n).enumerate() {
+            let range = |values: &[f64]| if values.is_empty() { 0..0 } else { k * n..(k + 1) * n };
+            let at = Rubbed {
+                q: &records.q[range(records.q)],
+                v: &records.v[range(records.v)],
+                theta: &records.theta[range(records.theta)],
+                theta_dot: &records.theta_dot[range(records.theta_dot)],
+                bristles: &records.bristles[range(records.bristles)],
+                tau: &records.tau[range(records.tau)],
+            };
+            match &mut self.kind {
+                Kind::Bristles(bristles) => bristles.evaluate(&at, out),
+                Kind::Sticking(sticking) => sticking.evaluate(&at, &wrench(k), out),
+            }
+            // No zero is negative.
+            out.iter_mut().for_each(|torque| *torque += 0.0);
+        }
+    }
+}
+
+impl Bristles<'_> {
+    fn evaluate(&mut self, at: &Rubbed, out: &mut [f64]) {
+        let rates = match &mut self.joints {
+            None => {
+                for (i, load) in self.load.iter_mut().enumerate() {
+                    *load = at.tau[i] - self.friction.spring(i, at.bristles[i]);
+                }
+                at.v
+            }
+            Some(Joints { stiffness, damping, stretch }) => {
+                stretch.iter_mut().enumerate().for_each(|(i, stretch)| *stretch = at.theta[i] - at.q[i]);
+                stiffness.multiply(stretch, &mut self.load);
+                for (i, load) in self.load.iter_mut().enumerate() {
+                    *load += damping[i] * (at.theta_dot[i] - at.v[i]);
+                }
+                at.theta_dot
+            }
+        };
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = self.friction.rub(i, rates[i], at.bristles[i], self.load[i]).torque;
+        }
+    }
+}
+
+impl Sticking {
+    fn evaluate(&mut self, at: &Rubbed, wrench: &[f64; 6], out: &mut [f64]) {
+        self.x.clear();
+        [at.q, at.v, at.theta, at.theta_dot].into_iter().for_each(|part| self.x.extend_from_slice(part));
+        for (trig, &q) in self.trig.iter_mut().zip(at.q) {
+            *trig = Real::sin_cos(q);
+        }
+        self.plant.load_friction(&self.trig, &self.x, at.tau, wrench);
+        let Some((friction, first)) = self.plant.stick_slip() else { return };
+        let v = &self.x[first..first + out.len()];
+        friction.settle(v, None);
+        friction.slide(v);
+        friction.hold(&mut self.a);
+        out.copy_from_slice(friction.torque());
+    }
+}

@@ -1,0 +1,230 @@
+//! Stick-slip friction (Karnopp 1985; Olsson et al. 1998). A joint sticks, `v_i = 0`, while the torque that holds it is within its static
+//! friction. Else it slides against `h(v, L)`.
+//!
+//! Stuck joints and the torques that hold them, with `A` the mass matrix and `b` all torques but those of friction:
+//!
+//! `A a = b - tau_f`, `a_i = 0` for `i` stuck, `tau_f,i = s_i h(v_i, L_i) + sigma_2 v_i` for `i` sliding to the side `s_i`.
+//!
+//! At rest `|tau_f,i| <= F_i`, `a_i > 0` only at `F_i` and `a_i < 0` only at `-F_i`. This linear complementarity problem has one solution,
+//! because `A^-1` is positive definite. Murty's least-index pivots find it.
+
+use super::friction::{FrictionCurve, LaneCurve};
+use crate::linalg::cholesky;
+use crate::scalar::Real;
+
+/// Stick-slip friction, `(n,)` numbers each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StickSlip {
+    /// `h(v, L)`.
+    pub curve: FrictionCurve,
+}
+
+/// What loads a joint.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Load<S> {
+    /// The load `L` itself.
+    Known(S),
+    /// `L = tau - tau_f`, of this `tau`.
+    Driven(S),
+}
+
+/// Pivots at rest: some times as many as joints, and as many more.
+const PIVOTS: usize = 8;
+/// A joint that is to slip slips below its static friction by this part, so that rounding does not hold it.
+const SLIPS: f64 = 1e-9;
+
+/// The friction of one plant, whose lanes stick and slide together.
+pub struct LaneStickSlip<S> {
+    curve: LaneCurve<S>,
+    breakaway: Vec<S>,
+    /// Zero for a joint that is stuck; 1 or -1 for one that slides, or is about to, along positive or negative velocities.
+    sides: Vec<i8>,
+    before: Vec<i8>,
+    /// `A`, `(n, n)`, which the plant writes; with the rows and columns of stuck joints replaced by those of the identity; its factor.
+    pub(super) matrix: Vec<S>,
+    kept: Vec<S>,
+    factor: Vec<S>,
+    /// `b`, which the plant writes.
+    pub(super) drive: Vec<S>,
+    /// The load of each joint.
+    pub(super) loads: Vec<Load<S>>,
+    torque: Vec<S>,
+    /// Which joints are at rest.
+    resting: Vec<bool>,
+    /// Scratch for accelerations.
+    rates: Vec<S>,
+}
+
+impl<S: Real> LaneStickSlip<S> {
+    pub(super) fn new<'a>(of: impl Fn(usize) -> &'a StickSlip) -> Self {
+        let n = of(0).curve.n();
+        let zeros = |k: usize| vec![S::zero(); k];
+        LaneStickSlip {
+            curve: LaneCurve::new(|lane| &of(lane).curve),
+            breakaway: S::labelled("static_friction", 1, || (0..n).map(|i| S::from_lanes(|lane| of(lane).curve.breakaway[i])).collect()),
+            sides: vec![0; n],
+            before: vec![0; n],
+            matrix: zeros(n * n),
+            kept: zeros(n * n),
+            factor: zeros(n * n),
+            drive: zeros(n),
+            loads: vec![Load::Known(S::zero()); n],
+            torque: zeros(n),
+            resting: vec![false; n],
+            rates: zeros(n),
+        }
+    }
+
+    /// `tau_f` of the last evaluation, `(n,)`.
+    pub fn torque(&self) -> &[S] {
+        &self.torque
+    }
+
+    /// Zero for a joint that is stuck, else the side to which it slides.
+    pub fn sides(&self) -> &[i8] {
+        &self.sides
+    }
+
+    /// Let joints stick and slide as in another plant.
+    pub fn follow(&mut self, sides: &[i8]) {
+        self.sides.copy_from_slice(sides);
+    }
+
+    /// Whether a joint is stuck.
+    pub fn holds(&self) -> bool {
+        self.sides.contains(&0)
+    }
+
+    /// The torque of joint `i` that slides to `side` against `unloaded + mu |L|` and `viscous`.
+    fn sliding(&self, i: usize, side: i8, unloaded: S, viscous: S) -> S {
+        let (side, ratio) = (S::splat(f64::from(side)), self.curve.load_ratio[i]);
+        match self.loads[i] {
+            Load::Known(load) => side.mul_add(ratio.mul_add(load.abs(), unloaded), viscous),
+            // L = r - s mu |L|, r = tau - s h(v, 0) - sigma_2 v, which has the sign of L.
+            Load::Driven(tau) => {
+                let rest = tau - side.mul_add(unloaded, viscous);
+                let against = S::select(rest.lt(S::zero()), -(side * ratio), side * ratio);
+                tau - rest / (S::splat(1.0) + against)
+            }
+        }
+    }
+
+    /// The torque of joint `i` that slides at `v`.
+    fn kinetic(&self, i: usize, v: S) -> S {
+        self.sliding(i, self.sides[i], self.curve.unloaded(i, v), self.curve.viscous[i] * v)
+    }
+
+    /// The largest torque to one side that holds joint `i` at rest.
+    fn limit(&self, i: usize, side: i8) -> S {
+        self.sliding(i, side, self.breakaway[i], S::zero())
+    }
+
+    /// The torques of sliding joints at the speeds `v`; zero of stuck ones.
+    pub(super) fn slide(&mut self, v: &[S]) {
+        for i in 0..v.len() {
+            self.torque[i] = if self.sides[i] == 0 { S::zero() } else { self.kinetic(i, v[i]) };
+        }
+    }
+
+    /// From `A`, `b` and the torques of sliding joints the accelerations `a`, and the torques of stuck joints.
+    pub(super) fn hold(&mut self, a: &mut [S]) {
+        let n = a.len();
+        for i in 0..n {
+            let stuck = self.sides[i] == 0;
+            a[i] = if stuck { S::zero() } else { self.drive[i] - self.torque[i] };
+            for j in 0..n {
+                let coupled = !stuck && self.sides[j] != 0;
+                self.kept[i * n + j] = if coupled { self.matrix[i * n + j] } else { S::splat(if i == j { 1.0 } else { 0.0 }) };
+            }
+        }
+        cholesky::factor_into(n, &self.kept, &mut self.factor);
+        cholesky::solve(n, &self.factor, a);
+        for i in 0..n {
+            if self.sides[i] == 0 {
+                a[i] = S::zero();
+                let row = &self.matrix[i * n..(i + 1) * n];
+                self.torque[i] = row.iter().zip(&*a).fold(self.drive[i], |held, (m, a)| m.neg_mul_add(*a, held));
+            }
+        }
+    }
+
+    /// One number per joint, negative where its state ends. It is the distance of the torque of a stuck joint from its limits, or the
+    /// speed of a sliding joint to its side. `A`, `b` and the loads are those at `v`.
+    pub fn margins(&mut self, v: &[S], out: &mut [f64]) {
+        if self.holds() {
+            self.slide(v);
+            let mut rates = std::mem::take(&mut self.rates);
+            self.hold(&mut rates);
+            self.rates = rates;
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = match self.sides[i] {
+                0 => (self.limit(i, 1) - self.torque[i]).lane(0).min((self.torque[i] - self.limit(i, -1)).lane(0)),
+                side => f64::from(side) * v[i].lane(0),
+            };
+        }
+    }
+
+    /// Stop the joints that slide against their side; whether there are any.
+    pub fn arrest(&mut self, v: &mut [S]) -> bool {
+        let mut any = false;
+        for (side, v) in self.sides.iter_mut().zip(v) {
+            // What rounding leaves of the speed of a stuck joint goes too.
+            if *side == 0 || f64::from(*side) * v.lane(0) < 0.0 {
+                any |= v.lane(0) != 0.0;
+                (*side, *v) = (0, S::zero());
+            }
+        }
+        any
+    }
+
+    /// Decide what joints do at the speeds `v`. Joints that move slide; those at rest solve the problem at rest for `A`, `b` and the loads.
+    /// `leaving`: this one slips. Returns whether a joint does something else than before.
+    pub fn settle(&mut self, v: &[S], leaving: Option<usize>) -> bool {
+        let n = v.len();
+        self.before.copy_from_slice(&self.sides);
+        for i in 0..n {
+            let v = v[i].lane(0);
+            self.sides[i] = i8::from(v > 0.0) - i8::from(v < 0.0);
+            self.resting[i] = self.sides[i] == 0;
+        }
+        let mut a = std::mem::take(&mut self.rates);
+        if self.resting.contains(&true) {
+            for _ in 0..PIVOTS * (n + 1) {
+                for i in 0..n {
+                    self.torque[i] = match (self.sides[i], self.resting[i]) {
+                        (0, _) => S::zero(),
+                        (side, true) => self.limit(i, side),
+                        (_, false) => self.kinetic(i, v[i]),
+                    };
+                }
+                self.hold(&mut a);
+                let wrong = (0..n).filter(|&i| self.resting[i]).find_map(|i| Some((i, self.pivot(i, a[i], leaving == Some(i))?)));
+                let Some((i, side)) = wrong else { break };
+                self.sides[i] = side;
+            }
+        }
+        self.rates = a;
+        self.sides != self.before
+    }
+
+    /// What a joint at rest does instead, if that does not fit its torque or its acceleration `a`.
+    fn pivot(&self, i: usize, a: S, leaving: bool) -> Option<i8> {
+        match self.sides[i] {
+            0 => {
+                let torque = self.torque[i].lane(0);
+                let [up, down] = [1, -1].map(|side| self.limit(i, side).lane(0));
+                let slack = if leaving { SLIPS * (up - down) } else { 0.0 };
+                if torque > up - slack {
+                    Some(1)
+                } else if torque < down + slack {
+                    Some(-1)
+                } else {
+                    None
+                }
+            }
+            side if !leaving && f64::from(side) * a.lane(0) < 0.0 => Some(0),
+            _ => None,
+        }
+    }
+}
