@@ -23,6 +23,7 @@ from ._core import (
     ElasticArm,
     ElasticImpedance,
     ElasticTracking,
+    Guarded,
     Hold,
     InverseKinematics,
     JointImpedance,
@@ -89,11 +90,13 @@ from .rest_to_rest import point_to_point
 from .run import BatchRun, Run, load
 from .run.events import Event, Events, JointStops, State
 from .run.gradients import gradient
+from .run.guards import Contact
 from .run.metrics import Metrics, metrics
 from .run.programs import LoopProgram, loop_program
 from .run.sampling import Sampling, TorqueSensor
 from .run.sensitivity import Sensitivity
 from .run.simulation import simulate, simulate_batch
+from .samples import Samples, select_samples
 from .scenario import Scenario
 from .srdf import Srdf, SrdfGroup, load_srdf
 from .status import Status
@@ -114,6 +117,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "CartesianPath",
     "CentreOfMassTask",
     "ComputedTorque",
+    "Contact",
     "DenseOutput",
     "ElasticArm",
     "ElasticImpedance",
@@ -124,6 +128,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "Events",
     "ExcitingMotion",
     "FormatError",
+    "Guarded",
     "Hold",
     "Identification",
     "InputError",
@@ -157,6 +162,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "RelativeTask",
     "RigidArm",
     "Run",
+    "Samples",
     "Sampling",
     "Scenario",
     "Sensitivity",
@@ -209,6 +215,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "point_to_point",
     "project_parameters",
     "scipy_method",
+    "select_samples",
     "simulate",
     "simulate_batch",
     "smallest_reduced_inertia",

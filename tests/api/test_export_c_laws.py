@@ -180,6 +180,23 @@ def test_the_state_advances_as_in_a_sampled_loop(name: str, method: str, samples
             np.testing.assert_array_equal(c.state, states[k], err_msg=f"sample {k}")
 
 
+@pytest.mark.parametrize("reaction", [None, "stop", "float", "retract"])
+def test_a_guarded_law_reacts_in_c_as_in_a_loop(reaction: str | None, tmp_path: Path) -> None:
+    """The observer needs the sample time, which is `dt`; the tip is pushed. A force that jumps would divide a step of the run."""
+    inner = al.ComputedTorque(PLANAR, quintic(PLANAR), 100.0, 20.0)
+    gains: dict[str, Any] = {None: {}, "float": {"damping": 2.0}}.get(reaction, {"stiffness": 60.0, "damping": 9.0})
+    law = al.Guarded(inner, al.MomentumObserver(PLANAR, 50.0, threshold=0.5), reaction, **gains)
+    with pytest.raises(al.InputError, match="dt is missing: expected the sample time, which Guarded needs"):
+        al.export_c(law, tmp_path)
+    c = Controller(al.export_c(law, tmp_path, dt=1e-3), COMPILERS[0])
+    push: dict[str, Any] = {"force": [8.0, -6.0, 0.0], "force_frame": PLANAR.frame_names[-1]}
+    run = al.simulate(al.RigidArm(PLANAR), law, np.zeros(PLANAR.n), t_end=0.3, dt=1e-3, sample_time=1e-3, check_limits=False, **push)
+    assert run.estimate is not None and run.tau is not None and (run.contact is None) == (reaction is None)
+    for k in range(len(run.t) - 1):
+        np.testing.assert_array_equal(c(run.t[k], run.q[k], run.v[k]), run.tau[k], err_msg=f"sample {k}")
+        np.testing.assert_array_equal(c.state, run.estimate[k], err_msg=f"sample {k}")
+
+
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("arm", ["tree", "six axes"])
 def test_a_loop_closed_by_c_is_the_loop_of_armlet(arm: str, compiler: str, tmp_path: Path) -> None:

@@ -29,11 +29,13 @@ from .laws import CartesianImpedance as CartesianImpedance
 from .laws import ComputedTorque as ComputedTorque
 from .laws import ElasticImpedance as ElasticImpedance
 from .laws import ElasticTracking as ElasticTracking
+from .laws import Guarded as Guarded
 from .laws import JointImpedance as JointImpedance
 from .laws import Law as Law
 from .laws import MotorPD as MotorPD
 from .laws import PDGravity as PDGravity
 from .laws import StateFeedback as StateFeedback
+from .laws import _select_samples as _select_samples
 from .motions import BangBang as BangBang
 from .motions import Hold as Hold
 from .motions import Motion as Motion
@@ -114,6 +116,7 @@ __all__ = [
     "ElasticArm",
     "ElasticImpedance",
     "ElasticTracking",
+    "Guarded",
     "Hold",
     "InverseKinematics",
     "JointImpedance",
@@ -161,6 +164,7 @@ __all__ = [
     "_restore_time_path",
     "_restore_tree",
     "_seal",
+    "_select_samples",
     "_sensitivities",
     "_share",
     "_spline_slopes",

@@ -1,16 +1,18 @@
 """Control laws."""
 
 from collections.abc import Sequence
-from typing import Any, Self, final
+from typing import Any, Literal, Self, final
 
 from numpy.typing import ArrayLike
 from typing_extensions import disjoint_base
 
 from ..identification import BaseParameters
 from ..null_space import NullSpace
+from ..samples import Samples
 from ._types import _Array
 from .arms import Arm
 from .motions import Motion
+from .simulation import MomentumObserver
 
 @disjoint_base
 class Law:
@@ -68,6 +70,8 @@ class Adaptive(Law):
         dead_zone: float = 0.0,
         composite: ArrayLike | None = None,
         composite_rate: float = 10.0,
+        concurrent: Samples | None = None,
+        concurrent_weight: ArrayLike = 1.0,
     ) -> Self: ...
     @property
     def parameter_names(self) -> tuple[str, ...]: ...
@@ -99,6 +103,35 @@ class PID(Law):
         observer_bandwidth: ArrayLike | None = None,
         nominal_inertia: ArrayLike | None = None,
     ) -> Self: ...
+
+@final
+class Guarded(Law):
+    @property
+    def law(self) -> Law: ...
+    @property
+    def observer(self) -> MomentumObserver: ...
+    @property
+    def reaction(self) -> Literal["stop", "float", "retract"] | None: ...
+    @property
+    def motion(self) -> Motion | None: ...
+    @property
+    def _gain(self) -> _Array: ...
+    @property
+    def _first(self) -> int: ...
+    def __new__(
+        cls,
+        law: Law,
+        observer: MomentumObserver,
+        reaction: Literal["stop", "float", "retract"] | None = None,
+        *,
+        stiffness: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+        speed: float | None = None,
+        duration: float | None = None,
+        joint_stiffness: ArrayLike | None = None,
+    ) -> Self: ...
+    def touched(self, residual: ArrayLike) -> Any: ...  # an index, or an array of them
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
 class CartesianImpedance(Law):
@@ -190,3 +223,11 @@ class StateFeedback(Law):
     def __new__(
         cls, arm: Arm, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, kt: ArrayLike, ks: ArrayLike, joint_stiffness: ArrayLike
     ) -> Self: ...
+
+def _select_samples(
+    law: Law,
+    record: tuple[ArrayLike, ArrayLike, ArrayLike],
+    a: ArrayLike | None,
+    windows: tuple[ArrayLike | None, float | None, bool],
+    count: int,
+) -> dict[str, Any]: ...

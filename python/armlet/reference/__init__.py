@@ -17,6 +17,7 @@ from .elastic import ElasticLimits, damping_from_ratio, elastic_limits, smallest
 from .events import Event
 from .excitation import Excitation, excitation
 from .gradient import gradient, sensitivity
+from .guarded import Guarded
 from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, JointImpedance
 from .inertia import ParameterReport, check_parameters, project_parameters
@@ -35,6 +36,8 @@ from .profiles import bang_bang_time, minimum_jerk_time, trapezoid_time
 from .regulation import MotorPD, StateFeedback
 from .rest import Equilibrium, equilibrium
 from .rest_to_rest import point_to_point
+from .samples import sample_rows, window_rows
+from .samples import select as select_samples
 from .sampling import Sampling, TorqueSensor
 from .saturation import velocity_bounds
 from .simulate import simulate
@@ -63,6 +66,7 @@ __all__ = [
     "Equilibrium",
     "Event",
     "Excitation",
+    "Guarded",
     "Hold",
     "Identification",
     "InverseKinematics",
@@ -122,6 +126,8 @@ __all__ = [
     "planar_pr",
     "point_to_point",
     "project_parameters",
+    "sample_rows",
+    "select_samples",
     "sensitivity",
     "simulate",
     "smallest_reduced_inertia",
@@ -133,6 +139,7 @@ __all__ = [
     "torque_optimal_time",
     "trapezoid_time",
     "velocity_bounds",
+    "window_rows",
     "with_frame",
     "with_payload",
 ]

@@ -8,6 +8,7 @@
     dead zone           w = 0 while |s| < s_0
     composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W' = Y(q, v, v, a) - lambda W,  tau_W' = tau - lambda tau_W
                         with the plant's own acceleration a, from W = 0 and tau_W = 0                         (Slotine and Li 1989)
+    concurrent          w = Y's + sum_j W_j'R (tau_j - W_j a_hat) of stored samples                 (Chowdhary and Johnson 2010)
     for every estimate  -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w, with M, C, g, tau_f of the plant
 """
 
@@ -62,6 +63,8 @@ class Adaptive(Law):
         dead_zone: float = 0.0,
         composite: ArrayLike | None = None,
         composite_rate: float = 10.0,
+        concurrent: Any = None,
+        concurrent_weight: ArrayLike = 1.0,
     ) -> None:
         rubbing = ("viscous", "coulomb") if friction is True else friction or ()
         self.kinds = [kind for kind in KINDS if kind in rubbing or (armature and kind == "armature")]
@@ -82,7 +85,8 @@ class Adaptive(Law):
         self.leakage, self.form, self.dead_zone = leakage, leakage_form, dead_zone
         self.centre = self.state0.copy() if leakage_centre is None else np.asarray(leakage_centre, dtype=np.float64)
         self.weight, self.rate = (None if composite is None else gain(composite, arm.n)), composite_rate
-        self.plain = not self.kinds and leakage == 0.0 and dead_zone == 0.0 and composite is None
+        self.stored, self.trust = concurrent, gain(concurrent_weight, arm.n)
+        self.plain = not self.kinds and leakage == 0.0 and dead_zone == 0.0 and composite is None and concurrent is None
         self.p = p
         self.plant: Any = None
         if self.weight is not None:
@@ -106,6 +110,9 @@ class Adaptive(Law):
         filters = self._filters(q, v, tau, state)
         if filters:
             w = w + filters["W"].T @ self.weight @ filters["e_W"]
+        if self.stored is not None:
+            for W, torque in zip(self.stored.W, self.stored.tau, strict=True):
+                w = w + W.T @ self.trust @ (torque - W @ estimate)
         rate = self._rate(estimate, w)
         if np.linalg.norm(s) < self.dead_zone:
             w, rate = np.zeros_like(w), np.zeros_like(w)

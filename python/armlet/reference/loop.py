@@ -14,6 +14,7 @@ import numpy as np
 
 from .adaptive import Adaptive
 from .contact import pushes
+from .guarded import Guarded
 from .impedance import ElasticImpedance
 from .lagrange import Array
 from .law import Law, Terms
@@ -63,6 +64,9 @@ class ClosedLoop:
     ) -> None:
         if isinstance(law, Adaptive):
             law.plant = plant
+        if isinstance(law, Guarded):
+            law.period = 0.0 if sampling is None else sampling.period
+            law.limit = law.limit if tau_max is None else np.broadcast_to(tau_max, law.limit.shape)
         self.plant, self.law, self.force, self.tau_max = plant, law, force, tau_max
         # load(q, F) is the joint torque J'F of an external force.
         self.load = load if load is not None else getattr(law, "load", None)

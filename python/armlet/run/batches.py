@@ -84,6 +84,7 @@ def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undi
         balances = Balances(found["energy_error"], **rest)
         completed = having(fields["status"], Status.SUCCESS).astype(np.float64)
         fields["stats"] |= found | {"completed": completed}
+    fields["sampled"] = keywords.get("sample_time") is not None
     batch = BatchRun(fields, law=law, plant=plant)
     if found or batch.monitors:
         warn_of_balances("simulate_batch", balances, having(batch.status, Status.SUCCESS), undisturbed)

@@ -18,6 +18,7 @@ from ..integration import DenseOutput
 from ..status import Status
 from .contacts import contact_forces
 from .events import Events
+from .guards import Contact, contact_states, residuals, touched_joints
 from .task_errors import orientation_errors, position_errors
 
 __all__ = ["SERIES", "Array", "Recorded"]
@@ -29,7 +30,7 @@ SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot", "friction", "bristl
 # Laws whose motion is not one of joints.
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
 # Fields without a time axis that may be there.
-OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error", "contact_force")
+OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
@@ -74,6 +75,7 @@ class Recorded:
         self._motions = motions if None not in motions else []
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
         self._laws, self._made_by, self._plants, self._arms, self.arm = laws, law, plants, arms, arms[0]
+        self._sampled = bool(given.pop("sampled", True))
         # How much of the law's own state is an estimate; filters may follow.
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
         # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
@@ -101,9 +103,10 @@ class Recorded:
     @cached_property
     def target(self) -> Array | None:
         """The joint position that a law of joints holds, (n,) or (B, n); None for other laws."""
-        if self._made_by is None or not all(getattr(each, "_holds_joints", False) for each in _rows(self._made_by)):
+        laws = [each.law if isinstance(each, _core.Guarded) else each for each in _rows(self._made_by)]
+        if self._made_by is None or not all(getattr(each, "_holds_joints", False) for each in laws):
             return None
-        targets = [each.__getnewargs_ex__()[1]["target"] for each in _rows(self._made_by)]
+        targets = [each.__getnewargs_ex__()[1]["target"] for each in laws]
         return np.array(targets if len(targets) > 1 else targets[0], dtype=np.float64)
 
     @cached_property
@@ -156,6 +159,38 @@ class Recorded:
     def contact_force(self) -> Array | None:
         """The force of the plant's wall on its frame along the normal, (K,) or (B, K), N; None without a wall."""
         return None if self.arm is None else contact_forces(self._plants, self.q, self.v)
+
+    @cached_property
+    def residual(self) -> Array | None:
+        """The residual of the observer of a `Guarded` law, (K, n) or (B, K, n), N m or N; None for other laws.
+
+        In a sampled loop it is the mean since the last record: that of the last sample where each sample is recorded. Row 0 is zero.
+        In a continuous loop it is that of the record.
+        """
+        return residuals(self._laws, self.t, self.q, self.v, self.estimate, self._sampled)
+
+    @cached_property
+    def touched(self) -> NDArray[np.int64] | None:
+        """The joint of the touched link by `residual` at each record, (K,) or (B, K), -1 without contact; None without thresholds."""
+        return touched_joints(self._laws, self.residual)
+
+    @cached_property
+    def contact_state(self) -> Array | None:
+        """Time, joint and residual of `contact` as numbers, (2 + n,) or (B, 2 + n); None for laws without a reaction."""
+        return contact_states(self._laws, self.t, self.estimate, not isinstance(self.status, Status))
+
+    @property
+    def contact(self) -> Contact | None:
+        """The contact to which a `Guarded` law reacted (`armlet.Contact`); None for laws without a reaction.
+
+        Of one run it is None without contact, too. Of a batch its fields are arrays.
+        """
+        state = self.contact_state
+        if state is None:
+            return None
+        if state.ndim > 1:
+            return Contact(state[:, 0], state[:, 1].astype(np.int64), state[:, 2:])
+        return Contact(float(state[0]), int(state[1]), state[2:]) if np.isfinite(state[0]) else None
 
     def _of_tasks(self, errors: Callable[..., Array | None]) -> Array | None:
         known = self._laws[0] is not None and self.arm is not None

@@ -166,7 +166,7 @@ class BatchRun(_Stored):
         items["limits"] = self.limits and {name: each[i] if each.ndim == 2 else each for name, each in self.limits.items()}
         items["parameters"] = self.parameters[i] if self.parameters is not None and self.parameters.ndim == 2 else self.parameters
         items["stats"] = {name: np.asarray(value)[i] if np.ndim(value) else value for name, value in self.stats.items()}
-        for name in ("position_error", "orientation_error", "contact_force"):
+        for name in ("position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state"):
             values = getattr(self, name)
             items[name] = None if values is None else values[i]
         if self._desired is not None:

@@ -120,6 +120,7 @@ def simulate(
     if names is not None:
         vary("simulate", plant, law, q0, keywords, names)  # what is wrong with the names is said before the run
     fields = _core.simulate(plant, law, q0, keywords)
+    fields["sampled"] = sample_time is not None
     ended, balances = fields.pop("ended"), Balances(**fields.pop("balances"))
     if searched:
         fields["events"] = Events(names=tuple(event.name for event in searched), **fields["events"])

@@ -26,7 +26,7 @@ __all__ = ["read", "save"]
 
 FORMAT = "armlet run"
 VERSION = 1
-SINGLE = ("parameters", "target", "position_error", "orientation_error", "contact_force")
+SINGLE = ("parameters", "target", "position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state")
 DESIRED = ("q_d", "v_d", "a_d")
 EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
 

@@ -21,14 +21,14 @@ from ..pickling import sealed
 from ..robot_files import robot_text
 from ..run.records import Run
 from ..run.simulation import simulate
+from .across import RIGID, across, knowing, needs_of
 from .built import Built, summary
 from .fields import Kind, OneOf
-from .tables import KNOWN, LAWS, SCENARIO, arguments
+from .tables import SCENARIO, arguments
 
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
 MESSAGE = re.compile(r"^[\w.]+: (?P<key>[\w.\[\]]+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
-RIGID = {"kind": "RigidArm"}
 #: What `simulate` calls the positions that it checks against joint limits, and where they stand in the tables.
 LIMITED = {"q0": "$.run.q0", "law.target": "$.law.target", "law.motion": "$.motion"}
 STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
@@ -120,7 +120,7 @@ class Scenario:
         found = list(SCENARIO.check(data, "$"))
         yield from found
         if not found:
-            yield from _across(data)
+            yield from across(data)
 
     def build(self) -> Built:
         """Make the plant, the law, and the keyword arguments of `simulate`.
@@ -141,7 +141,7 @@ class Scenario:
         for table in ("arm", "model", "plant", "motion", "law"):
             if table not in tables:
                 continue
-            if table == "motion" and "motion" not in LAWS.kinds[tables["law"]["kind"]].needs:
+            if table == "motion" and "motion" not in needs_of(tables["law"]):
                 continue
             kinds = SCENARIO.keys[table]
             assert isinstance(kinds, OneOf)
@@ -156,7 +156,7 @@ class Scenario:
                     continue
             values = {key: value for key, value in tables[table].items() if key != "kind"}
             if table == "law":
-                values |= {ours: tables["plant"][theirs] for ours, theirs in KNOWN.items() if ours in kind.keys and ours not in values}
+                values = knowing(tables["law"], tables["plant"])
             if tables[table]["kind"] == "urdf" and "path" in values and "://" not in values["path"]:
                 values["path"] = str(Path(self.folder) / values["path"])
             parts[table] = pathed(self.name, table, partial(_make, kind, table, values, parts), values)
@@ -229,7 +229,7 @@ class Scenario:
         for path, value in changes.items():
             change(data, path, value)
         found = (problem for table in touched for problem in SCENARIO.keys[table].check(data[table], f"$.{table}"))
-        if any(found) or any(_across(data)):
+        if any(found) or any(across(data)):
             return self.replace(changes)
         made = object.__new__(Scenario)
         for name, part in (("data", data), ("folder", self.folder), ("name", self.name)):
@@ -288,7 +288,8 @@ def _require_tables(function: str, data: object) -> None:
 
 def _make(kind: Kind, table: str, values: Mapping[str, Any], parts: Mapping[str, Any]) -> Any:
     arm = parts["model"] if table == "law" and "model" in parts else parts.get("arm")
-    others = {name: arm if name == "arm" else parts[name] for name in kind.needs}
+    needs = (*kind.needs, *(name for name in ("motion",) if table == "law" and "law" in values and name in parts))
+    others = {name: arm if name == "arm" else parts[name] for name in needs}
     return kind.make(**others, **values)
 
 
@@ -332,29 +333,6 @@ def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
     for kind in what.kinds.values() if isinstance(what, OneOf) else [what]:
         keys |= set(getattr(kind, "keys", ()))
     return tuple(keys - set(values))
-
-
-def _across(data: Mapping[str, Any]) -> Iterator[str]:
-    """What no single table can see."""
-    law, plant = data["law"], data.get("plant", RIGID)
-    kind = LAWS.kinds[law["kind"]]
-    if "motion" in kind.needs and "motion" not in data:
-        yield f"$.motion: is missing: the law {law['kind']} follows one: expected a table with kind = one of {_kinds('motion')}"
-    for ours, theirs in KNOWN.items():
-        if ours in kind.keys and ours not in law and theirs not in plant:
-            yield f"$.law.{ours}: is missing: expected a number or a list of numbers, or a plant ElasticArm to take it from"
-    for table in ("arm", "model"):
-        if data.get(table, {}).get("kind") == "urdf" and ("path" in data[table]) == ("xml" in data[table]):
-            yield f"$.{table}.path: expected either path or xml, got {'both' if 'path' in data[table] else 'neither'}"
-    if "motion" in data and "motion" not in kind.needs:
-        followers = ", ".join(name for name, each in LAWS.kinds.items() if "motion" in each.needs)
-        yield f"$.motion: is not used by the law {law['kind']}: expected a law that follows a motion ({followers}), or no motion"
-
-
-def _kinds(table: str) -> str:
-    what = SCENARIO.keys[table]
-    assert isinstance(what, OneOf)
-    return ", ".join(what.kinds)
 
 
 def change(data: dict[str, Any], path: str, value: Any) -> None:

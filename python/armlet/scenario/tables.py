@@ -16,7 +16,9 @@ from ..excitation import exciting_motion
 from ..friction_models import LuGre, StickSlip
 from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
+from ..samples import stated_samples
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
+from .guarded import with_guarded
 from .impedance import OPTIONS, impedance, target_of
 from .paths import POSES, timed_path
 from .tasks import prioritised, tasks_of
@@ -243,6 +245,8 @@ _ADAPTATION: dict[str, Field] = {
     "dead_zone": NOT_NEGATIVE,
     "composite": GAIN,
     "composite_rate": POSITIVE,
+    "concurrent": Table({"W": Numbers(depth=3, scalar=False), "tau": ROWS}, ("W", "tau")),
+    "concurrent_weight": GAIN,
 }
 _FOLLOWED: dict[str, Field] = {"target": Entries({"plain": VECTOR, "table": MOTIONS})}
 _PID: dict[str, Field] = {
@@ -254,14 +258,20 @@ _PID: dict[str, Field] = {
 }
 
 
+def _adaptive(arm: _core.Arm, motion: _core.Motion, concurrent: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Law:
+    """Adaptive tracking; samples for concurrent learning are a table with `W` and `tau`."""
+    stored = None if concurrent is None else stated_samples(**concurrent)
+    return _core.Adaptive(arm, motion, concurrent=stored, **keywords)
+
+
 def _pid(arm: _core.Arm, target: Any, kp: Any, kd: Any, ki: Any = None, **options: Any) -> _core.Law:
     """PID without an integral where no `ki` is named; the target may be a table of a motion."""
     return _core.PID(arm, MOTIONS.make(target, arm=arm) if isinstance(target, Mapping) else target, kp, ki, kd, **options)
 
 
-LAWS = OneOf(
+LAWS = with_guarded(
     {
-        "Adaptive": _law(_core.Adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
+        "Adaptive": _law(_adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
         "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
         "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
         "PID": _law(_pid, _FOLLOWED | _PD, _PID),

@@ -24,6 +24,7 @@ mod plan;
 mod plant;
 mod printed;
 mod priority;
+mod samples;
 mod seal;
 mod simulate;
 mod simulator;
@@ -60,8 +61,8 @@ mod _core {
     use super::inverse_kinematics::{InverseKinematics, inverse_kinematics};
     #[pymodule_export]
     use super::law::{
-        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, JointImpedance, Law, MotorPD, PDGravity, PID,
-        PriorityAcceleration, PriorityVelocity, StateFeedback,
+        Adaptive, CartesianImpedance, ComputedTorque, ElasticImpedance, ElasticTracking, Guarded, JointImpedance, Law, MotorPD, PDGravity,
+        PID, PriorityAcceleration, PriorityVelocity, StateFeedback,
     };
     #[pymodule_export]
     use super::listed::loop_program;
@@ -91,6 +92,8 @@ mod _core {
     use super::priority::{
         _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,
     };
+    #[pymodule_export]
+    use super::samples::_select_samples;
     #[pymodule_export]
     use super::seal::{_restore, _seal, _share};
     #[pymodule_export]

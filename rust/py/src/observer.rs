@@ -7,7 +7,9 @@ use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::{Sealed, seal_call};
 use armlet_core::analysis::momentum_observer::{MomentumObserver as Core, ObserverState};
+use armlet_core::dynamics::Model;
 use armlet_core::error::Result as CoreResult;
+use armlet_core::linalg::Gain;
 use armlet_core::memory;
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -77,6 +79,9 @@ impl Observed {
     }
 }
 
+/// The model of an observer of links, its gain, and viscous and Coulomb friction that it knows.
+pub type Links = (Model, Gain, [Vec<f64>; 2]);
+
 /// An argument of samples: its shape and numbers.
 type Rows = (Vec<usize>, Vec<f64>);
 
@@ -84,6 +89,13 @@ impl MomentumObserver {
     /// It waits without the interpreter lock: whoever holds this one may want that.
     fn observed(&self, py: Python<'_>) -> MutexGuard<'_, Observed> {
         self.observed.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The model, the gain, the known friction and the thresholds; `None` for an observer of motors.
+    pub fn of_links(&self, py: Python<'_>) -> Option<(Links, Option<Vec<f64>>)> {
+        let observed = self.observed(py);
+        let (model, gain, friction) = observed.core.of_links()?;
+        Some(((model.clone(), gain.clone(), friction.clone()), observed.core.thresholds().map(<[f64]>::to_vec)))
     }
 
     /// The observer, and what `work` makes of it without the interpreter lock.

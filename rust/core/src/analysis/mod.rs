@@ -11,5 +11,6 @@ pub mod linearisation;
 pub mod loop_slope;
 pub mod momentum_observer;
 pub mod rest;
+pub mod sample_selection;
 pub mod suggested_gains;
 mod uniform;

@@ -6,6 +6,7 @@
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
 use super::composite::LaneComposite;
+use super::concurrent::LaneConcurrent;
 use super::joint_columns::{JointColumn, LaneColumns};
 use super::projection::{Projection, Projector};
 use super::restraint::LaneRestraint;
@@ -131,6 +132,7 @@ struct More<S> {
     joints: LaneColumns<S>,
     restraint: LaneRestraint<S>,
     composite: Option<LaneComposite<S>>,
+    concurrent: Option<LaneConcurrent<S>>,
     /// The entries of the columns of joints.
     entries: Vec<S>,
     /// `y = Y' s`, `w` and `y - w`, of the size of the estimate; the last two empty for an estimate that moves freely.
@@ -145,11 +147,13 @@ impl<S: Real> More<S> {
         let p = first.estimate.len();
         let restraint = LaneRestraint::from_lanes(|i| &of(i).restraint);
         let composite = first.composite.is_some().then(|| LaneComposite::from_lanes(&of));
-        let held = if restraint.is_none() && composite.is_none() { 0 } else { p };
+        let concurrent = LaneConcurrent::from_lanes(|i| of(i).concurrent.as_ref());
+        let held = if restraint.is_none() && composite.is_none() && concurrent.is_none() { 0 } else { p };
         More {
             joints: LaneColumns::from_lanes(|i| &of(i).columns),
             restraint,
             composite,
+            concurrent,
             entries: zeros(first.columns.count()),
             y: zeros(p),
             w: zeros(held),
@@ -244,6 +248,9 @@ impl<S: Real> AnyAdaptive<S> {
         if let Some(composite) = &mut more.composite {
             composite.look(&self.law.arm, &mut self.law.workspace, &more.joints, trig, x);
             composite.push(&x[n..2 * n], tau, [z, filters], [&mut more.w, &mut more.back, filter_rates]);
+        }
+        if let Some(concurrent) = &more.concurrent {
+            concurrent.push(z, &mut more.w, &mut more.back);
         }
         let w = if free { &more.y } else { &more.w };
         if self.natural.is_empty() {

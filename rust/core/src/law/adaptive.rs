@@ -8,6 +8,7 @@
 
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
 use super::composite::Composite;
+use super::concurrent::Concurrent;
 use super::joint_columns::{JointColumn, JointColumns, LaneColumns};
 use super::projection::Projection;
 use super::restraint::Restraint;
@@ -67,6 +68,8 @@ pub struct AdaptiveSpec {
     pub restraint: Restraint,
     /// Adaptation by the filtered dynamics too.
     pub composite: Option<Composite>,
+    /// Learning from stored samples too.
+    pub concurrent: Option<Concurrent>,
     /// The law's state at the start of a run from rest.
     pub(super) start: Vec<f64>,
 }
@@ -115,8 +118,23 @@ impl AdaptiveSpec {
         let lambda = kd.solve(&kp);
         let restraint = Restraint::none();
         let start = estimate.clone();
-        let (projection, composite) = (None, None);
-        Ok(AdaptiveSpec { model, motion, kp, kd, lambda, adaptation, base, estimate, projection, columns, restraint, composite, start })
+        let (projection, composite, concurrent) = (None, None, None);
+        Ok(AdaptiveSpec {
+            model,
+            motion,
+            kp,
+            kd,
+            lambda,
+            adaptation,
+            base,
+            estimate,
+            projection,
+            columns,
+            restraint,
+            composite,
+            concurrent,
+            start,
+        })
     }
 
     /// Names of the parameters that are estimated, in their order: of the bodies or a base set, then of the columns of joints.
@@ -130,6 +148,11 @@ impl AdaptiveSpec {
         names
     }
 
+    /// The number of joints `n` and of parameters `p` that are estimated.
+    pub fn parameter_sizes(&self) -> (usize, usize) {
+        (self.model.n(), self.estimate.len())
+    }
+
     /// The entries of the columns of joints.
     fn joint_entries(&self, v_r: &[f64], a_r: &[f64]) -> Vec<f64> {
         let mut entries = vec![0.0; self.columns.count()];
@@ -139,7 +162,7 @@ impl AdaptiveSpec {
 
     /// Whether the bodies alone are estimated, freely.
     pub(super) fn is_plain(&self) -> bool {
-        self.columns.is_empty() && self.restraint.is_none() && self.composite.is_none()
+        self.columns.is_empty() && self.restraint.is_none() && self.composite.is_none() && self.concurrent.is_none()
     }
 }
 
@@ -212,6 +235,9 @@ impl Definition for AdaptiveSpec {
         if let Some([w, tau_w, e_w]) = self.filtered(at.trig, at.x, z) {
             terms.extend([("W", vec![n, p], w), ("tau_W", vec![n], tau_w), ("e_W", vec![n], e_w)]);
         }
+        if let Some(errors) = self.stored_errors(&z[..p]) {
+            terms.push(("e_stored", vec![errors.len() / n, n], errors));
+        }
         terms
     }
 
@@ -239,6 +265,7 @@ impl Build for AdaptiveSpec {
             && self.columns.same_kinds(&other.columns)
             && self.restraint.same_shape(&other.restraint)
             && self.composite.is_some() == other.composite.is_some()
+            && self.concurrent.is_some() == other.concurrent.is_some()
     }
 }
 

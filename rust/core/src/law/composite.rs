@@ -158,6 +158,16 @@ impl<S: Real> LaneComposite<S> {
         joints.fill(v, v, &mut self.entries);
     }
 
+    /// The entries of `Y_M` and `Y_D` of the bodies, pair by pair.
+    pub fn momentum_and_drift(&self) -> impl Iterator<Item = (S, S)> {
+        self.y_m.iter().copied().zip(self.y_d.iter().copied())
+    }
+
+    /// The entries of the columns of joints.
+    pub fn entries(&self) -> &[S] {
+        &self.entries
+    }
+
     /// `X` where nothing has been filtered yet.
     pub fn begin(&self, v: &[S], x: &mut [S]) {
         let (of_bodies, rest) = x.split_at_mut(self.y_m.len());

@@ -31,6 +31,16 @@ pub trait Definition {
         false
     }
 
+    /// Whether the law changes for good at a sample, so that it needs a sampled loop.
+    fn switches(&self) -> bool {
+        false
+    }
+
+    /// Whether its equations at samples have the period in them.
+    fn samples(&self) -> bool {
+        false
+    }
+
     /// How the law can be evaluated.
     fn route(&self) -> Route {
         Route::Straight

@@ -127,18 +127,19 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
 }
 
 /// The law as operations, from the desired motion, the state of the plant and that of the law, of these widths, to the plant's input and the rate of
-/// the law's state, and last whether both are right where a law says so. `None` where the code branches on data.
-pub(super) fn recording(spec: &LawSpec, widths: [usize; 3]) -> Option<Recorded> {
-    function::recorded(
-        widths.iter().sum(),
-        || Engine::<Sym>::new(spec),
-        |mut law, inputs| {
-            let mut answer = law.input_of(inputs, widths).to_vec();
-            answer.extend(&law.dz);
-            answer.extend(law.law.stands());
-            answer
-        },
-    )
+/// the law's state, and last whether both are right where a law says so. `period`: from call to call, where that is known. `None` where the code branches on data.
+pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>) -> Option<Recorded> {
+    let asked = || {
+        let mut engine = Engine::<Sym>::new(spec);
+        engine.law.told(period, &[]);
+        engine
+    };
+    function::recorded(widths.iter().sum(), asked, |mut law, inputs| {
+        let mut answer = law.input_of(inputs, widths).to_vec();
+        answer.extend(&law.dz);
+        answer.extend(law.law.stands());
+        answer
+    })
 }
 
 /// The law's state at the start of a run as operations, from the plant's state of this width. `None` where it does not depend on it.

@@ -11,6 +11,7 @@ mod arm_solver;
 mod cartesian_impedance;
 mod composite;
 mod computed_torque;
+mod concurrent;
 #[doc(hidden)]
 mod decided;
 mod definition;
@@ -18,8 +19,11 @@ mod elastic_impedance;
 #[doc(hidden)]
 mod evaluator;
 mod external;
+mod guarded;
+mod guarding;
 mod impedance_options;
 mod inertia_reduction;
+mod isolation;
 mod joint_columns;
 mod joint_impedance;
 mod joint_limits;
@@ -47,13 +51,17 @@ pub use arm_solver::ArmSolver;
 pub use cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 pub use composite::Composite;
 pub use computed_torque::{ComputedTorque, ComputedTorqueSpec};
+pub use concurrent::{Concurrent, Record, StoredRows, Windows};
 pub use decided::{Decided, RecordedSolver, Solve};
 pub use definition::{Build, Definition, Instant, Route, Term};
 pub use elastic_impedance::{ElasticImpedance, ElasticImpedanceSpec};
 pub use evaluator::LawEvaluator;
 pub use external::{Call, External, ExternalSpec};
+pub use guarded::{GuardedSpec, Reaction};
+pub use guarding::Guarded;
 pub use impedance_options::ImpedanceOptions;
 pub use inertia_reduction::{Reduction, ReductionSpec};
+pub use isolation::touched;
 pub use joint_columns::{JointColumn, JointColumns};
 pub use joint_impedance::{JointImpedance, JointImpedanceSpec};
 pub use joint_limits::{HORIZON, JointLimits, LimitOverrides};
@@ -88,6 +96,9 @@ pub trait Law<S: Real> {
 
     /// The time of the samples that follow: for laws that are a function of time itself, asked at samples alone.
     fn at(&mut self, _t: f64) {}
+
+    /// What the loop does with the answers: the period at which it asks for them, and the limits of the input, none or `(n,)`.
+    fn told(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
     /// One where the last evaluation is right, zero where it has to be taken directly; `None` for a law that is always right.
     fn stands(&self) -> Option<S> {
@@ -191,6 +202,8 @@ laws! {
     PriorityVelocity(PriorityVelocitySpec),
     /// Accelerations of tasks in priority.
     PriorityAcceleration(PriorityAccelerationSpec),
+    /// Any law with a momentum observer and a reaction to contact.
+    Guarded(GuardedSpec),
     /// A function from outside, asked at samples.
     External(ExternalSpec),
 }

@@ -64,11 +64,14 @@ impl LawSpec {
         }
         if let Some(dt) = timing.dt {
             positive("dt", dt)?;
+        } else if self.samples() {
+            return Err(Error::input("dt", format!("is missing: expected the sample time, which {} needs, got None", self.name())));
         }
         let (mut source, motions) = (CSource::new(options)?, self.motions());
         let widths =
             [motions.iter().map(|motion| 3 * motion.dof()).sum(), self.plant().states(self.model().n()), self.initial_state().len()];
-        let Some(recorded) = recording(self, widths) else { return refused("whose code branches on its data") };
+        let period = if self.samples() { timing.dt } else { None };
+        let Some(recorded) = recording(self, widths, period) else { return refused("whose code branches on its data") };
         let mut given = given(&recorded);
         let mut at = recorded.values.len();
         for motion in &motions {

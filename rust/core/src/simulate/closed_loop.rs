@@ -101,6 +101,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         ClosedLoop { truth, ..self }
     }
 
+    /// The same loop, whose law knows the limits of its input and its sample time.
+    pub fn asked_every(mut self, period: Option<f64>) -> Self {
+        self.law.told(period, &self.limits);
+        self
+    }
+
     /// The same loop with other motions, forces and limits.
     pub fn into_owned(self) -> ClosedLoop<'static, S> {
         let Closing { tau_max, held, monitored, storage } = self.closing;

@@ -315,7 +315,8 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     let sizes = (spec.states(), spec.seen(), problem.law(run(0)).initial_state().len(), spec.model().angles());
     let truth =
         if closing.watches_dissipation() { Truth::new(|lane| problem.law(run(lane)), |lane| problem.plant(run(lane))) } else { None };
-    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth)
+    let period = o.sampling.as_ref().map(|sampling| sampling.period);
+    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).asked_every(period)
 }
 
 /// The clock of the controllers of the runs `run(lane)`; `None` for a perfect one.

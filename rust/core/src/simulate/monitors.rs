@@ -51,6 +51,8 @@ pub fn names(problem: &Problem) -> &'static [&'static str] {
     let law = problem.law(0);
     match law {
         _ if !problem.options.monitors => &[],
+        // What an identity says of the law inside ends at contact.
+        LawSpec::Guarded(_) => &ENERGY_AND_LEVELS[..ENERGY],
         _ if problem.watches_storage() => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
         _ if problem.watches_target() => &["skewness", "energy", "energy_balance", "target", "target_balance"],
         _ if law.reduction().is_some() => &["skewness", "energy", "energy_balance", "torque_error"],

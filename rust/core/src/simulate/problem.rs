@@ -204,6 +204,10 @@ impl<'a> Problem<'a> {
         if law.route() == Route::Outside && self.options.sampling.is_none() {
             return Err(Error::input("sample_time", "is missing: expected the sample period of an external law, got None"));
         }
+        if law.switches() && self.options.sampling.is_none() {
+            let problem = format!("is missing: expected the period at which {} looks for contact, got None", law.name());
+            return Err(Error::input("sample_time", problem));
+        }
         let n = plant.n();
         for (i, l) in self.laws.iter().enumerate() {
             if l.model().n() != n {

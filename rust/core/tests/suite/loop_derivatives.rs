@@ -277,6 +277,8 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             LawSpec::StateFeedback(_) => 7,
             // Without derivatives: implicit methods refuse them.
             LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) | LawSpec::External(_) => 8,
+            // A reaction needs samples, which implicit methods hold.
+            LawSpec::Guarded(_) => 8,
             LawSpec::Pid(_) => 9,
         };
         seen[kind] = true;

@@ -1,10 +1,11 @@
 //! Adaptive tracking.
 
 use super::{Arguments, Law};
-use crate::arrays::{Looked, WHATEVER, flag, name, numbers, owned, shown, text};
+use crate::arrays::{Axis, Form, Looked, WHATEVER, flag, name, numbers, owned, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use armlet_core::error::positive;
-use armlet_core::law::{Adaptation, AdaptiveSpec, Base, JointColumn, JointColumns, LawSpec, LeakageForm, Projection};
+use armlet_core::law::{Adaptation, AdaptiveSpec, Base, JointColumn, JointColumns, LawSpec, LeakageForm, Projection, StoredRows};
+use armlet_core::linalg::Gain;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyString, PyTuple};
@@ -44,6 +45,9 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     dead_zone: `s_0`, >= 0: the estimate rests while the norm of `s` is below it (keyword only).
 ///     composite: positive definite weight `R`, scalar, `(n,)` or `(n, n)`, of the error of the filtered dynamics; None without (keyword only).
 ///     composite_rate: `lambda` of the filter, 1/s, > 0 (keyword only).
+///     concurrent: samples of an earlier record, from `al.select_samples` (keyword only). Concurrent learning adds `sum_j W_j' R e_j`,
+///         `e_j = tau_j - W_j a_hat`, to `Y' s`. The estimate then converges without excitation, if the samples show the parameters.
+///     concurrent_weight: positive definite weight `R` of each sample, scalar, `(n,)` or `(n, n)` (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite or negative, a gain is not positive definite, a name is unknown.
@@ -52,7 +56,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// adaptive control law for robot manipulators, IROS 2018; projection: Pomet and Praly, Adaptive nonlinear regulation, IEEE TAC 37(6), 1992; leakage:
 /// Ioannou and Kokotovic, Instability analysis and improvement of robustness of adaptive control, Automatica 20(5), 1984; e-modification:
 /// Narendra and Annaswamy, A new adaptive law for robust adaptation without persistent excitation, IEEE TAC 32(2), 1987; composite:
-/// Slotine and Li, Composite adaptive control of robot manipulators, Automatica 25(4), 1989.
+/// Slotine and Li, Composite adaptive control of robot manipulators, Automatica 25(4), 1989; concurrent learning: Chowdhary and Johnson,
+/// Concurrent learning for convergence in adaptive control without persistency of excitation, CDC 2010.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
@@ -215,16 +220,39 @@ fn filtered<'py>(
     })
 }
 
+/// The law that learns from stored samples too, where there are some.
+fn remembering<'py>(
+    given: &mut Arguments<'py>,
+    spec: AdaptiveSpec,
+    stored: Option<&Bound<'py, PyAny>>,
+    weight: Option<&Bound<'py, PyAny>>,
+) -> Result<AdaptiveSpec, Failure> {
+    let (n, p) = (given.model().n(), spec.parameter_names().len());
+    let weight =
+        weight.map_or_else(|| Ok(Gain::scalar("concurrent_weight", n, 1.0)?), |weight| given.gain("concurrent_weight", weight, n))?;
+    let Some(stored) = stored else { return Ok(spec) };
+    let field = |name: &str| {
+        let problem = "is no set of samples: expected what al.select_samples returns, with W and tau, or None";
+        stored.getattr(name).map_err(|_| Failure::from(input_error(stored.py(), "Adaptive", "concurrent", problem)))
+    };
+    let (w, tau) = (field("W")?, field("tau")?);
+    let (shape, rows) = numbers("Adaptive", "concurrent", &w, &[Form(&[Axis::Any("N"), Axis::Is(n), Axis::Is(p)])])?;
+    let (_, torques) = numbers("Adaptive", "concurrent", &tau, &[Form(&[Axis::Is(shape[0]), Axis::Is(n)])])?;
+    given.plain("concurrent", stored);
+    Ok(spec.concurrent(StoredRows { rows: owned(rows)?, torques: owned(torques)? }, &weight)?)
+}
+
 #[entered]
 #[pymethods]
 impl Adaptive {
     #[new]
     #[pyo3(
         signature = (arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=None, projection=None, friction=None, armature=None,
-            friction_speed=None, leakage=None, leakage_form=None, leakage_centre=None, dead_zone=None, composite=None, composite_rate=None),
+            friction_speed=None, leakage=None, leakage_form=None, leakage_centre=None, dead_zone=None, composite=None, composite_rate=None,
+            concurrent=None, concurrent_weight=None),
         text_signature = "(arm, motion, kp, kd, gamma, *, estimate=None, base=None, natural=False, projection=None, friction=False, \
             armature=False, friction_speed=None, leakage=0.0, leakage_form='sigma', leakage_centre=None, dead_zone=0.0, \
-            composite=None, composite_rate=10.0)"
+            composite=None, composite_rate=10.0, concurrent=None, concurrent_weight=1.0)"
     )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
@@ -245,6 +273,8 @@ impl Adaptive {
         dead_zone: Option<&Bound<'py, PyAny>>,
         composite: Option<&Bound<'py, PyAny>>,
         composite_rate: Option<&Bound<'py, PyAny>>,
+        concurrent: Option<&Bound<'py, PyAny>>,
+        concurrent_weight: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         entry(arm.py(), "Adaptive", || {
             let mut given = Arguments::new("Adaptive", arm)?;
@@ -275,6 +305,7 @@ impl Adaptive {
             }
             spec = restrained(&mut given, spec, present(leakage), [present(leakage_form), present(leakage_centre)], present(dead_zone))?;
             spec = filtered(&mut given, spec, present(composite), present(composite_rate))?;
+            spec = remembering(&mut given, spec, present(concurrent), present(concurrent_weight))?;
             Ok(given.law(spec).add_subclass(Adaptive))
         })
     }

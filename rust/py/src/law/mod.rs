@@ -2,12 +2,14 @@
 
 mod adaptive;
 mod elastic;
+mod guarded;
 mod impedance;
 mod priority;
 mod rigid;
 
 pub use adaptive::*;
 pub use elastic::*;
+pub use guarded::Guarded;
 pub use impedance::CartesianImpedance;
 pub use priority::*;
 pub use rigid::*;

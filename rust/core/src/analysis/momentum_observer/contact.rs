@@ -1,8 +1,8 @@
 //! What the torque from outside says: the link that is touched, and the wrench at a frame.
 
 use super::MomentumObserver;
-use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
+use crate::law::touched;
 use crate::linalg::{axpy, clamp_gain, dot};
 
 /// Share of the largest row norm of `J'` below which singular values are clamped where nothing is said.
@@ -101,25 +101,6 @@ impl MomentumObserver {
         let Some(thresholds) = &self.thresholds else {
             return Err(Error::input("threshold", "is missing: expected thresholds (n,) or calibrate() before"));
         };
-        let n = self.n();
-        let parents: Vec<Option<usize>> = match &self.model {
-            Model::Tree(arm) => arm.parents(),
-            Model::PlanarPr(_) => (0..n).map(|i| i.checked_sub(1)).collect(),
-        };
-        let of_row = |r: &[f64]| {
-            let above = |i: usize| r[i].abs() > thresholds[i];
-            // Inwards of another one that is above, a joint carries what acts further out.
-            let mut inner = vec![false; n];
-            for i in (0..n).filter(|&i| above(i)) {
-                let mut next = parents[i];
-                while let Some(k) = next.filter(|&k| !inner[k]) {
-                    inner[k] = true;
-                    next = parents[k];
-                }
-            }
-            let outermost = (0..n).filter(|&i| above(i) && !inner[i]);
-            outermost.max_by(|&a, &b| (r[a].abs() / thresholds[a]).total_cmp(&(r[b].abs() / thresholds[b])))
-        };
-        Ok(self.state.residual.chunks_exact(n).map(of_row).collect())
+        Ok(self.state.residual.chunks_exact(self.n()).map(|r| touched(&self.model, thresholds, r)).collect())
     }
 }

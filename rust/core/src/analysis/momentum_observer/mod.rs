@@ -48,6 +48,8 @@ impl ObserverState {
 /// The observer of one arm, or of several that move side by side.
 pub struct MomentumObserver {
     model: Model,
+    /// `K` as it was given.
+    given: Gain,
     gain: AnyGain<f64>,
     /// Viscous and Coulomb friction that is taken off; zero where it is not known.
     friction: [Vec<f64>; 2],
@@ -80,6 +82,7 @@ impl MomentumObserver {
             friction: model.friction(friction),
             model,
             gain: AnyGain::from_lanes(|_| &gain),
+            given: gain,
             takes_friction: friction,
             motors: None,
             thresholds: None,
@@ -106,6 +109,11 @@ impl MomentumObserver {
         }
         self.motors = Some(AnyGain::from_lanes(|_| &inertia));
         Ok(self)
+    }
+
+    /// The model, the gain `K`, and viscous and Coulomb friction as far as they are known; `None` for an observer of motors.
+    pub fn of_links(&self) -> Option<(&Model, &Gain, &[Vec<f64>; 2])> {
+        self.motors.is_none().then_some((&self.model, &self.given, &self.friction))
     }
 
     /// Number of joints.

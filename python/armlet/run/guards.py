@@ -1,0 +1,105 @@
+"""What the observer of a `Guarded` law saw over a run, from the law's state `[inner law, w, R, c, s, y_c c, r_c c]`:
+
+residual  r = dR / dt over the time since the last record; in a continuous loop r = K (M v - w)
+contact   at t - s, residual r_c
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..border import bordered
+from ..pickling import sealed
+from .task_errors import where_finite
+
+__all__ = ["Contact", "contact_states", "residuals", "touched_joints"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@bordered
+@sealed
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """The contact to which a `Guarded` law reacted: one number each for a run; arrays with an axis (B,) for a batch.
+
+    >>> import numpy as np
+    >>> import armlet as al
+    >>> al.Contact(time=0.25, joint=1, residual=np.array([2.0, 3.0])).joint
+    1
+    """
+
+    #: When the reaction began to act, s; NaN without contact.
+    time: Any
+    #: The joint of the touched link by the residual at that sample; -1 without contact.
+    joint: Any
+    #: The residual at that sample, (n,) or (B, n), N m or N; NaN without contact.
+    residual: Array
+
+
+def residuals(laws: Sequence[Any], t: Array, q: Array, v: Array, estimate: Array | None, sampled: bool) -> Array | None:
+    """The residuals, (K, n) or (B, K, n); None for laws without an observer and for a single record."""
+    law = laws[0]
+    if not isinstance(law, _core.Guarded) or estimate is None or estimate.ndim != q.ndim or q.shape[-2:-1] != t.shape[-1:] or len(t.T) < 2:
+        return None
+    n = q.shape[-1]
+    w, summed = (estimate[..., law._first + k * n : law._first + (k + 1) * n] for k in (0, 1))
+    if sampled:
+        found = np.zeros_like(q)
+        found[..., 1:, :] = np.diff(summed, axis=-2) / np.diff(t)[..., None]
+        return found
+    if len(laws) == 1:
+        return _instant(law, q, v, w)
+    return np.array([_instant(*row) for row in zip(laws, q, v, w, strict=True)])
+
+
+def _instant(law: Any, q: Array, v: Array, w: Array) -> Array:
+    arm = law.observer.arm
+
+    def residual(state: Array) -> Array:
+        q, v, w = np.split(state, 3, axis=-1)
+        found: Array = (np.einsum("...ij,...j->...i", arm.mass_matrix(q), v) - w) @ law._gain.T
+        return found
+
+    return where_finite(residual, np.concatenate([q, v, w], axis=-1))
+
+
+def touched_joints(laws: Sequence[Any], residual: Array | None) -> NDArray[np.int64] | None:
+    """The joint of the touched link at each record, (K,) or (B, K), -1 without contact; None where nothing is observed."""
+    if residual is None or any(law.observer.threshold is None for law in laws):
+        return None
+    if len(laws) == 1:
+        return _touched(laws[0], residual)
+    return np.array([_touched(*row) for row in zip(laws, residual, strict=True)])
+
+
+def _touched(law: Any, residual: Array) -> NDArray[np.int64]:
+    finite = np.isfinite(residual).all(axis=-1, keepdims=True)
+    joints: NDArray[np.int64] = np.asarray(law.touched(np.where(finite, residual, 0.0)), dtype=np.int64)
+    return joints
+
+
+def contact_states(laws: Sequence[Any], t: Array, estimate: Array | None, batch: bool) -> Array | None:
+    """Time, joint and residual of the contact, (2 + n,) or (B, 2 + n), NaN without contact; None for laws without a reaction."""
+    law = laws[0]
+    if not isinstance(law, _core.Guarded) or law.reaction is None or estimate is None:
+        return None
+    n = law.arm.n
+    last = estimate if estimate.ndim == 1 + batch else estimate[..., -1, :]
+    count, since = (last[..., law._first + 2 * n + k] for k in (0, 1))
+    latched = last[..., law._first + 3 * n + 2 :]
+    there = np.asarray(count > 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        residual = np.where(there[..., None], latched / count[..., None], np.nan)
+    time = np.where(there, t[..., -1] - since, np.nan)
+    rows = [law if len(laws) == 1 else laws[i] for i in range(len(last))] if batch else [law]
+    joints = [each.touched(r) if np.isfinite(r).all() else -1 for each, r in zip(rows, np.atleast_2d(residual), strict=True)]
+    joint = np.array(joints if batch else joints[0], dtype=np.float64)
+    state: Array = np.concatenate([time[..., None], joint[..., None], residual], axis=-1)
+    return state

@@ -1,0 +1,105 @@
+"""Samples of a record for concurrent learning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from .border import border, bordered
+from .pickling import sealed
+
+__all__ = ["Samples", "select_samples"]
+
+_Array = NDArray[np.float64]
+
+
+@bordered
+@sealed
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples for `Adaptive(concurrent=)`, as `select_samples` chooses them: `tau_j = W_j a` for the true parameters `a`.
+
+    >>> import numpy as np
+    >>> import armlet as al
+    >>> al.Samples(W=np.ones((1, 2, 3)), tau=np.ones((1, 2)), indices=np.array([0]), singular_value=1.0, rank=1)
+    <Samples: 1, smallest singular value 1 of 1 directions>
+    """
+
+    #: `W_j`, (N, n, p).
+    W: _Array
+    #: `tau_j`, (N, n), N m or N; times s for windows.
+    tau: _Array
+    #: Which records they are, (N,): of windows, which window.
+    indices: NDArray[np.int64]
+    #: The smallest singular value of the stacked `W_j`, on the directions that the record shows.
+    singular_value: float
+    #: How many directions of the parameters the record shows.
+    rank: int
+
+    def __repr__(self) -> str:
+        return f"<Samples: {len(self.W)}, smallest singular value {self.singular_value:.4g} of {self.rank} directions>"
+
+
+def stated_samples(W: ArrayLike, tau: ArrayLike) -> Samples:
+    """Samples that are stated as numbers: all of them, in their order."""
+    rows, torques = _core.numbers("Adaptive", "concurrent", W, ("N", "n", "p")), _core.numbers("Adaptive", "concurrent", tau, ("N", "n"))
+    stacked = rows.reshape(-1, rows.shape[-1])
+    rank = int(np.linalg.matrix_rank(stacked)) if stacked.size else 0
+    values = np.linalg.svd(stacked, compute_uv=False)
+    return Samples(rows, torques, np.arange(len(rows)), float(values[rank - 1]) if rank else 0.0, rank)
+
+
+@border
+def select_samples(
+    law: _core.Adaptive,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    count: int,
+    *,
+    a: ArrayLike | None = None,
+    t: ArrayLike | None = None,
+    window: float | None = None,
+    held: bool = False,
+) -> Samples:
+    """Choose samples of a record for concurrent learning: those whose stacked `W` has a large smallest singular value.
+
+    With accelerations a sample is `W_j = Y(q, v, v, a)`. Without them it is a window of the record, whose equation is integrated over time:
+    `W_j = [Y_M] + int Y_D dt`, `tau_j = int tau dt`, with `M v = Y_M a` and `g - C' v = Y_D a`. Simpson's rule integrates.
+
+    Args:
+        law: the `Adaptive` law whose parameters are meant: its base set, friction and rotors.
+        q, v, tau: positions, velocities and torques of the record, (K, n).
+        count: how many samples to choose.
+        a: accelerations of the record, (K, n) (keyword only).
+        t: times of the record, (K,), evenly spaced, s; needed without `a` (keyword only).
+        window: length of a window, s; needed without `a`. Windows overlap by half (keyword only).
+        held: each torque acts until the next record, as in a sampled loop (keyword only).
+
+    Returns:
+        The chosen samples, with their smallest singular value.
+
+    Raises:
+        InputError: a shape is wrong, a number is not finite, or an argument is missing. Also if `t` is not evenly spaced, and if `count` is
+            too small for the directions that the record shows.
+
+    Source: Chowdhary and Johnson, Concurrent learning for convergence in adaptive control without persistency of excitation, CDC 2010;
+    windows: Parikh, Kamalapurkar and Dixon, Integral concurrent learning, 2019.
+
+    >>> import numpy as np
+    >>> import armlet as al
+    >>> arm = al.planar_pr(2.0, 0.5, 0.5)
+    >>> law = al.Adaptive(arm, al.Hold([1.0, 0.0]), kp=40.0, kd=20.0, gamma=5.0)
+    >>> q, v, a = np.random.default_rng(0).normal(size=(3, 50, 2))
+    >>> samples = al.select_samples(law, q, v, arm.inverse_dynamics(q, v, a), 5, a=a)
+    >>> samples.W.shape, samples.rank
+    ((5, 2, 3), 3)
+    >>> learning = al.Adaptive(arm, al.Hold([1.0, 0.0]), kp=40.0, kd=20.0, gamma=5.0, concurrent=samples)
+    >>> run = al.simulate(al.RigidArm(arm), learning, [0.0, 0.0], t_end=3.0, dt=1e-3)
+    >>> run.estimate[-1].round(6)
+    array([2. , 0.5, 0.5])
+    """
+    return Samples(**_core._select_samples(law, (q, v, tau), a, (t, window, held), count))

@@ -1,0 +1,189 @@
+//! Which samples to store for concurrent learning (ChowdharyJohnson2010): those of which the smallest singular value of the stacked `W` is large.
+//!
+//! ```text
+//! sigma^2 = min over |u| = 1 of  sum over the stored j of |W_j u|^2
+//! ```
+//!
+//! `u` runs over what all candidates together show: parameters that no sample shows leave it. First come the samples that add the most along
+//! the weakest `u` of those before. Then a stored sample is exchanged for another one while that makes `sigma` larger.
+
+use crate::error::{Error, Result, finite};
+use crate::interrupt::look;
+use crate::linalg::{Svd, dot, symmetric_eigen};
+use crate::memory;
+
+/// Directions whose scaled singular value is below this share of the largest are not shown by the candidates.
+const CUTOFF: f64 = 1e-6;
+/// Candidates that enter and leave in one attempt to exchange.
+const ENTERING: usize = 4;
+const LEAVING: usize = 8;
+
+/// What was chosen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Selection {
+    /// The chosen samples, increasing.
+    pub indices: Vec<usize>,
+    /// The smallest singular value of the stacked rows, on the directions that all candidates show.
+    pub singular_value: f64,
+    /// How many directions they are.
+    pub rank: usize,
+}
+
+/// The samples on the directions that they show: `Z_j` `(n, r)`.
+struct Candidates {
+    z: Vec<f64>,
+    n: usize,
+    r: usize,
+}
+
+impl Candidates {
+    fn of(&self, j: usize) -> &[f64] {
+        let size = self.n * self.r;
+        &self.z[j * size..(j + 1) * size]
+    }
+
+    fn count(&self) -> usize {
+        self.z.len() / (self.n * self.r)
+    }
+
+    /// `|Z_j u|^2` over the rows of `directions`.
+    fn gain(&self, j: usize, directions: &[f64]) -> f64 {
+        let square = |u: &[f64]| self.of(j).chunks_exact(self.r).map(|row| dot(row, u).powi(2)).sum::<f64>();
+        directions.chunks_exact(self.r).map(square).sum()
+    }
+
+    /// `sign Z_j' Z_j` is added to `gram`.
+    fn add(&self, j: usize, sign: f64, gram: &mut [f64]) {
+        for row in self.of(j).chunks_exact(self.r) {
+            for (x, sums) in row.iter().zip(gram.chunks_exact_mut(self.r)) {
+                sums.iter_mut().zip(row).for_each(|(sum, y)| *sum += sign * x * y);
+            }
+        }
+    }
+
+    fn smallest(&self, gram: &[f64]) -> Result<(f64, Vec<f64>)> {
+        let (values, vectors) = symmetric_eigen(gram, self.r)?;
+        Ok((values[0], vectors[..self.r].to_vec()))
+    }
+}
+
+/// Choose `count` of the samples `rows` `(K, n, p)`.
+pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
+    let samples = rows.len() / (n * p);
+    finite("samples", rows)?;
+    if count == 0 || count > samples {
+        return Err(Error::input("count", format!("is out of range: expected 1 to {samples}, the number of samples, got {count}")));
+    }
+    let candidates = shown(rows, n, p)?;
+    let least = candidates.r.div_ceil(n);
+    if count < least {
+        let problem =
+            format!("is too small: expected at least {least} for the {} directions that the samples show, got {count}", candidates.r);
+        return Err(Error::input("count", problem));
+    }
+    let mut chosen = first_choice(&candidates, count)?;
+    exchange(&candidates, &mut chosen)?;
+    chosen.sort_unstable();
+    let stacked: Vec<f64> = chosen.iter().flat_map(|&j| candidates.of(j).iter().copied()).collect();
+    let mut svd = Svd::new(count * n, candidates.r);
+    svd.decompose(&stacked, count * n, candidates.r)?;
+    let singular_value = svd.s().last().copied().unwrap_or(0.0);
+    Ok(Selection { indices: chosen, singular_value, rank: candidates.r })
+}
+
+/// The samples on an orthonormal basis of what they show together. Columns are scaled to one length before that is judged.
+fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
+    let mut gram = memory::zeros(p * p)?;
+    for row in rows.chunks_exact(p) {
+        for (x, sums) in row.iter().zip(gram.chunks_exact_mut(p)).filter(|(x, _)| **x != 0.0) {
+            sums.iter_mut().zip(row).for_each(|(sum, y)| *sum += x * y);
+        }
+    }
+    if let Some(k) = gram.iter().position(|x| !x.is_finite()) {
+        return Err(Error::input("samples", format!("are too large: expected finite products W' W (first bad index {k})")));
+    }
+    let lengths: Vec<f64> = (0..p).map(|k| gram[k * p + k].sqrt()).collect();
+    let inverse = |k: usize| if lengths[k] > 0.0 { 1.0 / lengths[k] } else { 0.0 };
+    let scaled: Vec<f64> = (0..p * p).map(|k| gram[k] * inverse(k / p) * inverse(k % p)).collect();
+    look();
+    let (values, vectors) = symmetric_eigen(&scaled, p)?;
+    let largest = values.last().copied().unwrap_or(0.0);
+    let kept = values.iter().filter(|&&value| value > CUTOFF * CUTOFF * largest).count();
+    if kept == 0 {
+        return Err(Error::input("samples", "show nothing: expected a record of motion, got zeros"));
+    }
+    // W x = 0 where D^-1 of the scaled null space is; what is shown is orthogonal to that: D times the scaled range.
+    let range: Vec<Vec<f64>> =
+        vectors.chunks_exact(p).rev().take(kept).map(|u| u.iter().zip(&lengths).map(|(u, d)| u * d).collect()).collect();
+    let spread: Vec<f64> = (0..p * p).map(|k| range.iter().map(|u| u[k / p] * u[k % p]).sum()).collect();
+    let (_, basis) = symmetric_eigen(&spread, p)?;
+    let basis: Vec<&[f64]> = basis.chunks_exact(p).rev().take(kept).collect();
+    let mut z = memory::reserved(rows.len() / p * kept)?;
+    for row in rows.chunks_exact(p) {
+        z.extend(basis.iter().map(|u| dot(row, u)));
+    }
+    Ok(Candidates { z, n, r: kept })
+}
+
+/// One after another, the sample that adds the most along the weakest directions of those before.
+fn first_choice(candidates: &Candidates, count: usize) -> Result<Vec<usize>> {
+    let r = candidates.r;
+    let (mut gram, mut chosen): (Vec<f64>, Vec<usize>) = (vec![0.0; r * r], Vec::with_capacity(count));
+    let mut free = vec![true; candidates.count()];
+    for _ in 0..count {
+        look();
+        let (values, vectors) = symmetric_eigen(&gram, r)?;
+        let none = CUTOFF * CUTOFF * values[r - 1];
+        let weak = values.iter().filter(|&&value| value <= none).count().max(1);
+        let directions = &vectors[..weak * r];
+        let mut best = (f64::NEG_INFINITY, 0);
+        for j in (0..free.len()).filter(|&j| free[j]) {
+            let gain = candidates.gain(j, directions);
+            if gain > best.0 {
+                best = (gain, j);
+            }
+        }
+        free[best.1] = false;
+        candidates.add(best.1, 1.0, &mut gram);
+        chosen.push(best.1);
+    }
+    Ok(chosen)
+}
+
+/// Exchange samples while the smallest singular value grows.
+fn exchange(candidates: &Candidates, chosen: &mut [usize]) -> Result<()> {
+    let r = candidates.r;
+    let mut free = vec![true; candidates.count()];
+    let mut gram = vec![0.0; r * r];
+    for &j in chosen.iter() {
+        free[j] = false;
+        candidates.add(j, 1.0, &mut gram);
+    }
+    // Each exchange makes sigma^2 larger by a thousandth at least; most end after a few.
+    for _ in 0..20 * chosen.len() {
+        look();
+        let (sigma, u) = candidates.smallest(&gram)?;
+        let mut entering: Vec<(f64, usize)> = (0..free.len()).filter(|&j| free[j]).map(|j| (candidates.gain(j, &u), j)).collect();
+        entering.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut leaving: Vec<(f64, usize)> = chosen.iter().enumerate().map(|(k, &j)| (candidates.gain(j, &u), k)).collect();
+        leaving.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut best: Option<(f64, usize, usize)> = None;
+        for &(_, j) in entering.iter().take(ENTERING) {
+            for &(_, k) in leaving.iter().take(LEAVING) {
+                let mut trial = gram.clone();
+                candidates.add(j, 1.0, &mut trial);
+                candidates.add(chosen[k], -1.0, &mut trial);
+                let (found, _) = candidates.smallest(&trial)?;
+                if found > sigma * 1.001 && best.is_none_or(|(most, ..)| found > most) {
+                    best = Some((found, j, k));
+                }
+            }
+        }
+        let Some((_, j, k)) = best else { return Ok(()) };
+        (free[chosen[k]], free[j]) = (true, false);
+        candidates.add(chosen[k], -1.0, &mut gram);
+        candidates.add(j, 1.0, &mut gram);
+        chosen[k] = j;
+    }
+    Ok(())
+}

@@ -1,0 +1,246 @@
+//! Concurrent learning (ChowdharyJohnson2010; ParikhKamalapurkarDixon2019): the estimate also follows the errors of stored samples.
+//!
+//! ```text
+//! a_hat' = Gamma (Y' s + sum_j W_j' R e_j),   e_j = tau_j - W_j a_hat,   V' = -s'Kd s - sum_j e_j' R e_j where tau_j = W_j a
+//! W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque there                                          a sample with its acceleration
+//! W_j = [Y_M(q, v)] + int Y_D(q, v) dt, tau_j = int tau dt, [.] the change over the window     a window of a record, without accelerations
+//! ```
+//!
+//! `Y_M` and `Y_D` are those of composite adaptation. A loop needs `sum W_j' R W_j` and `sum W_j' R tau_j` alone. Rotors `B` that are known
+//! leave the torque: `tau_j - B a_j`, or `tau_j - B [v]`.
+
+use super::adaptive::AdaptiveSpec;
+use super::composite::LaneComposite;
+use super::joint_columns::{JointColumn, LaneColumns};
+use super::require_size;
+use crate::dynamics::{AnyArm, Dynamics};
+use crate::error::{Error, Result, finite, positive};
+use crate::interrupt::look;
+use crate::linalg::gain::Gain;
+use crate::memory;
+use crate::scalar::Real;
+
+/// Stored samples and their weight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Concurrent {
+    /// `W_j` `(N, n, p)` and `tau_j` `(N, n)`.
+    rows: Vec<f64>,
+    torques: Vec<f64>,
+    /// `sum W_j' R W_j` `(p, p)` and `sum W_j' R tau_j` `(p,)`.
+    gram: Vec<f64>,
+    moment: Vec<f64>,
+}
+
+/// A record of motion: positions, velocities and torques `(K, n)` each, and accelerations where they are known.
+#[derive(Clone, Copy, Debug)]
+pub struct Record<'a> {
+    /// Positions.
+    pub q: &'a [f64],
+    /// Velocities.
+    pub v: &'a [f64],
+    /// Torques.
+    pub tau: &'a [f64],
+}
+
+/// Windows of a record whose samples are `step` apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Windows {
+    /// Time from record to record, s.
+    pub step: f64,
+    /// Length of a window, s: the nearest even number of steps.
+    pub length: f64,
+    /// Each torque acts until the next record, as in a sampled loop.
+    pub held: bool,
+}
+
+impl Windows {
+    /// Of records at the times `t` `(K,)`, which are evenly spaced.
+    pub fn of_times(t: &[f64], length: f64, held: bool) -> Result<Self> {
+        /// Of a step: times that are multiples of it, rounded.
+        const UNEVEN: f64 = 1e-6;
+        finite("t", t)?;
+        let step = if t.len() > 1 { (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64 } else { 0.0 };
+        positive("window", length)?;
+        if !(step > 0.0) {
+            return Err(Error::input("t", format!("does not increase: expected at least two times, got {}", t.len())));
+        }
+        match t.windows(2).position(|pair| !((pair[1] - pair[0] - step).abs() <= UNEVEN * step)) {
+            Some(k) => {
+                let problem = format!("is not evenly spaced: expected steps of {step} s, got {} s (first bad index {k})", t[k + 1] - t[k]);
+                Err(Error::input("t", problem))
+            }
+            None => Ok(Windows { step, length, held }),
+        }
+    }
+}
+
+/// Samples for concurrent learning: `W` `(N, n, p)` and `tau` `(N, n)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredRows {
+    /// `W`.
+    pub rows: Vec<f64>,
+    /// `tau`.
+    pub torques: Vec<f64>,
+}
+
+impl AdaptiveSpec {
+    /// The same law, which learns from stored samples too: `W` `(N, n, p)`, `tau` `(N, n)` and `R`, of the size of the joints.
+    pub fn concurrent(mut self, stored: StoredRows, weight: &Gain) -> Result<Self> {
+        let (n, p, StoredRows { rows, torques }) = (self.model.n(), self.estimate.len(), stored);
+        require_size("concurrent_weight", weight, n)?;
+        let count = torques.len() / n;
+        if count == 0 || torques.len() != count * n || rows.len() != count * n * p {
+            let problem = format!("has the wrong shape: expected W (N, {n}, {p}) and tau (N, {n}), N > 0, of a law with these parameters");
+            return Err(Error::input("concurrent", problem));
+        }
+        finite("concurrent", &rows)?;
+        finite("concurrent", &torques)?;
+        let (mut gram, mut moment) = (memory::zeros(p * p)?, vec![0.0; p]);
+        let (mut weighed, mut column) = (vec![0.0; n * p], vec![0.0; n]);
+        for (w, tau) in rows.chunks_exact(n * p).zip(torques.chunks_exact(n)) {
+            look();
+            for k in 0..p {
+                for i in 0..n {
+                    column[i] = w[i * p + k];
+                }
+                for (i, x) in weight.times(&column).into_iter().enumerate() {
+                    weighed[i * p + k] = x;
+                }
+            }
+            for (row, (weighed, &tau)) in w.chunks_exact(p).zip(weighed.chunks_exact(p).zip(tau)) {
+                for (j, &x) in weighed.iter().enumerate() {
+                    moment[j] += x * tau;
+                    row.iter().zip(&mut gram[j * p..(j + 1) * p]).for_each(|(&w, sum)| *sum += x * w);
+                }
+            }
+        }
+        if let Some(k) = gram.iter().chain(&moment).position(|x| !x.is_finite()) {
+            let problem = format!("is too large: expected finite products W' R W and W' R tau (first bad index {k})");
+            return Err(Error::input("concurrent", problem));
+        }
+        self.concurrent = Some(Concurrent { rows, torques, gram, moment });
+        Ok(self)
+    }
+
+    /// `e_j` of the stored samples, `(N, n)`; `None` without any.
+    pub(super) fn stored_errors(&self, estimate: &[f64]) -> Option<Vec<f64>> {
+        let Concurrent { rows, torques, .. } = self.concurrent.as_ref()?;
+        let p = self.estimate.len();
+        let error = |(row, &tau): (&[f64], &f64)| row.iter().zip(estimate).fold(tau, |left, (w, a)| left - w * a);
+        Some(rows.chunks_exact(p).zip(torques).map(error).collect())
+    }
+
+    /// The samples of a record with these accelerations `(K, n)`.
+    pub fn samples(&self, record: Record, a: &[f64]) -> Result<StoredRows> {
+        let (n, p, all) = (self.model.n(), self.estimate.len(), self.model.parameter_count());
+        let (count, bodies) = (record.q.len() / n, p - self.columns.count());
+        let mut rows = memory::zeros(count * n * p)?;
+        let (mut full, mut entries) = (vec![0.0; n * all], vec![0.0; p - bodies]);
+        let joints = LaneColumns::<f64>::from_lanes(|_| &self.columns);
+        for (k, w) in rows.chunks_exact_mut(n * p).enumerate() {
+            look();
+            let at = k * n..(k + 1) * n;
+            let (v, a) = (&record.v[at.clone()], &a[at.clone()]);
+            self.model.at(&record.q[at]).regressor(v, v, a, &mut full);
+            joints.fill(v, a, &mut entries);
+            let own = |i: usize, column: usize| full[i * all + self.base.as_ref().map_or(column, |base| base.columns[column])];
+            place(w, p, own, bodies, &entries);
+        }
+        let armature = self.known_rotors();
+        let torques = record.tau.iter().zip(a).enumerate().map(|(k, (tau, a))| tau - armature[k % n] * a);
+        Ok(StoredRows { rows, torques: memory::collected(torques)? })
+    }
+
+    /// The samples of windows of a record, each half a window after the one before.
+    pub fn window_samples(&self, record: Record, windows: Windows) -> Result<StoredRows> {
+        let (n, p) = (self.model.n(), self.estimate.len());
+        positive("window", windows.length)?;
+        positive("t", windows.step)?;
+        let records = record.q.len() / n;
+        let halves = (0.5 * windows.length / windows.step).round().max(1.0);
+        if 2.0 * halves + 1.0 > records as f64 {
+            let longest = windows.step * (records.saturating_sub(1)) as f64;
+            let problem = format!("is longer than the record: expected at most {longest} s, got {} s", windows.length);
+            return Err(Error::input("window", problem));
+        }
+        let half = halves as usize;
+        let count = (records - 1 - half) / half;
+        let mut stored = StoredRows { rows: memory::zeros(count * n * p)?, torques: memory::zeros(count * n)? };
+        let (bodies, armature) = (p - self.columns.count(), self.known_rotors());
+        let mut lanes = LaneComposite::<f64>::from_lanes(|_| self);
+        let (arm, joints) = (AnyArm::from_lanes(|_| &self.model), LaneColumns::from_lanes(|_| &self.columns));
+        let rotors = if self.columns.has(JointColumn::Armature) { n } else { 0 };
+        let (mut workspace, mut entries, mut inertial) = (arm.workspace(), vec![0.0; p - bodies], vec![0.0; n * bodies]);
+        let parts = stored.rows.chunks_exact_mut(n * p).zip(stored.torques.chunks_exact_mut(n));
+        for (window, (w, torque)) in parts.enumerate() {
+            look();
+            entries.fill(0.0);
+            inertial.fill(0.0);
+            let (first, last) = (window * half, (window + 2) * half);
+            for k in first..=last {
+                let (x, v, tau) = (rows_of(record, k, n), &record.v[k * n..(k + 1) * n], &record.tau[k * n..(k + 1) * n]);
+                let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
+                lanes.look(&arm, &mut workspace, &joints, &trig, &x);
+                let end = if k == first { -1.0 } else { f64::from(u8::from(k == last)) };
+                // Simpson's rule, and the left rule of a torque that is held.
+                let part = if k == first || k == last { 1.0 } else { 2.0 + 2.0 * ((k - first) % 2) as f64 };
+                let (weight, held) = (part * windows.step / 3.0, if k == last { 0.0 } else { windows.step });
+                for (sum, (y_m, y_d)) in inertial.iter_mut().zip(lanes.momentum_and_drift()) {
+                    *sum += end * y_m + weight * y_d;
+                }
+                for (i, (sum, entry)) in entries.iter_mut().zip(lanes.entries()).enumerate() {
+                    *sum += if i < rotors { end * entry } else { weight * entry };
+                }
+                for i in 0..n {
+                    torque[i] += if windows.held { held } else { weight } * tau[i] - end * armature[i] * v[i];
+                }
+            }
+            place(w, p, |i, column| inertial[i * bodies + column], bodies, &entries);
+        }
+        Ok(stored)
+    }
+
+    /// Rotors that are not estimated, `(n,)`.
+    fn known_rotors(&self) -> Vec<f64> {
+        if self.columns.has(JointColumn::Armature) { vec![0.0; self.model.n()] } else { self.model.armature() }
+    }
+}
+
+/// The state `[q, v]` of record `k`.
+fn rows_of(record: Record, k: usize, n: usize) -> Vec<f64> {
+    [&record.q[k * n..(k + 1) * n], &record.v[k * n..(k + 1) * n]].concat()
+}
+
+/// `W` `(n, p)` from the columns of the bodies and the entries of the columns of joints.
+fn place(w: &mut [f64], p: usize, of_bodies: impl Fn(usize, usize) -> f64, bodies: usize, entries: &[f64]) {
+    let n = w.len() / p;
+    for (i, row) in w.chunks_exact_mut(p).enumerate() {
+        row[..bodies].iter_mut().enumerate().for_each(|(column, to)| *to = of_bodies(i, column));
+        row[bodies..].iter_mut().enumerate().for_each(|(k, to)| *to = if k % n == i { entries[k] } else { 0.0 });
+    }
+}
+
+/// The stored samples in a loop.
+pub(super) struct LaneConcurrent<S> {
+    gram: Vec<S>,
+    moment: Vec<S>,
+}
+
+impl<S: Real> LaneConcurrent<S> {
+    pub fn from_lanes<'a>(of: impl Fn(usize) -> Option<&'a Concurrent>) -> Option<Self> {
+        let first = of(0)?;
+        let each = |get: &dyn Fn(&'a Concurrent) -> &'a [f64]| -> Vec<S> {
+            (0..get(first).len()).map(|k| S::from_lanes(|lane| get(of(lane).unwrap_or(first))[k])).collect()
+        };
+        Some(LaneConcurrent { gram: each(&|own| &own.gram), moment: each(&|own| &own.moment) })
+    }
+
+    /// `sum W_j' R e_j` is added to `w` and taken from `back`.
+    pub fn push(&self, estimate: &[S], w: &mut [S], back: &mut [S]) {
+        for ((row, &moment), (w, back)) in self.gram.chunks_exact(estimate.len()).zip(&self.moment).zip(w.iter_mut().zip(back)) {
+            let push = row.iter().zip(estimate).fold(moment, |left, (&g, &a)| g.neg_mul_add(a, left));
+            *w += push;
+            *back -= push;
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! A law under the eyes of a momentum observer (`DeLuca2006`), with a reaction to contact (`Haddadin2017`).
+//!
+//! ```text
+//! r = K (p - w),   w' = tau - tau_f + C' v - g + r,   w(0) = p(0),   p = M v        =>        r' = K (tau_ext - r)
+//! sampled: K_T = K (I + K T)^-1 in place of K, and w' held:   r_k = (I + K T)^-1 (r_(k-1) + K (p_k - p_(k-1) - (..)_(k-1) T))
+//! ```
+//!
+//! Contact is the first sample at which some `|r_i|` is above its threshold. From that sample on, in place of the law:
+//!
+//! ```text
+//! tau = g(q) + K_c (y_c - y) + D_c (y_c' - y'),   y = q, or the motors' theta of elastic joints
+//! stop: y_c the position at contact      float: K_c = 0      retract: y_c' = V r_c / max |r_c| for a time, r_c the residual at contact
+//! ```
+//!
+//! Elastic joints: `tau` of the observer is the torque of the joints, `K_J (theta - q)`.
+//!
+//! The law's state is that of the inner law, then `w`, and `R` with `R' = r`. A reaction adds `c`, `s`, `y_c c` and `r_c c`. At the sample of
+//! contact alone their rates are `c' = 1`, `(y_c c)' = y` and `(r_c c)' = r`. From there on `s' = 1`. So the quotients are the latched
+//! values, also where the answer of that sample acts late.
+
+use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Level, ReductionSpec, Route, Term, require_rows, require_size};
+use crate::dynamics::Model;
+use crate::error::{Error, Result, positive};
+use crate::kinematics::Coordinates;
+use crate::linalg::gain::Gain;
+use crate::motion::Motion;
+use crate::plant::PlantKind;
+
+/// What the law does after contact.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reaction {
+    /// Hold the position at contact: stiffness and damping.
+    Stop(Gain, Gain),
+    /// Compensate gravity, with damping if there is some.
+    Float(Option<Gain>),
+    /// Move away along the torque from outside: stiffness, damping, the speed `V` of the fastest joint, and for how long, s.
+    Retract(Gain, Gain, f64, f64),
+}
+
+/// A law with its observer, validated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GuardedSpec {
+    /// The law before contact.
+    pub inner: Box<LawSpec>,
+    /// The model of the observer and of the reaction's gravity.
+    pub(super) model: Model,
+    pub(super) gain: Gain,
+    pub(super) friction: [Vec<f64>; 2],
+    pub(super) thresholds: Vec<f64>,
+    pub(super) reaction: Option<Reaction>,
+    pub(super) joint_stiffness: Option<Gain>,
+    start: Vec<f64>,
+}
+
+impl GuardedSpec {
+    /// `inner` with an observer of this model: `gain` is `K`, 1/s; `friction`: viscous and Coulomb friction that it knows, `(n,)` each.
+    /// `thresholds` `(n,)` are needed by a reaction; `joint_stiffness` by laws of elastic arms that know none themselves.
+    pub fn new(
+        inner: LawSpec,
+        (model, gain, friction): (Model, Gain, [Vec<f64>; 2]),
+        thresholds: Option<Vec<f64>>,
+        reaction: Option<Reaction>,
+        joint_stiffness: Option<Gain>,
+    ) -> Result<Self> {
+        let n = inner.model().n();
+        let refused = |got: &str| Err(Error::input("law", format!("cannot be guarded: expected a law of torques, got {got}")));
+        match (inner.plant(), inner.route()) {
+            (PlantKind::Velocity, _) => return refused("one of velocities"),
+            (_, Route::Outside) => return refused("a function in Python"),
+            (PlantKind::Rigid | PlantKind::Elastic, _) => {}
+        }
+        if matches!(inner, LawSpec::Guarded(_)) {
+            return refused("one that is guarded");
+        }
+        require_rows("observer", n, model.n())?;
+        require_size("observer", &gain, n)?;
+        if reaction.is_some() && thresholds.is_none() {
+            return Err(Error::input("observer", "has no threshold: expected one with threshold= or after calibrate()"));
+        }
+        match &reaction {
+            None => {}
+            Some(Reaction::Float(damping)) => damping.as_ref().map_or(Ok(()), |gain| require_size("damping", gain, n))?,
+            Some(Reaction::Stop(stiffness, damping) | Reaction::Retract(stiffness, damping, ..)) => {
+                require_size("stiffness", stiffness, n)?;
+                require_size("damping", damping, n)?;
+            }
+        }
+        if let Some(Reaction::Retract(_, _, speed, duration)) = &reaction {
+            positive("speed", *speed)?;
+            positive("duration", *duration)?;
+        }
+        let joint_stiffness = match (inner.plant().has_motors(), joint_stiffness) {
+            (true, given) => match given.or_else(|| inner.joint_stiffness().cloned()) {
+                Some(stiffness) => {
+                    require_size("joint_stiffness", &stiffness, n)?;
+                    Some(stiffness)
+                }
+                None => {
+                    return Err(Error::input("joint_stiffness", "is missing: expected that of the joints, which the law does not know"));
+                }
+            },
+            (false, None) => None,
+            (false, Some(_)) => return Err(Error::input("joint_stiffness", "is not used: expected None for a law of rigid arms")),
+        };
+        let mut start = inner.initial_state().to_vec();
+        start.resize(start.len() + 2 * n + if reaction.is_some() { 2 + 2 * n } else { 0 }, 0.0);
+        let thresholds = thresholds.unwrap_or_default();
+        Ok(GuardedSpec { inner: Box::new(inner), model, gain, friction, thresholds, reaction, joint_stiffness, start })
+    }
+
+    /// Whether the law changes at contact.
+    pub fn reacts(&self) -> bool {
+        self.reaction.is_some()
+    }
+
+    /// The thresholds of contact `(n,)`; empty where there are none.
+    pub fn thresholds(&self) -> &[f64] {
+        &self.thresholds
+    }
+
+    /// `K` of the observer.
+    pub fn gain(&self) -> &Gain {
+        &self.gain
+    }
+
+    /// The model of the observer.
+    pub fn observed(&self) -> &Model {
+        &self.model
+    }
+}
+
+impl Definition for GuardedSpec {
+    fn name(&self) -> &'static str {
+        "Guarded"
+    }
+    fn plant(&self) -> PlantKind {
+        self.inner.plant()
+    }
+    fn model(&self) -> &Model {
+        self.inner.model()
+    }
+    fn motions(&self) -> Vec<&Motion> {
+        self.inner.motions()
+    }
+    fn initial_state(&self) -> &[f64] {
+        &self.start
+    }
+    fn restarts(&self) -> bool {
+        true
+    }
+    fn route(&self) -> Route {
+        self.inner.route()
+    }
+    fn switches(&self) -> bool {
+        self.reacts()
+    }
+    fn samples(&self) -> bool {
+        true
+    }
+
+    /// Those of the inner law, then the momentum, the residual in a continuous loop, whether the reaction acts, and the torque.
+    fn terms(&self, at: &Instant) -> Vec<Term> {
+        let n = self.model.n();
+        let own = self.inner.initial_state().len();
+        let mut terms = self.inner.terms(&Instant { t: at.t, desired: at.desired, trig: at.trig, x: at.x, z: &at.z[..own] });
+        terms.retain(|(name, ..)| *name != "tau");
+        let mut law = Self::build::<f64>(|_| self);
+        let mut tau = vec![0.0; n];
+        law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut vec![0.0; at.z.len()]);
+        terms.extend([
+            ("momentum", vec![n], law.momentum),
+            ("residual", vec![n], law.residual),
+            ("reacting", vec![1], vec![law.reacting]),
+            ("tau", vec![n], tau),
+        ]);
+        terms
+    }
+
+    fn joint_reference(&self) -> Option<JointReference> {
+        self.inner.joint_reference()
+    }
+    fn coordinates(&self) -> Option<&Coordinates> {
+        self.inner.coordinates()
+    }
+    fn levels(&self) -> &[Level] {
+        self.inner.levels()
+    }
+    fn reduction(&self) -> Option<&ReductionSpec> {
+        self.inner.reduction()
+    }
+    fn joint_stiffness(&self) -> Option<&Gain> {
+        self.joint_stiffness.as_ref()
+    }
+}

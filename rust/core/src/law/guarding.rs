@@ -1,0 +1,253 @@
+//! A guarded law in a loop: the equations are those of [`super::guarded`].
+
+use super::guarded::{GuardedSpec, Reaction};
+use super::{Build, Law, LawSpec};
+use crate::dynamics::{AnyArm, Dynamics, Workspace};
+use crate::linalg::gain::{AnyGain, Gain, Multiply};
+use crate::scalar::{Real, sign};
+
+impl Build for GuardedSpec {
+    type Lanes<S: Real> = Guarded<S>;
+
+    fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Guarded<S> {
+        let first = of(0);
+        let n = first.model.n();
+        let arm = AnyArm::from_lanes(|i| &of(i).model);
+        let rows = |name, get: &dyn Fn(&Self) -> &[f64]| {
+            S::labelled(name, 1, || (0..get(first).len()).map(|k| S::from_lanes(|i| get(of(i))[k])).collect::<Vec<S>>())
+        };
+        let one = Gain::unchecked(n, vec![1.0; n]);
+        let stiffness = |i: usize| match &of(i).reaction {
+            Some(Reaction::Stop(gain, _) | Reaction::Retract(gain, ..)) => gain.clone(),
+            _ => one.clone(),
+        };
+        let damping = |i: usize| match &of(i).reaction {
+            Some(Reaction::Stop(_, gain) | Reaction::Retract(_, gain, ..) | Reaction::Float(Some(gain))) => gain.clone(),
+            _ => one.clone(),
+        };
+        let retreat = |get: fn(f64, f64) -> f64| {
+            S::from_lanes(|i| match &of(i).reaction {
+                Some(Reaction::Retract(_, _, speed, duration)) => get(*speed, *duration),
+                _ => f64::NAN,
+            })
+        };
+        let lanes = |get: &dyn Fn(usize) -> Gain| -> Vec<Gain> { (0..S::LANES).map(get).collect() };
+        let gain = |name, gains: &[Gain]| AnyGain::labelled(name, |i| &gains[i]);
+        let acts = first.reacts();
+        // Behind a pointer: the laws of all kinds are instances of one function, this one's inside of this one's.
+        let inner = |i: usize| &*of(i).inner;
+        Guarded {
+            inner: LawSpec::build(&inner as &dyn Fn(usize) -> &'a LawSpec),
+            own: first.inner.initial_state().len(),
+            workspace: arm.workspace(),
+            arm,
+            gain: AnyGain::labelled("observer_gain", |i| &of(i).gain),
+            gains: lanes(&|i| of(i).gain.clone()),
+            viscous: rows("observer_damping", &|law| &law.friction[0]),
+            coulomb: rows("observer_friction", &|law| &law.friction[1]),
+            springs: first.joint_stiffness.is_some().then(|| {
+                let of_joints = lanes(&|i| of(i).joint_stiffness.clone().unwrap_or_else(|| one.clone()));
+                gain("law_joint_stiffness", &of_joints)
+            }),
+            thresholds: if acts { rows("threshold", &|law| &law.thresholds) } else { Vec::new() },
+            stiffness: (acts && !matches!(first.reaction, Some(Reaction::Float(_))))
+                .then(|| gain("reaction_stiffness", &lanes(&stiffness))),
+            damping: (acts && first.reaction != Some(Reaction::Float(None))).then(|| gain("reaction_damping", &lanes(&damping))),
+            retreat: matches!(first.reaction, Some(Reaction::Retract(..))).then(|| {
+                [("reaction_speed", retreat(|speed, _| speed)), ("reaction_duration", retreat(|_, duration| duration))]
+                    .map(|(name, x)| S::labelled(name, 0, || x))
+            }),
+            limits: Vec::new(),
+            mass: vec![S::zero(); n * n],
+            coriolis: vec![S::zero(); n * n],
+            momentum: vec![S::zero(); n],
+            gravity: vec![S::zero(); n],
+            residual: vec![S::zero(); n],
+            observed: vec![S::zero(); n],
+            work: vec![S::zero(); n],
+            push: vec![S::zero(); n],
+            reaction: vec![S::zero(); n],
+            reacting: S::zero(),
+        }
+    }
+
+    fn same_shape(&self, other: &Self) -> bool {
+        let alike = match (&self.reaction, &other.reaction) {
+            (Some(Reaction::Float(one)), Some(Reaction::Float(two))) => one.is_some() == two.is_some(),
+            (Some(one), Some(two)) => std::mem::discriminant(one) == std::mem::discriminant(two),
+            (one, two) => one.is_none() && two.is_none(),
+        };
+        alike && self.inner.same_shape(&other.inner) && self.model.same_geometry(&other.model)
+    }
+}
+
+/// The law in a loop.
+pub struct Guarded<S: Real> {
+    inner: Box<dyn Law<S> + Send>,
+    /// Size of the inner law's state.
+    own: usize,
+    arm: AnyArm<S>,
+    workspace: Workspace<S>,
+    /// `K`, or `K_T` of a sampled loop; `K` of the lanes, from which it is made.
+    gain: AnyGain<S>,
+    gains: Vec<Gain>,
+    viscous: Vec<S>,
+    coulomb: Vec<S>,
+    /// `K_J` of elastic joints.
+    springs: Option<AnyGain<S>>,
+    /// Empty without a reaction.
+    thresholds: Vec<S>,
+    stiffness: Option<AnyGain<S>>,
+    damping: Option<AnyGain<S>>,
+    /// `V` and how long.
+    retreat: Option<[S; 2]>,
+    /// Limits of the input; empty without any.
+    limits: Vec<S>,
+    mass: Vec<S>,
+    coriolis: Vec<S>,
+    pub(super) momentum: Vec<S>,
+    gravity: Vec<S>,
+    pub(super) residual: Vec<S>,
+    /// The torque that the observer knows of.
+    observed: Vec<S>,
+    work: Vec<S>,
+    push: Vec<S>,
+    reaction: Vec<S>,
+    /// One from contact on, else zero.
+    pub(super) reacting: S,
+}
+
+impl<S: Real> Guarded<S> {
+    /// `p` and `g` at the plant's state.
+    fn look(&mut self, trig: &[(S, S)], x: &[S]) {
+        let n = self.momentum.len();
+        let (q, v) = (&x[..n], &x[n..2 * n]);
+        self.arm.mass_matrix(&mut self.workspace, trig, q, &mut self.mass);
+        for (p, row) in self.momentum.iter_mut().zip(self.mass.chunks_exact(n)) {
+            *p = row.iter().zip(v).fold(S::zero(), |sum, (&m, &v)| m.mul_add(v, sum));
+        }
+        self.arm.gravity(&mut self.workspace, trig, q, &mut self.gravity);
+    }
+
+    /// Whether there is contact, and the torque of the reaction; `z` and `dz` from `c` on.
+    fn react(&mut self, x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        let n = tau.len();
+        let at = if self.springs.is_some() { 2 * n } else { 0 };
+        let (y, y_dot) = (&x[at..at + n], &x[at + n..at + 2 * n]);
+        let (zero, one) = (S::zero(), S::splat(1.0));
+        let level = self.residual.iter().zip(&self.thresholds).fold(zero, |most, (&r, &limit)| most.max(r.abs() / limit));
+        let (count, elapsed) = (z[0], z[1]);
+        let before = zero.lt(count);
+        let first = S::select(before, zero, S::select(one.lt(level), one, zero));
+        let hot = S::select(before, one, first);
+        let reacting = zero.lt(hot);
+        let whole = S::select(before, count, one);
+
+        self.reaction.copy_from_slice(&self.gravity);
+        for i in 0..n {
+            self.work[i] = S::select(before, z[2 + i] / whole, y[i]) - y[i];
+            self.push[i] = -y_dot[i];
+        }
+        if let Some([speed, duration]) = self.retreat {
+            let latched = &z[2 + n..2 + 2 * n];
+            let most = latched.iter().fold(zero, |most, r| most.max(r.abs()));
+            let most = S::select(zero.lt(most), most, one);
+            let (travel, rate) = (speed * elapsed.min(duration), S::select(elapsed.lt(duration), speed, zero));
+            for i in 0..n {
+                let along = S::select(before, latched[i] / most, zero);
+                self.work[i] = travel.mul_add(along, self.work[i]);
+                self.push[i] = rate.mul_add(along, self.push[i]);
+            }
+        }
+        if let Some(stiffness) = &self.stiffness {
+            stiffness.add_to(&self.work, &mut self.reaction);
+        }
+        if let Some(damping) = &self.damping {
+            damping.add_to(&self.push, &mut self.reaction);
+        }
+        for i in 0..n {
+            tau[i] = S::select(reacting, self.reaction[i], tau[i]);
+            dz[2 + i] = first * y[i];
+            dz[2 + n + i] = first * self.residual[i];
+        }
+        (dz[0], dz[1]) = (first, hot);
+        self.reacting = hot;
+    }
+}
+
+impl<S: Real> Law<S> for Guarded<S> {
+    fn restart(&mut self, trig: &[(S, S)], x: &[S], z: &mut [S]) {
+        let (inner, own) = z.split_at_mut(self.own);
+        self.inner.restart(trig, x, inner);
+        self.look(trig, x);
+        own[..self.momentum.len()].copy_from_slice(&self.momentum);
+    }
+
+    fn at(&mut self, t: f64) {
+        self.inner.at(t);
+    }
+
+    fn told(&mut self, period: Option<f64>, limits: &[S]) {
+        self.inner.told(period, limits);
+        self.limits = limits.to_vec();
+        if let Some(period) = period {
+            let sampled: Vec<Gain> = self.gains.iter().map(|gain| implicit(gain, period)).collect();
+            self.gain = AnyGain::labelled("observer_gain", |i| &sampled[i]);
+        }
+    }
+
+    fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
+        let n = tau.len();
+        let ((inner, own), (inner_rate, own_rate)) = (z.split_at(self.own), dz.split_at_mut(self.own));
+        self.inner.evaluate(desired, trig, x, inner, tau, inner_rate);
+        self.look(trig, x);
+        let (q, v, w) = (&x[..n], &x[n..2 * n], &own[..n]);
+        for i in 0..n {
+            self.work[i] = self.momentum[i] - w[i];
+        }
+        self.gain.multiply(&self.work, &mut self.residual);
+
+        if !self.thresholds.is_empty() {
+            self.react(x, &own[2 * n..], tau, &mut own_rate[2 * n..]);
+            let reacting = S::zero().lt(self.reacting);
+            for rate in inner_rate {
+                *rate = S::select(reacting, S::zero(), *rate);
+            }
+        }
+        for (tau, &limit) in tau.iter_mut().zip(&self.limits) {
+            *tau = tau.clamped(-limit, limit);
+        }
+
+        // w' = tau - tau_f + C' v - g + r
+        match &self.springs {
+            None => self.observed.copy_from_slice(tau),
+            Some(springs) => {
+                for i in 0..n {
+                    self.work[i] = x[2 * n + i] - q[i];
+                }
+                springs.multiply(&self.work, &mut self.observed);
+            }
+        }
+        self.arm.coriolis_matrix(&mut self.workspace, trig, q, v, &mut self.coriolis);
+        for i in 0..n {
+            let friction = self.coulomb[i].mul_add(sign(v[i]), self.viscous[i] * v[i]);
+            let known = self.observed[i] - self.gravity[i] - friction + self.residual[i];
+            own_rate[i] = (0..n).fold(known, |sum, k| self.coriolis[k * n + i].mul_add(v[k], sum));
+            own_rate[n + i] = self.residual[i];
+        }
+    }
+
+    fn stands(&self) -> Option<S> {
+        self.inner.stands()
+    }
+}
+
+/// `K (I + K T)^-1`.
+fn implicit(gain: &Gain, period: f64) -> Gain {
+    let n = gain.n();
+    if gain.is_diagonal() {
+        return Gain::unchecked(n, (0..n).map(|i| gain.at(i, i) / gain.at(i, i).mul_add(period, 1.0)).collect());
+    }
+    let sum = (0..n * n).map(|k| gain.at(k / n, k % n).mul_add(period, f64::from(u8::from(k / n == k % n)))).collect();
+    Gain::unchecked(n, sum).solve(gain)
+}

@@ -1,0 +1,271 @@
+//! `armlet.Guarded`: any law with a momentum observer and a reaction to contact.
+
+use super::Law;
+use crate::arguments::gain;
+use crate::arrays::{Axis, Form, adopted, new_array, number, numbers, object, require_finite, text};
+use crate::errors::{Failure, entry, input_error};
+use crate::observer::MomentumObserver;
+use armlet_core::law::{GuardedSpec, LawEvaluator, LawSpec, Reaction, touched};
+use armlet_core::linalg::Gain;
+use armlet_macros::entered;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyInt, PyTuple};
+use std::sync::Mutex;
+
+const NAME: &str = "Guarded";
+/// Speed of the fastest joint and duration of a retreat where nothing is said, rad/s or m/s, and s.
+const SPEED: f64 = 0.3;
+const DURATION: f64 = 0.5;
+
+/// A law under the eyes of a momentum observer, which reacts to contact.
+///
+/// The observer's residual follows `r_dot = K (tau_ext - r)`, from what the law measures and commands. In a sampled loop it is that of
+/// `MomentumObserver`. Contact is the first sample at which some `|r_i|` is above its threshold. From that sample on
+/// `tau = g(q) + K_c (q_c - q) + D_c (q_c_dot - v)` replaces the law, whose state rests:
+///
+/// - "stop": `q_c` is the position at contact;
+/// - "float": gravity is compensated, `K_c = 0`, and `D_c = damping` or zero;
+/// - "retract": `q_c` leaves that position along the residual at contact, for a time.
+///
+/// Elastic joints: the observer reads the joint torque `K_J (theta - q)`, and the reaction takes the motors' `theta` for `q`.
+/// `run.residual`, `run.contact` and `run.touched` report what the observer saw.
+///
+/// Args:
+///     law: the law before contact, of a rigid or elastic arm; not one of velocities, and not a function.
+///     observer: a `MomentumObserver` of links: its model, gain, friction and thresholds. The law keeps a copy.
+///     reaction: "stop", "float" or "retract"; None observes alone. A reaction needs thresholds, and a run with a `sample_time`.
+///     stiffness: `K_c` of "stop" and "retract", N m/rad, positive definite: scalar, `(n,)` or `(n, n)` (keyword only).
+///     damping: `D_c`, N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`; may be None for "float" (keyword only).
+///     speed: of the fastest joint during "retract", rad/s or m/s, > 0; 0.3 if None (keyword only).
+///     duration: how long `q_c` moves, s, > 0; 0.5 if None (keyword only).
+///     joint_stiffness: `K_J`, N m/rad, for laws of elastic arms that do not know it (keyword only).
+///
+/// The law's state, `run.estimate`, is that of `law`, then `w` with `r = K (M v - w)` and the integral of `r`, `(n,)` each. A
+/// reaction adds `2 + 2 n` numbers, which hold the time since contact and what was measured there.
+///
+/// Raises:
+///     InputError: an argument is of the wrong type or shape, is missing or not used, or the observer has no thresholds.
+///
+/// Source: De Luca, Albu-Schaeffer, Haddadin and Hirzinger, Collision detection and safe reaction with the DLR-III lightweight manipulator
+/// arm, IROS 2006. Haddadin, De Luca and Albu-Schaeffer, Robot collisions: a survey on detection, isolation, and identification, 2017.
+///
+/// >>> import armlet as al
+/// >>> arm = al.planar_arm([0.5, 0.4])
+/// >>> observer = al.MomentumObserver(arm, 50.0, threshold=2.0)
+/// >>> law = al.Guarded(al.PDGravity(arm, [0.5, 0.3], 60.0, 9.0), observer, "stop", stiffness=60.0, damping=12.0)
+/// >>> push = [(0.0, [0.0, 0.0, 0.0]), (1.0, [0.0, 20.0, 0.0])]
+/// >>> run = al.simulate(al.RigidArm(arm), law, [0.5, 0.3], t_end=1.5, sample_time=1e-3, force=push, force_frame="link2")
+/// >>> round(run.contact.time, 3), run.contact.joint
+/// (1.011, 0)
+#[pyclass(frozen, extends = Law, module = "armlet")]
+pub struct Guarded {
+    /// The law before contact.
+    #[pyo3(get)]
+    law: Py<PyAny>,
+    /// What the constructor was given beside it.
+    others: Vec<(&'static str, Py<PyAny>)>,
+}
+
+/// The gains of a reaction, and its retreat.
+struct Given<'a, 'py> {
+    n: usize,
+    stiffness: Option<&'a Bound<'py, PyAny>>,
+    damping: Option<&'a Bound<'py, PyAny>>,
+    speed: Option<&'a Bound<'py, PyAny>>,
+    duration: Option<&'a Bound<'py, PyAny>>,
+}
+
+impl<'py> Given<'_, 'py> {
+    /// A gain that the reaction needs.
+    fn needed(&self, py: Python<'py>, name: &'static str, value: Option<&Bound<'py, PyAny>>, kind: &str) -> Result<Gain, Failure> {
+        match value {
+            Some(value) => gain(NAME, name, value, self.n),
+            None => Err(input_error(py, NAME, name, format!("is missing: expected a gain for the reaction {kind:?}, got None")).into()),
+        }
+    }
+
+    /// Refuse what the reaction does not use.
+    fn unused(&self, py: Python<'py>, names: &[&'static str], kind: &str) -> Result<(), Failure> {
+        let all = [("stiffness", self.stiffness), ("damping", self.damping), ("speed", self.speed), ("duration", self.duration)];
+        match all.into_iter().find(|(name, value)| names.contains(name) && value.is_some()) {
+            None => Ok(()),
+            Some((name, _)) => Err(input_error(py, NAME, name, format!("is not used: expected None for the reaction {kind}")).into()),
+        }
+    }
+
+    fn reaction(&self, py: Python<'py>, kind: &str) -> Result<Reaction, Failure> {
+        match kind {
+            "stop" => {
+                self.unused(py, &["speed", "duration"], "'stop'")?;
+                Ok(Reaction::Stop(self.needed(py, "stiffness", self.stiffness, kind)?, self.needed(py, "damping", self.damping, kind)?))
+            }
+            "float" => {
+                self.unused(py, &["stiffness", "speed", "duration"], "'float'")?;
+                Ok(Reaction::Float(self.damping.map(|damping| gain(NAME, "damping", damping, self.n)).transpose()?))
+            }
+            "retract" => {
+                let number = |name, value: Option<&Bound<'py, PyAny>>, usual| value.map_or(Ok(usual), |value| number(NAME, name, value));
+                Ok(Reaction::Retract(
+                    self.needed(py, "stiffness", self.stiffness, kind)?,
+                    self.needed(py, "damping", self.damping, kind)?,
+                    number("speed", self.speed, SPEED)?,
+                    number("duration", self.duration, DURATION)?,
+                ))
+            }
+            other => {
+                let problem = format!("is unknown: expected 'stop', 'float', 'retract' or None, got {other:?}");
+                Err(input_error(py, NAME, "reaction", problem).into())
+            }
+        }
+    }
+}
+
+impl Guarded {
+    fn spec<'a>(slf: &'a Bound<'_, Self>) -> Option<&'a GuardedSpec> {
+        match &slf.as_super().get().spec {
+            LawSpec::Guarded(law) => Some(law),
+            _ => None,
+        }
+    }
+}
+
+#[entered]
+#[pymethods]
+impl Guarded {
+    #[new]
+    #[pyo3(signature = (law, observer, reaction=None, *, stiffness=None, damping=None, speed=None, duration=None, joint_stiffness=None))]
+    fn new<'py>(
+        law: &Bound<'py, PyAny>,
+        observer: &Bound<'py, PyAny>,
+        reaction: Option<&Bound<'py, PyAny>>,
+        stiffness: Option<&Bound<'py, PyAny>>,
+        damping: Option<&Bound<'py, PyAny>>,
+        speed: Option<&Bound<'py, PyAny>>,
+        duration: Option<&Bound<'py, PyAny>>,
+        joint_stiffness: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let py = law.py();
+        entry(py, NAME, || {
+            let inner = object::<Law>(NAME, "law", "a law such as PDGravity(..)", law)?;
+            let watching = object::<MomentumObserver>(NAME, "observer", "a MomentumObserver(..)", observer)?;
+            let spec = inner.get().spec.clone();
+            let n = spec.model().n();
+            let Some((links, thresholds)) = watching.get().of_links(py) else {
+                return Err(input_error(py, NAME, "observer", "is one of motors: expected one of links").into());
+            };
+            let given = Given { n, stiffness, damping, speed, duration };
+            let kind = reaction.map(|reaction| text(NAME, "reaction", reaction)).transpose()?;
+            let reaction = match &kind {
+                None => {
+                    given.unused(py, &["stiffness", "damping", "speed", "duration"], "None")?;
+                    None
+                }
+                Some(kind) => Some(given.reaction(py, kind)?),
+            };
+            let springs = joint_stiffness.map(|stiffness| gain(NAME, "joint_stiffness", stiffness, n)).transpose()?;
+            let spec = LawSpec::from(GuardedSpec::new(spec, links, thresholds, reaction, springs)?);
+
+            let mut others = vec![("observer", py.import("copy")?.call_method1("copy", (observer,))?.unbind())];
+            others.extend(kind.map(|kind| ("reaction", kind.into_pyobject(py).map(|text| text.into_any().unbind()))).map(
+                |(name, text)| {
+                    let Ok(text) = text;
+                    (name, text)
+                },
+            ));
+            let all = [("stiffness", stiffness), ("damping", damping), ("speed", speed), ("duration", duration)];
+            for (name, value) in all.into_iter().chain([("joint_stiffness", joint_stiffness)]) {
+                if let Some(value) = value {
+                    let (shape, values) = numbers(NAME, name, value, &[crate::arrays::WHATEVER])?;
+                    let copy = new_array(py, &shape, |out| {
+                        out.copy_from_slice(&values);
+                        Ok(())
+                    })?;
+                    others.push((name, copy.unbind()));
+                }
+            }
+            let evaluator = Mutex::new(LawEvaluator::new(&spec));
+            let base = Law { spec, evaluator, arm: inner.get().arm.clone_ref(py), arguments: Vec::new() };
+            Ok(PyClassInitializer::from(base).add_subclass(Guarded { law: law.clone().unbind(), others }))
+        })
+    }
+
+    /// A copy of the observer, with its thresholds.
+    #[getter]
+    fn observer<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("copy")?.call_method1("copy", (&self.others[0].1,))
+    }
+
+    /// "stop", "float", "retract", or None.
+    #[getter]
+    fn reaction(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.others.iter().find(|(name, _)| *name == "reaction").map(|(_, kind)| kind.clone_ref(py))
+    }
+
+    /// The motion that the law before contact tracks; None for a law that holds a target.
+    #[getter]
+    fn motion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.law.bind(py).getattr("motion")
+    }
+
+    /// `K` of the observer, `(n, n)`.
+    #[getter]
+    fn _gain<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        entry(slf.py(), NAME, || {
+            let (n, gain) = Guarded::spec(slf).map_or((0, Vec::new()), |law| (law.gain().n(), law.gain().matrix()));
+            Ok(adopted(slf.py(), &[n, n], gain)?)
+        })
+    }
+
+    /// Where the observer's part of the law's state begins.
+    #[getter]
+    fn _first(slf: &Bound<'_, Self>) -> usize {
+        Guarded::spec(slf).map_or(0, |law| law.inner.initial_state().len())
+    }
+
+    /// The joint of the touched link for residuals `(..., n)`, N m or N: an array `(...)` of indices, or one index; -1 without contact.
+    ///
+    /// It is the outermost joint with `|r_i|` above its threshold, as in `MomentumObserver.contact`.
+    ///
+    /// Raises:
+    ///     InputError: a shape is wrong, a number is not finite, or the observer has no thresholds.
+    fn touched<'py>(slf: &Bound<'py, Self>, residual: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        const FUNCTION: &str = "Guarded.touched";
+        let py = residual.py();
+        entry(py, FUNCTION, || {
+            let Some(law) = Guarded::spec(slf) else { return Ok(PyInt::new(py, -1).into_any()) };
+            let n = law.observed().n();
+            let forms = [Form(&[Axis::Is(n)]), Form(&[Axis::Any("K"), Axis::Is(n)]), Form(&[Axis::Any("B"), Axis::Any("K"), Axis::Is(n)])];
+            let (shape, values) = numbers(FUNCTION, "residual", residual, &forms)?;
+            require_finite(py, FUNCTION, "residual", &shape, &values)?;
+            if law.thresholds().is_empty() {
+                return Err(input_error(py, FUNCTION, "threshold", "is missing: expected an observer with thresholds").into());
+            }
+            let joint = |r: &[f64]| touched(law.observed(), law.thresholds(), r).map_or(-1, |joint| joint as i64);
+            let found: Vec<i64> = values.chunks_exact(n).map(joint).collect();
+            match shape.len() {
+                1 => Ok(PyInt::new(py, found[0]).into_any()),
+                axes => Ok(adopted(py, &shape[..axes - 1], found)?),
+            }
+        })
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let py = slf.py();
+        let mut parts = vec![slf.get().law.bind(py).repr()?.to_string()];
+        for (name, value) in &slf.get().others {
+            let value = value.bind(py);
+            let value = value.call_method0("tolist").unwrap_or_else(|_| value.clone());
+            parts.push(format!("{name}={}", value.repr()?));
+        }
+        Ok(format!("Guarded({})", parts.join(", ")))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("law", &self.law)?;
+        for (name, value) in &self.others {
+            keywords.set_item(name, value)?;
+        }
+        Ok((PyTuple::empty(py), keywords))
+    }
+}
