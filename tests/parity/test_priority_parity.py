@@ -53,6 +53,50 @@ def test_velocities(method: str, singular: bool) -> None:
     assert compared >= 300
 
 
+@pytest.mark.parametrize("method", ["clamp", "damped"])
+def test_levels_of_two_rows_at_singularities(method: str) -> None:
+    """A closed form, by a program from the 17th call on: rows that repeat others exactly, nearly, or within the threshold."""
+    rng = np.random.default_rng(2)
+    degraded = 0
+    for n, rows in ((4, (2, 2)), (3, (2, 2)), (5, (2, 1, 2)), (2, (1, 2)), (6, (2, 2, 2))):
+        for k in range(80):
+            Js = [rng.normal(size=(m, n)) for m in rows]
+            source, target = Js[int(rng.integers(len(Js)))], Js[-1]
+            target[-1] = rng.choice([-2.0, 0.5]) * source[0] + [0.0, 1e-9, 3e-3, 0.0][k % 4] * rng.normal(size=n)
+            if k % 3 == 0:
+                Js[0][-1] = 0.7 * Js[0][0]
+            vs = [rng.normal(size=m) for m in rows]
+            mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
+            # As above: roundings over eps^2, multiplied level by level.
+            assert np.linalg.norm(mine.v - theirs.v) <= 1e-9 * (1.0 + np.linalg.norm(theirs.v)), (Js, vs)
+            degraded += mine.status is al.Status.DEGRADED
+    assert degraded >= 200
+
+
+@pytest.mark.parametrize("method", ["clamp", "exact"])
+def test_long_batches_are_their_rows(method: str) -> None:
+    """Arrays of more than 65,536 numbers are read in place, in pieces; to the bit the single solves, regular and singular."""
+    rng = np.random.default_rng(6)
+    count, n = 110_000, 4
+    Js = [rng.normal(size=(count, 2, n)), rng.normal(size=(count, 2, n))]
+    Js[1][::7, 1] = 0.5 * Js[0][::7, 0]
+    vs = [rng.normal(size=(count, 2)), rng.normal(size=(count, 2))]
+    Js[0][5, 0, 0] = np.nan
+    found = al.solve_priority(Js, vs, method=method)
+    assert found.status[5] == al.Status.DIVERGED and np.isnan(found.v[5]).all()
+    # Strided arrays are copied.
+    copied = al.solve_priority([np.asfortranarray(J) for J in Js], vs, method=method)
+    assert np.array_equal(found.v, copied.v, equal_nan=True) and np.array_equal(found.ranks, copied.ranks)
+    shared = al.solve_priority([Js[0], Js[1][0]], [vs[0], vs[1][0]], method=method)
+    for i in (0, 1, 7, 52_223, 52_224, 60_001, 104_447, 104_448, count - 1):
+        alone = al.solve_priority([J[i] for J in Js], [v[i] for v in vs], method=method)
+        assert np.array_equal(found.v[i], alone.v) and found.ranks[i].tolist() == alone.ranks and found.status[i] == alone.status
+        assert all(np.array_equal(r[i], own) for r, own in zip(found.residuals, alone.residuals, strict=True))
+        assert np.array_equal(found.scales[i], alone.scales)
+        alone = al.solve_priority([Js[0][i], Js[1][0]], [vs[0][i], vs[1][0]], method=method)
+        assert np.array_equal(shared.v[i], alone.v) and shared.status[i] == alone.status
+
+
 @pytest.mark.parametrize("singular", [False, True], ids=["full", "singular"])
 def test_diagnoses(singular: bool) -> None:
     rng = np.random.default_rng(610)

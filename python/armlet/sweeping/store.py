@@ -23,7 +23,7 @@ from ..files import digest, pack, unpack, write_whole
 __all__ = ["Store"]
 
 # The version rises when results change in their last digits: chunks of one sweep have the bits of one release.
-FORMAT, VERSION = "armlet sweep", 3
+FORMAT, VERSION = "armlet sweep", 4
 Columns = dict[str, NDArray[Any]]
 
 

@@ -87,9 +87,9 @@ pub fn zeros(n: usize) -> Result<Vec<f64>> {
 }
 
 /// `n` zeros, of which the system hands out pages as they are touched where there are many.
-pub fn untouched(n: usize) -> Result<Vec<f64>> {
-    reserved::<f64>(n)?;
-    Ok(vec![0.0; n])
+pub fn untouched<T: Clone + Default>(n: usize) -> Result<Vec<T>> {
+    reserved::<T>(n)?;
+    Ok(vec![T::default(); n])
 }
 
 /// A copy.
@@ -112,6 +112,11 @@ pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> 
         out.push(value);
     }
     Ok(out)
+}
+
+/// Room for `n` more elements, if there is not enough.
+pub fn room<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
+    if out.capacity() - out.len() < n { more(out, n) } else { Ok(()) }
 }
 
 /// Append, growing by half: for what becomes long record by record.
@@ -140,8 +145,9 @@ mod tests {
         let most = usize::MAX / 4;
         let bytes = most as u128 * 8;
         assert_eq!(zeros(most), Err(Error::Memory { bytes }));
-        assert_eq!(untouched(most), Err(Error::Memory { bytes }));
+        assert_eq!(untouched::<f64>(most), Err(Error::Memory { bytes }));
         assert_eq!(untouched(3), Ok(vec![0.0; 3]));
+        assert_eq!(untouched(2), Ok(vec![0_i64; 2]));
         assert_eq!(reserved::<f64>(most).map(|_| ()), Err(Error::Memory { bytes }));
         assert_eq!(require(most * 3), Err(Error::Memory { bytes: most as u128 * 3 }));
         assert_eq!(collected((0..3).map(f64::from)), Ok(vec![0.0, 1.0, 2.0]));

@@ -6,9 +6,11 @@ use crate::interrupts::long;
 use armlet_core::error::{Error, Result as CoreResult};
 use armlet_core::interrupt::look;
 use armlet_core::memory;
+use armlet_core::trace::pages::in_large_pages;
 use pyo3::prelude::*;
 use pyo3::types::PyFloat;
 use std::borrow::Cow;
+use std::ops::Range;
 
 /// Rows that are copied between two looks whether to stop.
 pub const LOOK: usize = 1 << 12;
@@ -155,14 +157,28 @@ pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> 
 pub struct Columns<const K: usize> {
     pub shape: Vec<usize>,
     pub count: usize,
-    pub columns: [Vec<f64>; K],
+    /// Column after column, in one piece of memory: large pages, and fewer of them to touch.
+    numbers: Vec<f64>,
+    places: [Range<usize>; K],
 }
 
 impl<const K: usize> Columns<K> {
+    /// Column `k`.
+    #[inline]
+    pub fn column(&self, k: usize) -> &[f64] {
+        &self.numbers[self.places[k].clone()]
+    }
+
+    /// The last column but one, and the last one to be changed.
+    pub fn last_two(&mut self) -> (&[f64], &mut [f64]) {
+        let (before, last) = self.numbers.split_at_mut(self.places[K - 1].start);
+        (&before[self.places[K - 2].clone()], last)
+    }
+
     /// Problem `i` of the batch.
     #[inline]
     pub fn row(&self, i: usize) -> [f64; K] {
-        std::array::from_fn(|k| if let [x] = self.columns[k][..] { x } else { self.columns[k][i] })
+        std::array::from_fn(|k| if let [x] = self.column(k) { *x } else { self.column(k)[i] })
     }
 }
 
@@ -179,7 +195,6 @@ pub fn columns<const K: usize>(
     answer: usize,
 ) -> Result<Columns<K>, Failure> {
     let mut shapes: [Vec<usize>; K] = std::array::from_fn(|_| Vec::new());
-    let mut columns: [Vec<f64>; K] = std::array::from_fn(|_| Vec::new());
     for k in 0..K {
         shapes[k] = Looked::at(function, names[k], values[k])?.shape;
     }
@@ -187,20 +202,28 @@ pub fn columns<const K: usize>(
         let all = shapes.iter().map(|s| shown(s)).collect::<Vec<_>>().join(", ");
         input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected shapes that agree, got {all}"))
     })?;
-    let long_ones = shapes.iter().filter(|shape| elements(shape).is_ok_and(|n| n != 1)).count();
-    memory::require(elements(&shape)?.saturating_mul(8 * long_ones + answer))?;
+    let (count, answers) = (elements(&shape)?, elements(&shape)?.saturating_mul(answer));
+    let room =
+        shapes.iter().fold(0_usize, |room, shape| room.saturating_add(if elements(shape).is_ok_and(|n| n == 1) { 1 } else { count }));
+    memory::require(room.saturating_mul(8).saturating_add(answers))?;
+    let (mut all, mut places) = (in_large_pages(memory::reserved(room)?), std::array::from_fn(|_| 0..0));
     for k in 0..K {
-        let (read, data) = numbers(function, names[k], values[k], &[WHATEVER])?;
+        let (py, start) = (values[k].py(), all.len());
+        let read = Looked::at(function, names[k], values[k])?.append_to(&mut all)?;
         // The caller's objects may answer differently when they are asked again.
         if read != shapes[k] {
             let problem = format!("changes its shape: expected {}, got {}", shown(&shapes[k]), shown(&read));
-            return Err(input_error(values[k].py(), function, names[k], problem).into());
+            return Err(input_error(py, function, names[k], problem).into());
         }
-        columns[k] = owned(data)?;
-        check(values[k].py(), function, names[k], &read, &columns[k])?;
-        if shapes[k] != shape && columns[k].len() != 1 {
-            columns[k] = long(values[k].py(), || stretch(&shapes[k], &shape, &columns[k], 1))?;
+        check(py, function, names[k], &read, &all[start..])?;
+        if shapes[k] != shape && all.len() - start != 1 {
+            let own = memory::copied(&all[start..])?;
+            all.truncate(start);
+            let stretched = long(py, || stretch(&shapes[k], &shape, &own, 1))?;
+            memory::room(&mut all, stretched.len())?;
+            all.extend_from_slice(&stretched);
         }
+        places[k] = start..all.len();
     }
-    Ok(Columns { count: shape.iter().product(), shape, columns })
+    Ok(Columns { count, shape, numbers: all, places })
 }

@@ -1,6 +1,7 @@
-//! Many stacks of the same sizes: (5) by the program of `regular`, one stack per lane. A stack where that route declines is left to the
-//! recursion over singular values, alone, so that every row has the bits, ranks and status of a single solve, whatever its neighbours are.
+//! Many stacks of the same sizes: (5) by the program of `regular`, one stack per lane. A stack where that route declines is left to
+//! single solves, so that every row has the bits, ranks and status of a single solve, whatever its neighbours are.
 
+use super::method::PriorityMethod;
 use super::regular::regular_ranks;
 use super::solver::PrioritySolver;
 use crate::error::Result;
@@ -10,7 +11,7 @@ use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 
 /// What there may be to compute for a program: beyond, its code leaves the caches, and stacks are solved one by one.
-const MOST: usize = 12_000;
+pub(super) const MOST: usize = 12_000;
 
 /// Fewer rows than this are solved one by one, with the same bits, before a program is there.
 pub const FEW: usize = 32;
@@ -70,6 +71,26 @@ pub struct StackAnswers<'a> {
     pub status: &'a mut [i32],
 }
 
+impl<'a> StackAnswers<'a> {
+    /// Those of the first `count` rows, which are taken off; `n` joints, levels of so many `rows`.
+    pub fn first(&mut self, count: usize, n: usize, rows: &[usize]) -> StackAnswers<'a> {
+        StackAnswers {
+            v: cut(&mut self.v, count * n),
+            residuals: self.residuals.iter_mut().zip(rows).map(|(r, m)| cut(r, count * m)).collect(),
+            ranks: cut(&mut self.ranks, count * rows.len()),
+            scales: cut(&mut self.scales, count * rows.len()),
+            status: cut(&mut self.status, count),
+        }
+    }
+}
+
+/// Take the first `size` entries off.
+fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
+    let (head, tail) = std::mem::take(all).split_at_mut(size);
+    *all = tail;
+    head
+}
+
 /// Solves batches of stacks on the calling thread; its buffers last.
 #[derive(Clone)]
 pub struct StackBatch {
@@ -89,6 +110,16 @@ impl StackBatch {
         }
         let ranks = regular_ranks(n, solver.rows()).map(|rank| rank as i64).collect();
         StackBatch { program, single: solver.clone(), ranks, declined: Vec::new() }
+    }
+
+    /// The solver of single stacks that it was made with.
+    pub fn solver(&self) -> &PrioritySolver {
+        &self.single
+    }
+
+    /// Whether a row takes microseconds at most: by a program, or without iterations over bounds.
+    pub fn is_quick(&self) -> bool {
+        self.program.is_some() && self.single.method() != PriorityMethod::Sns
     }
 
     /// Solve rows `first..last` of the batch.
@@ -150,8 +181,8 @@ impl StackBatch {
     }
 }
 
-/// Row `i` of the batch by itself; by singular values alone where the regular route has declined it.
-fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, singular: bool) -> Result<Status> {
+/// Row `i` of the batch by itself, which the regular route may have declined already.
+fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, declined: bool) -> Result<Status> {
     let (n, levels) = (solver.n(), solver.rows().len());
     let (mut at, mut to) = (0, 0);
     for level in 0..levels {
@@ -162,7 +193,7 @@ fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, singular:
         at += m * n;
         to += m;
     }
-    if singular { solver.run_singular() } else { solver.run() }
+    if declined { solver.run_declined() } else { solver.run() }
 }
 
 /// Row `i` of values with rows of this width, or the only one.

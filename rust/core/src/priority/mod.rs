@@ -5,9 +5,9 @@
 //! with any number of levels of any size. Five maps realise it (`PriorityMethod`); `diagnose` says which directions of which level
 //! can be commanded at all, and why not. Derivation, limits and a table of the methods: `docs/priority.md`.
 //!
-//! Three layers: `regular` solves by LQ factorisations where it can prove that every singular value is large and no bound is met;
-//! `levels` is the general recursion over singular values; `sns` adds bounds. `batch` runs many stacks through the program of the first. `solver`
-//! owns the buffers and chooses.
+//! Four layers: `regular` solves by LQ factorisations where it can prove that every singular value is large and no bound is met.
+//! `pairs` has levels of one or two rows in closed form, at singularities too. `levels` is the general recursion over singular values,
+//! and `sns` adds bounds. `batch` runs many stacks through the program of the first. `solver` owns the buffers and chooses.
 
 #[doc(hidden)]
 mod batch;
@@ -19,9 +19,11 @@ mod matrices;
 mod method;
 mod metric;
 mod own;
+mod pairs;
 #[doc(hidden)]
 mod regular;
 mod sns;
+mod solution;
 mod solver;
 mod workspace;
 
@@ -31,4 +33,5 @@ pub use diagnose::{Compatibility, Diagnosis, Kind, LevelDiagnosis, diagnose};
 pub use matrices::solve_levels;
 pub use method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 pub use regular::Regular;
-pub use solver::{PrioritySolver, Solution, solve_priority};
+pub use solution::{Solution, solve_priority};
+pub use solver::PrioritySolver;

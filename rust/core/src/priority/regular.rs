@@ -241,7 +241,7 @@ pub(super) fn load<S: Real>(jacobian: &[S], metric: Option<&Metric<S>>, rows: &m
 }
 
 /// The square of the threshold of level `i`, whose largest row norm is the root of `most2`.
-fn threshold2<S: Real>(eps2: Option<&[S]>, i: usize, most2: S) -> S {
+pub(super) fn threshold2<S: Real>(eps2: Option<&[S]>, i: usize, most2: S) -> S {
     eps2.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2, |eps2| eps2[i])
 }
 

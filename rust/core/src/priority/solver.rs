@@ -5,6 +5,7 @@
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 use super::metric::Metric;
+use super::pairs::{Answer, Pairs, SinglePairs};
 use super::regular::Regular;
 use super::sns::Saturation;
 use super::workspace::{TAME, Workspace};
@@ -33,27 +34,14 @@ pub struct PrioritySolver {
     method: PriorityMethod,
     work: Workspace,
     saturation: Option<Saturation>,
+    /// Levels of two rows in closed form, where they are that.
+    pairs: Option<SinglePairs>,
     status: Status,
     uses: u64,
 }
 
 /// Calls after which a caller is taken for one who calls often.
 const OFTEN: u64 = 16;
-
-/// The answer of `solve_priority`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Solution {
-    /// Joint velocities, shape `(n,)`.
-    pub v: Vec<f64>,
-    /// `v_i - J_i v` per level, in the unit of the task.
-    pub residuals: Vec<Vec<f64>>,
-    /// Directions of each level that were realised: counted by the rank rule (`exact`, `chiaverini`, `sns`), or with `s >= eps` (`clamp`, `damped`).
-    pub ranks: Vec<usize>,
-    /// Scale of each level's command; 1 except for `sns`.
-    pub scales: Vec<f64>,
-    /// `Success`, or `Degraded` where directions are lost.
-    pub status: Status,
-}
 
 impl PrioritySolver {
     /// `n`: number of joints; `rows`: rows of each level, first the highest; zero rows and more rows than joints are allowed.
@@ -76,9 +64,10 @@ impl PrioritySolver {
         };
         eps.iter().flatten().try_for_each(|e| positive("eps", *e))?;
         let metric = options.weight.as_ref().map(|weight| Metric::new(weight, n)).transpose()?;
+        let pairs = SinglePairs::new(n, rows, options.method, eps.as_deref(), metric.as_ref());
         let work = Workspace::new(n, rows, options.method, eps, metric);
         let saturation = (options.method == PriorityMethod::Sns).then(|| Saturation::new(n));
-        let mut solver = PrioritySolver { method: options.method, work, saturation, status: Status::Success, uses: 0 };
+        let mut solver = PrioritySolver { method: options.method, work, saturation, pairs, status: Status::Success, uses: 0 };
         solver.set_rounding(options.rounding.unwrap_or(DEFAULT_ROUNDING))?;
         match (&options.v_min, &options.v_max) {
             (None, None) if options.method == PriorityMethod::Sns => {
@@ -138,6 +127,11 @@ impl PrioritySolver {
         route
     }
 
+    /// Levels of two rows in closed form, on another number; `None` where they are not that.
+    pub(super) fn pairs<S: Real>(&self) -> Option<Pairs<S>> {
+        Pairs::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
+    }
+
     /// Relative error of the entries of the next Jacobians, `8 eps (1 + sum|q|)` when an arm made them.
     pub fn set_rounding(&mut self, rounding: f64) -> Result<()> {
         if !(0.0..1.0).contains(&rounding) {
@@ -158,6 +152,9 @@ impl PrioritySolver {
             None => self.work.eps = Some(eps.to_vec()),
         }
         self.work.regular.set_eps(eps);
+        if let Some(pairs) = &mut self.pairs {
+            pairs.set_eps(eps);
+        }
         Ok(())
     }
 
@@ -208,6 +205,12 @@ impl PrioritySolver {
             let program = self.of_stacks(false);
             self.work.regular.take(program);
         }
+        if self.pairs.as_ref().is_some_and(SinglePairs::wants_program) {
+            let program = self.of_pairs();
+            if let Some(pairs) = &mut self.pairs {
+                pairs.take(program);
+            }
+        }
     }
 
     pub(super) fn workspace(&mut self) -> &mut Workspace {
@@ -249,10 +252,24 @@ impl PrioritySolver {
             self.status = Status::Success;
             return Ok(self.status);
         }
+        self.run_declined()
+    }
+
+    /// The same for a stack of which the regular route is known to decline.
+    pub fn run_declined(&mut self) -> Result<Status> {
+        let PrioritySolver { work: w, pairs, .. } = self;
+        let Workspace { jacobian, command, v, residual, ranks, lost, .. } = w;
+        if let Some(pairs) = pairs
+            && pairs.solve(jacobian, command, Answer { v, residual, ranks, lost })
+        {
+            w.task_scale.fill(1.0);
+            self.status = if w.lost.contains(&true) { Status::Degraded } else { Status::Success };
+            return Ok(self.status);
+        }
         self.run_singular()
     }
 
-    /// The same by singular values alone: for a stack of which the regular route is known to decline.
+    /// The same by singular values alone.
     pub fn run_singular(&mut self) -> Result<Status> {
         self.prepare()?;
         let w = &mut self.work;
@@ -368,26 +385,4 @@ impl PrioritySolver {
     pub fn status(&self) -> Status {
         self.status
     }
-}
-
-/// One prioritised solve from plain matrices: row-major `(rows_i, n)` Jacobians and `(rows_i,)` velocities, highest level first.
-///
-/// ```
-/// use armlet_core::priority::{PriorityOptions, solve_priority};
-/// let (x, both) = ([1.0, 0.0], [1.0, 1.0]);
-/// let solution = solve_priority(2, &[&x, &both], &[&[1.0], &[3.0]], &PriorityOptions::default()).unwrap();
-/// assert_eq!(solution.ranks, [1, 1]);
-/// assert!((solution.v[0] - 1.0).abs() < 1e-15 && (solution.v[1] - 2.0).abs() < 1e-14);
-/// ```
-pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], options: &PriorityOptions) -> Result<Solution> {
-    let rows: Vec<usize> = velocities.iter().map(|v| v.len()).collect();
-    let mut solver = PrioritySolver::new(n, &rows, options)?;
-    let status = solver.solve(jacobians, velocities)?;
-    Ok(Solution {
-        v: solver.v().to_vec(),
-        residuals: (0..rows.len()).map(|i| solver.residual(i).to_vec()).collect(),
-        ranks: solver.ranks().to_vec(),
-        scales: solver.scales().to_vec(),
-        status,
-    })
 }

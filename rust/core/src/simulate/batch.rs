@@ -17,6 +17,7 @@ use crate::memory;
 use crate::parallel;
 use crate::scalar::Real;
 use crate::status::Status;
+use crate::trace::pages::in_large_pages;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a batch keeps of each run.
@@ -158,7 +159,7 @@ fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<Batch
         let bytes = runs as u128 * records as u128 * width as u128 * 8;
         runs.checked_mul(records).and_then(|n| n.checked_mul(width)).ok_or(Error::Memory { bytes })
     };
-    let room = |width: usize| size(records, width).and_then(memory::untouched);
+    let room = |width: usize| size(records, width).and_then(memory::untouched).map(in_large_pages);
     let nan = || memory::filled(runs, f64::NAN);
     let metric = |(name, width): (_, Option<usize>)| Ok((name, width, memory::filled(size(1, width.unwrap_or(1))?, f64::NAN)?));
     let metrics = plan.map_or_else(Vec::new, Plan::columns).into_iter().map(metric).collect::<Result<_>>()?;

@@ -77,7 +77,7 @@ pub use gradient::{Parameter, RecordParts, adjoint, record_parts, sensitivities}
 pub use listed::{Listed, list_loop, watch_steps};
 pub use measures::Measures;
 pub use outside::outside;
-pub use priority_batch::{solve_rows, solve_stacks};
+pub use priority_batch::{solve_rows, solve_stacks, solve_stacks_by};
 pub use problem::{Options, Problem};
 pub use rates_loop::{Solved, recorded_loop};
 pub use sampling::{CHANNELS, Sampling};

@@ -45,24 +45,25 @@ pub fn solve_rows(
 pub fn solve_stacks(
     solver: &PrioritySolver,
     given: &StackRows,
+    answers: StackAnswers,
+    threads: usize,
+    poll: &mut dyn FnMut() -> bool,
+) -> bool {
+    solve_stacks_by(&StackBatch::new(solver, answers.status.len()), given, answers, threads, poll)
+}
+
+/// The same by copies of `batch`, for callers with several parts of a batch.
+pub fn solve_stacks_by(
+    batch: &StackBatch,
+    given: &StackRows,
     mut answers: StackAnswers,
     threads: usize,
     poll: &mut dyn FnMut() -> bool,
 ) -> bool {
-    let (n, levels, count) = (solver.n(), solver.rows().len(), answers.status.len());
-    let mut parts = Vec::with_capacity(count.div_ceil(CHUNK));
-    for first in (0..count).step_by(CHUNK) {
-        let size = CHUNK.min(count - first);
-        let part = StackAnswers {
-            v: cut(&mut answers.v, size * n),
-            residuals: answers.residuals.iter_mut().zip(solver.rows()).map(|(r, m)| cut(r, size * m)).collect(),
-            ranks: cut(&mut answers.ranks, size * levels),
-            scales: cut(&mut answers.scales, size * levels),
-            status: cut(&mut answers.status, size),
-        };
-        parts.push((first, part));
-    }
-    let batch = StackBatch::new(solver, count);
+    let solver = batch.solver();
+    let count = answers.status.len();
+    let parts = |first: usize| (first, answers.first(CHUNK.min(count - first), solver.n(), solver.rows()));
+    let parts = (0..count).step_by(CHUNK).map(parts).collect();
     each(
         parts,
         threads,
@@ -72,13 +73,6 @@ pub fn solve_stacks(
             batch.solve(given, first, first + part.status.len(), &mut part);
         },
     )
-}
-
-/// Take the first `size` entries off.
-fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
-    let (head, tail) = std::mem::take(all).split_at_mut(size);
-    *all = tail;
-    head
 }
 
 /// `work` on every part with a solver of the thread's own. Whether it was interrupted.

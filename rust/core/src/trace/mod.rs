@@ -3,8 +3,8 @@
 //!
 //! `sym`, `tape`: recording and folding. `differentiate`, `adjoint`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
 //! `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without it. `frame`: the memory a program
-//! runs on; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept. `program`: all of it behind one
-//! door. `label`, `listing`: what a reader sees of it.
+//! runs on; `pages`: large memory; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept.
+//! `program`: all of it behind one door. `label`, `listing`: what a reader sees of it.
 
 pub mod aarch64;
 pub mod adjoint;
@@ -31,6 +31,7 @@ mod lower;
 pub mod memory;
 #[cfg(any(test, not(target_arch = "aarch64")))]
 mod opcode;
+pub mod pages;
 mod portable;
 pub mod program;
 pub mod rows;

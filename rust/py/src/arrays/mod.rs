@@ -9,7 +9,7 @@ mod shape;
 mod single;
 mod write;
 
-pub use pieces::copied_to_bytes;
+pub use pieces::{PIECE, copied_to_bytes};
 pub use raw::{Lent, adopted, of_lengths, of_shape, out_of_shape, out_slice, overwrite};
 pub use read::{Looked, any_vector, numbers, owned, spread, three, vector};
 pub use sequence::items;

@@ -25,19 +25,27 @@ pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> 
     })
 }
 
-/// The numbers of a large array that can be read in place. Each piece is looked up again: others may have run since the last one.
+/// The numbers of a large array that can be read in place.
 pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> Result<Vec<f64>, Failure> {
-    let (py, count) = (array.py(), array.len());
-    let (mut values, mut breaks) = (memory::reserved(count)?, Breaks::new());
-    while values.len() < count {
+    let mut values = memory::reserved(array.len())?;
+    append(function, name, array, &mut values)?;
+    Ok(values)
+}
+
+/// The same to the end of a vector that has room for them. Each piece is looked up again: others may have run since the last one.
+pub fn append(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>, values: &mut Vec<f64>) -> Result<(), Failure> {
+    let (py, count, start) = (array.py(), array.len(), values.len());
+    let mut breaks = Breaks::new();
+    while values.len() - start < count {
         let Some(all) = in_place(array).filter(|all| all.len() == count) else {
             let problem = "was changed while it was read: expected an array that keeps its size and layout";
             return Err(input_error(py, function, name, problem).into());
         };
-        values.extend_from_slice(&all[values.len()..(values.len() + PIECE).min(count)]);
+        let at = values.len() - start;
+        values.extend_from_slice(&all[at..(at + PIECE).min(count)]);
         breaks.pause(py)?;
     }
-    Ok(values)
+    Ok(())
 }
 
 /// These numbers of a large C-contiguous array as bytes, little-endian.

@@ -99,6 +99,21 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         matches!(self.source, Source::InPlace)
     }
 
+    /// The elements to the end of a vector, read once the shape is accepted; the shape.
+    pub fn append_to(self, out: &mut Vec<f64>) -> Result<Vec<usize>, Failure> {
+        if let (Source::InPlace, Ok(array)) = (&self.source, self.value.cast::<PyArrayDyn<f64>>())
+            && array.len() > PIECE
+        {
+            memory::room(out, array.len())?;
+            pieces::append(self.function, self.name, array, out)?;
+            return Ok(self.shape);
+        }
+        let (shape, values) = self.values()?;
+        memory::room(out, values.len())?;
+        out.extend_from_slice(&values);
+        Ok(shape)
+    }
+
     /// The elements, read once the shape is accepted.
     pub fn values(self) -> Converted<'a> {
         let (function, name, value) = (self.function, self.name, self.value);

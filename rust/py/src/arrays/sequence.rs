@@ -141,6 +141,11 @@ pub fn items<'py>(
     if value.is_instance_of::<PyString>() || value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyDict>() {
         return Err(not_a_list());
     }
+    if let Ok(list) = value.cast_exact::<PyList>()
+        && list.len() <= most.min(POLL)
+    {
+        return Ok((0..list.len()).map(|i| list.get_item(i)).collect::<PyResult<_>>()?);
+    }
     let n = match value.hasattr("__len__")? {
         true => Some(length(value).map_err(|wrong| match wrong {
             Wrong::Failure(failure) => failure,

@@ -67,7 +67,7 @@ pub fn bang_bang_time<'py>(
                     ANSWER,
                 )?;
                 if tau_min.is_none() {
-                    let [.., most, least] = &mut c.columns;
+                    let (most, least) = c.last_two();
                     let bad = long(py, || {
                         for (most, least) in most.chunks(CHUNK).zip(least.chunks_mut(CHUNK)) {
                             look();

@@ -1,7 +1,7 @@
 //! `armlet.bang_bang_time` for arrays of problems, in lanes and threads.
 
 use super::bang_bang::BangBangReport;
-use crate::arrays::{copied, index_of, items, new_array, shown, signed, written_arrays};
+use crate::arrays::{adopted, index_of, items, new_array, shown, signed, written_arrays};
 use crate::broadcast::Columns;
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{Breaks, long, signalled};
@@ -42,8 +42,8 @@ pub(super) const CHUNK: usize = 1 << 13;
 /// At most so many problems are not worth a thread.
 const FEW: usize = 2 * CHUNK;
 
-/// Bytes of an answer: four numbers, and three flags that are copied once.
-pub(super) const ANSWER: usize = 4 * 8 + 3 * 2;
+/// Bytes of an answer: four numbers, and three flags.
+pub(super) const ANSWER: usize = 4 * 8 + 3;
 
 /// The most axes of an index: those of numpy's arrays.
 const MOST_AXES: usize = 64;
@@ -74,10 +74,10 @@ impl BangBangBatch {
     pub(super) fn solve(py: Python<'_>, problems: Columns<6>) -> Result<Self, Failure> {
         let n = problems.count;
         let shape = &problems.shape;
-        let mut flags: [Vec<bool>; 3] = [memory::filled(n, false)?, memory::filled(n, false)?, memory::filled(n, false)?];
+        let mut flags: [Vec<bool>; 3] = [memory::untouched(n)?, memory::untouched(n)?, memory::untouched(n)?];
         let column = |k: usize, start: usize, end: usize| {
-            let column = &problems.columns[k];
-            if column.len() == 1 { &column[..] } else { &column[start..end] }
+            let column = problems.column(k);
+            if column.len() == 1 { column } else { &column[start..end] }
         };
         let [t_min, t_max, a_min, a_max] = written_arrays(py, shape, |mut times| {
             let work = |(start, (numbers, flags)): Part| {
@@ -102,7 +102,7 @@ impl BangBangBatch {
         .map(Bound::unbind);
         let solved = flags[0].iter().filter(|&&f| f).count();
         let [feasible, hold_start, hold_end] = flags;
-        let flag = |x: Vec<bool>| Ok::<_, Failure>(copied(py, shape, &x)?.unbind());
+        let flag = |x: Vec<bool>| Ok::<_, Failure>(adopted(py, shape, x)?.unbind());
         Ok(BangBangBatch {
             feasible: flag(feasible)?,
             hold_start: flag(hold_start)?,
@@ -176,7 +176,8 @@ impl BangBangBatch {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let shape = &self.problems.shape;
         let mut kept = Vec::new();
-        for (k, column) in self.problems.columns.iter().enumerate() {
+        for k in 0..6 {
+            let column = self.problems.column(k);
             // The first column carries the shape, the others only their numbers.
             let full = k == 0 || column.len() != 1;
             let axes: &[usize] = if full { shape } else { &[] };

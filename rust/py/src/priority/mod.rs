@@ -7,6 +7,7 @@ mod diagnosis;
 mod solution;
 mod solver;
 mod stack;
+mod stacks;
 
 pub use arm_solver::{_restore_arm_solver, ArmPrioritySolver};
 pub use diagnosis::{diagnose_priority, velocity_bounds};

@@ -1,21 +1,19 @@
 //! `armlet.solve_priority` and its answer, for one stack or for a batch of stacks.
 
 use super::stack::{Keywords, Stack, items, method_name};
-use crate::arrays::{adopted, copied, of_shape, optional_number};
+use super::stacks;
+use crate::arrays::{copied, of_shape, optional_number};
 use crate::errors::{Failure, entry};
-use crate::interrupts::{long, signalled};
 use crate::seal::{Sealed, seal};
 use armlet_core::error::Error;
-use armlet_core::interrupt::interrupt;
-use armlet_core::memory;
-use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core, StackAnswers, StackRows};
-use armlet_core::simulate::{default_threads, solve_stacks};
+use armlet_core::priority::{DEFAULT_ROUNDING, PrioritySolver as Core};
 use armlet_core::status::Status;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple};
 use std::cell::RefCell;
+use std::sync::Arc;
 
 /// The result of `solve_priority`: joint velocities, and the outcome of each level.
 ///
@@ -34,13 +32,21 @@ pub struct PrioritySolution {
     status: PyOnceLock<Py<PyAny>>,
 }
 
-/// The answer of a single solve: `[v, residuals, scales]`.
+/// The answer of a single solve: `[v, residuals, scales, ranks]`, in one piece of memory.
 struct SingleSolution {
     n: usize,
-    rows: Vec<usize>,
+    rows: Arc<[usize]>,
     numbers: Vec<f64>,
-    ranks: Vec<usize>,
     status: Status,
+}
+
+impl SingleSolution {
+    /// The residuals, the scales and the ranks.
+    fn parts(&self) -> [&[f64]; 3] {
+        let (rest, ranks) = self.numbers.split_at(self.numbers.len() - self.rows.len());
+        let (rest, scales) = rest.split_at(rest.len() - self.rows.len());
+        [&rest[self.n..], scales, ranks]
+    }
 }
 
 impl PrioritySolution {
@@ -63,7 +69,7 @@ impl PrioritySolution {
 #[pymethods]
 impl PrioritySolution {
     #[new]
-    fn new(py: Python<'_>, v: Py<PyAny>, residuals: Py<PyAny>, ranks: Py<PyAny>, scales: Py<PyAny>, status: Py<PyAny>) -> Self {
+    pub fn new(py: Python<'_>, v: Py<PyAny>, residuals: Py<PyAny>, ranks: Py<PyAny>, scales: Py<PyAny>, status: Py<PyAny>) -> Self {
         let [v, residuals, ranks, scales, status] = [v, residuals, ranks, scales, status].map(|object| {
             let field = PyOnceLock::new();
             let _ = field.set(py, object);
@@ -79,18 +85,17 @@ impl PrioritySolution {
 
     #[getter]
     fn residuals(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        self.once(py, &self.residuals, |found| Ok(residual_list(py, &found.rows, &found.numbers[found.n..])?.into_any()))
+        self.once(py, &self.residuals, |found| Ok(residual_list(py, &found.rows, found.parts()[0])?.into_any()))
     }
 
     #[getter]
     fn ranks(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        self.once(py, &self.ranks, |found| Ok(PyList::new(py, &found.ranks)?.into_any()))
+        self.once(py, &self.ranks, |found| Ok(PyList::new(py, found.parts()[2].iter().map(|&rank| rank as usize))?.into_any()))
     }
 
     #[getter]
     fn scales(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        let of = |found: &SingleSolution| copied(py, &[found.rows.len()], &found.numbers[found.numbers.len() - found.rows.len()..]);
-        self.once(py, &self.scales, of)
+        self.once(py, &self.scales, |found| copied(py, &[found.rows.len()], found.parts()[1]))
     }
 
     #[getter]
@@ -130,14 +135,20 @@ pub fn residual_list<'py>(py: Python<'py>, rows: &[usize], stacked: &[f64]) -> R
     Ok(PyList::new(py, parts)?)
 }
 
+/// A solver without options of its own, and its levels for the answers.
+struct Kept {
+    solver: Core,
+    rows: Arc<[usize]>,
+}
+
 thread_local! {
-    /// The last solver without options of its own: a loop over stacks of one size builds its buffers once.
-    static LAST: RefCell<Option<Core>> = const { RefCell::new(None) };
+    /// The last one: a loop over stacks of one size builds its buffers once.
+    static LAST: RefCell<Option<Kept>> = const { RefCell::new(None) };
 }
 
 fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Result<Core, Failure> {
     if keywords.plain()
-        && let Some(mut last) = LAST.take()
+        && let Some(Kept { solver: mut last, .. }) = LAST.take()
         && last.n() == n
         && last.rows() == rows
         && last.method().name() == keywords.method
@@ -210,55 +221,75 @@ pub fn solve_priority<'py>(
 ) -> PyResult<PrioritySolution> {
     const NAME: &str = "solve_priority";
     entry(py, NAME, || {
-        let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
         let (method, rounding) = (method_name(NAME, method)?, optional_number(NAME, "rounding", rounding)?);
         let keywords = Keywords { method, eps, rounding, weight, v_min, v_max };
-        if let Some(solver) = again(&jacobians, &velocities, &keywords) {
-            let solution = answer(&solver);
-            LAST.set(Some(solver));
+        if let Some(solution) = again(jacobians, velocities, &keywords) {
             return Ok(solution);
         }
-        let stack = Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities))?;
+        let (jacobians, velocities) = (items(NAME, "jacobians", jacobians)?, items(NAME, "velocities", velocities)?);
+        let stack = Stack::read_or_lend(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities), true)?;
         let solver = solver(NAME, stack.n, &stack.rows, &keywords)?;
-        if stack.lead.is_empty() { single(py, solver, &stack, keywords.plain()) } else { batch(py, solver, stack) }
+        if stack.lead.is_empty() {
+            return single(py, solver, &stack, keywords.plain());
+        }
+        // Stacks that take long are read anew, into memory of their own.
+        let copied = || Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities));
+        stacks::solve(py, NAME, &solver, stack, copied)
     })
+}
+
+/// Entry `i` of a list or a tuple.
+#[inline]
+fn at<'py>(items: &Bound<'py, PyAny>, i: usize) -> Option<Bound<'py, PyAny>> {
+    match items.cast_exact::<PyList>() {
+        Ok(list) => list.get_item(i).ok(),
+        Err(_) => items.cast_exact::<PyTuple>().ok()?.get_item(i).ok(),
+    }
+}
+
+/// The length of a list or a tuple.
+#[inline]
+fn length(items: &Bound<'_, PyAny>) -> Option<usize> {
+    items.cast_exact::<PyList>().map(|list| list.len()).or_else(|_| items.cast_exact::<PyTuple>().map(|tuple| tuple.len())).ok()
 }
 
 /// One stack of contiguous arrays of the sizes and with the method of the last call: solved without a look at anything else.
 /// None where that is not so, or where there is something to refuse; the full path then finds out what.
-fn again(jacobians: &[Bound<'_, PyAny>], velocities: &[Bound<'_, PyAny>], keywords: &Keywords) -> Option<Core> {
+fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
     if !keywords.plain() {
         return None;
     }
-    let mut solver = LAST.take()?;
-    let levels = solver.rows().len();
-    if solver.method().name() != keywords.method || [jacobians.len(), velocities.len()] != [levels; 2] {
-        return None;
-    }
-    solver.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING)).ok()?;
-    let (n, mut at) = (solver.n(), 0);
-    for i in 0..levels {
-        let m = solver.rows()[i];
-        let (jacobian, velocity) = (of_shape(&jacobians[i], &[m, n])?, of_shape(&velocities[i], &[m])?);
-        let (j, v) = solver.inputs();
-        j[at * n..(at + m) * n].copy_from_slice(jacobian);
-        v[at..at + m].copy_from_slice(velocity);
-        at += m;
-    }
-    solver.used();
-    solver.run().ok()?;
-    Some(solver)
+    // No code of Python's runs in here.
+    LAST.with(|last| {
+        let mut last = last.try_borrow_mut().ok()?;
+        let Kept { solver, rows } = last.as_mut()?;
+        if solver.method().name() != keywords.method || [length(jacobians)?, length(velocities)?] != [rows.len(); 2] {
+            return None;
+        }
+        solver.set_rounding(keywords.rounding.unwrap_or(DEFAULT_ROUNDING)).ok()?;
+        let (n, mut to) = (solver.n(), 0);
+        for (i, &m) in rows.iter().enumerate() {
+            let (jacobian, velocity) = (at(jacobians, i)?, at(velocities, i)?);
+            let (jacobian, velocity) = (of_shape(&jacobian, &[m, n])?, of_shape(&velocity, &[m])?);
+            let (j, v) = solver.inputs();
+            j[to * n..(to + m) * n].copy_from_slice(jacobian);
+            v[to..to + m].copy_from_slice(velocity);
+            to += m;
+        }
+        solver.used();
+        solver.run().ok()?;
+        Some(answer(solver, rows.clone()))
+    })
 }
 
 /// What the solver found last.
-fn answer(solver: &Core) -> PrioritySolution {
-    let found = SingleSolution {
-        n: solver.n(),
-        rows: solver.rows().to_vec(),
-        numbers: [solver.v(), solver.residuals(), solver.scales()].concat(),
-        ranks: solver.ranks().to_vec(),
-        status: solver.status(),
-    };
+fn answer(solver: &Core, rows: Arc<[usize]>) -> PrioritySolution {
+    let mut numbers = Vec::with_capacity(solver.n() + solver.residuals().len() + 2 * rows.len());
+    numbers.extend_from_slice(solver.v());
+    numbers.extend_from_slice(solver.residuals());
+    numbers.extend_from_slice(solver.scales());
+    numbers.extend(solver.ranks().iter().map(|&rank| rank as f64));
+    let found = SingleSolution { n: solver.n(), rows, numbers, status: solver.status() };
     let [v, residuals, ranks, scales, status] = [const { PyOnceLock::new() }; 5];
     PrioritySolution { found: Some(found), v, residuals, ranks, scales, status }
 }
@@ -268,41 +299,10 @@ fn single(py: Python<'_>, mut solver: Core, stack: &Stack, keep: bool) -> Result
         stack.require_finite(py, "solve_priority")?;
         return Err(error.into());
     }
-    let solution = answer(&solver);
+    let rows: Arc<[usize]> = solver.rows().into();
+    let solution = answer(&solver, rows.clone());
     if keep {
-        LAST.set(Some(solver));
+        LAST.set(Some(Kept { solver, rows }));
     }
     Ok(solution)
-}
-
-fn batch(py: Python<'_>, solver: Core, stack: Stack) -> Result<PrioritySolution, Failure> {
-    let (count, levels) = (stack.count, stack.rows.len());
-    // Copied: other threads may write to the caller's arrays.
-    let stack = stack.owned()?;
-    let (v, residuals, ranks, scales, status) = long(py, || {
-        let room = |width: usize| memory::zeros(count.saturating_mul(width));
-        let mut residuals = stack.rows.iter().map(|m| room(*m)).collect::<Result<Vec<_>, _>>()?;
-        let (mut v, mut scales) = (room(stack.n)?, room(levels)?);
-        let (mut ranks, mut status) = (memory::filled(count.saturating_mul(levels), 0)?, memory::filled(count, 0)?);
-        let (jacobians, velocities): (Vec<&[f64]>, Vec<&[f64]>) = (0..levels).map(|i| stack.level(i)).unzip();
-        let given = StackRows { jacobians: &jacobians, velocities: &velocities };
-        let answers = StackAnswers {
-            v: &mut v,
-            residuals: residuals.iter_mut().map(Vec::as_mut_slice).collect(),
-            ranks: &mut ranks,
-            scales: &mut scales,
-            status: &mut status,
-        };
-        if solve_stacks(&solver, &given, answers, default_threads(), &mut signalled) {
-            interrupt();
-        }
-        Ok((v, residuals, ranks, scales, status))
-    })?;
-    let shape = |last: &[usize]| -> Vec<usize> { stack.lead.iter().chain(last).copied().collect() };
-    let residuals =
-        stack.rows.iter().zip(residuals).map(|(m, r)| Ok(adopted(py, &shape(&[*m]), r)?)).collect::<Result<Vec<_>, Failure>>()?;
-    let (v, residuals) = (adopted(py, &shape(&[stack.n]), v)?, PyList::new(py, residuals)?.into_any());
-    let (ranks, scales) = (adopted(py, &shape(&[levels]), ranks)?, adopted(py, &shape(&[levels]), scales)?);
-    let status = adopted(py, &stack.lead, status)?;
-    Ok(PrioritySolution::new(py, v.unbind(), residuals.unbind(), ranks.unbind(), scales.unbind(), status.unbind())?)
 }

@@ -1,6 +1,6 @@
 //! Levels in: lists of Jacobians `(..., rows_i, n)` and task velocities `(..., rows_i)`, checked and broadcast over their leading axes.
 
-use crate::arrays::{self, Axis, Form, Looked, SCALAR, numbers, owned, require_finite, shown, spread};
+use crate::arrays::{self, Axis, Form, Looked, PIECE, SCALAR, numbers, of_shape, owned, require_finite, shown, spread};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, input_error};
 use crate::interrupts::long;
@@ -20,6 +20,8 @@ pub fn items<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Resu
 /// One array of one level: elements, leading axes, elements per row of the batch.
 struct Part<'a> {
     values: Cow<'a, [f64]>,
+    /// The array that holds the elements, where they are not here.
+    lent: Option<&'a Bound<'a, PyAny>>,
     lead: Vec<usize>,
     shape: Vec<usize>,
     width: usize,
@@ -33,7 +35,28 @@ impl Part<'_> {
     }
 
     fn owned(self) -> Result<Part<'static>, Failure> {
-        Ok(Part { values: Cow::Owned(owned(self.values)?), lead: self.lead, shape: self.shape, width: self.width })
+        Ok(Part { values: Cow::Owned(owned(self.values)?), lent: None, lead: self.lead, shape: self.shape, width: self.width })
+    }
+}
+
+impl<'a> Part<'a> {
+    /// `lend`: leave a long array with leading axes where it is.
+    fn new(value: &'a Bound<'a, PyAny>, looked: Looked<'_, 'a, '_>, axes: usize, lend: bool) -> Result<Self, Failure> {
+        let lent = lend && looked.is_in_place() && looked.shape.len() > axes && looked.shape.iter().product::<usize>() > PIECE;
+        let (shape, values) = if lent { (looked.shape, Cow::Borrowed(&[][..])) } else { looked.values()? };
+        let (lead, last) = shape.split_at(shape.len() - axes);
+        Ok(Part { values, lent: lent.then_some(value), lead: lead.to_vec(), width: last.iter().product(), shape })
+    }
+
+    /// The elements as they are now. None where the array has changed since its shape was read.
+    fn elements(&self) -> Option<&[f64]> {
+        self.lent.map_or(Some(&*self.values), |array| of_shape(array, &self.shape))
+    }
+
+    /// Rows `first..last` of the batch, or the only one.
+    fn rows(&self, first: usize, last: usize) -> Option<&[f64]> {
+        let all = self.elements()?;
+        Some(if all.len() == self.width { all } else { &all[first * self.width..last * self.width] })
     }
 }
 
@@ -55,8 +78,20 @@ impl<'a> Stack<'a> {
         py: Python<'_>,
         function: &str,
         names: [&'static str; 2],
-        jacobians: &'a [Bound<'_, PyAny>],
-        velocities: Option<&'a [Bound<'_, PyAny>]>,
+        jacobians: &'a [Bound<'a, PyAny>],
+        velocities: Option<&'a [Bound<'a, PyAny>]>,
+    ) -> Result<Self, Failure> {
+        Self::read_or_lend(py, function, names, jacobians, velocities, false)
+    }
+
+    /// The same. `lend`: long arrays stay where they are, for [`Stack::piece`] alone.
+    pub fn read_or_lend(
+        py: Python<'_>,
+        function: &str,
+        names: [&'static str; 2],
+        jacobians: &'a [Bound<'a, PyAny>],
+        velocities: Option<&'a [Bound<'a, PyAny>]>,
+        lend: bool,
     ) -> Result<Self, Failure> {
         let refuse = |argument: &str, problem: String| -> Failure { input_error(py, function, argument, problem).into() };
         if jacobians.is_empty() {
@@ -73,7 +108,7 @@ impl<'a> Stack<'a> {
         for (i, jacobian) in jacobians.iter().enumerate() {
             let name = format!("{}[{i}]", names[0]);
             let looked = Looked::at(function, &name, jacobian)?.of(&[Form(&[Axis::Leading, Axis::Any("rows"), Axis::Any("n")])])?;
-            let (lead, [m, columns]) = looked.shape.split_last_chunk().map(|(lead, last)| (lead.to_vec(), *last)).unwrap_or_default();
+            let [m, columns] = looked.shape.last_chunk().copied().unwrap_or_default();
             if i == 0 {
                 n = columns;
                 if n == 0 {
@@ -85,8 +120,7 @@ impl<'a> Stack<'a> {
             }
             rows.push(m);
             require_size(py, function, n, &rows)?;
-            let (shape, values) = looked.values()?;
-            blocks.push(Part { values, lead, width: m * n, shape });
+            blocks.push(Part::new(jacobian, looked, 2, lend)?);
         }
         for (i, velocity) in velocities.unwrap_or_default().iter().enumerate() {
             let name = format!("{}[{i}]", names[1]);
@@ -96,8 +130,7 @@ impl<'a> Stack<'a> {
                 let form = if blocks[i].lead.is_empty() { &[Axis::Is(rows[i])][..] } else { &[Axis::Leading, Axis::Is(rows[i])] };
                 return Err(looked.of_another_shape(&[Form(form)]));
             }
-            let (shape, values) = looked.values()?;
-            commands.push(Part { values, lead: shape[..shape.len() - 1].to_vec(), width: rows[i], shape });
+            commands.push(Part::new(velocity, looked, 1, lend)?);
         }
         let leads: Vec<Vec<usize>> = blocks.iter().chain(&commands).map(|part| part.lead.clone()).collect();
         let lead = common_shape(&leads).ok_or_else(|| {
@@ -108,7 +141,8 @@ impl<'a> Stack<'a> {
         for part in blocks.iter_mut().chain(&mut commands) {
             if part.lead != lead && part.lead.iter().product::<usize>() != 1 {
                 // Other threads may write to the caller's array while this is done.
-                let own = memory::copied(&part.values)?;
+                let own = memory::copied(part.elements().ok_or_else(|| changed(py, function))?)?;
+                part.lent = None;
                 part.values = Cow::Owned(long(py, || stretch(&part.lead, &lead, &own, part.width))?);
             }
         }
@@ -121,6 +155,21 @@ impl<'a> Stack<'a> {
 
     pub fn velocity(&self, level: usize, i: usize) -> &[f64] {
         self.velocities[level].row(i)
+    }
+
+    /// The Jacobians and the velocities of some rows, level by level; one of them alone where it is for all rows.
+    ///
+    /// They are the caller's arrays: nobody may let go of the interpreter lock while they are read.
+    pub fn piece(&self, py: Python<'_>, function: &str, first: usize, last: usize) -> Result<[Vec<&[f64]>; 2], Failure> {
+        match (rows_of(&self.jacobians, first, last), rows_of(&self.velocities, first, last)) {
+            (Some(jacobians), Some(velocities)) => Ok([jacobians, velocities]),
+            _ => Err(changed(py, function)),
+        }
+    }
+
+    /// Numbers of a row of the batch.
+    pub fn width(&self) -> usize {
+        self.jacobians.iter().chain(&self.velocities).map(|part| part.width).sum()
     }
 
     /// All Jacobians and all velocities of a level; one of them alone where it is for all rows.
@@ -150,6 +199,17 @@ impl<'a> Stack<'a> {
             names: self.names,
         })
     }
+}
+
+/// Rows `first..last` of each part.
+fn rows_of<'s>(parts: &'s [Part<'_>], first: usize, last: usize) -> Option<Vec<&'s [f64]>> {
+    parts.iter().map(|part| part.rows(first, last)).collect()
+}
+
+/// Others had the interpreter lock, and changed an array.
+fn changed(py: Python<'_>, function: &str) -> Failure {
+    let problem = "were changed while they were read: expected arrays that keep their size and layout";
+    input_error(py, function, "jacobians, velocities", problem).into()
 }
 
 /// A transposed array must not ask for all the memory there is.

@@ -1,0 +1,311 @@
+//! Levels of at most two rows in closed form, at singularities too. One rotation makes the rows of a projected level orthogonal
+//! (one step of one-sided Jacobi; Golub and Van Loan, Matrix Computations, 8.6). Their norms are the singular values then:
+//!
+//! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`
+//!
+//! with `h = q` for `clamp` and `h = 1 / (s^2 + lambda^2)` for `damped`. It is the map of `levels` where `P` is a projector before
+//! every level that others follow. Only the last two levels may use a direction in part. Elsewhere the route declines, as it does where
+//! a threshold is so small that one rotation is not exact enough.
+//!
+//! Nothing here branches on the numbers: a program of a recording and a direct solve agree to the bit.
+
+use super::batch::MOST;
+use super::lq::product;
+use super::method::PriorityMethod;
+use super::metric::Metric;
+use super::regular::{load, threshold2};
+use super::solver::PrioritySolver;
+use super::workspace::TAME;
+use crate::scalar::{Float, Real};
+use crate::trace::Sym;
+use crate::trace::function::{Evaluation, record};
+
+/// Squares of thresholds below this share of that of a level are left to singular values: rounding over the threshold is then 1e-13.
+const LEAST: f64 = 1e-6;
+
+/// Singular values below the root of this times the threshold use nothing of their direction.
+const UNUSED: f64 = 1e-16;
+
+/// Direct solves after which a program is made for a caller who comes again.
+const OFTEN: u64 = 16;
+
+/// The route for stacks of one size, with its buffers.
+#[derive(Debug, Clone)]
+pub(super) struct Pairs<S> {
+    n: usize,
+    rows: Vec<usize>,
+    damped: bool,
+    /// Squares of the thresholds, where they are given.
+    eps2: Option<Vec<S>>,
+    metric: Option<Metric<S>>,
+    /// The stack in the coordinates of the metric, and its rows times the projectors of the levels above them.
+    j: Vec<S>,
+    projected: Vec<S>,
+    y: Vec<S>,
+    /// `1 / s^2` of each row that has been turned and uses its direction up, else zero.
+    full: Vec<S>,
+    /// The squares of the thresholds in force.
+    threshold2: Vec<S>,
+    /// The answer: joint velocities `(n,)`, residuals `(sum rows,)`, and for each level the directions realised and whether one is lost.
+    v: Vec<S>,
+    residual: Vec<S>,
+    ranks: Vec<S>,
+    lost: Vec<S>,
+}
+
+/// One direction of a level: its row `g`, its command, and what it does.
+struct Direction<'a, S> {
+    g: &'a [S],
+    /// `s^2 = g g'`.
+    s2: S,
+    command: S,
+    /// One where there is freedom for it, else zero.
+    open: S,
+}
+
+impl<S: Real> Pairs<S> {
+    /// For levels of these sizes, thresholds and metric; `None` where the closed form is not for them.
+    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
+        if !matches!(method, PriorityMethod::Clamp | PriorityMethod::Damped) || rows.iter().any(|&m| m > 2) {
+            return None;
+        }
+        let (zeros, total) = (|k: usize| vec![S::zero(); k], rows.iter().sum::<usize>());
+        Some(Pairs {
+            n,
+            rows: rows.to_vec(),
+            damped: method == PriorityMethod::Damped,
+            eps2: eps.map(|eps| eps.iter().map(|eps| S::from_lanes(|_| eps * eps)).collect()),
+            metric: metric.map(Metric::lift),
+            j: zeros(total * n),
+            projected: zeros(total * n),
+            y: zeros(n),
+            full: zeros(total),
+            threshold2: zeros(rows.len()),
+            v: zeros(n),
+            residual: zeros(total),
+            ranks: zeros(rows.len()),
+            lost: zeros(rows.len()),
+        })
+    }
+
+    fn set_eps(&mut self, eps: &[f64]) {
+        let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
+        own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
+    }
+
+    /// Solve for the stack `(sum rows, n)` and its command; one where the route is taken, else zero.
+    pub fn solve(&mut self, jacobian: &[S], command: &[S]) -> S {
+        let (zero, one) = (S::zero(), S::splat(1.0));
+        let Pairs { n, rows, j, projected, metric, y, eps2, threshold2: thresholds, .. } = self;
+        let (n, total) = (*n, j.len() / *n);
+        y.fill(zero);
+        let (mut at, mut stands) = (0, one);
+        for (i, &m) in rows.iter().enumerate() {
+            let level = at * n..(at + m) * n;
+            at += m;
+            let [most2, norm2] = load(&jacobian[level.clone()], metric.as_ref(), &mut j[level], n);
+            let threshold2 = threshold2(eps2.as_deref(), i, most2);
+            thresholds[i] = threshold2;
+            if m > 0 {
+                let bounds = [(S::splat(TAME.start), norm2), (norm2, S::splat(TAME.end)), (S::splat(LEAST) * norm2, threshold2)];
+                let bounds = bounds.into_iter().chain([(threshold2, S::splat(TAME.end))]);
+                stands = bounds.fold(stands, |stands, (low, high)| S::select(low.lt(high), stands, zero));
+            }
+        }
+        projected.copy_from_slice(j);
+        let (mut at, mut used, mut whole) = (0, zero, one);
+        for i in 0..self.rows.len() {
+            let m = self.rows[i];
+            (self.ranks[i], self.lost[i]) = (zero, zero);
+            if m == 0 {
+                continue;
+            }
+            if at + m < total {
+                stands = S::select(zero.lt(whole), stands, zero);
+            }
+            whole = self.level(i, at, command, used) * whole;
+            used += self.ranks[i];
+            at += m;
+        }
+        let Pairs { v, y, metric, residual, .. } = self;
+        v.copy_from_slice(y);
+        if let Some(metric) = metric {
+            metric.velocity(v);
+        }
+        let infinity = S::splat(f64::INFINITY);
+        residual.iter_mut().zip(jacobian.chunks_exact(n)).zip(command).fold(stands, |stands, ((residual, row), &command)| {
+            *residual = command - product(row, v);
+            S::select(residual.abs().lt(infinity), stands, zero)
+        })
+    }
+
+    /// Level `i`, whose rows begin at `at`, where so many directions are used already: one if it leaves a projector, else zero.
+    fn level(&mut self, i: usize, at: usize, command: &[S], used: S) -> S {
+        let Pairs { n, rows, j, projected, y, full, damped, threshold2, ranks, lost, .. } = self;
+        let (n, m, threshold2, zero, one) = (*n, rows[i], threshold2[i], S::zero(), S::splat(1.0));
+        let (above, below) = projected.split_at_mut((at + m) * n);
+        let mut rest = [zero; 2];
+        let rows = j[at * n..(at + m) * n].chunks_exact(n);
+        rest.iter_mut().zip(&command[at..]).zip(rows).for_each(|((rest, &command), row)| *rest = command - product(row, y));
+        let (turned, own) = above.split_at_mut(at * n);
+        // Once more: what rounding has left of directions that are used up would count by the inverse of the threshold's square.
+        for row in own.chunks_exact_mut(n) {
+            turned.chunks_exact(n).zip(&*full).for_each(|(g, &share)| remove(row, [(g, share)]));
+        }
+        let (first, second) = own.split_at_mut(n);
+        if m == 2 {
+            rotate(first, second, &mut rest);
+        }
+        let free = S::splat(n as f64) - used;
+        let squares = [product(first, first), product(second, second)];
+        // Freedom for one direction alone is that of the larger one.
+        let (some, both) = (S::select(S::splat(0.5).lt(free), one, zero), S::select(S::splat(1.5).lt(free), one, zero));
+        let mut open = [some, zero];
+        if m == 2 {
+            let lesser = squares[0].lt(squares[1]);
+            open = [(both, some), (some, both)].map(|(yes, no)| S::select(lesser, yes, no));
+        }
+        let of = |k: usize, g| Direction { g, s2: squares[k], command: rest[k], open: open[k] };
+        let directions = [of(0, &*first), of(1, &*second)];
+        let directions = &directions[..m];
+        let lambda2 = if *damped { lambda2(directions, threshold2) } else { zero };
+        let (mut whole, mut shares) = (one, [zero; 2]);
+        for (k, (direction, share)) in directions.iter().zip(&mut shares).enumerate() {
+            let &Direction { g, s2, command, open } = direction;
+            let (there, partial) = (zero.lt(open), s2.lt(threshold2));
+            *share = S::select(there, one / s2.max(threshold2), zero);
+            full[at + k] = S::select(partial, zero, *share);
+            let gain = if *damped { S::select(there, one / (s2 + lambda2), zero) } else { *share };
+            let along = gain * command;
+            y.iter_mut().zip(g).for_each(|(y, &g)| *y = along.mul_add(g, *y));
+            ranks[i] += S::select(there, S::select(partial, zero, one), zero);
+            let leaves = S::select(partial, S::select((S::splat(UNUSED) * threshold2).lt(s2), zero, one), one);
+            whole = S::select(there, leaves * whole, whole);
+        }
+        let most = S::splat(m as f64).min(free) - S::splat(0.5);
+        lost[i] = S::select(ranks[i].lt(most), one, zero);
+        for row in below.chunks_exact_mut(n) {
+            match directions {
+                [one] => remove(row, [(one.g, shares[0])]),
+                [one, other] => remove(row, [(one.g, shares[0]), (other.g, shares[1])]),
+                _ => {}
+            }
+        }
+        whole
+    }
+}
+
+/// `x <- x - x sum share g' g`
+fn remove<S: Real, const K: usize>(x: &mut [S], directions: [(&[S], S); K]) {
+    let parts = directions.map(|(g, share)| -share * product(x, g));
+    for ((g, _), part) in directions.into_iter().zip(parts) {
+        x.iter_mut().zip(g).for_each(|(x, &g)| *x = part.mul_add(g, *x));
+    }
+}
+
+/// Turn two rows and their commands so that the rows are orthogonal, by the smaller angle.
+fn rotate<S: Real>(a: &mut [S], b: &mut [S], rest: &mut [S; 2]) {
+    let (one, both) = (S::splat(1.0), product(a, b));
+    let (d, w) = (product(b, b) - product(a, a), both + both);
+    let root = d.mul_add(d, w.mul_add(w, S::splat(f64::MIN_POSITIVE))).sqrt();
+    let t = w / S::select(d.lt(S::zero()), d - root, d + root);
+    let c = one / t.mul_add(t, one).sqrt();
+    let s = t * c;
+    let turn = |a: S, b: S| (s.neg_mul_add(b, c * a), s.mul_add(a, c * b));
+    a.iter_mut().zip(b).for_each(|(a, b)| (*a, *b) = turn(*a, *b));
+    let [r0, r1] = *rest;
+    (rest[0], rest[1]) = turn(r0, r1);
+}
+
+/// The square of `lambda = eps (1 - prod min(1, s / eps))`.
+fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
+    let one = S::splat(1.0);
+    let manipulability = directions.iter().fold(one, |all, direction| {
+        let share = S::select(direction.s2.lt(threshold2), (direction.s2 / threshold2).sqrt(), one);
+        all * S::select(S::zero().lt(direction.open), share, one)
+    });
+    let left = one - manipulability;
+    threshold2 * left * left
+}
+
+/// The route for single stacks.
+#[derive(Debug, Clone)]
+pub(super) struct SinglePairs {
+    direct: Pairs<Float>,
+    /// With the same bits, once somebody made it.
+    program: Option<Evaluation>,
+    solves: u64,
+}
+
+/// Where the answer goes: joint velocities, residuals, directions realised and whether one is lost.
+pub(super) struct Answer<'a> {
+    pub v: &'a mut [f64],
+    pub residual: &'a mut [f64],
+    pub ranks: &'a mut [usize],
+    pub lost: &'a mut [bool],
+}
+
+impl SinglePairs {
+    /// As [`Pairs::new`].
+    pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
+        Pairs::new(n, rows, method, eps, metric).map(|direct| SinglePairs { direct, program: None, solves: 0 })
+    }
+
+    /// The program is of other thresholds.
+    pub fn set_eps(&mut self, eps: &[f64]) {
+        (self.program, self.solves) = (None, 0);
+        self.direct.set_eps(eps);
+    }
+
+    /// Whether a caller who comes again is served better by a program now.
+    pub fn wants_program(&self) -> bool {
+        self.program.is_none() && self.solves == OFTEN
+    }
+
+    /// Take this program, of [`PrioritySolver::of_pairs`], from now on.
+    pub fn take(&mut self, program: Option<Evaluation>) {
+        self.solves += 1;
+        self.program = program;
+    }
+
+    /// Solve; false where the route declines.
+    pub fn solve(&mut self, jacobian: &[f64], command: &[f64], answer: Answer) -> bool {
+        let Answer { v, residual, ranks, lost } = answer;
+        let (n, total, levels) = (v.len(), residual.len(), ranks.len());
+        if let Some(program) = &mut self.program {
+            let (given, rest) = program.inputs(0, jacobian.len() + command.len()).split_at_mut(jacobian.len());
+            given.copy_from_slice(jacobian);
+            rest.copy_from_slice(command);
+            program.run();
+            v.copy_from_slice(program.outputs(1, n));
+            residual.copy_from_slice(program.outputs(1 + n, total));
+            ranks.iter_mut().zip(program.outputs(1 + n + total, levels)).for_each(|(to, &rank)| *to = rank as usize);
+            lost.iter_mut().zip(program.outputs(1 + n + total + levels, levels)).for_each(|(to, &lost)| *to = lost > 0.0);
+            return program.output(0) == [1.0];
+        }
+        self.solves += u64::from(self.solves < OFTEN);
+        let stands = self.direct.solve(Float::of(jacobian), Float::of(command));
+        Float::of_mut(v).copy_from_slice(&self.direct.v);
+        Float::of_mut(residual).copy_from_slice(&self.direct.residual);
+        ranks.iter_mut().zip(&self.direct.ranks).for_each(|(to, rank)| *to = rank.lane(0) as usize);
+        lost.iter_mut().zip(&self.direct.lost).for_each(|(to, lost)| *to = lost.lane(0) > 0.0);
+        stands == Float(1.0)
+    }
+}
+
+impl PrioritySolver {
+    /// The closed form as a program for single stacks: Jacobians and command to one where it is taken, `v`, residuals, ranks and lost directions.
+    pub(super) fn of_pairs(&self) -> Option<Evaluation> {
+        let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
+        if n * total * (total + levels) > MOST {
+            return None;
+        }
+        let set_up = || self.pairs::<Sym>();
+        record(false, total * (n + 1), set_up, |route, inputs| {
+            let Some(mut route) = route else { return vec![Sym::zero(); 1 + n + total + 2 * levels] };
+            let (jacobian, command) = inputs.split_at(total * n);
+            let stands = route.solve(jacobian, command);
+            [&[stands], &route.v[..], &route.residual, &route.ranks, &route.lost].concat()
+        })
+    }
+}

@@ -1,0 +1,42 @@
+//! One prioritised solve from plain matrices, and its answer.
+
+use super::{PriorityOptions, PrioritySolver};
+use crate::error::Result;
+use crate::status::Status;
+
+/// The answer of `solve_priority`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// Joint velocities, shape `(n,)`.
+    pub v: Vec<f64>,
+    /// `v_i - J_i v` per level, in the unit of the task.
+    pub residuals: Vec<Vec<f64>>,
+    /// Directions of each level that were realised: counted by the rank rule (`exact`, `chiaverini`, `sns`), or with `s >= eps` (`clamp`, `damped`).
+    pub ranks: Vec<usize>,
+    /// Scale of each level's command; 1 except for `sns`.
+    pub scales: Vec<f64>,
+    /// `Success`, or `Degraded` where directions are lost.
+    pub status: Status,
+}
+
+/// One prioritised solve from plain matrices: row-major `(rows_i, n)` Jacobians and `(rows_i,)` velocities, highest level first.
+///
+/// ```
+/// use armlet_core::priority::{PriorityOptions, solve_priority};
+/// let (x, both) = ([1.0, 0.0], [1.0, 1.0]);
+/// let solution = solve_priority(2, &[&x, &both], &[&[1.0], &[3.0]], &PriorityOptions::default()).unwrap();
+/// assert_eq!(solution.ranks, [1, 1]);
+/// assert!((solution.v[0] - 1.0).abs() < 1e-15 && (solution.v[1] - 2.0).abs() < 1e-14);
+/// ```
+pub fn solve_priority(n: usize, jacobians: &[&[f64]], velocities: &[&[f64]], options: &PriorityOptions) -> Result<Solution> {
+    let rows: Vec<usize> = velocities.iter().map(|v| v.len()).collect();
+    let mut solver = PrioritySolver::new(n, &rows, options)?;
+    let status = solver.solve(jacobians, velocities)?;
+    Ok(Solution {
+        v: solver.v().to_vec(),
+        residuals: (0..rows.len()).map(|i| solver.residual(i).to_vec()).collect(),
+        ranks: solver.ranks().to_vec(),
+        scales: solver.scales().to_vec(),
+        status,
+    })
+}
