@@ -155,7 +155,7 @@ def inverse_kinematics(
     tasks: Iterable[Task],
     q0: ArrayLike,
     *,
-    method: str = "clamp",
+    method: str | None = None,
     eps: ArrayLike | None = None,
     tolerance: float | None = None,
     max_iterations: int | None = None,

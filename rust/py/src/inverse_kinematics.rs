@@ -76,17 +76,20 @@ impl InverseKinematics {
 
 const NAME: &str = "inverse_kinematics";
 
-/// Joint positions at which tasks are reached, the highest first: prioritised damped Newton steps within the joint limits.
+/// Joint positions at which tasks are reached, the highest first: damped Newton steps within the joint limits.
 ///
-/// `q <- clip(q + s dq)`, `dq` from `J_i dq = e_i` in priority. Where a start leads nowhere, random ones within the limits follow,
-/// always the same for the same `seed`. A lower task that conflicts with a higher one is reached as far as the map allows.
+/// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together. If these steps do not reach several tasks, `dq` solves
+/// `J_i dq = e_i` in priority. A lower task that conflicts with a higher one is reached as far as the map allows. Where a start leads nowhere,
+/// random ones within the limits follow, always the same for the same `seed`.
 ///
 /// Args:
 ///     arm: the arm, of links.
 ///     tasks: `Task` and its kin with constant targets `(rows,)` or `(..., rows)`, the highest first; gains play no part.
 ///     q0: where to start, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
-///     method: the map of a step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all that follow).
-///     eps: threshold on singular values, one number or one per task; None: 0.02 of each task's largest row norm.
+///     method: the map of every step: "clamp", "damped", "exact" or "chiaverini"; None: steps for all tasks together, and "clamp" for steps
+///         in priority (keyword only, as all that follow).
+///     eps: threshold on singular values of that map, one number or one per task, and every step is by the map; None: 0.02 of each task's
+///         largest row norm.
 ///     tolerance: a task is reached when every entry of its error is at most this, m or rad.
 ///     max_iterations: steps from each start.
 ///     restarts: random starts after `q0`.
@@ -114,7 +117,8 @@ const NAME: &str = "inverse_kinematics";
 /// Warns:
 ///     UserWarning: a start is outside of the joint limits. The search begins at the nearest position inside.
 ///
-/// Source: Nakamura and Hanafusa, Inverse kinematic solutions with singularity robustness, J. Dyn. Sys. Meas. Control 108, 1986.
+/// Source: Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method, IEEE Trans. Robotics 27, 2011; Nakamura and
+/// Hanafusa, Inverse kinematic solutions with singularity robustness, J. Dyn. Sys. Meas. Control 108, 1986.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([0.5, 0.4, 0.3])
@@ -135,7 +139,7 @@ const NAME: &str = "inverse_kinematics";
 #[pyo3(
     signature = (arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, step_max=None,
                  limits=None, check_limits=None, solutions=None, threads=None),
-    text_signature = "(arm, tasks, q0, *, method='clamp', eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, \
+    text_signature = "(arm, tasks, q0, *, method=None, eps=None, tolerance=None, max_iterations=None, restarts=None, seed=None, \
                       step_max=None, limits=True, check_limits=None, solutions=None, threads=None)"
 )]
 pub fn inverse_kinematics<'py>(
@@ -183,7 +187,10 @@ pub fn inverse_kinematics<'py>(
             seed: seed.map_or(Ok(plain.seed), |x| whole(NAME, "seed", x).map(|x| x as u64))?,
             step_max: step_max.map_or(Ok(plain.step_max), |x| number(NAME, "step_max", x))?,
             limits: limits.map_or(Ok(plain.limits), |x| flag(NAME, "limits", x))?,
-            method: PriorityMethod::from_name(method_name(NAME, method)?)?,
+            method: match method {
+                None => None,
+                given => Some(PriorityMethod::from_name(method_name(NAME, given)?)?),
+            },
             eps,
         };
         if search.limits {

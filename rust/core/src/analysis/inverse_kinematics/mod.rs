@@ -1,14 +1,16 @@
-//! Inverse kinematics of positions: prioritised damped Newton steps within the joint limits (`nakamura1986inverse`,
+//! Inverse kinematics of positions: damped Newton steps within the joint limits (`sugihara2011solvability`, `nakamura1986inverse`,
 //! `siciliano1991priority`; limits as an active set).
 //!
-//! `q <- clip(q + s dq)`, where `dq` solves `J_i dq = e_i` in priority by a map that is bounded at singularities, and `s <= 1`
-//! keeps every joint's step below a cap. A joint at a limit that the step would cross is held: its column becomes zero, and
+//! `q <- clip(q + s dq)`, where `s <= 1` keeps every joint's step below a cap. First `dq` is a damped least-squares step for all tasks
+//! together. Where this does not reach several tasks, or where a map is given, `dq` solves `J_i dq = e_i` in priority by a map that is
+//! bounded at singularities. A joint at a limit that the step would cross is held: its column becomes zero, and
 //! the step is solved anew. Freedom that is left over while errors are large moves joints towards the middle of their range.
 //! From a start that leads nowhere the search goes on from random ones, seeded. Several solutions of one target come from more starts.
 //!
-//! `newton` has the steps, `batch` the rows of many targets.
+//! `damped` has the steps for all tasks together, `newton` those in priority, `batch` the rows of many targets.
 
 mod batch;
+mod damped;
 mod newton;
 
 pub use batch::{IkRows, inverse_kinematics_batch};
@@ -35,15 +37,16 @@ pub struct IkOptions {
     pub step_max: f64,
     /// Keep to the joint limits of the arm.
     pub limits: bool,
-    /// How the tasks share the joints.
-    pub method: PriorityMethod,
+    /// How the tasks share the joints in a step. `None` without `eps`: damped steps for all tasks together, and `Clamp` where these do not
+    /// reach them. `None` with `eps`: `Clamp`.
+    pub method: Option<PriorityMethod>,
     /// Threshold on singular values, one per task or one for all.
     pub eps: Option<Vec<f64>>,
 }
 
 impl Default for IkOptions {
     fn default() -> Self {
-        let (method, eps) = (PriorityMethod::Clamp, None);
+        let (method, eps) = (None, None);
         IkOptions { tolerance: 1e-9, max_iterations: 100, restarts: 50, seed: 0, step_max: 0.5, limits: true, method, eps }
     }
 }
@@ -118,7 +121,7 @@ impl IkOptions {
     fn check(&self) -> Result<()> {
         positive("tolerance", self.tolerance)?;
         positive("step_max", self.step_max)?;
-        if self.method == PriorityMethod::Sns {
+        if self.method == Some(PriorityMethod::Sns) {
             return Err(Error::input("method", "bounds velocities: expected clamp, damped, exact or chiaverini, got sns"));
         }
         Ok(())
@@ -157,11 +160,17 @@ impl IkSolver {
             self.rank(q0, solutions);
             let done = self.found.len() >= solutions && self.found.iter().all(Attempt::reached);
             if done || self.restarts == self.search.restarts {
-                return Ok(());
+                break;
             }
             self.restarts += 1;
             self.newton.random_start(q0, &mut random, &mut self.start);
         }
+        if self.newton.is_coarse() && !self.found[0].reached() {
+            self.start.copy_from_slice(&self.found[0].q);
+            self.newton.settle(&self.start, &mut self.iterations)?;
+            self.rank(q0, solutions);
+        }
+        Ok(())
     }
 
     /// Insert the result of the last start in order. The order is by the error of the first task that differs. Results that reach every task

@@ -2,6 +2,7 @@
 //! so that a search allocates nothing after its construction.
 
 use super::super::uniform::within;
+use super::damped::{Damped, Reach};
 use super::{IkOptions, limits};
 use crate::arm::Arm;
 use crate::error::Result;
@@ -10,7 +11,7 @@ use crate::kinematics::TaskFunction;
 use crate::kinematics::task::Posture;
 use crate::law::ArmSolver;
 use crate::linalg::dot;
-use crate::priority::{DEFAULT_EPS, PriorityOptions};
+use crate::priority::{DEFAULT_EPS, PriorityMethod, PriorityOptions};
 use std::f64::consts::PI;
 
 /// Newton steps of the highest tasks alone, where lower ones keep them from being reached.
@@ -69,6 +70,8 @@ pub(super) struct Newton {
     q: Vec<f64>,
     misses: Vec<f64>,
     mark: Vec<f64>,
+    /// Steps for all tasks together, where neither a map nor its thresholds are given.
+    damped: Option<Damped>,
     /// Where the last start led to.
     pub found: Attempt,
 }
@@ -77,13 +80,16 @@ impl Newton {
     pub fn new(arm: &Arm, functions: &[TaskFunction], search: &IkOptions) -> Result<Self> {
         let (n, levels) = (arm.n(), functions.len());
         let bounds = limits(arm, search.limits)?;
-        let options = PriorityOptions { eps: search.eps.clone(), ..PriorityOptions::new(search.method) };
+        let options = PriorityOptions { eps: search.eps.clone(), ..PriorityOptions::new(search.method.unwrap_or(PriorityMethod::Clamp)) };
         let solver = with_centring(arm, functions, &bounds, options)?;
         let total = functions.iter().map(TaskFunction::rows).sum();
+        let angles: Vec<bool> = arm.independent().map(|joint| joint.kind.is_angle()).collect();
+        let damped = (search.method.is_none() && search.eps.is_none()).then(|| Damped::new(arm, functions, &bounds, &angles));
         Ok(Newton {
             desired: functions.iter().map(|function| vec![0.0; 3 * function.target_size()]).collect(),
             bounds,
-            angles: arm.independent().map(|joint| joint.kind.is_angle()).collect(),
+            angles,
+            damped,
             turns: arm.turns(),
             search: search.clone(),
             e: vec![0.0; total],
@@ -110,27 +116,58 @@ impl Newton {
         &self.e
     }
 
-    /// The largest error of each task into `misses`, zero where it is within the tolerance. An error that is not a number is infinite.
+    /// The largest error of each task into `misses`.
     fn look_at(&mut self, q: &[f64]) {
         self.errors(q);
-        let mut at = 0;
-        for (miss, &m) in self.misses.iter_mut().zip(self.solver.rows()) {
-            let e = &self.e[at..at + m];
-            let most = if e.iter().any(|e| e.is_nan()) { f64::INFINITY } else { largest(e) };
-            *miss = if most <= self.search.tolerance { 0.0 } else { most };
-            at += m;
-        }
+        misses_of(&self.e, self.solver.rows(), self.search.tolerance, &mut self.misses);
     }
 
-    /// Newton steps from `start` until all is reached, nothing moves any more, or the steps are used up; the best goes into `found`.
+    /// Steps from `start` until all is reached, nothing moves any more, or the steps are used up; the best goes into `found`.
+    ///
+    /// Without a given map and thresholds the steps are for all tasks together, and where these do not reach several tasks, for one after another.
     pub fn descend(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
         // Lent for the time of the search.
         let mut q = std::mem::take(&mut self.q);
         q.copy_from_slice(start);
-        let done = self.descend_from(&mut q, iterations).and_then(|resting| Ok(self.without_lower_tasks(&mut q, iterations)? || resting));
+        clip(&mut q, &self.bounds);
+        self.found.q.copy_from_slice(&q);
+        self.found.misses.fill(f64::INFINITY);
+        let mut done = Ok(true);
+        if let Some(damped) = &mut self.damped {
+            let IkOptions { tolerance, step_max, max_iterations, .. } = self.search;
+            let reach = Reach { bounds: &self.bounds, tolerance, step_max, max_iterations };
+            done = Ok(damped.descend(&mut q, &self.desired, &reach, &mut self.found, iterations));
+            q.copy_from_slice(start);
+        }
+        if self.damped.is_none() || (self.desired.len() > 1 && !self.found.reached()) {
+            done = self.in_priority(&mut q, iterations);
+        }
         self.q = q;
         self.found.resting = done?;
         Ok(())
+    }
+
+    /// Whether a start for one task ends before its error is least: the last steps to it are those of [`Newton::settle`].
+    pub fn is_coarse(&self) -> bool {
+        self.damped.is_some() && self.desired.len() == 1
+    }
+
+    /// Steps in priority from `start`, where no start reached the task: to the least error there, or on to the goal.
+    pub fn settle(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
+        let mut q = std::mem::take(&mut self.q);
+        q.copy_from_slice(start);
+        self.found.q.copy_from_slice(start);
+        self.found.misses.fill(f64::INFINITY);
+        let done = self.in_priority(&mut q, iterations);
+        self.q = q;
+        self.found.resting = done?;
+        Ok(())
+    }
+
+    /// Whether steps in priority from `q` came to rest, or reached what the last steps are for.
+    fn in_priority(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
+        let resting = self.descend_from(q, iterations)?;
+        Ok(self.without_lower_tasks(q, iterations)? || resting)
     }
 
     /// Newton steps from the best that was found, for the first task that is missed and those above it; the tasks below ask for no motion.
@@ -161,8 +198,6 @@ impl Newton {
     /// Whether it came to rest.
     fn descend_from(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         clip(q, &self.bounds);
-        self.found.q.copy_from_slice(q);
-        self.found.misses.fill(f64::INFINITY);
         self.mark.fill(f64::INFINITY);
         let mut since = 0;
         for _ in 0..self.search.max_iterations.max(1) {
@@ -244,28 +279,11 @@ impl Newton {
                 jacobian.chunks_exact_mut(n).for_each(|row| row[i] = 0.0);
             }
             self.solver.solver_mut().run()?;
-            let (v, mut more) = (self.solver.solver().v(), false);
-            for i in 0..n {
-                let (lower, upper) = self.bounds[i];
-                if !self.held[i] && ((q[i] <= lower && v[i] < 0.0) || (q[i] >= upper && v[i] > 0.0)) {
-                    self.held[i] = true;
-                    more = true;
-                }
-            }
-            if !more {
+            if !blocked(q, self.solver.solver().v(), &self.bounds, &mut self.held) {
                 break;
             }
         }
-        let v = self.solver.solver().v();
-        let most = v.iter().fold(0.0f64, |most, v| most.max(v.abs()));
-        let scale = if most > self.search.step_max { self.search.step_max / most } else { 1.0 };
-        let mut moved = 0.0f64;
-        for (i, q) in q.iter_mut().enumerate() {
-            let next = (*q + scale * v[i]).max(self.bounds[i].0).min(self.bounds[i].1);
-            moved = moved.max((next - *q).abs());
-            *q = next;
-        }
-        Ok(moved)
+        Ok(advance(q, self.solver.solver().v(), &self.bounds, self.search.step_max))
     }
 
     /// Uniform within the limits; a joint without them within a turn, or a metre about the given start.
@@ -283,8 +301,51 @@ impl Newton {
     }
 }
 
+/// The largest error of each task, zero where it is within the tolerance. An error that is not a number is infinite.
+pub(super) fn misses_of(e: &[f64], rows: &[usize], tolerance: f64, misses: &mut [f64]) {
+    let mut at = 0;
+    for (miss, &m) in misses.iter_mut().zip(rows) {
+        let e = &e[at..at + m];
+        let most = if e.iter().any(|e| e.is_nan()) { f64::INFINITY } else { largest(e) };
+        *miss = if most <= tolerance { 0.0 } else { most };
+        at += m;
+    }
+}
+
+/// The motion `z` of joints with a range towards its middle, where the largest error is `far`.
+pub(super) fn aim_at_middle(q: &[f64], bounds: &[(f64, f64)], far: f64, z: &mut [f64]) {
+    let centring = CENTRING * far.min(1.0);
+    for ((z, q), (lower, upper)) in z.iter_mut().zip(q).zip(bounds) {
+        *z = if (upper - lower).is_finite() { centring * (0.5 * (lower + upper) - q) } else { 0.0 };
+    }
+}
+
+/// Hold the joints at a limit that the motion `v` would cross; whether there is a new one.
+pub(super) fn blocked(q: &[f64], v: &[f64], bounds: &[(f64, f64)], held: &mut [bool]) -> bool {
+    let mut more = false;
+    for (i, (lower, upper)) in bounds.iter().enumerate() {
+        if !held[i] && ((q[i] <= *lower && v[i] < 0.0) || (q[i] >= *upper && v[i] > 0.0)) {
+            (held[i], more) = (true, true);
+        }
+    }
+    more
+}
+
+/// Move `q` by `v`, no joint by more than `step_max` and none beyond its limits; the largest motion of a joint.
+pub(super) fn advance(q: &mut [f64], v: &[f64], bounds: &[(f64, f64)], step_max: f64) -> f64 {
+    let most = v.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+    let scale = if most > step_max { step_max / most } else { 1.0 };
+    let mut moved = 0.0f64;
+    for ((q, v), (lower, upper)) in q.iter_mut().zip(v).zip(bounds) {
+        let next = (*q + scale * v).max(*lower).min(*upper);
+        moved = moved.max((next - *q).abs());
+        *q = next;
+    }
+    moved
+}
+
 /// The largest entry by its size.
-fn largest(e: &[f64]) -> f64 {
+pub(super) fn largest(e: &[f64]) -> f64 {
     e.iter().fold(0.0, |most, e| most.max(e.abs()))
 }
 
@@ -301,7 +362,7 @@ fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut o
     ArmSolver::new(arm, functions, &options)
 }
 
-fn clip(q: &mut [f64], bounds: &[(f64, f64)]) {
+pub(super) fn clip(q: &mut [f64], bounds: &[(f64, f64)]) {
     for (q, (lower, upper)) in q.iter_mut().zip(bounds) {
         *q = q.max(*lower).min(*upper);
     }

@@ -1,0 +1,262 @@
+//! Steps for all tasks together, damped by the size of the error (`sugihara2011solvability`):
+//!
+//! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  `z` the motion towards the middle of the ranges,
+//!
+//! `J` and `e` the rows of all tasks, each divided by the size of its Jacobian's row, so that `e` is in joint coordinates. Far away the
+//! damping keeps steps short in every direction that the Jacobian hardly moves; near the goal it fades faster than the error, and a step
+//! is Newton's. No singular values are needed. With more rows than joints the same step comes from `J' J`.
+
+use super::super::uniform::within;
+use super::newton::{Attempt, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
+use crate::arm::Arm;
+use crate::interrupt::look;
+use crate::kinematics::{TaskFunction, TaskStack};
+use crate::linalg::dot;
+
+/// The damping over the square of the error. Half of it needs more random starts, three times as much more steps.
+const DAMPING: f64 = 0.3;
+/// The least damping over the largest diagonal entry: rows that say the same thing leave the matrix singular.
+const FLOOR: f64 = 1e-12;
+/// Progress of the square of the error below this part in `PROGRESS_STEPS` steps ends a start.
+const PROGRESS: f64 = 0.02;
+const PROGRESS_STEPS: usize = 8;
+/// Positions at which the size of the Jacobian's rows is taken.
+const SAMPLES: usize = 8;
+
+/// The steps of one arm and its tasks.
+#[derive(Clone)]
+pub(super) struct Damped {
+    stack: TaskStack,
+    /// One over the size of each row of the Jacobian, `(rows,)`.
+    weights: Vec<f64>,
+    e: Vec<f64>,
+    w: Vec<f64>,
+    /// Jacobian `(rows, n)`, weighted; zero columns where joints are held.
+    j: Vec<f64>,
+    /// The matrix to be solved, `(k, k)`, then its Cholesky factor; `k` the lesser of rows and joints.
+    gram: Vec<f64>,
+    y: Vec<f64>,
+    /// `e - J z`
+    rest: Vec<f64>,
+    z: Vec<f64>,
+    dq: Vec<f64>,
+    held: Vec<bool>,
+    misses: Vec<f64>,
+}
+
+/// How far a descent may go.
+pub(super) struct Reach<'a> {
+    /// Lower and upper limit of each joint.
+    pub bounds: &'a [(f64, f64)],
+    pub tolerance: f64,
+    pub step_max: f64,
+    pub max_iterations: usize,
+}
+
+impl Damped {
+    /// For these tasks; joints are sampled within `bounds`.
+    pub fn new(arm: &Arm, functions: &[TaskFunction], bounds: &[(f64, f64)], angles: &[bool]) -> Self {
+        let (n, rows) = (arm.n(), functions.iter().map(TaskFunction::rows).sum());
+        let k = n.min(rows);
+        let mut damped = Damped {
+            stack: TaskStack::new(arm, functions.to_vec()),
+            weights: vec![0.0; rows],
+            e: vec![0.0; rows],
+            w: vec![0.0; rows],
+            j: vec![0.0; rows * n],
+            gram: vec![0.0; k * k],
+            y: vec![0.0; k],
+            rest: vec![0.0; rows],
+            z: vec![0.0; n],
+            dq: vec![0.0; n],
+            held: vec![false; n],
+            misses: vec![0.0; functions.len()],
+        };
+        let (mut state, mut q, zeros) = (0, vec![0.0; n], vec![0.0; n]);
+        for _ in 0..SAMPLES {
+            look();
+            within(bounds, angles, &zeros, &mut state, &mut q);
+            damped.stack.place(&q);
+            damped.stack.jacobians(&mut damped.j);
+            for (weight, row) in damped.weights.iter_mut().zip(damped.j.chunks_exact(n)) {
+                *weight = weight.max(dot(row, row).sqrt());
+            }
+        }
+        damped.weights.iter_mut().for_each(|size| *size = if *size > 0.0 && size.is_finite() { 1.0 / *size } else { 1.0 });
+        damped
+    }
+
+    /// Steps from `q`, within the limits, until all is reached, there is no progress, or the steps are used up; the best goes into `found`.
+    /// Whether it came to rest.
+    pub fn descend(&mut self, q: &mut [f64], desired: &[Vec<f64>], reach: &Reach, found: &mut Attempt, iterations: &mut usize) -> bool {
+        let (mut mark, mut since) = (f64::INFINITY, 0);
+        clip(q, reach.bounds);
+        for _ in 0..reach.max_iterations.max(1) {
+            look();
+            self.look_at(q, desired, reach.tolerance, found);
+            if self.misses.iter().all(|miss| *miss == 0.0) {
+                return true;
+            }
+            let far = largest(&self.e);
+            self.e.iter_mut().zip(&self.weights).for_each(|(e, weight)| *e *= weight);
+            let size = dot(&self.e, &self.e);
+            if size < (1.0 - PROGRESS) * mark {
+                (mark, since) = (size, 0);
+            } else {
+                since += 1;
+            }
+            let moved = self.step(q, reach, far, size);
+            *iterations += 1;
+            if moved <= 1e-3 * reach.tolerance || since >= PROGRESS_STEPS {
+                return true;
+            }
+        }
+        // The last step has not been looked at.
+        self.look_at(q, desired, reach.tolerance, found);
+        false
+    }
+
+    /// The errors at `q`, and what they miss; the best into `found`.
+    fn look_at(&mut self, q: &[f64], desired: &[Vec<f64>], tolerance: f64, found: &mut Attempt) {
+        self.stack.place(q);
+        let mut at = 0;
+        for (k, desired) in desired.iter().enumerate() {
+            let m = self.stack.rows()[k];
+            self.stack.error(k, desired, &mut self.e[at..at + m], &mut self.w[at..at + m], None);
+            at += m;
+        }
+        misses_of(&self.e, self.stack.rows(), tolerance, &mut self.misses);
+        if better(&self.misses, &found.misses) {
+            found.q.copy_from_slice(q);
+            found.misses.copy_from_slice(&self.misses);
+        }
+    }
+
+    /// One step of `q`, the bodies placed and the errors weighted; returns the largest motion of a joint.
+    fn step(&mut self, q: &mut [f64], reach: &Reach, far: f64, size: f64) -> f64 {
+        let n = q.len();
+        self.stack.jacobians(&mut self.j);
+        for (row, weight) in self.j.chunks_exact_mut(n).zip(&self.weights) {
+            row.iter_mut().for_each(|entry| *entry *= weight);
+        }
+        aim_at_middle(q, reach.bounds, far, &mut self.z);
+        self.held.fill(false);
+        // Every round holds one joint more, so that there are at most n + 1.
+        loop {
+            self.solve(size);
+            if !blocked(q, &self.dq, reach.bounds, &mut self.held) {
+                break;
+            }
+            for (i, _) in self.held.iter().enumerate().filter(|(_, held)| **held) {
+                self.z[i] = 0.0;
+                self.j.chunks_exact_mut(n).for_each(|row| row[i] = 0.0);
+            }
+        }
+        advance(q, &self.dq, reach.bounds, reach.step_max)
+    }
+
+    /// `dq` for the weighted Jacobian, error and `z`.
+    fn solve(&mut self, size: f64) {
+        let Damped { j, gram, y, rest, z, dq, e, .. } = self;
+        let n = dq.len();
+        for ((rest, row), e) in rest.iter_mut().zip(j.chunks_exact(n)).zip(&*e) {
+            *rest = e - dot(row, z);
+        }
+        dq.copy_from_slice(z);
+        if e.len() <= n {
+            let k = e.len();
+            for r in 0..k {
+                for c in 0..=r {
+                    gram[r * k + c] = dot(&j[r * n..(r + 1) * n], &j[c * n..(c + 1) * n]);
+                }
+            }
+            y.copy_from_slice(rest);
+            solve_damped(gram, y, size);
+            for (y, row) in y.iter().zip(j.chunks_exact(n)) {
+                dq.iter_mut().zip(row).for_each(|(dq, entry)| *dq += y * entry);
+            }
+        } else {
+            gram.fill(0.0);
+            y.fill(0.0);
+            for (row, rest) in j.chunks_exact(n).zip(&*rest) {
+                for r in 0..n {
+                    y[r] += row[r] * rest;
+                    for c in 0..=r {
+                        gram[r * n + c] += row[r] * row[c];
+                    }
+                }
+            }
+            solve_damped(gram, y, size);
+            dq.iter_mut().zip(&*y).for_each(|(dq, y)| *dq += y);
+        }
+    }
+}
+
+/// `y <- (A + d 1)^-1 y` by Cholesky's method, `d` from the square of the error; `A` symmetric, its lower half given.
+fn solve_damped(a: &mut [f64], y: &mut [f64], size: f64) {
+    let k = y.len();
+    let most = (0..k).fold(0.0, |most: f64, r| most.max(a[r * k + r]));
+    let damping = DAMPING * size + FLOOR * most;
+    for r in 0..k {
+        let (above, own) = a.split_at_mut(r * k);
+        for c in 0..r {
+            let row = &above[c * k..(c + 1) * k];
+            own[c] = (own[c] - dot(&own[..c], &row[..c])) / row[c];
+        }
+        // Rounding is far below the damping; what is not a number ends as a start without progress.
+        own[r] = (own[r] + damping - dot(&own[..r], &own[..r])).max(f64::MIN_POSITIVE).sqrt();
+        y[r] = (y[r] - dot(&own[..r], &y[..r])) / own[r];
+    }
+    for r in (0..k).rev() {
+        y[r] /= a[r * k + r];
+        let known = y[r];
+        y[..r].iter_mut().zip(&a[r * k..]).for_each(|(y, entry)| *y -= entry * known);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the equation itself: random matrices, a singular one, and one of zeros.
+    #[test]
+    fn the_damped_equation_is_solved() {
+        let mut state = 7;
+        for (k, rank) in [(1, 1), (3, 3), (6, 6), (6, 2), (4, 0)] {
+            let mut rows = vec![0.0; k * rank];
+            rows.iter_mut().for_each(|x| *x = super::super::super::uniform::uniform(&mut state) - 0.5);
+            let full: Vec<f64> = (0..k * k).map(|i| (0..rank).map(|c| rows[i / k * rank + c] * rows[i % k * rank + c]).sum()).collect();
+            let right: Vec<f64> = (0..k).map(|i| 1.0 + i as f64).collect();
+            let (mut a, mut y) = (full.clone(), right.clone());
+            solve_damped(&mut a, &mut y, 0.1);
+            for r in 0..k {
+                let left = dot(&full[r * k..(r + 1) * k], &y) + 0.03 * y[r];
+                // Rounding over the damping, 0.03, and the floor of 1e-12.
+                assert!((left - right[r]).abs() < 1e-9, "{k} {rank}: {left} {}", right[r]);
+            }
+        }
+    }
+
+    /// Fewer rows than joints, as many, and more: the same step by a matrix of rows and by one of joints.
+    #[test]
+    fn both_matrices_have_the_same_step() {
+        let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();
+        let bounds = [(-3.0, 3.0); 3];
+        let tip = TaskFunction::frame(&arm, "link3", "xy").unwrap();
+        let mut step = |functions: &[TaskFunction], desired: &[Vec<f64>]| {
+            let mut damped = Damped::new(&arm, functions, &bounds, &[true; 3]);
+            let mut q = vec![0.3, 0.4, 0.5];
+            let reach = Reach { bounds: &bounds, tolerance: 1e-9, step_max: 10.0, max_iterations: 1 };
+            let mut found = Attempt { q: q.clone(), misses: vec![f64::INFINITY; functions.len()], resting: false };
+            damped.descend(&mut q, desired, &reach, &mut found, &mut 0);
+            q
+        };
+        let aim = vec![0.6, 0.5, 0.0, 0.0, 0.0, 0.0];
+        let plain = step(std::slice::from_ref(&tip), std::slice::from_ref(&aim));
+        // Twice the same rows count twice in the error too: half of the damping, so compare with twice the error's square.
+        let twice = step(&[tip.clone(), tip], &[aim.clone(), aim]);
+        let gap = plain.iter().zip(&twice).fold(0.0, |gap: f64, (a, b)| gap.max((a - b).abs()));
+        // J'J doubles and so does the damping: the step is the same but for the floor.
+        assert!(gap < 1e-9, "{plain:?} {twice:?}");
+    }
+}
