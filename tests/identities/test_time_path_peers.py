@@ -99,12 +99,36 @@ def test_drake_path_speeds_at_the_ends() -> None:
 
 
 def test_drake_speed_of_a_frame() -> None:
-    """1.1 m/s."""
-    p = al.time_path(ARM, [START, END], a_max=A_MAX, tip_speed=1.1, frame=TOOL)
-    speed = np.linalg.norm(moved(p, instants(p))[0], axis=1)
-    # The differences err by h^4 of the fifth derivative, some 1e-10.
-    assert p.feasible and speed.max() <= 1.1 * (1 + PROMISE) + 1e-9
-    assert speed.max() > 1.1 * (1 - 1e-4)
+    """1.1 m/s, as a number, at the waypoints, and as a function of s: one problem."""
+    durations = []
+    for limit in (1.1, [1.1, 1.1], lambda s: 1.1):
+        p = al.time_path(ARM, [START, END], a_max=A_MAX, tip_speed=limit, frame=TOOL)
+        speed = np.linalg.norm(moved(p, instants(p))[0], axis=1)
+        # The differences err by h^4 of the fifth derivative, some 1e-10.
+        assert p.feasible and speed.max() <= 1.1 * (1 + PROMISE) + 1e-9
+        assert speed.max() > 1.1 * (1 - 1e-4)
+        durations.append(p.duration)
+    assert durations[0] == durations[1] == durations[2]
+
+
+def test_drake_speed_of_a_frame_that_varies() -> None:
+    """1.1 m/s on the first half of the path and 2.2 m/s on the second, over one step of 201 knots."""
+
+    def limit(s: float) -> float:
+        return 1.1 if s < 0.5 else 2.2
+
+    def line(s: float) -> np.ndarray:
+        return np.asarray(START + s * (END - START))
+
+    p = al.time_path(ARM, line, a_max=A_MAX, tip_speed=limit, frame=TOOL)
+    slow = al.time_path(ARM, line, a_max=A_MAX, tip_speed=1.1, frame=TOOL)
+    t = instants(p)
+    s = ((p(t)[0] - START) @ (END - START)) / np.sum((END - START) ** 2)
+    speed = np.linalg.norm(moved(p, t)[0], axis=1)
+    knots = np.linspace(0.0, 1.0, 201)
+    assert np.all(speed <= np.interp(s, knots, [limit(x) for x in knots]) * (1 + PROMISE) + 1e-9)
+    assert speed[s < 0.495].max() > 1.1 * (1 - 1e-3) and speed[s > 0.5].max() > 1.3
+    assert p.duration < slow.duration
 
 
 def test_drake_velocity_and_acceleration_of_a_frame() -> None:

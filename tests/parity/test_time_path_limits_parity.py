@@ -49,7 +49,7 @@ def problem(theirs: Any, rng: np.random.Generator, low: str | None) -> tuple[np.
     limits["tip_speed"], limits["tip_acceleration"] = 10.0 ** rng.uniform([-2.5, -2.5], [-1.5, -1.5])
     for name in KINDS:
         limits[name] = limits[name] * (1000.0 if low not in (None, name) else 1.0)
-        if rng.random() < 0.4 and not name.startswith("tip"):
+        if rng.random() < 0.4:
             spread = rng.uniform(1.0, 2.0, (q.shape[0], *np.shape(limits[name])))
             # Where tau_max could be taken for lower and upper limits, it stays constant.
             limits[name] = limits[name] * spread if name != "tau_max" or n != 2 else limits[name]

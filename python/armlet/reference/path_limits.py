@@ -33,6 +33,11 @@ def two_sided(limit: Any, n: int, s: Array, knots: Array) -> tuple[Array, Array]
     return -high, high
 
 
+def one_sided(limit: Any, s: Array, knots: Array) -> Array:
+    """Upper limits (K,) at s from a scalar, (knots,) or a function of s."""
+    return two_sided(np.reshape(limit, (-1, 1)) if np.ndim(limit) == 1 else limit, 1, s, knots)[1][:, 0]
+
+
 def leaves_range(q: Callable[[Array], Array], ends: Array, q_min: ArrayLike | None, q_max: ArrayLike | None) -> bool:
     """Whether samples of the path are outside its position limits."""
     values = q(np.linspace(ends[0], ends[-1], SAMPLES))

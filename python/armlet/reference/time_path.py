@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .lagrange import Array, Mechanism
-from .path_limits import leaves_range, tip_slopes, two_sided
+from .path_limits import leaves_range, one_sided, tip_slopes, two_sided
 from .timing import cubic_spline, positions
 
 Path = Callable[[Array], tuple[Array, Array, Array]]
@@ -78,8 +78,8 @@ def time_path(
     samples: int = 201,
     q_min: ArrayLike | None = None,
     q_max: ArrayLike | None = None,
-    tip_speed: float | None = None,
-    tip_acceleration: float | None = None,
+    tip_speed: ArrayLike | Callable[[float], float] | None = None,
+    tip_acceleration: ArrayLike | Callable[[float], float] | None = None,
     frame: str | None = None,
 ) -> Timing:
     """Waypoints (K, n) joined by a cubic spline, or a callable on [0, 1]: q(s), or q, q', q''; arguments as those of `armlet.time_path`."""
@@ -98,7 +98,8 @@ def time_path(
         limits = tuple(two_sided(limit, arm.n, 0.5 * (s[:-1] + s[1:]), smooth) for limit in (tau_max, a_max))
         rows = _rows(arm, at, s, limits, two_sided(v_max, arm.n, s, smooth)[1], np.asarray(damping), np.asarray(coulomb))
         if origin is not None:
-            rows = _with_tip(rows, origin, s, inside, tip_speed, tip_acceleration)
+            tips = [None if limit is None else one_sided(limit, x, smooth) for limit, x in ((tip_speed, s), (tip_acceleration, middles(s)))]
+            rows = _with_tip(rows, origin, s, inside, tips)
         b = _fastest(rows, ends)
         if b is None:
             return Timing(np.nan, np.zeros(0), np.zeros(0))
@@ -107,8 +108,14 @@ def time_path(
     return Timing(duration, np.concatenate([s for s, _ in parts]), np.concatenate([r for _, r in parts]))
 
 
-def _with_tip(rows: Rows, origin: Callable[[Array], Array], s: Array, inside: Array, speed: float | None, most: float | None) -> Rows:
-    """The rows with the limits of a frame's origin."""
+def middles(s: Array) -> Array:
+    """Of the segments between the places s."""
+    return np.asarray(0.5 * (s[:-1] + s[1:]))
+
+
+def _with_tip(rows: Rows, origin: Callable[[Array], Array], s: Array, inside: Array, limits: list[Array | None]) -> Rows:
+    """The rows with the limits of a frame's origin: of its speed at s, and of its acceleration in the middles."""
+    speed, most = limits
 
     def slopes(x: Array) -> Array:
         # Piece by piece, since the third derivative of the path jumps.
@@ -123,7 +130,7 @@ def _with_tip(rows: Rows, origin: Callable[[Array], Array], s: Array, inside: Ar
         with np.errstate(divide="ignore"):
             top = np.minimum(top, np.square(speed / np.linalg.norm(slopes(s)[0], axis=1)))
     if most is not None:
-        tip = slopes(0.5 * (s[:-1] + s[1:])) / most
+        tip = slopes(middles(s)) / most[:, None]
     return rows._replace(top=top, tip=tip)
 
 

@@ -181,7 +181,7 @@ MOTIONS = OneOf(
         "TimedPath": Kind(
             {"path": Entries({"plain": ROWS, "table": POSES}), "stops": Numbers(1, False, 0.0), "frame": TEXT}
             | dict.fromkeys(("q_min", "q_max"), EACH)
-            | dict.fromkeys(("tip_speed", "tip_acceleration"), POSITIVE)
+            | dict.fromkeys(("tip_speed", "tip_acceleration"), EACH_POSITIVE)
             | dict.fromkeys(("tau_max", "v_max", "a_max"), ALONG),
             ("path",),
             timed_path,

@@ -1,7 +1,7 @@
 //! The limits of `armlet.time_path`: constant, or varying along the path.
 
 use crate::arm::ArmModel;
-use crate::arrays::{Axis, Form, SCALAR, number, numbers, require_finite, spread, text};
+use crate::arrays::{Axis, Form, Looked, SCALAR, number, numbers, require_finite, spread, text};
 use crate::errors::{Failure, input_error};
 use armlet_core::motion::Path;
 use armlet_core::plan::{PathLimits, TipLimits};
@@ -101,8 +101,39 @@ impl Along<'_> {
             velocity: of("v_max", v_max)?,
             acceleration: of("a_max", a_max)?,
             position: positions(range, n)?,
-            tip: tip_limits(model, tip)?,
+            tip: self.tip_limits(model, tip)?,
         })
+    }
+
+    /// `(1,)` from a number, or `(P + 1,)` from `(K,)` or from a function of `s`.
+    fn of_tip(&self, name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
+        if value.is_callable() {
+            return self.path.knots().iter().map(|&s| number(NAME, name, &value.call1((s,))?)).collect();
+        }
+        if self.knot.is_empty() || Looked::at(NAME, name, value)?.shape.is_empty() {
+            return Ok(vec![number(NAME, name, value)?]);
+        }
+        let (shape, values) = numbers(NAME, name, value, &[SCALAR, Form(&[Axis::Is(self.knot.len())])])?;
+        require_finite(value.py(), NAME, name, &shape, &values)?;
+        Ok(self.at_knots(&values, 1))
+    }
+
+    fn tip_limits(&self, model: &ArmModel, [speed, acceleration, frame]: [Given; 3]) -> Result<Option<TipLimits>, Failure> {
+        let Some(given) = speed.or(acceleration) else {
+            return match frame {
+                None => Ok(None),
+                Some(frame) => {
+                    Err(input_error(frame.py(), NAME, "frame", "is not used: expected tip_speed= or tip_acceleration= beside it").into())
+                }
+            };
+        };
+        let Some(frame) = frame else {
+            let problem = "is missing: expected the name of the frame that tip_speed and tip_acceleration limit, got None";
+            return Err(input_error(given.py(), NAME, "frame", problem).into());
+        };
+        let of = |name: &str, value: Given| value.map(|value| self.of_tip(name, value)).transpose();
+        let (speed, acceleration) = (of("tip_speed", speed)?, of("tip_acceleration", acceleration)?);
+        Ok(Some(TipLimits { frame: model.frame(&text(NAME, "frame", frame)?)?, speed, acceleration }))
     }
 }
 
@@ -123,22 +154,4 @@ fn positions(range: [Given; 2], n: usize) -> Result<Option<Range>, Failure> {
         }
     };
     Ok(Some((of("q_min", range[0], f64::NEG_INFINITY)?, of("q_max", range[1], f64::INFINITY)?)))
-}
-
-fn tip_limits(model: &ArmModel, [speed, acceleration, frame]: [Given; 3]) -> Result<Option<TipLimits>, Failure> {
-    let Some(given) = speed.or(acceleration) else {
-        return match frame {
-            None => Ok(None),
-            Some(frame) => {
-                Err(input_error(frame.py(), NAME, "frame", "is not used: expected tip_speed= or tip_acceleration= beside it").into())
-            }
-        };
-    };
-    let Some(frame) = frame else {
-        let problem = "is missing: expected the name of the frame that tip_speed and tip_acceleration limit, got None";
-        return Err(input_error(given.py(), NAME, "frame", problem).into());
-    };
-    let of = |name: &str, value: Given| value.map(|value| number(NAME, name, value)).transpose();
-    let (speed, acceleration) = (of("tip_speed", speed)?, of("tip_acceleration", acceleration)?);
-    Ok(Some(TipLimits { frame: model.frame(&text(NAME, "frame", frame)?)?, speed, acceleration }))
 }

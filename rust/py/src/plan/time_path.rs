@@ -168,8 +168,8 @@ fn path_of(
 ///         fastest timing is averaged over a window of time and slowed until it holds; not the fastest that does.
 ///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite where a joint has none. The whole path is checked, between
 ///         waypoints too, and a path that leaves them has no timing. None for both: `check_limits` alone.
-///     tip_speed: largest speed of the origin of `frame`, m/s.
-///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2.
+///     tip_speed: largest speed of the origin of `frame`, m/s: a number, `(K,)` at the waypoints, or a callable `s -> number`.
+///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2: in the same forms.
 ///     frame: name of the frame that they limit.
 ///     check_limits: action if a waypoint, or a sample of a callable, is outside of the arm's joint limits. None warns, True raises, and
 ///         False does neither. With `q_min` or `q_max` there is no check.

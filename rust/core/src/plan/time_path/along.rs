@@ -9,10 +9,12 @@ use crate::motion::Path;
 pub(super) struct Along {
     pub limits: [Vec<f64>; 3],
     pub n: usize,
+    /// Those of a frame's acceleration and speed, `(P + 1,)` each.
+    pub tip: [Vec<f64>; 2],
 }
 
 impl Along {
-    /// Whether any limit varies.
+    /// Whether any limit of a joint varies.
     pub fn any(&self) -> bool {
         self.limits.iter().any(|limits| !limits.is_empty())
     }
@@ -20,12 +22,21 @@ impl Along {
     /// The limit of `joint` at `s` in piece `p`; one where it is constant.
     #[inline]
     pub fn limit(&self, path: &Path, kind: usize, joint: usize, p: usize, s: f64) -> f64 {
-        let (limits, knots) = (&self.limits[kind], path.knots());
-        if limits.is_empty() {
-            return 1.0;
-        }
-        let z = ((s - knots[p]) / (knots[p + 1] - knots[p])).clamp(0.0, 1.0);
-        let (from, to) = (limits[p * self.n + joint], limits[(p + 1) * self.n + joint]);
-        from + z * (to - from)
+        let limits = &self.limits[kind];
+        if limits.is_empty() { 1.0 } else { between(path, p, s, limits[p * self.n + joint], limits[(p + 1) * self.n + joint]) }
     }
+
+    /// The limits of a frame's acceleration and speed at `s` in piece `p`; one where they are constant.
+    #[inline]
+    pub fn of_tip(&self, path: &Path, p: usize, s: f64) -> [f64; 2] {
+        self.tip.each_ref().map(|limits| if limits.is_empty() { 1.0 } else { between(path, p, s, limits[p], limits[p + 1]) })
+    }
+}
+
+/// The value at `s` in piece `p` that is linear from one knot to the next.
+#[inline]
+fn between(path: &Path, p: usize, s: f64, from: f64, to: f64) -> f64 {
+    let knots = path.knots();
+    let z = ((s - knots[p]) / (knots[p + 1] - knots[p])).clamp(0.0, 1.0);
+    from + z * (to - from)
 }

@@ -132,7 +132,17 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
         (x.sqrt(), u)
     };
     let ask = Ask::Motion { rate: &rate };
-    Points { mover: course.mover, path: course.path, at: &at, count, stride, out: values, ask, tip: course.tip }.run();
+    Points {
+        mover: course.mover,
+        path: course.path,
+        at: &at,
+        count,
+        stride,
+        out: values,
+        ask,
+        tip: course.tip.map(|frame| (frame, course.along)),
+    }
+    .run();
     if let Some(friction) = course.friction {
         for row in values.chunks_exact_mut(stride) {
             for j in 0..n {

@@ -4,7 +4,7 @@ use super::FIRST_GRID;
 use super::along::Along;
 use super::lines::FASTEST;
 use super::rows::{Friction, Mover};
-use super::tip::TipLimits;
+use super::tip::{Tip, TipLimits};
 use crate::error::{Error, Result, finite, positive};
 use crate::motion::Path;
 
@@ -24,7 +24,7 @@ pub struct PathLimits {
     pub acceleration: Option<Vec<f64>>,
     /// Least and largest positions, rad or m; infinite where there is none.
     pub position: Option<(Vec<f64>, Vec<f64>)>,
-    /// Limits of a frame's origin.
+    /// Limits of a frame's origin, which may vary too.
     pub tip: Option<TipLimits>,
 }
 
@@ -118,7 +118,8 @@ impl PathLimits {
             }
         }
         let [lo, hi] = bounds;
-        Ok(Checked { lo, hi, along })
+        let tip = self.tip.as_ref().map(|tip| of_tip(tip, rows, &mut along)).transpose()?;
+        Ok(Checked { lo, hi, along, tip })
     }
 
     fn check_positions(&self, n: usize) -> Result<()> {
@@ -138,7 +139,7 @@ impl PathLimits {
     }
 
     fn check_tip(&self, mover: Mover) -> Result<()> {
-        let Some(TipLimits { frame, speed, acceleration }) = &self.tip else { return Ok(()) };
+        let Some(TipLimits { frame, .. }) = &self.tip else { return Ok(()) };
         let frames = match mover {
             Mover::Tree(functions) => functions.arm().frames.len(),
             Mover::PlanarPr(_) => 0,
@@ -146,13 +147,24 @@ impl PathLimits {
         if *frame >= frames {
             return Err(Error::input("frame", format!("is out of range: expected the index of one of {frames} frames, got {frame}")));
         }
-        for (name, value) in [("tip_speed", speed), ("tip_acceleration", acceleration)] {
-            if let Some(value) = value {
-                positive(name, *value)?;
-            }
-        }
         Ok(())
     }
+}
+
+/// The limits of a frame, those that vary moved to `along`.
+fn of_tip(tip: &TipLimits, rows: usize, along: &mut Along) -> Result<Tip> {
+    let mut of = |part: usize, name: &str, values: &Option<Vec<f64>>| -> Result<Option<f64>> {
+        let Some(values) = values else { return Ok(None) };
+        if let [value] = values[..] {
+            positive(name, value)?;
+            return Ok(Some(value));
+        }
+        all_positive(name, values, rows)?;
+        along.tip[part] = values.clone();
+        Ok(Some(1.0))
+    };
+    let acceleration = of(0, "tip_acceleration", &tip.acceleration)?;
+    Ok(Tip { frame: tip.frame, speed: of(1, "tip_speed", &tip.speed)?, acceleration })
 }
 
 /// Limits as the planner has them.
@@ -161,6 +173,7 @@ pub(super) struct Checked {
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
     pub along: Along,
+    pub tip: Option<Tip>,
 }
 
 /// The bounds of the limits, if all that is given fits together.
@@ -169,7 +182,7 @@ pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &
     if path.dof() != n {
         return Err(Error::input("path", format!("has the wrong number of joints: expected {n}, got {}", path.dof())));
     }
-    let tip = limits.tip.as_ref().and_then(|tip| tip.acceleration);
+    let tip = limits.tip.as_ref().and_then(|tip| tip.acceleration.as_ref());
     if limits.torque.is_none() && limits.acceleration.is_none() && tip.is_none() {
         return Err(Error::input("tau_max, a_max", "are both missing: expected a limit of torque or of acceleration, got None"));
     }

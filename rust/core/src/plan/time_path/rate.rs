@@ -113,7 +113,7 @@ impl<'a> Samples<'a> {
         };
         let states: Vec<[f64; 3]> = (0..count).map(|k| state(k).0).collect();
         let at = |k: usize| (problem.path.piece(states[k][0]), states[k][0]);
-        let (tip, stride) = (problem.tip.as_ref().map(|tip| tip.frame), problem.course().measured());
+        let (tip, stride) = (problem.tip.as_ref().map(|tip| (tip.frame, &problem.along)), problem.course().measured());
         let ask = |rate: &dyn Fn(usize) -> (f64, f64)| {
             let mut out = vec![0.0; count * stride];
             let (mover, path) = (problem.mover, &*problem.path);

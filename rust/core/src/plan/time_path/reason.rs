@@ -122,7 +122,8 @@ impl PathProblem<'_> {
         };
         let (speed, position) = (f64::NAN, f64::NAN);
         if let (3.., Some(tip)) = (kind, &self.tip) {
-            let size = if kind == 3 { tip.acceleration } else { tip.speed }.unwrap_or(0.0);
+            let varying = self.along.of_tip(&self.path, self.path.piece(s), s)[kind.min(4) - 3];
+            let size = varying * if kind == 3 { tip.acceleration } else { tip.speed }.unwrap_or(0.0);
             let joint_name = self.mover.frame_name(tip.frame);
             return PathReason { what, joint: None, joint_name, s, limit, missing, missing_units: missing * size, speed, position };
         }

@@ -6,6 +6,7 @@
 //!
 //! as one function of the arm (Bobrow, Dubowsky and Gibson 1985). The origin of a frame moves as in `tip`.
 
+use super::along::Along;
 use super::tip::{self, TIP};
 use crate::dynamics::{Functions, PlanarPr, Quantity, Query};
 use crate::error::Result;
@@ -107,8 +108,8 @@ pub(super) struct Points<'a> {
     pub stride: usize,
     pub out: &'a mut [f64],
     pub ask: Ask<'a>,
-    /// The frame whose origin is limited.
-    pub tip: Option<usize>,
+    /// The frame whose origin is limited, and its limits where they vary.
+    pub tip: Option<(usize, &'a Along)>,
 }
 
 pub(super) enum Ask<'a> {
@@ -162,7 +163,7 @@ impl Points<'_> {
                 let given = points.each_ref().map(|x| &x[..block * n]);
                 mover.rows(&query, given, block, &mut answers[..block * length]);
             }
-            if let Some(frame) = tip {
+            if let Some((frame, _)) = tip {
                 tip::motion(mover, frame, points.each_ref().map(|x| &x[..block * n]), block, TIP, &mut tips);
             }
             let [_, v, a] = &points;
@@ -173,8 +174,12 @@ impl Points<'_> {
                 match &mut ask {
                     Ask::Motion { .. } => {
                         [answer, a, v].into_iter().enumerate().for_each(|(i, from)| put(i * n, from));
-                        if tip.is_some() {
-                            row[3 * n..3 * n + TIP].copy_from_slice(&tips[k * TIP..(k + 1) * TIP]);
+                        if let Some((_, along)) = tip {
+                            let (piece, s) = at(first + k);
+                            let own = tips[k * TIP..(k + 1) * TIP].chunks_exact(3).zip(along.of_tip(path, piece, s));
+                            for (to, (from, limit)) in row[3 * n..3 * n + TIP].chunks_exact_mut(3).zip(own) {
+                                (0..3).for_each(|axis| to[axis] = from[axis] / limit);
+                            }
                         }
                     }
                     Ask::Coefficients { width, torques, accelerations, origins, slopes, slope_stride } => {
@@ -186,17 +191,21 @@ impl Points<'_> {
                             put(at, v);
                             put(*width + at, a);
                         }
-                        let at = (first + k) * *slope_stride;
-                        slopes[at..at + n].copy_from_slice(v);
-                        if tip.is_some() {
-                            let own = &tips[k * TIP..(k + 1) * TIP];
+                        let own = (first + k) * *slope_stride;
+                        slopes[own..own + n].copy_from_slice(v);
+                        if let Some((_, along)) = tip {
+                            let moved = &tips[k * TIP..(k + 1) * TIP];
+                            let (piece, s) = at(first + k);
+                            let [acceleration, speed] = along.of_tip(path, piece, s);
                             let first = n * (usize::from(*torques) + usize::from(*accelerations));
                             // At path speed one and no path acceleration: p'' and p'.
                             if *origins {
-                                row[first..first + 3].copy_from_slice(&own[3..]);
-                                row[*width + first..*width + first + 3].copy_from_slice(&own[..3]);
+                                for axis in 0..3 {
+                                    row[first + axis] = moved[3 + axis] / acceleration;
+                                    row[*width + first + axis] = moved[axis] / acceleration;
+                                }
                             }
-                            slopes[at + n] = tip::length(&own[3..]);
+                            slopes[own + n] = tip::length(&moved[3..]) / speed;
                         }
                     }
                 }

@@ -7,7 +7,7 @@ use super::grid::{grid, spans};
 use super::lines::{BLOCK, LimitRows};
 use super::rows::{Ask, Friction, Mover, Points};
 use super::stencil::Stencil;
-use super::tip::TipLimits;
+use super::tip::Tip;
 use super::{PathReason, TimePath};
 use crate::error::{Error, Result, finite};
 use crate::memory;
@@ -34,7 +34,7 @@ pub(super) struct PathProblem<'a> {
     pub stride: usize,
     pub friction: Option<Friction>,
     pub along: Along,
-    pub tip: Option<TipLimits>,
+    pub tip: Option<Tip>,
     /// The first rows of speeds and of the frame's norms in `limits`.
     pub speeds: Option<usize>,
     pub norms: Option<usize>,
@@ -53,7 +53,7 @@ pub(super) struct PathProblem<'a> {
 impl<'a> PathProblem<'a> {
     pub fn new(mover: Mover<'a>, path: Arc<Path>, given: &PathLimits, options: &TimePathOptions) -> Result<Self> {
         let n = mover.dof();
-        let Checked { lo, hi, along } = checked(mover, &path, given, options)?;
+        let Checked { lo, hi, along, tip } = checked(mover, &path, given, options)?;
         let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
         let (s, pieces) = grid(&path, options.points());
         // Rows of both kinds and of the speeds, the caps and the profiles at each point.
@@ -77,10 +77,10 @@ impl<'a> PathProblem<'a> {
             kinds: [given.torque.is_some(), given.acceleration.is_some()],
             stencils: (Stencil::new(&[0.5]), Stencil::new(&inner_places())),
             spans: Vec::new(),
-            stride: (n + usize::from(given.tip.is_some())).next_multiple_of(BLOCK),
+            stride: (n + usize::from(tip.is_some())).next_multiple_of(BLOCK),
             friction,
             along,
-            tip: given.tip.clone(),
+            tip,
             speeds: None,
             norms: None,
             pieces,
@@ -156,7 +156,7 @@ impl<'a> PathProblem<'a> {
             slopes: &mut self.slopes,
             slope_stride: self.stride,
         };
-        let tip = self.tip.as_ref().map(|tip| tip.frame);
+        let tip = self.tip.as_ref().map(|tip| (tip.frame, &self.along));
         Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out: &mut rows.coefficients, ask, tip }
             .run();
         self.divide_by_limits();

@@ -18,14 +18,22 @@ use super::rows::Mover;
 use crate::dynamics::{Quantity, Query};
 use nalgebra::Vector3;
 
-/// Limits of the origin of a frame.
+/// Limits of the origin of a frame: `(1,)` each, or `(P + 1,)` at the knots of the path, and linear in `s` between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TipLimits {
     /// Index of the frame.
     pub frame: usize,
     /// Largest speed, m/s.
-    pub speed: Option<f64>,
+    pub speed: Option<Vec<f64>>,
     /// Largest acceleration, m/s^2.
+    pub acceleration: Option<Vec<f64>>,
+}
+
+/// Such limits as the planner has them: one where they vary, of motions in parts of them.
+#[derive(Clone, Debug)]
+pub(super) struct Tip {
+    pub frame: usize,
+    pub speed: Option<f64>,
     pub acceleration: Option<f64>,
 }
 
