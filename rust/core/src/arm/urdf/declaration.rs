@@ -1,4 +1,5 @@
-//! An XML declaration after a blank line or a comment: not well-formed, written by hand, and taken by other readers of URDF.
+//! Files that are not well-formed and that other readers of URDF take: an XML declaration after a blank line or a comment, and prefixes of
+//! names without a declaration, such as `drake:acceleration`.
 
 use std::borrow::Cow;
 
@@ -25,4 +26,46 @@ fn late(text: &str) -> Option<usize> {
             return (declares && at > first).then_some(at);
         }
     }
+}
+
+/// The text with `.` for `:` in the names of elements and attributes with this prefix, which keeps every line and column. Such names are
+/// no part of URDF, before and after.
+pub fn without_prefix(text: &str, prefix: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        let (before, markup) = rest.split_at(start);
+        plain.push_str(before);
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")].into_iter().find(|(from, _)| markup.starts_with(from));
+        if let Some((_, end)) = skipped {
+            let length = markup.find(end).map_or(markup.len(), |at| at + end.len());
+            plain.push_str(&markup[..length]);
+            rest = &markup[length..];
+            continue;
+        }
+        rest = &markup[tag(markup, prefix, &mut plain)..];
+    }
+    plain.push_str(rest);
+    plain
+}
+
+/// Copy one tag; returns its length.
+fn tag(markup: &str, prefix: &str, plain: &mut String) -> usize {
+    let (mut quote, mut name, mut colon) = (None, false, usize::MAX);
+    for (at, c) in markup.char_indices() {
+        // A name begins behind `<`, `/` or a blank.
+        if name && quote.is_none() && markup[at..].strip_prefix(prefix).is_some_and(|after| after.starts_with(':')) {
+            colon = at + prefix.len();
+        }
+        plain.push(if at == colon { '.' } else { c });
+        match quote {
+            Some(open) if c == open => quote = None,
+            Some(_) => {}
+            None if c == '"' || c == '\'' => quote = Some(c),
+            None if c == '>' => return at + 1,
+            None => {}
+        }
+        name = c == '<' || c == '/' || c.is_whitespace();
+    }
+    markup.len()
 }

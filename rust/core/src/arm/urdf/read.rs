@@ -21,6 +21,8 @@ const BYTES_PER_ELEMENT: usize = 1 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_NAMESPACES: usize = 64;
 const MAX_NODES: u32 = 1_000_000;
+/// Prefixes of names that a text may use without declaring them.
+const MAX_UNDECLARED: usize = 8;
 
 /// Where a text came from, for errors: file name and line starts.
 pub struct Source<'a> {
@@ -78,13 +80,7 @@ impl Arm {
         memory::require(text.bytes().filter(|&byte| byte == b'<').count().saturating_mul(BYTES_PER_ELEMENT))?;
         let source = Source::new(file, text);
         scan(&source, text)?;
-        let text = &*declaration::forgiven(text);
-        let parsing = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
-        let document = roxmltree::Document::parse_with_options(text, parsing).map_err(|e| {
-            let hint = if matches!(&e, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro") { XACRO } else { "" };
-            source.error(e.pos().row, format!("is not well-formed XML: {e}{hint}"))
-        })?;
-        let robot = element::read(&source, &document)?;
+        let robot = robot(&source, &declaration::forgiven(text), MAX_UNDECLARED)?;
         assemble::arm(&source, robot, options)
     }
 
@@ -110,6 +106,21 @@ impl Arm {
 }
 
 pub(super) const XACRO: &str = "; this is a xacro file: load_urdf expands *.xacro, or run `xacro robot.xacro > robot.urdf`";
+
+/// The elements of a text, after `undeclared` more prefixes of names without a declaration.
+fn robot(source: &Source, text: &str, undeclared: usize) -> Result<element::Robot> {
+    let parsing = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
+    match roxmltree::Document::parse_with_options(text, parsing) {
+        Ok(document) => element::read(source, &document),
+        Err(roxmltree::Error::UnknownNamespace(prefix, _)) if prefix != "xacro" && undeclared > 0 => {
+            robot(source, &declaration::without_prefix(text, &prefix), undeclared - 1)
+        }
+        Err(e) => {
+            let hint = if matches!(&e, roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro") { XACRO } else { "" };
+            Err(source.error(e.pos().row, format!("is not well-formed XML: {e}{hint}")))
+        }
+    }
+}
 
 fn too_large() -> String {
     format!("is too large: expected at most {MAX_BYTES} bytes")
