@@ -13,7 +13,7 @@ from .arms import Arm
 class Motion:
     @property
     def n(self) -> int: ...
-    def __call__(self, /, t: float) -> tuple[_Array, _Array, _Array]: ...
+    def __call__(self, /, t: ArrayLike) -> tuple[_Array, _Array, _Array]: ...
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
     def __eq__(self, other: object, /) -> bool: ...
 
@@ -56,8 +56,8 @@ def time_path(
     torque_rate: ArrayLike | None = None,
     q_min: ArrayLike | None = None,
     q_max: ArrayLike | None = None,
-    tip_speed: _Number | None = None,
-    tip_acceleration: _Number | None = None,
+    tip_speed: ArrayLike | Callable[[float], ArrayLike] | None = None,
+    tip_acceleration: ArrayLike | Callable[[float], ArrayLike] | None = None,
     frame: str | None = None,
     check_limits: bool | None = None,
 ) -> TimedPath: ...

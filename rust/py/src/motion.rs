@@ -1,16 +1,19 @@
 //! `armlet.Motion` and its members.
 
 use crate::arrays::{
-    Axis, Form, SCALAR, any_vector, copied, new_vector, number, numbers, optional_number, owned, require_finite, spread, vector,
+    Axis, Form, Looked, SCALAR, any_vector, copied, elements, new_vector, number, numbers, optional_number, owned, require_finite, spread,
+    vector, written_arrays,
 };
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::seal::{Sealed, seal_new};
+use armlet_core::error::Error;
+use armlet_core::interrupt::look;
 use armlet_core::memory;
 use armlet_core::motion::{self, Motion as Core};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyFloat, PyInt, PyTuple};
 
 /// A desired motion: `motion(t)` gives `q_d, v_d, a_d`, each `(n,)`. The base of all motions.
 #[pyclass(frozen, subclass, module = "armlet", name = "Motion")]
@@ -26,6 +29,47 @@ impl Motion {
     }
 }
 
+/// Positions, velocities and accelerations.
+pub type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+/// Rows between two looks whether to stop.
+const LOOK: usize = 1 << 8;
+
+/// What `write(x, row)` puts into rows of `3 n` for every number of `x`, as three arrays `(..., n)`.
+pub fn rows<'py>(
+    n: usize,
+    function: &str,
+    name: &str,
+    x: &Bound<'py, PyAny>,
+    write: impl Fn(usize, f64, &mut [f64]) -> Result<(), Error> + Sync,
+) -> Result<Triple<'py>, Failure> {
+    let py = x.py();
+    let looked = Looked::at(function, name, x)?;
+    memory::require(elements(&looked.shape)?.saturating_mul(8 * (1 + 3 * n)))?;
+    let (mut shape, values) = looked.values()?;
+    // Other threads may write to the caller's array meanwhile.
+    let values = owned(values)?;
+    require_finite(py, function, name, &shape, &values)?;
+    shape.push(n);
+    let [q, v, a] = written_arrays(py, &shape, |[q, v, a]| {
+        long(py, || {
+            let mut row = vec![0.0; 3 * n];
+            let outs = q.chunks_exact_mut(n).zip(v.chunks_exact_mut(n)).zip(a.chunks_exact_mut(n));
+            for (i, (x, ((q, v), a))) in values.iter().zip(outs).enumerate() {
+                if i % LOOK == 0 {
+                    look();
+                }
+                write(i, *x, &mut row)?;
+                q.copy_from_slice(&row[..n]);
+                v.copy_from_slice(&row[n..2 * n]);
+                a.copy_from_slice(&row[2 * n..]);
+            }
+            Ok(())
+        })
+    })?;
+    Ok((q, v, a))
+}
+
 #[entered]
 #[pymethods]
 impl Motion {
@@ -35,10 +79,17 @@ impl Motion {
         self.core.dof()
     }
 
-    /// `q_d, v_d, a_d` at time `t` in s, each `(n,)`.
-    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    /// `q_d, v_d, a_d` at time `t` in s: each `(n,)` for a number, `(..., n)` for an array.
+    fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
         let py = t.py();
         entry(py, "Motion", || {
+            let plain = t.is_instance_of::<PyFloat>() || t.is_instance_of::<PyInt>();
+            if !plain && !Looked::at("Motion", "t", t)?.shape.is_empty() {
+                return rows(self.core.dof(), "Motion", "t", t, |_, t, row| {
+                    self.core.sample(t, row);
+                    Ok(())
+                });
+            }
             let t = number("Motion", "t", t)?;
             require_finite(py, "Motion", "t", &[], &[t])?;
             let n = self.core.dof();

@@ -1,13 +1,10 @@
 //! The motion that `armlet.time_path` gives, and its pickling.
 
-use crate::arrays::{Looked, WHATEVER, copied, elements, items, numbers, owned, require_finite, written_arrays};
+use crate::arrays::{WHATEVER, copied, items, numbers, owned};
 use crate::errors::{Failure, entry, input_error};
-use crate::interrupts::long;
-use crate::motion::Motion;
+use crate::motion::{Motion, Triple, rows};
 use crate::seal::{Sealed, seal_call};
 use armlet_core::error::Error;
-use armlet_core::interrupt::look;
-use armlet_core::memory;
 use armlet_core::motion::{Motion as Core, Path, TimedPath as CorePath};
 use armlet_core::plan::TimePath;
 use armlet_core::status::Status;
@@ -38,49 +35,7 @@ pub struct TimedPath {
     why: Option<Why>,
 }
 
-/// Three arrays.
-/// Times between two looks whether to stop.
-const LOOK: usize = 256;
-
-type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
-
 impl TimedPath {
-    /// What `write(x, row)` puts into rows of `3 n` for every number of `x`, as three arrays `(..., n)`.
-    fn rows<'py>(
-        &self,
-        function: &str,
-        name: &str,
-        x: &Bound<'py, PyAny>,
-        write: impl Fn(usize, f64, &mut [f64]) -> Result<(), Error> + Sync,
-    ) -> Result<Triple<'py>, Failure> {
-        let py = x.py();
-        let n = self.core.dof();
-        let looked = Looked::at(function, name, x)?;
-        memory::require(elements(&looked.shape)?.saturating_mul(8 * (1 + 3 * n)))?;
-        let (mut shape, values) = looked.values()?;
-        // Other threads may write to the caller's array meanwhile.
-        let values = owned(values)?;
-        require_finite(py, function, name, &shape, &values)?;
-        shape.push(n);
-        let [q, v, a] = written_arrays(py, &shape, |[q, v, a]| {
-            long(py, || {
-                let mut row = vec![0.0; 3 * n];
-                let outs = q.chunks_exact_mut(n).zip(v.chunks_exact_mut(n)).zip(a.chunks_exact_mut(n));
-                for (i, (x, ((q, v), a))) in values.iter().zip(outs).enumerate() {
-                    if i % LOOK == 0 {
-                        look();
-                    }
-                    write(i, *x, &mut row)?;
-                    q.copy_from_slice(&row[..n]);
-                    v.copy_from_slice(&row[n..2 * n]);
-                    a.copy_from_slice(&row[2 * n..]);
-                }
-                Ok(())
-            })
-        })?;
-        Ok((q, v, a))
-    }
-
     /// What the planner answered.
     pub fn answer(answer: TimePath) -> PyClassInitializer<Self> {
         let why = answer.reason.map(|reason| Why {
@@ -125,7 +80,7 @@ impl TimedPath {
     fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
         entry(t.py(), "TimedPath", || {
             self.require()?;
-            self.rows("TimedPath", "t", t, |_, t, row| {
+            rows(self.core.dof(), "TimedPath", "t", t, |_, t, row| {
                 self.core.sample(t, row);
                 Ok(())
             })
@@ -142,7 +97,7 @@ impl TimedPath {
             let path = self.core.path();
             let (n, knots) = (path.dof(), path.knots());
             let (first, last) = (knots[0], knots[knots.len() - 1]);
-            self.rows(NAME, "s", s, |k, s, row| {
+            rows(n, NAME, "s", s, |k, s, row| {
                 if !(first..=last).contains(&s) {
                     return Err(Error::input("s", format!("is not on the path: expected {first} to {last} (first bad index {k})")));
                 }
