@@ -288,3 +288,32 @@ class TestSrdf:
         large.write_text("<robot>" + " " * (16 << 20) + "</robot>")
         with pytest.raises(al.InputError, match=r"^load_srdf: path_or_xml is too large"):
             al.load_srdf(large)
+
+
+def prefixed(limit: str, more: str) -> str:
+    """A robot of one joint with additions to its limit and to the file."""
+    return f"""<robot name='r'>
+<link name='a'/>
+<link name='drake:b'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>
+<joint name='j' type='revolute'><parent link='a'/><child link='drake:b'/><axis xyz='0 0 1'/>
+<limit {limit} lower='-1' upper='1' effort='2' velocity='3'/></joint>
+<!-- <drake:x> -->{more}</robot>"""
+
+
+def test_prefixes_without_a_declaration() -> None:
+    """Names that other readers of URDF take; text in quotes keeps its colon, and elements are reported with their own line."""
+    plain = al.load_urdf(prefixed("", ""))
+    arm = al.load_urdf(prefixed("drake:acceleration='2.5' old:x=\"drake:y\"", "<drake:joint name='k'><drake:member/></drake:joint>"))
+    assert arm.n == 1 and "drake:b" in arm.frame_names and arm.limits["v_max"] == plain.limits["v_max"]
+    np.testing.assert_array_equal(arm.parameters, plain.parameters)
+    assert [line for line in arm.report if "drake" in line] == ["dropped: drake.joint of robot (1, first in line 6)"]
+    with pytest.raises(al.ModelError, match=r":6: "):
+        al.load_urdf(prefixed("drake:a='1'", "<joint name='k'/>"))
+    # A file with ever more of them is refused, and so is one that xacro has not expanded.
+    with pytest.raises(al.ModelError, match="unknown namespace prefix"):
+        al.load_urdf(prefixed("", "".join(f"<p{i}:x/>" for i in range(20))))
+    with pytest.raises(al.ModelError, match="xacro"):
+        al.load_urdf(prefixed("xacro:a='1'", ""))
+    for broken in ("<a drake:b", "<drake:", "<robot drake:x='", "<!-- drake:", "<robot drake:"):
+        with pytest.raises(al.ModelError):
+            al.load_urdf(broken)

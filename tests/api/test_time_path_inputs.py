@@ -38,7 +38,11 @@ def test_position_limits(name: str, bad: Any) -> None:
         al.time_path(ARM, PATH, tau_max=30.0, **{name: bad})
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, -1.0, "1", 1j, [1.0], True], ids=repr)
+ROWS = [[1.0] * 7, [1.0, 0.0, 1.0], [1.0, math.nan, 1.0], [[1.0], [1.0], [1.0]], []]
+VARYING = [*ROWS, lambda s: 0.0, lambda s: math.nan, lambda s: [1.0, 1.0]]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, -1.0, "1", 1j, [1.0], True, *VARYING], ids=repr)
 @pytest.mark.parametrize("name", ["tip_speed", "tip_acceleration"])
 def test_limits_of_a_frame(name: str, bad: Any) -> None:
     with pytest.raises(al.InputError, match=rf"^time_path: {name} "):

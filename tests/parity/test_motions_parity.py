@@ -42,3 +42,27 @@ def test_timed_paths(n: int, options: dict[str, float]) -> None:
         # The time of an interval, some 1e-3 of all, is known to 1e-13 of itself, and b, 12 / T^2 of that.
         for mine, theirs, rounding in zip(got, want, (1e-12, 1e-11, 1e-8), strict=True):
             close(mine, theirs, 10.0, rounding)
+
+
+MOTIONS = {
+    "Hold": al.Hold([0.1, -0.2]),
+    "Quintic": al.Quintic([0.0, 0.0], [1.0, -1.0], 1.5),
+    "BangBang": al.BangBang([0.0, 0.0], [1.0, -1.0], 1.5),
+    "Sinusoid": al.Sinusoid([0.1, 0.2], [[0.3, 0.1], [0.2, 0.4]], [[1.0, 2.0], [3.0, 1.0]], 0.2),
+    "Table": al.Table(0.5, np.eye(4)[:, :2], np.zeros((4, 2)), np.zeros((4, 2))),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_motions_at_arrays_of_times(name: str) -> None:
+    """Every row has the bits of a call for its time alone."""
+    motion = MOTIONS[name]
+    for t in (np.linspace(-0.5, 2.5, 12).reshape(3, 4), np.float32([0.25, 1.5]), [0, 1], np.zeros((0,))):
+        rows = motion(t)
+        alone = [motion(float(time)) for time in np.ravel(t)]
+        for part, got in enumerate(rows):
+            assert got.shape == (*np.shape(t), 2) and got.flags.c_contiguous
+            np.testing.assert_array_equal(got.reshape(-1, 2), np.reshape([one[part] for one in alone], (-1, 2)))
+    for bad in ([0.0, np.nan], [[0.0, np.inf]], ["1"], [1j], object()):
+        with pytest.raises(al.InputError, match=r"^Motion: t "):
+            motion(bad)  # type: ignore[arg-type]

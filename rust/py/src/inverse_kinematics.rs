@@ -86,10 +86,10 @@ const NAME: &str = "inverse_kinematics";
 ///     arm: the arm, of links.
 ///     tasks: `Task` and its kin with constant targets `(rows,)` or `(..., rows)`, the highest first; gains play no part.
 ///     q0: where to start, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
-///     method: the map of every step: "clamp", "damped", "exact" or "chiaverini"; None: steps for all tasks together, and "clamp" for steps
-///         in priority (keyword only, as all that follow).
-///     eps: threshold on singular values of that map, one number or one per task, and every step is by the map; None: 0.02 of each task's
-///         largest row norm.
+///     method: the map of every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all that follow). None: steps for all tasks
+///         together, and "clamp" for steps in priority.
+///     eps: threshold on singular values of the map, one number or one per task. It selects steps by the map. None: 0.02 of each task's largest
+///         row norm.
 ///     tolerance: a task is reached when every entry of its error is at most this, m or rad.
 ///     max_iterations: steps from each start.
 ///     restarts: random starts after `q0`.

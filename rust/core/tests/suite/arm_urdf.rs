@@ -252,34 +252,6 @@ fn the_bounds_themselves_are_plausible() {
 }
 
 #[test]
-fn prefixes_without_a_declaration_are_forgiven() {
-    let text = |limit: &str, more: &str| {
-        format!(
-            "<robot name='r'>\n<link name='a'/>\n<link name='drake:b'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' \
-             izz='1'/></inertial></link>\n<joint name='j' type='revolute'><parent link='a'/><child link='drake:b'/><axis xyz='0 0 1'/>\n<limit \
-             {limit} lower='-1' upper='1' effort='2' velocity='3'/></joint>\n<!-- <drake:x> -->{more}</robot>"
-        )
-    };
-    let plain = read(&text("", "")).unwrap();
-    let prefixed =
-        read(&text("drake:acceleration='2.5' old:x=\"drake:y\"", "<drake:joint name='k'><drake:member/></drake:joint>")).unwrap();
-    assert_eq!(prefixed.joints, plain.joints);
-    // Names in quotes keep their colon; the elements are reported by their own line.
-    assert!(prefixed.frame_names().any(|name| name == "drake:b"));
-    let dropped: Vec<_> = prefixed.report.iter().filter(|line| line.contains("drake")).collect();
-    assert!(dropped.len() == 1 && dropped[0].contains("drake.joint of robot (1, first in line 6)"), "{:?}", prefixed.report);
-    let error = read(&text("drake:a='1'", "<joint name='k'/>")).unwrap_err().to_string();
-    assert!(error.starts_with("r.urdf:6: "), "{error}");
-    // A file with ever more of them is refused, and so is one that xacro has not expanded.
-    let many: String = (0..20).map(|i| format!("<p{i}:x/>")).collect();
-    assert!(read(&text("", &many)).unwrap_err().to_string().contains("unknown namespace prefix"));
-    assert!(read(&text("xacro:a='1'", "")).unwrap_err().to_string().contains("xacro"));
-    for broken in ["<a drake:b", "<drake:", "<robot drake:x='", "<!-- drake:"] {
-        read(broken).unwrap_err();
-    }
-}
-
-#[test]
 fn a_late_declaration_is_forgiven() {
     let declaration = "<?xml version=\"1.0\"\n encoding='utf-8'?>";
     let rest = example_urdf("planar_2r").unwrap().split_once("?>").unwrap().1;

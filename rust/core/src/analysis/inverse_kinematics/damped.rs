@@ -3,7 +3,7 @@
 //! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  `z` the motion towards the middle of the ranges,
 //!
 //! `J` and `e` the rows of all tasks, each divided by the size of its Jacobian's row, so that `e` is in joint coordinates. Far away the
-//! damping keeps steps short in every direction that the Jacobian hardly moves; near the goal it fades faster than the error, and a step
+//! damping keeps steps short in every direction that the Jacobian hardly moves. Near the goal it fades faster than the error, and a step
 //! is Newton's. No singular values are needed. With more rows than joints the same step comes from `J' J`.
 
 use super::super::uniform::within;
@@ -243,7 +243,7 @@ mod tests {
         let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();
         let bounds = [(-3.0, 3.0); 3];
         let tip = TaskFunction::frame(&arm, "link3", "xy").unwrap();
-        let mut step = |functions: &[TaskFunction], desired: &[Vec<f64>]| {
+        let step = |functions: &[TaskFunction], desired: &[Vec<f64>]| {
             let mut damped = Damped::new(&arm, functions, &bounds, &[true; 3]);
             let mut q = vec![0.3, 0.4, 0.5];
             let reach = Reach { bounds: &bounds, tolerance: 1e-9, step_max: 10.0, max_iterations: 1 };

@@ -2,8 +2,8 @@
 //! `siciliano1991priority`; limits as an active set).
 //!
 //! `q <- clip(q + s dq)`, where `s <= 1` keeps every joint's step below a cap. First `dq` is a damped least-squares step for all tasks
-//! together. Where this does not reach several tasks, or where a map is given, `dq` solves `J_i dq = e_i` in priority by a map that is
-//! bounded at singularities. A joint at a limit that the step would cross is held: its column becomes zero, and
+//! together. If this does not reach several tasks, `dq` solves `J_i dq = e_i` in priority, by a map that is bounded at singularities. A
+//! `method` or an `eps` selects these steps from the start. A joint at a limit that the step would cross is held: its column becomes zero, and
 //! the step is solved anew. Freedom that is left over while errors are large moves joints towards the middle of their range.
 //! From a start that leads nowhere the search goes on from random ones, seeded. Several solutions of one target come from more starts.
 //!

@@ -1,5 +1,5 @@
-//! Files that are not well-formed and that other readers of URDF take: an XML declaration after a blank line or a comment, and prefixes of
-//! names without a declaration, such as `drake:acceleration`.
+//! Files that are not well-formed and that other readers of URDF take. An XML declaration follows a blank line or a comment. Or a name has a
+//! prefix without a declaration, such as `drake:acceleration`.
 
 use std::borrow::Cow;
 
