@@ -9,6 +9,7 @@ the column "from the first start". A step has gain and duration one; a pose is r
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 import time
@@ -98,7 +99,8 @@ def row(name: str, arm: al.Arm, count: int) -> str:
     cells: list[Any] = [f"{found.reached.mean():.1%}"]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "arm.urdf"
-        path.write_text(arm.to_urdf()[0])
+        # Pinocchio's reader requires an effort and a velocity in every limit.
+        path.write_text(re.sub(r"<limit (?![^>]*effort)", '<limit effort="1000" velocity="100" ', arm.to_urdf()[0]))
         for solve in (by_pink, by_mink):
             began = time.process_time()
             reached = solve(arm, path, X, starts)

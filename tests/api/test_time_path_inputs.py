@@ -38,8 +38,8 @@ def test_position_limits(name: str, bad: Any) -> None:
         al.time_path(ARM, PATH, tau_max=30.0, **{name: bad})
 
 
-ROWS = [[1.0] * 7, [1.0, 0.0, 1.0], [1.0, math.nan, 1.0], [[1.0], [1.0], [1.0]], []]
-VARYING = [*ROWS, lambda s: 0.0, lambda s: math.nan, lambda s: [1.0, 1.0]]
+ROWS: list[Any] = [[1.0] * 7, [1.0, 0.0, 1.0], [1.0, math.nan, 1.0], [[1.0], [1.0], [1.0]], []]
+VARYING: list[Any] = [*ROWS, lambda s: 0.0, lambda s: math.nan, lambda s: [1.0, 1.0]]
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, -1.0, "1", 1j, [1.0], True, *VARYING], ids=repr)

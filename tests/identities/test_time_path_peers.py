@@ -101,7 +101,8 @@ def test_drake_path_speeds_at_the_ends() -> None:
 def test_drake_speed_of_a_frame() -> None:
     """1.1 m/s, as a number, at the waypoints, and as a function of s: one problem."""
     durations = []
-    for limit in (1.1, [1.1, 1.1], lambda s: 1.1):
+    forms: list[Any] = [1.1, [1.1, 1.1], lambda s: 1.1]
+    for limit in forms:
         p = al.time_path(ARM, [START, END], a_max=A_MAX, tip_speed=limit, frame=TOOL)
         speed = np.linalg.norm(moved(p, instants(p))[0], axis=1)
         # The differences err by h^4 of the fifth derivative, some 1e-10.

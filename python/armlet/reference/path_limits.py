@@ -35,7 +35,7 @@ def two_sided(limit: Any, n: int, s: Array, knots: Array) -> tuple[Array, Array]
 
 def one_sided(limit: Any, s: Array, knots: Array) -> Array:
     """Upper limits (K,) at s from a scalar, (knots,) or a function of s."""
-    return two_sided(np.reshape(limit, (-1, 1)) if np.ndim(limit) == 1 else limit, 1, s, knots)[1][:, 0]
+    return np.asarray(two_sided(np.reshape(limit, (-1, 1)) if np.ndim(limit) == 1 else limit, 1, s, knots)[1][:, 0])
 
 
 def leaves_range(q: Callable[[Array], Array], ends: Array, q_min: ArrayLike | None, q_max: ArrayLike | None) -> bool:
