@@ -91,6 +91,7 @@ from .run import BatchRun, Run, load
 from .run.events import Event, Events, JointStops, State
 from .run.gradients import gradient
 from .run.guards import Contact
+from .run.identifying import RunIdentification, identify_from_runs
 from .run.metrics import Metrics, metrics
 from .run.programs import LoopProgram, loop_program
 from .run.sampling import Sampling, TorqueSensor
@@ -162,6 +163,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "RelativeTask",
     "RigidArm",
     "Run",
+    "RunIdentification",
     "Samples",
     "Sampling",
     "Scenario",
@@ -201,6 +203,7 @@ __all__ = [  # noqa: RUF022 - in the order of `dir`
     "from_mujoco",
     "from_pinocchio",
     "gradient",
+    "identify_from_runs",
     "integrate",
     "inverse_kinematics",
     "load",

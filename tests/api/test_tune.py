@@ -80,6 +80,99 @@ def test_failed_runs_cost_most() -> None:
     assert found.tried["law.kd"][failed].min() > 40.0
 
 
+GAINS = {"law.kp[0]": {"log_uniform": [20.0, 400.0]}, "law.kp[1]": {"log_uniform": [20.0, 400.0]}, "law.kd": {"uniform": [2.0, 80.0]}}
+LOSS = {"error_rms": 1.0, "tau_rms": 1e-4}
+TWO = SCENARIO.replace({"law.kp": [100.0, 80.0], "run.q0": [0.0, 0.4], "arm.B": 0.3})
+
+
+def loss_of(scenario: al.Scenario) -> float:
+    """The loss from the metrics of a run."""
+    found = scenario.run().metrics()
+    return float((found["error_rms"] ** 2 + 1e-4 * found["tau_rms"] ** 2).sum())
+
+
+def test_the_minimum_along_the_gradient() -> None:
+    """The derivative of the loss is zero at the minimum, or points out of the interval."""
+    found = al.tune(TWO, GAINS, LOSS, method="gradient", starts=2, tolerance=1e-12)
+    assert found.method == "gradient" and "iterations" in str(found) and found.converged
+    np.testing.assert_allclose(loss_of(found.scenario), found.cost, rtol=1e-9)
+    assert found.cost < 0.9 * loss_of(TWO) and found.costs[-1] == found.cost and np.all(np.diff(found.costs) <= 0.0)
+    assert found.tried.rows == found.runs and found.tried["cost"].min() == found.cost
+    inside = 0
+    for path, spec in GAINS.items():
+        value = found.best[path]
+        ((low, high),) = spec.values()
+        moved = [loss_of(found.scenario.replace({path: value * (1.0 + by)})) - found.cost for by in (-0.01, 0.01)]
+        inside += low < value < high
+        # A step away from the minimum costs more: of second order, 1e-4 of a change of some 0.1.
+        assert moved[0] > -1e-9 or value * 0.99 < low
+        assert moved[1] > -1e-9 or value * 1.01 > high
+    assert inside >= 1
+
+
+def test_along_the_gradient_of_any_path() -> None:
+    """A mass of the plant is no number of the law: the scenario is built again. Two conditions count by their mean, or the worst."""
+    data = dict(TWO.data) | {"model": TWO.data["arm"]}
+    scenario, vary = al.Scenario(data), {"law.kd": {"uniform": [2.0, 80.0]}, "model.A": {"uniform": [1.0, 5.0]}}
+    over = {"arm.A": [1.5, 3.0]}
+    for by, reduce in (("worst", np.max), ("mean", np.mean)):
+        found = al.tune(scenario, vary, LOSS, method="gradient", over=over, by=by, starts=1, generations=15)  # type: ignore[arg-type]  # a text of a list
+        each = [loss_of(found.scenario.replace({"arm.A": a})) for a in over["arm.A"]]
+        np.testing.assert_allclose(found.cost, reduce(each), rtol=1e-9)
+        first = [loss_of(scenario.replace({"arm.A": a})) for a in over["arm.A"]]
+        assert found.cost < reduce(first) and found.best["model.A"] != 2.0
+        assert found.runs == 2 * found.tried.rows
+
+
+def test_the_gradient_needs_few_runs_for_many_values() -> None:
+    """36 values of an adaptive law: the cost of differential evolution in a twentieth of its runs."""
+    scenario = al.Scenario(
+        {
+            "arm": {"kind": "planar_arm", "lengths": [0.5, 0.4, 0.3]},
+            "motion": {"kind": "Quintic", "q0": [0.0, 0.0, 0.0], "q1": [0.6, 0.5, -0.4], "duration": 0.5},
+            "law": {"kind": "Adaptive", "kp": [5.0, 5.0, 5.0], "kd": [1.0, 1.0, 1.0], "gamma": [0.5] * 30},
+            "run": {"q0": [0.1, 0.0, 0.0], "t_end": 1.0, "dt": 2e-3},
+        }
+    )
+    ranges = {"kp": (3, 1.0, 10.0), "kd": (3, 0.4, 2.0), "gamma": (30, 0.05, 2.0)}
+    vary = {f"law.{name}[{i}]": {"log_uniform": [low, high]} for name, (size, low, high) in ranges.items() for i in range(size)}
+
+    def cost(table: al.SweepTable) -> Any:
+        return sum(table[f"error_rms{i}"] ** 2 for i in (1, 2, 3))
+
+    evolved = al.tune(scenario, vary, cost, candidates=40, generations=20, tolerance=0.0)
+    found = al.tune(scenario, vary, "error_rms", method="gradient", starts=1, generations=25)
+    enough = int(np.argmax(found.tried["cost"] <= evolved.cost)) + 1
+    assert found.cost <= evolved.cost and enough * 20 <= evolved.runs, (found.cost, evolved.cost, enough, evolved.runs)
+
+
+def test_a_failed_run_along_the_gradient_costs_most() -> None:
+    """Steps too long for most gains: the search stays among the others."""
+    scenario = TWO.replace({"run.dt": 0.05, "run.t_end": 40.0})
+    vary = {"law.kd": {"uniform": [5.0, 200.0]}}
+    found = al.tune(scenario, vary, "error_rms", method="gradient", starts=4, generations=5)
+    assert found.cost < 1.0 and (found.tried["cost"] == 1e30).any()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "descent"}, "method is unknown: expected one of differential_evolution, gradient"),
+        ({"method": "gradient", "starts": 0}, "starts is not a count"),
+        ({"method": "gradient", "settle": 0.1}, "settle is not used"),
+        ({"method": "gradient", "cost": "error_rms1"}, r"cost has no gradient: expected names of \['error_rms'"),
+        ({"method": "gradient", "cost": 3.0}, "cost is of the wrong type"),
+        ({"method": "gradient", "vary": {"motion.q[0]": {"uniform": [0.0, 1.0]}}}, "no name that moves the reference, got motion"),
+        ({"method": "gradient", "cost": lambda run: "much"}, "loss"),
+        ({"tolerance": "much"}, "tolerance"),
+    ],
+)
+def test_refusals_along_the_gradient(options: dict[str, Any], message: str) -> None:
+    given = {"vary": DAMPING, "cost": "error_rms", "generations": 1} | options
+    with pytest.raises(al.InputError, match=message):
+        al.tune(TWO, **given)
+
+
 @pytest.mark.parametrize(
     ("vary", "cost", "options", "message"),
     [

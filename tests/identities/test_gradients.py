@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import armlet as al
 from armlet.reference import sensitivity
-from armlet.run.named_numbers import _loop, named_numbers
+from armlet.run.named_numbers import loop_with, named_numbers
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def records(plant: Any, law: Any, start: dict[str, Any], options: dict[str, Any]
     """The series of the run in which the number `name` has another value; matrices of gains stay symmetric."""
     if name.endswith((".kp", ".kd")) and value.ndim == 2:
         value = (value + value.T) / 2
-    plant, law, begun = _loop(plant, law, start, name, value)
+    plant, law, begun = loop_with(plant, law, start, name, value)
     given = options | {part: begun[part] for part in ("v0", "theta0", "theta_dot0") if begun[part] is not None}
     run = al.simulate(plant, law, begun["q0"], monitors=False, **given)
     return np.concatenate([x for x in (run.q, run.v, run.tau, run.estimate, run.theta, run.theta_dot) if x is not None], axis=-1)

@@ -17,13 +17,14 @@ def simulate(plant: Plant, law: Law | Callable[..., ArrayLike], q0: ArrayLike, k
 def simulate_batch(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
 def _check_starts(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, keywords: dict[str, Any]) -> None: ...
 def _sensitivities(
-    plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, weights: ArrayLike, keywords: dict[str, Any]
+    plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, weights: ArrayLike, names: list[int], keywords: dict[str, Any]
 ) -> dict[str, _Array]: ...
 def _adjoint(
     plant: Plant | Sequence[Plant],
     law: Law | Sequence[Law],
     q0: ArrayLike,
     weights: ArrayLike,
+    names: list[int],
     slopes: dict[str, Any],
     bytes: int,
     keywords: dict[str, Any],

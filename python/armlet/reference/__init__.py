@@ -16,7 +16,7 @@ from .edit import from_dh, locked, with_frame, with_payload
 from .elastic import ElasticLimits, damping_from_ratio, elastic_limits, smallest_reduced_inertia, stiffness_limit
 from .events import Event
 from .excitation import Excitation, excitation
-from .gradient import gradient, sensitivity
+from .gradient import fit, gradient, sensitivity
 from .guarded import Guarded
 from .identification import BaseParameters, Identification, base_parameters, identify
 from .impedance import CartesianImpedance, ElasticImpedance, ElasticTracking, JointImpedance
@@ -111,6 +111,7 @@ __all__ = [
     "elastic_limits",
     "equilibrium",
     "excitation",
+    "fit",
     "forward_dynamics_derivatives",
     "from_dh",
     "gradient",

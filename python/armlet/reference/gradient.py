@@ -35,3 +35,25 @@ def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike
 def gradient(loss: Callable[[Array], float], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
     """The same of one number, in the shape of `value`."""
     return sensitivity(lambda at: np.asarray(loss(at)), value, size, step).reshape(np.shape(value))
+
+
+def fit(
+    run: Callable[[Array], Array], measured: ArrayLike, value: ArrayLike, deviation: ArrayLike | None = None, steps: int = 20
+) -> tuple[Array, Array]:
+    """The `value`, (P,), at which `run(value)` is nearest to `measured`, and its standard deviations, (P,).
+
+    Gauss-Newton, by normal equations.
+
+    `deviation` is that of each measured number; None: one for all, estimated from what the run leaves.
+    """
+    data = np.asarray(measured, dtype=np.float64).ravel()
+    sigma = np.ones_like(data) if deviation is None else np.broadcast_to(deviation, np.shape(measured)).ravel()
+    at = np.array(value, dtype=np.float64)
+    for _ in range(steps):
+        slopes = sensitivity(lambda number: np.asarray(run(number)).ravel(), at) / sigma[:, None]
+        left = (np.asarray(run(at)).ravel() - data) / sigma
+        at = at - np.linalg.solve(slopes.T @ slopes, slopes.T @ left)
+    slopes = sensitivity(lambda number: np.asarray(run(number)).ravel(), at) / sigma[:, None]
+    left = (np.asarray(run(at)).ravel() - data) / sigma
+    variance = 1.0 if deviation is not None else float(left @ left) / (len(data) - len(at))
+    return at, np.sqrt(variance * np.diag(np.linalg.inv(slopes.T @ slopes)))

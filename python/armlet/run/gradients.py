@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,12 @@ from ..border import border
 from ..errors import InputError
 from ..scenario import Scenario
 from .losses import Loss, along_tangents, evaluated
+from .named_numbers import Varied
 from .recorded import Array
 from .sensitivity import naming, require_names, run_keywords, split, vary
 from .simulation import simulate
 
-__all__ = ["gradient"]
+__all__ = ["gradient", "of_loops", "require_still_reference"]
 
 #: What `simulate` takes for granted of what derivatives read.
 DEFAULTS = {"method": "rk4", "record_every": 1}
@@ -91,25 +92,29 @@ def gradient(
             raise InputError(f"gradient: {name} is not used: expected the other keywords of simulate")
     keywords = {"monitors": False, **keywords}
     loops = vary("gradient", plant, law, q0, keywords, chosen)
-    assert law is not None and q0 is not None, "both were looked at"
-    run = simulate(plant, law, q0, **keywords)
-    value, slopes = evaluated(loss, run)
-    if not callable(loss):
-        _require_still_reference(loss, chosen)
-    given = run_keywords({**DEFAULTS, **keywords}, loops, run.t)
-    with naming("gradient", loops):
-        if slopes is None:
-            assert callable(loss), "a loss without slopes is a function"
-            flat = along_tangents(loss, run, _core._sensitivities(*loops.runs, given))
-        else:
-            flat = _core._adjoint(*loops.runs, slopes, int(memory), given)
+    require_still_reference("gradient", loss, chosen)
+    value, flat = of_loops("gradient", loss, (plant, law, q0), loops, keywords, int(memory))
     return value, {named.name: np.array(flat[part]).reshape(named.value.shape) for named, part in split(loops.names)}
 
 
-def _require_still_reference(loss: Any, names: Sequence[str]) -> None:
+def of_loops(
+    function: str, loss: Loss, loop: tuple[Any, Any, Any], loops: Varied, keywords: dict[str, Any], memory: int
+) -> tuple[float, Array]:
+    """The value of a loss of the loop (plant, law, q0), and its derivatives with respect to the numbers that differ in `loops`, (P,)."""
+    run = simulate(*loop, **keywords)
+    value, slopes = evaluated(loss, run)
+    given = run_keywords({**DEFAULTS, **keywords}, loops, run.t)
+    with naming(function, loops):
+        if slopes is not None:
+            return value, _core._adjoint(*loops.runs, slopes, memory, given)
+        assert callable(loss), "a loss without slopes is a function"
+        return value, along_tangents(loss, run, _core._sensitivities(*loops.runs, given))
+
+
+def require_still_reference(function: str, loss: Any, names: Sequence[str]) -> None:
     """Refuse names that move the reference from which a named term counts the error."""
-    terms = [loss] if isinstance(loss, str) else list(loss)
-    moving = [name for name in names if name.startswith("law.motion.") or name == "law.target"]
-    if moving and any(term.startswith("error") for term in terms):
+    terms = [loss] if isinstance(loss, str) else list(loss) if isinstance(loss, Mapping) else []
+    moving = [name for name in names if name.startswith(("law.motion.", "motion.", "law.target"))]
+    if moving and any(str(term).startswith("error") for term in terms):
         problem = f"expected no name that moves the reference, got {moving[0]}; a function that counts from a fixed reference takes it"
-        raise InputError(f"gradient: loss measures the error from the reference of the law: {problem}")
+        raise InputError(f"{function}: loss measures the error from the reference of the law: {problem}")

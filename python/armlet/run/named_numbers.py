@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,7 +22,20 @@ from ..arguments import shown
 from ..errors import InputError
 from .recorded import Array
 
-__all__ = ["NamedNumber", "Varied", "named_numbers", "varied"]
+__all__ = [
+    "RULES",
+    "START",
+    "STEP",
+    "Loop",
+    "NamedNumber",
+    "Variants",
+    "Varied",
+    "entry_variants",
+    "loop_with",
+    "named_numbers",
+    "stacked",
+    "varied",
+]
 
 START = ("q0", "v0", "theta0", "theta_dot0")
 #: Offsets in steps, and weights of the differences from the middle: at both sides, above, below.
@@ -32,6 +45,11 @@ RULES = (
     ((-1.0, -2.0, -3.0, -4.0), (-4.0, 3.0, -4 / 3, 1 / 4)),
 )
 STEP = 2.0**-10
+
+#: Plant, law and start.
+Loop: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
+#: Loops in which a number differs, and their weights.
+Variants: TypeAlias = tuple[list[Loop], list[float]]
 
 
 @dataclass(frozen=True)
@@ -60,9 +78,9 @@ class Varied:
     names: tuple[NamedNumber, ...]
 
     @property
-    def runs(self) -> tuple[Any, Any, Any, Array]:
+    def runs(self) -> tuple[Any, Any, Any, Array, list[int]]:
         """The first arguments of the core's functions."""
-        return self.plants, self.laws, self.start["q0"], self.weights
+        return self.plants, self.laws, self.start["q0"], self.weights, [named.value.size for named in self.names]
 
 
 def named_numbers(plant: Any, law: Any, start: Mapping[str, Array | None]) -> dict[str, Array]:
@@ -70,7 +88,7 @@ def named_numbers(plant: Any, law: Any, start: Mapping[str, Array | None]) -> di
     found = {name: value for name, value in start.items() if value is not None}
     found["v0"] = found.get("v0", np.zeros_like(found["q0"]))
     for name, value in _numbers(plant, "plant."):
-        found[name.removeprefix("plant.") if name == "plant.arm.parameters" else name] = value
+        found[name.removeprefix("plant.") if name.startswith("plant.arm.") else name] = value
     found.update(_numbers(law, "law."))
     return found
 
@@ -122,11 +140,11 @@ def _with(thing: Any, path: Sequence[str], value: Array) -> Any:
     return type(thing)(*places, **{**arguments, name: _with(arguments[name], rest, value) if rest else value})
 
 
-def _loop(plant: Any, law: Any, start: Mapping[str, Any], name: str, value: Array) -> tuple[Any, Any, Mapping[str, Any]]:
+def loop_with(plant: Any, law: Any, start: Mapping[str, Any], name: str, value: Array) -> Loop:
     """The loop with another value of this name."""
     if name in START:
         return plant, law, {**start, name: value}
-    path = ("plant.arm.parameters" if name == "arm.parameters" else name).split(".")
+    path = (f"plant.{name}" if name.startswith("arm.") else name).split(".")
     if path[0] == "plant":
         return _with(plant, path[1:], value), law, start
     return plant, _with(law, path[1:], value), start
@@ -144,7 +162,7 @@ def _scale(name: str, value: Array, index: tuple[int, ...]) -> float:
     return size or largest
 
 
-def _variants(loop: tuple[Any, Any, Mapping[str, Any]], named: NamedNumber, index: tuple[int, ...]) -> tuple[list[Any], list[float]]:
+def _variants(loop: Loop, named: NamedNumber, index: tuple[int, ...]) -> Variants:
     """Four loops and their weights for one entry."""
     step = STEP * 2.0 ** math.floor(math.log2(_scale(named.name, named.value, index)))
     refused: InputError | None = None
@@ -152,7 +170,7 @@ def _variants(loop: tuple[Any, Any, Mapping[str, Any]], named: NamedNumber, inde
     for symmetric in (False, True) if mirrored else (False,):
         for offsets, weights in RULES:
             try:
-                loops = [_loop(*loop, named.name, _moved(named.value, index, offset * step, symmetric)) for offset in offsets]
+                loops = [loop_with(*loop, named.name, _moved(named.value, index, offset * step, symmetric)) for offset in offsets]
             except InputError as error:
                 refused = error
                 continue
@@ -185,15 +203,25 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
         if name in names[:i]:
             raise InputError(f"{function}: sensitivity names {name} twice: expected each name once (first bad index {i})")
         chosen.append(NamedNumber(name, known[name]))
+    loop = (plant, law, start)
+    return stacked(loop, chosen, [_variants(loop, named, index) for named in chosen for index in np.ndindex(named.value.shape)])
+
+
+def entry_variants(loop: Loop, name: str, value: Array, index: tuple[int, ...]) -> Variants:
+    """Four loops in which an entry of a named number differs, and the weights of its derivative."""
+    return _variants(loop, NamedNumber(name, value), index)
+
+
+def stacked(loop: Loop, names: Sequence[NamedNumber], variants: Sequence[Variants]) -> Varied:
+    """The loop, and behind it the four loops of each entry of the names."""
+    plant, law, start = loop
     plants, laws, starts, weights = [plant], [law], [dict(start)], []
-    for named in chosen:
-        for index in np.ndindex(named.value.shape):
-            loops, own = _variants((plant, law, start), named, index)
-            weights.append(own)
-            for other, control, begun in loops:
-                plants.append(other)
-                laws.append(control)
-                starts.append(dict(begun))
+    for loops, own in variants:
+        weights.append(own)
+        for other, control, begun in loops:
+            plants.append(other)
+            laws.append(control)
+            starts.append(dict(begun))
     rows: dict[str, Array | None] = {}
     for part in START:
         values = [each.get(part) for each in starts]
@@ -201,4 +229,4 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
         rows[part] = None if given is None else np.array([np.zeros_like(given) if each is None else each for each in values])
     one_plant, one_law = all(each is plant for each in plants), all(each is law for each in laws)
     weighed = np.array(weights, dtype=np.float64).reshape(-1, 4)
-    return Varied(plant if one_plant else plants, law if one_law else laws, rows, weighed, tuple(chosen))
+    return Varied(plant if one_plant else plants, law if one_law else laws, rows, weighed, tuple(names))

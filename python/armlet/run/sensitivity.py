@@ -91,9 +91,8 @@ def run_keywords(keywords: Mapping[str, Any], loops: Varied, t: Array) -> dict[s
     return {**keywords, **{name: loops.start[name] for name in START[1:]}, "t_eval": t, "record_every": 1, "monitors": False}
 
 
-def of_run(plant: Any, law: Any, q0: Any, keywords: Mapping[str, Any], names: Sequence[str], t: Array) -> dict[str, Sensitivity]:
+def of_run(loops: Varied, keywords: Mapping[str, Any], t: Array) -> dict[str, Sensitivity]:
     """The derivatives of the run of these arguments at its records, by name."""
-    loops = vary("simulate", plant, law, q0, keywords, names)
     with naming("simulate", loops):
         rates = _core._sensitivities(*loops.runs, run_keywords(keywords, loops, t))
     parts = split(loops.names)

@@ -117,8 +117,8 @@ def simulate(
     keywords = locals()  # a dictionary of its own; the plant, the law and q0 among it are not asked for
     keywords["events"] = searched = watched(events)
     names = None if sensitivity is None else require_names("simulate", "sensitivity", sensitivity)
-    if names is not None:
-        vary("simulate", plant, law, q0, keywords, names)  # what is wrong with the names is said before the run
+    # What is wrong with the names is said before the run.
+    loops = None if names is None else vary("simulate", plant, law, q0, keywords, names)
     fields = _core.simulate(plant, law, q0, keywords)
     fields["sampled"] = sample_time is not None
     ended, balances = fields.pop("ended"), Balances(**fields.pop("balances"))
@@ -127,8 +127,8 @@ def simulate(
     if dense:
         states, *polynomials = fields["dense"]
         fields["dense"] = DenseOutput(0.0, *polynomials), states
-    if names is not None and fields["status"] == Status.SUCCESS:
-        fields["sensitivity"] = of_run(plant, law, q0, keywords, names, fields["t"])
+    if loops is not None and fields["status"] == Status.SUCCESS:
+        fields["sensitivity"] = of_run(loops, keywords, fields["t"])
     run = Run(fields, law=law, plant=plant)
     if throw and run.status not in (Status.SUCCESS, Status.EVENT):
         advice = advice_on_run(run.status, method, rtol, atol, run.stats)

@@ -1,4 +1,5 @@
 """Gains by an optimiser: scipy's differential evolution [storn1997differential], a whole generation of candidates run as one batch.
+Or, for losses with a gradient, scipy's L-BFGS-B from several starts: see `descent`.
 
     minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c)
 
@@ -26,6 +27,7 @@ from ..progress import Progress, reporter
 from ..scenario import Scenario
 from ..status import Status, having
 from .chunk import run_chunk
+from .descent import Descent
 from .execution import SweepTable, metrics_arguments
 from .parameter_space import MOST, Cells, columns, drawn
 
@@ -47,10 +49,11 @@ class Tuning:
         best: the values by path.
         cost: the cost of these values.
         scenario: the scenario with them.
-        costs: the least cost after each generation, the first that of the initial candidates.
+        costs: the least cost after each generation, the first that of the initial candidates; with gradients, after each iteration.
         tried: every candidate, in order: `cell`, a column per path, and `cost`.
-        runs: how many loops were run.
-        converged: whether the candidates had come together before the last generation.
+        runs: how many loops were run; with gradients an adjoint goes with each.
+        method: the name of the method.
+        converged: whether the candidates had come together before the last generation; with gradients, whether every start ended by itself.
     """
 
     best: dict[str, Any]
@@ -60,11 +63,16 @@ class Tuning:
     tried: SweepTable
     runs: int
     converged: bool
+    method: str = "differential_evolution"
+
+    @property
+    def _turn(self) -> str:
+        return "iteration" if self.method == "gradient" else "generation"
 
     def __str__(self) -> str:
         shown = ", ".join(f"{path} = {value:.5g}" if isinstance(value, float) else f"{path} = {value}" for path, value in self.best.items())
-        end = "converged" if self.converged else "stopped at the last generation"
-        return f"cost {self.cost:.6g} at {shown} ({self.runs} runs, {len(self.costs)} generations, {end})"
+        end = "converged" if self.converged else f"stopped at the last {self._turn}"
+        return f"cost {self.cost:.6g} at {shown} ({self.runs} runs, {len(self.costs)} {self._turn}s, {end})"
 
     def __repr__(self) -> str:
         return f"Tuning({self})"
@@ -87,13 +95,15 @@ class _ListedCells(Cells):
 def tune(
     scenario: Scenario | str | PathLike[str],
     vary: Mapping[str, Any],
-    cost: str | Callable[[SweepTable], ArrayLike],
+    cost: str | Mapping[str, float] | Callable[[Any], Any],
     *,
+    method: Literal["differential_evolution", "gradient"] = "differential_evolution",
     over: Mapping[str, Any] | None = None,
     by: Literal["worst", "mean"] = "worst",
     candidates: int = 32,
     generations: int = 50,
-    tolerance: float = 0.01,
+    starts: int = 4,
+    tolerance: float | None = None,
     seed: int = 0,
     threads: int | None = None,
     progress: Callable[[int, float], object] | bool | None = None,
@@ -109,11 +119,16 @@ def tune(
         vary: search intervals by path (`"law.kd[0]"`): `{"uniform": [low, high]}` or `{"log_uniform": [low, high]}`.
         cost: name of a metric's column (`"error_rms1"`, `"settling_time"`), or a function of the table of a generation. The table has the
             columns of `sweep` and one row per run, and the function returns one number per row. NaN and a failed run have the highest cost.
+            With gradients it is a loss of `armlet.gradient`: names such as `{"error_rms": 1.0, "tau_rms": 1e-4}`, or a function of a run.
+        method: "differential_evolution" takes any cost and searches the whole intervals. "gradient" follows the gradient of a loss from
+            several starts by scipy's L-BFGS-B. It needs far fewer runs for many values, and finds minima near its starts.
         over: conditions for each candidate, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`; None: the scenario's.
         by: "worst": the cost of a candidate is that of its worst condition. "mean": it is the mean over the conditions.
-        candidates: candidates per generation, >= 5.
-        generations: largest number of generations after the first.
-        tolerance: the search ends when the deviation of the candidates' costs is below this part of their mean.
+        candidates: candidates per generation, >= 5; not used with gradients.
+        generations: largest number of generations after the first; with gradients, of iterations per start.
+        starts: number of starts of a search along the gradient. The first has the scenario's own values, the others are random.
+        tolerance: the search ends when the deviation of the candidates' costs is below this part of their mean. With gradients a start ends
+            when an iteration lowers its cost by less than this part. None: 0.01, and 1e-6 with gradients.
         seed: seed of the search, and of noise in the runs.
         threads: as for `simulate_batch`.
         progress: True writes the number of finished generations and the remaining time to standard error. A function is called with the
@@ -127,7 +142,7 @@ def tune(
         InputError: an argument is not valid; the message names it.
         ImportError: scipy is not installed.
 
-    Source: [storn1997differential].
+    Source: [storn1997differential]; with gradients [ByrdEtAl1995].
 
     >>> import armlet as al
     >>> law = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}
@@ -142,13 +157,21 @@ def tune(
     bare = Scenario({name: table for name, table in whole.data.items() if name != "sweep"}, whole.folder, whole.name)
     candidates, generations = integer("tune", "candidates", candidates, 5), integer("tune", "generations", generations, 0, MOST)
     choice("tune", "by", by, ("worst", "mean"))
-    tolerance = number("tune", "tolerance", tolerance)
-    if not isinstance(cost, str) and not callable(cost):
+    choice("tune", "method", method, ("differential_evolution", "gradient"))
+    starts = integer("tune", "starts", starts, 1, MOST)
+    tolerance = (1e-6 if method == "gradient" else 0.01) if tolerance is None else number("tune", "tolerance", tolerance)
+    if not isinstance(cost, str) and not callable(cost) and not (method == "gradient" and isinstance(cost, Mapping)):
         raise InputError(f"tune: cost is of the wrong type: expected the name of a metric or a function, got {shown(cost)}")
     metrics = metrics_arguments("tune", metrics, whole)
     listener = _listener(progress, generations)
     space = _ranges(vary, seed)
     conditions = _conditions(over, seed, candidates)
+    if method == "gradient":
+        if metrics:
+            raise InputError(f"tune: {next(iter(metrics))} is not used: expected no arguments of armlet.metrics with gradients")
+        search = Descent(bare, space, conditions, cost, by == "worst", FAILED)
+        return _descended(optimize, whole, search, (starts, generations, tolerance, seed), _listener(progress, starts * generations))
+    assert not isinstance(cost, Mapping), "it was looked at"
     tried: list[dict[str, Any]] = []
     paid: list[Array] = []
     raised: list[Exception] = []
@@ -175,11 +198,26 @@ def tune(
     def report(intermediate_result: Any) -> None:
         listener(len(paid) - 1, float(intermediate_result.fun))
 
-    first = np.random.default_rng(seed).permuted(np.tile((np.arange(candidates) + 0.5) / candidates, (len(space), 1)), axis=1)
+    result = _evolved(optimize, evaluate, len(space), (candidates, generations, tolerance, seed), report, raised)
+    if progress is True:
+        listener(generations, 0.0)
+    table = SweepTable({"cell": np.arange(len(tried))} | columns(tried) | {"cost": np.concatenate(paid)})
+    least = int(np.argmin(table["cost"]))
+    costs = np.minimum.accumulate([generation.min() for generation in paid])
+    best, runs = tried[least], len(tried) * len(conditions)
+    return Tuning(best, float(table["cost"][least]), whole.replace(best), costs, table, runs, bool(result.success))
+
+
+def _evolved(
+    optimize: Any, evaluate: Any, size: int, how: tuple[int, int, float, int], report: Callable[..., None], raised: list[Exception]
+) -> Any:
+    """What differential evolution returns."""
+    candidates, generations, tolerance, seed = how
+    first = np.random.default_rng(seed).permuted(np.tile((np.arange(candidates) + 0.5) / candidates, (size, 1)), axis=1)
     try:
-        result = optimize.differential_evolution(
+        return optimize.differential_evolution(
             evaluate,
-            [(0.0, 1.0)] * len(space),
+            [(0.0, 1.0)] * size,
             init=first.T,
             maxiter=generations,
             tol=tolerance,
@@ -194,13 +232,26 @@ def tune(
         if raised:
             raise raised[0] from None
         raise
-    if progress is True:
-        listener(generations, 0.0)
-    table = SweepTable({"cell": np.arange(len(tried))} | columns(tried) | {"cost": np.concatenate(paid)})
-    least = int(np.argmin(table["cost"]))
-    costs = np.minimum.accumulate([generation.min() for generation in paid])
-    best, runs = tried[least], len(tried) * len(conditions)
-    return Tuning(best, float(table["cost"][least]), whole.replace(best), costs, table, runs, bool(result.success))
+
+
+def _descended(
+    optimize: Any, whole: Scenario, search: Descent, how: tuple[int, int, float, int], listener: Callable[[int, float], object]
+) -> Tuning:
+    """What is found along the gradient from several starts."""
+    starts, steps, tolerance, seed = how
+    random = np.random.default_rng([seed, 2]).random((starts - 1, len(search.space)))
+    costs: list[float] = []
+
+    def after() -> None:
+        costs.append(min(search.paid))
+        listener(len(costs), costs[-1])
+
+    ended = [search.search(optimize, u, steps, tolerance, after) for u in [search.own(), *random]]
+    table = SweepTable({"cell": np.arange(len(search.tried))} | columns(search.tried) | {"cost": np.array(search.paid)})
+    least = int(np.argmin(search.paid))
+    best, runs = search.tried[least], len(search.tried) * len(search.conditions)
+    costs.append(search.paid[least])
+    return Tuning(best, search.paid[least], whole.replace(best), np.array(costs), table, runs, all(ended), "gradient")
 
 
 def _scipy() -> Any:

@@ -1,6 +1,6 @@
 //! Derivatives of runs: forward and by the adjoint, of numbers that a wrapper has named.
 
-use crate::arrays::{Axis, Form, count, numbers, written_array};
+use crate::arrays::{Axis, Form, adopted, count, numbers, written_array};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised, raise};
 use crate::interrupts::{long, signalled};
@@ -11,7 +11,7 @@ use crate::simulate::several;
 use armlet_core::law::LawSpec;
 use armlet_core::memory;
 use armlet_core::plant::PlantSpec;
-use armlet_core::simulate::{self as core, Parameter, Problem, record_parts};
+use armlet_core::simulate::{self as core, Parameter, Parameters, Problem, record_parts};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -26,6 +26,15 @@ fn parameters(function: &str, value: &Bound<'_, PyAny>, runs: usize) -> Result<V
     }
     let parameter = |(p, weights): (usize, &[f64])| weights.iter().enumerate().map(|(j, &weight)| (1 + p * points + j, weight)).collect();
     Ok(memory::collected(weights.chunks_exact(points.max(1)).enumerate().map(parameter))?)
+}
+
+/// How many of the parameters each name has.
+fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<Vec<usize>, Failure> {
+    let sizes: Vec<usize> = value.extract()?;
+    if sizes.iter().try_fold(0usize, |sum, &size| sum.checked_add(size)) != Some(parameters) {
+        return Err(input_error(value.py(), function, "sizes", format!("do not add up: expected {parameters} in all")).into());
+    }
+    Ok(sizes)
 }
 
 /// Do something with the problem of these arguments.
@@ -60,26 +69,21 @@ pub fn _sensitivities<'py>(
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
     weights: &Bound<'py, PyAny>,
+    names: &Bound<'py, PyAny>,
     keywords: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate";
     entry(py, NAME, || {
         with_problem(NAME, (plant, law, q0), keywords, |problem, rows, raised| {
             let parameters = parameters(NAME, weights, rows)?;
+            let sizes = sizes(NAME, names, parameters.len())?;
+            let all = Parameters { all: &parameters, sizes: &sizes };
             let mut poll = || force::failed(raised) || signalled();
-            let rates = long(py, || core::sensitivities(problem, &parameters, &core::Poller::new(&mut poll)))?;
-            let (parts, width) = record_parts(problem);
+            let rates = long(py, || core::sensitivities(problem, all, &core::Poller::new(&mut poll)))?;
             let (fields, directions) = (PyDict::new(py), parameters.len());
-            let records = rates.len() / (width * directions).max(1);
-            for (name, part) in parts {
-                let own = |out: &mut [f64]| -> Result<(), Failure> {
-                    let size = part.len() * directions;
-                    for (to, record) in out.chunks_exact_mut(size).zip(rates.chunks_exact(width * directions)) {
-                        to.copy_from_slice(&record[part.start * directions..part.end * directions]);
-                    }
-                    Ok(())
-                };
-                fields.set_item(name, written_array(py, &[records, part.len(), directions], own)?)?;
+            for ((name, part), values) in record_parts(problem).0.into_iter().zip(rates) {
+                let records = values.len() / (part.len() * directions).max(1);
+                fields.set_item(name, adopted(py, &[records, part.len(), directions], values)?)?;
             }
             Ok(fields)
         })
@@ -95,6 +99,7 @@ pub fn _adjoint<'py>(
     law: &Bound<'py, PyAny>,
     q0: &Bound<'py, PyAny>,
     weights: &Bound<'py, PyAny>,
+    names: &Bound<'py, PyAny>,
     slopes: &Bound<'py, PyDict>,
     bytes: &Bound<'py, PyAny>,
     keywords: &Bound<'py, PyDict>,
@@ -103,22 +108,24 @@ pub fn _adjoint<'py>(
     entry(py, NAME, || {
         with_problem(NAME, (plant, law, q0), keywords, |problem, rows, raised| {
             let parameters = parameters(NAME, weights, rows)?;
+            let sizes = sizes(NAME, names, parameters.len())?;
+            let all = Parameters { all: &parameters, sizes: &sizes };
             let bytes = count(NAME, "memory", bytes)?;
             let (parts, width) = record_parts(problem);
             let core::Times::At(times) = &problem.options.times else {
                 return Err(input_error(py, NAME, "t_eval", "is missing: expected the times of the records, got None").into());
             };
             let records = times.len();
-            let mut all = memory::zeros(records.saturating_mul(width))?;
+            let mut weighed = memory::zeros(records.saturating_mul(width))?;
             for (name, part) in parts {
                 let Some(given) = slopes.get_item(name)? else { continue };
                 let (_, own) = numbers(NAME, name, &given, &[Form(&[Axis::Is(records), Axis::Is(part.len())])])?;
-                for (to, from) in all.chunks_exact_mut(width).zip(own.chunks_exact(part.len())) {
+                for (to, from) in weighed.chunks_exact_mut(width).zip(own.chunks_exact(part.len())) {
                     to[part.clone()].iter_mut().zip(from).for_each(|(to, from)| *to += from);
                 }
             }
             let mut poll = || force::failed(raised) || signalled();
-            let gradient = long(py, || core::adjoint(problem, &parameters, &all, bytes, &core::Poller::new(&mut poll)))?;
+            let gradient = long(py, || core::adjoint(problem, all, &weighed, bytes, &core::Poller::new(&mut poll)))?;
             let own = |out: &mut [f64]| -> Result<(), Failure> {
                 out.copy_from_slice(&gradient);
                 Ok(())

@@ -73,7 +73,7 @@ pub use batch_stepper::BatchStepper;
 pub use bound::DEFAULT_STATE_LIMIT;
 pub use event::{Crossings, Event, EventFunction, Signal};
 pub use force::{Force, Wrench};
-pub use gradient::{Parameter, RecordParts, adjoint, record_parts, sensitivities};
+pub use gradient::{Parameter, Parameters, RecordParts, adjoint, record_parts, sensitivities};
 pub use listed::{Listed, list_loop, watch_steps};
 pub use measures::Measures;
 pub use outside::outside;

@@ -30,10 +30,11 @@ impl Differentiation {
                 rates[entry] = rate;
             }
         }
-        let needed = self.needed(outputs);
+        let needed = needed(&self.tape.ops[..self.length], outputs);
         for i in (0..self.length).filter(|&i| needed[i]) {
-            if !matches!(self.tape.ops[i], Op::Input(_)) {
-                rates[i] = self.rate(i as u32, &rates);
+            let op = self.tape.ops[i];
+            if !matches!(op, Op::Input(_)) {
+                rates[i] = rate(&mut self.tape, op, i as u32, |a| rates[a as usize]);
             }
         }
         outputs.iter().map(|&output| rates[output as usize]).collect()
@@ -48,80 +49,78 @@ impl Differentiation {
     pub fn finish(self) -> Vec<Op> {
         self.tape.ops
     }
+}
 
-    /// The entries that `outputs` depend on.
-    fn needed(&self, outputs: &[u32]) -> Vec<bool> {
-        let mut needed = vec![false; self.length];
-        outputs.iter().for_each(|&output| needed[output as usize] = true);
-        for i in (0..self.length).rev() {
-            if needed[i] {
-                self.tape.ops[i].operands().for_each(|a| needed[a as usize] = true);
-            }
+/// Which of the entries `outputs` depend on.
+pub(super) fn needed(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
+    let mut needed = vec![false; ops.len()];
+    outputs.iter().for_each(|&output| needed[output as usize] = true);
+    for i in (0..ops.len()).rev() {
+        if needed[i] {
+            ops[i].operands().for_each(|a| needed[a as usize] = true);
         }
-        needed
     }
+    needed
+}
 
-    /// The derivative of entry `i` from those of its operands.
-    fn rate(&mut self, i: u32, rates: &[u32]) -> u32 {
-        let (at, tape) = (|a: u32| rates[a as usize], &mut self.tape);
-        let op = tape.ops[i as usize];
-        if op.operands().all(|a| at(a) == 0) {
-            return 0;
+/// The derivative of entry `i`, which is `op`, from those of its operands: `at(operand)`.
+pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> u32 {
+    if op.operands().all(|a| at(a) == 0) {
+        return 0;
+    }
+    match op {
+        // A mask does not move.
+        Op::Const(_) | Op::Input(_) | Op::Less(..) => 0,
+        Op::Add(a, b) => tape.add(at(a), at(b)),
+        Op::Sub(a, b) => tape.sub(at(a), at(b)),
+        Op::Neg(a) => tape.neg(at(a)),
+        Op::Mul(a, b) => {
+            let second = tape.mul(at(b), a);
+            tape.fma(at(a), b, second)
         }
-        match op {
-            // A mask does not move.
-            Op::Const(_) | Op::Input(_) | Op::Less(..) => 0,
-            Op::Add(a, b) => tape.add(at(a), at(b)),
-            Op::Sub(a, b) => tape.sub(at(a), at(b)),
-            Op::Neg(a) => tape.neg(at(a)),
-            Op::Mul(a, b) => {
-                let second = tape.mul(at(b), a);
-                tape.fma(at(a), b, second)
-            }
-            Op::Fma(a, b, c) => {
-                let sum = tape.fma(at(b), a, at(c));
-                tape.fma(at(a), b, sum)
-            }
-            Op::Fnma(a, b, c) => {
-                let sum = tape.fnma(at(b), a, at(c));
-                tape.fnma(at(a), b, sum)
-            }
-            Op::Div(a, b) => {
-                let one = tape.constant(1.0);
-                let inverse = tape.div(one, b);
-                let sum = tape.fnma(at(b), i, at(a));
-                tape.mul(sum, inverse)
-            }
-            Op::Sqrt(a) => {
-                // Zero rates stay zero where the slope is infinite.
-                let (half, least) = (tape.constant(0.5), tape.constant(f64::MIN_POSITIVE));
-                let slope = tape.div(half, i);
-                let size = tape.unary(at(a), f64::abs, Op::Abs);
-                let (nothing, rate) = (tape.less(size, least), tape.mul(at(a), slope));
-                tape.select(nothing, 0, rate)
-            }
-            Op::Abs(a) => {
-                let (below, other) = (tape.less(a, 0), tape.neg(at(a)));
-                tape.select(below, other, at(a))
-            }
-            Op::Max(a, b) => {
-                let below = tape.less(a, b);
-                tape.select(below, at(b), at(a))
-            }
-            Op::Min(a, b) => {
-                let below = tape.less(b, a);
-                tape.select(below, at(b), at(a))
-            }
-            Op::Sin(a) | Op::UnfusedSin(a) => {
-                let cosine = tape.push(Op::Cos(a));
-                tape.mul(at(a), cosine)
-            }
-            Op::Cos(a) | Op::UnfusedCos(a) => {
-                let sine = tape.push(Op::Sin(a));
-                let rate = tape.mul(at(a), sine);
-                tape.neg(rate)
-            }
-            Op::Select(mask, yes, no) => tape.select(mask, at(yes), at(no)),
+        Op::Fma(a, b, c) => {
+            let sum = tape.fma(at(b), a, at(c));
+            tape.fma(at(a), b, sum)
         }
+        Op::Fnma(a, b, c) => {
+            let sum = tape.fnma(at(b), a, at(c));
+            tape.fnma(at(a), b, sum)
+        }
+        Op::Div(a, b) => {
+            let one = tape.constant(1.0);
+            let inverse = tape.div(one, b);
+            let sum = tape.fnma(at(b), i, at(a));
+            tape.mul(sum, inverse)
+        }
+        Op::Sqrt(a) => {
+            // Zero rates stay zero where the slope is infinite.
+            let (half, least) = (tape.constant(0.5), tape.constant(f64::MIN_POSITIVE));
+            let slope = tape.div(half, i);
+            let size = tape.unary(at(a), f64::abs, Op::Abs);
+            let (nothing, rate) = (tape.less(size, least), tape.mul(at(a), slope));
+            tape.select(nothing, 0, rate)
+        }
+        Op::Abs(a) => {
+            let (below, other) = (tape.less(a, 0), tape.neg(at(a)));
+            tape.select(below, other, at(a))
+        }
+        Op::Max(a, b) => {
+            let below = tape.less(a, b);
+            tape.select(below, at(b), at(a))
+        }
+        Op::Min(a, b) => {
+            let below = tape.less(b, a);
+            tape.select(below, at(b), at(a))
+        }
+        Op::Sin(a) | Op::UnfusedSin(a) => {
+            let cosine = tape.push(Op::Cos(a));
+            tape.mul(at(a), cosine)
+        }
+        Op::Cos(a) | Op::UnfusedCos(a) => {
+            let sine = tape.push(Op::Sin(a));
+            let rate = tape.mul(at(a), sine);
+            tape.neg(rate)
+        }
+        Op::Select(mask, yes, no) => tape.select(mask, at(yes), at(no)),
     }
 }

@@ -3,6 +3,7 @@
 use super::adjoint::adjoint;
 use super::differentiate::Differentiation;
 use super::sym::{self, Sym};
+use super::tangents::{Tangents, tangents};
 use super::tape::{Op, Tape};
 use super::tests::Random;
 use crate::scalar::{Dual, Real};
@@ -157,6 +158,31 @@ fn derivatives_of_random_recordings_are_those_of_dual_numbers() {
             most = most.max(expected.rate.abs());
             // Rounding of some hundred operations, of numbers that may cancel.
             assert!((got - expected.rate).abs() <= 1e-11 * (1.0 + expected.rate.abs()), "{trial} {k}: {got} {}", expected.rate);
+        }
+    }
+    assert!(most > 1.0, "the outputs move: {most}");
+}
+
+#[test]
+fn tangents_along_several_directions_are_those_along_each_alone() {
+    let (mut numbers, mut most) = (Random(7), 0.0f64);
+    for trial in 0..100 {
+        let (ops, outputs) = random(&mut numbers);
+        let mut some = |count: usize| (0..count).map(|_| numbers.number()).collect::<Vec<f64>>();
+        let x = some(3);
+        // Of the inputs 2 and 0; the rates of input 1 are zero.
+        let given = some(6);
+        let Tangents { ops: all, values: entries, rates } = tangents(&ops, 3, &outputs, 4, &[2, 0], 3);
+        let got = values(&all, &[x.clone(), given.clone()].concat());
+        for (&entry, &output) in entries.iter().zip(&outputs) {
+            assert_eq!(got[entry as usize], values(&ops, &x)[output as usize]);
+        }
+        for (rates, along) in rates.chunks_exact(4).zip(given.chunks_exact(2)) {
+            for (&rate, (_, expected)) in rates.iter().zip(both(&ops, &outputs, &x, &[along[1], 0.0, along[0]])) {
+                most = most.max(expected.rate.abs());
+                // Rounding of some hundred operations, of numbers that may cancel.
+                assert!((got[rate as usize] - expected.rate).abs() <= 1e-11 * (1.0 + expected.rate.abs()), "{trial}");
+            }
         }
     }
     assert!(most > 1.0, "the outputs move: {most}");

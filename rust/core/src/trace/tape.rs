@@ -53,6 +53,30 @@ impl Op {
         };
         all.into_iter().take(count)
     }
+
+    /// The same operation on `f` of its operands.
+    pub fn on(self, f: impl Fn(u32) -> u32) -> Self {
+        match self {
+            Op::Const(_) | Op::Input(_) => self,
+            Op::Add(a, b) => Op::Add(f(a), f(b)),
+            Op::Sub(a, b) => Op::Sub(f(a), f(b)),
+            Op::Mul(a, b) => Op::Mul(f(a), f(b)),
+            Op::Div(a, b) => Op::Div(f(a), f(b)),
+            Op::Neg(a) => Op::Neg(f(a)),
+            Op::Fma(a, b, c) => Op::Fma(f(a), f(b), f(c)),
+            Op::Fnma(a, b, c) => Op::Fnma(f(a), f(b), f(c)),
+            Op::Sqrt(a) => Op::Sqrt(f(a)),
+            Op::Abs(a) => Op::Abs(f(a)),
+            Op::Max(a, b) => Op::Max(f(a), f(b)),
+            Op::Min(a, b) => Op::Min(f(a), f(b)),
+            Op::Sin(a) => Op::Sin(f(a)),
+            Op::Cos(a) => Op::Cos(f(a)),
+            Op::UnfusedSin(a) => Op::UnfusedSin(f(a)),
+            Op::UnfusedCos(a) => Op::UnfusedCos(f(a)),
+            Op::Less(a, b) => Op::Less(f(a), f(b)),
+            Op::Select(mask, yes, no) => Op::Select(f(mask), f(yes), f(no)),
+        }
+    }
 }
 
 /// A multiplicative hash (Knuth): the keys are small and not from an adversary.

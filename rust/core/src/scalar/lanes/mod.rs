@@ -126,6 +126,12 @@ pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
+/// Run `kernel` compiled for vectors as long as AVX2 has them, where the machine has AVX2: for loops over plain numbers.
+#[inline]
+pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
+    if isa() >= Isa::Avx2 { enter_avx2(kernel) } else { kernel.run() }
+}
+
 /// Run `kernel` compiled for AVX-512. The caller has checked [`isa`].
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]

@@ -3,18 +3,23 @@
 //! checkpoint are computed again (Griewank and Walther 2008, chapter 12).
 
 use super::Prepared;
+use super::combine::add;
 use super::functions::Call;
 use super::timeline::Operation;
 use super::walk::{Walker, followers, seen};
 use crate::error::Result;
 use crate::memory;
 
-/// How many operations lie between two checkpoints, so that states take at most `memory` bytes; of many more operations than that, the
-/// square root of their number.
-fn stride(operations: usize, size: usize, memory: usize) -> usize {
-    let half = (memory / (16 * size.max(1))).max(1);
-    let stride = operations.div_ceil(half);
-    if stride <= half { stride.max(1) } else { operations.isqrt().max(1) }
+/// How many operations lie between two checkpoints, so that all states take at most `memory` bytes. A checkpoint has `size` numbers; each
+/// operation behind it has `whole` numbers. More operations than that lie the square root of their number apart.
+fn stride(operations: usize, size: usize, whole: usize, memory: usize) -> usize {
+    let (numbers, whole) = (memory / 8, whole.max(1));
+    if operations <= numbers / whole {
+        return operations.max(1);
+    }
+    let stride = numbers / (2 * whole);
+    let fits = stride > 0 && operations.div_ceil(stride) <= numbers / (2 * size.max(1));
+    if fits { stride } else { operations.isqrt().max(1) }
 }
 
 /// A run whose weights go back.
@@ -30,7 +35,13 @@ struct Backward<'a> {
     set_up: Vec<f64>,
     gradient: Vec<f64>,
     u: Vec<f64>,
+    looked: f64,
     room: Vec<f64>,
+    /// The weights of an answer, and of the slopes of a step.
+    answer: Vec<f64>,
+    slopes: Vec<f64>,
+    /// The weights of the state and of what is held, from the last pass.
+    passed: Vec<f64>,
     followers: Vec<(usize, usize)>,
 }
 
@@ -40,13 +51,19 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     let mut backward = Backward::new(prepared);
     let mut state = backward.walker.start();
     let size = state.len();
-    let stride = stride(operations.len(), size, memory);
+    let whole = size + backward.walker.points.len();
+    let stride = stride(operations.len(), size, whole, memory);
     // A checkpoint stands before an operation on the path of the run.
-    let (mut checkpoints, mut kept, mut on_path) = (Vec::new(), Vec::new(), true);
+    let mut on_path = true;
+    let (mut checkpoints, mut kept) = (Vec::new(), Vec::new());
     for (k, &operation) in operations.iter().enumerate() {
         if on_path && checkpoints.last().is_none_or(|&last| k >= last + stride) {
             memory::append(&mut checkpoints, &[k])?;
             memory::append(&mut kept, &state)?;
+            // What follows the last one is computed once.
+            if operations.len() - k <= stride {
+                break;
+            }
         }
         on_path = match operation {
             Operation::Leave => false,
@@ -60,14 +77,14 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     for (&first, kept) in checkpoints.iter().zip(kept.chunks_exact(size.max(1))).rev() {
         states.clear();
         state.copy_from_slice(kept);
-        for (k, &operation) in operations[first..end].iter().enumerate() {
+        for &operation in &operations[first..end] {
             memory::append(&mut states, &state)?;
-            if first + k + 1 < end {
-                backward.walker.apply(operation, &mut state)?;
-            }
+            backward.walker.apply(operation, &mut state)?;
+            memory::append(&mut states, &backward.walker.points)?;
         }
-        for (&operation, before) in operations[first..end].iter().zip(states.chunks_exact_mut(size.max(1))).rev() {
-            backward.reverse(operation, before, weights)?;
+        for (k, states) in (first..end).zip(states.chunks_exact_mut(whole.max(1))).rev() {
+            let (before, points) = states.split_at_mut(size);
+            backward.reverse(k, before, points, weights)?;
         }
         end = first;
     }
@@ -77,26 +94,30 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
 impl<'a> Backward<'a> {
     fn new(prepared: &'a Prepared<'a>) -> Self {
         let (functions, directions) = (&prepared.functions, &prepared.directions);
-        let walker = Walker::new(prepared);
+        let (walker, sizes) = (Walker::new(prepared), &functions.sizes);
         Backward {
             rates: functions.rates.adjoint(),
             law: functions.law.adjoint(),
             bar: vec![0.0; walker.places.size()],
-            aside: Vec::new(),
+            aside: vec![0.0; walker.places.size()],
             set_up: vec![0.0; directions.moved],
             gradient: vec![0.0; directions.count],
-            u: vec![0.0; functions.sizes.width],
-            room: vec![0.0; 2 * functions.sizes.width],
-            followers: followers(&functions.sizes),
+            u: vec![0.0; sizes.width],
+            looked: f64::NAN,
+            room: vec![0.0; 2 * sizes.width],
+            answer: vec![0.0; functions.rates.answers().max(functions.law.answers())],
+            slopes: vec![0.0; prepared.tableau.b.len() * sizes.states],
+            passed: vec![0.0; sizes.states + sizes.answer],
+            followers: followers(sizes),
             prepared,
             walker,
         }
     }
 
-    /// The adjoint of an operation at the state before it.
-    fn reverse(&mut self, operation: Operation, before: &mut [f64], weights: &[f64]) -> Result<()> {
-        let places = self.walker.places;
-        match operation {
+    /// The adjoint of operation `k` at the state before it; `points` are the arguments of the stages of a step.
+    fn reverse(&mut self, k: usize, before: &mut [f64], points: &[f64], weights: &[f64]) -> Result<()> {
+        let (timeline, places) = (&self.prepared.timeline, self.walker.places);
+        match timeline.operations[k] {
             Operation::Sample { k, t } => return self.sample(k, t, before),
             Operation::Act(k) => {
                 let acting = places.acting();
@@ -107,75 +128,87 @@ impl<'a> Backward<'a> {
                 }
                 self.bar[acting].fill(0.0);
             }
-            Operation::Step { t, h, end } => return self.step((t, h, end), before),
-            Operation::Record { i, t } => return self.record(i, t, before, weights),
+            Operation::Step { t, h, end } => {
+                let record = k.checked_sub(1).filter(|&k| timeline.steps_on(k)).map(|k| timeline.operations[k]);
+                let tau = if let Some(Operation::Record { i, .. }) = record { self.record_of(i, weights).1 } else { &[] };
+                return self.step((t, h, end), before, points, tau);
+            }
+            Operation::Record { i, t } => return self.record(i, t, before, weights, timeline.steps_on(k)),
             Operation::Leave => self.bar.iter_mut().zip(&self.aside).for_each(|(bar, aside)| *bar += aside),
             Operation::Back => {
-                self.aside.clone_from(&self.bar);
+                self.aside.copy_from_slice(&self.bar);
                 self.bar.fill(0.0);
             }
         }
         Ok(())
     }
 
-    /// The weights of a record `[x, tau]`.
-    fn record(&mut self, i: usize, t: f64, before: &[f64], weights: &[f64]) -> Result<()> {
+    /// The weights of the state and of the input of record `i`.
+    fn record_of<'w>(&self, i: usize, weights: &'w [f64]) -> (&'w [f64], &'w [f64]) {
         let sizes = &self.prepared.functions.sizes;
-        let (places, numbers) = (self.walker.places, sizes.states + sizes.n);
-        let (x, tau) = weights[i * numbers..(i + 1) * numbers].split_at(sizes.states);
+        let numbers = sizes.states + sizes.n;
+        weights[i * numbers..(i + 1) * numbers].split_at(sizes.states)
+    }
+
+    /// The weights of a record `[x, tau]`; those of an input that a step passes on come with the step.
+    fn record(&mut self, i: usize, t: f64, before: &[f64], weights: &[f64], passed_on: bool) -> Result<()> {
+        let (sizes, places) = (&self.prepared.functions.sizes, self.walker.places);
+        let (x, tau) = self.record_of(i, weights);
         self.bar.iter_mut().zip(x).for_each(|(bar, weight)| *bar += weight);
         if sizes.sampled {
             self.bar[places.acting()].iter_mut().zip(tau).for_each(|(bar, weight)| *bar += weight);
-            return Ok(());
+        } else if !passed_on && tau.iter().any(|&weight| weight != 0.0) {
+            self.answer.fill(0.0);
+            self.answer[..tau.len()].copy_from_slice(tau);
+            self.pass(Of::Law, t, [&before[places.x()], &[]])?;
+            add(&mut self.bar[places.x()], 1.0, &self.passed);
         }
-        if tau.iter().all(|&weight| weight == 0.0) {
-            return Ok(());
-        }
-        let mut answer = vec![0.0; sizes.answer];
-        answer[..sizes.n].copy_from_slice(tau);
-        let (states, _) = self.pass(Of::Law, t, [&before[places.x()], &[]], &answer)?;
-        self.bar.iter_mut().zip(states).for_each(|(bar, weight)| *bar += weight);
         Ok(())
     }
 
     /// The weights of the state and of what is held, from those of an answer; those of the set-up and from outside are added up.
-    fn pass(&mut self, of: Of, t: f64, [x, held]: [&[f64]; 2], weights: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
+    fn pass(&mut self, of: Of, t: f64, [x, held]: [&[f64]; 2]) -> Result<()> {
         let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
-        directions.input(t, &mut self.u);
+        if t != self.looked {
+            directions.input(t, &mut self.u);
+            self.looked = t;
+        }
         let call = match of {
             Of::Law => &mut self.law,
             Of::Rates => &mut self.rates,
         };
         call.give([&self.u, x, held]);
-        call.more(0, weights.len()).copy_from_slice(weights);
+        let answers = call.answers().len();
+        call.more(0, answers).copy_from_slice(&self.answer[..answers]);
         call.run(t)?;
-        let driven = sizes.driven();
-        let all = call.behind(0, sizes.moved + driven + x.len() + held.len());
-        let (set_up, rest) = all.split_at(sizes.moved);
+        let (driven, read) = (sizes.driven(), x.len() + held.len());
+        let (set_up, rest) = call.behind(0, sizes.moved + driven + read).split_at(sizes.moved);
         let (outside, rest) = rest.split_at(driven);
-        self.set_up.iter_mut().zip(set_up).for_each(|(sum, weight)| *sum += weight);
+        add(&mut self.set_up, 1.0, set_up);
         if driven > 0 {
             let gradient = &mut self.gradient;
             directions.input_rates(t, &self.u, &mut self.room, |slot, parameter, rate| gradient[parameter] += outside[slot] * rate);
         }
-        let (x, held) = rest.split_at(x.len());
-        Ok((x.to_vec(), held.to_vec()))
+        self.passed[..read].copy_from_slice(rest);
+        Ok(())
     }
 
     fn sample(&mut self, k: u64, t: f64, before: &mut [f64]) -> Result<()> {
         let (places, n) = (self.walker.places, self.prepared.functions.sizes.n);
         self.walker.sample(k, t, before)?;
-        let mut weights = self.bar[places.answer(k)].to_vec();
-        self.bar[places.answer(k)].fill(0.0);
+        let answer = places.answer(k);
+        self.answer[..answer.len()].copy_from_slice(&self.bar[answer.clone()]);
+        self.bar[answer].fill(0.0);
         for i in (0..n).filter(|&i| self.walker.limited[i]) {
+            let weight = std::mem::take(&mut self.answer[i]);
             if let Some(last) = k.checked_sub(1) {
-                self.bar[places.answer(last).start + i] += weights[i];
+                self.bar[places.answer(last).start + i] += weight;
             }
-            weights[i] = 0.0;
         }
-        let shown = self.walker.shown.clone();
-        let (states, _) = self.pass(Of::Law, t, [&shown, &[]], &weights)?;
-        let (plant, law) = states.split_at(places.z().start);
+        let shown = std::mem::take(&mut self.walker.shown);
+        self.pass(Of::Law, t, [&shown, &[]])?;
+        self.walker.shown = shown;
+        let (plant, law) = self.passed.split_at(places.z().start);
         let from = places.measured(seen(&self.prepared.timeline, k));
         self.bar[from].iter_mut().zip(plant).for_each(|(bar, weight)| *bar += weight);
         self.bar[places.z()].iter_mut().zip(law).for_each(|(bar, weight)| *bar += weight);
@@ -187,33 +220,37 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    fn step(&mut self, (t, h, end): (f64, f64, f64), before: &[f64]) -> Result<()> {
+    /// A step whose stages have the arguments `points`; `tau` are the weights of the input at its start, if it is recorded.
+    fn step(&mut self, (t, h, end): (f64, f64, f64), before: &[f64], points: &[f64], tau: &[f64]) -> Result<()> {
         let (tableau, size, places) = (&self.prepared.tableau, self.prepared.functions.sizes.states, self.walker.places);
-        self.walker.stages((t, h, end), before)?;
-        let points = std::mem::take(&mut self.walker.points);
         if tableau.follows {
             for &(position, rate) in &self.followers {
                 self.bar[rate] += h * self.bar[position];
             }
         }
-        let stages = tableau.b.len();
         // The weights of the slopes, then of the points.
-        let mut slopes: Vec<f64> = tableau.b.iter().flat_map(|b| self.bar[..size].iter().map(move |bar| h * b * bar)).collect();
-        if tableau.follows {
-            self.followers.iter().for_each(|&(position, _)| slopes[position] = 0.0);
-        }
-        for i in (0..stages).rev() {
-            let instant = (t + tableau.c[i] * h).min(end);
-            let parts = [&points[i * size..(i + 1) * size], &before[places.acting()]];
-            let weights = slopes[i * size..(i + 1) * size].to_vec();
-            let (point, held) = self.pass(Of::Rates, instant, parts, &weights)?;
-            for (j, &a) in tableau.a[i].iter().enumerate().filter(|(_, a)| **a != 0.0) {
-                slopes[j * size..(j + 1) * size].iter_mut().zip(&point).for_each(|(slope, weight)| *slope += h * a * weight);
+        for (slopes, b) in self.slopes.chunks_exact_mut(size).zip(&tableau.b) {
+            slopes.fill(0.0);
+            add(slopes, h * b, &self.bar[..size]);
+            if tableau.follows {
+                self.followers.iter().for_each(|&(position, _)| slopes[position] = 0.0);
             }
-            self.bar.iter_mut().zip(&point).for_each(|(bar, weight)| *bar += weight);
-            self.bar[places.acting()].iter_mut().zip(&held).for_each(|(bar, weight)| *bar += weight);
         }
-        self.walker.points = points;
+        self.answer.fill(0.0);
+        for (i, point) in points.chunks_exact(size).enumerate().rev() {
+            let instant = (t + tableau.c[i] * h).min(end);
+            self.answer[..size].copy_from_slice(&self.slopes[i * size..(i + 1) * size]);
+            if i == 0 {
+                self.answer[size..size + tau.len()].copy_from_slice(tau);
+            }
+            self.pass(Of::Rates, instant, [point, &before[places.acting()]])?;
+            let (x, held) = self.passed.split_at(size);
+            for (j, &a) in tableau.a[i].iter().enumerate().filter(|(_, a)| **a != 0.0) {
+                add(&mut self.slopes[j * size..(j + 1) * size], h * a, x);
+            }
+            add(&mut self.bar[..size], 1.0, x);
+            add(&mut self.bar[places.acting()], 1.0, held);
+        }
         Ok(())
     }
 
@@ -243,11 +280,13 @@ mod tests {
     #[test]
     fn checkpoints_keep_to_the_memory() {
         for (operations, size, memory) in [(0, 4, 1 << 20), (10_000, 30, 1 << 26), (1_000_000, 30, 1 << 20), (1_000_000, 100, 1 << 28)] {
-            let stride = stride(operations, size, memory);
-            let states = operations.div_ceil(stride) + stride;
-            let most = (memory / (8 * size)).max(2 * operations.isqrt() + 3);
-            assert!(states <= most, "{operations} {size} {memory}: {states} of {most}");
+            let whole = 5 * size;
+            let stride = stride(operations, size, whole, memory);
+            let numbers = size * operations.div_ceil(stride) + whole * stride.min(operations);
+            // Without room for two checkpoints per state: the square root of their number.
+            let most = (memory / 8 + size).max((size + whole) * (operations.isqrt() + 2));
+            assert!(numbers <= most, "{operations} {size} {memory}: {numbers} of {most}");
         }
-        assert_eq!(stride(1000, 10, 1 << 26), 1);
+        assert_eq!(stride(1000, 10, 50, 1 << 26), 1000);
     }
 }

@@ -27,8 +27,8 @@ pub struct Directions<'a> {
     pub set_up: Vec<f64>,
     /// The rates of the state at the start, `(states, count)`.
     pub start: Vec<f64>,
-    /// A run for each parameter, to compare its recording.
-    pub runs: Vec<usize>,
+    /// Runs whose recordings are compared with that of the loop: `(parameter, run)`.
+    pub runs: Vec<(usize, usize)>,
     base: World<'a>,
     drives: Vec<Drive<'a>>,
     width: usize,
@@ -50,7 +50,9 @@ fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
 }
 
 impl<'a> Directions<'a> {
-    pub fn of(problem: &'a Problem<'a>, parameters: &[Parameter]) -> Result<Self> {
+    /// `sizes`: how many parameters each name has, one name after another. The numbers of a name enter a program alike, so that only the
+    /// recordings of its first and its last one are compared.
+    pub fn of(problem: &'a Problem<'a>, parameters: &[Parameter], sizes: &[usize]) -> Result<Self> {
         let base = numbers(problem, 0);
         let count = parameters.len();
         let own = |run: usize| std::ptr::eq(problem.plant(run), problem.plant(0)) && std::ptr::eq(problem.law(run), problem.law(0));
@@ -85,7 +87,15 @@ impl<'a> Directions<'a> {
         let set_up = rates.chunks_exact(count.max(1)).zip(&moving).filter(|(_, moves)| **moves).flat_map(|(row, _)| row).copied().collect();
         let desired: usize = motions.iter().map(|motion| 3 * motion.dof()).sum();
         let width = desired + if problem.forces.is_empty() { 0 } else { 6 };
-        let runs = parameters.iter().map(|parameter| parameter.first().map_or(0, |&(run, _)| run)).collect();
+        let mut ends = sizes.iter().scan(0, |next, size| {
+            *next += size;
+            Some(*next)
+        });
+        let mut runs: Vec<(usize, usize)> = Vec::new();
+        for (&size, end) in sizes.iter().zip(&mut ends) {
+            let compared = [end - size, end.saturating_sub(1)].into_iter().take(size);
+            runs.extend(compared.filter_map(|p| Some((p, parameters.get(p)?.first()?.0))).filter(|&(_, run)| !own(run)));
+        }
         let moved = moving.iter().filter(|&&moves| moves).count();
         let base = world(problem, 1, |_| 0);
         Ok(Directions { count, moving, moved, set_up, start, runs, base, drives, width })

@@ -1,226 +1,298 @@
-//! Tangents of a run: `S = dX/dp` goes through every operation, `S_(k+1) = Phi_x S_k + Phi_p`. A direction per lane of the programs.
+//! Tangents of a run: `S = dX/dp` goes through every operation, `S_(k+1) = Phi_x S_k + Phi_p`. A direction per lane of the programs; the
+//! directions go through the run in blocks of a few registers, each with the state.
 
 use super::Prepared;
+use super::combine::{add_slopes, advance};
 use super::functions::Call;
+use super::series::Series;
 use super::timeline::Operation;
-use super::walk::{Walker, act, add_slopes, advance, followers, seen};
+use super::walk::{Walker, act, followers, seen};
 use crate::error::Result;
 use crate::memory;
+use crate::trace::form;
 
-/// A function with its tangent, of all groups of directions.
+/// Registers of directions that go through the run together: they share the values that their derivatives are taken at.
+const TOGETHER: usize = 2;
+
+/// A function with its tangent.
 struct Tangent {
-    groups: Vec<Call>,
-    /// Numbers that move: of the set-up, and from outside.
+    call: Call,
+    /// Numbers that move: all, of the set-up, and from outside.
+    moving: usize,
     moved: usize,
+    driven: usize,
     answers: usize,
 }
 
 impl Tangent {
-    /// Each group has the rates of its set-up for good.
-    fn new(call: &Call, groups: usize, answers: usize, prepared: &Prepared) -> Self {
-        let (lanes, directions) = (call.lanes(), &prepared.directions);
-        let group = |g: usize| {
-            let mut call = call.clone();
-            for (to, rates) in call.more(0, directions.moved).chunks_exact_mut(lanes).zip(directions.set_up.chunks_exact(directions.count))
-            {
-                let own = &rates[g * lanes..((g + 1) * lanes).min(rates.len())];
+    /// The rates of the set-up along the directions from `first` on.
+    fn set_up(&mut self, prepared: &Prepared, first: usize, groups: usize) {
+        let (lanes, directions) = (self.call.lanes(), &prepared.directions);
+        for g in 0..groups {
+            let rows = directions.set_up.chunks_exact(directions.count);
+            let all = self.call.more(g * self.moving, self.moved).chunks_exact_mut(lanes).zip(rows);
+            for (to, rates) in all {
+                let own = &rates[(first + g * lanes).min(rates.len())..(first + (g + 1) * lanes).min(rates.len())];
                 to.fill(0.0);
                 to[..own.len()].copy_from_slice(own);
             }
-            call
-        };
-        Tangent { groups: (0..groups).map(group).collect(), moved: directions.moved, answers }
+        }
     }
 
-    /// The values at `parts`, and the rates of them along `rates` (rows of `total` directions), at time `t`.
-    fn call(&mut self, t: f64, parts: [&[f64]; 3], rates: [&[f64]; 3], value: &mut [f64], out: &mut [f64]) -> Result<()> {
-        let (moved, answers, groups) = (self.moved, self.answers, self.groups.len());
-        for (g, call) in self.groups.iter_mut().enumerate() {
-            let lanes = call.lanes();
-            let total = groups * lanes;
-            call.give(parts);
-            let rows = rates.iter().flat_map(|rates| rates.chunks_exact(total));
-            let count = rates.iter().map(|rates| rates.len() / total).sum();
-            for (to, from) in call.more(moved, count).chunks_exact_mut(lanes).zip(rows) {
-                to.copy_from_slice(&from[g * lanes..(g + 1) * lanes]);
-            }
-            call.run(t)?;
-            value.iter_mut().zip(call.answers().chunks_exact(lanes)).for_each(|(value, lanes)| *value = lanes[0]);
-            for (to, from) in out.chunks_exact_mut(total).zip(call.behind(0, answers).chunks_exact(lanes)) {
-                to[g * lanes..(g + 1) * lanes].copy_from_slice(from);
-            }
-        }
-        Ok(())
+    /// Where the rates of the state and of what is held go, along directions `g`; those of what comes from outside are set.
+    fn rates_of(&mut self, g: usize, outside: &[f64], states: usize) -> (&mut [f64], &mut [f64]) {
+        let (lanes, own) = (self.call.lanes(), self.moving - self.moved);
+        let (driven, rest) = self.call.more(g * self.moving + self.moved, own).split_at_mut(self.driven * lanes);
+        driven.copy_from_slice(outside);
+        rest.split_at_mut(states * lanes)
+    }
+
+    /// The rates of the answers along directions `g`.
+    fn answers(&self, g: usize) -> &[f64] {
+        self.call.behind(g * self.answers, self.answers)
     }
 }
 
-/// A run with its tangents.
+/// A run with its tangents along a block of directions.
 struct Forward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
     rates: Tangent,
     law: Tangent,
-    /// Directions with those that fill the last group.
-    total: usize,
+    lanes: usize,
+    /// Groups of directions, one per lane, and the first direction.
+    groups: usize,
+    first: usize,
     state: Vec<f64>,
-    /// The rates of the state, a row of directions per number.
+    /// The rates of the state, of a group: rows of one number per lane. Those of all groups one after another.
     tangent: Vec<f64>,
     left: (Vec<f64>, Vec<f64>),
+    /// What comes from outside, when, and its rates, of all groups.
     u: Vec<f64>,
+    looked: f64,
     u_rates: Vec<f64>,
     room: Vec<f64>,
+    point: Vec<f64>,
+    slopes: Vec<f64>,
+    /// Of a group all stages, one after another.
+    slope_rates: Vec<f64>,
     followers: Vec<(usize, usize)>,
 }
 
-/// The rates of all records.
-pub fn run(prepared: &Prepared) -> Result<Vec<f64>> {
-    let (sizes, directions, timeline) = (&prepared.functions.sizes, &prepared.directions, &prepared.timeline);
-    let numbers = sizes.states + sizes.n;
-    let mut out = memory::zeros(timeline.records.saturating_mul(numbers).saturating_mul(directions.count))?;
-    if directions.count == 0 {
-        return Ok(out);
+/// The rates of all records into their series.
+pub fn run(prepared: &Prepared, series: &mut Series) -> Result<()> {
+    let count = prepared.directions.count;
+    let lanes = form(true).lanes();
+    let groups = count.div_ceil(lanes).min(TOGETHER);
+    if groups == 0 {
+        return Ok(());
     }
-    let mut forward = Forward::new(prepared)?;
-    for &operation in &timeline.operations {
-        if let Operation::Record { i, t } = operation {
-            let to = &mut out[i * numbers * directions.count..(i + 1) * numbers * directions.count];
-            forward.record(t, to)?;
-        } else {
-            forward.apply(operation)?;
-        }
+    let mut forward = Forward::new(prepared, groups)?;
+    for first in (0..count).step_by(groups * lanes) {
+        forward.begin(first);
+        forward.run(series)?;
     }
-    Ok(out)
+    Ok(())
 }
 
 impl<'a> Forward<'a> {
-    fn new(prepared: &'a Prepared<'a>) -> Result<Self> {
-        let (functions, directions) = (&prepared.functions, &prepared.directions);
-        let (rates, law) = (functions.rates.tangent(), functions.law.tangent());
-        let lanes = rates.lanes();
-        let groups = directions.count.div_ceil(lanes);
-        let total = groups * lanes;
-        let walker = Walker::new(prepared);
-        let state = walker.start();
-        let mut tangent = memory::zeros(state.len().saturating_mul(total))?;
-        for (to, from) in tangent.chunks_exact_mut(total).zip(directions.start.chunks_exact(directions.count)) {
-            to[..directions.count].copy_from_slice(from);
-        }
-        let sizes = &functions.sizes;
+    fn new(prepared: &'a Prepared<'a>, groups: usize) -> Result<Self> {
+        let (functions, sizes) = (&prepared.functions, &prepared.functions.sizes);
+        let tangent = |function: &super::functions::Function| Tangent {
+            call: function.tangent(groups),
+            moving: function.moving(),
+            moved: sizes.moved,
+            driven: sizes.driven(),
+            answers: function.answers(),
+        };
+        let (rates, law) = (tangent(&functions.rates), tangent(&functions.law));
+        let (lanes, walker, stages) = (rates.call.lanes(), Walker::new(prepared), prepared.tableau.b.len());
+        let size = walker.places.size();
         Ok(Forward {
-            rates: Tangent::new(&rates, groups, functions.rates.answers(), prepared),
-            law: Tangent::new(&law, groups, functions.law.answers(), prepared),
             prepared,
             walker,
-            total,
-            state,
-            tangent,
-            left: Default::default(),
+            rates,
+            law,
+            lanes,
+            groups,
+            first: 0,
+            state: vec![0.0; size],
+            tangent: memory::zeros(groups * size * lanes)?,
+            left: (vec![0.0; size], memory::zeros(groups * size * lanes)?),
             u: vec![0.0; sizes.width],
-            u_rates: memory::zeros(sizes.driven().saturating_mul(total))?,
+            looked: f64::NAN,
+            u_rates: memory::zeros(groups * sizes.driven() * lanes)?,
             room: vec![0.0; 2 * sizes.width],
+            point: vec![0.0; sizes.states],
+            slopes: vec![0.0; stages * sizes.states],
+            slope_rates: memory::zeros(groups * stages * sizes.states * lanes)?,
             followers: followers(sizes),
         })
     }
 
-    /// What comes from outside at `t`, and its rates.
-    fn look_outside(&mut self, t: f64) {
-        let (directions, total) = (&self.prepared.directions, self.total);
-        directions.input(t, &mut self.u);
-        if directions.drives() {
-            let rates = &mut self.u_rates;
-            directions.input_rates(t, &self.u, &mut self.room, |slot, parameter, rate| rates[slot * total + parameter] = rate);
+    /// At the start, along the directions from `first` on.
+    fn begin(&mut self, first: usize) {
+        let directions = &self.prepared.directions;
+        self.state.copy_from_slice(&self.walker.start());
+        self.tangent.fill(0.0);
+        self.u_rates.fill(0.0);
+        (self.first, self.looked) = (first, f64::NAN);
+        self.rates.set_up(self.prepared, first, self.groups);
+        self.law.set_up(self.prepared, first, self.groups);
+        for (number, rates) in directions.start.chunks_exact(directions.count).enumerate() {
+            for (k, &rate) in rates[first..].iter().take(self.groups * self.lanes).enumerate() {
+                let at = self.place(k, number);
+                self.tangent[at] = rate;
+            }
         }
     }
 
-    fn apply(&mut self, operation: Operation) -> Result<()> {
-        let (places, total) = (self.walker.places, self.total);
-        match operation {
-            Operation::Sample { k, t } => return self.sample(k, t),
-            Operation::Act(k) => {
-                act(&places, k, &mut self.state);
-                match k {
-                    Some(k) => {
-                        let (from, to) = (places.answer(k), places.acting().start);
-                        self.tangent.copy_within(from.start * total..from.end * total, to * total);
-                    }
-                    None => self.tangent[places.acting().start * total..places.acting().end * total].fill(0.0),
+    /// Where the rate of a number of the state along direction `k` of the block is.
+    fn place(&self, k: usize, number: usize) -> usize {
+        (k / self.lanes * self.state.len() + number) * self.lanes + k % self.lanes
+    }
+
+    fn run(&mut self, series: &mut Series) -> Result<()> {
+        let timeline = &self.prepared.timeline;
+        // A record whose input comes from the first stage of the step from it.
+        let mut open = None;
+        for (k, &operation) in timeline.operations.iter().enumerate() {
+            match operation {
+                Operation::Record { i, .. } if timeline.steps_on(k) => open = Some(i),
+                Operation::Record { i, t } => self.record(i, t, series)?,
+                Operation::Step { t, h, end } => self.step((t, h, end), open.take().map(|i| (i, &mut *series)))?,
+                Operation::Sample { k, t } => self.sample(k, t)?,
+                Operation::Act(k) => self.act(k),
+                Operation::Leave => {
+                    self.left.0.copy_from_slice(&self.state);
+                    self.left.1.copy_from_slice(&self.tangent);
                 }
-            }
-            Operation::Step { t, h, end } => return self.step(t, h, end),
-            Operation::Record { .. } => {}
-            Operation::Leave => self.left = (self.state.clone(), self.tangent.clone()),
-            Operation::Back => {
-                self.state.copy_from_slice(&self.left.0);
-                self.tangent.copy_from_slice(&self.left.1);
+                Operation::Back => {
+                    self.state.copy_from_slice(&self.left.0);
+                    self.tangent.copy_from_slice(&self.left.1);
+                }
             }
         }
         Ok(())
+    }
+
+    /// What comes from outside at `t`, and its rates.
+    fn look_outside(&mut self, t: f64) {
+        if t == self.looked {
+            return;
+        }
+        self.looked = t;
+        let (directions, lanes, all) = (&self.prepared.directions, self.lanes, self.groups * self.lanes);
+        directions.input(t, &mut self.u);
+        if directions.drives() {
+            let (rates, width, first) = (&mut self.u_rates, self.u.len(), self.first);
+            directions.input_rates(t, &self.u, &mut self.room, |slot, parameter, rate| {
+                if let Some(k) = parameter.checked_sub(first).filter(|&k| k < all) {
+                    rates[(k / lanes * width + slot) * lanes + k % lanes] = rate;
+                }
+            });
+        }
+    }
+
+    fn act(&mut self, k: Option<u64>) {
+        let (places, lanes) = (self.walker.places, self.lanes);
+        act(&places, k, &mut self.state);
+        let to = places.acting();
+        for tangent in self.tangent.chunks_exact_mut(places.size() * lanes) {
+            match k {
+                Some(k) => tangent.copy_within(places.answer(k).start * lanes..places.answer(k).end * lanes, to.start * lanes),
+                None => tangent[to.start * lanes..to.end * lanes].fill(0.0),
+            }
+        }
     }
 
     fn sample(&mut self, k: u64, t: f64) -> Result<()> {
-        let (places, total, n) = (self.walker.places, self.total, self.prepared.functions.sizes.n);
+        let (places, lanes, n) = (self.walker.places, self.lanes, self.prepared.functions.sizes.n);
+        let (size, driven) = (places.size() * lanes, self.prepared.functions.sizes.driven() * lanes);
         self.walker.sample(k, t, &mut self.state)?;
         self.look_outside(t);
-        // Noise and quantisation pass rates on as they are.
-        self.tangent.copy_within(0..places.z().start * total, places.measured(k).start * total);
+        self.law.call.give([&self.u, &self.walker.shown, &[]]);
         let (from, z) = (places.measured(seen(&self.prepared.timeline, k)), places.z());
-        let shown = [&self.tangent[from.start * total..from.end * total], &self.tangent[z.start * total..z.end * total]].concat();
-        let mut rates = vec![0.0; places.answer(k).len() * total];
-        let mut value = vec![0.0; places.answer(k).len()];
-        self.law.call(t, [&self.u, &self.walker.shown, &[]], [&self.u_rates, &shown, &[]], &mut value, &mut rates)?;
-        for i in (0..n).filter(|&i| self.walker.limited[i]) {
-            let row = &mut rates[i * total..(i + 1) * total];
-            match k.checked_sub(1) {
-                Some(before) => {
-                    let last = places.answer(before).start + i;
-                    row.copy_from_slice(&self.tangent[last * total..(last + 1) * total]);
+        for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
+            // Noise and quantisation pass rates on as they are.
+            tangent.copy_within(0..z.start * lanes, places.measured(k).start * lanes);
+            let (shown, _) = self.law.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], z.end);
+            let (plant, law) = shown.split_at_mut(z.start * lanes);
+            plant.copy_from_slice(&tangent[from.start * lanes..from.end * lanes]);
+            law.copy_from_slice(&tangent[z.start * lanes..z.end * lanes]);
+        }
+        self.law.call.run(t)?;
+        for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
+            let answer = places.answer(k);
+            tangent[answer.start * lanes..answer.end * lanes].copy_from_slice(self.law.answers(g));
+            for i in (0..n).filter(|&i| self.walker.limited[i]) {
+                let to = (answer.start + i) * lanes;
+                match k.checked_sub(1).map(|before| (places.answer(before).start + i) * lanes) {
+                    Some(last) => tangent.copy_within(last..last + lanes, to),
+                    None => tangent[to..to + lanes].fill(0.0),
                 }
-                None => row.fill(0.0),
             }
         }
-        self.tangent[places.answer(k).start * total..places.answer(k).end * total].copy_from_slice(&rates);
         Ok(())
     }
 
-    fn step(&mut self, t: f64, h: f64, end: f64) -> Result<()> {
+    /// A step, and the record at its start if there is one.
+    fn step(&mut self, (t, h, end): (f64, f64, f64), mut record: Option<(usize, &mut Series)>) -> Result<()> {
         let tableau = &self.prepared.tableau;
-        let (places, total, size) = (self.walker.places, self.total, self.prepared.functions.sizes.states);
-        let stages = tableau.b.len();
-        let (mut slopes, mut slope_rates) = (vec![0.0; stages * size], vec![0.0; stages * size * total]);
-        let (mut point, mut point_rates) = (vec![0.0; size], vec![0.0; size * total]);
-        for i in 0..stages {
-            add_slopes(&self.state[places.x()], h, &tableau.a[i], &slopes[..i * size], &mut point);
-            add_slopes(&self.tangent[..size * total], h, &tableau.a[i], &slope_rates[..i * size * total], &mut point_rates);
-            let instant = (t + tableau.c[i] * h).min(end);
+        let (places, lanes, size) = (self.walker.places, self.lanes, self.prepared.functions.sizes.states);
+        let (rows, acting) = (size * lanes, places.acting());
+        let (all, stages, driven) = (places.size() * lanes, tableau.b.len() * rows, self.prepared.functions.sizes.driven() * lanes);
+        for i in 0..tableau.b.len() {
+            let (a, instant) = (&tableau.a[i], (t + tableau.c[i] * h).min(end));
+            add_slopes(&self.state[places.x()], h, a, &self.slopes[..i * size], &mut self.point);
             self.look_outside(instant);
-            let acting = places.acting();
-            let held = &self.tangent[acting.start * total..acting.end * total];
-            let parts = [&self.u, point.as_slice(), &self.state[acting.clone()]];
-            let (value, rate) = (&mut slopes[i * size..(i + 1) * size], &mut slope_rates[i * size * total..(i + 1) * size * total]);
-            self.rates.call(instant, parts, [&self.u_rates, &point_rates, held], value, rate)?;
+            self.rates.call.give([&self.u, &self.point, &self.state[acting.clone()]]);
+            for (g, (tangent, slopes)) in self.tangent.chunks_exact(all).zip(self.slope_rates.chunks_exact(stages)).enumerate() {
+                let (x, held) = self.rates.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], size);
+                add_slopes(&tangent[..rows], h, a, &slopes[..i * rows], x);
+                held.copy_from_slice(&tangent[acting.start * lanes..acting.end * lanes]);
+            }
+            self.rates.call.run(instant)?;
+            let slope = self.slopes[i * size..(i + 1) * size].iter_mut();
+            slope.zip(self.rates.call.answers().chunks_exact(lanes)).for_each(|(slope, lanes)| *slope = lanes[0]);
+            for (g, slopes) in self.slope_rates.chunks_exact_mut(stages).enumerate() {
+                slopes[i * rows..(i + 1) * rows].copy_from_slice(&self.rates.answers(g)[..rows]);
+            }
+            if let Some((i, series)) = record.take() {
+                for (g, tangent) in self.tangent.chunks_exact(all).enumerate() {
+                    let first = self.first + g * lanes;
+                    series.put(i, first, lanes, 0, &tangent[..rows]);
+                    series.put(i, first, lanes, size, &self.rates.answers(g)[rows..]);
+                }
+            }
         }
-        advance(tableau, h, &slopes, &self.followers, &mut self.state[places.x()], 1);
-        advance(tableau, h, &slope_rates, &self.followers, &mut self.tangent[..size * total], total);
+        advance(tableau, h, &mut self.slopes, &self.followers, &mut self.state[places.x()], 1);
+        for (tangent, slopes) in self.tangent.chunks_exact_mut(all).zip(self.slope_rates.chunks_exact_mut(stages)) {
+            advance(tableau, h, slopes, &self.followers, &mut tangent[..rows], lanes);
+        }
         Ok(())
     }
 
     /// The rates of a record `[x, tau]`.
-    fn record(&mut self, t: f64, out: &mut [f64]) -> Result<()> {
+    fn record(&mut self, i: usize, t: f64, series: &mut Series) -> Result<()> {
         let sizes = &self.prepared.functions.sizes;
-        let (places, total, count, size, n) = (self.walker.places, self.total, self.prepared.directions.count, sizes.states, sizes.n);
-        let tau = if sizes.sampled {
-            let first = places.acting().start;
-            self.tangent[first * total..(first + n) * total].to_vec()
-        } else {
+        let (places, lanes, rows) = (self.walker.places, self.lanes, sizes.states * self.lanes);
+        let (all, driven, acting) = (places.size() * lanes, sizes.driven() * lanes, places.acting().start * lanes);
+        if !sizes.sampled {
             self.look_outside(t);
-            let (mut value, mut rates) = (vec![0.0; sizes.answer], vec![0.0; sizes.answer * total]);
-            let parts = [&self.u, &self.state[places.x()], &[]];
-            self.law.call(t, parts, [&self.u_rates, &self.tangent[..size * total], &[]], &mut value, &mut rates)?;
-            rates.truncate(n * total);
-            rates
-        };
-        let rows = self.tangent[..size * total].chunks_exact(total).chain(tau.chunks_exact(total));
-        out.chunks_exact_mut(count).zip(rows).for_each(|(to, from)| to.copy_from_slice(&from[..count]));
+            self.law.call.give([&self.u, &self.state[places.x()], &[]]);
+            for (g, tangent) in self.tangent.chunks_exact(all).enumerate() {
+                let (x, _) = self.law.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], sizes.states);
+                x.copy_from_slice(&tangent[..rows]);
+            }
+            self.law.call.run(t)?;
+        }
+        for (g, tangent) in self.tangent.chunks_exact(all).enumerate() {
+            let first = self.first + g * lanes;
+            let tau = if sizes.sampled { &tangent[acting..] } else { self.law.answers(g) };
+            series.put(i, first, lanes, 0, &tangent[..rows]);
+            series.put(i, first, lanes, sizes.states, &tau[..sizes.n * lanes]);
+        }
         Ok(())
     }
 }

@@ -11,9 +11,9 @@ use crate::simulate::problem::Problem;
 use crate::simulate::recorded::{inputs, instant};
 use crate::trace::Evaluation;
 use crate::trace::adjoint::adjoint;
-use crate::trace::differentiate::Differentiation;
 use crate::trace::function::Recorded;
 use crate::trace::sym::{self, Sym};
+use crate::trace::tangents::{Tangents, tangents};
 use crate::trace::tape::{Moving, Op};
 
 /// Sizes of what a loop's functions read and answer.
@@ -75,7 +75,7 @@ pub struct Function {
 /// The functions of a loop.
 pub struct LoopFunctions {
     pub sizes: Sizes,
-    /// The rates of the state: under the law, or under what is held.
+    /// The rates of the state: under the law, with its input behind them, or under what is held.
     pub rates: Function,
     /// The input and the rate of the law.
     pub law: Function,
@@ -87,7 +87,7 @@ impl LoopFunctions {
         let branches = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
         let both = |run: usize| Some((rates(problem, run, directions, &sizes)?, law(problem, run, directions, &sizes)?));
         let (rates, law) = both(0).ok_or_else(branches)?;
-        for (p, &run) in directions.runs.iter().enumerate() {
+        for &(p, run) in &directions.runs {
             look();
             let (other, other_law) = both(run).ok_or_else(branches)?;
             if other.ops != rates.ops || other_law.ops != law.ops {
@@ -137,6 +137,9 @@ fn rates(problem: &Problem, run: usize, directions: &Directions, sizes: &Sizes) 
         }
         let mut dx = x.clone();
         closed.rhs(&u, &x, &mut dx);
+        if !sizes.sampled {
+            dx.extend(&closed.tau);
+        }
         dx
     })
 }
@@ -168,12 +171,18 @@ impl Function {
         Call::new(self, self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))
     }
 
-    /// With the rates of its answers behind them, from the rates of the inputs that move; a direction per lane.
-    pub fn tangent(&self) -> Call {
-        let mut work = Differentiation::new(self.ops.clone(), self.values.len() + self.inputs());
-        let rates = work.along(&self.moving, &self.answer[..self.answers()]);
-        let answer = [&self.answer[..], &rates].concat();
-        Call::new(self, self.recorded(work.finish(), self.moving.len(), answer).program(true))
+    /// Numbers that move.
+    pub fn moving(&self) -> usize {
+        self.moving.len()
+    }
+
+    /// With the rates of its answers behind them, from the rates of the inputs that move. A lane has a direction, and groups of them follow
+    /// one another.
+    pub fn tangent(&self, groups: usize) -> Call {
+        let inputs = self.values.len() + self.inputs();
+        let Tangents { ops, mut values, rates } = tangents(&self.ops, inputs, &self.answer, self.answers(), &self.moving, groups);
+        values.extend(rates);
+        Call::new(self, self.recorded(ops, groups * self.moving.len(), values).program(true))
     }
 
     /// The weights of the inputs that move, from those of the answers.
@@ -182,6 +191,14 @@ impl Function {
         let (ops, mut answer) = adjoint(self.ops.clone(), inputs, &self.answer[..self.answers()], &self.moving);
         answer.splice(0..0, self.answer.iter().copied());
         Call::new(self, self.recorded(ops, self.answers(), answer).program(false))
+    }
+}
+
+/// Numbers, each in all of its lanes.
+fn spread<const L: usize>(parts: [&[f64]; 3], to: &mut [f64]) {
+    let mut to = to.as_chunks_mut::<L>().0.iter_mut();
+    for part in parts {
+        part.iter().zip(&mut to).for_each(|(&x, to)| *to = [x; L]);
     }
 }
 
@@ -206,8 +223,13 @@ impl Call {
     /// The same arguments in every lane.
     pub fn give(&mut self, parts: [&[f64]; 3]) {
         let (lanes, count) = (self.lanes(), self.read.iter().sum());
-        let numbers = self.evaluation.inputs(0, count).chunks_exact_mut(lanes);
-        numbers.zip(parts.into_iter().flatten()).for_each(|(to, &x)| to.fill(x));
+        let numbers = self.evaluation.inputs(0, count);
+        match lanes {
+            1 => spread::<1>(parts, numbers),
+            2 => spread::<2>(parts, numbers),
+            4 => spread::<4>(parts, numbers),
+            _ => spread::<8>(parts, numbers),
+        }
     }
 
     /// `count` inputs behind the arguments from `first` on, of all lanes.

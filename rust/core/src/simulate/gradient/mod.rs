@@ -10,9 +10,11 @@
 //! numbers of the set-up alone, never of a run.
 
 mod backward;
+mod combine;
 mod directions;
 mod forward;
 mod functions;
+mod series;
 mod timeline;
 mod walk;
 
@@ -24,11 +26,21 @@ use crate::error::{Error, Result};
 use crate::integrate::Tableau;
 use directions::Directions;
 use functions::LoopFunctions;
+use series::Series;
 use std::ops::Range;
 use timeline::Timeline;
 
 /// How a number differs between runs of a problem: runs and weights of its derivative.
 pub type Parameter = Vec<(usize, f64)>;
+
+/// The parameters of a run, and how many of them belong to each name, one name after another.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameters<'a> {
+    /// All of them.
+    pub all: &'a [Parameter],
+    /// How many each name has.
+    pub sizes: &'a [usize],
+}
 
 /// The names of the series of a record, and where they are in it.
 pub type RecordParts = Vec<(&'static str, Range<usize>)>;
@@ -64,7 +76,7 @@ fn single<'a>(problem: &Problem<'a>) -> Problem<'a> {
     }
 }
 
-fn prepare<'a>(problem: &'a Problem<'a>, parameters: &[Parameter], stop: &dyn Stop) -> Result<Prepared<'a>> {
+fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
     problem.validate()?;
     let (o, law) = (&problem.options, problem.law(0));
     debug_assert!(!o.monitors && matches!(o.times, Times::At(_)), "the derivatives are those of a run without monitors, at given times");
@@ -90,18 +102,23 @@ fn prepare<'a>(problem: &'a Problem<'a>, parameters: &[Parameter], stop: &dyn St
     }
     let single = single(problem);
     let timeline = Timeline::of(&single, stop)?;
-    let directions = Directions::of(problem, parameters)?;
+    let directions = Directions::of(problem, parameters.all, parameters.sizes)?;
     let functions = LoopFunctions::of(problem, &directions)?;
     Ok(Prepared { single, tableau, directions, functions, timeline })
 }
 
-/// The derivatives of the records `[x, tau]` of run 0 of `problem`, at the times of its options: `(records, numbers, parameters)`.
-pub fn sensitivities(problem: &Problem, parameters: &[Parameter], stop: &dyn Stop) -> Result<Vec<f64>> {
-    forward::run(&prepare(problem, parameters, stop)?)
+/// The derivatives of the records of run 0 of `problem`, at the times of its options: `(records, numbers, parameters)` of each part that
+/// [`record_parts`] names.
+pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop) -> Result<Vec<Vec<f64>>> {
+    let prepared = prepare(problem, parameters, stop)?;
+    let (parts, _) = record_parts(problem);
+    let mut series = Series::zeros(parts.into_iter().map(|(_, range)| range), prepared.timeline.records, parameters.all.len())?;
+    forward::run(&prepared, &mut series)?;
+    Ok(series.into_rates())
 }
 
 /// `sum_k w_k' dr_k/dp` of the records `r_k = [x, tau]` of run 0 of `problem`, for the weights `(records, numbers)`: one number per
 /// parameter. States are kept in at most some `memory` bytes; what lies between them is computed again.
-pub fn adjoint(problem: &Problem, parameters: &[Parameter], weights: &[f64], memory: usize, stop: &dyn Stop) -> Result<Vec<f64>> {
+pub fn adjoint(problem: &Problem, parameters: Parameters, weights: &[f64], memory: usize, stop: &dyn Stop) -> Result<Vec<f64>> {
     backward::run(&prepare(problem, parameters, stop)?, weights, memory)
 }

@@ -47,6 +47,14 @@ struct Listing<'a> {
 }
 
 impl Timeline {
+    /// Whether operation `k` is a record that the input of a continuous loop reaches by the first stage of the step that follows.
+    pub fn steps_on(&self, k: usize) -> bool {
+        match (self.operations.get(k), self.operations.get(k + 1)) {
+            (Some(Operation::Record { t: at, .. }), Some(Operation::Step { t, .. })) => self.sampling.is_none() && at == t,
+            _ => false,
+        }
+    }
+
     /// The operations of the one run of a problem, whose options have the times of its records. An adaptive method is run for its steps.
     pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<Self> {
         let o = &problem.options;

@@ -1,6 +1,7 @@
 //! The state of a run as one vector, and what each operation does to it.
 
 use super::Prepared;
+use super::combine::{add_slopes, advance};
 use super::functions::{Call, Sizes};
 use super::timeline::{Operation, Timeline};
 use crate::error::{Error, Result, all_finite};
@@ -121,7 +122,8 @@ impl<'a> Walker<'a> {
             Operation::Step { t, h, end } => self.step((t, h, end), state),
             Operation::Record { .. } => Ok(()),
             Operation::Leave => {
-                self.left = state.to_vec();
+                self.left.clear();
+                self.left.extend_from_slice(state);
                 Ok(())
             }
             Operation::Back => {
@@ -175,14 +177,14 @@ impl<'a> Walker<'a> {
             self.prepared.directions.input(instant, &mut self.u);
             self.rates.give([&self.u, point, &state[self.places.acting()]]);
             self.rates.run(instant)?;
-            later[..size].copy_from_slice(self.rates.answers());
+            later[..size].copy_from_slice(&self.rates.answers()[..size]);
         }
         Ok(())
     }
 
     fn step(&mut self, (t, h, end): (f64, f64, f64), state: &mut [f64]) -> Result<()> {
         self.stages((t, h, end), state)?;
-        advance(&self.prepared.tableau, h, &self.slopes, &self.followers, &mut state[self.places.x()], 1);
+        advance(&self.prepared.tableau, h, &mut self.slopes, &self.followers, &mut state[self.places.x()], 1);
         if !all_finite(&state[self.places.x()]) {
             let problem = format!("the run diverged at t = {end} s");
             return Err(Error::Solve { status: Status::Diverged, t: end, problem });
@@ -196,28 +198,5 @@ pub fn act(places: &Places, k: Option<u64>, state: &mut [f64]) {
     match k {
         Some(k) => state.copy_within(places.answer(k), places.acting().start),
         None => state[places.acting()].fill(0.0),
-    }
-}
-
-/// `y = x + h sum_j a_j k_j`, of slopes one after another.
-pub fn add_slopes(x: &[f64], h: f64, a: &[f64], slopes: &[f64], y: &mut [f64]) {
-    y.copy_from_slice(x);
-    for (&a, slope) in a.iter().zip(slopes.chunks_exact(x.len().max(1))).filter(|(a, _)| **a != 0.0) {
-        y.iter_mut().zip(slope).for_each(|(y, k)| *y = (h * a).mul_add(*k, *y));
-    }
-}
-
-/// The next state in place of `x`, or that of its rates along `lanes` directions.
-pub fn advance(tableau: &Tableau, h: f64, slopes: &[f64], followers: &[(usize, usize)], x: &mut [f64], lanes: usize) {
-    let before: Vec<f64> = if tableau.follows { x.to_vec() } else { Vec::new() };
-    for (&b, slope) in tableau.b.iter().zip(slopes.chunks_exact(x.len().max(1))) {
-        x.iter_mut().zip(slope).for_each(|(x, k)| *x = (h * b).mul_add(*k, *x));
-    }
-    if tableau.follows {
-        for &(position, rate) in followers {
-            for lane in 0..lanes {
-                x[position * lanes + lane] = h.mul_add(x[rate * lanes + lane], before[position * lanes + lane]);
-            }
-        }
     }
 }

@@ -1,0 +1,293 @@
+"""Parameters of a loop from records of closed loops: least squares over runs, by their tangents.
+
+    minimise over p   sum_k |(x_k(p) - x_k) / sigma|^2
+
+`x_k` is a record of positions and velocities and `x_k(p)` that of the run with the numbers `p`. Each step solves the linear problem of the
+tangents with the damping of Levenberg and Marquardt [Marquardt1963].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..arguments import instance, integer, number, shown
+from ..border import border, bordered
+from ..errors import InputError, SolveError
+from ..pickling import sealed
+from .named_numbers import START, loop_with, named_numbers
+from .recorded import Array
+from .records import Run
+from .sensitivity import require_names
+from .simulation import simulate
+
+__all__ = ["RunIdentification", "identify_from_runs"]
+
+SHOWN = ("q", "v")
+# Singular values below this part of the largest one are rounding of the tangents.
+CUTOFF = 1e-10
+# Damping at first, and where no step lowers the sum.
+FIRST, LAST = 1e-3, 1e12
+
+
+@bordered
+@sealed
+@dataclass(frozen=True, eq=False)
+class RunIdentification:
+    """The numbers of a loop that its records show, with their standard deviations.
+
+    Attributes:
+        values: the numbers by name, each in its shape; a start `q0` or `v0` is one per run, (R, n).
+        deviations: their standard deviations in the same shapes; infinite for what the records do not show.
+        covariance: of all numbers, one name after another, (P, P); zero along what the records do not show.
+        rank: how many combinations of the numbers the records show.
+        condition: largest over smallest singular value of the tangents with columns scaled to one; infinite where the rank is short.
+        residuals: root mean square of what the runs leave of the records, by series and joint, (n,), rad or m, and per second.
+        plant: the plant with the numbers.
+        laws: the law of each run with the numbers.
+        runs: the runs with the numbers, at the times of the records.
+        iterations: how many steps were taken.
+        converged: whether the last step changed the sum by less than the tolerance.
+    """
+
+    values: dict[str, Array]
+    deviations: dict[str, Array]
+    covariance: Array
+    rank: int
+    condition: float
+    residuals: dict[str, Array]
+    plant: _core.Plant
+    laws: tuple[_core.Law, ...]
+    runs: tuple[Run, ...]
+    iterations: int
+    converged: bool
+
+    def __str__(self) -> str:
+        size = len(self.covariance)
+        end = "converged" if self.converged else "not converged"
+        lines = [f"rank {self.rank} of {size}, condition {self.condition:.3g}, {self.iterations} iterations, {end}"]
+        for name, value in self.values.items():
+            for index in np.ndindex(value.shape):
+                place = f"[{', '.join(map(str, index))}]" if index else ""
+                lines.append(f"  {value[index]: .6g} +- {self.deviations[name][index]:.2g}  {name}{place}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<RunIdentification: rank {self.rank} of {len(self.covariance)}, {len(self.runs)} runs>"
+
+
+@border
+def identify_from_runs(
+    runs: Run | Sequence[Run],
+    names: str | Sequence[str],
+    *,
+    plant: _core.Plant | None = None,
+    law: _core.Law | Sequence[_core.Law] | None = None,
+    noise: Mapping[str, Any] | None = None,
+    iterations: int = 50,
+    tolerance: float = 1e-9,
+    **keywords: Any,
+) -> RunIdentification:
+    """Find numbers of a plant, or of its law, from records of closed loops: inertial parameters, stiffness, damping.
+
+        minimise over p   sum_k |(x_k(p) - x_k) / sigma|^2
+
+    `x_k` are the recorded positions and velocities. The loop is run with the numbers `p` from the first record on. No acceleration and no
+    torque is measured: the law computes its input in the loop, as it did in the record.
+
+    Args:
+        runs: one record or several. A record of a robot is `Run({"t": t, "q": q, "v": v})`, from t = 0 on, s, rad or m.
+        names: names of numbers as for `simulate(sensitivity=)`: `"arm.parameters"`, `"plant.stiffness"`, `"plant.joint_damping"`.
+            `"q0"` and `"v0"` are the starts of every run; without them the first record is taken as exact.
+        plant: the plant with numbers to begin with; None: that of the first run.
+        law: the law, one for all runs or one per run; None: those of the runs.
+        noise: standard deviations of the records by series, `{"q": 1e-4, "v": 1e-3}`, scalar or (n,), rad or m, and per second. None
+            estimates one part of the range of each joint from what the runs leave.
+        iterations: largest number of steps.
+        tolerance: the search ends when a step lowers the sum by less than this part.
+        keywords: keywords of `simulate` for every run, such as `dt`, `method`, `sample_time`, `tau_max`.
+
+    Returns:
+        The numbers with their standard deviations, and the plant that has them.
+
+    Raises:
+        InputError: an argument is not valid; the message names it.
+        SolveError: the loop does not run to the end with the numbers to begin with.
+
+    Source: [Marquardt1963]; docs/identification.md.
+
+    >>> import armlet as al
+    >>> arm = al.pendulum(1.0, 5.0)
+    >>> law = al.MotorPD(arm, [0.8], kp=20.0, kd=2.0, joint_stiffness=100.0)
+    >>> run = al.simulate(al.ElasticArm(arm, 120.0, 0.1), law, [0.0], t_end=1.0, dt=1e-3, record_every=20)
+    >>> found = al.identify_from_runs(run, "plant.stiffness", plant=al.ElasticArm(arm, [100.0], 0.1), dt=1e-3)
+    >>> found.values["plant.stiffness"].round(6).tolist()
+    [120.0]
+    """
+    problem = _Problem(runs, require_names("identify_from_runs", "names", names), plant, law, noise, keywords)
+    steps, tolerance = integer("identify_from_runs", "iterations", iterations), number("identify_from_runs", "tolerance", tolerance)
+    p, (misses, slopes, found) = problem.first, problem.evaluate(problem.first)
+    damping, taken, converged = FIRST, 0, False
+    while taken < steps and not converged and damping <= LAST:
+        scale = np.linalg.norm(slopes, axis=0)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        rows = np.vstack([slopes / scale, np.sqrt(damping) * np.eye(len(p))])
+        step = -np.linalg.lstsq(rows, np.concatenate([misses, np.zeros(len(p))]), rcond=None)[0] / scale
+        try:
+            tried = problem.evaluate(p + step)
+        except (SolveError, InputError):
+            damping *= 10.0
+            continue
+        before, after = float(misses @ misses), float(tried[0] @ tried[0])
+        if after <= before:
+            p, (misses, slopes, found) = p + step, tried
+            damping, taken = max(damping / 10.0, 1e-15), taken + 1
+            converged = before - after <= tolerance * before
+        else:
+            damping *= 10.0
+    return problem.identification(p, misses, slopes, found, taken, converged or damping > LAST)
+
+
+class _Problem:
+    """Records, and runs that are compared with them."""
+
+    def __init__(self, runs: Any, names: list[str], plant: Any, law: Any, noise: Any, keywords: Mapping[str, Any]) -> None:
+        self.runs = [runs] if isinstance(runs, Run) else list(runs) if isinstance(runs, Sequence) else []
+        if not self.runs or not all(isinstance(run, Run) for run in self.runs):
+            raise InputError(f"identify_from_runs: runs is of the wrong type: expected a Run or a list of them, got {shown(runs)}")
+        made = self.runs[0]._plants[0] if plant is None else plant
+        self.plant = instance("identify_from_runs", "plant", made, _core.Plant, "a plant such as RigidArm")
+        laws = [run._laws[0] for run in self.runs] if law is None else list(law) if isinstance(law, Sequence) else [law] * len(self.runs)
+        if len(laws) != len(self.runs):
+            raise InputError(f"identify_from_runs: law has the wrong length: expected {len(self.runs)}, one per run, got {len(laws)}")
+        self.laws = [instance("identify_from_runs", "law", each, _core.Law, "a law of armlet such as Adaptive") for each in laws]
+        for name in ("t_end", "t_eval", "record_every", "sensitivity", "throw", "events", "dense", "v0", "q0", "monitors"):
+            if name in keywords:
+                raise InputError(f"identify_from_runs: {name} is not used: the times and starts are those of the records")
+        self.keywords = {"check_limits": False, **keywords, "monitors": False}
+        for i, run in enumerate(self.runs):
+            self._require_record(i, run)
+        self.shared = [name for name in names if name not in START]
+        self.starts = [name for name in names if name in START]
+        known = named_numbers(self.plant, self.laws[0], {"q0": self.runs[0].q[0], **dict.fromkeys(START[1:])})
+        for i, name in enumerate(names):
+            if name not in known or name in names[:i]:
+                raise InputError(
+                    f"identify_from_runs: names is wrong: expected each once of {sorted(known)}, got {shown(name)} (first bad index {i})"
+                )
+        self.names, self.known = names, known
+        parts = [known[name].ravel() for name in self.shared]
+        for run in self.runs:
+            parts += [self._start(run)[name] for name in self.starts]
+        self.first = np.concatenate([np.zeros(0), *parts])
+        self.noise_known = noise is not None
+        self.weights = [self._weights(run, noise) for run in self.runs]
+        if sum(run.q.size + run.v.size for run in self.runs) <= len(self.first):
+            raise InputError(f"identify_from_runs: runs are too short: expected more numbers than the {len(self.first)} that are searched")
+
+    def _require_record(self, i: int, run: Run) -> None:
+        n = self.plant.arm.n
+        if len(run.t) < 2 or run.t[0] != 0.0 or run.q.shape != (len(run.t), n):
+            problem = f"expected at least two records from t = 0 of {n} joints, got q of shape {run.q.shape}"
+            raise InputError(f"identify_from_runs: runs has no such record: {problem} (first bad index {i})")
+        if not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
+            raise InputError(f"identify_from_runs: runs is not finite: expected finite records (first bad index {i})")
+
+    @staticmethod
+    def _start(run: Run) -> dict[str, Array]:
+        return {"q0": run.q[0], "v0": run.v[0]}
+
+    def _weights(self, run: Run, noise: Any) -> Array:
+        """One over the deviation of each recorded number, (K, 2 n)."""
+        n = run.q.shape[1]
+        parts = []
+        for name in SHOWN:
+            if noise is None:
+                spread = np.ptp(np.concatenate([getattr(each, name) for each in self.runs]), axis=0)
+                parts.append(1.0 / np.where(spread > 0.0, spread, 1.0))
+                continue
+            if not isinstance(noise, Mapping) or set(noise) != set(SHOWN):
+                raise InputError(f"identify_from_runs: noise is wrong: expected deviations of {list(SHOWN)}, got {shown(noise)}")
+            given = np.broadcast_to(_core.numbers("identify_from_runs", f"noise[{name!r}]", noise[name]), (n,))
+            if not (np.isfinite(given).all() and (given > 0.0).all()):
+                raise InputError(f"identify_from_runs: noise[{name!r}] is out of range: expected numbers > 0, got {shown(noise[name])}")
+            parts.append(1.0 / given)
+        weights: Array = np.broadcast_to(np.concatenate(parts), (len(run.t), 2 * n))
+        return weights
+
+    def loop(self, r: int, p: Array) -> tuple[Any, Any, dict[str, Array]]:
+        """The plant, the law and the start of run `r` with these numbers."""
+        plant, law, at = self.plant, self.laws[r], 0
+        for name in self.shared:
+            value = self.known[name]
+            plant, law, _ = loop_with(plant, law, {}, name, p[at : at + value.size].reshape(value.shape))
+            at += value.size
+        start, n = self._start(self.runs[r]), self.plant.arm.n
+        at += r * n * len(self.starts)
+        for name in self.starts:
+            start[name] = p[at : at + n]
+            at += n
+        return plant, law, start
+
+    def evaluate(self, p: Array) -> tuple[Array, Array, list[Run]]:
+        """What the runs leave of the records in deviations, its derivatives (N, P), and the runs."""
+        misses, slopes, found = [], [], []
+        shared = sum(self.known[name].size for name in self.shared)
+        for r, record in enumerate(self.runs):
+            plant, law, start = self.loop(r, p)
+            times = {"t_end": float(record.t[-1]), "t_eval": record.t}
+            options: dict[str, Any] = {**self.keywords, "v0": start["v0"], **times}
+            run = simulate(plant, law, start["q0"], sensitivity=self.names, **options)
+            assert run.sensitivity is not None, "the run ended well"
+            weights = self.weights[r]
+            left = np.concatenate([run.q - record.q, run.v - record.v], axis=1)
+            columns = np.zeros((*left.shape, len(p)))
+            at = {name: k for name, k in self._places(r, shared)}
+            for name, one in run.sensitivity.items():
+                columns[..., at[name] : at[name] + one.size] = np.concatenate([one.q, one.v], axis=1)
+            misses.append((left * weights).ravel())
+            slopes.append((columns * weights[..., None]).reshape(-1, len(p)))
+            found.append(run)
+        return np.concatenate(misses), np.concatenate(slopes), found
+
+    def _places(self, r: int, shared: int) -> list[tuple[str, int]]:
+        """Where the numbers of each name are among all, for run `r`."""
+        places, at, n = [], 0, self.plant.arm.n
+        for name in self.shared:
+            places.append((name, at))
+            at += self.known[name].size
+        return places + [(name, shared + (r * len(self.starts) + k) * n) for k, name in enumerate(self.starts)]
+
+    def identification(self, p: Array, misses: Array, slopes: Array, found: list[Run], taken: int, converged: bool) -> RunIdentification:
+        """The result at the numbers `p`."""
+        scale = np.linalg.norm(slopes, axis=0)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        _, singular, rows = np.linalg.svd(slopes / scale, full_matrices=False)
+        seen = singular > CUTOFF * max(float(singular.max(initial=0.0)), 1e-300)
+        variance = 1.0 if self.noise_known else float(misses @ misses) / max(len(misses) - int(seen.sum()), 1)
+        half = rows[seen] / singular[seen, None] / scale
+        covariance = variance * half.T @ half
+        unseen = np.linalg.norm(rows[~seen], axis=0) > 1e-6
+        deviations = np.where(unseen, np.inf, np.sqrt(np.diag(covariance)))
+        condition = float(singular[0] / singular[-1]) if seen.all() and len(singular) else np.inf
+        values, sigmas = {}, {}
+        for name in self.names:
+            places = [dict(self._places(r, sum(self.known[each].size for each in self.shared)))[name] for r in range(len(self.runs))]
+            shape = self.known[name].shape if name in self.shared else (len(self.runs), self.plant.arm.n)
+            index = np.arange(self.known[name].size) + (places[0] if name in self.shared else np.array(places)[:, None])
+            values[name], sigmas[name] = p[index].reshape(shape), deviations[index].reshape(shape)
+        left = {
+            name: np.sqrt(
+                np.mean(np.concatenate([getattr(a, name) - getattr(b, name) for a, b in zip(found, self.runs, strict=True)]) ** 2, axis=0)
+            )
+            for name in SHOWN
+        }
+        loops = [self.loop(r, p) for r in range(len(self.runs))]
+        laws = tuple(law for _, law, _ in loops)
+        return RunIdentification(
+            values, sigmas, covariance, int(seen.sum()), condition, left, loops[0][0], laws, tuple(found), taken, converged
+        )

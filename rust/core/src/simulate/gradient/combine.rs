@@ -1,0 +1,53 @@
+//! Sums of slopes: of states, and of their rates along directions side by side.
+
+use crate::integrate::Tableau;
+use crate::scalar::Kernel;
+use crate::scalar::lanes::vectorised;
+
+/// `y += factor x`.
+struct Add<'a> {
+    y: &'a mut [f64],
+    factor: f64,
+    x: &'a [f64],
+}
+
+impl Kernel for Add<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        for (y, x) in self.y.iter_mut().zip(self.x) {
+            *y += self.factor * x;
+        }
+    }
+}
+
+/// `y += factor x`.
+pub fn add(y: &mut [f64], factor: f64, x: &[f64]) {
+    vectorised(Add { y, factor, x });
+}
+
+/// `y = x + h sum_j a_j k_j`, of slopes one after another.
+pub fn add_slopes(x: &[f64], h: f64, a: &[f64], slopes: &[f64], y: &mut [f64]) {
+    y.copy_from_slice(x);
+    for (&a, slope) in a.iter().zip(slopes.chunks_exact(x.len().max(1))).filter(|(a, _)| **a != 0.0) {
+        add(y, h * a, slope);
+    }
+}
+
+/// The next state in place of `x`, or that of its rates along `lanes` directions. Where positions follow rates their slopes become zero.
+pub fn advance(tableau: &Tableau, h: f64, slopes: &mut [f64], followers: &[(usize, usize)], x: &mut [f64], lanes: usize) {
+    let size = x.len().max(1);
+    for (&b, slope) in tableau.b.iter().zip(slopes.chunks_exact_mut(size)) {
+        if tableau.follows {
+            followers.iter().for_each(|&(position, _)| slope[position * lanes..(position + 1) * lanes].fill(0.0));
+        }
+        add(x, h * b, slope);
+    }
+    if tableau.follows {
+        for &(position, rate) in followers {
+            for lane in 0..lanes {
+                x[position * lanes + lane] += h * x[rate * lanes + lane];
+            }
+        }
+    }
+}

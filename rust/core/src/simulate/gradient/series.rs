@@ -1,0 +1,60 @@
+//! The rates of all records by series, as they are returned.
+
+use crate::error::Result;
+use crate::memory;
+use std::ops::Range;
+
+/// The rates of parts of a record `[x, tau]`: `(records, numbers, parameters)` each.
+pub struct Series {
+    parts: Vec<(Range<usize>, Vec<f64>)>,
+    parameters: usize,
+}
+
+/// The first `M` of so many lanes of each row to the beginnings of other rows.
+fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: usize) {
+    for (from, to) in from.chunks_exact(lanes).zip(to.chunks_mut(width)) {
+        if let (Some(from), Some(to)) = (from.first_chunk::<M>(), to.first_chunk_mut::<M>()) {
+            *to = *from;
+        }
+    }
+}
+
+impl Series {
+    /// Zeros for so many records with the numbers of `parts`.
+    pub fn zeros(parts: impl Iterator<Item = Range<usize>>, records: usize, parameters: usize) -> Result<Self> {
+        let part = |range: Range<usize>| {
+            let numbers = records.saturating_mul(range.len()).saturating_mul(parameters);
+            Ok((range, memory::zeros(numbers)?))
+        };
+        Ok(Series { parts: parts.map(part).collect::<Result<_>>()?, parameters })
+    }
+
+    /// Numbers of record `i` from `first_number` on, along the directions from `first` on: rows of one direction per lane.
+    pub fn put(&mut self, i: usize, first: usize, lanes: usize, first_number: usize, rows: &[f64]) {
+        let (width, numbers) = (self.parameters, first_number + rows.len() / lanes);
+        let own = width.saturating_sub(first).min(lanes);
+        for (range, rates) in &mut self.parts {
+            let (begin, end) = (range.start.max(first_number), range.end.min(numbers));
+            if begin >= end || own == 0 {
+                continue;
+            }
+            let to = &mut rates[(i * range.len() + begin - range.start) * width + first..(i * range.len() + end - range.start) * width];
+            let from = &rows[(begin - first_number) * lanes..(end - first_number) * lanes];
+            match own {
+                1 => columns::<1>(from, lanes, to, width),
+                2 => columns::<2>(from, lanes, to, width),
+                3 => columns::<3>(from, lanes, to, width),
+                4 => columns::<4>(from, lanes, to, width),
+                5 => columns::<5>(from, lanes, to, width),
+                6 => columns::<6>(from, lanes, to, width),
+                7 => columns::<7>(from, lanes, to, width),
+                _ => columns::<8>(from, lanes, to, width),
+            }
+        }
+    }
+
+    /// The rates of each part.
+    pub fn into_rates(self) -> Vec<Vec<f64>> {
+        self.parts.into_iter().map(|(_, rates)| rates).collect()
+    }
+}
