@@ -28,7 +28,8 @@ class Equilibrium:
         tau: the plant's input there, (n,), N m or N: g(q) - J'F.
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
-        reachable: whether the arm can reach x_d + K^-1 F; False if a wall or a joint stop holds the arm.
+        estimate: the law's integral wrench, (m,), N and N m; None without `integral_gain`.
+        reachable: whether the arm can reach x_d + K^-1 F, or x_d with an integral. False if a wall, a joint stop or a limit holds the arm.
         spurious: an equilibrium with an unbalanced spring: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD`
             and `StateFeedback` that know the plant: an equilibrium off the target, without force and contact.
         wall_force: of the plant's wall on its frame, (3,), world axes, N; None without a wall.
@@ -45,6 +46,7 @@ class Equilibrium:
     eigenvalues: NDArray[np.complex128]
     theta: Array | None = None
     wall_force: Array | None = None
+    estimate: Array | None = None
 
 
 @bordered
@@ -77,7 +79,8 @@ def equilibrium(
     """Find the equilibrium near `q0` under a constant force: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K^-1 tau.
 
     The equilibrium of an impedance law is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with an unbalanced
-    spring, `spurious` is true. If the loop leaves the equilibrium, `stable` is false.
+    spring, `spurious` is true. If the loop leaves the equilibrium, `stable` is false. A law with a null space, an integral or limits has
+    no potential. The search then follows the loop without velocities, M q' = r(q).
 
     Args:
         plant: `RigidArm` or `ElasticArm`, with its wall and its joint stops.

@@ -51,13 +51,23 @@ def test_options(made: str) -> None:
     refused(take(compensate_coupling=2.0), "compensate_coupling")
 
 
-def test_options_of_the_rigid_law() -> None:
-    refused(lambda: law(integral_gain=-1.0), "CartesianImpedance: integral_gain is negative")
+@pytest.mark.parametrize("made", ["CartesianImpedance", "ElasticImpedance"])
+def test_integral_and_limits(made: str) -> None:
+    inner = {} if made == "CartesianImpedance" else {"joint_stiffness": 800.0, "motor_inertia": 0.4, "reduced_inertia": 0.1}
+
+    def law(**changes: Any) -> Any:
+        return getattr(al, made)(**(GIVEN | inner | changes))
+
+    refused(lambda: law(integral_gain=-1.0), f"{made}: integral_gain is negative")
     refused(lambda: law(integral_gain=[1.0]), "integral_gain", "(2,)")
     for name, count in (("wrench_max", 2), ("tau_max", 3)):
-        refused(lambda name=name: law(**{name: 0.0}), f"{name} is not positive")
+        refused(lambda name=name: law(**{name: 0.0}), f"{made}: {name} is not positive")
         refused(lambda name=name: law(**{name: NAN}), f"{name} is not positive")
         refused(lambda name=name: law(**{name: [1.0]}), name, f"({count},)")
+
+
+def test_limits_that_are_none() -> None:
+    for name in ("wrench_max", "tau_max"):
         assert law(**{name: INF})(0.0, [0.1] * 3, [0.0] * 3) == pytest.approx(law()(0.0, [0.1] * 3, [0.0] * 3), abs=0.0)
     with pytest.raises(al.InputError, match="nullspace is of the wrong type"):
         law(nullspace=[0.1, 0.2, 0.3])
@@ -101,15 +111,49 @@ def test_a_pose_as_target() -> None:
     refused(lambda: law(target=al.Hold([0.5])), "target", "(2,)")
 
 
-def test_a_rest_needs_a_potential() -> None:
+def test_a_wrench_that_is_fed_forward_moves_the_rest() -> None:
     plant = al.RigidArm(ARM)
-    for options in ({"nullspace": POSTURE}, {"integral_gain": 1.0}, {"wrench_max": 10.0}, {"tau_max": 10.0}):
-        refused(lambda options=options: al.equilibrium(plant, law(**options), q0=[0.2, 0.5, 0.4]), "equilibrium: law", "potential")
     pushed = al.equilibrium(plant, law(), [6.0, -3.0], q0=[0.2, 0.5, 0.4])
     fed = al.equilibrium(plant, law(feedforward=[6.0, -3.0]), q0=[0.2, 0.5, 0.4])
     # The same rest, found from the same start to 1e-9.
     np.testing.assert_allclose(fed.x, pushed.x, atol=1e-8)
-    assert fed.reachable and not fed.spurious
+    assert fed.reachable and not fed.spurious and fed.estimate is None
+
+
+@pytest.mark.parametrize("projection", ["consistent", "static"])
+def test_the_rest_of_a_law_with_options_is_where_its_run_ends(projection: Any) -> None:
+    plant, force, q0 = al.RigidArm(ARM), [6.0, -3.0], [0.2, 0.5, 0.4]
+    posture = al.NullSpace([0.3, 0.4, 0.5], 20.0, 8.0, projection=projection)
+    for options in ({}, {"integral_gain": 200.0}, {"compensate_coupling": True}, {"wrench_max": 400.0, "tau_max": 300.0}):
+        made = law(nullspace=posture, **options)
+        rest = al.equilibrium(plant, made, force, q0=q0)
+        run = al.simulate(plant, made, q0, t_end=30.0, dt=5e-4, record_every=1000, force=force)
+        # The slowest mode of the run, 0.5/s, leaves 1e-13.
+        np.testing.assert_allclose(rest.q, run.q[-1], atol=1e-9)
+        np.testing.assert_allclose(rest.tau, run.tau[-1], atol=1e-7)
+        assert rest.stable and rest.reachable and not rest.spurious
+        goal = np.array([0.5, 0.3]) + (0.0 if "integral_gain" in options else np.array(force) / 300.0)
+        np.testing.assert_allclose(rest.x, goal, atol=1e-9)
+        if "integral_gain" in options:
+            np.testing.assert_allclose(rest.estimate, run.estimate[-1], atol=1e-7)
+            np.testing.assert_allclose(rest.estimate, [-6.0, 3.0], atol=1e-7)
+            assert len(rest.eigenvalues) == 8
+
+
+def test_a_limit_holds_the_rest_back() -> None:
+    plant, q0 = al.RigidArm(ARM), [0.2, 0.5, 0.4]
+    posture = al.NullSpace([0.3, 0.4, 0.5], 20.0, 8.0)
+    # A spring of 12 N at most against 30 N: the arm is stretched along the rest of the force.
+    pushed = al.equilibrium(plant, law(wrench_max=12.0), [30.0, 0.0], q0=q0)
+    assert pushed.spurious and not pushed.reachable and np.linalg.norm(pushed.x) == pytest.approx(1.2, abs=1e-6)
+    # A target out of reach, and a limit that the spring meets before the arm is stretched.
+    free = al.equilibrium(plant, law(target=[2.0, 1.0], nullspace=posture), q0=q0)
+    held = al.equilibrium(plant, law(target=[2.0, 1.0], nullspace=posture, wrench_max=20.0), q0=q0)
+    for rest in (free, held):
+        assert not rest.reachable and rest.spurious
+    # A weak motor cannot carry the arm: it hangs where gravity is as much as the motor can do.
+    weak = al.equilibrium(plant, law(nullspace=posture, tau_max=[4.0, 30.0, 30.0]), q0=q0)
+    assert not weak.reachable and abs(weak.tau[0]) == pytest.approx(4.0, abs=1e-9)
 
 
 def test_rows_of_a_batch_are_the_runs() -> None:

@@ -23,7 +23,7 @@ import armlet as al
 from armlet.live.lab import LabPage
 from armlet.live.model import Lab
 from armlet.live.server import open_server
-from armlet.live.systems import AdaptivePR, Elastic, MinimumTime, Priority, Robot
+from armlet.live.systems import AdaptivePR, Elastic, MinimumTime, Observer, Priority, Redundant, Robot
 from armlet.live.view import ViewPage
 
 Go = Callable[[str], Visit]
@@ -32,7 +32,8 @@ Draw = Callable[[Any, Callable[[float], None]], str]
 
 @pytest.fixture
 def lab() -> LabPage:
-    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Robot(al.example_urdf("seven_axis"), "Robot of seven axes")]
+    robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes")
+    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), robot]
     return LabPage(open_server("lab", "127.0.0.1", 0), Lab(systems))
 
 

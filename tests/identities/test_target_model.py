@@ -126,3 +126,119 @@ def test_rows_of_a_batch_have_the_monitors_of_their_runs() -> None:
         for name in ("target", "target_balance"):
             # The states of a row and of a run alone differ by roundings.
             np.testing.assert_allclose(batch.monitors[name][row], run.monitors[name], rtol=1e-9, atol=1e-10)
+
+
+Q0 = np.array([0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3])
+OPTIONS: dict[str, dict[str, Any]] = {
+    "consistent": {"nullspace": "consistent"},
+    "static": {"nullspace": "static"},
+    "coupling": {"nullspace": "consistent", "compensate_coupling": True},
+    "static, coupling": {"nullspace": "static", "compensate_coupling": True, "feedforward": 2.0},
+    "integral": {"nullspace": "static", "integral_gain": 50.0, "feedforward": -1.0},
+    "coupling alone": {"compensate_coupling": True},
+}
+
+
+def redundant(axes: str, options: dict[str, Any], *, moves: bool, eps: float | None = None) -> al.CartesianImpedance:
+    """Of the arm of seven axes about its start, or towards a place nearby."""
+    m = 3 if axes == "xyz" else 6
+    given = dict(options)
+    if "nullspace" in given:
+        posture = Q0 + np.array([0.5, -0.2, -0.6, 0.2, 0.3, 0.2, -0.4])
+        given["nullspace"] = al.NullSpace(al.Quintic(posture, Q0, 0.4), 30.0, 12.0, projection=given["nullspace"])
+    if "feedforward" in given:
+        given["feedforward"] = np.full(m, given["feedforward"])
+    pose = SEVEN.pose_vector(Q0, "tcp")[:m]
+    away = np.array([0.05, -0.08, 0.05, 0.1, -0.1, 0.15])[:m]
+    target = al.Quintic(pose, pose + away, 0.3) if moves else pose + away
+    return al.CartesianImpedance(SEVEN, target, 400.0, 40.0, frame="tcp", axes=axes, eps=eps, **given)
+
+
+@pytest.mark.parametrize("axes", ["xyz", "xyz rx ry rz"])
+@pytest.mark.parametrize("options", OPTIONS)
+def test_options_of_redundant_arms_keep_a_target_model(options: str, axes: str) -> None:
+    """`F` with the wrenches of the options; with the coupling compensated `M_x (x'' - x_d'')` without `S_x x'`."""
+    plant = al.RigidArm(SEVEN)
+    for force in ({"force": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]}, {"force": [5.0, 1.0, 2.0, 0.0, 0.5, 0.0], "force_frame": SEVEN.frame_names[4]}):
+        if "force_frame" not in force and axes == "xyz":
+            force = {"force": force["force"][:3]}
+        for moves in (False, True):
+            law = redundant(axes, OPTIONS[options], moves=moves, eps=1e-3)
+            run = al.simulate(plant, law, Q0, t_end=0.2, dt=1e-3, check_limits=False, **force)
+            assert not run.monitors["loss"].any() if "loss" in run.monitors else "nullspace" not in OPTIONS[options]
+            holds(run)
+
+
+def test_what_the_model_has_of_the_options() -> None:
+    """One instant of each by hand: the law's own terms, and `x''` by the acceleration of the plant."""
+    for options in OPTIONS.values():
+        law = redundant("xyz", options, moves=True)
+        run = al.simulate(al.RigidArm(SEVEN), law, Q0, t_end=0.1, dt=1e-3)
+        t, q, v, tau = run.t[70], run.q[70], run.v[70], run.tau[70]
+        state = {} if run.estimate is None else {"state": run.estimate[70]}
+        parts, M = law.terms(t, q, v, **state), SEVEN.mass_matrix(q)
+        J, J_dot = SEVEN.jacobian(q, "tcp")[:3], SEVEN.jacobian_dot(q, v, "tcp")[:3]
+        spread = J @ np.linalg.inv(M)
+        M_x = np.linalg.inv(spread @ J.T)
+        x_ddot = J @ SEVEN.forward_dynamics(q, v, tau) + J_dot @ v
+        x_d, rate, second = law_target(law, t)
+        coupled = bool(options.get("compensate_coupling"))
+        S_x_dot = np.zeros(3) if coupled else M_x @ (spread @ SEVEN.coriolis_matrix(q, v) @ v - J_dot @ v)
+        F = np.full(3, options.get("feedforward", 0.0)) + (run.estimate[70] if run.estimate is not None else 0.0)
+        F = F + M_x @ spread @ parts.get("null_torque", np.zeros(7))
+        terms = np.array(
+            [M_x @ (x_ddot - second * coupled), S_x_dot, 40.0 * (J @ v - rate), 400.0 * (SEVEN.position(q, "tcp") - x_d), F]
+        )
+        # Products of matrices of condition 1e3.
+        assert np.abs(terms[:4].sum(axis=0) - F).max() < 1e-9
+        assert run.monitors["target"][70] == pytest.approx(np.abs(terms).max(), abs=1e-9)
+
+
+def law_target(law: al.CartesianImpedance, t: float) -> tuple[Array, Array, Array]:
+    pose = SEVEN.pose_vector(Q0, "tcp")[:3]
+    motion = al.Quintic(pose, pose + np.array([0.05, -0.08, 0.05]), 0.3)
+    q, v, a = motion(t)
+    np.testing.assert_array_equal(law.terms(t, Q0, np.zeros(7))["x_d"], q)
+    return q, v, a
+
+
+def test_limits_and_losses_end_the_model() -> None:
+    """With limits there is none. Where the clamp acts the model is not defined, and the loss is recorded."""
+    plant = al.RigidArm(SEVEN)
+    limited = redundant("xyz", OPTIONS["consistent"] | {"wrench_max": 500.0}, moves=False)
+    run = al.simulate(plant, limited, Q0, t_end=0.01, dt=1e-3)
+    assert list(run.monitors) == ["skewness", "energy", "energy_balance", "loss"]
+    law = redundant("xyz", OPTIONS["coupling"], moves=False, eps=0.9)
+    run = al.simulate(plant, law, Q0, t_end=0.05, dt=1e-3)
+    assert (run.monitors["loss"] > 0.0).all() and not run.monitors["target"].any()
+    # The residual is that of the clamp where it is not told of it: a smaller eps on the same states has another torque.
+    exact = redundant("xyz", OPTIONS["coupling"], moves=False)
+    assert np.abs(law(0.0, run.q[-1], run.v[-1]) - exact(0.0, run.q[-1], run.v[-1])).max() > 1e-3
+
+
+@pytest.mark.parametrize("projection", ["consistent", "static"])
+def test_the_loss_along_a_run(projection: str) -> None:
+    """The target leaves the workspace: the arm stretches, and the record of the loss is that of the law's terms, single and in batches."""
+    start = SEVEN.position(Q0, "tcp")
+    out = al.Quintic(start, start + 1.5 * (start - np.array([0.0, 0.0, 0.3])), 0.5)
+    posture = al.NullSpace(Q0, 30.0, 12.0, projection=projection)  # type: ignore[arg-type]
+    laws = [
+        al.CartesianImpedance(SEVEN, out, 400.0, 60.0, frame="tcp", nullspace=posture, eps=0.1),
+        al.CartesianImpedance(SEVEN, out, 400.0, 60.0, frame="tcp"),
+    ]
+    options: dict[str, Any] = {"t_end": 1.0, "dt": 1e-3, "record_every": 50, "check_limits": False}
+    run = al.simulate(al.RigidArm(SEVEN), laws[0], Q0, **options)
+    wanted = [float(laws[0].terms(t, q, v)["loss"]) for t, q, v in zip(run.t, run.q, run.v, strict=True)]
+    np.testing.assert_allclose(run.monitors["loss"], wanted, rtol=0.0, atol=1e-12)
+    assert wanted[0] == 0.0 and max(wanted) > 0.1
+    batch = al.simulate_batch(al.RigidArm(SEVEN), laws, [Q0, Q0], **options)
+    np.testing.assert_allclose(batch.monitors["loss"][0], run.monitors["loss"], atol=1e-8)
+    assert not batch.monitors["loss"][1].any()
+    assert "loss" not in al.simulate(al.RigidArm(SEVEN), laws[1], Q0, **options).monitors
+    K_J, B = np.full(7, 3000.0), np.full(7, 0.5)
+    for more in ({}, {"tau_max": 200.0}):
+        elastic = al.ElasticImpedance(SEVEN, out, 400.0, 60.0, K_J, B, 0.1, frame="tcp", nullspace=posture, eps=0.9, **more)
+        run = al.simulate(al.ElasticArm(SEVEN, K_J, B), elastic, Q0, **options)
+        assert ("passivity" in run.monitors) == (not more) and run.theta is not None
+        last = elastic.terms(1.0, run.q[-1], run.v[-1], theta=run.theta[-1], theta_dot=run.v[-1])["loss"]
+        assert run.monitors["loss"].min() > 0.0 and run.monitors["loss"][-1] == pytest.approx(float(last), abs=1e-12)

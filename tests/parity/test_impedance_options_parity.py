@@ -159,3 +159,67 @@ def test_elastic_runs(n: int, compensate: bool) -> None:
         close(getattr(run, name), wanted[name], 1e-8)
     for name in ("energy", "energy_balance"):
         close(run.monitors[name], wanted[name], 1e-8)
+
+
+@pytest.mark.parametrize("limits", [False, True])
+@pytest.mark.parametrize("n", [2, 4, 7])
+def test_elastic_integral_and_limits(n: int, limits: bool) -> None:
+    """The limit of an elastic law is that of its motors, and its integral stops by what `B B0^-1 J' w` does to them."""
+    rng = np.random.default_rng([n, 11])
+    arms = pair(rng, n)
+    frame, axes = arms[0].frame_names[-1], {2: "x", 4: "xyz", 7: "xyz"}[n]
+    m = len(axes)
+    inner = (definite(rng, n, 800.0), definite(rng, n, 0.4), definite(rng, n, 0.1))
+    target, posture, gain = rng.uniform(-0.5, 0.5, m), rng.uniform(-0.5, 0.5, n), definite(rng, m, 50.0)
+    given: dict[str, Any] = {"wrench_max": rng.uniform(5.0, 30.0, m), "tau_max": rng.uniform(5.0, 40.0, n)} if limits else {}
+    law, theirs = (
+        kit.ElasticImpedance(
+            arm, target, 100.0, 10.0, *inner, frame=frame, axes=axes, nullspace=kit.NullSpace(posture, 20.0, 2.0),
+            integral_gain=gain, **given,
+        )
+        for kit, arm in zip((al, reference), arms, strict=True)
+    )  # fmt: skip
+    held = 0
+    for _ in range(20):
+        q, v, theta_dot = rng.uniform(-1.0, 1.0, (3, n))
+        theta, w = q + 0.02 * rng.normal(size=n), 10.0 * rng.normal(size=m)
+        parts, wanted = law.terms(0.0, q, v, theta=theta, theta_dot=theta_dot, state=w), theirs.terms(0.0, q, v, theta, theta_dot, state=w)
+        close(parts["integral_rate"], wanted["state_rate"], TOLERANCE)
+        for name in ("u", "tau", "force"):
+            close(parts[name], wanted[name], TOLERANCE)
+        held += int((parts["integral_rate"] == 0.0).any())
+    assert (held > 0) == limits
+    q0, v0 = rng.uniform(-0.3, 0.3, (2, n))
+    settings: dict[str, Any] = {"t_end": 0.01, "dt": 1e-3, "v0": v0}
+    run = al.simulate(al.ElasticArm(arms[0], inner[0], inner[1]), law, q0, **settings)
+    wanted = reference.simulate(reference.ElasticArm(arms[1], inner[0], inner[1]), theirs, q0, **settings)
+    for name in ("q", "v", "tau", "theta", "estimate"):
+        close(getattr(run, name), wanted[name], 1e-8)
+    for name in ("energy", "energy_balance"):
+        close(run.monitors[name], wanted[name], 1e-8)
+    batch = al.simulate_batch(al.ElasticArm(arms[0], inner[0], inner[1]), law, [q0, v0], t_end=0.01, dt=1e-3, v0=[v0, v0])
+    np.testing.assert_allclose(batch.estimate[0], run.estimate, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+@pytest.mark.parametrize("options", [{}, {"integral_gain": 150.0}, {"feedforward": [4.0, -2.0], "wrench_max": 300.0}])
+@pytest.mark.parametrize("projection", ["consistent", "static"])
+def test_rests(projection: str, options: dict[str, Any], elastic: bool) -> None:
+    """The rest of laws without a potential, with its integral and the eigenvalues of its loop."""
+    found = []
+    for kit in (al, reference):
+        arm = kit.planar_arm([0.5, 0.4, 0.3])
+        given = (arm, [0.5, 0.3], [300.0, 250.0], 60.0)
+        posture = kit.NullSpace([0.3, 0.4, 0.5], 20.0, 8.0, projection=projection)
+        more = {"frame": "link3", "axes": "xy", "nullspace": posture} | options
+        law = kit.ElasticImpedance(*given, 800.0, 0.3, 0.05, **more) if elastic else kit.CartesianImpedance(*given, **more)
+        plant = kit.ElasticArm(arm, np.full(3, 800.0), np.full(3, 0.3)) if elastic else kit.RigidArm(arm)
+        found.append(kit.equilibrium(plant, law, [6.0, -3.0], q0=[0.2, 0.5, 0.4]))
+    ours, theirs = found
+    for name in ("q", "tau", "x", *(["theta"] if elastic else []), *(["estimate"] if "integral_gain" in options else [])):
+        close(getattr(ours, name), getattr(theirs, name), 1e-8)
+    for name in ("reachable", "spurious", "stable"):
+        assert getattr(ours, name) == getattr(theirs, name)
+    # Richardson's differences of the reference leave 1e-9 of the fastest rate.
+    key = np.round(ours.eigenvalues, 4), np.round(theirs.eigenvalues, 4)
+    np.testing.assert_allclose(np.sort_complex(key[0]), np.sort_complex(key[1]), atol=2e-3)

@@ -174,6 +174,9 @@ class ElasticImpedance(Law):
         feedforward: ArrayLike | None = None,
         compensate_coupling: bool = False,
         eps: float | None = None,
+        integral_gain: ArrayLike | None = None,
+        wrench_max: ArrayLike | None = None,
+        tau_max: ArrayLike | None = None,
     ) -> Self: ...
 
 @final

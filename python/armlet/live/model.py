@@ -182,7 +182,7 @@ class Lab:
                 return 0
             try:
                 for _ in range(steps):
-                    sim.step()
+                    self.system.step(sim)
             except al.SolveError as error:
                 self.status = error.status or al.Status.DIVERGED
                 why = "the loop is unstable, or these constants are too fast for a step of 1 ms"

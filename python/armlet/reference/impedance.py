@@ -138,7 +138,7 @@ class Reduction:
 
 
 class ElasticImpedance(CartesianImpedance, Reduction):
-    """Motor-inertia reduction inside, impedance outside."""
+    """Motor-inertia reduction inside, impedance outside; `tau_max` limits the motors, not u."""
 
     def __init__(
         self,
@@ -160,12 +160,18 @@ class ElasticImpedance(CartesianImpedance, Reduction):
         CartesianImpedance.__init__(self, arm, target, stiffness, damping, frame=frame, axes=axes, **options)
         inner = (joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping)
         Reduction.__init__(self, arm.n, *inner)
+        self.motor_max, self.tau_max = self.tau_max, np.full(arm.n, np.inf)
 
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        parts = super().terms(t, q, v)
-        return parts | self.reduce(parts["u"], q, v, theta, theta_dot)
+        parts = super().terms(t, q, v, state=state)
+        parts |= self.reduce(parts["u"], q, v, theta, theta_dot)
+        free, rate = parts["tau"], parts["state_rate"]
+        for k in range(rate.size):
+            if held(free, self.motor_max, self.motor_inertia @ solve(self.reduced_inertia, parts["J"][k] * rate[k])):
+                rate[k] = 0.0
+        return parts | {"tau": np.clip(free, -self.motor_max, self.motor_max)}
 
     def energy(self, plant: Any, x: Array, terms: Terms) -> float:
         """E above at the plant state x = (q, v, theta, theta_dot)."""

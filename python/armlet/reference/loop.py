@@ -119,7 +119,7 @@ class ClosedLoop:
     def _storage(self) -> ElasticImpedance | None:
         """The storage function of a continuous law, if it has one; else the mechanical energy."""
         own = isinstance(self.law, ElasticImpedance) and self.clock is None and self.tau_max is None
-        return self.law if own and isinstance(self.law, ElasticImpedance) else None
+        return self.law if own and isinstance(self.law, ElasticImpedance) and np.isinf(self.law.motor_max).all() else None
 
     def _contacts(self, x: Array) -> tuple[float, float]:
         q, v, _, _ = self.plant.split(x)

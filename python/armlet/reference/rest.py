@@ -33,6 +33,7 @@ class Equilibrium(NamedTuple):
     spurious: bool
     stable: bool
     eigenvalues: Analytic
+    estimate: Array | None = None
 
 
 def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int = 6) -> Array:
@@ -83,16 +84,22 @@ def equilibrium(
         outside = still if push is None or load is None else load(q, push)
         return np.asarray(plant.arm.gravity(q) - outside - pushes(plant.contacts, q, still)[0])
 
+    w0 = law.state0
+
     def unbalanced(y: Array) -> Array:
-        q, theta = y[:n], y[n:]
+        q, theta, w = y[:n], y[n : y.size - w0.size], y[y.size - w0.size :]
+        given = {"state": w} if w.size else {}
         if isinstance(plant, RigidArm):
-            return np.asarray(law.terms(0.0, q, still)["tau"] - carried(q))
+            parts = law.terms(0.0, q, still, **given)
+            return np.concatenate([parts["tau"] - carried(q), parts["state_rate"] if w.size else w])
         spring = plant.stiffness @ (theta - q)
-        return np.concatenate([spring - carried(q), law.terms(0.0, q, still, theta, still)["tau"] - spring])
+        parts = law.terms(0.0, q, still, theta, still, **given)
+        return np.concatenate([spring - carried(q), parts["tau"] - spring, parts["state_rate"] if w.size else w])
 
     elastic = isinstance(plant, ElasticArm)
     motors = start + solve(plant.stiffness, carried(start)) if isinstance(plant, ElasticArm) else np.zeros(0)
-    q = descend(unbalanced, np.concatenate([start, motors]))[:n]
+    y = descend(unbalanced, np.concatenate([start, motors, w0]))
+    q, w = y[:n], y[y.size - w0.size :]
     tau = carried(q)
     theta = q + solve(plant.stiffness, tau) if isinstance(plant, ElasticArm) else None
     pressed = bool(pushes(plant.contacts, q, still)[1] > 0.0)
@@ -100,6 +107,7 @@ def equilibrium(
     if task is not None:
         x = task.target - task.error(q)
         own = np.zeros_like(x) if push is None or force_frame not in (None, task.frame) else push[task.rows] if force_frame else push
+        own = own + law.feedforward + (w if w.size else 0.0)  # what the spring carries
         if force_frame in (None, task.frame) and not pressed:
             goal = task.target + solve(law.stiffness, own)
             scale = float(np.abs(law.stiffness @ (np.abs(goal) + 1.0)).max())
@@ -109,9 +117,9 @@ def equilibrium(
         # A law of motors that knows the plant, away from its target with nothing that pushes.
         away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
         spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm
-    values = eigenvalues(plant, law, push, load, q, theta)
+    values = eigenvalues(plant, law, push, load, q, theta, w)
     fastest = float(np.abs(values).max())
-    return Equilibrium(q, theta, tau, x, reachable, spurious, bool(values.real.max() < 1e-7 * fastest), values)
+    return Equilibrium(q, theta, tau, x, reachable, spurious, bool(values.real.max() < 1e-7 * fastest), values, w if w.size else None)
 
 
 def _reaches(task: Any, goal: Array, q0: Array) -> bool:
@@ -135,15 +143,20 @@ def eigenvalues(
     load: Callable[[Array, Array], Array] | None,
     q: Array,
     theta: Array | None,
+    w: Array,
     columns: int = 6,
 ) -> Analytic:
-    """Of the closed loop linearised at rest, sorted by real part."""
+    """Of the closed loop linearised at rest, with the law's state w, sorted by real part."""
     loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
     still = np.zeros(plant.arm.n)
     rest = np.concatenate([q, still] if theta is None else [q, still, theta, still])
 
-    def field(x: Array) -> Array:
-        return loop(0.0, loop.initial(x))[: rest.size]
+    whole = np.concatenate([rest, w])
 
-    values = np.linalg.eigvals(slope(field, rest, columns=columns))
+    def field(x: Array) -> Array:
+        y = loop.initial(x[: rest.size])
+        y[rest.size : whole.size] = x[rest.size :]
+        return loop(0.0, y)[: whole.size]
+
+    values = np.linalg.eigvals(slope(field, whole, columns=columns))
     return np.asarray(values[np.argsort(values.real)])

@@ -18,15 +18,15 @@ _NULL_SPACE = Table(
     ("q_d", "stiffness", "damping"),
 )
 
-#: Of the laws with a frame: those of all, and those of `CartesianImpedance` alone.
-OPTIONS: dict[str, dict[str, Field]] = {
-    "all": {
-        "nullspace": _NULL_SPACE,
-        "feedforward": Numbers(depth=1, scalar=False),
-        "compensate_coupling": Flag(),
-        "eps": Numbers(low=0.0, strict=True),
-    },
-    "rigid": {"integral_gain": _GAIN, "wrench_max": _LIMIT, "tau_max": _LIMIT},
+#: Of the laws with a frame.
+OPTIONS: dict[str, Field] = {
+    "nullspace": _NULL_SPACE,
+    "feedforward": Numbers(depth=1, scalar=False),
+    "compensate_coupling": Flag(),
+    "eps": Numbers(low=0.0, strict=True),
+    "integral_gain": _GAIN,
+    "wrench_max": _LIMIT,
+    "tau_max": _LIMIT,
 }
 
 

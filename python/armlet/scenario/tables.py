@@ -275,13 +275,11 @@ LAWS = with_guarded(
         "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
         "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
         "PID": _law(_pid, _FOLLOWED | _PD, _PID),
-        "CartesianImpedance": _law(
-            impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | OPTIONS["all"] | OPTIONS["rigid"]
-        ),
+        "CartesianImpedance": _law(impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | OPTIONS),
         "ElasticImpedance": _law(
             impedance(_core.ElasticImpedance, MOTIONS),
             _REACHED | _IMPEDANCE | _REDUCED | _TIP,
-            _FRAME | _INNER | _INNER_OPTIONS | OPTIONS["all"],
+            _FRAME | _INNER | _INNER_OPTIONS | OPTIONS,
         ),
         "ElasticTracking": _law(_core.ElasticTracking, _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS, _FOLLOWS),
         "JointImpedance": _law(_core.JointImpedance, _TARGET | _IMPEDANCE | _REDUCED, _INNER | _INNER_OPTIONS),

@@ -94,6 +94,9 @@ pub fn equilibrium<'py>(
         if plant.elastic().is_some() {
             put(&fields, "theta", &found.theta)?;
         }
+        if !found.integral.is_empty() {
+            put(&fields, "estimate", &found.integral)?;
+        }
         fields.set_item("reachable", found.reachable)?;
         fields.set_item("spurious", found.spurious)?;
         if plant.wall().is_some() {

@@ -5,7 +5,9 @@ from __future__ import annotations
 from .adaptive import AdaptivePR
 from .elastic import Elastic
 from .mintime import MinimumTime
+from .observer import Observer
 from .priority import Priority
+from .redundant import Redundant
 from .robot import Robot
 from .system import Choice, Control, Force, Plot, Slider, State, System, Values
 
@@ -16,8 +18,10 @@ __all__ = [
     "Elastic",
     "Force",
     "MinimumTime",
+    "Observer",
     "Plot",
     "Priority",
+    "Redundant",
     "Robot",
     "Slider",
     "State",

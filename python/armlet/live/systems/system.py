@@ -129,6 +129,10 @@ class System(ABC):
     def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
         """The present points of the curves, one list per plot."""
 
+    def step(self, sim: al.Simulator) -> None:
+        """One step of the loop."""
+        sim.step()
+
     def due(self, state: State, values: Values, targets: Targets) -> bool:
         """Whether another loop should start although no hand has moved."""
         return False

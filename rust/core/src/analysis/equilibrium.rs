@@ -4,6 +4,7 @@
 //!
 //! which for a law that knows the plant's gravity is `J'(K_m (x_d - x) + F) = 0`: `x_E = x_d + K_m^-1 F` if that pose is
 //! reachable and `det J != 0`. Spurious rest (`J' p = 0` with `p = K_m (x_d - x) + F != 0`) is flagged.
+//! A null space adds `N' tau_0`, an integral its wrench `w` with `K_i e = 0`; limits of the law may hold the arm back.
 //! A wall and joint stops push back; a law of motors is at rest where `tau(q, theta) = K (theta - q) = tau_E`.
 
 use super::loop_slope::loop_eigenvalues;
@@ -12,7 +13,7 @@ use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::law::{CartesianImpedanceSpec, LawSpec};
-use crate::linalg::{cholesky, symmetric_eigen};
+use crate::linalg::{Gain, cholesky, symmetric_eigen};
 use crate::memory;
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
@@ -28,7 +29,9 @@ pub struct Equilibrium {
     pub tau: Vec<f64>,
     /// The controlled coordinates, `(m,)`: joint positions for a law of joints.
     pub x: Vec<f64>,
-    /// Whether `x_d + K_m^-1 F` can be reached at all; `false` where a wall or a stop holds the arm back.
+    /// The law's integral wrench `w`, `(m,)`; empty without one.
+    pub integral: Vec<f64>,
+    /// Whether `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached at all. A wall, a stop or a limit of the law may hold the arm.
     pub reachable: bool,
     /// At rest with the spring unbalanced; of a law of motors, away from its target with nothing that pushes.
     pub spurious: bool,
@@ -40,16 +43,39 @@ pub struct Equilibrium {
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
-/// `p = K_m e + F` and the size that it is judged by, and `x`.
-fn unbalanced(law: &CartesianImpedanceSpec, push: &[f64], q: &[f64]) -> (Vec<f64>, f64, Vec<f64>) {
-    let m = law.coordinates.m();
-    let (e, target) = (TargetError::new(law).at(q).0, target(law));
-    let load = law.stiffness.inverse().times(push);
-    let goal: Vec<f64> = (0..m).map(|k| (target[k] + load[k]).abs() + 1.0).collect();
-    let scale = crate::linalg::largest(&law.stiffness.times(&goal));
-    let spring = law.stiffness.times(&e);
-    let x = (0..m).map(|k| target[k] - e[k]).collect();
-    ((0..m).map(|k| spring[k] + push[k]).collect(), scale, x)
+/// The balance of wrenches at `q`, of a law with the integral wrench `w` under the wrench `push`.
+struct Balance {
+    /// `p = K_m e + F_ff + w + F`, what the law adds within its limits.
+    p: Vec<f64>,
+    x: Vec<f64>,
+    /// Whether the spring is away from where it should be: beyond a limit, or held by something else.
+    short: bool,
+    /// Zeros are known to this.
+    rounding: f64,
+}
+
+impl Balance {
+    fn of(law: &CartesianImpedanceSpec, push: &[f64], w: &[f64], q: &[f64]) -> Self {
+        let m = law.coordinates.m();
+        let (e, target, options) = (TargetError::new(law).at(q).0, target(law), law.options());
+        let fed = |k: usize| options.feedforward.as_ref().map_or(0.0, |fed| fed[k]);
+        let constant: Vec<f64> = (0..m).map(|k| push[k] + fed(k)).collect();
+        let load = law.stiffness.inverse().times(&constant);
+        let goal: Vec<f64> = (0..m).map(|k| (target[k] + load[k]).abs() + 1.0).collect();
+        let rounding = |gain: &Gain| 1e-7 * crate::linalg::largest(&gain.times(&goal));
+        let off = |p: &[f64], gain: &Gain| crate::linalg::largest(p) > rounding(gain);
+        let spring = law.stiffness.times(&e);
+        let wrench: Vec<f64> = (0..m).map(|k| spring[k] + fed(k) + w.get(k).copied().unwrap_or(0.0)).collect();
+        let limit = |k: usize| options.wrench_max.as_ref().map_or(f64::INFINITY, |limits| limits[k]);
+        let free: Vec<f64> = (0..m).map(|k| wrench[k] + push[k]).collect();
+        let missed = options.integral_gain.as_ref().is_some_and(|gain| off(&gain.times(&e), gain));
+        Balance {
+            short: missed || off(&free, &law.stiffness),
+            p: (0..m).map(|k| wrench[k].clamp(-limit(k), limit(k)) + push[k]).collect(),
+            x: (0..m).map(|k| target[k] - e[k]).collect(),
+            rounding: rounding(&law.stiffness),
+        }
+    }
 }
 
 fn target(law: &CartesianImpedanceSpec) -> Vec<f64> {
@@ -169,22 +195,26 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
             format!("is made for another plant: expected a law for {} of {n} joints, got {}", plant.kind().name(), law.name()),
         );
     }
-    let held = match (law.outer(), law.torque_share()) {
+    // The limits of an elastic law are those of its motors, whose torque at rest is that of the joints.
+    let outer = law.storage().map(|law| law.outer.clone().into()).or(law.outer());
+    let held = match (outer, law.torque_share()) {
         (Some(outer), _) => outer,
         (None, Some(_)) => law.clone(),
         _ => return fault("law", format!("is not at rest by a spring: expected an impedance or PD law, got {}", law.name())),
     };
-    if let LawSpec::CartesianImpedance(task) = &held
-        && !task.options().has_potential()
-    {
-        return fault("law", "has a null space, an integral or limits, hence no potential: expected an impedance law without them".into());
-    }
     if !held.motions().iter().all(|motion| matches!(motion, Motion::Hold(_))) {
         return fault("law", "has a target that moves: expected a law with a fixed target".into());
     }
     let rest = Rest { plant, law: &held, wrench: *wrench, frame: force_frame };
     let mut q = q0.to_vec();
-    rest.descend(&mut q)?;
+    let mut integral = Vec::new();
+    match &held {
+        LawSpec::CartesianImpedance(task) if !task.options().has_potential() => {
+            rest.settle(&mut q)?;
+            integral = q.split_off(n);
+        }
+        _ => rest.descend(&mut q)?,
+    }
     q.truncate(n);
     let (tau, wall_force) = rest.load(&q);
     let pressed = wall_force.iter().any(|&f| f != 0.0) || plant.stops().is_some_and(|stops| stops.energy(&q) > 0.0);
@@ -201,13 +231,14 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     if let LawSpec::CartesianImpedance(task) = &held {
         // The force as the law's spring sees it, where it acts at the law's own frame.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
-        let mut push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
-        push.iter_mut().zip(task.options().feedforward.iter().flatten()).for_each(|(push, &fed)| *push += fed);
-        let (mut p, scale, position) = unbalanced(task, &push, &q);
+        let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
+        let Balance { mut p, x: position, short, rounding } = Balance::of(task, &push, &integral, &q);
         x = position;
+        let options = task.options();
+        let saturated = |limits: &Vec<f64>| tau.iter().zip(limits).any(|(tau, limit)| tau.abs() >= limit * (1.0 - 1e-9));
+        let limited = options.tau_max.as_ref().is_some_and(saturated);
+        reachable &= !limited;
         if same {
-            let off = |p: &[f64]| crate::linalg::largest(p) > 1e-7 * scale;
-            let short = off(&p);
             if pressed {
                 // What the contact carries is balanced; what no joint feels is not.
                 if plant.wall().is_some_and(|wall| wall.frame == task.coordinates.frame) {
@@ -217,16 +248,17 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
                 }
                 p = unfelt(task, &q, &p)?;
             }
-            spurious = off(&p);
-            reachable = !short || (!pressed && reaches(task, &push, q0));
+            spurious = !limited && crate::linalg::largest(&p) > rounding;
+            let free = !pressed && !options.have_limits();
+            reachable = !limited && (!short || (free && reaches(task, &push, q0)));
         }
     } else if let Some(target) = held.link_target() {
         let knows = plant.model() == law.model() && plant.elastic().is_some_and(|plant| law.joint_stiffness() == Some(&plant.stiffness));
         let away = q.iter().zip(&target).any(|(q, target)| (q - target).abs() > 1e-6 * (1.0 + target.abs()));
         spurious = knows && !pressed && wrench.iter().all(|&w| w == 0.0) && away;
     }
-    let eigenvalues = loop_eigenvalues(plant, law, &state, &[], wrench, force_frame)?;
+    let eigenvalues = loop_eigenvalues(plant, law, &state, &integral, wrench, force_frame)?;
     let fastest = eigenvalues.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
     let stable = eigenvalues.iter().all(|(re, _)| *re < 1e-9 * fastest);
-    Ok(Equilibrium { q, theta, tau, x, reachable, spurious, wall_force, stable, eigenvalues })
+    Ok(Equilibrium { q, theta, tau, x, integral, reachable, spurious, wall_force, stable, eigenvalues })
 }

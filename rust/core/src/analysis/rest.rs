@@ -5,6 +5,9 @@
 //!
 //! both of them the downward slope of a potential. `r` is followed downhill from a start by Newton's method with the
 //! magnitudes of the eigenvalues of `-dr/dy`.
+//!
+//! A law with a null space, an integral or limits has no potential. `y = [q, w]` with its integral `w` then follows the loop without
+//! velocities, `M q' = r`, `w' = K_i e`, by implicit steps that grow: `(diag(M, 1)/h - dr/dy) d = r` (pseudo-transient continuation).
 
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
@@ -16,6 +19,7 @@ use crate::plant::{LaneWall, PlantSpec, Stop, unilateral};
 use crate::scalar::{Dual, Real};
 use crate::spatial::{Vector, Vector3};
 use crate::status::Status;
+use nalgebra::{DMatrix, DVector};
 
 /// What acts on a plant at rest.
 pub struct Rest<'a> {
@@ -40,6 +44,53 @@ impl Rest<'_> {
         let mut forces = Forces::<f64>::new(self);
         let wall = forces.load(q);
         (forces.load, wall.array())
+    }
+
+    /// `q` and the law's integral, along the loop without velocities to its rest, for laws without a potential.
+    pub fn settle(&self, q: &mut Vec<f64>) -> Result<()> {
+        const STEPS: usize = 1000;
+        /// Longer steps are repeated, rad or m: the loop without velocities is followed as far as that.
+        const REACH: f64 = 0.3;
+        /// The longest step in units of the fastest rate, so that rounding moves nothing that is free to move.
+        const LONGEST: f64 = 1e8;
+        let n = q.len();
+        q.extend(self.law.initial_state());
+        let (y, size) = (q, n + self.law.initial_state().len());
+        let (mut here, mut slope) = (Forces::<f64>::new(self), Forces::<Dual>::new(self));
+        let (mut r, mut mass, mut best) = (vec![0.0; size], vec![0.0; n * n], f64::INFINITY);
+        let mut h = 0.0f64;
+        for _ in 0..STEPS {
+            look();
+            here.residual(y, &mut r);
+            finite("equilibrium", &r)?;
+            here.arm.mass_matrix(&mut mass);
+            let mut rates = DMatrix::<f64>::zeros(size, size);
+            let mut inertia = DMatrix::<f64>::identity(size, size);
+            slopes(&mut slope, y, |i, j, rate| rates[(i, j)] = rate);
+            (0..n * n).for_each(|at| inertia[(at / n, at % n)] = mass[at]);
+            let fastest = rates.amax() / inertia.diagonal().amin();
+            let longest_step = LONGEST / fastest.max(f64::MIN_POSITIVE);
+            h = if h == 0.0 { 1.0 / fastest.max(1.0) } else { h.min(longest_step) };
+            let force = DVector::from_column_slice(&r);
+            let step = loop {
+                let step = (&inertia / h - &rates).lu().solve(&force).filter(|step| step.iter().all(|x| x.is_finite()));
+                let long = step.as_ref().is_none_or(|step| step.rows(0, n).amax() > REACH);
+                match step {
+                    Some(step) if !long => break step,
+                    _ if h * fastest < 1e-12 => return Err(no_rest(STEPS)),
+                    _ => h *= 0.25,
+                }
+            };
+            y.iter_mut().zip(step.iter()).for_each(|(y, step)| *y += step);
+            let (longest, close) = (step.amax(), 1.0 + crate::linalg::largest(y));
+            let settled = h >= longest_step && longest <= 1e-9 * close && longest >= best;
+            if settled || (h >= longest_step && longest <= 1e-15 * close) {
+                return Ok(());
+            }
+            best = if h >= longest_step { longest } else { f64::INFINITY };
+            h *= 2.0;
+        }
+        Err(no_rest(STEPS))
     }
 
     /// From `q` downhill to rest; the motors' positions too where the law is one of motors.
@@ -92,8 +143,12 @@ impl Rest<'_> {
             }
             y.copy_from_slice(&trial);
         }
-        Err(Error::Solve { status: Status::MaxSteps, t: STEPS as f64, problem: "no rest was found: the descent did not end".into() })
+        Err(no_rest(STEPS))
     }
+}
+
+fn no_rest(steps: usize) -> Error {
+    Error::Solve { status: Status::MaxSteps, t: steps as f64, problem: "no rest was found: the descent did not end".into() }
 }
 
 /// `r` on one number, with its buffers.
@@ -170,7 +225,8 @@ impl<'a, S: Real> Forces<'a, S> {
         self.x[..n].copy_from_slice(q);
         self.load(q);
         let Some((stiffness, share)) = &self.motors else {
-            self.law.evaluate(&self.desired, self.arm.trig(), &self.x[..2 * n], &[], r, &mut []);
+            let (r, rate) = r.split_at_mut(n);
+            self.law.evaluate(&self.desired, self.arm.trig(), &self.x[..2 * n], theta, r, rate);
             for i in 0..n {
                 r[i] -= self.load[i];
             }
@@ -190,21 +246,26 @@ impl<'a, S: Real> Forces<'a, S> {
     }
 }
 
-/// `-dr/dy`, its symmetric part.
-fn hessian(forces: &mut Forces<Dual>, y: &[f64]) -> Vec<f64> {
-    let n = y.len();
+/// `put(i, j, dr_i/dy_j)` for all entries, column by column.
+fn slopes(forces: &mut Forces<Dual>, y: &[f64], mut put: impl FnMut(usize, usize, f64)) {
     let mut moving: Vec<Dual> = y.iter().map(|&y| Dual::splat(y)).collect();
-    let mut r = vec![Dual::default(); n];
-    let mut h = vec![0.0; n * n];
-    for j in 0..n {
+    let mut r = vec![Dual::default(); y.len()];
+    for j in 0..y.len() {
         look();
         moving[j].rate = 1.0;
         forces.residual(&moving, &mut r);
         moving[j].rate = 0.0;
-        for i in 0..n {
-            h[i * n + j] -= 0.5 * r[i].rate;
-            h[j * n + i] -= 0.5 * r[i].rate;
-        }
+        r.iter().enumerate().for_each(|(i, r)| put(i, j, r.rate));
     }
+}
+
+/// `-dr/dy`, its symmetric part.
+fn hessian(forces: &mut Forces<Dual>, y: &[f64]) -> Vec<f64> {
+    let n = y.len();
+    let mut h = vec![0.0; n * n];
+    slopes(forces, y, |i, j, rate| {
+        h[i * n + j] -= 0.5 * rate;
+        h[j * n + i] -= 0.5 * rate;
+    });
     h
 }

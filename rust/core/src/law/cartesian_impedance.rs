@@ -92,13 +92,14 @@ impl CartesianImpedanceSpec {
         &self.options
     }
 
-    /// Whether the target model of a spring and a damper alone is that of this law.
-    pub fn has_target_model(&self) -> bool {
-        self.options.are_plain() && !self.turns_target()
+    /// The same law without a limit of its torque.
+    pub(super) fn without_torque_limits(mut self) -> Self {
+        self.options.tau_max = None;
+        self
     }
 
     /// Whether the rates of the target are those of a rotation vector that moves.
-    fn turns_target(&self) -> bool {
+    pub fn turns_target(&self) -> bool {
         self.coordinates.turns() && !matches!(self.target, Motion::Hold(_))
     }
 }
@@ -217,7 +218,7 @@ pub struct CartesianImpedance<S: Real> {
     acceleration: Vec<S>,
     turns_target: bool,
     null_space: Option<NullSpace<S>>,
-    extras: Extras<S>,
+    pub(super) extras: Extras<S>,
 }
 
 impl<S: Real> CartesianImpedance<S> {
@@ -246,20 +247,19 @@ impl<S: Real> CartesianImpedance<S> {
         }
         sum
     }
+}
 
-    /// `x_d'` into `slip` and `x_d''`, of the rows of a target whose rotation vector moves.
-    fn turn_rates(&mut self, desired: &[S]) {
-        let m = self.e.len();
-        let rows = &self.coordinates.rows;
-        let part = |k: usize| {
-            let mut vector = [S::zero(); 3];
-            rows.iter().enumerate().filter(|(_, row)| **row > 2).for_each(|(at, row)| vector[row - 3] = desired[k * m + at]);
-            Vector3::from(vector)
-        };
-        let (velocity, acceleration) = rotation_rate(part(0), part(1), part(2));
-        for (at, row) in rows.iter().enumerate().filter(|(_, row)| **row > 2) {
-            (self.slip[at], self.acceleration[at]) = (velocity[row - 3], acceleration[row - 3]);
-        }
+/// `x_d'` and `x_d''` of the rows of orientation of a target whose rotation vector moves, by its samples `desired`.
+pub(crate) fn turn_rates<S: Real>(rows: &[usize], desired: &[S], rate: &mut [S], second: &mut [S]) {
+    let m = rows.len();
+    let part = |k: usize| {
+        let mut vector = [S::zero(); 3];
+        rows.iter().enumerate().filter(|(_, row)| **row > 2).for_each(|(at, row)| vector[row - 3] = desired[k * m + at]);
+        Vector3::from(vector)
+    };
+    let (velocity, acceleration) = rotation_rate(part(0), part(1), part(2));
+    for (at, row) in rows.iter().enumerate().filter(|(_, row)| **row > 2) {
+        (rate[at], second[at]) = (velocity[row - 3], acceleration[row - 3]);
     }
 }
 
@@ -273,7 +273,7 @@ impl<S: Real> Law<S> for CartesianImpedance<S> {
             self.acceleration.copy_from_slice(&desired[2 * m..3 * m]);
         }
         if self.turns_target {
-            self.turn_rates(desired);
+            turn_rates(&self.coordinates.rows, desired, &mut self.slip, &mut self.acceleration);
         }
         let CartesianImpedance { arm, workspace, coordinates, full, jacobian, e, slip, spring, force, stiffness, damping, .. } = self;
         arm.error_and_jacobian(workspace, coordinates, full, trig, q, &desired[..m], e, jacobian);

@@ -3,10 +3,14 @@
 //!
 //! `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 ( J'[K_m (x_d - x) - D_m J v] + g(q) - D0 w )`
 //!
+//! The options are those of the rigid law, but `tau_max` limits the motor torque `tau`. The part of the integral wrench `w` in it is
+//! `B B0^-1 J' w`.
+//!
 //! `E = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2` obeys the identity
 //! `dE/dt = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`, whose last term has no sign.
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
+use super::impedance_options::held;
 use super::inertia_reduction::{Reduction, ReductionSpec, described};
 use super::{Build, Definition, Instant, Law, LawSpec, Term};
 use crate::dynamics::{AnyArm, Dynamics, Model};
@@ -26,10 +30,12 @@ pub struct ElasticImpedanceSpec {
 }
 
 impl ElasticImpedanceSpec {
-    /// The storage function `E` (with the springs of wall and stops) is that of this plant: no losses but the law's, no row of
-    /// orientation, where the rate of `e` is not `-J v`.
+    /// The storage function `E` (with the springs of wall and stops) is that of this plant: no losses but the law's, no limit of the motor
+    /// torque, no row of orientation, where the rate of `e` is not `-J v`.
     pub fn has_storage(&self, plant: &PlantSpec) -> bool {
-        !self.outer.coordinates.turns() && described(plant, &self.outer.model, &self.inner).is_some()
+        !self.outer.coordinates.turns()
+            && self.outer.options.tau_max.is_none()
+            && described(plant, &self.outer.model, &self.inner).is_some()
     }
 }
 
@@ -46,13 +52,20 @@ impl Definition for ElasticImpedanceSpec {
     fn motions(&self) -> Vec<&Motion> {
         self.outer.motions()
     }
+    fn initial_state(&self) -> &[f64] {
+        self.outer.initial_state()
+    }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.outer.model.n();
         let mut law = Self::build::<f64>(|_| self);
-        let mut tau = vec![0.0; n];
-        law.evaluate(at.desired, at.trig, at.x, &[], &mut tau, &mut []);
-        let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| !["u", "tau"].contains(name)).collect();
+        let (mut tau, mut rate) = (vec![0.0; n], vec![0.0; at.z.len()]);
+        law.evaluate(at.desired, at.trig, at.x, at.z, &mut tau, &mut rate);
+        let own = ["u", "tau", "integral_rate"];
+        let mut terms: Vec<Term> = self.outer.terms(at).into_iter().filter(|(name, _, _)| !own.contains(name)).collect();
+        if !rate.is_empty() {
+            terms.push(("integral_rate", vec![rate.len()], rate));
+        }
         terms.extend(self.target_dynamics(&mut law.outer, at.trig, &at.x[..n], &at.x[n..2 * n]));
         terms.extend(law.inner.terms(&self.inner));
         terms.push(("tau", vec![n], tau));
@@ -69,7 +82,7 @@ impl Definition for ElasticImpedanceSpec {
         Some(&self.inner)
     }
     fn outer(&self) -> Option<LawSpec> {
-        self.outer.outer()
+        self.outer.clone().without_torque_limits().outer()
     }
     fn outer_stiffness(&mut self) -> Option<&mut Gain> {
         self.outer.outer_stiffness()
@@ -80,7 +93,15 @@ impl Build for ElasticImpedanceSpec {
     type Lanes<S: Real> = ElasticImpedance<S>;
 
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> ElasticImpedance<S> {
-        ElasticImpedance { outer: CartesianImpedanceSpec::build(|i| &of(i).outer), inner: ReductionSpec::build(|i| &of(i).inner) }
+        let mut outer: CartesianImpedance<S> = CartesianImpedanceSpec::build(|i| &of(i).outer);
+        let zeros = vec![S::zero(); of(0).outer.model.n()];
+        ElasticImpedance {
+            limits: outer.extras.take_torque_limits(),
+            outer,
+            inner: ReductionSpec::build(|i| &of(i).inner),
+            column: zeros.clone(),
+            push: zeros,
+        }
     }
 
     fn same_shape(&self, other: &Self) -> bool {
@@ -143,12 +164,38 @@ impl ElasticImpedanceSpec {
 pub struct ElasticImpedance<S: Real> {
     outer: CartesianImpedance<S>,
     inner: Reduction<S>,
+    /// Of the motor torque.
+    limits: Option<Vec<S>>,
+    /// `J_k' w_k'` and what it does to the motor torque, `(n,)`.
+    column: Vec<S>,
+    push: Vec<S>,
+}
+
+impl<S: Real> ElasticImpedance<S> {
+    /// The motor torque within its limits, and the rate `dz` of the integral where it would push it further.
+    fn limit(&mut self, tau: &mut [S], dz: &mut [S]) {
+        let Some(limits) = &self.limits else { return };
+        let n = tau.len();
+        for (k, rate) in dz.iter_mut().enumerate() {
+            for (column, &j) in self.column.iter_mut().zip(&self.outer.jacobian[k * n..(k + 1) * n]) {
+                *column = j * *rate;
+            }
+            self.inner.spread(&self.column, &mut self.push);
+            for (i, &limit) in limits.iter().enumerate() {
+                *rate = held(tau[i], limit, self.push[i], *rate);
+            }
+        }
+        for (tau, &limit) in tau.iter_mut().zip(limits) {
+            *tau = tau.clamped(-limit, limit);
+        }
+    }
 }
 
 impl<S: Real> Law<S> for ElasticImpedance<S> {
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         self.outer.evaluate(desired, trig, x, z, tau, dz);
         self.inner.apply(x, tau);
+        self.limit(tau, dz);
     }
 
     fn storage_rate(&self, x: &[S], outside: S) -> S {

@@ -92,12 +92,12 @@ impl ImpedanceOptions {
         (self.null_space.as_ref(), self.compensate_coupling, self.eps)
     }
 
-    /// Whether the law is more than a spring and a damper, for what speaks of those alone.
-    pub fn are_plain(&self) -> bool {
-        *self == ImpedanceOptions { eps: self.eps, ..Self::default() }
+    /// Whether the law has limits, beyond which its wrench is not that of a spring and a damper.
+    pub fn have_limits(&self) -> bool {
+        self.wrench_max.is_some() || self.tau_max.is_some()
     }
 
-    /// Whether the torque is anything but `J' F + g` with the `F` of a potential and a constant.
+    /// Whether the torque is `J' F + g` with the `F` of a potential and a constant.
     pub fn has_potential(&self) -> bool {
         self.null_space.is_none() && self.integral_gain.is_none() && self.wrench_max.is_none() && self.tau_max.is_none()
     }
@@ -158,6 +158,11 @@ impl<S: Real> Extras<S> {
         }
     }
 
+    /// The limits of the torque, for a law that limits another one.
+    pub fn take_torque_limits(&mut self) -> Option<Vec<S>> {
+        self.tau_max.take()
+    }
+
     /// The torque within its limits, and the rate `dz` of the integral where it would push it further.
     pub fn limit(&self, jacobian: &[S], tau: &mut [S], dz: &mut [S]) {
         let Some(limits) = &self.tau_max else { return };
@@ -174,7 +179,7 @@ impl<S: Real> Extras<S> {
 }
 
 /// `rate`, or zero where `push` takes `free` further beyond its limit.
-fn held<S: Real>(free: S, limit: S, push: S, rate: S) -> S {
+pub(super) fn held<S: Real>(free: S, limit: S, push: S, rate: S) -> S {
     let zero = S::zero();
     let down = S::select(free.lt(-limit), S::select(push.lt(zero), zero, rate), rate);
     S::select(limit.lt(free), S::select(zero.lt(push), zero, rate), down)

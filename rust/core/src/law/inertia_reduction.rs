@@ -140,6 +140,11 @@ impl<S: Real> Reduction<S> {
         self.ratio.add_to(&self.work, tau);
     }
 
+    /// What a part of `u` does to the motor torque, `B B0^-1 u`.
+    pub fn spread(&self, u: &[S], out: &mut [S]) {
+        self.ratio.multiply(u, out);
+    }
+
     /// `(theta_dot - v).u - theta_dot.D0 w`, as of the last evaluation.
     pub fn power(&self, x: &[S]) -> S {
         let n = self.u.len();

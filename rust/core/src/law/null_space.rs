@@ -103,20 +103,20 @@ impl NullSpace<f64> {
 }
 
 /// `L` of the rows `J W^-1/2`.
-struct Projector<S: Real> {
+pub(super) struct Projector<S: Real> {
     inverse: ClampedInverse<S>,
     /// `(m, n)`
-    spread: Vec<S>,
+    pub spread: Vec<S>,
     /// `(m, m)`
     square: Vec<S>,
     l: Vec<S>,
     scales: Vec<S>,
     /// `1 - min(1, (sigma/eps)^2)` of the smallest singular value.
-    loss: S,
+    pub loss: S,
 }
 
 impl<S: Real> Projector<S> {
-    fn new(m: usize, n: usize) -> Self {
+    pub fn new(m: usize, n: usize) -> Self {
         let zeros = |k: usize| vec![S::zero(); k];
         Projector {
             inverse: ClampedInverse::new(m),
@@ -129,7 +129,7 @@ impl<S: Real> Projector<S> {
     }
 
     /// `L` from the rows in `spread`, of these rows of a pose.
-    fn prepare(&mut self, rows: &[usize], floor: S) {
+    pub fn prepare(&mut self, rows: &[usize], floor: S) {
         let (m, one, zero) = (rows.len(), S::splat(1.0), S::zero());
         let n = self.spread.len() / m;
         for k in 0..m {

@@ -10,6 +10,8 @@ pub struct TorqueError<S: Real> {
     /// `(n, n)`
     stiffness: Vec<S>,
     u: Vec<S>,
+    /// The rate of the law's state.
+    rate: Vec<S>,
 }
 
 impl<S: Real> TorqueError<S> {
@@ -23,13 +25,14 @@ impl<S: Real> TorqueError<S> {
             law: LawSpec::build::<S>(|lane| &outer[lane]),
             stiffness: (0..n * n).map(|k| S::from_lanes(|lane| stiffness[lane].at(k / n, k % n))).collect(),
             u: vec![S::zero(); n],
+            rate: vec![S::zero(); outer[0].initial_state().len()],
         })
     }
 
-    /// At plant state `x` and its (sin, cos), under the desired motions.
-    pub fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S]) -> S {
+    /// At plant state `x` and its (sin, cos) and law state `z`, under the desired motions.
+    pub fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S]) -> S {
         let n = trig.len();
-        self.law.evaluate(desired, trig, &x[..2 * n], &[], &mut self.u, &mut []);
+        self.law.evaluate(desired, trig, &x[..2 * n], z, &mut self.u, &mut self.rate);
         let mut worst = S::zero();
         for i in 0..n {
             let mut spring = S::zero();

@@ -109,7 +109,8 @@ impl<S: Real> Balances<S> {
         out[1] = energy;
         out[2] = energy - quadratures[1] - first[0];
         if let Some(torque) = &mut self.torque {
-            out[3] = torque.evaluate(desired, self.theory.arm.trig(), &x[..self.states]);
+            let z = &x[self.states..x.len() - 2];
+            out[3] = torque.evaluate(desired, self.theory.arm.trig(), &x[..self.states], z);
             if self.storage {
                 out[4] = quadratures[0] + quadratures[1] + first[0] - energy;
             }

@@ -2,6 +2,7 @@
 //! and the numbers of the set-up have zeros and ones in the same places.
 
 use super::measures::{Plan, same_aims};
+use super::monitors::Watched;
 use super::problem::Problem;
 use crate::integrate::Method;
 use crate::law::LawSpec;
@@ -32,10 +33,8 @@ pub struct Common {
     pub lanes: bool,
     /// All have the same exogenous input.
     pub shared: bool,
-    /// The energy watched is the law's own storage function.
-    pub storage: bool,
-    /// The target model of an impedance is watched.
-    pub target: bool,
+    /// What monitors watch.
+    pub watched: Watched,
     /// The programs sum runs up, with the positions of frames or without.
     pub sums: bool,
     pub aims: bool,
@@ -49,8 +48,7 @@ impl Common {
         Common {
             lanes,
             shared: problem.shares_exogenous(),
-            storage: problem.watches_storage(),
-            target: problem.watches_target(),
+            watched: Watched::of(problem),
             sums,
             aims: sums && same_aims(problem),
             notes: None,

@@ -51,6 +51,7 @@ mod sampling;
 mod schedule;
 mod single;
 mod sink;
+mod static_torque;
 mod stepper;
 mod stop;
 mod summary;

@@ -4,7 +4,8 @@
 //! `V1(0) - V1(t) - int s' Kd s = 0`; `dM/dt - 2 C` is skew; `E(t) - E(0) - int P dt = 0` for the energy `E` stored in the
 //! plant, or in the law's own storage function, and the power `P` put into it.
 //!
-//! Cartesian impedance of a rigid arm adds the largest term and the residual of its [`TargetModel`].
+//! Cartesian impedance of a rigid arm adds the largest term and the residual of its [`TargetModel`]. Laws with a null space or a
+//! compensated coupling add the [`ProjectionLoss`].
 //!
 //! A law of elastic joints adds `max |tau_J - u|`, and with its own storage function the passivity at the port: what flowed
 //! in there less what is stored, `int F.x_dot - (E(t) - E(0))`, never negative in a passive loop.
@@ -16,9 +17,10 @@ use super::identities::Balances;
 use super::level_norms::LevelNorms;
 use super::problem::Problem;
 use super::target_model::TargetModel;
-use crate::law::{LawSpec, Solve};
+use crate::law::{LawSpec, ProjectionLoss, Solve};
 use crate::motion::{Motion, sample_all};
 use crate::priority::PrioritySolver;
+use crate::scalar::Real;
 
 /// The energy of a rigid plant, then norms of the error and of the residual of each level of priority.
 const ENERGY_AND_LEVELS: [&str; 19] = [
@@ -53,14 +55,36 @@ pub fn names(problem: &Problem) -> &'static [&'static str] {
         _ if !problem.options.monitors => &[],
         // What an identity says of the law inside ends at contact.
         LawSpec::Guarded(_) => &ENERGY_AND_LEVELS[..ENERGY],
-        _ if problem.watches_storage() => &["skewness", "energy", "energy_balance", "torque_error", "passivity"],
-        _ if problem.watches_target() => &["skewness", "energy", "energy_balance", "target", "target_balance"],
-        _ if law.reduction().is_some() => &["skewness", "energy", "energy_balance", "torque_error"],
+        _ if problem.watches_storage() => lossless(&["skewness", "energy", "energy_balance", "torque_error", "passivity", "loss"], problem),
+        _ if problem.watches_target() => lossless(&["skewness", "energy", "energy_balance", "target", "target_balance", "loss"], problem),
+        _ if law.reduction().is_some() => lossless(&["skewness", "energy", "energy_balance", "torque_error", "loss"], problem),
         LawSpec::Adaptive(_) => &["skewness", "energy", "energy_balance", "lyapunov", "lyapunov_balance"],
         LawSpec::PriorityVelocity(law) => &ENERGY_AND_LEVELS[ENERGY..ENERGY_AND_LEVELS.len().min(ENERGY + 2 * law.levels.len())],
         LawSpec::PriorityAcceleration(law) => &ENERGY_AND_LEVELS[..ENERGY_AND_LEVELS.len().min(ENERGY + 2 * law.levels.len())],
         _ if !law.plant().has_speeds() => &[],
-        _ => &["skewness", "energy", "energy_balance"],
+        _ => lossless(&["skewness", "energy", "energy_balance", "loss"], problem),
+    }
+}
+
+/// These names, the last one only where some law has a loss.
+fn lossless(names: &'static [&'static str], problem: &Problem) -> &'static [&'static str] {
+    &names[..names.len() - usize::from(!problem.watches_loss())]
+}
+
+/// What the monitors of all runs of a problem have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Watched {
+    /// The energy is the law's own storage function.
+    pub storage: bool,
+    /// The target model of an impedance.
+    pub target: bool,
+    /// The loss of a projector.
+    pub loss: bool,
+}
+
+impl Watched {
+    pub fn of(problem: &Problem) -> Self {
+        Watched { storage: problem.watches_storage(), target: problem.watches_target(), loss: problem.watches_loss() }
     }
 }
 
@@ -69,17 +93,22 @@ pub struct Checks<P: Solve> {
     balances: Balances<P::Number>,
     levels: Option<LevelNorms<P>>,
     target: Option<TargetModel<P::Number>>,
+    /// Whether the last monitor is the loss, and of what: some laws of a batch may have none.
+    watches_loss: bool,
+    loss: Option<ProjectionLoss<P::Number>>,
     states: usize,
 }
 
 impl<P: Solve> Checks<P> {
-    /// Of run `run` of a problem; `storage`, `target`: [`Problem::watches_storage`] and [`Problem::watches_target`].
-    pub fn new(problem: &Problem, run: usize, storage: bool, target: bool) -> Self {
+    /// Of run `run` of a problem.
+    pub fn new(problem: &Problem, run: usize, watched: Watched) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Checks {
-            balances: Balances::new(|_| plant, |_| law, storage),
+            balances: Balances::new(|_| plant, |_| law, watched.storage),
             levels: LevelNorms::of(law),
-            target: if target { TargetModel::new(problem, run) } else { None },
+            target: if watched.target { TargetModel::new(problem, run) } else { None },
+            watches_loss: watched.loss,
+            loss: if watched.loss { ProjectionLoss::new(law) } else { None },
             states: plant.seen(),
         }
     }
@@ -111,11 +140,15 @@ impl<P: Solve> Checks<P> {
     ) -> Option<P::Number> {
         let (out, norms) = out.split_at_mut(out.len() - self.norms(out.len()));
         let stands = self.evaluate_norms(desired, x, norms);
+        let (out, lost) = out.split_at_mut(out.len() - usize::from(self.watches_loss));
         if !out.is_empty() {
             self.balances.evaluate(desired, x, first, out);
         }
+        let loss = self.loss.as_mut().map(|loss| loss.evaluate(&x[..tau.len()]));
+        lost.fill(loss.unwrap_or(P::Number::zero()));
         if let Some(target) = &mut self.target {
-            let found = target.evaluate(&mut self.balances.theory.arm, (desired, wrench), &x[..self.states], tau);
+            let state = (&x[..self.states], &x[self.states..x.len() - 2], tau);
+            let found = target.evaluate(&mut self.balances.theory.arm, (desired, wrench), state, loss);
             out[ENERGY..].copy_from_slice(&found);
         }
         stands
@@ -139,7 +172,7 @@ impl<'a> Monitor<'a> {
         Monitor {
             motions: law.motions(),
             force: problem.force(run),
-            checks: Checks::new(problem, run, problem.watches_storage(), problem.watches_target()),
+            checks: Checks::new(problem, run, Watched::of(problem)),
             desired: law.desired(0.0),
             first: None,
         }

@@ -2,7 +2,7 @@
 //!
 //! Monitors round as plain `f64` does, so that a record of a program has the bits of one that is computed directly.
 
-use super::monitors::Checks;
+use super::monitors::{Checks, Watched};
 use super::problem::Problem;
 use super::schedule::Times;
 use super::world::Exogenous;
@@ -35,9 +35,9 @@ impl Problem<'_> {
 }
 
 impl Notes {
-    /// For the run `run` of a problem with so many monitors; `storage`, `target`: as of [`Checks::new`].
-    pub fn new(problem: &Problem, run: usize, monitors: usize, storage: bool, target: bool) -> Self {
-        Notes { checks: (monitors > 0).then(|| Checks::new(problem, run, storage, target)), monitors }
+    /// For the run `run` of a problem with so many monitors; `watched`: as of [`Checks::new`].
+    pub fn new(problem: &Problem, run: usize, monitors: usize, watched: Watched) -> Self {
+        Notes { checks: (monitors > 0).then(|| Checks::new(problem, run, watched)), monitors }
     }
 
     /// Monitors, how many of them are norms of levels, and the numbers from which the others count.

@@ -148,9 +148,15 @@ impl<'a> Problem<'a> {
         let o = &self.options;
         let alone =
             |plant: &PlantSpec| plant.kind() == PlantKind::Rigid && !plant.has_friction() && plant.friction().is_none() && plant.is_free();
-        let all = self.laws.iter().all(|law| law.impedance().is_some_and(|law| law.has_target_model()))
+        let all = self.laws.iter().all(|law| law.impedance().is_some_and(|law| !law.options().have_limits()))
             && self.plants.iter().all(|plant| alone(plant));
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
+    }
+
+    /// Whether some law has a projector, whose loss is a monitor.
+    pub fn watches_loss(&self) -> bool {
+        let impedance = self.law(0).coordinates().is_some() && !matches!(self.law(0), LawSpec::Guarded(_));
+        self.options.monitors && impedance && self.laws.iter().any(|law| law.has_projection_loss())
     }
 
     /// What is measured: nothing, the same of all runs, or one plan per run.

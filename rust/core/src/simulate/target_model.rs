@@ -4,16 +4,22 @@
 //!
 //! with `J'` the rate of `J` in the last term. That form of `S_x x'` needs no inverse of `J`, so it holds for redundant arms too. `x''` is
 //! `J a + J' v` with the acceleration `a` of the plant; the rate of `J` comes from dual numbers. A moving target has `D_m (x' - x_d')`.
+//!
+//! Options of the law add to `F`: the wrench that is fed forward, the integral wrench, and the wrench of a static null space
+//! ([`StaticTorque`]). With the coupling compensated, `M_x (x'' - x_d'')` replaces `M_x x'' + S_x x'`.
 
 use super::problem::Problem;
+use super::static_torque::StaticTorque;
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
+use crate::law::turn_rates;
 use crate::linalg::cholesky;
 use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::{Plant, PlantSpec};
 use crate::scalar::{Dual, Real};
 
-/// `M_x` counts as defined where the smallest singular value of `J`, its rows scaled to length one, is above this.
+/// `M_x` counts as defined where the smallest singular value of `J`, its rows scaled to length one, is above this. A law with a projector
+/// must lose nothing there either.
 const EPS: f64 = 0.02;
 
 /// One run's, on plain numbers or recorded.
@@ -42,6 +48,11 @@ pub struct TargetModel<S: Real> {
     e: Vec<S>,
     slip: Vec<S>,
     terms: [Vec<S>; 5],
+    /// `x_d'` and `x_d''`, where they are not the samples of the target themselves.
+    rates_of_target: Option<[Vec<S>; 2]>,
+    coupled: bool,
+    feedforward: Option<Vec<S>>,
+    static_torque: Option<StaticTorque<S>>,
 }
 
 fn dot<S: Real>(a: &[S], b: &[S]) -> S {
@@ -75,14 +86,33 @@ impl<S: Real> TargetModel<S> {
             e: zeros(m),
             slip: zeros(m),
             terms: std::array::from_fn(|_| zeros(m)),
+            rates_of_target: law.turns_target().then(|| [zeros(m), zeros(m)]),
+            coupled: law.options().compensate_coupling,
+            feedforward: law
+                .options()
+                .feedforward
+                .as_ref()
+                .map(|fed| S::labelled("feedforward", 1, || fed.iter().map(|&f| S::from_lanes(|_| f)).collect())),
+            static_torque: StaticTorque::new(law),
         })
     }
 
-    /// The largest term of the model and the largest residual, at plant state `x` and input `tau` under the desired motion and the wrench,
-    /// with `arm` moved to its `q`; zeros where `M_x` is not defined.
-    pub fn evaluate(&mut self, arm: &mut ArmAt<S>, (desired, wrench): (&[S], &[S; 6]), x: &[S], tau: &[S]) -> [S; 2] {
+    /// The largest term of the model and the largest residual, at plant state `x`, law state `z` and input `tau`. `arm` is moved to its `q`.
+    /// Zeros where `M_x` is not defined, or where the law's projector loses something.
+    pub fn evaluate(
+        &mut self,
+        arm: &mut ArmAt<S>,
+        (desired, wrench): (&[S], &[S; 6]),
+        (x, z, tau): (&[S], &[S], &[S]),
+        loss: Option<S>,
+    ) -> [S; 2] {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = x.split_at(n);
+        if let Some([rate, second]) = &mut self.rates_of_target {
+            rate.copy_from_slice(&desired[m..2 * m]);
+            second.copy_from_slice(&desired[2 * m..3 * m]);
+            turn_rates(&self.coordinates.rows, &desired[..3 * m], rate, second);
+        }
         arm.error_and_jacobian(&self.coordinates, &desired[..m], &mut self.e, &mut self.jacobian);
         let regular = self.is_regular(n, m);
         arm.mass_matrix(&mut self.mass);
@@ -96,6 +126,10 @@ impl<S: Real> TargetModel<S> {
         }
         self.moving.move_to(&self.moving_q);
         let (_, moving) = self.moving.jacobian(self.coordinates.frame);
+        let (rate, second) = match &self.rates_of_target {
+            Some([rate, second]) => (&rate[..], &second[..]),
+            None => (&desired[m..2 * m], &desired[2 * m..3 * m]),
+        };
         let [inertial, coupling, damping, spring, force] = &mut self.terms;
         for (torque, row) in self.torque.iter_mut().zip(self.coriolis.chunks_exact(n)) {
             *torque = dot(row, v);
@@ -105,8 +139,12 @@ impl<S: Real> TargetModel<S> {
             let turning = moving[row * n..(row + 1) * n].iter().zip(v).fold(S::zero(), |sum, (j, &v)| sum + j.rate * v);
             inertial[k] = dot(&self.jacobian[k * n..(k + 1) * n], &self.rates[n..]) + turning;
             coupling[k] = dot(&self.spread[k * n..(k + 1) * n], &self.torque) - turning;
-            self.slip[k] = dot(&self.jacobian[k * n..(k + 1) * n], v) - desired[m + k];
+            self.slip[k] = dot(&self.jacobian[k * n..(k + 1) * n], v) - rate[k];
             force[k] = wrench[row];
+            if self.coupled {
+                inertial[k] -= second[k];
+                coupling[k] = S::zero();
+            }
         }
         self.damping.multiply(&self.slip, damping);
         self.stiffness.multiply(&self.e, spring);
@@ -132,6 +170,18 @@ impl<S: Real> TargetModel<S> {
         if self.elsewhere.is_some() {
             cholesky::solve(m, &self.square_factor, force);
         }
+        for added in self.feedforward.as_deref().into_iter().chain((z.len() == m).then_some(z)) {
+            force.iter_mut().zip(added).for_each(|(force, &added)| *force += added);
+        }
+        if let Some(null) = &mut self.static_torque {
+            null.evaluate(&desired[3 * m..], q, &v[..n], &self.jacobian);
+            cholesky::solve_lower(n, &self.factor, &mut null.torque);
+            for k in 0..m {
+                null.wrench[k] = dot(&self.spread[k * n..(k + 1) * n], &null.torque);
+            }
+            cholesky::solve(m, &self.square_factor, &mut null.wrench);
+            force.iter_mut().zip(&null.wrench).for_each(|(force, &added)| *force += added);
+        }
         let (mut largest, mut worst) = (S::zero(), S::zero());
         for k in 0..m {
             let residual = (inertial[k] + coupling[k] + damping[k] + spring[k] - force[k]).abs();
@@ -143,7 +193,10 @@ impl<S: Real> TargetModel<S> {
             }
         }
         let there = S::zero().lt(regular * definite * invertible);
-        [largest, worst].map(|x| S::select(there, x, S::zero()))
+        [largest, worst].map(|x| {
+            let x = S::select(there, x, S::zero());
+            loss.map_or(x, |loss| S::select(S::zero().lt(loss), S::zero(), x))
+        })
     }
 
     /// One where `J` is far enough from a singularity: with rows of length one, the smallest eigenvalue of `J J'` is above `EPS^2`.

@@ -80,10 +80,14 @@ fn cartesian<'py>(
 ///     motor_damping: `D0`, N m s/rad, positive definite; by `damping_ratio` if None (keyword only).
 ///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2` (keyword only).
 ///     relative_damping: `D0` acts on `theta_dot - v`: the error to the rigid target is 10 to 20 times smaller (keyword only).
-///     nullspace, feedforward, compensate_coupling, eps: options of the outer loop, as for `CartesianImpedance` (keyword only).
+///     nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max: options of the outer loop, as for
+///         `CartesianImpedance` (keyword only).
+///     tau_max: the largest motor torque that the law asks for, N m, scalar or `(n,)`; no limit if None. A row of the integral stops
+///         while a motor torque is beyond its limit and the row would take it further (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, a limit is
+///         not positive.
 ///
 /// Source: Ott, Albu-Schaeffer, Kugi and Hirzinger, On the passivity-based impedance control of flexible joint robots,
 /// IEEE Trans. Robotics 24(2), 2008.
@@ -109,10 +113,10 @@ impl ElasticImpedance {
     #[pyo3(
         signature = (arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None,
                      motor_damping=None, damping_ratio=None, relative_damping=None, nullspace=None, feedforward=None,
-                     compensate_coupling=None, eps=None),
+                     compensate_coupling=None, eps=None, integral_gain=None, wrench_max=None, tau_max=None),
         text_signature = "(arm, target, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, *, frame, axes=None, \
                           motor_damping=None, damping_ratio=None, relative_damping=False, nullspace=None, feedforward=None, \
-                          compensate_coupling=False, eps=None)"
+                          compensate_coupling=False, eps=None, integral_gain=None, wrench_max=None, tau_max=None)"
     )]
     fn new<'py>(
         arm: &Bound<'py, PyAny>,
@@ -131,12 +135,15 @@ impl ElasticImpedance {
         feedforward: Option<&Bound<'py, PyAny>>,
         compensate_coupling: Option<&Bound<'py, PyAny>>,
         eps: Option<&Bound<'py, PyAny>>,
+        integral_gain: Option<&Bound<'py, PyAny>>,
+        wrench_max: Option<&Bound<'py, PyAny>>,
+        tau_max: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         const NAME: &str = "ElasticImpedance";
         entry(arm.py(), NAME, || {
             let mut given = Arguments::new(NAME, arm)?;
             let inner = Inner { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping };
-            let options = Given { nullspace, feedforward, compensate_coupling, eps, ..Given::default() };
+            let options = Given { nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max, tau_max };
             let outer = Outer { stiffness, damping, frame, axes, options };
             let law = cartesian(&mut given, outer, inner, |given, axes| impedance::target(given, target, axes))?;
             Ok(given.law(law).add_subclass(ElasticImpedance))

@@ -1,0 +1,97 @@
+"""A seven-axis arm that feels: the momentum observer finds the torque of a push without a force sensor. Pull any link.
+
+    r' = K_O (tau_ext - r),   contact where |r_i| is above the threshold of joint i
+
+The push of the slider acts along y at the tip, a pull where it is held. Drawn beside `r` is J'F, which the observer does not know.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import armlet as al
+
+from ..urdf import read_shapes
+from .system import DT, Array, Force, Plot, Slider, State, System, Targets, Values, number
+
+__all__ = ["Observer"]
+
+START = np.array([0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3])  # rad
+SHOWN = (0, 1, 3)  # joints whose residual is drawn
+
+
+class Observer(System):
+    """The momentum observer of the seven-axis example, held by a PD law with gravity compensation."""
+
+    title = "Momentum observer, seven axes"
+    frame = "tcp"
+    q0 = START
+    controls = (
+        Slider("gain", "gain of the observer K_O (1/s), 10^", 1.0, 1000.0, 50.0, powers=True),
+        Slider("threshold", "threshold of contact (N m)", 0.05, 5.0, 0.5),
+        Slider("push", "push at the tip along y (N)", -20.0, 20.0, 0.0),
+        Slider("payload", "payload (kg), unknown to law and observer", 0.0, 2.0, 0.0),
+        Slider("omega", "bandwidth of the law w (rad/s)", 1.0, 30.0, 6.0),
+    )
+    plots = (
+        Plot(
+            "residual and true torque (N m)",
+            (*(f"r{k + 1}" for k in SHOWN), *(f"J'F {k + 1}" for k in SHOWN)),
+            len(SHOWN),
+        ),
+        Plot("largest residual and threshold (N m)", ("largest |r|", "threshold"), 1),
+        Plot("touched link, 0 for none", ("link",)),
+    )
+    planar = False
+
+    def __init__(self) -> None:
+        source = al.example_urdf("seven_axis")
+        self.arm = al.load_urdf(source)
+        self.targets = {}
+        self.shapes = read_shapes(source, self.arm, ()).shapes
+        self.inertia = np.diag(self.arm.mass_matrix(START)).copy()
+        self.forget()
+
+    def forget(self) -> None:
+        self.observer: al.MomentumObserver | None = None
+        self.gain = 0.0
+        self.force: Force | None = None
+
+    def start(self) -> State:
+        self.forget()
+        return super().start()
+
+    def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
+        gain, kp = number(values, "gain"), number(values, "omega") ** 2 * self.inertia
+        if self.observer is None or gain != self.gain:
+            self.observer, self.gain = al.MomentumObserver(self.arm, gain), gain
+            self.observer.reset(state.q, state.v)
+        if force is None and number(values, "push") != 0.0:
+            force = Force(self.frame, np.array([0.0, number(values, "push"), 0.0, 0.0, 0.0, 0.0]))
+        self.force = force
+        payload = number(values, "payload")
+        plant = al.RigidArm(self.arm.with_payload(self.frame, payload) if payload > 0.0 else self.arm)
+        law = al.PDGravity(self.arm, START, kp, 2.0 * kp / number(values, "omega"))
+        # The torque is held for a step, as the observer takes it.
+        options = {} if force is None else {"force": force.wrench, "force_frame": force.frame}
+        return al.Simulator(plant, law, state.q, v0=state.v, dt=DT, sample_time=DT, check_limits=False, **options)
+
+    def step(self, sim: al.Simulator) -> None:
+        sim.step()
+        if self.observer is not None:
+            self.observer.update(sim.q, sim.v, sim.tau, DT)
+
+    def true_torque(self, q: Array) -> Array:
+        """J'F of what pushes, (n,)."""
+        if self.force is None:
+            return np.zeros(self.arm.n)
+        return np.asarray(self.arm.jacobian(q, self.force.frame).T @ self.force.wrench)
+
+    def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
+        residual = None if self.observer is None else self.observer.residual
+        r = np.zeros(self.arm.n) if residual is None else residual
+        threshold, true = number(values, "threshold"), self.true_torque(sim.q)
+        beyond = np.flatnonzero(np.abs(r) > threshold)
+        # What acts on a link loads no joint beyond it.
+        link = int(beyond[-1]) + 1 if beyond.size else 0
+        return [[*r[[*SHOWN]], *true[[*SHOWN]]], [float(np.abs(r).max()), threshold], [float(link)]]

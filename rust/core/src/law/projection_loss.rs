@@ -1,0 +1,87 @@
+//! What the clamp of `L = (J W^-1 J')^-1` gives up along a run of an impedance law ([`super::NullSpaceSpec`]):
+//!
+//! `loss = 1 - min(1, (sigma / eps)^2)` of the smallest singular value `sigma` of `S J W^-1/2`. Where the null space and the coupling have
+//! two projectors, the larger loss counts. It is zero where projector and coupling are exact, and one at a singularity.
+
+use super::null_space::{NullProjection, Projector};
+use super::{CartesianImpedanceSpec, LawSpec};
+use crate::dynamics::ArmAt;
+use crate::kinematics::Coordinates;
+use crate::linalg::cholesky;
+use crate::scalar::Real;
+
+/// The loss of one law, on one number, at the records of a run.
+pub struct ProjectionLoss<S: Real> {
+    coordinates: Coordinates,
+    /// The arm that the law believes in.
+    arm: ArmAt<S>,
+    floor: S,
+    consistent: Option<Projector<S>>,
+    fixed: Option<Projector<S>>,
+    /// `(n, n)`: `M` and its factor.
+    mass: Vec<S>,
+    factor: Vec<S>,
+    /// `(m,)`, `(m, n)`.
+    target: Vec<S>,
+    error: Vec<S>,
+    jacobian: Vec<S>,
+}
+
+/// The impedance law inside of `law`.
+fn impedance(law: &LawSpec) -> Option<&CartesianImpedanceSpec> {
+    law.impedance().or(law.storage().map(|law| &law.outer))
+}
+
+impl LawSpec {
+    /// Whether the law has a projector, or compensates a coupling, whose inverse is clamped.
+    pub fn has_projection_loss(&self) -> bool {
+        impedance(self).is_some_and(|law| law.options().null_space.is_some() || law.options().compensate_coupling)
+    }
+}
+
+impl<S: Real> ProjectionLoss<S> {
+    /// Of a law; `None` for one that projects nothing.
+    pub fn new(law: &LawSpec) -> Option<Self> {
+        let law = impedance(law).filter(|_| law.has_projection_loss())?;
+        let (n, m) = (law.model.n(), law.coordinates.m());
+        let options = law.options();
+        let projection = options.null_space.as_ref().map(|null_space| null_space.projection);
+        let consistent = projection == Some(NullProjection::Consistent) || options.compensate_coupling;
+        let zeros = |k: usize| vec![S::zero(); k];
+        Some(ProjectionLoss {
+            coordinates: law.coordinates.clone(),
+            arm: ArmAt::of_lanes(|_| &law.model),
+            floor: S::labelled("null_eps_squared", 0, || S::from_lanes(|_| options.eps * options.eps)),
+            consistent: consistent.then(|| Projector::new(m, n)),
+            fixed: (projection == Some(NullProjection::Static)).then(|| Projector::new(m, n)),
+            mass: zeros(n * n),
+            factor: zeros(n * n),
+            target: zeros(m),
+            error: zeros(m),
+            jacobian: zeros(m * n),
+        })
+    }
+
+    /// At joint positions `q`.
+    pub fn evaluate(&mut self, q: &[S]) -> S {
+        let n = q.len();
+        let ProjectionLoss { coordinates, arm, floor, consistent, fixed, mass, factor, target, error, jacobian } = self;
+        arm.move_to(q);
+        arm.error_and_jacobian(coordinates, target, error, jacobian);
+        let mut loss = S::zero();
+        if let Some(projector) = consistent {
+            arm.mass_matrix(mass);
+            cholesky::factor_into(n, mass, factor);
+            projector.spread.copy_from_slice(jacobian);
+            projector.spread.chunks_exact_mut(n).for_each(|row| cholesky::solve_lower(n, factor, row));
+            projector.prepare(&coordinates.rows, *floor);
+            loss = projector.loss;
+        }
+        if let Some(projector) = fixed {
+            projector.spread.copy_from_slice(jacobian);
+            projector.prepare(&coordinates.rows, *floor);
+            loss = loss.max(projector.loss);
+        }
+        loss
+    }
+}

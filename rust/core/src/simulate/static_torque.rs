@@ -1,0 +1,66 @@
+//! The torque of a static null space, by another route than the law's: with `J J'` factored, which has no clamp,
+//!
+//! `N' tau_0 = tau_0 - J' (J J')^-1 J tau_0`, `tau_0 = K_n (q_n - q) + D_n (q_n' - v)`. It accelerates the frame by `J M^-1 N' tau_0`.
+
+use crate::law::{CartesianImpedanceSpec, NullProjection};
+use crate::linalg::cholesky;
+use crate::linalg::gain::{AnyGain, Multiply};
+use crate::scalar::Real;
+
+pub struct StaticTorque<S: Real> {
+    stiffness: AnyGain<S>,
+    damping: AnyGain<S>,
+    work: Vec<S>,
+    /// `N' tau_0`, `(n,)`.
+    pub torque: Vec<S>,
+    /// A wrench, `(m,)`.
+    pub wrench: Vec<S>,
+    /// `(m, m)`
+    square: Vec<S>,
+    factor: Vec<S>,
+}
+
+impl<S: Real> StaticTorque<S> {
+    /// Of a law; `None` unless its null space has the static projector.
+    pub fn new(law: &CartesianImpedanceSpec) -> Option<Self> {
+        let null_space = law.options().null_space.as_ref().filter(|null_space| null_space.projection == NullProjection::Static)?;
+        let (n, m) = (law.model.n(), law.coordinates.m());
+        let zeros = |k: usize| vec![S::zero(); k];
+        Some(StaticTorque {
+            stiffness: AnyGain::labelled("null_stiffness", |_| &null_space.stiffness),
+            damping: AnyGain::labelled("null_damping", |_| &null_space.damping),
+            work: zeros(n),
+            torque: zeros(n),
+            wrench: zeros(m),
+            square: zeros(m * m),
+            factor: zeros(m * m),
+        })
+    }
+
+    /// `N' tau_0` at `q`, `v` and `J`, under `posture`, `q_n` and its rate.
+    pub fn evaluate(&mut self, posture: &[S], q: &[S], v: &[S], jacobian: &[S]) {
+        let (n, m) = (q.len(), self.wrench.len());
+        let StaticTorque { stiffness, damping, work, torque, wrench, square, factor } = self;
+        for i in 0..n {
+            work[i] = posture[i] - q[i];
+        }
+        stiffness.multiply(work, torque);
+        for i in 0..n {
+            work[i] = posture[n + i] - v[i];
+        }
+        damping.add_to(work, torque);
+        let row = |k: usize| &jacobian[k * n..(k + 1) * n];
+        let dot = |a: &[S], b: &[S]| a.iter().zip(b).fold(S::zero(), |sum, (&a, &b)| sum + a * b);
+        for k in 0..m {
+            wrench[k] = dot(row(k), torque);
+            for l in 0..m {
+                square[k * m + l] = dot(row(k), row(l));
+            }
+        }
+        cholesky::factor_into(m, square, factor);
+        cholesky::solve(m, factor, wrench);
+        for (k, &share) in wrench.iter().enumerate() {
+            torque.iter_mut().zip(row(k)).for_each(|(torque, &j)| *torque -= j * share);
+        }
+    }
+}
