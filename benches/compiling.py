@@ -41,6 +41,12 @@ INLINE Vector wave(Vector x, long long first) {
   Vector sine = r * z * s + r, cosine = z * z * c + (1.0 - 0.5 * z), value = ((quarter & 1) != 0) ? cosine : sine;
   return (Vector)((Bits)value ^ ((quarter & 2) << 62));
 }
+INLINE Real sqrt(Real x) { Vector y; for (int i = 0; i < WIDTH; i++) y[i] = __builtin_sqrt(x.v[i]); return Real(y); }
+INLINE Real operator<(Real a, Real b) { return Real((a.v < b.v) ? 1.0 - (Vector){} : (Vector){}); }
+INLINE Real operator!(Real a) { return Real((a.v == 0.0) ? 1.0 - (Vector){} : (Vector){}); }
+INLINE Real take(Real where, Real a) { return Real((where.v != 0.0) ? a.v : (Vector){}); }
+INLINE Real larger(Real a, Real b) { return Real((a.v > b.v) ? a.v : b.v); }
+INLINE Real smaller(Real a, Real b) { return Real((a.v < b.v) ? a.v : b.v); }
 INLINE Real sin(Real x) { return Real(wave(x.v, 0)); }
 INLINE Real cos(Real x) { return Real(wave(x.v, 1)); }
 """

@@ -6,6 +6,7 @@ Lanes are those of `compiling.py`; the sine and cosine of one row are the C libr
 from __future__ import annotations
 
 import ctypes
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -17,6 +18,20 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 POOL = ThreadPoolExecutor(2)
+
+# What CasADi writes for a smaller or larger number and for `if_else`, with the functions that lanes have for it.
+CHOICES = (
+    (r"\ncasadi_real casadi_fm", "\nINLINE casadi_real casadi_fm"),
+    (r"return x>y \? x : y;", "return larger(x, y);"),
+    (r"return x<y \? x : y;", "return smaller(x, y);"),
+    (r"\((\w+)\?(\w+):0\)", r"take(\1, \2)"),
+)
+
+SCALARS = """typedef double Real;
+INLINE Real take(Real where, Real a) { return where ? a : 0; }
+INLINE Real larger(Real a, Real b) { return a > b ? a : b; }
+INLINE Real smaller(Real a, Real b) { return a < b ? a : b; }
+"""
 
 LOOP = """
 static __attribute__((noinline)) void rate(const Real* x, const Real* u, Real* d) {
@@ -65,7 +80,9 @@ def source(function: Any, width: int, rest: str, sizes: dict[str, int]) -> str:
     generator = ca.CodeGenerator("generated.c", {"with_header": False, "cpp": True})
     generator.add(function)
     code = generator.dump().replace('extern "C"', "").replace("#define casadi_real double", "#define casadi_real Real")
-    start = "#include <math.h>\n" + (LANES if width > 1 else "typedef double Real;\n")
+    for pattern, other in CHOICES:
+        code = re.sub(pattern, other, code)
+    start = "#include <math.h>\n" + (LANES if width > 1 else SCALARS)
     return "".join(f"#define {name} {value}\n" for name, value in {"WIDTH": width, "INLINE": INLINE, **sizes}.items()) + start + code + rest
 
 

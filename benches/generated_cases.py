@@ -95,6 +95,9 @@ class Laws:
             return al.ElasticImpedance(*asked, *motors, frame=self.frame, axes=names, motor_damping=self.friction)
         return al.CartesianImpedance(*asked, frame=self.frame, axes=names)
 
+    def fill(self, law: str, found: Array) -> None:
+        """The states of a law that do not start at zero, in rows that begin with q."""
+
     def plant(self, law: str) -> Any:
         return al.ElasticArm(self.arm, self.spring, self.motor) if law == "elastic impedance" else al.RigidArm(self.arm)
 
@@ -134,6 +137,7 @@ class Ours:
     def __init__(self, laws: Laws, law: str) -> None:
         n = laws.n
         self.plant, self.law = laws.plant(law), laws.armlet(law)
+        self.fill = partial(laws.fill, law)
         self.starts = 0.1 + np.random.default_rng(1).uniform(-0.05, 0.05, (max(BATCHES), n))
         self.elastic = isinstance(self.plant, al.ElasticArm)
 
@@ -143,6 +147,7 @@ class Ours:
         found[:, :n] = self.starts
         if self.elastic:
             found[:, 2 * n : 3 * n] = self.starts
+        self.fill(found)
         return found
 
     def _from(self, q0: Array) -> dict[str, Any]:

@@ -159,9 +159,8 @@ def redundant(axes: str, options: dict[str, Any], *, moves: bool, eps: float | N
 def test_options_of_redundant_arms_keep_a_target_model(options: str, axes: str) -> None:
     """`F` with the wrenches of the options; with the coupling compensated `M_x (x'' - x_d'')` without `S_x x'`."""
     plant = al.RigidArm(SEVEN)
-    for force in ({"force": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]}, {"force": [5.0, 1.0, 2.0, 0.0, 0.5, 0.0], "force_frame": SEVEN.frame_names[4]}):
-        if "force_frame" not in force and axes == "xyz":
-            force = {"force": force["force"][:3]}
+    own: dict[str, Any] = {"force": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3][: 3 if axes == "xyz" else 6]}
+    for force in (own, {"force": [5.0, 1.0, 2.0, 0.0, 0.5, 0.0], "force_frame": SEVEN.frame_names[4]}):
         for moves in (False, True):
             law = redundant(axes, OPTIONS[options], moves=moves, eps=1e-3)
             run = al.simulate(plant, law, Q0, t_end=0.2, dt=1e-3, check_limits=False, **force)
@@ -186,9 +185,7 @@ def test_what_the_model_has_of_the_options() -> None:
         S_x_dot = np.zeros(3) if coupled else M_x @ (spread @ SEVEN.coriolis_matrix(q, v) @ v - J_dot @ v)
         F = np.full(3, options.get("feedforward", 0.0)) + (run.estimate[70] if run.estimate is not None else 0.0)
         F = F + M_x @ spread @ parts.get("null_torque", np.zeros(7))
-        terms = np.array(
-            [M_x @ (x_ddot - second * coupled), S_x_dot, 40.0 * (J @ v - rate), 400.0 * (SEVEN.position(q, "tcp") - x_d), F]
-        )
+        terms = np.array([M_x @ (x_ddot - second * coupled), S_x_dot, 40.0 * (J @ v - rate), 400.0 * (SEVEN.position(q, "tcp") - x_d), F])
         # Products of matrices of condition 1e3.
         assert np.abs(terms[:4].sum(axis=0) - F).max() < 1e-9
         assert run.monitors["target"][70] == pytest.approx(np.abs(terms).max(), abs=1e-9)

@@ -108,11 +108,7 @@ impl<S: Real> TargetModel<S> {
     ) -> [S; 2] {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = x.split_at(n);
-        if let Some([rate, second]) = &mut self.rates_of_target {
-            rate.copy_from_slice(&desired[m..2 * m]);
-            second.copy_from_slice(&desired[2 * m..3 * m]);
-            turn_rates(&self.coordinates.rows, &desired[..3 * m], rate, second);
-        }
+        self.turn_target(desired);
         arm.error_and_jacobian(&self.coordinates, &desired[..m], &mut self.e, &mut self.jacobian);
         let regular = self.is_regular(n, m);
         arm.mass_matrix(&mut self.mass);
@@ -170,11 +166,24 @@ impl<S: Real> TargetModel<S> {
         if self.elsewhere.is_some() {
             cholesky::solve(m, &self.square_factor, force);
         }
+        self.add_options(&desired[3 * m..], q, &v[..n], z);
+        let found = self.largest_and_worst();
+        let there = S::zero().lt(regular * definite * invertible);
+        found.map(|x| {
+            let x = S::select(there, x, S::zero());
+            loss.map_or(x, |loss| S::select(S::zero().lt(loss), S::zero(), x))
+        })
+    }
+
+    /// What the options of the law add to the force: wrenches, and that of a static null space.
+    fn add_options(&mut self, posture: &[S], q: &[S], v: &[S], z: &[S]) {
+        let (n, m) = (q.len(), self.e.len());
+        let [_, _, _, _, force] = &mut self.terms;
         for added in self.feedforward.as_deref().into_iter().chain((z.len() == m).then_some(z)) {
             force.iter_mut().zip(added).for_each(|(force, &added)| *force += added);
         }
         if let Some(null) = &mut self.static_torque {
-            null.evaluate(&desired[3 * m..], q, &v[..n], &self.jacobian);
+            null.evaluate(posture, q, v, &self.jacobian);
             cholesky::solve_lower(n, &self.factor, &mut null.torque);
             for k in 0..m {
                 null.wrench[k] = dot(&self.spread[k * n..(k + 1) * n], &null.torque);
@@ -182,21 +191,32 @@ impl<S: Real> TargetModel<S> {
             cholesky::solve(m, &self.square_factor, &mut null.wrench);
             force.iter_mut().zip(&null.wrench).for_each(|(force, &added)| *force += added);
         }
+    }
+
+    /// The largest term and the largest residual.
+    fn largest_and_worst(&self) -> [S; 2] {
+        let [inertial, coupling, damping, spring, force] = &self.terms;
         let (mut largest, mut worst) = (S::zero(), S::zero());
-        for k in 0..m {
+        for k in 0..self.e.len() {
             let residual = (inertial[k] + coupling[k] + damping[k] + spring[k] - force[k]).abs();
             // `max` would swallow a NaN.
             worst = S::select(residual.lt(worst), worst, residual);
-            for term in [&inertial, &coupling, &damping, &spring, &force] {
+            for term in [inertial, coupling, damping, spring, force] {
                 let term = term[k].abs();
                 largest = S::select(largest.lt(term), term, largest);
             }
         }
-        let there = S::zero().lt(regular * definite * invertible);
-        [largest, worst].map(|x| {
-            let x = S::select(there, x, S::zero());
-            loss.map_or(x, |loss| S::select(S::zero().lt(loss), S::zero(), x))
-        })
+        [largest, worst]
+    }
+
+    /// `x_d'` and `x_d''` of a target whose rotation vector moves.
+    fn turn_target(&mut self, desired: &[S]) {
+        let m = self.e.len();
+        if let Some([rate, second]) = &mut self.rates_of_target {
+            rate.copy_from_slice(&desired[m..2 * m]);
+            second.copy_from_slice(&desired[2 * m..3 * m]);
+            turn_rates(&self.coordinates.rows, &desired[..3 * m], rate, second);
+        }
     }
 
     /// One where `J` is far enough from a singularity: with rows of length one, the smallest eigenvalue of `J J'` is above `EPS^2`.

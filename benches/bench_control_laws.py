@@ -1,0 +1,54 @@
+"""ratio = time of armlet / time of generated straight-line C, of the laws of `control_cases.py`: equal answers are asserted first.
+
+The C is made and timed as in `bench_generated_c.py`, with the comparisons and roots that these laws need.
+
+    python -P benches/bench_control_laws.py                     every law
+    python -P benches/bench_control_laws.py --laws composite    one of them
+    python -P benches/bench_control_laws.py --readme            the figures of benches/README.md
+"""
+
+from __future__ import annotations
+
+import bench_generated_c as generated
+import casadi
+import control_cases
+import reporting
+import timing
+from generated_cases import BATCHES, Row, loop_row
+
+# Every law on arms that have room for it; the filters of composite adaptation grow with the square of the joints.
+ARMS = {law: ("planar 2R", "planar 4R") if law == "composite" else ("planar 4R", "seven axes") for law in control_cases.CONTROL}
+GOAL = generated.BATCH
+
+
+def verdicts(rows: list[Row]) -> list[reporting.Verdict]:
+    found = generated.verdict("one run", generated.ONE, [(row.pairs["one run"].ratio, row) for row in rows])
+    for runs in BATCHES:
+        name = f"batch of {runs:,}"
+        found += generated.verdict(name, GOAL, [(row.pairs[name].ratio, row) for row in rows])
+    return found
+
+
+def main() -> None:
+    parser = reporting.arguments("armlet's laws of control beside generated straight-line C")
+    parser.add_argument("--laws", nargs="*", default=list(control_cases.CONTROL), help=", ".join(control_cases.CONTROL))
+    options = parser.parse_args()
+    reporting.require_release("bench_control_laws")
+    share, rows = timing.busy(), []
+    for law in options.laws:
+        for name in ARMS[law]:
+            generated.say(f"{name}, {law}")
+            arm = generated.ARMS[name]()
+            steps = generated.steps_of(arm) if law != "composite" else 1000
+            rows.append(loop_row(name, control_cases.ControlLaws(arm, steps), law, steps))
+    cases = [case for row in rows for pair in row.pairs.values() for case in (pair.ours, pair.theirs)]
+    timing.measure(cases, options.rounds, options.core, generated.say)
+    head = reporting.heading(cases, share) + f" CasADi {casadi.CasadiMeta.version()}, g++ {generated.compiler()}."
+    text = [head, "", *reporting.target_table(verdicts(rows)), "", *generated.loop_table(rows)]
+    if any(generated.TWO in row.pairs for row in rows):
+        text += ["", "**Two threads: ns per run and step**", "", *generated.threads_table(rows)]
+    reporting.finish("control_laws", "\n".join(text), options.readme)
+
+
+if __name__ == "__main__":
+    main()
