@@ -9,6 +9,11 @@ The C is made and timed as in `bench_generated_c.py`, with the comparisons and r
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+
 import bench_generated_c as generated
 import casadi
 import control_cases
