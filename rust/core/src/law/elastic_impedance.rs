@@ -7,13 +7,12 @@
 //! `dE/dt = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`, whose last term has no sign.
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
-use super::inertia_reduction::{Reduction, ReductionSpec, described};
-use super::{Build, Definition, Instant, Law, LawSpec, Term};
-use crate::dynamics::{AnyArm, Dynamics, Model};
+use super::inertia_reduction::{Reduction, ReductionSpec, described, reduced_facts};
+use super::{Build, Definition, Instant, Law, Term};
+use crate::dynamics::{AnyArm, Dynamics};
 use crate::kinematics::Coordinates;
-use crate::linalg::{Gain, cholesky};
-use crate::motion::Motion;
-use crate::plant::{PlantKind, PlantSpec};
+use crate::linalg::cholesky;
+use crate::plant::PlantSpec;
 use crate::scalar::Real;
 
 /// Cartesian impedance of an arm with elastic joints, validated.
@@ -34,18 +33,7 @@ impl ElasticImpedanceSpec {
 }
 
 impl Definition for ElasticImpedanceSpec {
-    fn name(&self) -> &'static str {
-        "ElasticImpedance"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Elastic
-    }
-    fn model(&self) -> &Model {
-        &self.outer.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        self.outer.motions()
-    }
+    reduced_facts!("ElasticImpedance");
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.outer.model.n();
@@ -64,15 +52,6 @@ impl Definition for ElasticImpedanceSpec {
     }
     fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         Some(self)
-    }
-    fn reduction(&self) -> Option<&ReductionSpec> {
-        Some(&self.inner)
-    }
-    fn outer(&self) -> Option<LawSpec> {
-        self.outer.outer()
-    }
-    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
-        self.outer.outer_stiffness()
     }
 }
 

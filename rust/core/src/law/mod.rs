@@ -255,12 +255,12 @@ fn require_rows(argument: &str, n: usize, got: usize) -> Result<()> {
     if got == n {
         return Ok(());
     }
-    Err(Error::input(argument, format!("has the wrong number of joints: expected {n}, got {got}")))
+    Err(Error::wrong(argument, "number of joints", n, got))
 }
 
 fn require_size(argument: &str, gain: &Gain, n: usize) -> Result<()> {
     if gain.n() == n {
         return Ok(());
     }
-    Err(Error::input(argument, format!("has the wrong size: expected {n}, got {}", gain.n())))
+    Err(Error::wrong(argument, "size", n, gain.n()))
 }

@@ -5,7 +5,7 @@
 //! with `J'` the rate of `J` in the last term. That form of `S_x x'` needs no inverse of `J`, so it holds for redundant arms too. `x''` is
 //! `J a + J' v` with the acceleration `a` of the plant; the rate of `J` comes from dual numbers. A moving target has `D_m (x' - x_d')`.
 
-use super::problem::Problem;
+use super::{Moment, Monitor, Scope, Watch};
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
 use crate::linalg::cholesky;
@@ -49,10 +49,9 @@ fn dot<S: Real>(a: &[S], b: &[S]) -> S {
 }
 
 impl<S: Real> TargetModel<S> {
-    /// Of run `run`, where [`Problem::watches_target`].
-    pub fn new(problem: &Problem, run: usize) -> Option<Self> {
-        let law = problem.law(run).impedance()?;
-        let plant = problem.plant(run);
+    /// Of a run that has the monitor.
+    fn new(scope: &Scope) -> Option<Self> {
+        let (problem, plant, law) = (scope.problem, scope.plant(), scope.law().impedance()?);
         let (n, m) = (plant.n(), law.coordinates.m());
         let zeros = |k: usize| vec![S::zero(); k];
         Some(TargetModel {
@@ -78,9 +77,9 @@ impl<S: Real> TargetModel<S> {
         })
     }
 
-    /// The largest term of the model and the largest residual, at plant state `x` and input `tau` under the desired motion and the wrench,
-    /// with `arm` moved to its `q`; zeros where `M_x` is not defined.
-    pub fn evaluate(&mut self, arm: &mut ArmAt<S>, (desired, wrench): (&[S], &[S; 6]), x: &[S], tau: &[S]) -> [S; 2] {
+    /// The largest term of the model and the largest residual; zeros where `M_x` is not defined. They are those at plant state `x` and
+    /// input `tau`, under the desired motion and the wrench. `arm` is at its `q`.
+    fn evaluate(&mut self, arm: &mut ArmAt<S>, (desired, wrench): (&[S], &[S; 6]), x: &[S], tau: &[S]) -> [S; 2] {
         let (n, m) = (tau.len(), self.e.len());
         let (q, v) = x.split_at(n);
         arm.error_and_jacobian(&self.coordinates, &desired[..m], &mut self.e, &mut self.jacobian);
@@ -156,5 +155,26 @@ impl<S: Real> TargetModel<S> {
             self.square[k * m + k] -= S::splat(EPS * EPS);
         }
         cholesky::factor_into(m, &self.square, &mut self.square_factor)
+    }
+}
+
+/// As monitors of runs: the largest term and the largest residual.
+pub struct Target;
+
+impl Watch for Target {
+    const NAMES: &'static [&'static str] = &["target", "target_balance"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.target
+    }
+
+    fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(TargetModel::new(scope)?))
+    }
+}
+
+impl<S: Real> Monitor<S> for TargetModel<S> {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        out.copy_from_slice(&TargetModel::evaluate(self, at.arm, (at.desired, at.wrench), at.x, at.tau));
     }
 }
