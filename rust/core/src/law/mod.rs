@@ -146,6 +146,11 @@ macro_rules! laws {
         impl LawSpec {
             /// The laws of the lanes as one, all of the same shape.
             pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
+                Self::of_lanes(&of)
+            }
+
+            /// Compiled once per number, not once per caller.
+            fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
                 match of(0) {
                     $(LawSpec::$law(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
                         LawSpec::$law(law) => law,
