@@ -28,7 +28,7 @@ pub enum Error {
         /// What is wrong with it.
         problem: String,
         /// Where: the first bad index, one number per axis; empty where the whole argument is wrong.
-        index: Vec<usize>,
+        index: Box<[usize]>,
     },
     /// An argument has another shape, or another number of something, than the function takes.
     #[error("{argument} has the wrong {what}: expected {expected}, got {got}{}", at_index(index))]
@@ -38,11 +38,11 @@ pub enum Error {
         /// What of it is wrong, such as "shape" or "number of joints".
         what: &'static str,
         /// What the function takes.
-        expected: String,
+        expected: Box<str>,
         /// What it was given.
-        got: String,
+        got: Box<str>,
         /// Which part of the argument, as in `Input`.
-        index: Vec<usize>,
+        index: Box<[usize]>,
     },
     /// A name is none of those that there are.
     #[error("{argument} is unknown: expected one of {}{}, got {got}", of_kind(kind), listed(available))]
@@ -93,12 +93,13 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// `argument problem`, the form of most refusals of an argument.
     pub fn input(argument: impl Into<String>, problem: impl Into<String>) -> Self {
-        Error::Input { argument: argument.into(), problem: problem.into(), index: Vec::new() }
+        Error::Input { argument: argument.into(), problem: problem.into(), index: Box::default() }
     }
 
     /// An argument of the wrong `what`.
     pub fn wrong(argument: impl Into<String>, what: &'static str, expected: impl ToString, got: impl ToString) -> Self {
-        Error::WrongShape { argument: argument.into(), what, expected: expected.to_string(), got: got.to_string(), index: Vec::new() }
+        let (expected, got) = (expected.to_string().into(), got.to_string().into());
+        Error::WrongShape { argument: argument.into(), what, expected, got, index: Box::default() }
     }
 
     /// An array of the wrong shape.
@@ -120,7 +121,7 @@ impl Error {
     /// The same refusal, which is about the entry at this index.
     pub fn at(mut self, at: impl Into<Vec<usize>>) -> Self {
         if let Error::Input { index, .. } | Error::WrongShape { index, .. } = &mut self {
-            *index = at.into();
+            *index = at.into().into_boxed_slice();
         }
         self
     }

@@ -2,7 +2,7 @@
 
 use crate::arm_common;
 
-use crate::arm_common::close;
+use crate::arm_common::{Rng, close};
 use armlet_core::arm::{Arm, ChainJoint, EXAMPLES, JointKind, JointType, MAX_BYTES, MAX_DEPTH, STANDARD_GRAVITY, Tree, example_urdf};
 use armlet_core::dynamics::{Dynamics, Workspace};
 use armlet_core::error::Error;

@@ -71,6 +71,9 @@ pub trait Monitor<S: Real> {
     fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]);
 }
 
+/// The monitors of a run, each with the number of its series.
+type Series<S> = Vec<(usize, Box<dyn Monitor<S> + Send>)>;
+
 /// A kind of monitor.
 pub trait Watch {
     /// Its series.
@@ -95,8 +98,8 @@ macro_rules! monitors {
             all
         }
 
-        /// The monitors of a run, each with the number of its series.
-        fn build<S: Real>(scope: &Scope) -> Vec<(usize, Box<dyn Monitor<S> + Send>)> {
+        /// The monitors of a run.
+        fn build<S: Real>(scope: &Scope) -> Series<S> {
             let mut all = Vec::new();
             $(if <$kind>::watches(scope) {
                 all.extend(<$kind>::build::<S>(scope).map(|monitor| (<$kind>::NAMES.len(), monitor)));
@@ -129,7 +132,7 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
 /// The monitors of one run: on plain numbers with all routes of a law that decides ranks, or recorded with its regular route.
 pub struct Checks<P: Solve> {
     theory: Theory<P::Number>,
-    monitors: Vec<(usize, Box<dyn Monitor<P::Number> + Send>)>,
+    monitors: Series<P::Number>,
     levels: Option<LevelNorms<P>>,
     /// Numbers of the plant's state, and of norms of levels.
     states: usize,
