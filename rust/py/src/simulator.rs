@@ -316,7 +316,6 @@ impl Simulator {
             let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
             let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
             let elastic = plant.kind().has_motors();
-            let p = law.initial_state().len();
             let mut simulator = Simulator {
                 stepping: Mutex::new(stepping),
                 dt,
@@ -334,7 +333,7 @@ impl Simulator {
                 theta: elastic.then(|| array(n)).transpose()?,
                 theta_dot: elastic.then(|| array(n)).transpose()?,
                 bristles: (plant.bristles() > 0).then(|| array(n)).transpose()?,
-                estimate: (p > 0).then(|| array(p)).transpose()?,
+                estimate: Some(law.initial_state().len()).filter(|&p| p > 0).map(array).transpose()?,
                 start,
                 plant,
                 law,
