@@ -23,9 +23,12 @@ const NAMES: [&str; 16] = [
     "residual_8",
 ];
 
-/// The names of the norms of a law's levels.
+/// The names of the norms of a law's levels; none for a law that only holds one of tasks.
 pub fn names(law: &LawSpec) -> &'static [&'static str] {
-    &NAMES[..NAMES.len().min(2 * law.levels().len())]
+    match law {
+        LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) => &NAMES[..NAMES.len().min(2 * law.levels().len())],
+        _ => &[],
+    }
 }
 
 /// On plain numbers by every route, or recorded by the regular route.
