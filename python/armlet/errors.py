@@ -26,7 +26,21 @@ class ArmletError(Exception):
 
 
 class InputError(ArmletError, ValueError):
-    """An argument is not what the function takes: wrong type, shape, sign, range, or not finite."""
+    """An argument is not what the function takes: wrong type, shape, sign, range, or not finite.
+
+    The message has everything. An error of the core has its parts as data too.
+
+    Attributes:
+        argument: the name of the argument; None where only the message has it.
+        problem: what is wrong with it, without its name and its index; None where only the message has it.
+        index: the first bad index, one number per axis; empty where there is none.
+        available: the names that there are, where a name is unknown.
+    """
+
+    argument: str | None = None
+    problem: str | None = None
+    index: tuple[int, ...] = ()
+    available: tuple[str, ...] = ()
 
 
 class ModelError(InputError):

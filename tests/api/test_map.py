@@ -19,7 +19,7 @@ NAMES = {
     "ros2": r"Ros2|\bros2\b",
     "CentreOfMass": r"CentreOfMass",
     "VelocityArm": r"VelocityArm|\bVelocitySpec",
-    "skewness": r"[sS]kewness",
+    "torque_error": r"TorqueError|torque_error",
 }
 ROWS = re.findall(r"^\| (an? [^|]+?) \| `(\w+)` \| (\d+) \| (`[^|]+`) \|$", PAGE, re.MULTILINE)
 

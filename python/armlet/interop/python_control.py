@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from .._core import Arm, ElasticArm, Law, Plant, RigidArm, VelocityArm
+from .._core import Arm, ElasticArm, Law, Plant, RigidArm
 from ..arguments import finite, number
 from ..border import border
 from ..errors import InputError
@@ -109,7 +109,8 @@ class _Loop:
                 )
         self.plant, self.law, self.arm, self.n = plant, law, plant.arm, plant.arm.n
         n, self.friction = self.n, bool(made.get("friction"))
-        self.elastic, self.velocity = isinstance(plant, ElasticArm), isinstance(plant, VelocityArm)
+        parts = plant._parts
+        self.elastic, self.velocity = "theta" in parts, "v" not in parts
         if law is not None:
             try:
                 # What no loop takes is refused here in the loop's own words.
@@ -120,7 +121,6 @@ class _Loop:
             self.K, self.B = (_matrix(made[name], n) for name in ("stiffness", "motor_inertia"))
             self.D, self.F = (_matrix(0.0 if made.get(name) is None else made[name], n) for name in ("joint_damping", "motor_friction"))
             self.motor_gain = np.linalg.inv(self.B)
-        parts = ("q",) if self.velocity else ("q", "v", "theta", "theta_dot") if self.elastic else ("q", "v")
         self.m = len(parts) * n
         self.p = 0
         if law is not None:

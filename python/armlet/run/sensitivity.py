@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -105,12 +104,11 @@ def naming(function: str, loops: Varied) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        found = re.search(r"a number without a derivative: it (.*) \(first bad index (\d+)\)", str(error))
-        if found is None:
+        if error.argument != "sensitivity" or not error.index:
             raise
-        place = int(found[2])
+        place = error.index[0]
         name = next(named.name for named, part in split(loops.names) if part.start <= place < part.stop)
-        raise InputError(f"{function}: {name} has no derivative: it {found[1]}") from None
+        raise InputError(f"{function}: {name} {error.problem}") from None
 
 
 def _columns(rates: Mapping[str, Array], part: slice) -> dict[str, Array]:

@@ -1,6 +1,7 @@
 """The tables of a scenario: which kinds of arm, plant, motion and law there are, and what each takes.
 
-A new class of the library becomes available in scenario files by one entry here: its keys, and its constructor.
+A class of the extension is available in scenario files if each of its parameters has a field here. A class whose table differs from
+its constructor has an entry.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from ..friction_models import LuGre, StickSlip
 from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from ..samples import stated_samples
+from .derived import classes_of, derived
 from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
 from .guarded import with_guarded
 from .impedance import OPTIONS, impedance, target_of
@@ -142,30 +144,15 @@ def _with_contacts(make: Any) -> Any:
     return plant
 
 
-PLANTS = OneOf(
-    {
-        "RigidArm": Kind(
-            {"friction": Entries({"plain": Flag(), "table": _FRICTION}), "wall": _WALL, "stops": _STOPS},
-            (),
-            _with_contacts(_core.RigidArm),
-            ("arm",),
-        ),
-        "ElasticArm": Kind(
-            {
-                "stiffness": GAIN,
-                "motor_inertia": GAIN,
-                "joint_damping": DAMPING,
-                "motor_friction": Entries({"plain": DAMPING, "table": _FRICTION}),
-                "wall": _WALL,
-                "stops": _STOPS,
-            },
-            ("stiffness", "motor_inertia"),
-            _with_contacts(_core.ElasticArm),
-            ("arm",),
-        ),
-        "VelocityArm": Kind({}, (), _core.VelocityArm, ("arm",)),
-    }
-)
+_PLANT: dict[str, Field] = {
+    "friction": Entries({"plain": Flag(), "table": _FRICTION}),
+    **dict.fromkeys(("stiffness", "motor_inertia"), GAIN),
+    "joint_damping": DAMPING,
+    "motor_friction": Entries({"plain": DAMPING, "table": _FRICTION}),
+    "wall": _WALL,
+    "stops": _STOPS,
+}
+PLANTS = OneOf({each.__name__: derived(each, _PLANT, needs=("arm",), make=_with_contacts(each)) for each in classes_of(_core.Plant)})
 
 MOTIONS = OneOf(
     {
@@ -269,29 +256,28 @@ def _pid(arm: _core.Arm, target: Any, kp: Any, kd: Any, ki: Any = None, **option
     return _core.PID(arm, MOTIONS.make(target, arm=arm) if isinstance(target, Mapping) else target, kp, ki, kd, **options)
 
 
-LAWS = with_guarded(
-    {
-        "Adaptive": _law(_adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
-        "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
-        "PDGravity": _law(_core.PDGravity, _TARGET | _PD),
-        "PID": _law(_pid, _FOLLOWED | _PD, _PID),
-        "CartesianImpedance": _law(impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | OPTIONS),
-        "ElasticImpedance": _law(
-            impedance(_core.ElasticImpedance, MOTIONS),
-            _REACHED | _IMPEDANCE | _REDUCED | _TIP,
-            _FRAME | _INNER | _INNER_OPTIONS | OPTIONS,
-        ),
-        "ElasticTracking": _law(_core.ElasticTracking, _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS, _FOLLOWS),
-        "JointImpedance": _law(_core.JointImpedance, _TARGET | _IMPEDANCE | _REDUCED, _INNER | _INNER_OPTIONS),
-        "MotorPD": _law(_core.MotorPD, _TARGET | _PD, _SPRING | {"online": Flag()}),
-        "StateFeedback": _law(_core.StateFeedback, _TARGET | _PD | {"kt": DAMPING, "ks": DAMPING}, _SPRING),
-        "PriorityVelocity": _law(prioritised(_core.PriorityVelocity, _TASKS), _LEVELS, _METHOD | _BOUNDS),
-        "PriorityAcceleration": _law(prioritised(_core.PriorityAcceleration, _TASKS), _LEVELS, _METHOD | _BOUNDS | _REST),
-    }
-)
-
 #: What an elastic law knows of the plant, by the name it has there; not given, it knows the plant as it is.
 KNOWN = {"joint_stiffness": "stiffness", "motor_inertia": "motor_inertia"}
+
+#: The first two, and laws whose tables differ from their constructors.
+_SPECIAL = {
+    "Adaptive": _law(_adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
+    "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
+    "PID": _law(_pid, _FOLLOWED | _PD, _PID),
+    "CartesianImpedance": _law(impedance(_core.CartesianImpedance, MOTIONS), _REACHED | _IMPEDANCE | _TIP, _FRAME | OPTIONS),
+    "ElasticImpedance": _law(
+        impedance(_core.ElasticImpedance, MOTIONS),
+        _REACHED | _IMPEDANCE | _REDUCED | _TIP,
+        _FRAME | _INNER | _INNER_OPTIONS | OPTIONS,
+    ),
+    "ElasticTracking": _law(_core.ElasticTracking, _IMPEDANCE | _REDUCED | _TIP, _FRAME | _INNER | _INNER_OPTIONS, _FOLLOWS),
+    "PriorityVelocity": _law(prioritised(_core.PriorityVelocity, _TASKS), _LEVELS, _METHOD | _BOUNDS),
+    "PriorityAcceleration": _law(prioritised(_core.PriorityAcceleration, _TASKS), _LEVELS, _METHOD | _BOUNDS | _REST),
+}
+_PLAIN: dict[str, Field] = _TARGET | _PD | _IMPEDANCE | _REDUCED | _INNER | _INNER_OPTIONS
+_PLAIN |= {"online": Flag(), "kt": DAMPING, "ks": DAMPING}
+_KINDS = {each.__name__: derived(each, _PLAIN, needs=_FOLLOWS, known=KNOWN) for each in classes_of(_core.Law, (*_SPECIAL, "Guarded"))}
+LAWS = with_guarded(_SPECIAL | _KINDS)
 
 _CHANNEL = Table({name: NOT_NEGATIVE for name in CHANNELS})
 _TORQUE_SENSOR = Table(

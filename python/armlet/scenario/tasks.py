@@ -7,7 +7,8 @@ from typing import Any
 
 from .. import _core
 from ..errors import InputError
-from .fields import Field, Kind, Numbers, OneOf, Text
+from .derived import classes_of, derived
+from .fields import Field, Numbers, OneOf, Text
 
 __all__ = ["prioritised", "tasks_of"]
 
@@ -17,22 +18,19 @@ TEXT = Text()
 
 def tasks_of(motions: OneOf) -> OneOf:
     """The kinds of tasks. A task has a fixed `target` or a `motion`, with one number per row."""
-    gain: dict[str, Field] = {"gain": Numbers(depth=2, low=0.0), "damping": Numbers(depth=2, low=0.0)}
-    aim: dict[str, Field] = {"target": Numbers(depth=1), "motion": motions}
-
-    def kind(make: Any, required: dict[str, Field], optional: dict[str, Field]) -> Kind:
-        return Kind(required | optional | gain, (*required, "gain"), _with_motion(make, motions))
-
-    return OneOf(
-        {
-            "Task": kind(_core.Task, {"frame": TEXT, "axes": TEXT}, aim),
-            "PostureTask": kind(_core.PostureTask, {}, {"joints": _Names()} | aim),
-            "CentreOfMassTask": kind(_core.CentreOfMassTask, {"axes": TEXT}, aim),
-            "AxisTask": kind(_core.AxisTask, {"frame": TEXT, "axis": VECTOR}, aim),
-            "RelativeTask": kind(_core.RelativeTask, {"frame": TEXT, "reference": TEXT, "axes": TEXT}, aim),
-            "JointLimitTask": kind(_core.JointLimitTask, {}, {"margin": Numbers(low=0.0, strict=True), "joints": _Names()}),
-        }
-    )
+    matrix = Numbers(depth=2, low=0.0)
+    fields: dict[str, Field] = {
+        **dict.fromkeys(("frame", "reference", "axes"), TEXT),
+        "axis": VECTOR,
+        "joints": _Names(),
+        "margin": Numbers(low=0.0, strict=True),
+        "target": Numbers(depth=1),
+        "motion": motions,
+        "gain": matrix,
+        "damping": matrix,
+    }
+    classes = [_core.Task, _core.PostureTask, *classes_of(_core.Task, ("PostureTask",))]
+    return OneOf({each.__name__: derived(each, fields, required=("gain",), make=_with_motion(each, motions)) for each in classes})
 
 
 class _Names(Field):

@@ -21,12 +21,40 @@ use crate::status::Status;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// An argument is not what the function takes: `argument problem: expected .., got .. (first bad index ..)`.
-    #[error("{argument} {problem}")]
+    #[error("{argument} {problem}{}", at_index(index))]
     Input {
         /// Name of the argument.
         argument: String,
         /// What is wrong with it.
         problem: String,
+        /// Where: the first bad index, one number per axis; empty where the whole argument is wrong.
+        index: Box<[usize]>,
+    },
+    /// An argument has another shape, or another number of something, than the function takes.
+    #[error("{argument} has the wrong {what}: expected {expected}, got {got}{}", at_index(index))]
+    WrongShape {
+        /// Name of the argument.
+        argument: String,
+        /// What of it is wrong, such as "shape" or "number of joints".
+        what: &'static str,
+        /// What the function takes.
+        expected: Box<str>,
+        /// What it was given.
+        got: Box<str>,
+        /// Which part of the argument, as in `Input`.
+        index: Box<[usize]>,
+    },
+    /// A name is none of those that there are.
+    #[error("{argument} is unknown: expected one of {}{}, got {got}", of_kind(kind), listed(available))]
+    Unknown {
+        /// Name of the argument.
+        argument: String,
+        /// What is named, such as "frames"; empty where the argument says it.
+        kind: &'static str,
+        /// The names that there are.
+        available: Vec<String>,
+        /// The name that was given.
+        got: String,
     },
     /// A robot model is not well formed; `line` is 1-based in `file`.
     #[error("{file}:{line}: {problem}")]
@@ -63,18 +91,106 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// `argument problem`, the form of every refusal of an argument.
+    /// `argument problem`, the form of most refusals of an argument.
     pub fn input(argument: impl Into<String>, problem: impl Into<String>) -> Self {
-        Error::Input { argument: argument.into(), problem: problem.into() }
+        Error::Input { argument: argument.into(), problem: problem.into(), index: Box::default() }
+    }
+
+    /// An argument of the wrong `what`.
+    pub fn wrong(argument: impl Into<String>, what: &'static str, expected: impl ToString, got: impl ToString) -> Self {
+        let (expected, got) = (expected.to_string().into(), got.to_string().into());
+        Error::WrongShape { argument: argument.into(), what, expected, got, index: Box::default() }
+    }
+
+    /// An array of the wrong shape.
+    pub fn wrong_shape(argument: impl Into<String>, expected: &[usize], got: &[usize]) -> Self {
+        Error::wrong(argument, "shape", tuple(expected), tuple(got))
+    }
+
+    /// A name that is none of the `kind`'s.
+    pub fn unknown<T: Into<String>>(
+        argument: impl Into<String>,
+        kind: &'static str,
+        available: impl IntoIterator<Item = T>,
+        got: impl Into<String>,
+    ) -> Self {
+        let available = available.into_iter().map(Into::into).collect();
+        Error::Unknown { argument: argument.into(), kind, available, got: got.into() }
+    }
+
+    /// The same refusal, which is about the entry at this index.
+    pub fn at(mut self, at: impl Into<Vec<usize>>) -> Self {
+        if let Error::Input { index, .. } | Error::WrongShape { index, .. } = &mut self {
+            *index = at.into().into_boxed_slice();
+        }
+        self
     }
 
     /// The same refusal under the name that the argument has for the caller.
-    pub fn of_argument(self, argument: impl Into<String>) -> Self {
+    pub fn of_argument(mut self, name: impl Into<String>) -> Self {
+        if let Error::Input { argument, .. } | Error::WrongShape { argument, .. } | Error::Unknown { argument, .. } = &mut self {
+            *argument = name.into();
+        }
+        self
+    }
+
+    /// What is wrong with the argument that was refused: the message between its name and its index.
+    pub fn problem(&self) -> Option<String> {
+        let text = self.to_string();
+        let end = text.len() - at_index(self.index()).len();
+        self.argument().map(|argument| text[argument.len() + 1..end].to_string())
+    }
+
+    /// The argument that was refused.
+    pub fn argument(&self) -> Option<&str> {
         match self {
-            Error::Input { problem, .. } => Error::input(argument, problem),
-            other => other,
+            Error::Input { argument, .. } | Error::WrongShape { argument, .. } | Error::Unknown { argument, .. } => Some(argument),
+            Error::Model { .. } | Error::Solve { .. } | Error::Format(_) | Error::Memory { .. } => None,
         }
     }
+
+    /// The first bad index of the argument that was refused, one number per axis; empty where there is none.
+    pub fn index(&self) -> &[usize] {
+        match self {
+            Error::Input { index, .. } | Error::WrongShape { index, .. } => index,
+            _ => &[],
+        }
+    }
+
+    /// The names that there are, where one was unknown.
+    pub fn available(&self) -> &[String] {
+        if let Error::Unknown { available, .. } = self { available } else { &[] }
+    }
+}
+
+/// `(first bad index ..)`, or nothing.
+fn at_index(index: &[usize]) -> String {
+    match index {
+        [] => String::new(),
+        [i] => format!(" (first bad index {i})"),
+        more => format!(" (first bad index {})", tuple(more)),
+    }
+}
+
+/// As Python writes a tuple.
+fn tuple(numbers: &[usize]) -> String {
+    match numbers {
+        [one] => format!("({one},)"),
+        more => format!("({})", more.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+fn of_kind(kind: &str) -> String {
+    if kind.is_empty() { String::new() } else { format!("the {kind} ") }
+}
+
+/// A long list is cut: a message is for reading.
+const NAMES_SHOWN: usize = 20;
+
+/// The first names, and how many more there are.
+pub(crate) fn listed<T: AsRef<str>>(names: &[T]) -> String {
+    let shown = names.iter().take(NAMES_SHOWN).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
+    if names.len() > NAMES_SHOWN { format!("{shown} and {} more", names.len() - NAMES_SHOWN) } else { shown }
 }
 
 /// Numbers that are read between two looks whether to stop.
@@ -112,7 +228,7 @@ pub fn finite(argument: &str, values: &[f64]) -> Result<()> {
     match values.iter().position(|x| !x.is_finite()) {
         None => Ok(()),
         Some(i) if values.len() == 1 => Err(Error::input(argument, format!("is not finite: expected a finite number, got {}", values[i]))),
-        Some(i) => Err(Error::input(argument, format!("is not finite: expected finite numbers, got {} (first bad index {i})", values[i]))),
+        Some(i) => Err(Error::input(argument, format!("is not finite: expected finite numbers, got {}", values[i])).at([i])),
     }
 }
 

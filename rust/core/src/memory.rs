@@ -45,9 +45,13 @@ fn extend<T: Clone>(out: &mut Vec<T>, n: usize, value: &T) {
 }
 
 /// `n` copies of `value`, where there is memory for them: [`require`] has said so of the whole that they belong to.
-pub fn copies<T: Clone>(n: usize, value: T) -> Vec<T> {
+pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     let mut out = Vec::with_capacity(n);
-    extend(&mut out, n, &value);
+    while out.len() < n {
+        look();
+        // By their bytes: clones of a structure are made field by field.
+        out.extend((0..PIECE.min(n - out.len())).map(|_| value));
+    }
     out
 }
 

@@ -136,6 +136,45 @@ pub fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usi
     }
 }
 
+/// `repr` and pickling of a base class with the fields `arm` and `arguments`.
+macro_rules! stands_on_arm {
+    ($class:ident) => {
+        #[entered]
+        #[pymethods]
+        impl $class {
+            fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
+                $crate::arguments::shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
+            }
+
+            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::arguments::Call<'py>> {
+                $crate::arguments::call(py, Some(self.arm.bind(py)), &self.arguments)
+            }
+
+            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
+                $crate::seal::seal_new(slf.as_any())
+            }
+        }
+    };
+}
+
+/// Pickling of a base class with the field `arguments`.
+macro_rules! made_of_arguments {
+    ($class:ident) => {
+        #[entered]
+        #[pymethods]
+        impl $class {
+            fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<$crate::arguments::Call<'py>> {
+                $crate::arguments::call(py, None, &self.arguments)
+            }
+
+            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<$crate::seal::Sealed<'py>> {
+                $crate::seal::seal_new(slf.as_any())
+            }
+        }
+    };
+}
+pub(crate) use {made_of_arguments, stands_on_arm};
+
 /// `Name(arm, argument=value, ..)`.
 pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
     let py = object.py();
@@ -149,12 +188,17 @@ pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&
     Ok(format!("{}({})", object.get_type().name()?, parts.join(", ")))
 }
 
-/// The call that makes the object anew.
-pub fn call<'py>(arm: &Bound<'py, Arm>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
-    let keywords = PyDict::new(arm.py());
-    keywords.set_item("arm", arm)?;
+/// The arguments of a call.
+pub type Call<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
+
+/// The call that makes the object anew, on its arm if it has one.
+pub fn call<'py>(py: Python<'py>, arm: Option<&Bound<'py, Arm>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<Call<'py>> {
+    let keywords = PyDict::new(py);
+    if let Some(arm) = arm {
+        keywords.set_item("arm", arm)?;
+    }
     for (name, value) in arguments {
         keywords.set_item(name, value)?;
     }
-    Ok((PyTuple::empty(arm.py()), keywords))
+    Ok((PyTuple::empty(py), keywords))
 }

@@ -5,7 +5,7 @@ use armlet_core::status::Status;
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::PyType;
+use pyo3::types::{PyTuple, PyType};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A class of `armlet.errors`, imported once.
@@ -26,7 +26,17 @@ fn raise(py: Python<'_>, name: &'static str, arguments: impl for<'a> pyo3::call:
 pub fn to_python(py: Python<'_>, function: &str, error: Error) -> PyErr {
     let message = format!("{function}: {error}");
     match error {
-        Error::Input { .. } => raise(py, "InputError", (message,)),
+        Error::Input { .. } | Error::WrongShape { .. } | Error::Unknown { .. } => {
+            let raised = raise(py, "InputError", (message,));
+            let about = || -> PyResult<()> {
+                let value = raised.value(py);
+                value.setattr("argument", error.argument())?;
+                value.setattr("problem", error.problem())?;
+                value.setattr("index", PyTuple::new(py, error.index())?)?;
+                value.setattr("available", PyTuple::new(py, error.available())?)
+            };
+            about().err().unwrap_or(raised)
+        }
         Error::Model { file, line, .. } => raise(py, "ModelError", (message, file, line)),
         Error::Solve { status, t, .. } => raise(py, "SolveError", (message, status.code(), t)),
         Error::Format(_) => raise(py, "FormatError", (message,)),

@@ -28,9 +28,9 @@ pub fn friction(function: &'static str, n: usize, argument: &str, value: &Bound<
             || input_error(value.py(), function, &format!("{argument}.{name}"), "is missing: expected a scalar or (n,), got None");
         Ok(read(name)?.ok_or_else(missing)?)
     };
-    let own = |error| match error {
-        Error::Input { argument: name, problem } => Error::input(format!("{argument}.{name}"), problem),
-        other => other,
+    let own = |error: Error| match error.argument().map(|name| format!("{argument}.{name}")) {
+        Some(name) => error.of_argument(name),
+        None => error,
     };
     let curve = FrictionCurve::new(needed("coulomb")?, read("static")?, read("stribeck_speed")?, read("viscous")?, read("load_ratio")?);
     let curve = curve.map_err(own)?;

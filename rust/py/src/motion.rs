@@ -1,19 +1,19 @@
 //! `armlet.Motion` and its members.
 
+use crate::arguments::made_of_arguments;
 use crate::arrays::{
     Axis, Form, Looked, SCALAR, any_vector, copied, elements, new_vector, number, numbers, optional_number, owned, require_finite, spread,
     vector, written_arrays,
 };
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
-use crate::seal::{Sealed, seal_new};
 use armlet_core::error::Error;
 use armlet_core::interrupt::look;
 use armlet_core::memory;
 use armlet_core::motion::{self, Motion as Core};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyFloat, PyInt, PyTuple};
+use pyo3::types::{PyFloat, PyInt};
 
 /// A desired motion: `motion(t)` gives `q_d, v_d, a_d`, each `(n,)`. The base of all motions.
 #[pyclass(frozen, subclass, module = "armlet", name = "Motion")]
@@ -22,6 +22,8 @@ pub struct Motion {
     /// What the constructor was given, for `repr` and pickling.
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
+
+made_of_arguments!(Motion);
 
 impl Motion {
     pub fn new(core: Core, arguments: Vec<(&'static str, Bound<'_, PyAny>)>) -> Self {
@@ -113,18 +115,6 @@ impl Motion {
             Ok(format!("{name}={}", value.repr()?))
         });
         Ok(format!("{}({})", slf.get_type().name()?, parts.collect::<PyResult<Vec<_>>>()?.join(", ")))
-    }
-
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
-        let keywords = PyDict::new(py);
-        for (name, value) in &self.arguments {
-            keywords.set_item(name, value)?;
-        }
-        Ok((PyTuple::empty(py), keywords))
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
-        seal_new(slf.as_any())
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {

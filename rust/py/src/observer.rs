@@ -314,7 +314,7 @@ impl MomentumObserver {
 
     /// Made anew, with its thresholds and what it remembers.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
-        let (_, keywords) = call(self.arm.bind(py), &self.arguments)?;
+        let (_, keywords) = call(py, Some(self.arm.bind(py)), &self.arguments)?;
         let observed = self.observed(py);
         let ObserverState { residual, momentum, drift } = observed.core.state().clone();
         let thresholds = observed.core.thresholds().map(<[f64]>::to_vec);

@@ -1,6 +1,6 @@
 //! `armlet.RigidArm`, `armlet.ElasticArm`, `armlet.VelocityArm` and the wall that plants touch.
 
-use crate::arguments::{Arguments, call, shown_as};
+use crate::arguments::{Arguments, stands_on_arm};
 use crate::arm::Arm;
 use crate::arrays::{number, object, text, three};
 use crate::errors::{Failure, entry};
@@ -27,19 +27,15 @@ impl Arguments<'_> {
     }
 }
 
+stands_on_arm!(Plant);
+
 #[entered]
 #[pymethods]
 impl Plant {
-    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-        shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
-    }
-
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
-        call(self.arm.bind(py), &self.arguments)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
-        seal_new(slf.as_any())
+    /// The parts of the state, one number per joint each.
+    #[getter]
+    fn _parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.spec.kind().parts())
     }
 }
 

@@ -7,7 +7,7 @@ use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
 use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
-use crate::simulator_state::{fastest, finite_vector, require_known, state_of, wrench};
+use crate::simulator_state::{complete, fastest, finite_vector, state_of, wrench};
 use crate::warnings::LimitCheck;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::PlantSpec;
@@ -273,14 +273,7 @@ impl Simulator {
         entry(py, NAME, || {
             let made_of = (plant, law, q0, keywords.copy()?);
             let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
-            require_known(NAME, &keywords)?;
-            for (name, value) in [("record_every", 1), ("t_end", 0)] {
-                keywords.set_item(name, value)?;
-            }
-            keywords.set_item("monitors", false)?;
-            if !keywords.contains("method")? {
-                keywords.set_item("method", "rk4")?;
-            }
+            complete(NAME, &keywords)?;
             let raised = Raised::default();
             let has_law = !law.is_none();
             let law = if has_law {
@@ -323,7 +316,6 @@ impl Simulator {
             let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
             let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
             let elastic = plant.kind().has_motors();
-            let p = law.initial_state().len();
             let mut simulator = Simulator {
                 stepping: Mutex::new(stepping),
                 dt,
@@ -341,7 +333,7 @@ impl Simulator {
                 theta: elastic.then(|| array(n)).transpose()?,
                 theta_dot: elastic.then(|| array(n)).transpose()?,
                 bristles: (plant.bristles() > 0).then(|| array(n)).transpose()?,
-                estimate: (p > 0).then(|| array(p)).transpose()?,
+                estimate: Some(law.initial_state().len()).filter(|&p| p > 0).map(array).transpose()?,
                 start,
                 plant,
                 law,

@@ -64,12 +64,19 @@ pub fn fastest(v: &[f64]) -> String {
 const KNOWN: [&str; 11] =
     ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max", "state_limit", "check_limits"];
 
-/// Refuse keywords that a `Simulator` does not take.
-pub fn require_known(function: &str, keywords: &Bound<'_, PyDict>) -> Result<(), Failure> {
-    match keywords.keys().iter().map(|key| key.to_string()).find(|key| !KNOWN.contains(&key.as_str())) {
-        None => Ok(()),
-        Some(key) => Err(input_error(keywords.py(), function, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into()),
+/// Refuse keywords that a `Simulator` does not take, and put in those that it needs besides.
+pub fn complete(function: &str, keywords: &Bound<'_, PyDict>) -> Result<(), Failure> {
+    if let Some(key) = keywords.keys().iter().map(|key| key.to_string()).find(|key| !KNOWN.contains(&key.as_str())) {
+        return Err(input_error(keywords.py(), function, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into());
     }
+    for (name, value) in [("record_every", 1), ("t_end", 0)] {
+        keywords.set_item(name, value)?;
+    }
+    keywords.set_item("monitors", false)?;
+    if !keywords.contains("method")? {
+        keywords.set_item("method", "rk4")?;
+    }
+    Ok(())
 }
 
 /// The force of one step, where a push can act: see `Simulator::pushed`.

@@ -21,7 +21,7 @@ fn bodies(pi: &[f64]) -> Result<&[[f64; PARAMETERS]]> {
     finite("pi", pi)?;
     match pi.as_chunks::<PARAMETERS>() {
         (bodies, []) => Ok(bodies),
-        _ => Err(Error::input("pi", format!("has the wrong length: expected a multiple of {PARAMETERS}, got {}", pi.len()))),
+        _ => Err(Error::wrong("pi", "length", format!("a multiple of {PARAMETERS}"), pi.len())),
     }
 }
 

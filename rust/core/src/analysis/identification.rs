@@ -94,7 +94,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> 
     let samples = q.len() / n;
     for (name, x) in [("q", q), ("v", v), ("a", a), ("tau", tau)] {
         if x.len() != samples * n {
-            return Err(Error::input(name, format!("has the wrong length: expected {}, got {}", samples * n, x.len())));
+            return Err(Error::wrong(name, "length", samples * n, x.len()));
         }
         finite(name, x)?;
     }

@@ -100,8 +100,8 @@ pub fn suggest_gains(model: &Model, bandwidth: f64, damping_ratio: f64, sample_t
         ));
     }
     if let Some(i) = gains.kp().iter().chain(&gains.kd()).position(|k| !k.is_finite()) {
-        let problem = format!("makes gains that overflow: expected finite ones, got {bandwidth} rad/s (first bad index {})", i % model.n());
-        return Err(Error::input("bandwidth", problem));
+        let problem = format!("makes gains that overflow: expected finite ones, got {bandwidth} rad/s");
+        return Err(Error::input("bandwidth", problem).at([i % model.n()]));
     }
     Ok(gains)
 }
@@ -133,8 +133,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
         Ok(())
     })?;
     if let Some(i) = largest.iter().position(|m| !(*m > 0.0 && m.is_finite())) {
-        let problem = format!("has no inertia at a joint: expected diag M(q) > 0, got {} (first bad index {i})", largest[i]);
-        return Err(Error::input("arm", problem));
+        return Err(Error::input("arm", format!("has no inertia at a joint: expected diag M(q) > 0, got {}", largest[i])).at([i]));
     }
     let (mut most, mut least) = (0.0f64, f64::INFINITY);
     visit(&mut |mass| {

@@ -25,7 +25,7 @@ impl Convention {
         match name {
             "standard" => Ok(Convention::Standard),
             "modified" => Ok(Convention::Modified),
-            _ => Err(Error::input("convention", format!("is unknown: expected one of standard, modified, got {name}"))),
+            _ => Err(Error::unknown("convention", "", ["standard", "modified"], name)),
         }
     }
 }
@@ -97,13 +97,12 @@ impl Arm {
         for (what, values) in [("lengths", Some(lengths)), ("masses", masses), ("coms", coms), ("inertias", inertias)] {
             let Some(values) = values else { continue };
             if values.len() != lengths.len() {
-                let problem = format!("has the wrong length: expected {} (one per link), got {}", lengths.len(), values.len());
-                return Err(Error::input(what, problem));
+                return Err(Error::wrong(what, "length", format!("{} (one per link)", lengths.len()), values.len()));
             }
             finite(what, values)?;
             // A link of length zero puts two axes on one another, and is welcome.
             if let (Some(k), true) = (values.iter().position(|&x| x < 0.0), what != "coms") {
-                return Err(Error::input(what, format!("is negative: expected >= 0, got {} (first bad index {k})", values[k])));
+                return Err(Error::input(what, format!("is negative: expected >= 0, got {}", values[k])).at([k]));
             }
         }
         if lengths.is_empty() {

@@ -3,7 +3,7 @@
 use super::mimic::Leader;
 use super::urdf::negative_moment;
 use super::{Arm, Frame, JointKind, Mimic, writable};
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, Result, finite, listed};
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Sym3, Vector, Vector3};
 
 impl Arm {
@@ -35,10 +35,7 @@ impl Arm {
         for (i, j) in [(0, 1), (0, 2), (1, 2)] {
             if (inertia[i][j] - inertia[j][i]).abs() > 1e-12 * largest {
                 let (a, b) = (inertia[i][j], inertia[j][i]);
-                return Err(Error::input(
-                    "inertia",
-                    format!("is not symmetric: expected equal entries, got {a} and {b} (first bad index ({i}, {j}))"),
-                ));
+                return Err(Error::input("inertia", format!("is not symmetric: expected equal entries, got {a} and {b}")).at([i, j]));
             }
         }
         let at = self.frames[self.frame_index(frame)?].clone();
@@ -140,7 +137,7 @@ impl Arm {
         self.mimics_of(&mut arm, |i| index[i])?;
         let gone: Vec<&str> = (0..self.joints.len()).filter(|&i| !kept[i]).map(|i| self.joints[i].name.as_str()).collect();
         if !gone.is_empty() {
-            arm.report.push(format!("dropped: joints outside the sub-chain, and what they carry: {}", super::listed(&gone)));
+            arm.report.push(format!("dropped: joints outside the sub-chain, and what they carry: {}", listed(&gone)));
         }
         Ok(arm)
     }

@@ -5,8 +5,8 @@
 //! Coulomb friction. The leader's range is the part that the follower's limits also allow. The effort limit is that of the leader, whose
 //! motor moves all of them.
 
-use super::{Arm, Joint, Limits, listed};
-use crate::error::{Error, Result, finite};
+use super::{Arm, Joint, Limits};
+use crate::error::{Error, Result, finite, listed};
 use crate::interrupt::look;
 
 /// A joint that follows another one.
@@ -242,7 +242,7 @@ impl Arm {
         let told = |m: &Mimic| format!("{} = {} {} + {}", self.joints[m.joint].name, m.multiplier, self.joints[m.leader].name, m.offset);
         let lines: Vec<String> = self.mimics.iter().map(told).collect();
         if !lines.is_empty() {
-            self.report.push(format!("joined with their leaders: {}", listed(&lines.iter().map(String::as_str).collect::<Vec<_>>())));
+            self.report.push(format!("joined with their leaders: {}", listed(&lines)));
         }
     }
 }

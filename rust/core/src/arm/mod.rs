@@ -126,10 +126,7 @@ impl Arm {
     /// The arm with other inertial parameters: any finite numbers.
     pub fn with_parameters(&self, pi: &[f64]) -> Result<Arm> {
         if pi.len() != PARAMETERS * self.joints.len() {
-            return Err(Error::input(
-                "parameters",
-                format!("has the wrong length: expected {} (10 per joint), got {}", PARAMETERS * self.joints.len(), pi.len()),
-            ));
+            return Err(Error::wrong("parameters", "length", format!("{} (10 per joint)", PARAMETERS * self.joints.len()), pi.len()));
         }
         finite("parameters", pi)?;
         let mut arm = self.clone();
@@ -152,7 +149,7 @@ impl Arm {
         for (name, values, part) in parts {
             let Some(values) = values else { continue };
             if values.len() != self.n() {
-                return Err(Error::input(name, format!("has the wrong length: expected {}, got {}", self.n(), values.len())));
+                return Err(Error::wrong(name, "length", self.n(), values.len()));
             }
             finite(name, values)?;
             for (i, &value) in self.independent_indices().into_iter().zip(values) {
@@ -170,12 +167,12 @@ impl Arm {
 
     /// Index of a frame; a wrong name is answered with the names there are.
     pub fn frame_index(&self, name: &str) -> Result<usize> {
-        index_of(self.frame_names(), name).ok_or_else(|| unknown("frame", name, "frames", self.frame_names()))
+        index_of(self.frame_names(), name).ok_or_else(|| Error::unknown("frame", "frames", self.frame_names(), name))
     }
 
     /// Index of a joint; a wrong name is answered with the names there are.
     pub fn joint_index(&self, name: &str) -> Result<usize> {
-        index_of(self.joint_names(), name).ok_or_else(|| unknown("joint", name, "joints", self.joint_names()))
+        index_of(self.joint_names(), name).ok_or_else(|| Error::unknown("joint", "joints", self.joint_names(), name))
     }
 }
 
@@ -190,18 +187,4 @@ pub(crate) fn writable(argument: &str, name: &str) -> Result<()> {
 
 fn index_of<'a>(mut names: impl Iterator<Item = &'a str>, name: &str) -> Option<usize> {
     names.position(|known| known == name)
-}
-
-/// A long list is cut: a message is for reading.
-const NAMES_SHOWN: usize = 20;
-
-/// The first names, and how many more there are.
-pub(crate) fn listed(names: &[&str]) -> String {
-    let shown = names.iter().take(NAMES_SHOWN).copied().collect::<Vec<_>>().join(", ");
-    if names.len() > NAMES_SHOWN { format!("{shown} and {} more", names.len() - NAMES_SHOWN) } else { shown }
-}
-
-pub(crate) fn unknown<'a>(argument: &str, name: &str, kind: &str, names: impl Iterator<Item = &'a str>) -> Error {
-    let all: Vec<&str> = names.collect();
-    Error::input(argument, format!("is unknown: expected one of the {kind} {}, got {name}", listed(&all)))
 }

@@ -23,10 +23,16 @@ pub fn forward_dynamics<S: Real>(
     tau: &[S],
     a: &mut [S],
 ) {
-    let n = tree.bodies.len();
+    place(tree, poses, bodies, trig, q, v);
+    gather(tree, poses, bodies, tau);
+    accelerate(tree, poses, bodies, a);
+}
+
+/// Outwards: poses, velocities, and each body's own inertia and forces.
+fn place<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], bodies: &mut [Articulated<S>], trig: &[(S, S)], q: &[S], v: &[S]) {
     let base = || (Pose::identity(), Vector3::zero());
     let mut last = base();
-    for i in 0..n {
+    for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
         let (parent, w_p) = from_parent(body.parent, i, last, |p| (poses[p], bodies[p].w), base);
         let pose = place_body(body, &parent, trig[i], q[i]);
@@ -62,9 +68,13 @@ pub fn forward_dynamics<S: Real>(
         poses[i] = pose;
         last = (pose, w);
     }
+}
+
+/// Inwards: the articulated inertia of each subtree, seen from its joint.
+fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], tau: &[S]) {
     // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Handle::default(), BASE);
-    for i in (0..n).rev() {
+    for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];
         let z = poses[i].z();
         let me = &mut bodies[i];
@@ -105,9 +115,13 @@ pub fn forward_dynamics<S: Real>(
             bodies[body.parent].handle = bodies[body.parent].handle.plus(&moved);
         }
     }
+}
+
+/// Outwards: the acceleration of each joint, given those of the joints that carry it.
+fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], a: &mut [S]) {
     let ground = || (-tree.gravity.lift::<S>(), Vector3::zero());
     let mut last = ground();
-    for i in 0..n {
+    for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
         let (a_p, wd_p) = from_parent(body.parent, i, last, |p| (bodies[p].a, bodies[p].wd), ground);
         let z = poses[i].z();

@@ -28,20 +28,18 @@ fn trace<S: Real>(k: &Matrix3<S>) -> S {
     k[(0, 0)] + k[(1, 1)] + k[(2, 2)]
 }
 
-pub fn coriolis_matrix<S: Real>(
+/// Outwards: poses, velocities, the columns of the joints, and what each body adds to its subtree.
+fn place<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
     composites: &mut [Composite<S>],
     columns: &mut [Column<S>],
-    trig: &[(S, S)],
-    q: &[S],
+    (trig, q): (&[(S, S)], &[S]),
     v: &[S],
-    c: &mut [S],
 ) {
-    let n = tree.bodies.len();
     let base = || (Pose::identity(), Vector3::zero(), Vector3::zero());
     let mut last = base();
-    for i in 0..n {
+    for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
         let (parent, w_p, velocity_p) = from_parent(body.parent, i, last, |p| (poses[p], columns[p].w, columns[p].velocity), base);
         let pose = place_body(body, &parent, trig[i], q[i]);
@@ -59,6 +57,20 @@ pub fn coriolis_matrix<S: Real>(
         poses[i] = pose;
         last = (pose, w, velocity);
     }
+}
+
+pub fn coriolis_matrix<S: Real>(
+    tree: &Tree<S>,
+    poses: &mut [Pose<S>],
+    composites: &mut [Composite<S>],
+    columns: &mut [Column<S>],
+    trig: &[(S, S)],
+    q: &[S],
+    v: &[S],
+    c: &mut [S],
+) {
+    place(tree, poses, composites, columns, (trig, q), v);
+    let n = tree.bodies.len();
     set(c, S::zero());
     // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);

@@ -5,7 +5,8 @@
 //! subtree's second moment about the joint, or for a slide with its mass.
 
 use super::{Dynamics, Workspace, aba};
-use crate::arm::{Arm, BASE, Joint, JointKind, Tree, listed};
+use crate::arm::{Arm, BASE, Joint, JointKind, Tree};
+use crate::error::listed;
 use crate::spatial::Inertia;
 use std::f64::consts::PI;
 

@@ -49,13 +49,12 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
     }
 }
 
-/// The same in the coordinates of the bodies' own joints.
-pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
-    let n = tree.bodies.len();
+/// Outwards: poses, velocities and accelerations, and how each joint changes those of the bodies that it carries.
+fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S, S)], &[S]), v: &[S], a: &[S]) {
     let Workspace { poses, composites, slopes, .. } = ws;
     let ground = Slope { a: -tree.gravity.lift::<S>(), ..Slope::default() };
     let root = Pose::identity();
-    for i in 0..n {
+    for i in 0..tree.bodies.len() {
         let body = &tree.bodies[i];
         let (parent, up) = if body.parent == BASE { (&root, &ground) } else { (&poses[body.parent], &slopes[body.parent]) };
         let pose = place_body(body, parent, trig[i], q[i]);
@@ -90,6 +89,13 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
         poses[i] = pose;
         slopes[i] = me;
     }
+}
+
+/// The same in the coordinates of the bodies' own joints.
+pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
+    place_slopes(tree, ws, (trig, q), v, a);
+    let n = tree.bodies.len();
+    let Workspace { poses, composites, slopes, .. } = ws;
     set(d, S::zero());
     for j in (0..n).rev() {
         look_at_row(j);

@@ -169,15 +169,12 @@ impl Evaluator {
 pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> Result<()> {
     let names = query.inputs();
     if inputs.len() != names.len() {
-        return Err(Error::input(
-            "inputs",
-            format!("has the wrong length: expected {} ({}), got {}", names.len(), names.join(", "), inputs.len()),
-        ));
+        return Err(Error::wrong("inputs", "length", format!("{} ({})", names.len(), names.join(", ")), inputs.len()));
     }
     for (k, (name, given)) in names.iter().zip(inputs).enumerate() {
         let want = count * query.input_length(k, size.n);
         if given.len() != want {
-            return Err(Error::input(*name, format!("has the wrong length: expected {want}, got {}", given.len())));
+            return Err(Error::wrong(*name, "length", want, given.len()));
         }
     }
     for (name, given) in query.inputs().iter().zip(inputs) {
@@ -189,7 +186,7 @@ pub(super) fn check(query: &Query, inputs: &[&[f64]], count: usize, size: Size, 
     }
     let want = count * query.length(size);
     if out != want {
-        return Err(Error::input("out", format!("has the wrong length: expected {want}, got {out}")));
+        return Err(Error::wrong("out", "length", want, out));
     }
     Ok(())
 }

@@ -6,6 +6,7 @@
 use super::{Workspace, coriolis, crba, derivatives, energy, newton_euler, regressor};
 use crate::arm::Tree;
 use crate::linalg::cholesky;
+use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 
@@ -161,6 +162,7 @@ impl<'a, S: Real> Joined<'a, S> {
         let columns = PARAMETERS * self.tree.bodies.len();
         y.fill(S::zero());
         self.project(ws, at, rates, Form::Rows(columns, width), y, |ws, (trig, q), [v, v_r, a_r], y| {
+            set(y, S::zero());
             regressor::regressor(self.tree, columns, &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
         });
     }

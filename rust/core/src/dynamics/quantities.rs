@@ -166,7 +166,7 @@ quantity!(Regressor, (tree, ws, trig, n, q, v, x, y, out, query, square), {
     let (_, width) = query.shape(tree.size());
     match Joined::of(tree) {
         Some(joined) => joined.regressor(ws, (trig, q), [v, x, &y[..n]], width, out),
-        None => regressor::regressor_on_zeros(tree, width, &mut ws.links, &mut ws.fields, trig, q, v, x, &y[..n], out),
+        None => regressor::regressor(tree, width, &mut ws.links, &mut ws.fields, trig, q, v, x, &y[..n], out),
     }
     for i in 0..n {
         let mut at = i * width + PARAMETERS * tree.bodies.len() + i;

@@ -12,7 +12,6 @@ use super::newton_euler::{inwards, moment_of, outwards};
 use super::workspace::{BodyMotion, Link};
 use crate::arm::{BASE, Body, Tree, second_moment};
 use crate::interrupt::look_at_row;
-use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Spatial, Vector, Vector3};
 
@@ -96,26 +95,9 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
     Spatial { linear, angular }
 }
 
-/// `Y`, `(n, width)` row-major with `width >= 10 n`; columns beyond the inertial parameters are zero.
+/// `Y`, `(n, width)` row-major with `width >= 10 n`, into `y` that holds zeros or an earlier `Y` of this tree: what vanishes is the same in
+/// every state. Columns beyond the inertial parameters are left alone. Joint by joint, each from its own body outwards.
 pub fn regressor<S: Real>(
-    tree: &Tree<S>,
-    width: usize,
-    links: &mut [Link<S>],
-    fields: &mut [Field<S>],
-    trig: &[(S, S)],
-    q: &[S],
-    v: &[S],
-    vr: &[S],
-    ar: &[S],
-    y: &mut [S],
-) {
-    set(y, S::zero());
-    regressor_on_zeros(tree, width, links, fields, trig, q, v, vr, ar, y);
-}
-
-/// As [`regressor`], where `y` holds zeros or an earlier `Y` of this tree: what vanishes is the same in every state. Joint by joint, each
-/// from its own body outwards.
-pub fn regressor_on_zeros<S: Real>(
     tree: &Tree<S>,
     width: usize,
     links: &mut [Link<S>],

@@ -4,6 +4,7 @@ use super::joined::Joined;
 use super::workspace::Workspace;
 use super::{Dynamics, aba, coriolis, crba, energy, forward, newton_euler, regressor};
 use crate::arm::Tree;
+use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 
@@ -68,6 +69,7 @@ impl<S: Real> Dynamics<S> for Tree<S> {
         if let Some(joined) = Joined::of(self) {
             return joined.regressor(ws, (trig, q), [v, v_r, a_r], self.parameter_count(), y);
         }
+        set(y, S::zero());
         regressor::regressor(self, self.parameter_count(), &mut ws.links, &mut ws.fields, trig, q, v, v_r, a_r, y);
     }
     fn regressor_products(

@@ -85,10 +85,8 @@ methods! {
 impl Method {
     /// The method of this name in Python.
     pub fn from_name(name: &str) -> Result<Self> {
-        Self::ALL.iter().copied().find(|method| method.name() == name).ok_or_else(|| {
-            let names: Vec<&str> = Self::ALL.iter().map(|method| method.name()).collect();
-            Error::input("method", format!("is unknown: expected one of {}, got {name}", names.join(", ")))
-        })
+        let found = Self::ALL.iter().copied().find(|method| method.name() == name);
+        found.ok_or_else(|| Error::unknown("method", "", Self::ALL.iter().map(|method| method.name()), name))
     }
 
     /// Whether it chooses its own steps.

@@ -7,9 +7,11 @@
 //! Error: `(m/h - J)^-1 (f(t, x) + (e_1 z_1 + e_2 z_2 + e_3 z_3)/h)`. The collocation polynomial of degree 3 is the dense output
 //! and, extrapolated, the start of the next Newton iteration. Predictive step control (Gustafsson 1994).
 
+mod newton;
+
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
-use super::radau5_tableau::{C, COMPLEX_POLE, E, P, REAL_POLE, T, T_INVERSE, poles, transform};
+use super::radau5_tableau::{C, E, P, T_INVERSE, poles, transform};
 use super::rounding::{Rounding, add_product, two_sum};
 use super::step_controller::{StepController, finite, paced};
 use super::{Buffer, Differentiable};
@@ -61,13 +63,6 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     /// Step first proposed and error of the last accepted step.
     last: Option<(f64, f64)>,
     chatter: Chatter<B>,
-}
-
-/// How Newton's iteration ended.
-struct Newton {
-    converged: bool,
-    iterations: usize,
-    rate: f64,
 }
 
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
@@ -161,21 +156,6 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         transform(&T_INVERSE, &self.z, &mut self.w);
     }
 
-    /// `y = x + z_i`.
-    fn place(&mut self, i: usize) {
-        let (x, y, z, rest) = (self.x.as_ref(), self.y.as_mut(), self.z[i].as_ref(), self.rounding.rest.as_ref());
-        if self.rounding.compensated {
-            for c in 0..x.len() {
-                y[c] = z[c] + rest[c];
-            }
-            self.rounding.place(x, y);
-        } else {
-            for c in 0..x.len() {
-                y[c] = x[c] + z[c];
-            }
-        }
-    }
-
     /// After a step of `h` was rejected: whether rounding is the reason.
     fn rejected<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Result<(), Status> {
         // Without a decomposition for this step nothing can be said.
@@ -195,65 +175,6 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         Ok(())
     }
 
-    /// Solve the stages of a step `h`, from `z` and `w`.
-    fn newton<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Newton {
-        let n = self.x.as_ref().len();
-        let (mut rate, mut norm_old) = (f64::NAN, f64::NAN);
-        for k in 0..ITERATIONS {
-            for i in 0..3 {
-                self.place(i);
-                system.input(self.controller.input_time(self.controller.t + C[i] * h), &mut self.u);
-                system.rhs(&self.u, self.y.as_ref(), self.f[i].as_mut());
-                self.controller.work.evaluations += 1;
-                if self.rounding.compensated {
-                    add_product(&self.jacobian, self.rounding.lost.as_ref(), self.f[i].as_mut());
-                }
-                if !finite(self.f[i].as_ref()) {
-                    return Newton { converged: false, iterations: k + 1, rate };
-                }
-            }
-            let (real, re, im) = (S::splat(REAL_POLE / h), S::splat(COMPLEX_POLE.0 / h), S::splat(COMPLEX_POLE.1 / h));
-            let error = self.error.as_mut();
-            for c in 0..n {
-                let f: [S; 3] = std::array::from_fn(|i| self.f[i].as_ref()[c]);
-                let w: [S; 3] = std::array::from_fn(|i| self.w[i].as_ref()[c]);
-                let row = |i: usize| {
-                    let m = T_INVERSE[i];
-                    S::splat(m[2]).mul_add(f[2], S::splat(m[1]).mul_add(f[1], S::splat(m[0]) * f[0]))
-                };
-                error[c] = real.neg_mul_add(w[0], row(0));
-                self.pair[c] = Complex(row(1) - (re * w[1] - im * w[2]), row(2) - (re * w[2] + im * w[1]));
-            }
-            let (pairs, j, (real, complex)) = (system.pairs(), &self.jacobian, poles::<S>(h));
-            pairs.solve(n, real, j, &self.real, &self.real_pivots, error, self.real_work.as_mut());
-            pairs.solve(n, complex, j, &self.complex, &self.complex_pivots, &mut self.pair, &mut self.complex_work);
-            let (x, pair) = (self.x.as_ref(), &self.pair);
-            let parts = [
-                self.controller.norm(x, x, |c| error[c]),
-                self.controller.norm(x, x, |c| pair[c].0),
-                self.controller.norm(x, x, |c| pair[c].1),
-            ];
-            let norm = (parts.iter().map(|p| p * p).sum::<f64>() / 3.0).sqrt();
-            rate = norm / norm_old;
-            let left = (ITERATIONS - k) as i32;
-            // NaN fails as well, except for the first rate, which there is none of.
-            if !norm.is_finite() || rate >= 1.0 || rate.powi(left) / (1.0 - rate) * norm > self.newton_tolerance {
-                return Newton { converged: false, iterations: k + 1, rate };
-            }
-            for c in 0..n {
-                self.w[0].as_mut()[c] += error[c];
-                self.w[1].as_mut()[c] += self.pair[c].0;
-                self.w[2].as_mut()[c] += self.pair[c].1;
-            }
-            transform(&T, &self.w, &mut self.z);
-            if norm == 0.0 || rate / (1.0 - rate) * norm < self.newton_tolerance {
-                return Newton { converged: true, iterations: k + 1, rate };
-            }
-            norm_old = norm;
-        }
-        Newton { converged: false, iterations: ITERATIONS, rate }
-    }
-
     /// The error of the step in `y`, from the slope in `f[0]`.
     fn estimate(&mut self, pairs: Pairs, h: f64) -> f64 {
         let n = self.x.as_ref().len();
@@ -268,6 +189,21 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         let (real, _) = poles::<S>(h);
         pairs.solve(n, real, &self.jacobian, &self.real, &self.real_pivots, error, self.real_work.as_mut());
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
+    }
+
+    /// Into `f[0]` the slope at the start moved by the first error estimate, whose stiff components are too large.
+    fn filter<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
+        let (x, filtered, rest) = (self.x.as_ref(), self.error.as_ref(), self.rounding.rest.as_ref());
+        let [slope, at, lost] = &mut self.f;
+        for c in 0..x.len() {
+            (at.as_mut()[c], lost.as_mut()[c]) = two_sum(x[c], filtered[c] + rest[c]);
+        }
+        system.input(self.controller.input_time(self.controller.t), &mut self.u);
+        system.rhs(&self.u, at.as_ref(), slope.as_mut());
+        if self.rounding.compensated {
+            add_product(&self.jacobian, lost.as_ref(), slope.as_mut());
+        }
+        self.controller.work.evaluations += 1;
     }
 
     /// `error^(-1/4)`, less where the last step's error says that it rises.
@@ -345,18 +281,7 @@ where
             self.f[0].clone_from(&self.slope);
             let mut error = self.estimate(system.pairs(), h);
             if rejected && error > 1.0 {
-                // The stiff components of the first estimate do not tell: filter it once more.
-                let (x, filtered, rest) = (self.x.as_ref(), self.error.as_ref(), self.rounding.rest.as_ref());
-                let [slope, at, lost] = &mut self.f;
-                for c in 0..x.len() {
-                    (at.as_mut()[c], lost.as_mut()[c]) = two_sum(x[c], filtered[c] + rest[c]);
-                }
-                system.input(self.controller.input_time(self.controller.t), &mut self.u);
-                system.rhs(&self.u, at.as_ref(), slope.as_mut());
-                if self.rounding.compensated {
-                    add_product(&self.jacobian, lost.as_ref(), slope.as_mut());
-                }
-                self.controller.work.evaluations += 1;
+                self.filter(system);
                 error = self.estimate(system.pairs(), h);
             }
             let safety = 0.9 * (2 * ITERATIONS + 1) as f64 / (2 * ITERATIONS + newton.iterations) as f64;

@@ -39,10 +39,10 @@ impl Adaptation {
                 let wanted = inertial / PARAMETERS + beside;
                 if gamma.len() != wanted || !inertial.is_multiple_of(PARAMETERS) {
                     let what = if beside == 0 { "one per body" } else { "one per body and then one per further parameter" };
-                    return Err(Error::input("gamma", format!("has the wrong size: expected {wanted}, {what}, got {}", gamma.len())));
+                    return Err(Error::wrong("gamma", "size", format!("{wanted}, {what}"), gamma.len()));
                 }
                 if let Some(i) = gamma.iter().position(|&g| g <= 0.0) {
-                    return Err(Error::input("gamma", format!("is not positive: expected > 0, got {} (first bad index {i})", gamma[i])));
+                    return Err(Error::input("gamma", format!("is not positive: expected > 0, got {}", gamma[i])).at([i]));
                 }
                 let (bodies, _) = estimate[..inertial].as_chunks::<PARAMETERS>();
                 match bodies.iter().position(|pi| !is_positive_definite(pi)) {
@@ -88,16 +88,10 @@ impl Base {
     pub(super) fn validate(&self, p: usize) -> Result<()> {
         let b = self.columns.len();
         if let Some(i) = self.columns.iter().position(|&column| column >= p) {
-            return Err(Error::input(
-                "base",
-                format!("has an unknown column: expected below {p}, got {} (first bad index {i})", self.columns[i]),
-            ));
+            return Err(Error::input("base", format!("has an unknown column: expected below {p}, got {}", self.columns[i])).at([i]));
         }
         if b == 0 || self.projection.len() != b * p {
-            return Err(Error::input(
-                "base",
-                format!("has the wrong shape: expected projection ({b}, {p}), got {} entries", self.projection.len()),
-            ));
+            return Err(Error::wrong("base", "shape", format!("projection ({b}, {p})"), format!("{} entries", self.projection.len())));
         }
         finite("base", &self.projection)
     }

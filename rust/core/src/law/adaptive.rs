@@ -9,6 +9,7 @@
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
 use super::composite::Composite;
 use super::concurrent::Concurrent;
+use super::definition::facts;
 use super::joint_columns::{JointColumn, JointColumns, LaneColumns};
 use super::projection::Projection;
 use super::restraint::Restraint;
@@ -17,7 +18,6 @@ use crate::dynamics::{Dynamics, Model};
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{Gain, Multiply};
 use crate::motion::Motion;
-use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// The adaptive law of an arm, validated.
@@ -108,7 +108,7 @@ impl AdaptiveSpec {
         require_size("kd", &kd, n)?;
         let estimate = estimate.unwrap_or_else(|| vec![0.0; p]);
         if estimate.len() != p {
-            return Err(Error::input("estimate", format!("has the wrong shape: expected ({p},), got ({},)", estimate.len())));
+            return Err(Error::wrong_shape("estimate", &[p], &[estimate.len()]));
         }
         finite("estimate", &estimate)?;
         if base.is_some() && matches!(adaptation, Adaptation::Natural(_)) {
@@ -167,18 +167,7 @@ impl AdaptiveSpec {
 }
 
 impl Definition for AdaptiveSpec {
-    fn name(&self) -> &'static str {
-        "Adaptive"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Rigid
-    }
-    fn model(&self) -> &Model {
-        &self.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        vec![&self.motion]
-    }
+    facts!("Adaptive", Rigid, motion);
     fn initial_state(&self) -> &[f64] {
         &self.start
     }

@@ -64,7 +64,7 @@ impl CartesianImpedanceSpec {
         let coordinates = Coordinates::new(model.tree("arm")?, frame, axes)?;
         let m = coordinates.m();
         if target.dof() != m {
-            return Err(Error::input("target", format!("has the wrong shape: expected ({m},) for axes {axes:?}, got ({},)", target.dof())));
+            return Err(Error::wrong("target", "shape", format!("({m},) for axes {axes:?}"), format!("({},)", target.dof())));
         }
         require_size("stiffness", &stiffness, m)?;
         require_size("damping", &damping, m)?;

@@ -3,12 +3,12 @@
 //! `tau = M(q) (a_d + Kd e_dot + Kp e) + C(q, v) v + g(q)`, so that `e_ddot + Kd e_dot + Kp e = 0` on the
 //! exact model. `Kp` is in 1/s^2 and `Kd` in 1/s.
 
+use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_same_dof, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
-use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// The computed-torque law of an arm, validated.
@@ -35,18 +35,7 @@ impl ComputedTorqueSpec {
 }
 
 impl Definition for ComputedTorqueSpec {
-    fn name(&self) -> &'static str {
-        "ComputedTorque"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Rigid
-    }
-    fn model(&self) -> &Model {
-        &self.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        vec![&self.motion]
-    }
+    facts!("ComputedTorque", Rigid, motion);
 
     /// `e`, `e_dot`, the commanded acceleration and the torque.
     fn terms(&self, at: &Instant) -> Vec<Term> {

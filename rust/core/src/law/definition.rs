@@ -107,6 +107,25 @@ pub trait Definition {
     }
 }
 
+/// Name, plant, model and motion of a law with the fields `model` and, for its one motion, the one given.
+macro_rules! facts {
+    ($name:expr, $plant:ident, $motion:ident) => {
+        fn name(&self) -> &'static str {
+            $name
+        }
+        fn plant(&self) -> $crate::plant::PlantKind {
+            $crate::plant::PlantKind::$plant
+        }
+        fn model(&self) -> &$crate::dynamics::Model {
+            &self.model
+        }
+        fn motions(&self) -> Vec<&$crate::motion::Motion> {
+            vec![&self.$motion]
+        }
+    };
+}
+pub(super) use facts;
+
 /// A law as loops are made of it, for any number.
 pub trait Build: Definition {
     /// The law in a loop, on the number `S`.

@@ -11,13 +11,12 @@
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 use super::impedance_options::held;
-use super::inertia_reduction::{Reduction, ReductionSpec, described};
+use super::inertia_reduction::{Reduction, ReductionSpec, described, reduced_facts};
 use super::{Build, Definition, Instant, Law, LawSpec, Term};
-use crate::dynamics::{AnyArm, Dynamics, Model};
+use crate::dynamics::{AnyArm, Dynamics};
 use crate::kinematics::Coordinates;
-use crate::linalg::{Gain, cholesky};
-use crate::motion::Motion;
-use crate::plant::{PlantKind, PlantSpec};
+use crate::linalg::cholesky;
+use crate::plant::PlantSpec;
 use crate::scalar::Real;
 
 /// Cartesian impedance of an arm with elastic joints, validated.
@@ -40,20 +39,13 @@ impl ElasticImpedanceSpec {
 }
 
 impl Definition for ElasticImpedanceSpec {
-    fn name(&self) -> &'static str {
-        "ElasticImpedance"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Elastic
-    }
-    fn model(&self) -> &Model {
-        &self.outer.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        self.outer.motions()
-    }
+    reduced_facts!("ElasticImpedance");
+
     fn initial_state(&self) -> &[f64] {
         self.outer.initial_state()
+    }
+    fn outer(&self) -> Option<LawSpec> {
+        self.outer.clone().without_torque_limits().outer()
     }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
@@ -77,15 +69,6 @@ impl Definition for ElasticImpedanceSpec {
     }
     fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         Some(self)
-    }
-    fn reduction(&self) -> Option<&ReductionSpec> {
-        Some(&self.inner)
-    }
-    fn outer(&self) -> Option<LawSpec> {
-        self.outer.clone().without_torque_limits().outer()
-    }
-    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
-        self.outer.outer_stiffness()
     }
 }
 

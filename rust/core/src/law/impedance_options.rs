@@ -52,7 +52,7 @@ fn require_limits(argument: &str, n: usize, limits: Option<&Vec<f64>>) -> Result
     let Some(limits) = limits else { return Ok(()) };
     require_length(argument, n, limits.len())?;
     match limits.iter().position(|&limit| !(limit > 0.0)) {
-        Some(i) => Err(Error::input(argument, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", limits[i]))),
+        Some(i) => Err(Error::input(argument, format!("is not positive: expected numbers > 0, got {}", limits[i])).at([i])),
         None => Ok(()),
     }
 }
@@ -61,7 +61,7 @@ fn require_length(argument: &str, n: usize, got: usize) -> Result<()> {
     if got == n {
         return Ok(());
     }
-    Err(Error::input(argument, format!("has the wrong shape: expected ({n},), got ({got},)")))
+    Err(Error::wrong_shape(argument, &[n], &[got]))
 }
 
 impl ImpedanceOptions {

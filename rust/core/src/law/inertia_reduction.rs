@@ -13,6 +13,31 @@ use crate::linalg::ratio_damping;
 use crate::plant::{ElasticSpec, PlantSpec};
 use crate::scalar::Real;
 
+/// What a law with the fields `outer`, a law of the links, and `inner`, this reduction, shares with the others.
+macro_rules! reduced_facts {
+    ($name:literal) => {
+        fn name(&self) -> &'static str {
+            $name
+        }
+        fn plant(&self) -> $crate::plant::PlantKind {
+            $crate::plant::PlantKind::Elastic
+        }
+        fn model(&self) -> &$crate::dynamics::Model {
+            self.outer.model()
+        }
+        fn motions(&self) -> Vec<&$crate::motion::Motion> {
+            self.outer.motions()
+        }
+        fn reduction(&self) -> Option<&$crate::law::ReductionSpec> {
+            Some(&self.inner)
+        }
+        fn outer_stiffness(&mut self) -> Option<&mut $crate::linalg::Gain> {
+            self.outer.outer_stiffness()
+        }
+    };
+}
+pub(super) use reduced_facts;
+
 /// Torque feedback that reduces the apparent motor inertia, validated.
 ///
 /// ```

@@ -52,7 +52,7 @@ impl JointColumns {
     /// These kinds for `n` joints, each once, in their own order; `speed`: `v_s` of each joint, > 0.
     pub fn new(n: usize, kinds: &[JointColumn], speed: Vec<f64>) -> Result<Self> {
         if speed.len() != n {
-            return Err(Error::input("friction_speed", format!("has the wrong shape: expected ({n},), got ({},)", speed.len())));
+            return Err(Error::wrong_shape("friction_speed", &[n], &[speed.len()]));
         }
         speed.iter().try_for_each(|&speed| positive("friction_speed", speed))?;
         let mut kinds = kinds.to_vec();

@@ -1,13 +1,9 @@
 //! Joint impedance through elastic joints: `u = K (q_d - q) - D v + g(q)` outside, motor-inertia reduction inside
 //! (Albu-Schaeffer, Ott and Hirzinger 2007).
 
-use super::inertia_reduction::{Reduction, ReductionSpec};
+use super::inertia_reduction::{Reduction, ReductionSpec, reduced_facts};
 use super::pd_gravity::{PdGravity, PdGravitySpec};
 use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Term};
-use crate::dynamics::Model;
-use crate::linalg::Gain;
-use crate::motion::Motion;
-use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// Joint impedance of an arm with elastic joints, validated.
@@ -20,17 +16,10 @@ pub struct JointImpedanceSpec {
 }
 
 impl Definition for JointImpedanceSpec {
-    fn name(&self) -> &'static str {
-        "JointImpedance"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Elastic
-    }
-    fn model(&self) -> &Model {
-        self.outer.model()
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        self.outer.motions()
+    reduced_facts!("JointImpedance");
+
+    fn outer(&self) -> Option<LawSpec> {
+        self.outer.outer()
     }
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
@@ -46,15 +35,6 @@ impl Definition for JointImpedanceSpec {
 
     fn joint_reference(&self) -> Option<JointReference> {
         self.outer.joint_reference()
-    }
-    fn reduction(&self) -> Option<&ReductionSpec> {
-        Some(&self.inner)
-    }
-    fn outer(&self) -> Option<LawSpec> {
-        self.outer.outer()
-    }
-    fn outer_stiffness(&mut self) -> Option<&mut Gain> {
-        self.outer.outer_stiffness()
     }
 }
 

@@ -81,12 +81,12 @@ impl JointLimits {
         let JointLimits { q_min, q_max, v_min, v_max, a_max, .. } = &limits;
         for (name, x) in [("q_min", q_min), ("q_max", q_max), ("v_min", v_min), ("v_max", v_max), ("a_max", a_max)] {
             if x.len() != n {
-                return Err(Error::input(name, format!("has the wrong length: expected {n}, got {}", x.len())));
+                return Err(Error::wrong(name, "length", n, x.len()));
             }
         }
         for i in 0..n {
             let refuse = |name: &str, expected: &str, low: f64, high: f64| {
-                Err(Error::input(name, format!("is out of order: expected {expected}, got {low} and {high} (first bad index {i})")))
+                Err(Error::input(name, format!("is out of order: expected {expected}, got {low} and {high}")).at([i]))
             };
             // Not `>`: NaN must be refused too.
             if !(q_min[i] <= q_max[i]) {
@@ -96,7 +96,7 @@ impl JointLimits {
                 return refuse("v_min", "v_min <= v_max", v_min[i], v_max[i]);
             }
             if !(a_max[i] > 0.0) {
-                return Err(Error::input("a_max", format!("is not positive: expected a_max > 0, got {} (first bad index {i})", a_max[i])));
+                return Err(Error::input("a_max", format!("is not positive: expected a_max > 0, got {}", a_max[i])).at([i]));
             }
         }
         let bounded = [q_min, q_max, v_min, v_max, a_max].iter().any(|x| x.iter().any(|x| x.is_finite()));

@@ -59,7 +59,7 @@ impl Level {
             Motion::Hold(target) => function.require_target(target)?,
             moving if moving.dof() != function.target_size() => {
                 let (expected, got) = (function.target_size(), moving.dof());
-                return Err(Error::input("target", format!("has the wrong shape: expected ({expected},), got ({got},)")));
+                return Err(Error::wrong_shape("target", &[expected], &[got]));
             }
             _ => {}
         }

@@ -160,6 +160,11 @@ macro_rules! laws {
         impl LawSpec {
             /// The laws of the lanes as one, all of the same shape.
             pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
+                Self::of_lanes(&of)
+            }
+
+            /// Compiled once per number, not once per caller.
+            fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
                 match of(0) {
                     $(LawSpec::$law(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
                         LawSpec::$law(law) => law,
@@ -271,12 +276,12 @@ fn require_rows(argument: &str, n: usize, got: usize) -> Result<()> {
     if got == n {
         return Ok(());
     }
-    Err(Error::input(argument, format!("has the wrong number of joints: expected {n}, got {got}")))
+    Err(Error::wrong(argument, "number of joints", n, got))
 }
 
 fn require_size(argument: &str, gain: &Gain, n: usize) -> Result<()> {
     if gain.n() == n {
         return Ok(());
     }
-    Err(Error::input(argument, format!("has the wrong size: expected {n}, got {}", gain.n())))
+    Err(Error::wrong(argument, "size", n, gain.n()))
 }

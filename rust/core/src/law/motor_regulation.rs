@@ -4,12 +4,12 @@
 //! (De Luca, Siciliano and Zollo 2005); with the joint torque fed back also
 //! `+ Kt (g(q_d) - tau_J) - Ks tau_J_dot` (Albu-Schaeffer and Hirzinger 2001).
 
+use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
-use crate::plant::PlantKind;
 use crate::scalar::Real;
 
 /// `TORQUE`: the joint torque and its rate are fed back.
@@ -91,18 +91,7 @@ impl StateFeedbackSpec {
 }
 
 impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
-    fn name(&self) -> &'static str {
-        if TORQUE { "StateFeedback" } else { "MotorPD" }
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Elastic
-    }
-    fn model(&self) -> &Model {
-        &self.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        vec![&self.target]
-    }
+    facts!(if TORQUE { "StateFeedback" } else { "MotorPD" }, Elastic, target);
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();

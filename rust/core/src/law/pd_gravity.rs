@@ -1,11 +1,11 @@
 //! PD control with gravity compensation (Takegaki and Arimoto 1981): `tau = Kp (q_d - q) - Kd v + g(q)`.
 
+use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::Result;
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
-use crate::plant::PlantKind;
 use crate::scalar::Real;
 use nalgebra::DVector;
 
@@ -51,18 +51,7 @@ impl PdGravitySpec {
 }
 
 impl Definition for PdGravitySpec {
-    fn name(&self) -> &'static str {
-        "PDGravity"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Rigid
-    }
-    fn model(&self) -> &Model {
-        &self.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        vec![&self.target]
-    }
+    facts!("PDGravity", Rigid, target);
 
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();

@@ -14,12 +14,12 @@
 //!
 //! The law's state is `w`, then `y` and `s` where they are used, `(n,)` each.
 
+use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_same_dof, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Model, Workspace};
 use crate::error::{Error, Result};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
-use crate::plant::PlantKind;
 use crate::scalar::Real;
 use crate::scalar::hyperbolic::tanh;
 
@@ -94,8 +94,8 @@ fn positive_rows(name: &'static str, numbers: Option<&[f64]>, n: usize, most: f6
     let Some(numbers) = numbers else { return Ok(()) };
     require_rows(name, n, numbers.len())?;
     match numbers.iter().position(|&x| !(x > 0.0 && x <= most)) {
-        Some(i) if numbers[i] > 0.0 => Err(Error::input(name, format!("is not finite: got {} (first bad index {i})", numbers[i]))),
-        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", numbers[i]))),
+        Some(i) if numbers[i] > 0.0 => Err(Error::input(name, format!("is not finite: got {}", numbers[i])).at([i])),
+        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {}", numbers[i])).at([i])),
         None => Ok(()),
     }
 }
@@ -110,18 +110,7 @@ fn first_inertia(model: &Model, motion: &Motion) -> Vec<f64> {
 }
 
 impl Definition for PidSpec {
-    fn name(&self) -> &'static str {
-        "PID"
-    }
-    fn plant(&self) -> PlantKind {
-        PlantKind::Rigid
-    }
-    fn model(&self) -> &Model {
-        &self.model
-    }
-    fn motions(&self) -> Vec<&Motion> {
-        vec![&self.motion]
-    }
+    facts!("PID", Rigid, motion);
     fn initial_state(&self) -> &[f64] {
         &self.start
     }

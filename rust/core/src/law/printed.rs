@@ -177,7 +177,7 @@ On a status other than 0 tau is the last answer that was right. */\n{};\n",
 
     /// `init`, and how the law's own state advances.
     fn write_state(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming) {
-        let (prefix, upper, p) = (source.prefix().to_string(), source.upper().to_string(), sizes.p);
+        let (prefix, p) = (source.prefix().to_string(), sizes.p);
         let start = self.initial_state();
         let filled = p > 0 && start.iter().any(|&x| x != 0.0);
         let initial = if filled { array("start", start) } else { String::new() };
@@ -206,6 +206,12 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
             return;
         };
         source.write(&format!("static void {prefix}_advance_by({prefix}_state *state, double h)\n{{\n{step}}}\n\n"));
+        self.write_advance(source);
+    }
+
+    /// How the law's own state advances from the time of the last call to `t`, by whole steps of `advance_by`.
+    fn write_advance(&self, source: &mut CSource) {
+        let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let mut breaks: Vec<f64> = self.breaks().into_iter().filter(|&t| t > 0.0).collect();
         breaks.dedup();
         let whole = if breaks.is_empty() {

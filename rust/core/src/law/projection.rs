@@ -147,7 +147,7 @@ impl Projection {
     /// The least bodies by their parameters `(p,)`, each physically possible itself.
     pub fn new(p: usize, least: &[f64]) -> Result<Self> {
         if least.len() != p {
-            return Err(Error::input("projection", format!("has the wrong shape: expected ({p},), got ({},)", least.len())));
+            return Err(Error::wrong_shape("projection", &[p], &[least.len()]));
         }
         finite("projection", least)?;
         let width = if p == PR { PR } else { PARAMETERS };

@@ -57,8 +57,7 @@ impl AdaptiveSpec {
         not_negative("leakage", sigma)?;
         let centre = centre.unwrap_or_else(|| self.estimate.clone());
         if centre.len() != self.estimate.len() {
-            let problem = format!("has the wrong shape: expected ({},), got ({},)", self.estimate.len(), centre.len());
-            return Err(Error::input("leakage_centre", problem));
+            return Err(Error::wrong_shape("leakage_centre", &[self.estimate.len()], &[centre.len()]));
         }
         finite("leakage_centre", &centre)?;
         let centre = if sigma > 0.0 { centre } else { Vec::new() };

@@ -62,10 +62,7 @@ pub fn require_positive_definite(argument: &str, n: usize, a: &[f64]) -> Result<
         for j in 0..i {
             let (x, y) = (a[i * n + j], a[j * n + i]);
             if (x - y).abs() > SYMMETRY * scale {
-                return Err(Error::input(
-                    argument,
-                    format!("is not symmetric: expected equal entries, got {y} and {x} (first bad index ({j}, {i}))"),
-                ));
+                return Err(Error::input(argument, format!("is not symmetric: expected equal entries, got {y} and {x}")).at([j, i]));
             }
         }
     }

@@ -23,7 +23,7 @@ impl Gain {
     pub fn diagonal(argument: &str, values: Vec<f64>) -> Result<Self> {
         finite(argument, &values)?;
         if let Some(i) = values.iter().position(|&k| k <= 0.0) {
-            return Err(Error::input(argument, format!("is not positive definite: expected > 0, got {} (first bad index {i})", values[i])));
+            return Err(Error::input(argument, format!("is not positive definite: expected > 0, got {}", values[i])).at([i]));
         }
         Ok(Gain { n: values.len(), values })
     }
@@ -68,7 +68,7 @@ impl Gain {
     pub fn not_negative(argument: &str, values: Vec<f64>) -> Result<Self> {
         finite(argument, &values)?;
         if let Some(i) = values.iter().position(|&k| k < 0.0) {
-            return Err(Error::input(argument, format!("is negative: expected >= 0, got {} (first bad index {i})", values[i])));
+            return Err(Error::input(argument, format!("is negative: expected >= 0, got {}", values[i])).at([i]));
         }
         Ok(Gain { n: values.len(), values })
     }

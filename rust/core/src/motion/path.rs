@@ -57,10 +57,9 @@ fn increasing(s: &[f64]) -> Result<()> {
     finite("knots", s)?;
     match s.windows(2).position(|w| !(w[0] < w[1])) {
         None => Ok(()),
-        Some(k) => Err(Error::input(
-            "knots",
-            format!("is not increasing: expected rising numbers, got {} after {} (first bad index {})", s[k + 1], s[k], k + 1),
-        )),
+        Some(k) => {
+            Err(Error::input("knots", format!("is not increasing: expected rising numbers, got {} after {}", s[k + 1], s[k])).at([k + 1]))
+        }
     }
 }
 
@@ -136,7 +135,7 @@ impl Path {
         increasing(s)?;
         finite("path", q)?;
         if s.len() < 2 || q.len() != s.len() * n {
-            return Err(Error::input("path", format!("has the wrong shape: expected two or more rows of {n}, got {} numbers", q.len())));
+            return Err(Error::wrong("path", "shape", format!("two or more rows of {n}"), format!("{} numbers", q.len())));
         }
         memory::require((s.len() * 8).saturating_mul(n + 1))?;
         let d = slopes(s, q, n, ends);
@@ -178,7 +177,7 @@ impl Path {
         if let Some(s) = s {
             increasing(s)?;
             if s.len() != count {
-                return Err(Error::input("knots", format!("has the wrong shape: expected ({count},), got ({},)", s.len())));
+                return Err(Error::wrong_shape("knots", &[count], &[s.len()]));
             }
             return Ok((Path::spline(s, q, n, ends)?, (0..count).collect()));
         }

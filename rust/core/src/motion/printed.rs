@@ -234,39 +234,7 @@ out[j] = hold[j];\n        out[{n} + j] = out[{} + j] = 0.0;\n    }}\n",
         text += &(array("s_at", self.grid()) + &array("rate_at", &rates) + &array("t_at", self.times()));
         text += &(array("knot", path.knots()) + &array("coefficient", path.coefficients()));
         let last_u = if self.squared_speeds()[last] == 0.0 || cubic { 0.0 } else { self.end_accelerations(last - 1).1 };
-        let phase = if cubic {
-            text += &array("u_at", self.node_accelerations());
-            "        const double d = t - t_at[i], u0 = u_at[i], jolt = (u_at[i + 1] - u_at[i]) / (t_at[i + 1] - t_at[i]);
-        const double on = d * (rate_at[i] + d * (u0 / 2.0 + d * jolt / 6.0));
-        s = s_at[i] + on;
-        s = s < s_at[0] ? s_at[0] : s > s_at[LAST] ? s_at[LAST] : s;
-        rate = rate_at[i] + d * (u0 + d * jolt / 2.0);
-        u = u0 + d * jolt;
-"
-            .to_string()
-        } else {
-            let starts: Vec<f64> = (0..last).map(|i| self.end_accelerations(i).0).collect();
-            text += &(array("u_at", &starts) + &array("slope", self.acceleration_slopes()));
-            format!(
-                "        const double d = t - t_at[i], b = slope[i], z = b * d * d;\n        double on;\n{WAVES}\
-        rate = rate_at[i] * wave_c + u_at[i] * d * wave_s;
-        rate = rate > 0.0 ? rate : 0.0;
-        on = (rate_at[i] + rate) * d * wave_t;
-        s = s_at[i] + on;
-        s = s < s_at[i] ? s_at[i] : s > s_at[i + 1] ? s_at[i + 1] : s;
-        u = u_at[i] + b * on;
-"
-            )
-        };
-        let piece = if self.pieces().is_empty() {
-            "    low = 0;\n    high = PIECES;\n    while (high - low > 1) {\n        const int middle = (low + high) / 2;\n        \
-if (knot[middle] <= s) low = middle; else high = middle;\n    }\n    p = low;\n"
-                .to_string()
-        } else {
-            let pieces: Vec<String> = self.pieces().iter().map(usize::to_string).collect();
-            text += &format!("    static const int piece[{}] = {{ {} }};\n", pieces.len(), pieces.join(", "));
-            "    p = piece[i];\n".to_string()
-        };
+        let (phase, piece) = (self.print_phase(&mut text), self.print_piece(&mut text));
         let body = format!(
             "    double s, rate, u, x, scale;\n    const double *c;\n    int i, j, p, low = 0, high = LAST;
     if (!(t >= 0.0 && t <= t_at[LAST])) {{
@@ -311,5 +279,46 @@ if (knot[middle] <= s) low = middle; else high = middle;\n    }\n    p = low;\n"
         );
         let body = body.replace("LAST", &last.to_string()).replace("PIECES", &(path.knots().len() - 1).to_string());
         Ok(text + &body.replace('N', &n.to_string()))
+    }
+
+    /// `s` and its two rates within an interval of the grid, whose tables go into `text`.
+    fn print_phase(&self, text: &mut String) -> String {
+        if !self.node_accelerations().is_empty() {
+            *text += &array("u_at", self.node_accelerations());
+            "        const double d = t - t_at[i], u0 = u_at[i], jolt = (u_at[i + 1] - u_at[i]) / (t_at[i + 1] - t_at[i]);
+        const double on = d * (rate_at[i] + d * (u0 / 2.0 + d * jolt / 6.0));
+        s = s_at[i] + on;
+        s = s < s_at[0] ? s_at[0] : s > s_at[LAST] ? s_at[LAST] : s;
+        rate = rate_at[i] + d * (u0 + d * jolt / 2.0);
+        u = u0 + d * jolt;
+"
+            .to_string()
+        } else {
+            let starts: Vec<f64> = (0..self.grid().len() - 1).map(|i| self.end_accelerations(i).0).collect();
+            *text += &(array("u_at", &starts) + &array("slope", self.acceleration_slopes()));
+            format!(
+                "        const double d = t - t_at[i], b = slope[i], z = b * d * d;\n        double on;\n{WAVES}\
+        rate = rate_at[i] * wave_c + u_at[i] * d * wave_s;
+        rate = rate > 0.0 ? rate : 0.0;
+        on = (rate_at[i] + rate) * d * wave_t;
+        s = s_at[i] + on;
+        s = s < s_at[i] ? s_at[i] : s > s_at[i + 1] ? s_at[i + 1] : s;
+        u = u_at[i] + b * on;
+"
+            )
+        }
+    }
+
+    /// The piece of the path at `s`; its table, if there is one, goes into `text`.
+    fn print_piece(&self, text: &mut String) -> String {
+        if self.pieces().is_empty() {
+            "    low = 0;\n    high = PIECES;\n    while (high - low > 1) {\n        const int middle = (low + high) / 2;\n        \
+if (knot[middle] <= s) low = middle; else high = middle;\n    }\n    p = low;\n"
+                .to_string()
+        } else {
+            let pieces: Vec<String> = self.pieces().iter().map(usize::to_string).collect();
+            *text += &format!("    static const int piece[{}] = {{ {} }};\n", pieces.len(), pieces.join(", "));
+            "    p = piece[i];\n".to_string()
+        }
     }
 }

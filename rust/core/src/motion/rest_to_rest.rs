@@ -75,7 +75,7 @@ impl<P: Timing> RestToRest<P> {
             return Err(Error::input("q0", "is empty: expected at least one joint, got 0"));
         }
         if q0.len() != q1.len() {
-            return Err(Error::input("q1", format!("has the wrong shape: expected ({},), got ({},)", q0.len(), q1.len())));
+            return Err(Error::wrong_shape("q1", &[q0.len()], &[q1.len()]));
         }
         positive("duration", duration)?;
         Ok(RestToRest { q0, q1, duration, timing: PhantomData })

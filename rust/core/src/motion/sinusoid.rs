@@ -36,7 +36,7 @@ impl Sinusoid {
         for (name, values) in [("amplitude", &amplitude), ("frequency", &frequency), ("phase", &phase)] {
             finite(name, values)?;
             if values.len() != offset.len() * terms {
-                return Err(Error::input(name, format!("has the wrong size: expected {}, got {}", offset.len() * terms, values.len())));
+                return Err(Error::wrong(name, "size", offset.len() * terms, values.len()));
             }
         }
         Ok(Sinusoid { offset, terms, amplitude, frequency, phase })

@@ -59,7 +59,7 @@ impl Table {
         for (name, column) in ["q", "v", "a"].into_iter().zip(columns) {
             finite(name, column)?;
             if column.len() != columns[0].len() {
-                return Err(Error::input(name, format!("has the wrong size: expected {}, got {}", columns[0].len(), column.len())));
+                return Err(Error::wrong(name, "size", columns[0].len(), column.len()));
             }
         }
         positive("dt", dt)?;

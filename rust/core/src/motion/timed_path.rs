@@ -103,7 +103,7 @@ impl TimedPath {
         for (name, values) in [("t", &t), ("s", &s), ("x", &x), ("u", &u)] {
             finite(name, values)?;
             if values.len() != t.len() || t.len() < 2 {
-                return Err(Error::input(name, format!("has the wrong shape: expected ({},), got ({},)", t.len().max(2), values.len())));
+                return Err(Error::wrong_shape(name, &[t.len().max(2)], &[values.len()]));
             }
         }
         if t[0] != 0.0 || t.windows(2).any(|w| !(w[0] < w[1])) || x.iter().any(|x| *x < 0.0) {

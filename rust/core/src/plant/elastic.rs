@@ -49,17 +49,17 @@ impl ElasticSpec {
         let n = model.n();
         for (name, gain) in [("stiffness", &stiffness), ("motor_inertia", &motor_inertia)] {
             if gain.n() != n {
-                return Err(Error::input(name, format!("has the wrong size: expected {n}, got {}", gain.n())));
+                return Err(Error::wrong(name, "size", n, gain.n()));
             }
         }
         let dissipative = |name: &str, values: Option<Vec<f64>>| -> Result<Vec<f64>> {
             let values = values.unwrap_or_else(|| vec![0.0; n]);
             if values.len() != n {
-                return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
+                return Err(Error::wrong_shape(name, &[n], &[values.len()]));
             }
             finite(name, &values)?;
             match values.iter().position(|&d| d < 0.0) {
-                Some(i) => Err(Error::input(name, format!("is negative: expected >= 0, got {} (first bad index {i})", values[i]))),
+                Some(i) => Err(Error::input(name, format!("is negative: expected >= 0, got {}", values[i])).at([i])),
                 None => Ok(values),
             }
         };

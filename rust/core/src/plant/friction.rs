@@ -28,7 +28,7 @@ pub struct FrictionCurve {
 pub(super) fn require(name: &str, values: &[f64], expected: &str, holds: impl Fn(usize, f64) -> bool) -> Result<()> {
     finite(name, values)?;
     match values.iter().enumerate().find(|&(i, &x)| !holds(i, x)) {
-        Some((i, x)) => Err(Error::input(name, format!("is out of range: expected {expected}, got {x} (first bad index {i})"))),
+        Some((i, x)) => Err(Error::input(name, format!("is out of range: expected {expected}, got {x}")).at([i])),
         None => Ok(()),
     }
 }

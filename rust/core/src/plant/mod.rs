@@ -117,6 +117,11 @@ macro_rules! plants {
 
             /// The plants of the lanes as one, with the wrench acting at `force_frame`.
             pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
+                Self::of_lanes(&of, force_frame)
+            }
+
+            /// Compiled once per number, not once per caller.
+            fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
                 match of(0) {
                     $(PlantSpec::$kind(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
                         PlantSpec::$kind(plant) => plant,

@@ -40,8 +40,7 @@ impl Stops {
         for i in 0..lower.len() {
             require_spring(stiffness[i], damping[i])?;
             if !(lower[i] < upper[i]) {
-                let problem = format!("is not below upper: expected < {}, got {} (first bad index {i})", upper[i], lower[i]);
-                return Err(Error::input("lower", problem));
+                return Err(Error::input("lower", format!("is not below upper: expected < {}, got {}", upper[i], lower[i])).at([i]));
             }
         }
         let stops = Stops { lower, upper, stiffness, damping };

@@ -24,17 +24,16 @@ pub fn velocity_bounds(
         [("q", q), ("q_min", q_min), ("q_max", q_max), ("v_max", v_max), ("a_max", a_max), ("lower", &*lower), ("upper", &*upper)]
     {
         if x.len() != n {
-            return Err(Error::input(name, format!("has the wrong length: expected {n}, got {}", x.len())));
+            return Err(Error::wrong(name, "length", n, x.len()));
         }
     }
     for i in 0..n {
         let ordered = q[i].is_finite() && q_min[i] <= q_max[i] && v_max[i] >= 0.0 && a_max[i] >= 0.0;
         if !ordered {
             let got = format!("q {}, limits [{}, {}], v_max {}, a_max {}", q[i], q_min[i], q_max[i], v_max[i], a_max[i]);
-            return Err(Error::input(
-                "limits",
-                format!("is not ordered: expected q_min <= q_max, v_max >= 0, a_max >= 0, got {got} (first bad index {i})"),
-            ));
+            return Err(
+                Error::input("limits", format!("is not ordered: expected q_min <= q_max, v_max >= 0, a_max >= 0, got {got}")).at([i])
+            );
         }
         (lower[i], upper[i]) = joint_velocity_bounds(q[i], (q_min[i], q_max[i]), (-v_max[i], v_max[i]), dt, 2.0 * a_max[i]);
     }

@@ -23,8 +23,7 @@ pub fn solve_levels(levels: &[(DMatrix<f64>, DVector<f64>)], options: &PriorityO
     for (i, (jacobian, velocity)) in levels.iter().enumerate() {
         if jacobian.shape() != (velocity.len(), n) {
             let (rows, columns) = jacobian.shape();
-            let problem = format!("has the wrong shape: expected ({}, {n}), got ({rows}, {columns}) (first bad index {i})", velocity.len());
-            return Err(Error::input("levels", problem));
+            return Err(Error::wrong_shape("levels", &[velocity.len(), n], &[rows, columns]).at([i]));
         }
     }
     // nalgebra stores columns, the solver reads rows.

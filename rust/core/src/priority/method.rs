@@ -50,10 +50,8 @@ impl PriorityMethod {
 
     /// The method of that name. Errors: `Input`, listing the names.
     pub fn from_name(name: &str) -> Result<Self> {
-        PriorityMethod::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| {
-            let names = PriorityMethod::ALL.map(PriorityMethod::name);
-            Error::input("method", format!("is unknown: expected one of {}, got {name}", names.join(", ")))
-        })
+        let found = PriorityMethod::ALL.into_iter().find(|m| m.name() == name);
+        found.ok_or_else(|| Error::unknown("method", "", PriorityMethod::ALL.map(PriorityMethod::name), name))
     }
 }
 

@@ -16,7 +16,7 @@ impl Metric {
     /// Factor the row-major `(n, n)` weight. Errors: `Input` unless it is finite, symmetric and positive definite.
     pub fn new(weight: &[f64], n: usize) -> Result<Self> {
         if weight.len() != n * n {
-            return Err(Error::input("weight", format!("has the wrong size: expected ({n}, {n}), got {} entries", weight.len())));
+            return Err(Error::wrong("weight", "size", format!("({n}, {n})"), format!("{} entries", weight.len())));
         }
         finite("weight", weight)?;
         let biggest = weight.iter().fold(0.0f64, |b, x| b.max(x.abs()));
@@ -27,12 +27,9 @@ impl Metric {
                 if (weight[i * n + j] - weight[j * n + i]).abs() > 1e-12 * biggest {
                     return Err(Error::input(
                         "weight",
-                        format!(
-                            "is not symmetric: expected W[i, j] = W[j, i], got {} and {} (first bad index ({i}, {j}))",
-                            weight[i * n + j],
-                            weight[j * n + i]
-                        ),
-                    ));
+                        format!("is not symmetric: expected W[i, j] = W[j, i], got {} and {}", weight[i * n + j], weight[j * n + i]),
+                    )
+                    .at([i, j]));
                 }
                 let s = weight[i * n + j] - (0..j).map(|k| l[i * n + k] * l[j * n + k]).sum::<f64>();
                 if i > j {
@@ -40,10 +37,7 @@ impl Metric {
                 } else if s > f64::EPSILON * weight[i * n + i] && weight[i * n + i] > 0.0 {
                     l[i * n + i] = s.sqrt();
                 } else {
-                    return Err(Error::input(
-                        "weight",
-                        format!("is not positive definite: expected positive pivots, got {s} (first bad index {i})"),
-                    ));
+                    return Err(Error::input("weight", format!("is not positive definite: expected positive pivots, got {s}")).at([i]));
                 }
             }
         }

@@ -60,7 +60,7 @@ impl PrioritySolver {
             None => None,
             Some([one]) => Some(vec![*one; levels]),
             Some(each) if each.len() == levels => Some(each.to_vec()),
-            Some(each) => return Err(Error::input("eps", format!("has the wrong length: expected 1 or {levels}, got {}", each.len()))),
+            Some(each) => return Err(Error::wrong("eps", "length", format!("1 or {levels}"), each.len())),
         };
         eps.iter().flatten().try_for_each(|e| positive("eps", *e))?;
         let metric = options.weight.as_ref().map(|weight| Metric::new(weight, n)).transpose()?;
@@ -144,7 +144,7 @@ impl PrioritySolver {
     /// Thresholds on the singular values of each level for the next solves, in the unit of its Jacobian.
     pub fn set_eps(&mut self, eps: &[f64]) -> Result<()> {
         if eps.len() != self.work.rows.len() {
-            return Err(Error::input("eps", format!("has the wrong length: expected {}, got {}", self.work.rows.len(), eps.len())));
+            return Err(Error::wrong("eps", "length", self.work.rows.len(), eps.len()));
         }
         eps.iter().try_for_each(|e| positive("eps", *e))?;
         match &mut self.work.eps {
@@ -163,16 +163,15 @@ impl PrioritySolver {
         let n = self.work.n;
         for (name, x) in [("v_min", v_min), ("v_max", v_max)] {
             if x.len() != n {
-                return Err(Error::input(name, format!("has the wrong length: expected {n}, got {}", x.len())));
+                return Err(Error::wrong(name, "length", n, x.len()));
             }
         }
         // Not `v_min > v_max`: NaN must be refused too, and so must a bound that leaves no finite velocity.
         let fine = |l: f64, u: f64| l <= u && l < f64::INFINITY && u > f64::NEG_INFINITY;
         if let Some(i) = (0..n).find(|&i| !fine(v_min[i], v_max[i])) {
-            return Err(Error::input(
-                "v_min",
-                format!("is out of order: expected v_min <= v_max, got {} and {} (first bad index {i})", v_min[i], v_max[i]),
-            ));
+            return Err(
+                Error::input("v_min", format!("is out of order: expected v_min <= v_max, got {} and {}", v_min[i], v_max[i])).at([i])
+            );
         }
         if let Some((lower, upper)) = &mut self.work.bounds {
             lower.copy_from_slice(v_min);
@@ -222,7 +221,7 @@ impl PrioritySolver {
         let levels = self.work.rows.len();
         for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
             if got != levels {
-                return Err(Error::input(name, format!("has the wrong number of levels: expected {levels}, got {got}")));
+                return Err(Error::wrong(name, "number of levels", levels, got));
             }
         }
         let n = self.work.n;
@@ -230,14 +229,11 @@ impl PrioritySolver {
             let level = self.work.level(i);
             if jacobians[i].len() != level.len() * n {
                 let got = jacobians[i].len();
-                return Err(Error::input(
-                    format!("jacobians[{i}]"),
-                    format!("has the wrong size: expected ({}, {n}), got {got} entries", level.len()),
-                ));
+                return Err(Error::wrong(format!("jacobians[{i}]"), "size", format!("({}, {n})", level.len()), format!("{got} entries")));
             }
             if velocities[i].len() != level.len() {
                 let got = velocities[i].len();
-                return Err(Error::input(format!("velocities[{i}]"), format!("has the wrong length: expected {}, got {got}", level.len())));
+                return Err(Error::wrong(format!("velocities[{i}]"), "length", level.len(), got));
             }
             self.work.jacobian[level.start * n..level.end * n].copy_from_slice(jacobians[i]);
             self.work.command[level].copy_from_slice(velocities[i]);

@@ -3,8 +3,7 @@
 use super::bound::Bound;
 use super::schedule::{Times, require_times};
 use super::stop::Stop;
-use super::watcher::{Cut, Watcher};
-use crate::error::Result;
+use crate::error::Result as CoreResult;
 use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -36,7 +35,7 @@ pub enum Clock {
 }
 
 impl Segments {
-    pub fn new(t_end: f64, times: Times, breaks: &[f64], clock: Clock, bound: Bound) -> Result<Self> {
+    pub fn new(t_end: f64, times: Times, breaks: &[f64], clock: Clock, bound: Bound) -> CoreResult<Self> {
         match &times {
             Times::At(t_eval) => require_times(t_eval, t_end)?,
             Times::Every(0) => return Err(crate::error::Error::input("record_every", "is not positive: expected an integer >= 1, got 0")),
@@ -83,6 +82,29 @@ impl Segments {
     }
 }
 
+/// Where a step is cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cut {
+    /// The system switches at this time: the step is taken again up to there.
+    Switch(f64),
+    /// The run ends at this time.
+    End(f64),
+}
+
+/// Who looks at every step of a run.
+pub trait Watcher<F, B, M> {
+    /// Whether there is anything to look for.
+    fn active(&self) -> bool;
+    /// The run begins at `t` and `x`.
+    fn begin(&mut self, system: &mut F, t: f64, x: &B) -> Result<(), Status>;
+    /// Look at the step that `method` has just accepted.
+    fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
+    /// The last step of `method` is part of the run up to `t`.
+    fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
+    /// The system switches now, at `t` and `x`, which may be put exactly where it does.
+    fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
+}
+
 /// How a run ended, when, and the work it took.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
@@ -91,7 +113,76 @@ pub struct Outcome {
     pub work: Work,
 }
 
+/// An accepted step.
+struct Step {
+    reached: f64,
+    /// An event ends the run there.
+    ends: bool,
+    /// It is the last step of the run.
+    finished: bool,
+    /// The sample that falls on its end.
+    sample: Option<f64>,
+}
+
+/// Which records come next.
+struct Due<'a> {
+    times: &'a Times,
+    /// Records before, of those at given times.
+    wanted: usize,
+    /// Accepted steps.
+    accepted: usize,
+}
+
+impl Due<'_> {
+    /// Whether the start is recorded.
+    fn at_start(&mut self) -> bool {
+        let Times::At(t_eval) = self.times else { return true };
+        self.wanted = usize::from(t_eval.first() == Some(&0.0));
+        self.wanted == 1
+    }
+
+    /// The records of a step; `at`: a state to interpolate into.
+    fn record<S, F, B, M>(&mut self, system: &mut F, method: &mut M, step: &Step, at: &mut B, record: &mut impl FnMut(f64, &mut F, &B))
+    where
+        S: Real,
+        F: System<S>,
+        B: Buffer<S>,
+        M: Adaptive<S, F, B>,
+    {
+        self.accepted += 1;
+        match self.times {
+            Times::Every(every) => {
+                if !self.accepted.is_multiple_of(*every) && !step.finished {
+                    return;
+                }
+                if let Some(t) = step.sample {
+                    system.sample(t, method.x().as_ref());
+                }
+                if step.ends {
+                    method.interpolate(system, step.reached, at);
+                    record(step.reached, system, at);
+                } else {
+                    record(step.reached, system, method.x());
+                }
+            }
+            Times::At(t_eval) => {
+                while self.wanted < t_eval.len() && t_eval[self.wanted] <= step.reached {
+                    let t = t_eval[self.wanted];
+                    method.interpolate(system, t, at);
+                    // The input recorded is that from this instant on.
+                    if step.sample == Some(t) {
+                        system.sample(t, at.as_ref());
+                    }
+                    record(t, system, at);
+                    self.wanted += 1;
+                }
+            }
+        }
+    }
+}
+
 /// Run `system` from `method.x`, with somebody who looks at every step; `record(t, system, x)` is called for every record.
+// Long: one loop, whose branches share its state; it is read from top to bottom.
 pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,
@@ -107,7 +198,8 @@ where
     M: Adaptive<S, F, B>,
     W: Watcher<F, B, M>,
 {
-    let (mut t, mut sample, mut wanted, mut accepted) = (0.0, 0u64, 0usize, 0usize);
+    let (mut t, mut sample) = (0.0, 0u64);
+    let mut due = Due { times: &segments.times, wanted: 0, accepted: 0 };
     let mut at = method.x().clone();
     // Where a watched step starts.
     let mut start = at.clone();
@@ -149,14 +241,8 @@ where
         }
         if !started {
             started = true;
-            match &segments.times {
-                Times::Every(_) => record(0.0, system, method.x()),
-                Times::At(t_eval) => {
-                    if t_eval.first() == Some(&0.0) {
-                        record(0.0, system, method.x());
-                        wanted = 1;
-                    }
-                }
+            if due.at_start() {
+                record(0.0, system, method.x());
             }
             if segments.t_end == 0.0 {
                 return outcome(Status::Success, 0.0, method);
@@ -200,34 +286,9 @@ where
             if watch.active() {
                 watch.keep(system, method, reached);
             }
-            accepted += 1;
-            let finished = ends || done && end >= segments.t_end;
-            match &segments.times {
-                Times::Every(every) => {
-                    if accepted.is_multiple_of(*every) || finished {
-                        if done && end == segment_end && segments.is_sample(end) {
-                            system.sample(end, method.x().as_ref());
-                        }
-                        if ends {
-                            method.interpolate(system, reached, &mut at);
-                            record(reached, system, &at);
-                        } else {
-                            record(reached, system, method.x());
-                        }
-                    }
-                }
-                Times::At(t_eval) => {
-                    while wanted < t_eval.len() && t_eval[wanted] <= reached {
-                        method.interpolate(system, t_eval[wanted], &mut at);
-                        // The input recorded is that from this instant on.
-                        if done && t_eval[wanted] == segment_end && segments.is_sample(end) {
-                            system.sample(end, at.as_ref());
-                        }
-                        record(t_eval[wanted], system, &at);
-                        wanted += 1;
-                    }
-                }
-            }
+            let sampled = done && end == segment_end && segments.is_sample(end);
+            let step = Step { reached, ends, finished: ends || done && end >= segments.t_end, sample: sampled.then_some(end) };
+            due.record(system, method, &step, &mut at, &mut record);
             if ends {
                 return outcome(Status::Event, reached, method);
             }

@@ -9,7 +9,7 @@ use super::columns::Columns;
 use super::log::Block;
 use super::measures::Plan;
 use super::measuring::Measuring;
-use super::monitors::{self, Monitor};
+use super::monitors::{self, Monitors};
 use super::problem::{Ended, Problem};
 use super::sink::Sink;
 use crate::error::{Result, all_finite};
@@ -45,7 +45,7 @@ pub struct GroupRecorder<'a> {
     /// The times of the records.
     times: &'a [f64],
     /// Those that are computed record by record, made when they are asked for: each compiles an arm.
-    checks: Vec<Option<Box<Monitor<'a>>>>,
+    checks: Vec<Option<Box<Monitors<'a>>>>,
     first: usize,
     status: &'a mut [Status],
     ended: &'a mut [f64],
@@ -80,7 +80,7 @@ impl Sink for GroupRecorder<'_> {
         }
         if self.monitors > 0 {
             let (problem, run) = (self.problem, self.first + lane);
-            let check = self.checks[lane].get_or_insert_with(|| Box::new(Monitor::new(problem, run)));
+            let check = self.checks[lane].get_or_insert_with(|| Box::new(Monitors::new(problem, run)));
             let values = &mut self.record[x.len() + tau.len()..];
             check.evaluate(t, x, tau, values);
             if !all_finite(values) {

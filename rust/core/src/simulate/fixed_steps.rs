@@ -46,7 +46,7 @@ where
     let mut faults = Faults { at: vec![f64::INFINITY; S::LANES], interrupted: false, steps: 0 };
     let bound = schedule.bound;
     if !bound.holds(x.as_ref()) {
-        x = note_faults(&mut faults.at, x, bound, 0.0);
+        note_faults(&mut faults.at, &mut x, bound, 0.0);
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
     let mut next = schedule.record(0);
@@ -94,43 +94,7 @@ where
         let to = if offset > 0.0 { step + 1 } else { target.min(step + block(step, hold)) };
         start.clone_from(&x);
         first_break = next_break;
-        let mut careful = false;
-        loop {
-            let mut k = step;
-            while k < to {
-                if hold != 0 && k.is_multiple_of(hold) {
-                    system.sample(schedule.time(k), x.as_ref());
-                    method.restart();
-                }
-                let smooth = if careful || offset > 0.0 { 0 } else { smooth_steps(schedule, k, to, hold, next_break) };
-                if smooth > 0 && method.stride(system, k, smooth, schedule.dt, &mut x) {
-                    k += smooth;
-                    continue;
-                }
-                if let Some(i) = schedule.noted(k) {
-                    system.note(i, schedule.time(k), x.as_ref());
-                }
-                if schedule.within == Within::Sums {
-                    let t = schedule.time(k);
-                    system.sum_up(t, schedule.time(k + 1) - t, x.as_mut());
-                    if careful && !bound.holds(x.as_ref()) {
-                        x = note_faults(&mut faults.at, x, bound, t);
-                    }
-                }
-                one_step(system, method, schedule, k, offset, &mut next_break, &mut x);
-                if careful && !bound.holds(x.as_ref()) {
-                    x = note_faults(&mut faults.at, x, bound, schedule.time(k + 1));
-                }
-                k += 1;
-            }
-            if careful || offset > 0.0 || bound.holds(x.as_ref()) || all_known(&faults.at, x.clone(), bound) {
-                break;
-            }
-            careful = true;
-            x.clone_from(&start);
-            next_break = first_break;
-            method.restart();
-        }
+        run_block(system, method, (schedule, hold), (step, to, offset), &mut faults.at, &mut next_break, (&start, &mut x));
         if let Within::Notes { .. } = schedule.within {
             recorder.accept(system);
         }
@@ -139,6 +103,61 @@ where
         if !ahead {
             step = to;
         }
+    }
+}
+
+/// The block from step `step` to `to`, from its start `x`. A new fault in a lane runs it again, step by step.
+fn run_block<S, F, M, B>(
+    system: &mut F,
+    method: &mut M,
+    (schedule, hold): (&Schedule, usize),
+    (step, to, offset): (usize, usize, f64),
+    at: &mut [f64],
+    next_break: &mut usize,
+    (start, x): (&B, &mut B),
+) where
+    S: Real,
+    F: System<S>,
+    M: FixedStep<S, F, B>,
+    B: Buffer<S>,
+{
+    let (bound, first_break) = (schedule.bound, *next_break);
+    let mut careful = false;
+    loop {
+        let mut k = step;
+        while k < to {
+            if hold != 0 && k.is_multiple_of(hold) {
+                system.sample(schedule.time(k), x.as_ref());
+                method.restart();
+            }
+            let smooth = if careful || offset > 0.0 { 0 } else { smooth_steps(schedule, k, to, hold, *next_break) };
+            if smooth > 0 && method.stride(system, k, smooth, schedule.dt, x) {
+                k += smooth;
+                continue;
+            }
+            if let Some(i) = schedule.noted(k) {
+                system.note(i, schedule.time(k), x.as_ref());
+            }
+            if schedule.within == Within::Sums {
+                let t = schedule.time(k);
+                system.sum_up(t, schedule.time(k + 1) - t, x.as_mut());
+                if careful && !bound.holds(x.as_ref()) {
+                    note_faults(at, x, bound, t);
+                }
+            }
+            one_step(system, method, schedule, k, offset, next_break, x);
+            if careful && !bound.holds(x.as_ref()) {
+                note_faults(at, x, bound, schedule.time(k + 1));
+            }
+            k += 1;
+        }
+        if careful || offset > 0.0 || bound.holds(x.as_ref()) || all_known(at, x.clone(), bound) {
+            return;
+        }
+        careful = true;
+        x.clone_from(start);
+        *next_break = first_break;
+        method.restart();
     }
 }
 
@@ -223,7 +242,7 @@ fn all_known<S: Real, B: Buffer<S>>(at: &[f64], x: B, bound: Bound) -> bool {
 /// Note the lanes that stopped being finite or passed the bound by time `t` and make them NaN throughout.
 #[cold]
 #[inline(never)]
-fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], mut x: B, bound: Bound, t: f64) -> B {
+fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], x: &mut B, bound: Bound, t: f64) {
     for lane in 0..S::LANES {
         if at[lane].is_finite() || bound.holds_lane(x.as_ref(), lane) {
             continue;
@@ -233,5 +252,4 @@ fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], mut x: B, bound: Bound, t:
             *x = S::from_lanes(|i| if i == lane { f64::NAN } else { x.lane(i) });
         }
     }
-    x
 }

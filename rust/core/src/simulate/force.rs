@@ -38,11 +38,11 @@ impl Force {
         finite("force", &starts)?;
         if let Some(i) = (1..starts.len()).find(|&i| starts[i] <= starts[i - 1]) {
             let (last, bad) = (starts[i - 1], starts[i]);
-            return Err(Error::input("force", format!("is not in order of time: expected > {last}, got {bad} (first bad index {i})")));
+            return Err(Error::input("force", format!("is not in order of time: expected > {last}, got {bad}")).at([i]));
         }
         for (i, value) in values.iter().enumerate() {
             if value.iter().any(|x| !x.is_finite()) {
-                return Err(Error::input("force", format!("is not finite: expected finite numbers, got {value:?} (first bad index {i})")));
+                return Err(Error::input("force", format!("is not finite: expected finite numbers, got {value:?}")).at([i]));
             }
         }
         Ok(Force::Steps { starts, values })

@@ -60,8 +60,7 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     let whole = parts.iter().any(|(name, ..)| name == "step");
     let chosen = part.unwrap_or(if whole { "step" } else { "rates" });
     let Some(&(_, chosen_form, _)) = parts.iter().find(|(name, ..)| name == chosen) else {
-        let known: Vec<&str> = parts.iter().map(|(name, ..)| name.as_str()).collect();
-        return Err(Error::input("part", format!("is unknown: expected one of {}, got {chosen}", known.join(", "))));
+        return Err(Error::unknown("part", "", parts.iter().map(|(name, ..)| name.as_str()), chosen));
     };
     let slots = found.names(problem, &parameters.labels, chosen);
     let names = |slot: u32| slots.at(slot).0;

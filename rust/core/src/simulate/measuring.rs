@@ -6,7 +6,7 @@
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, Seen, Start};
 use super::measures::Plan;
-use super::monitors::Monitor;
+use super::monitors::Monitors;
 use super::problem::Problem;
 use super::summary::Ends;
 use crate::error::all_finite;
@@ -18,7 +18,7 @@ pub struct Measuring<'a> {
     law: &'a LawSpec,
     columns: Columns,
     gauge: Gauge<f64>,
-    monitor: Option<Monitor<'a>>,
+    monitor: Option<Monitors<'a>>,
     /// The monitors of the last record.
     pub values: Vec<f64>,
     desired: Vec<f64>,
@@ -45,7 +45,7 @@ impl<'a> Measuring<'a> {
             law,
             columns: Columns::of(problem),
             gauge: Gauge::new(|_| plan, |_| plant.model()),
-            monitor: (monitors > 0).then(|| Monitor::new(problem, run)),
+            monitor: (monitors > 0).then(|| Monitors::new(problem, run)),
             values: vec![0.0; monitors],
             desired: law.desired(0.0),
             kept: plan.start(),

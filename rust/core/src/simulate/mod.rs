@@ -11,7 +11,6 @@ mod batch_stepper;
 mod bound;
 mod closed_loop;
 mod columns;
-mod elastic_monitor;
 mod event;
 mod fixed_steps;
 mod force;
@@ -19,10 +18,8 @@ mod gauge;
 mod general;
 mod gradient;
 mod gripping;
-mod identities;
 mod key;
 mod layout;
-mod level_norms;
 #[doc(hidden)]
 mod listed;
 mod listed_names;
@@ -51,16 +48,13 @@ mod sampling;
 mod schedule;
 mod single;
 mod sink;
-mod static_torque;
 mod stepper;
 mod stop;
 mod summary;
 mod sums;
 mod switching;
-mod target_model;
 mod torque_sensing;
 mod typed;
-mod watcher;
 #[doc(hidden)]
 mod watching;
 #[doc(hidden)]

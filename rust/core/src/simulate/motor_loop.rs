@@ -26,7 +26,8 @@ impl Problem<'_> {
                     "is too large for the motor loop: expected below {} s, where it becomes unstable, got {period}",
                     six_digits(limit)
                 );
-                return Err(Error::input("sample_time", if run == 0 { problem } else { format!("{problem} (first bad index {run})") }));
+                let error = Error::input("sample_time", problem);
+                return Err(if run == 0 { error } else { error.at([run]) });
             }
         }
         Ok(())

@@ -2,7 +2,7 @@
 //!
 //! Monitors round as plain `f64` does, so that a record of a program has the bits of one that is computed directly.
 
-use super::monitors::{Checks, Watched};
+use super::monitors::{Checks, Scope, Watched};
 use super::problem::Problem;
 use super::schedule::Times;
 use super::world::Exogenous;
@@ -35,14 +35,14 @@ impl Problem<'_> {
 }
 
 impl Notes {
-    /// For the run `run` of a problem with so many monitors; `watched`: as of [`Checks::new`].
+    /// For the run `run` of a problem with so many monitors; `watched`: as of [`Scope`].
     pub fn new(problem: &Problem, run: usize, monitors: usize, watched: Watched) -> Self {
-        Notes { checks: (monitors > 0).then(|| Checks::new(problem, run, watched)), monitors }
+        Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, watched })), monitors }
     }
 
     /// Monitors, how many of them are norms of levels, and the numbers from which the others count.
     pub fn sizes(&self) -> (usize, usize, usize) {
-        let norms = self.checks.as_ref().map_or(0, |checks| checks.norms(self.monitors));
+        let norms = self.checks.as_ref().map_or(0, Checks::norms);
         (self.monitors, norms, if self.monitors > norms { FIRSTS } else { 0 })
     }
 

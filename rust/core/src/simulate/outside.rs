@@ -55,7 +55,8 @@ pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, law
 impl Problem<'_> {
     /// [`outside`] of its starts and laws.
     pub fn outside(&self, batch: bool) -> Vec<(String, Outside)> {
+        // Before the problem is validated: there may be more starts than plants.
         let starts = self.x0.chunks_exact(self.plants[0].states()).enumerate();
-        outside(starts.map(|(run, x)| (self.plant(run), x)), &self.laws, batch)
+        outside(starts.map(|(run, x)| (self.plants[run.min(self.plants.len() - 1)], x)), &self.laws, batch)
     }
 }

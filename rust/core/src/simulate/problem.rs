@@ -170,12 +170,12 @@ impl<'a> Problem<'a> {
         let counts = [("plant", self.plants.len()), ("law", self.laws.len()), ("force", self.forces.len().max(1))];
         for (name, count) in counts {
             if count != 1 && count != runs {
-                return Err(Error::input(name, format!("has the wrong number of entries: expected 1 or {runs}, got {count}")));
+                return Err(Error::wrong(name, "number of entries", format!("1 or {runs}"), count));
             }
         }
         let (plant, law) = (self.plants[0], self.laws[0]);
         let mixed = |argument: &str, i: usize, expected: &str, got: &str| {
-            Err(Error::input(argument, format!("mixes kinds: expected {expected} throughout, got {got} (first bad index {i})")))
+            Err(Error::input(argument, format!("mixes kinds: expected {expected} throughout, got {got}")).at([i]))
         };
         if let Some(i) = self.laws.iter().position(|l| std::mem::discriminant(*l) != std::mem::discriminant(law)) {
             return mixed("law", i, law.name(), self.laws[i].name());
@@ -217,19 +217,15 @@ impl<'a> Problem<'a> {
         let n = plant.n();
         for (i, l) in self.laws.iter().enumerate() {
             if l.model().n() != n {
-                return Err(Error::input(
-                    "law",
-                    format!("has the wrong number of joints: expected {n}, got {} (first bad index {i})", l.model().n()),
-                ));
+                return Err(Error::wrong("law", "number of joints", n, l.model().n()).at([i]));
             }
             if l.initial_state().len() != law.initial_state().len() {
                 let (p, got) = (law.initial_state().len(), l.initial_state().len());
-                return Err(Error::input("law", format!("has the wrong number of states: expected {p}, got {got} (first bad index {i})")));
+                return Err(Error::wrong("law", "number of states", p, got).at([i]));
             }
         }
         if let Some(i) = self.plants.iter().position(|p| p.n() != n) {
-            let problem = format!("has the wrong number of joints: expected {n}, got {} (first bad index {i})", self.plants[i].n());
-            return Err(Error::input("plant", problem));
+            return Err(Error::wrong("plant", "number of joints", n, self.plants[i].n()).at([i]));
         }
         if !self.forces.is_empty() {
             let Model::Tree(arm) = plant.model() else {
@@ -268,7 +264,7 @@ impl<'a> Problem<'a> {
         self.validate_pairs()?;
         let limit = o.tau_max.as_deref().unwrap_or_default();
         if let Some(i) = limit.iter().position(|&x| !(x > 0.0)) {
-            return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {} (first bad index {i})", limit[i])));
+            return Err(Error::input("tau_max", format!("is not positive: expected > 0, got {}", limit[i])).at([i]));
         }
         if let Some(sampling) = &o.sampling {
             sampling.validate()?;

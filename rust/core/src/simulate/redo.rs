@@ -6,7 +6,7 @@
 use super::closed_loop::ClosedLoop;
 use super::general::assemble;
 use super::layout::Layout;
-use super::monitors::Monitor;
+use super::monitors::Monitors;
 use super::problem::Problem;
 use super::program_loop::{MOST_LANES, ProgramLoop};
 use crate::integrate::{Advance, Kind, System, WithExplicitSteps};
@@ -49,14 +49,14 @@ impl<'a> WithExplicitSteps<Float, ClosedLoop<'a, Float>> for Redone<'a> {
         x: Vec<Float>,
         method: M,
     ) -> Box<dyn Direct + 'a> {
-        let monitor = self.norms.then(|| Monitor::new(self.problem, self.run));
+        let monitor = self.norms.then(|| Monitors::new(self.problem, self.run));
         let (tau, dz) = (closed.tau.clone(), closed.law_rate().to_vec());
         Box::new(Steps { monitor, closed, method, x, tau, dz })
     }
 }
 
 struct Steps<'a, S: Real, M> {
-    monitor: Option<Monitor<'a>>,
+    monitor: Option<Monitors<'a>>,
     closed: ClosedLoop<'a, S>,
     method: M,
     x: Vec<S>,

@@ -29,10 +29,10 @@ pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
     finite("t_eval", t_eval)?;
     for (i, &t) in t_eval.iter().enumerate() {
         if t < 0.0 || t > t_end {
-            return Err(Error::input("t_eval", format!("leaves the run: expected times in [0, {t_end}], got {t} (first bad index {i})")));
+            return Err(Error::input("t_eval", format!("leaves the run: expected times in [0, {t_end}], got {t}")).at([i]));
         }
         if i > 0 && t <= t_eval[i - 1] {
-            return Err(Error::input("t_eval", format!("is not increasing: expected > {}, got {t} (first bad index {i})", t_eval[i - 1])));
+            return Err(Error::input("t_eval", format!("is not increasing: expected > {}, got {t}", t_eval[i - 1])).at([i]));
         }
     }
     Ok(())

@@ -4,7 +4,7 @@ use super::balances;
 use super::columns::Columns;
 use super::general::General;
 use super::log::Block;
-use super::monitors::{self, Monitor};
+use super::monitors::{self, Monitors};
 use super::problem::{Division, Ended, Problem};
 use super::programs::{self, Structures};
 use super::rates_programs::Rates;
@@ -66,7 +66,7 @@ struct RunRecorder<'a> {
     numbers: Vec<Range<usize>>,
     problem: &'a Problem<'a>,
     /// Made for the first record that a program did not note: it compiles an arm.
-    monitor: Option<Box<Monitor<'a>>>,
+    monitor: Option<Box<Monitors<'a>>>,
     values: Vec<f64>,
     /// When a monitor stopped being finite.
     fault: f64,
@@ -85,7 +85,7 @@ impl Sink for RunRecorder<'_> {
             return;
         }
         if !self.values.is_empty() {
-            let monitor = self.monitor.get_or_insert_with(|| Box::new(Monitor::new(self.problem, 0)));
+            let monitor = self.monitor.get_or_insert_with(|| Box::new(Monitors::new(self.problem, 0)));
             monitor.evaluate(t, x, tau, &mut self.values);
             if !all_finite(&self.values) {
                 self.fault = t;

@@ -2,8 +2,8 @@
 
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, Seen, Start};
-use super::identities::Theory;
 use super::measures::Plan;
+use super::monitors::identities::Theory;
 use super::problem::Problem;
 use super::schedule::Times;
 use crate::scalar::Real;

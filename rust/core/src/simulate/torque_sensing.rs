@@ -97,8 +97,7 @@ impl Problem<'_> {
             return Err(Error::input("torque_sensor", problem));
         }
         if !sensor.bias.is_empty() && sensor.bias.len() != plant.n() {
-            let problem = format!("has the wrong shape: expected ({},), got ({},)", plant.n(), sensor.bias.len());
-            return Err(Error::input("bias", problem));
+            return Err(Error::wrong_shape("bias", &[plant.n()], &[sensor.bias.len()]));
         }
         for (name, values) in [("noise", sampling.noise), ("resolution", sampling.resolution)] {
             if values[0] != 0.0 {

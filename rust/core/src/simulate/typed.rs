@@ -38,7 +38,7 @@ impl<'a> Problem<'a> {
         let n = plant.n();
         for (name, value) in [("q0", q0), ("v0", v0)] {
             if value.len() != n {
-                return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", value.len())));
+                return Err(Error::wrong_shape(name, &[n], &[value.len()]));
             }
         }
         if !plant.kind().has_speeds() && v0.iter().any(|v| *v != 0.0) {

@@ -3,10 +3,10 @@
 //!
 //! Functions are looked at in four places of every step. Two changes of sign between two of these cancel and are missed.
 
+use super::adaptive_steps::{Cut, Watcher};
 use super::event::{Crossings, Event};
 use super::general::Watched;
 use super::switching::{Probe, Switching};
-use super::watcher::{Cut, Watcher};
 use crate::error::{Error, Result as CoreResult};
 use crate::integrate::events::crossing;
 use crate::integrate::solve::node;

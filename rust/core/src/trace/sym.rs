@@ -102,6 +102,31 @@ impl Sym {
     }
 }
 
+// What generic callers reach is compiled once, here.
+
+#[inline(never)]
+fn of_lanes(x: f64, y: f64) -> Sym {
+    on_tape(|tape| {
+        tape.failed |= x.to_bits() != y.to_bits();
+        Sym(if tape.set_up { tape.given(x) } else { tape.constant(x) })
+    })
+}
+
+#[inline(never)]
+fn shared(x: f64) -> Sym {
+    on_tape(|tape| Sym(tape.shared(x)))
+}
+
+#[inline(never)]
+fn label(name: &'static str, first: u32) -> Label {
+    on_tape(|tape| tape.labels.begin(name, first))
+}
+
+#[inline(never)]
+fn end_label(before: Label) {
+    on_tape(|tape| tape.labels.end(before));
+}
+
 macro_rules! operator {
     ($trait:ident, $method:ident, $assign:ident, $assign_method:ident) => {
         impl $trait for Sym {
@@ -144,20 +169,15 @@ impl Real for Sym {
         on_tape(|tape| Sym(tape.constant(x)))
     }
     fn from_lanes(mut f: impl FnMut(usize) -> f64) -> Sym {
-        let (x, y) = (f(0), f(1));
-        on_tape(|tape| {
-            tape.failed |= x.to_bits() != y.to_bits();
-            Sym(if tape.set_up { tape.given(x) } else { tape.constant(x) })
-        })
+        of_lanes(f(0), f(1))
     }
     fn parameter(mut f: impl FnMut(usize) -> f64) -> Sym {
-        let x = f(0);
-        on_tape(|tape| Sym(tape.shared(x)))
+        shared(f(0))
     }
     fn labelled<T>(name: &'static str, first: u32, f: impl FnOnce() -> T) -> T {
-        let before = on_tape(|tape| tape.labels.begin(name, first));
+        let before = label(name, first);
         let made = f();
-        on_tape(|tape| tape.labels.end(before));
+        end_label(before);
         made
     }
     fn lane(self, _: usize) -> f64 {

@@ -22,8 +22,8 @@ fn at(arm: &Arm, quantity: Quantity, frame: &str, q: &[f64]) -> Vec<f64> {
 #[track_caller]
 fn refused<T: std::fmt::Debug>(result: Result<T, Error>, argument: &str, word: &str) {
     match result {
-        Err(Error::Input { argument: got, problem }) => assert!(got == argument && problem.contains(word), "{got} {problem}"),
-        other => panic!("{other:?}"),
+        Err(error) => assert!(error.argument() == Some(argument) && error.to_string().contains(word), "{error}"),
+        Ok(other) => panic!("{other:?}"),
     }
 }
 

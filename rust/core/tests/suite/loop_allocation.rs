@@ -60,23 +60,26 @@ fn allocations(
     count
 }
 
+/// Adaptive control with diagonal gains of adaptation, or others.
+fn adaptive(model: &Model, diagonal: bool) -> LawSpec {
+    let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
+    let (n, p) = (model.n(), model.parameter_count());
+    let mut gamma = Gain::scalar("gamma", p, 0.1).unwrap().matrix();
+    if !diagonal {
+        (gamma[1], gamma[p]) = (0.01, 0.01);
+    }
+    let gamma = Gain::full("gamma", p, gamma).unwrap();
+    LawSpec::Adaptive(
+        AdaptiveSpec::new(model.clone(), sinusoid(n), gain(n, 0.5), gain(n, 0.5), Adaptation::Euclidean(gamma), None, None).unwrap(),
+    )
+}
+
 #[test]
 fn steps_allocate_nothing() {
     let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
     let pr = Model::PlanarPr(PlanarPr::new(2.0, 0.5, 0.5).unwrap());
     let read = |name: &str| Arm::from_urdf(example_urdf(name).unwrap(), name, STANDARD_GRAVITY, None, None).unwrap();
     let tree = |name: &str| Model::Tree(Arc::new(read(name)));
-    let adaptive = |model: &Model, diagonal: bool| {
-        let (n, p) = (model.n(), model.parameter_count());
-        let mut gamma = Gain::scalar("gamma", p, 0.1).unwrap().matrix();
-        if !diagonal {
-            (gamma[1], gamma[p]) = (0.01, 0.01);
-        }
-        let gamma = Gain::full("gamma", p, gamma).unwrap();
-        LawSpec::Adaptive(
-            AdaptiveSpec::new(model.clone(), sinusoid(n), gain(n, 0.5), gain(n, 0.5), Adaptation::Euclidean(gamma), None, None).unwrap(),
-        )
-    };
     let rigid = |model: &Model| PlantSpec::Rigid(RigidSpec::new(model.clone()));
     let (six, two) = (tree("six_axis"), tree("planar_2r"));
     let torque = LawSpec::ComputedTorque(ComputedTorqueSpec::new(six.clone(), sinusoid(6), gain(6, 100.0), gain(6, 20.0)).unwrap());
@@ -144,7 +147,12 @@ fn steps_allocate_nothing() {
             }
         }
     }
-    // Elastic joints, their torques sensed where the loop is sampled, run into a stop.
+    elastic_steps_allocate_nothing(two);
+}
+
+/// Elastic joints, their torques sensed where the loop is sampled, run into a stop.
+fn elastic_steps_allocate_nothing(two: Model) {
+    let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
     let stops = Stops::new(vec![-3.0; 2], vec![0.21, 3.0], vec![1e3; 2], vec![10.0; 2]).unwrap();
     let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap().with_stops(Some(stops));
     let gains = [gain(2, 200.0), gain(2, 20.0), gain(2, 1.0), gain(2, 0.02)];

@@ -10,6 +10,7 @@ mod arm_models;
 mod arm_oracle;
 mod arm_quarter_turns;
 mod arm_urdf;
+mod arm_urdf_mutants;
 mod counting;
 mod elastic_loops;
 mod elastic_oracle;

@@ -23,6 +23,10 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use settings::Settings;
 use slope::{Slope, States};
 
+const NAME: &str = "integrate";
+/// The most events of a run.
+const MOST_EVENTS: usize = 4096;
+
 /// The times of `t_eval`, in the span and in its order, on the time that runs forward.
 fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direction: f64) -> Result<Vec<f64>, Failure> {
     let mut times = any_vector(function, "t_eval", t_eval)?;
@@ -81,15 +85,75 @@ impl Recorder for SolutionRecorder<'_, '_> {
     }
 }
 
+impl<'a, 'py> SolutionRecorder<'a, 'py> {
+    fn new(py: Python<'py>, direction: f64, events: usize, stop: &'a mut Option<PyErr>) -> Self {
+        let (t, y, nodes, ends) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        SolutionRecorder { py, direction, t, y, crossings: vec![Default::default(); events], nodes, ends, stop, full: Ok(()) }
+    }
+
+    /// What was recorded of `n` states, as a dictionary; `degree`: of the dense output, if it was wanted.
+    fn answer(self, n: usize, degree: Option<usize>) -> Result<Bound<'py, PyDict>, Failure> {
+        let SolutionRecorder { py, t, y, crossings, nodes, ends, full, .. } = self;
+        full?;
+        let fields = PyDict::new(py);
+        fields.set_item("t", filled(py, &[t.len()], &t)?)?;
+        fields.set_item("y", filled(py, &[t.len(), n], &y)?)?;
+        let lists = [PyList::empty(py), PyList::empty(py)];
+        for (times, states) in &crossings {
+            lists[0].append(filled(py, &[times.len()], times)?)?;
+            lists[1].append(filled(py, &[times.len(), n], states)?)?;
+        }
+        fields.set_item("t_events", &lists[0])?;
+        fields.set_item("y_events", &lists[1])?;
+        if let Some(degree) = degree {
+            let positions: Vec<f64> = (0..=degree).map(|k| node(k, degree)).collect();
+            fields.set_item("node_positions", filled(py, &[degree + 1], &positions)?)?;
+            fields.set_item("ends", filled(py, &[ends.len()], &ends)?)?;
+            fields.set_item("nodes", filled(py, &[ends.len(), degree + 1, n], &nodes)?)?;
+        }
+        Ok(fields)
+    }
+}
+
+/// The functions of events, each with its direction and after how many crossings it ends the run.
+fn watched_events<'py>(events: &Bound<'py, PyAny>) -> Result<Vec<(Bound<'py, PyAny>, f64, usize)>, Failure> {
+    let events = items(NAME, "events", "a list: expected tuples (g, direction, stop_after)", events, MOST_EVENTS)?;
+    let of = |event: &Bound<'py, PyAny>| {
+        let (g, direction, stop_after): (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>) = event.extract()?;
+        Ok((g, number(NAME, "events", &direction)?, whole(NAME, "events", &stop_after)?))
+    };
+    events.iter().map(of).collect()
+}
+
+/// The start and the end, which may be at infinity where an event `ends` the run.
+fn span_of(t0: &Bound<'_, PyAny>, t1: &Bound<'_, PyAny>, ends: bool) -> Result<[f64; 2], Failure> {
+    let span = [number(NAME, "t_span", t0)?, number(NAME, "t_span", t1)?];
+    let finite = span[0].is_finite() && (span[1].is_finite() || (ends && !span[1].is_nan()));
+    if !finite {
+        require_finite(t0.py(), NAME, "t_span", &[2], &span)?;
+    }
+    Ok(span)
+}
+
+/// How `f` takes its states.
+fn states_of(py: Python<'_>, lists: &Bound<'_, PyAny>, vectorized: &Bound<'_, PyAny>) -> Result<States, Failure> {
+    match (flag(NAME, "lists", lists)?, flag(NAME, "vectorized", vectorized)?) {
+        (true, true) => {
+            let problem = "is given with lists: expected one of them, as a vectorised f takes an array, got both";
+            Err(input_error(py, NAME, "vectorized", problem).into())
+        }
+        (true, false) => Ok(States::List),
+        (false, true) => Ok(States::Columns),
+        (false, false) => Ok(States::Array),
+    }
+}
+
 fn filled<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
     new_array(py, shape, |out| {
         out.copy_from_slice(values);
         Ok(())
     })
 }
-
-/// The most events of a run.
-const MOST_EVENTS: usize = 4096;
 
 /// One run of `f` as a dictionary of its fields.
 #[entered]
@@ -119,36 +183,16 @@ pub fn integrate<'py>(
     lists: &Bound<'py, PyAny>,
     vectorized: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    const NAME: &str = "integrate";
     entry(py, NAME, || {
-        let events = items(NAME, "events", "a list: expected tuples (g, direction, stop_after)", events, MOST_EVENTS)?;
-        let events = events.iter().map(|event| -> Result<(Bound<'py, PyAny>, f64, usize), Failure> {
-            let (g, direction, stop_after): (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>) = event.extract()?;
-            Ok((g, number(NAME, "events", &direction)?, whole(NAME, "events", &stop_after)?))
-        });
-        let events = events.collect::<Result<Vec<_>, _>>()?;
+        let events = watched_events(events)?;
         if !f.is_callable() {
             let kind = f.get_type().name()?;
             return Err(input_error(py, NAME, "f", format!("is not callable: expected f(t, y), got {kind}")).into());
         }
         let positions = whole(NAME, "positions", positions)?;
-        let span = [number(NAME, "t_span", t0)?, number(NAME, "t_span", t1)?];
-        // The end may be at infinity where an event ends the run.
-        let ends = events.iter().any(|(_, _, stop_after)| *stop_after > 0);
-        let finite = span[0].is_finite() && (span[1].is_finite() || (ends && !span[1].is_nan()));
-        if !finite {
-            require_finite(py, NAME, "t_span", &[2], &span)?;
-        }
+        let span = span_of(t0, t1, events.iter().any(|(_, _, stop_after)| *stop_after > 0))?;
         let dense = flag(NAME, "dense_output", dense)?;
-        let states = match (flag(NAME, "lists", lists)?, flag(NAME, "vectorized", vectorized)?) {
-            (true, true) => {
-                let problem = "is given with lists: expected one of them, as a vectorised f takes an array, got both";
-                return Err(input_error(py, NAME, "vectorized", problem).into());
-            }
-            (true, false) => States::List,
-            (false, true) => States::Columns,
-            (false, false) => States::Array,
-        };
+        let states = states_of(py, lists, vectorized)?;
         let y0 = any_vector(NAME, "y0", y0)?;
         let n = y0.len();
         let direction = if span[1] < span[0] { -1.0 } else { 1.0 };
@@ -180,40 +224,14 @@ pub fn integrate<'py>(
             })
         };
         let request = Request { times: wanted.as_deref(), dense, events: &watched };
-        let mut rows = SolutionRecorder {
-            py,
-            direction,
-            t: Vec::new(),
-            y: Vec::new(),
-            crossings: vec![Default::default(); events.len()],
-            nodes: Vec::new(),
-            ends: Vec::new(),
-            stop: &mut stop,
-            full: Ok(()),
-        };
+        let mut rows = SolutionRecorder::new(py, direction, events.len(), &mut stop);
         let ended = solve(&mut field, &mut *method, (s0, s1), &request, &mut value, &mut rows);
-        let SolutionRecorder { t, y, crossings, nodes, ends, full, .. } = rows;
+        let degree = dense.then(|| method.dense_degree());
+        let fields = rows.answer(n, degree);
         if let Some(error) = field.slope.error.take().or(raised).or(stop) {
             return Err(Failure::Python(error));
         }
-        full?;
-        let fields = PyDict::new(py);
-        fields.set_item("t", filled(py, &[t.len()], &t)?)?;
-        fields.set_item("y", filled(py, &[t.len(), n], &y)?)?;
-        let lists = [PyList::empty(py), PyList::empty(py)];
-        for (times, states) in &crossings {
-            lists[0].append(filled(py, &[times.len()], times)?)?;
-            lists[1].append(filled(py, &[times.len(), n], states)?)?;
-        }
-        fields.set_item("t_events", &lists[0])?;
-        fields.set_item("y_events", &lists[1])?;
-        if dense {
-            let degree = method.dense_degree();
-            let positions: Vec<f64> = (0..=degree).map(|k| node(k, degree)).collect();
-            fields.set_item("node_positions", filled(py, &[degree + 1], &positions)?)?;
-            fields.set_item("ends", filled(py, &[ends.len()], &ends)?)?;
-            fields.set_item("nodes", filled(py, &[ends.len(), degree + 1, n], &nodes)?)?;
-        }
+        let fields = fields?;
         fields.set_item("status", ended.status.code())?;
         fields.set_item("ended", direction * ended.t)?;
         fields.set_item("stats", stats(py, ended.work, &field)?)?;

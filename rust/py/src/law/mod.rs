@@ -14,17 +14,16 @@ pub use impedance::CartesianImpedance;
 pub use priority::*;
 pub use rigid::*;
 
-use crate::arguments::{Arguments, call, shown_as};
+use crate::arguments::{Arguments, stands_on_arm};
 use crate::arm::Arm;
 use crate::arrays::{new_array, new_vector, number, of_shape, require_finite, vector};
 use crate::errors::{Failure, entry, input_error};
-use crate::seal::{Sealed, seal_new};
 use armlet_core::error::all_finite;
 use armlet_core::law::{JointReference, LawEvaluator, LawSpec};
 use armlet_core::plant::PlantKind;
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyFloat, PyList, PyTuple};
+use pyo3::types::{PyDict, PyFloat, PyList};
 use std::sync::Mutex;
 
 /// A control law: `law(t, q, v)` gives the plant's input `(n,)`. The base of all laws.
@@ -39,6 +38,8 @@ pub struct Law {
     /// What else the constructor was given, for `repr` and pickling.
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
+
+stands_on_arm!(Law);
 
 impl Arguments<'_> {
     /// The law of these arguments.
@@ -206,17 +207,5 @@ impl Law {
     #[getter]
     fn _holds_joints(&self) -> bool {
         matches!(self.spec.joint_reference(), Some(JointReference::Target(_)))
-    }
-
-    fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
-        shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
-    }
-
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
-        call(self.arm.bind(py), &self.arguments)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
-        seal_new(slf.as_any())
     }
 }

@@ -1,7 +1,7 @@
 //! `armlet.bang_bang_time`, for one problem and for arrays of them.
 
 use super::bang_bang_batch::{ANSWER, BangBangBatch, CHUNK};
-use super::{LinkProblem, NAMES, again, float, part, problem, scalar, symmetric, truth};
+use super::{LinkProblem, NAMES, again, float, link_report, part, problem, scalar, symmetric, truth};
 use crate::arrays::require_finite;
 use crate::broadcast::columns;
 use crate::errors::{entry, input_error};
@@ -110,27 +110,11 @@ impl BangBangReport {
     }
 }
 
+link_report!(BangBangReport);
+
 #[entered]
 #[pymethods]
 impl BangBangReport {
-    /// Whether some duration obeys the limits.
-    #[getter]
-    fn feasible(&self) -> bool {
-        self.core.feasible
-    }
-
-    /// Shortest duration, s; NaN if infeasible.
-    #[getter]
-    fn t_min(&self) -> f64 {
-        self.core.t_min
-    }
-
-    /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
-    #[getter]
-    fn t_max(&self) -> f64 {
-        self.core.t_max
-    }
-
     /// Least `inertia * acceleration` that the limits demand, N m.
     #[getter]
     fn a_min(&self) -> f64 {
@@ -141,18 +125,6 @@ impl BangBangReport {
     #[getter]
     fn a_max(&self) -> f64 {
         self.core.a_max
-    }
-
-    /// Whether the torque can hold the link at rest at the start.
-    #[getter]
-    fn hold_start(&self) -> bool {
-        self.core.hold_start
-    }
-
-    /// Whether the torque can hold the link at rest at the end.
-    #[getter]
-    fn hold_end(&self) -> bool {
-        self.core.hold_end
     }
 
     /// Why no duration works: the limits, where they bind, and the missing torque; empty if feasible.

@@ -50,11 +50,11 @@ const MOST_AXES: usize = 64;
 
 /// A refused problem of a batch, with its index.
 fn refused(py: Python<'_>, function: &str, shape: &[usize], i: usize, error: Error) -> Failure {
-    match error {
-        Error::Input { argument, problem } => {
-            input_error(py, function, &argument, format!("{problem} (first bad index {})", index_of(shape, i))).into()
+    match (error.argument(), error.problem()) {
+        (Some(argument), Some(problem)) => {
+            input_error(py, function, argument, format!("{problem} (first bad index {})", index_of(shape, i))).into()
         }
-        other => other.into(),
+        _ => error.into(),
     }
 }
 

@@ -18,6 +18,46 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use torque::TorqueOptimum;
 
+/// What the reports of rest-to-rest profiles share: their field `core` says whether a duration exists, and which.
+macro_rules! link_report {
+    ($report:ident) => {
+        #[entered]
+        #[pymethods]
+        impl $report {
+            /// Whether some duration obeys the limits.
+            #[getter]
+            fn feasible(&self) -> bool {
+                self.core.feasible
+            }
+
+            /// Shortest duration, s; NaN if infeasible.
+            #[getter]
+            fn t_min(&self) -> f64 {
+                self.core.t_min
+            }
+
+            /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
+            #[getter]
+            fn t_max(&self) -> f64 {
+                self.core.t_max
+            }
+
+            /// Whether the torque can hold the link at rest at the start.
+            #[getter]
+            fn hold_start(&self) -> bool {
+                self.core.hold_start
+            }
+
+            /// Whether the torque can hold the link at rest at the end.
+            #[getter]
+            fn hold_end(&self) -> bool {
+                self.core.hold_end
+            }
+        }
+    };
+}
+use link_report;
+
 /// The problem of every planner: the ends, the link, its limits.
 pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "tau_max", "tau_min"];
 

@@ -1,6 +1,6 @@
 //! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`.
 
-use super::{LinkProblem, again, float, scalar, single, truth};
+use super::{LinkProblem, again, float, link_report, scalar, single, truth};
 use crate::errors::entry;
 use crate::seal::Sealed;
 use armlet_core::error::Error;
@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 ///     ramp: fraction of the duration, in (0, 1/2].
 ///
 /// Returns:
-///     A `ProfileReport`.
+///     A `ProfileReport` of the trapezoid.
 ///
 /// Raises:
 ///     InputError: a number is not finite, or outside its range.
@@ -58,7 +58,7 @@ pub fn trapezoid_time<'py>(
 ///     theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: as in `bang_bang_time`; numbers only.
 ///
 /// Returns:
-///     A `ProfileReport`.
+///     A `ProfileReport` of the quintic.
 ///
 /// Raises:
 ///     InputError: a number is not finite, or outside its range.
@@ -115,27 +115,11 @@ impl ProfileReport {
     }
 }
 
+link_report!(ProfileReport);
+
 #[entered]
 #[pymethods]
 impl ProfileReport {
-    /// Whether some duration obeys the limits.
-    #[getter]
-    fn feasible(&self) -> bool {
-        self.core.feasible
-    }
-
-    /// Shortest duration, s; NaN if infeasible.
-    #[getter]
-    fn t_min(&self) -> f64 {
-        self.core.t_min
-    }
-
-    /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
-    #[getter]
-    fn t_max(&self) -> f64 {
-        self.core.t_max
-    }
-
     /// Least `inertia * |thetaf - theta0| / T^2` that the limits demand, N m.
     #[getter]
     fn k_min(&self) -> f64 {
@@ -158,18 +142,6 @@ impl ProfileReport {
     #[getter]
     fn theta_lower(&self) -> f64 {
         self.core.theta_lower
-    }
-
-    /// Whether the torque can hold the link at rest at the start.
-    #[getter]
-    fn hold_start(&self) -> bool {
-        self.core.hold_start
-    }
-
-    /// Whether the torque can hold the link at rest at the end.
-    #[getter]
-    fn hold_end(&self) -> bool {
-        self.core.hold_end
     }
 
     /// How much wider both limits must be, N m; 0 if feasible.

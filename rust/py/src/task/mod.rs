@@ -2,11 +2,11 @@
 
 pub mod kinds;
 
+use crate::arguments::made_of_arguments;
 use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
 use crate::priority::MOST_LEVELS;
-use crate::seal::{Sealed, seal_new};
 use armlet_core::arm::Arm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
@@ -15,7 +15,7 @@ use armlet_core::law::{Gain, Level};
 use armlet_core::motion::Motion as CoreMotion;
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString, PyTuple};
+use pyo3::types::{PyString, PyTuple};
 
 /// The task function on an arm.
 type OnArm = Box<dyn Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync>;
@@ -82,6 +82,8 @@ pub struct Task {
     /// As given, for `repr` and pickling.
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
+
+made_of_arguments!(Task);
 
 /// The arguments that most tasks share.
 struct Common<'a, 'py> {
@@ -255,9 +257,9 @@ pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> R
             let kind = item.get_type().name().map(|name| name.to_string()).unwrap_or_default();
             return Err(refuse("tasks", format!("is of the wrong type: expected tasks, got {kind} (first bad index {i})")));
         };
-        out.push(of(task.get()).map_err(|error| match error {
-            Error::Input { argument, problem } => refuse(&format!("tasks[{i}].{argument}"), problem),
-            other => other.into(),
+        out.push(of(task.get()).map_err(|error| match error.argument().map(|argument| format!("tasks[{i}].{argument}")) {
+            Some(argument) => error.of_argument(argument),
+            None => error,
         })?);
     }
     Ok((PyTuple::new(py, items)?.unbind(), out))
@@ -314,17 +316,5 @@ impl Task {
             parts.push(if keyword { format!("{name}={shown}") } else { shown });
         }
         Ok(format!("{}({})", slf.get_type().name()?, parts.join(", ")))
-    }
-
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
-        let keywords = PyDict::new(py);
-        for (name, value) in &self.arguments {
-            keywords.set_item(name, value)?;
-        }
-        Ok((PyTuple::empty(py), keywords))
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Sealed<'py>> {
-        seal_new(slf.as_any())
     }
 }

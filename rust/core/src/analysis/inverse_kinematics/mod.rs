@@ -96,7 +96,7 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOpti
         goals.iter().map(|(function, target)| (function.clone(), target.as_slice())).unzip();
     let n = arm.n();
     if q0.len() != n {
-        return Err(Error::input("q0", format!("has the wrong shape: expected ({n},), got ({},)", q0.len())));
+        return Err(Error::wrong_shape("q0", &[n], &[q0.len()]));
     }
     finite("q0", q0)?;
     search.check()?;
@@ -229,9 +229,9 @@ fn limits(arm: &Arm, keep: bool) -> Result<Vec<(f64, f64)>> {
     let bounds: Vec<(f64, f64)> = arm.independent().map(of).collect();
     match bounds.iter().position(|(lower, upper)| !(lower <= upper)) {
         None => Ok(bounds),
-        Some(i) => Err(Error::input(
-            "arm",
-            format!("has limits out of order: expected lower <= upper, got {} > {} (first bad index {i})", bounds[i].0, bounds[i].1),
-        )),
+        Some(i) => {
+            Err(Error::input("arm", format!("has limits out of order: expected lower <= upper, got {} > {}", bounds[i].0, bounds[i].1))
+                .at([i]))
+        }
     }
 }

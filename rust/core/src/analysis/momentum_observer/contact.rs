@@ -12,8 +12,7 @@ impl MomentumObserver {
     /// The thresholds of contact `(n,)`, > 0.
     pub fn set_thresholds(&mut self, thresholds: Vec<f64>) -> Result<()> {
         if thresholds.len() != self.n() {
-            let problem = format!("has the wrong shape: expected ({},), got ({},)", self.n(), thresholds.len());
-            return Err(Error::input("threshold", problem));
+            return Err(Error::wrong_shape("threshold", &[self.n()], &[thresholds.len()]));
         }
         thresholds.iter().try_for_each(|&threshold| positive("threshold", threshold))?;
         self.thresholds = Some(thresholds);
@@ -32,10 +31,7 @@ impl MomentumObserver {
         finite("residuals", residuals)?;
         let rows = residuals.len() / n;
         if rows < 2 || !residuals.len().is_multiple_of(n) {
-            return Err(Error::input(
-                "residuals",
-                format!("has the wrong shape: expected (K, {n}) with K >= 2, got {} numbers", residuals.len()),
-            ));
+            return Err(Error::wrong("residuals", "shape", format!("(K, {n}) with K >= 2"), format!("{} numbers", residuals.len())));
         }
         let of_joint = |i: usize| residuals.iter().skip(i).step_by(n);
         let thresholds = (0..n).map(|i| {
@@ -45,10 +41,7 @@ impl MomentumObserver {
         });
         let thresholds: Vec<f64> = thresholds.collect();
         if let Some(i) = thresholds.iter().position(|&threshold| !(threshold > 0.0)) {
-            return Err(Error::input(
-                "residuals",
-                format!("have no noise: expected residuals that vary, got zeros (first bad index (0, {i}))"),
-            ));
+            return Err(Error::input("residuals", "have no noise: expected residuals that vary, got zeros").at([0, i]));
         }
         self.set_thresholds(thresholds)
     }

@@ -75,7 +75,7 @@ impl MomentumObserver {
     pub fn new(model: Model, gain: Gain, friction: bool) -> Result<Self> {
         let n = model.n();
         if gain.n() != n {
-            return Err(Error::input("gain", format!("has the wrong size: expected {n}, got {}", gain.n())));
+            return Err(Error::wrong("gain", "size", n, gain.n()));
         }
         Ok(MomentumObserver {
             arm: ArmAt::of_lanes(|_| &model),
@@ -105,7 +105,7 @@ impl MomentumObserver {
             return Err(Error::input("friction", problem));
         }
         if inertia.n() != self.n() {
-            return Err(Error::input("motor_inertia", format!("has the wrong size: expected {}, got {}", self.n(), inertia.n())));
+            return Err(Error::wrong("motor_inertia", "size", self.n(), inertia.n()));
         }
         self.motors = Some(AnyGain::from_lanes(|_| &inertia));
         Ok(self)
@@ -212,9 +212,8 @@ impl MomentumObserver {
         let all = row.rev().flat_map(|i| sizes(i).map(|size| (i, size)));
         let largest = all.max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let Some((i, (_, argument, value))) = largest else { return Ok(()) };
-        let index = if rows > 1 { format!("({}, {})", i / n, i % n) } else { format!("{i}") };
-        let problem = format!("is too large: expected a finite residual, got {value:e} (first bad index {index})");
-        Err(Error::input(argument, problem))
+        let index = if rows > 1 { vec![i / n, i % n] } else { vec![i] };
+        Err(Error::input(argument, format!("is too large: expected a finite residual, got {value:e}")).at(index))
     }
 
     /// `I + K dt`: its diagonal, or its Cholesky factor.
@@ -276,8 +275,7 @@ impl MomentumObserver {
         }
         for (name, values) in arguments {
             if values.len() != wanted || !values.len().is_multiple_of(n) {
-                let problem = format!("has the wrong size: expected {} rows of {n}, got {} numbers", wanted / n, values.len());
-                return Err(Error::input(*name, problem));
+                return Err(Error::wrong(*name, "size", format!("{} rows of {n}", wanted / n), format!("{} numbers", values.len())));
             }
             finite(name, values)?;
         }

@@ -3,8 +3,8 @@
 use super::element::{Robot, UrdfJoint};
 use super::followers;
 use super::read::{Source, UrdfOptions};
-use crate::arm::{Arm, Frame, Joint, listed};
-use crate::error::{Error, Result};
+use crate::arm::{Arm, Frame, Joint};
+use crate::error::{Error, Result, listed};
 use crate::interrupt::look;
 use crate::spatial::Placement;
 use std::collections::HashMap;
@@ -14,10 +14,7 @@ pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<A
     let followed = followers::join(source, &mut robot, mimic)?;
     let tree = LinkTree::new(source, &robot)?;
     let named = |argument: &str, name: &str| {
-        tree.index
-            .get(name)
-            .copied()
-            .ok_or_else(|| crate::arm::unknown(argument, name, "links", robot.links.iter().map(|l| l.name.as_str())))
+        tree.index.get(name).copied().ok_or_else(|| Error::unknown(argument, "links", robot.links.iter().map(|l| l.name.as_str()), name))
     };
     let base = root.map_or(Ok(tree.root), |name| named("root", name))?;
     let path = tip.map(|name| named("tip", name).and_then(|tip| tree.path(&robot, base, tip))).transpose()?;

@@ -2,7 +2,8 @@
 
 use super::plausible::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
-use crate::arm::{Arm, Frame, JointKind, STANDARD_GRAVITY, listed};
+use crate::arm::{Arm, Frame, JointKind, STANDARD_GRAVITY};
+use crate::error::listed;
 use crate::interrupt::look;
 use crate::spatial::{Inertia, PARAMETERS, Placement, RotationMatrix, Vector, Vector3};
 use std::collections::HashSet;
@@ -79,8 +80,7 @@ impl Arm {
         }
         out.push_str("</robot>\n");
         if !made.is_empty() {
-            report
-                .push(format!("added: links for bodies without a frame: {}", listed(&made.iter().map(String::as_str).collect::<Vec<_>>())));
+            report.push(format!("added: links for bodies without a frame: {}", listed(&made)));
         }
         if self.gravity != STANDARD_GRAVITY {
             report.push(format!("dropped: gravity {:?} (URDF has none)", self.gravity));

@@ -14,8 +14,6 @@ pub const EXAMPLES: [(&str, &str); 6] = [
 
 /// The URDF text of an example.
 pub fn example_urdf(name: &str) -> Result<&'static str> {
-    EXAMPLES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text).ok_or_else(|| {
-        let names = EXAMPLES.map(|(name, _)| name).join(", ");
-        Error::input("name", format!("is unknown: expected one of {names}, got {name}"))
-    })
+    let found = EXAMPLES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text);
+    found.ok_or_else(|| Error::unknown("name", "", EXAMPLES.map(|(name, _)| name), name))
 }

@@ -150,10 +150,7 @@ impl TaskFunction {
     pub fn require_target(&self, target: &[f64]) -> Result<()> {
         finite("target", target)?;
         if target.len() != self.target_size() {
-            return Err(Error::input(
-                "target",
-                format!("has the wrong shape: expected ({},), got ({},)", self.target_size(), target.len()),
-            ));
+            return Err(Error::wrong_shape("target", &[self.target_size()], &[target.len()]));
         }
         self.require(target)
     }

@@ -62,7 +62,7 @@ impl TimePathOptions {
 
 fn sized(name: &str, values: &[f64], n: usize) -> Result<()> {
     if values.len() != n {
-        return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
+        return Err(Error::wrong_shape(name, &[n], &[values.len()]));
     }
     finite(name, values)
 }
@@ -81,7 +81,7 @@ fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
     sized(name, values, n)?;
     match values.iter().position(|x| !(*x > 0.0)) {
         None => Ok(()),
-        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {} (first bad index {i})", values[i]))),
+        Some(i) => Err(Error::input(name, format!("is not positive: expected numbers > 0, got {}", values[i])).at([i])),
     }
 }
 
@@ -96,8 +96,8 @@ impl PathLimits {
             sized("tau_max", hi, n)?;
             sized("tau_max", lo, n)?;
             if let Some(i) = (0..n).find(|&i| !(lo[i] < hi[i])) {
-                let problem = format!("is empty: expected a lower below an upper limit, got {} and {} (first bad index {i})", lo[i], hi[i]);
-                return Err(Error::input("tau_max", problem));
+                let problem = format!("is empty: expected a lower below an upper limit, got {} and {}", lo[i], hi[i]);
+                return Err(Error::input("tau_max", problem).at([i]));
             }
             bounds[0][..n].copy_from_slice(lo);
             bounds[1][..n].copy_from_slice(hi);
@@ -131,10 +131,10 @@ impl PathLimits {
         }
         match (0..n).find(|&i| !(lower[i] <= upper[i])) {
             None => Ok(()),
-            Some(i) => Err(Error::input(
-                "q_min, q_max",
-                format!("are out of order: expected q_min <= q_max, got {} and {} (first bad index {i})", lower[i], upper[i]),
-            )),
+            Some(i) => {
+                Err(Error::input("q_min, q_max", format!("are out of order: expected q_min <= q_max, got {} and {}", lower[i], upper[i]))
+                    .at([i]))
+            }
         }
     }
 
@@ -180,7 +180,7 @@ pub(super) struct Checked {
 pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<Checked> {
     let n = mover.dof();
     if path.dof() != n {
-        return Err(Error::input("path", format!("has the wrong number of joints: expected {n}, got {}", path.dof())));
+        return Err(Error::wrong("path", "number of joints", n, path.dof()));
     }
     let tip = limits.tip.as_ref().and_then(|tip| tip.acceleration.as_ref());
     if limits.torque.is_none() && limits.acceleration.is_none() && tip.is_none() {
@@ -210,8 +210,7 @@ pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &
         for values in [&friction.viscous, &friction.coulomb] {
             sized("friction", values, n)?;
             if let Some(i) = values.iter().position(|x| *x < 0.0) {
-                let problem = format!("is negative: expected numbers >= 0, got {} (first bad index {i})", values[i]);
-                return Err(Error::input("friction", problem));
+                return Err(Error::input("friction", format!("is negative: expected numbers >= 0, got {}", values[i])).at([i]));
             }
         }
     }

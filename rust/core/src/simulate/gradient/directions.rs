@@ -135,5 +135,5 @@ impl<'a> Directions<'a> {
 
 /// The parameter of this number has no derivative; the binding knows its name.
 pub fn refused(parameter: usize, why: &str) -> Error {
-    Error::input("sensitivity", format!("names a number without a derivative: it {why} (first bad index {parameter})"))
+    Error::input("sensitivity", format!("has no derivative: it {why}")).at([parameter])
 }

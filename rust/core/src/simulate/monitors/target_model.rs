@@ -8,7 +8,7 @@
 //! Options of the law add to `F`: the wrench that is fed forward, the integral wrench, and the wrench of a static null space
 //! ([`StaticTorque`]). With the coupling compensated, `M_x (x'' - x_d'')` replaces `M_x x'' + S_x x'`.
 
-use super::problem::Problem;
+use super::{Moment, Monitor, Scope, Watch};
 use super::static_torque::StaticTorque;
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
@@ -60,10 +60,9 @@ fn dot<S: Real>(a: &[S], b: &[S]) -> S {
 }
 
 impl<S: Real> TargetModel<S> {
-    /// Of run `run`, where [`Problem::watches_target`].
-    pub fn new(problem: &Problem, run: usize) -> Option<Self> {
-        let law = problem.law(run).impedance()?;
-        let plant = problem.plant(run);
+    /// Of a run that has the monitor.
+    fn new(scope: &Scope) -> Option<Self> {
+        let (problem, plant, law) = (scope.problem, scope.plant(), scope.law().impedance()?);
         let (n, m) = (plant.n(), law.coordinates.m());
         let zeros = |k: usize| vec![S::zero(); k];
         Some(TargetModel {
@@ -97,9 +96,9 @@ impl<S: Real> TargetModel<S> {
         })
     }
 
-    /// The largest term of the model and the largest residual, at plant state `x`, law state `z` and input `tau`. `arm` is moved to its `q`.
-    /// Zeros where `M_x` is not defined, or where the law's projector loses something.
-    pub fn evaluate(
+    /// The largest term of the model and the largest residual. `arm` is at `q` of the moment. Zeros where `M_x` is not defined, or where
+    /// the law's projector loses something.
+    fn evaluate(
         &mut self,
         arm: &mut ArmAt<S>,
         (desired, wrench): (&[S], &[S; 6]),
@@ -229,5 +228,26 @@ impl<S: Real> TargetModel<S> {
             self.square[k * m + k] -= S::splat(EPS * EPS);
         }
         cholesky::factor_into(m, &self.square, &mut self.square_factor)
+    }
+}
+
+/// As monitors of runs: the largest term and the largest residual.
+pub struct Target;
+
+impl Watch for Target {
+    const NAMES: &'static [&'static str] = &["target", "target_balance"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.watched.target
+    }
+
+    fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(TargetModel::new(scope)?))
+    }
+}
+
+impl<S: Real> Monitor<S> for TargetModel<S> {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        out.copy_from_slice(&TargetModel::evaluate(self, at.arm, (at.desired, at.wrench), (at.x, at.z, at.tau), at.loss));
     }
 }

@@ -1,14 +1,14 @@
-//! The quantities that theory makes promises about, at one state: `N + N'` with `N = dM/dt - 2 C`, the energy `E` stored in the plant or
-//! in the law's own storage function, and the Lyapunov function `V1`.
+//! The quantities of the identities at one state. They are `N + N'` with `N = dM/dt - 2 C`, the energy `E` and the Lyapunov function `V1`.
+//! `E` is stored in the plant, or in the law's own storage function.
 //!
 //! `M`, `a` and `E` are those of the true plant; `dM/dt` comes from dual numbers, so that it does not share its formula with `C`.
 
-use super::elastic_monitor::TorqueError;
-use super::gauge::Identities;
+use super::{Moment, Monitor, Scope, Watch};
 use crate::dynamics::ArmAt;
 use crate::law::{LawSpec, Lyapunov, Storage};
 use crate::plant::{PlantSpec, Stored};
 use crate::scalar::{Dual, Real};
+use crate::simulate::gauge::Identities;
 
 /// What the identities of runs need, of one run or of several side by side.
 pub struct Theory<S: Real> {
@@ -25,7 +25,7 @@ pub struct Theory<S: Real> {
 }
 
 impl<S: Real> Theory<S> {
-    /// For the plants and laws of the lanes, of one shape each; `storage`: the energy watched is the law's own.
+    /// For the plants and laws of the lanes, of one shape each; `storage`: the energy is that of the law's own function.
     pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
         let n = plant(0).n();
         Theory {
@@ -39,11 +39,6 @@ impl<S: Real> Theory<S> {
             storage: if storage { Storage::new(&law) } else { None },
             lyapunov: Lyapunov::new(&law, &plant),
         }
-    }
-
-    /// Whether velocities are among the plant's states.
-    pub fn has_velocities(&self) -> bool {
-        self.states > self.moving_q.len()
     }
 
     /// At state `x = [plant, z, int s' Kd s, int P]`, with the arm moved to its `q`.
@@ -85,38 +80,91 @@ impl<S: Real> Theory<S> {
     }
 }
 
-/// The monitors of a record, in the order of [`super::monitors::names`]: balances count from the first record.
-pub struct Balances<S: Real> {
-    pub theory: Theory<S>,
-    torque: Option<TorqueError<S>>,
-    storage: bool,
-    states: usize,
-}
+/// The largest entry of `N + N'`, a unit of `M` per second.
+pub struct Skewness;
 
-impl<S: Real> Balances<S> {
-    /// As [`Theory::new`].
-    pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
-        let torque = TorqueError::new(&plant, &law);
-        Balances { states: plant(0).states(), theory: Theory::new(plant, law, storage), torque, storage }
+impl Watch for Skewness {
+    const NAMES: &'static [&'static str] = &["skewness"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.plant().kind().has_speeds()
     }
 
-    /// The monitors at state `x` into `out`, with the arm moved to its `q`. `first`: from `E - int P` and `V1 + int s' Kd s` of this record
-    /// those of the first one.
-    pub fn evaluate(&mut self, desired: &[S], x: &[S], first: impl FnOnce([S; 2]) -> [S; 2], out: &mut [S]) {
-        let Identities { skewness, energy, lyapunov, quadratures } = self.theory.identities(desired, x);
-        let first = first([energy - quadratures[1], lyapunov + quadratures[0]]);
-        out[0] = skewness;
-        out[1] = energy;
-        out[2] = energy - quadratures[1] - first[0];
-        if let Some(torque) = &mut self.torque {
-            let z = &x[self.states..x.len() - 2];
-            out[3] = torque.evaluate(desired, self.theory.arm.trig(), &x[..self.states], z);
-            if self.storage {
-                out[4] = quadratures[0] + quadratures[1] + first[0] - energy;
-            }
-        } else if out.len() > 3 {
-            out[3] = lyapunov;
-            out[4] = first[1] - lyapunov - quadratures[0];
-        }
+    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(Skewness))
+    }
+}
+
+impl<S: Real> Monitor<S> for Skewness {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        out[0] = at.identities.skewness;
+    }
+}
+
+/// `E` and `E(t) - E(0) - int P dt`, J.
+pub struct Energy;
+
+impl Watch for Energy {
+    const NAMES: &'static [&'static str] = &["energy", "energy_balance"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.plant().kind().has_speeds()
+    }
+
+    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(Energy))
+    }
+}
+
+impl<S: Real> Monitor<S> for Energy {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        let Identities { energy, quadratures: [_, put_in], .. } = at.identities;
+        out[0] = energy;
+        out[1] = energy - put_in - at.first[0];
+    }
+}
+
+/// `int F.x_dot - (E(t) - E(0))` with the law's own storage function `E`, J: never negative in a passive loop.
+pub struct Passivity;
+
+impl Watch for Passivity {
+    const NAMES: &'static [&'static str] = &["passivity"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.watched.storage
+    }
+
+    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(Passivity))
+    }
+}
+
+impl<S: Real> Monitor<S> for Passivity {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        let Identities { energy, quadratures: [dissipated, put_in], .. } = at.identities;
+        out[0] = dissipated + put_in + at.first[0] - energy;
+    }
+}
+
+/// `V1` and `V1(0) - V1(t) - int s' Kd s dt`, J.
+pub struct LyapunovBalance;
+
+impl Watch for LyapunovBalance {
+    const NAMES: &'static [&'static str] = &["lyapunov", "lyapunov_balance"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.law().adaptive().is_some()
+    }
+
+    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(LyapunovBalance))
+    }
+}
+
+impl<S: Real> Monitor<S> for LyapunovBalance {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        let Identities { lyapunov, quadratures: [dissipated, _], .. } = at.identities;
+        out[0] = lyapunov;
+        out[1] = at.first[1] - lyapunov - dissipated;
     }
 }

@@ -3,6 +3,34 @@
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity, Solve};
 use crate::scalar::Real;
 
+/// The names of the norms, of as many levels as there are names for.
+const NAMES: [&str; 16] = [
+    "error_1",
+    "residual_1",
+    "error_2",
+    "residual_2",
+    "error_3",
+    "residual_3",
+    "error_4",
+    "residual_4",
+    "error_5",
+    "residual_5",
+    "error_6",
+    "residual_6",
+    "error_7",
+    "residual_7",
+    "error_8",
+    "residual_8",
+];
+
+/// The names of the norms of a law's levels. A guarded law has none: its levels end at contact.
+pub fn names(law: &LawSpec) -> &'static [&'static str] {
+    match law {
+        LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) => &NAMES[..NAMES.len().min(2 * law.levels().len())],
+        _ => &[],
+    }
+}
+
 /// On plain numbers by every route, or recorded by the regular route.
 pub struct LevelNorms<P: Solve> {
     law: Engine<P>,

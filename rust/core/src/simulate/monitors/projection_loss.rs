@@ -1,0 +1,25 @@
+//! What the clamp of a law's projector or of its coupling loses near a singularity: see [`crate::law::ProjectionLoss`].
+
+use super::{Moment, Monitor, Scope, Watch};
+use crate::scalar::Real;
+
+/// The loss, zero of a law without a projector beside laws that have one.
+pub struct Loss;
+
+impl Watch for Loss {
+    const NAMES: &'static [&'static str] = &["loss"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.watched.loss
+    }
+
+    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(Loss))
+    }
+}
+
+impl<S: Real> Monitor<S> for Loss {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        out[0] = at.loss.unwrap_or_else(S::zero);
+    }
+}

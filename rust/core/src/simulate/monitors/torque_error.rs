@@ -1,0 +1,63 @@
+//! How well an inner torque loop works: the largest `|tau_J - u|` over the joints. `tau_J` is the torque of the springs, and the outer loop
+//! wants `u`.
+
+use super::{Moment, Monitor, Scope, Watch};
+use crate::law::{Law, LawSpec};
+use crate::scalar::Real;
+
+pub struct TorqueError<S: Real> {
+    law: Box<dyn Law<S> + Send>,
+    /// `(n, n)`
+    stiffness: Vec<S>,
+    u: Vec<S>,
+    /// The rate of the law's state.
+    rate: Vec<S>,
+}
+
+impl<S: Real> TorqueError<S> {
+    /// For an elastic plant under a law with an inner loop; its motions are those of the outer loop.
+    fn new(scope: &Scope) -> Option<Self> {
+        let (outer, stiffness) = (scope.law().outer()?, &scope.plant().elastic()?.stiffness);
+        let n = scope.plant().n();
+        Some(TorqueError {
+            law: LawSpec::build::<S>(|_| &outer),
+            stiffness: (0..n * n).map(|k| S::from_lanes(|_| stiffness.at(k / n, k % n))).collect(),
+            u: vec![S::zero(); n],
+            rate: vec![S::zero(); outer.initial_state().len()],
+        })
+    }
+}
+
+/// As monitors of runs.
+pub struct InnerLoop;
+
+impl Watch for InnerLoop {
+    const NAMES: &'static [&'static str] = &["torque_error"];
+
+    fn watches(scope: &Scope) -> bool {
+        scope.law().outer().is_some()
+    }
+
+    fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        Some(Box::new(TorqueError::new(scope)?))
+    }
+}
+
+impl<S: Real> Monitor<S> for TorqueError<S> {
+    fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]) {
+        let (trig, x) = (at.arm.trig(), at.x);
+        let n = trig.len();
+        self.law.evaluate(at.desired, trig, &x[..2 * n], at.z, &mut self.u, &mut self.rate);
+        let mut worst = S::zero();
+        for i in 0..n {
+            let mut spring = S::zero();
+            for j in 0..n {
+                spring += self.stiffness[n * i + j] * (x[2 * n + j] - x[j]);
+            }
+            let error = (spring - self.u[i]).abs();
+            // `max` would swallow a NaN.
+            worst = S::select(error.lt(worst), worst, error);
+        }
+        out[0] = worst;
+    }
+}
