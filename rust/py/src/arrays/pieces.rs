@@ -32,7 +32,7 @@ pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> R
     Ok(values)
 }
 
-/// The same to the end of a vector that has room for them. Each piece is looked up again: others may have run since the last one.
+/// The same to the end of a vector with the capacity for them. Each piece is looked up again: others may have run since the last one.
 pub fn append(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>, values: &mut Vec<f64>) -> Result<(), Failure> {
     let (py, count, start) = (array.py(), array.len(), values.len());
     let mut breaks = Breaks::new();

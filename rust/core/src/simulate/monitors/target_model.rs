@@ -8,8 +8,8 @@
 //! Options of the law add to `F`: the wrench that is fed forward, the integral wrench, and the wrench of a static null space
 //! ([`StaticTorque`]). With the coupling compensated, `M_x (x'' - x_d'')` replaces `M_x x'' + S_x x'`.
 
-use super::{Moment, Monitor, Scope, Watch};
 use super::static_torque::StaticTorque;
+use super::{Moment, Monitor, Scope, Watch};
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
 use crate::law::turn_rates;
