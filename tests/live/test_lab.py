@@ -14,7 +14,7 @@ import pytest
 
 import armlet as al
 from armlet.live.model import FRAME, WINDOW, Lab
-from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Observer, Priority, Redundant, Robot, Slider, System
+from armlet.live.systems import AdaptivePR, Choice, Elastic, MinimumTime, Observer, Priority, Redundant, Robot, Slider, Stiction, System
 from armlet.live.systems.adaptive import parameters, robot
 from armlet.live.systems.mintime import MOMENT, TOTAL
 from armlet.live.systems.robot import middle
@@ -24,7 +24,16 @@ MOVED = np.array([0.1, -0.05, 0.0])  # m
 
 
 def systems() -> list[System]:
-    return [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), Robot(al.example_urdf("seven_axis"), "seven_axis")]
+    return [
+        AdaptivePR(),
+        Priority(),
+        Elastic(),
+        MinimumTime(),
+        Redundant(),
+        Observer(),
+        Stiction(),
+        Robot(al.example_urdf("seven_axis"), "seven_axis"),
+    ]
 
 
 def run(lab: Lab, seconds: float) -> None:
@@ -36,7 +45,7 @@ def tip(lab: Lab) -> np.ndarray:
     return np.asarray(lab.system.arm.position(lab.q, lab.system.frame))
 
 
-@pytest.mark.parametrize("k", range(7))
+@pytest.mark.parametrize("k", range(8))
 def test_every_system_runs(k: int) -> None:
     lab = Lab([systems()[k]])
     run(lab, 1.0)
@@ -75,10 +84,13 @@ def test_a_lab_is_the_loop_itself() -> None:
     assert np.abs(lab.q - same.q[-1]).max() < 1e-12
 
 
-@pytest.mark.parametrize("k", range(7))
+@pytest.mark.parametrize("k", range(8))
 def test_a_change_goes_on_from_the_state(k: int) -> None:
     """A loop that is started anew in every frame, as under a pulling hand, ends where the untouched one does."""
     free, touched = Lab([systems()[k]]), Lab([systems()[k]])
+    for lab in (free, touched):
+        if isinstance(lab.system, Stiction):
+            lab.set("ki", 0.0)  # the integral starts anew with each loop
     for _ in range(150):
         free.advance()
         control = touched.system.controls[-1]
@@ -90,7 +102,7 @@ def test_a_change_goes_on_from_the_state(k: int) -> None:
     assert np.allclose(touched.panels()[1][1], free.panels()[1][1], atol=1e-4)
 
 
-@pytest.mark.parametrize("k", range(7))
+@pytest.mark.parametrize("k", range(8))
 def test_every_corner_of_the_controls_is_survived(k: int) -> None:
     """All sliders at either end: the loop runs, or says that it diverged or was refused; a reset with the defaults runs again."""
     lab = Lab([systems()[k]])

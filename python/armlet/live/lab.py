@@ -20,7 +20,7 @@ from ..figures.style import COLOURS
 from .model import FRAME, WINDOW, Lab
 from .scene import ArmScene
 from .server import Server, open_server, serve
-from .systems import AdaptivePR, Choice, Control, Elastic, MinimumTime, Observer, Plot, Priority, Redundant, Robot
+from .systems import AdaptivePR, Choice, Control, Elastic, MinimumTime, Observer, Plot, Priority, Redundant, Robot, Stiction
 from .urdf import missing_line
 from .words import Words
 
@@ -39,7 +39,7 @@ def lab(urdf: Path | None, frame: str | None, host: str, port: int, packages: Se
         robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes", frame)
     else:
         robot = Robot(urdf, urdf.stem, frame, packages)
-    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), robot]
+    systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
     # Who brings a robot wants to see it.
     model = Lab(systems if urdf is None else [robot, *systems[:-1]])
     page = LabPage(open_server("lab", host, port), model)

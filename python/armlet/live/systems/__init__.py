@@ -9,6 +9,7 @@ from .observer import Observer
 from .priority import Priority
 from .redundant import Redundant
 from .robot import Robot
+from .stiction import Stiction
 from .system import Choice, Control, Force, Plot, Slider, State, System, Values
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Robot",
     "Slider",
     "State",
+    "Stiction",
     "System",
     "Values",
 ]

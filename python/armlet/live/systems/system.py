@@ -87,6 +87,7 @@ class State:
     v: Array
     theta: Array | None = None
     theta_dot: Array | None = None
+    bristles: Array | None = None
     estimate: Array | None = None
 
     @staticmethod

@@ -1,0 +1,52 @@
+"""The link with static friction in the laboratory: it stops short under PD, and hunts under PID."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armlet.live.model import FRAME, WINDOW, Lab
+from armlet.live.systems import Stiction
+
+
+def run(lab: Lab, seconds: float) -> None:
+    for _ in range(round(seconds / FRAME)):
+        lab.advance()
+
+
+def test_the_link_stops_short_under_pd() -> None:
+    lab = Lab([Stiction()])
+    lab.set("ki", 0.0)
+    run(lab, 6.0)
+    angle, torque, speed = lab.panels()
+    goal = angle[2][-1]
+    # At rest the spring of the law pulls by no more than the breakaway torque, and by more than nothing.
+    assert speed[1][-1] == 0.0 and speed[2][-1] == 1.0
+    assert 0.02 < abs(angle[1][-1] - goal) and abs(torque[1][-1]) < torque[2][-1] == 2.0
+    lab.set("friction", "none")
+    run(lab, 6.0)
+    assert abs(lab.panels()[0][1][-1] - goal) < 1e-4
+
+
+@pytest.mark.parametrize("friction", ["stick-slip", "LuGre"])
+def test_the_link_hunts_under_pid(friction: str) -> None:
+    lab = Lab([Stiction()])
+    lab.set("friction", friction)
+    run(lab, 6.0 + WINDOW)
+    angle, _, speed = lab.panels()
+    error = angle[1] - angle[2]
+    assert np.ptp(error) > 0.05  # rad
+    stuck = np.asarray(speed[2])
+    assert 0.2 < stuck.mean() < 1.0 and np.abs(np.diff(stuck)).sum() >= 2.0
+
+
+def test_the_bristles_stay_bent_when_a_slider_moves() -> None:
+    lab = Lab([Stiction()])
+    lab.set("friction", "LuGre")
+    lab.set("ki", 0.0)
+    run(lab, 6.0)
+    at_rest = lab.q.copy()
+    lab.set("kd", 5.0)
+    run(lab, 0.5)
+    # Bristles that start straight would let the link go by F / stiffness, 1e-4 rad and more.
+    np.testing.assert_allclose(lab.q, at_rest, atol=2e-6)
