@@ -14,10 +14,24 @@ pub(super) fn uniform(state: &mut u64) -> f64 {
 
 /// Uniform within the limits; a joint without them within a turn, or a metre about `q0`.
 pub(super) fn within(bounds: &[(f64, f64)], angles: &[bool], q0: &[f64], state: &mut u64, q: &mut [f64]) {
-    for (i, (to, &(lower, upper))) in q.iter_mut().zip(bounds).enumerate() {
-        let (around, half) = if angles[i] { (0.0, PI) } else { (q0[i], 1.0) };
-        let low = if lower.is_finite() { lower } else { (around - half).min(upper - 2.0 * half) };
-        let high = if upper.is_finite() { upper } else { low + 2.0 * half };
+    for (i, (to, &bounds)) in q.iter_mut().zip(bounds).enumerate() {
+        let (low, high) = range(bounds, angles[i], q0[i]);
         *to = low + (high - low) * uniform(state);
     }
+}
+
+/// The mirror image of `q` in the middle of the ranges of [`within`].
+pub(super) fn mirror(bounds: &[(f64, f64)], angles: &[bool], q0: &[f64], q: &mut [f64]) {
+    for (i, (to, &bounds)) in q.iter_mut().zip(bounds).enumerate() {
+        let (low, high) = range(bounds, angles[i], q0[i]);
+        *to = low + high - *to;
+    }
+}
+
+/// The range of a joint: its limits, or what stands for those that it lacks.
+fn range((lower, upper): (f64, f64), angle: bool, q0: f64) -> (f64, f64) {
+    let (around, half) = if angle { (0.0, PI) } else { (q0, 1.0) };
+    let low = if lower.is_finite() { lower } else { (around - half).min(upper - 2.0 * half) };
+    let high = if upper.is_finite() { upper } else { low + 2.0 * half };
+    (low, high)
 }

@@ -6,7 +6,7 @@
 //! damping keeps steps short in every direction that the Jacobian hardly moves. Near the goal it fades faster than the error, and a step
 //! is Newton's. No singular values are needed. With more rows than joints the same step comes from `J' J`.
 
-use super::super::uniform::within;
+use super::super::uniform::{mirror, within};
 use super::newton::{Attempt, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
 use crate::arm::Arm;
 use crate::interrupt::look;
@@ -20,8 +20,8 @@ const FLOOR: f64 = 1e-12;
 /// Progress of the square of the error below this part in `PROGRESS_STEPS` steps ends a start.
 const PROGRESS: f64 = 0.02;
 const PROGRESS_STEPS: usize = 8;
-/// Positions at which the size of the Jacobian's rows is taken.
-const SAMPLES: usize = 8;
+/// Pairs of positions at which the size of the Jacobian's rows is taken. Both are mirror images, so that a mirrored arm has the same sizes.
+const SAMPLES: usize = 4;
 
 /// The steps of one arm and its tasks.
 #[derive(Clone)]
@@ -73,9 +73,12 @@ impl Damped {
             misses: vec![0.0; functions.len()],
         };
         let (mut state, mut q, zeros) = (0, vec![0.0; n], vec![0.0; n]);
-        for _ in 0..SAMPLES {
+        for k in 0..2 * SAMPLES {
             look();
-            within(bounds, angles, &zeros, &mut state, &mut q);
+            match k % 2 {
+                0 => within(bounds, angles, &zeros, &mut state, &mut q),
+                _ => mirror(bounds, angles, &zeros, &mut q),
+            }
             damped.stack.place(&q);
             damped.stack.jacobians(&mut damped.j);
             for (weight, row) in damped.weights.iter_mut().zip(damped.j.chunks_exact(n)) {
