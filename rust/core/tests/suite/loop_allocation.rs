@@ -5,10 +5,10 @@ use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::{Model, PlanarPr};
 use armlet_core::kinematics::TaskFunction;
 use armlet_core::law::{Adaptation, AdaptiveSpec, CartesianImpedanceSpec, ComputedTorqueSpec, Gain, LawSpec, Level};
-use armlet_core::law::{LimitOverrides, PriorityAccelerationSpec, PriorityVelocitySpec, StateFeedbackSpec};
+use armlet_core::law::{LimitOverrides, PdGravitySpec, PriorityAccelerationSpec, PriorityVelocitySpec, StateFeedbackSpec};
 use armlet_core::motion::{Motion, Sinusoid};
 use armlet_core::plant::sensors::TorqueSensor;
-use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, VelocitySpec};
+use armlet_core::plant::{ElasticSpec, FrictionCurve, JointFriction, PlantSpec, RigidSpec, StickSlip, Stops, VelocitySpec};
 use armlet_core::priority::PriorityOptions;
 use armlet_core::simulate::{DEFAULT_STATE_LIMIT, Force, Method, Options, Problem, Sampling, Times, simulate};
 use armlet_core::status::Status;
@@ -156,8 +156,24 @@ fn elastic_steps_allocate_nothing(two: Model) {
     let stops = Stops::new(vec![-3.0; 2], vec![0.21, 3.0], vec![1e3; 2], vec![10.0; 2]).unwrap();
     let spec = ElasticSpec::new(two.clone(), gain(2, 800.0), gain(2, 0.2), None, None, None).unwrap().with_stops(Some(stops));
     let gains = [gain(2, 200.0), gain(2, 20.0), gain(2, 1.0), gain(2, 0.02)];
-    let law = LawSpec::StateFeedback(StateFeedbackSpec::new(two, &[0.4, 0.3], gains, gain(2, 800.0)).unwrap());
+    let law = LawSpec::StateFeedback(StateFeedbackSpec::new(two.clone(), &[0.4, 0.3], gains, gain(2, 800.0)).unwrap());
     let plant = PlantSpec::Elastic(spec);
+    for (method, sample) in [(Method::Rk4, None), (Method::Rk4, Some(0.002)), (Method::Dop853, None)] {
+        let count = |steps: usize| allocations(&plant, &law, None, method, (sample, false), steps);
+        count(100);
+        assert_eq!(count(100), count(1000), "{method:?}, sampled at {sample:?}");
+    }
+}
+
+#[test]
+fn joints_that_stick_and_slip_allocate_nothing() {
+    let arm = Arm::from_urdf(example_urdf("planar_2r").unwrap(), "planar_2r", STANDARD_GRAVITY, None, None).unwrap();
+    let model = Model::Tree(Arc::new(arm));
+    let gain = |k: f64| Gain::scalar("gain", 2, k).unwrap();
+    let curve = FrictionCurve::new(vec![1.0; 2], Some(vec![2.0; 2]), Some(vec![0.05; 2]), None, Some(vec![0.1; 2])).unwrap();
+    let friction = Some(JointFriction::StickSlip(StickSlip { curve }));
+    let plant = PlantSpec::Rigid(RigidSpec::new(model.clone()).with_friction(friction).unwrap());
+    let law = LawSpec::PdGravity(PdGravitySpec::new(model, nalgebra::dvector![0.4, 0.3], gain(20.0), gain(0.5)).unwrap());
     for (method, sample) in [(Method::Rk4, None), (Method::Rk4, Some(0.002)), (Method::Dop853, None)] {
         let count = |steps: usize| allocations(&plant, &law, None, method, (sample, false), steps);
         count(100);

@@ -10,7 +10,7 @@ use armlet_core::law::{
     StateFeedbackSpec,
 };
 use armlet_core::motion::{Motion, Sinusoid};
-use armlet_core::plant::{ElasticSpec, PlantSpec, RigidSpec, Stops, Wall};
+use armlet_core::plant::{ElasticSpec, FrictionCurve, JointFriction, LuGre, PlantSpec, RigidSpec, Stops, Wall};
 use armlet_core::simulate::{Exogenous, Force, Method, Options, Problem, Solved, Times, recorded_loop};
 use armlet_core::spatial::{Matrix, Vector, rotation_exp, rotation_log};
 use std::sync::Arc;
@@ -182,6 +182,13 @@ fn cases(at: &[f64]) -> Vec<Case> {
     let stops = Stops::new(vec![-7.0; N], upper, vec![2e3; N], vec![5.0; N]).unwrap();
     let touching = RigidSpec { friction: true, wall: Some(wall.clone()), stops: Some(stops.clone()), ..RigidSpec::new(model.clone()) };
     all.push(case("ComputedTorque in contact", PlantSpec::Rigid(touching), LawSpec::ComputedTorque(computed)));
+    let each = |x: f64| Some(vec![x; N]);
+    let lugre = |load: Option<Vec<f64>>| {
+        let curve = FrictionCurve::new(vec![2.0; N], each(3.0), each(0.7), each(0.4), load).unwrap();
+        Some(JointFriction::LuGre(LuGre::new(curve, vec![1e3; N], each(3.0)).unwrap()))
+    };
+    let rubbing = RigidSpec::new(model.clone()).with_friction(lugre(each(0.2))).unwrap();
+    all.push(case("PDGravity, LuGre friction", PlantSpec::Rigid(rubbing), LawSpec::PdGravity(pd.clone())));
     let push = Force::Signal(Arc::new(|t: f64| Some([5.0 * (3.0 * t).sin(), 1.0, t, 0.1, t * t, -0.2])));
     all.push(Case { force: Some(push), ..case("PDGravity pushed", rigid(), LawSpec::PdGravity(pd.clone())) });
 
@@ -203,6 +210,9 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("JointImpedance", PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
     for online in [false, true] {
         let law = MotorPdSpec::new(model.clone(), &q_d, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
+        // Without its load: differences would turn the springs' torque over, where its size has no derivative.
+        let rubbing = elastic().with_friction(lugre(None)).unwrap();
+        all.push(case(&format!("MotorPD, LuGre friction, {online}"), PlantSpec::Elastic(rubbing), LawSpec::MotorPd(law.clone())));
         all.push(case(&format!("MotorPD, {online}"), PlantSpec::Elastic(elastic()), LawSpec::MotorPd(law)));
     }
     let gains = [full(N, 500.0), gain(N, 20.0), gain(N, 2.0), gain(N, 0.01)];
@@ -289,8 +299,9 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             if matches!(plant, PlantSpec::Elastic(_)) {
                 x0.extend(at.iter().zip(numbers(N, 0.0, 1e-3)).map(|(q, d)| q + d).chain(rates(0.4)));
             }
-            // Coulomb friction has no derivative at rest, and a contact that is left none where it lets go.
-            if still && name.contains("contact") {
+            x0.extend(numbers(plant.bristles(), 0.7, 1e-3));
+            // Friction has no derivative at rest, and a contact that is left none where it lets go.
+            if still && (name.contains("contact") || name.contains("friction")) {
                 continue;
             }
             let options = rodas4(tau_max.clone(), true);
