@@ -17,13 +17,15 @@ const NAME: &str = "select_samples";
 #[pyfunction]
 pub fn _select_samples<'py>(
     law: &Bound<'py, PyAny>,
-    record: (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>),
+    record: &Bound<'py, PyAny>,
     a: Option<&Bound<'py, PyAny>>,
-    windows: (Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>),
+    windows: &Bound<'py, PyAny>,
     count: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (py, (q, v, tau), (t, window, held)) = (law.py(), record, windows);
+    let py = law.py();
     entry(py, NAME, || {
+        let (q, v, tau): (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>) = record.extract()?;
+        let (t, window, held): (Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>, Bound<'py, PyAny>) = windows.extract()?;
         let law = object::<Law>(NAME, "law", "an Adaptive law", law)?;
         let LawSpec::Adaptive(spec) = &law.get().spec else {
             let problem = format!("adapts nothing: expected an Adaptive law, got {}", law.get().spec.name());

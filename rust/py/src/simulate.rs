@@ -74,7 +74,8 @@ fn put_series(
     for (name, values) in series {
         let width = if name == "estimate" { p } else { n };
         // A plant without motors has no theta, a law without state no estimate, a plant without dry friction none of its records.
-        if (values.is_empty() && k > 0) || width == 0 {
+        let optional = !["q", "v", "tau", "estimate"].contains(&name);
+        if (optional && values.is_empty() && k > 0) || width == 0 {
             continue;
         }
         let shape: Vec<usize> = lead.iter().copied().chain([k, width]).collect();

@@ -164,6 +164,17 @@ impl<'a> Problem<'a> {
         self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))
     }
 
+    /// Refuse a law without the sample period that it needs.
+    fn require_period(&self, law: &LawSpec) -> Result<()> {
+        let problem = match law {
+            _ if self.options.sampling.is_some() => return Ok(()),
+            law if law.route() == Route::Outside => "expected the sample period of a law outside of the loop, got None".to_string(),
+            law if law.switches() => format!("expected the period at which {} looks for contact, got None", law.name()),
+            _ => return Ok(()),
+        };
+        Err(Error::input("sample_time", format!("is missing: {problem}")))
+    }
+
     /// Refuse plants and laws that do not belong together.
     fn validate_pairs(&self) -> Result<()> {
         let runs = self.runs();
@@ -207,13 +218,7 @@ impl<'a> Problem<'a> {
                 format!("needs derivatives, which {name} has not: expected such as rk4 or dop853, or a sample_time, got {method}");
             return Err(Error::input("method", problem));
         }
-        if law.route() == Route::Outside && self.options.sampling.is_none() {
-            return Err(Error::input("sample_time", "is missing: expected the sample period of an external law, got None"));
-        }
-        if law.switches() && self.options.sampling.is_none() {
-            let problem = format!("is missing: expected the period at which {} looks for contact, got None", law.name());
-            return Err(Error::input("sample_time", problem));
-        }
+        self.require_period(law)?;
         let n = plant.n();
         for (i, l) in self.laws.iter().enumerate() {
             if l.model().n() != n {

@@ -56,7 +56,7 @@ const DURATION: f64 = 0.5;
 /// >>> push = [(0.0, [0.0, 0.0, 0.0]), (1.0, [0.0, 20.0, 0.0])]
 /// >>> run = al.simulate(al.RigidArm(arm), law, [0.5, 0.3], t_end=1.5, sample_time=1e-3, force=push, force_frame="link2")
 /// >>> round(run.contact.time, 3), run.contact.joint
-/// (1.011, 0)
+/// (1.004, 0)
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct Guarded {
     /// The law before contact.

@@ -124,6 +124,7 @@ pub(super) enum Ask<'a> {
 const LOOK: usize = 64;
 
 impl Points<'_> {
+    // Long: one pass over blocks of points, whose parts share the rows of a block.
     pub fn run(self) {
         let Points { mover, path, at, count, stride, out, mut ask, tip } = self;
         let n = mover.dof();

@@ -35,7 +35,7 @@ impl Watch for InnerLoop {
     const NAMES: &'static [&'static str] = &["torque_error"];
 
     fn watches(scope: &Scope) -> bool {
-        scope.law().outer().is_some()
+        scope.law().reduction().is_some() && scope.law().outer().is_some()
     }
 
     fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
