@@ -297,7 +297,7 @@ def test_what_xacro_left_is_told() -> None:
         (robot(joint(name="${prefix}j1")), 4),
         (robot(joint(), LINK.replace('"l1"', '"$(arg side)l1"')), 3),
     ):
-        with pytest.raises(al.ModelError, match="expand it first") as caught:
+        with pytest.raises(al.ModelError, match="this is a xacro file: load_urdf expands") as caught:
             al.load_urdf(text)
         assert caught.value.line == line
 

@@ -52,6 +52,9 @@ THINGS: dict[str, Any] = {
     "VelocityArm": al.VelocityArm(TREE),
     "Wall": al.Wall("link2", [0.7, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e4),
     "MomentumObserver": al.MomentumObserver(TREE, 40.0, threshold=0.5),
+    "Guarded": al.Guarded(
+        al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0), al.MomentumObserver(TREE, 40.0, threshold=0.5), "stop", stiffness=20.0, damping=3.0
+    ),
     "Adaptive": al.Adaptive(PR, al.Hold([1.0, 0.0]), 40.0, 20.0, 5.0),
     "ComputedTorque": al.ComputedTorque(PR, al.Hold([1.0, 0.0]), 40.0, 20.0),
     "PDGravity": al.PDGravity(TREE, [0.3, 0.3], 40.0, 20.0),
@@ -142,6 +145,23 @@ PYTHON: dict[str, Any] = {
     "BaseParameters": TREE.base_parameters(),
     "ParameterReport": TREE.check_parameters(TREE.parameters),
     "Identification": TREE.identify(*DRIVEN),
+    "LuGre": al.LuGre(coulomb=1.0, static=[1.5, 2.0], stribeck_speed=0.05, stiffness=1e4),
+    "StickSlip": al.StickSlip(coulomb=1.0, load_ratio=0.1),
+    "Contact": al.Contact(time=0.25, joint=1, residual=np.array([2.0, 3.0])),
+    "Samples": al.Samples(W=np.ones((1, 2, 3)), tau=np.ones((1, 2)), indices=np.array([0]), singular_value=1.0, rank=1),
+    "RunIdentification": al.RunIdentification(
+        values={"law.kp": np.ones(2)},
+        deviations={"law.kp": np.ones(2)},
+        covariance=np.eye(2),
+        rank=2,
+        condition=3.0,
+        residuals={"q": np.zeros(2)},
+        plant=THINGS["RigidArm"],
+        laws=(THINGS["PDGravity"],),
+        runs=(RUN,),
+        iterations=4,
+        converged=True,
+    ),
     "ExcitingMotion": al.ExcitingMotion([0.0], [[0.5, 0.2]], [[1.0, 2.0]], [[0.3, 0.1]], 6.0, 3.5, [0.1, 0.2]),
 }
 EVERY = THINGS | PYTHON

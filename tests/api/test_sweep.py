@@ -305,7 +305,7 @@ def test_plot() -> None:
     assert [len(points.get_offsets()) for points in ax.collections] == [8, 4]
     assert ax.get_title(loc="left") == "12 runs; grey crosses: 4 without a value"
     single = al.sweep(SCENARIO, {"law.gamma": [1.0, 2.0]}).plot("tau_peak2", fig=Figure())
-    assert (single.get_ylabel(), single.get_xscale()) == ("tau_peak2 (SI)", "linear")
+    assert (single.get_ylabel(), single.get_xscale()) == ("tau_peak2 (N m or N)", "linear")
     with pytest.raises(al.InputError, match=r"quantity is unknown: expected one of error_rms1, .*, got 'error'"):
         table.plot("error", fig=Figure())
 

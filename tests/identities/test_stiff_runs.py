@@ -134,7 +134,7 @@ def test_tight_tolerances_are_met_where_springs_are_stiff(level: str, method: st
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_tolerance_below_rounding_is_refused_with_one_that_can_be_met(method: str) -> None:
-    with pytest.raises(al.SolveError, match="excess_accuracy: the tolerances are below what rounding") as caught:
+    with pytest.raises(al.SolveError, match="excess_accuracy: the tolerances are below the rounding error") as caught:
         motors("stiff", method, 1e-14, t_end=0.5, t_eval=[0.5])
     error = caught.value
     assert error.status is al.Status.EXCESS_ACCURACY

@@ -95,7 +95,7 @@ def test_runs(option: str, n: int) -> None:
     friction = option == "columns"
     rng = np.random.default_rng(n)
     start = dict(zip(("q0", "v0"), rng.uniform(-0.5, 0.5, (2, n)), strict=True))
-    run = al.simulate(al.RigidArm(arm, friction=friction), ours, **start, t_end=0.1, dt=1e-3)
+    run = al.simulate(al.RigidArm(arm, friction=friction), ours, **start, t_end=0.1, dt=1e-3, check_limits=False)
     expected = ref.simulate(ref.RigidArm(theirs, friction=friction), other, **start, t_end=0.1, dt=1e-3)
     p = len(ours.parameter_names)
     for key in ("q", "v", "tau"):

@@ -15,7 +15,7 @@ RESULTS = {
     "BaseParameters", "BatchRun", "DenseOutput", "ElasticLimits", "Equilibrium", "Events", "Identification", "Integration",
     "InverseKinematics", "Metrics", "ParameterReport", "PriorityDiagnosis", "PrioritySolution", "Run", "State", "Status", "SweepTable",
     "Tuning", "Verification", "Law", "Motion", "Plant", "TimedPath", "BangBangReport", "BangBangBatch", "ProfileReport", "TorqueOptimum",
-    "ArmPrioritySolver", "LoopProgram", "Sensitivity",
+    "ArmPrioritySolver", "LoopProgram", "Sensitivity", "RunIdentification",
 }  # fmt: skip
 # Slots that Python itself calls; the rest of the names with underscores is private.
 SLOTS = {"__call__", "__getitem__", "__eq__"}

@@ -37,7 +37,9 @@ class Values(Objects):
             return self.vector(2)
         if name == "q0" and target == "simulate_batch":
             return self.matrix(self.rows, n)
-        if name in {"q", "v", "a", "tau"} and target.endswith(("identify", "Table")):
+        if name == "law" and target == "select_samples":
+            return f"al.Adaptive({self.arm}, al.Hold({[0.1] * n}), 10.0, 5.0, 0.1)"
+        if name in {"q", "v", "a", "tau"} and target.endswith(("identify", "Table", "select_samples")):
             return f"np.random.default_rng({self.count()}).normal(size=({self.count(60)}, {n}))"
         if name in joints:
             return self.vector(n, batch=target.startswith("Arm."))
@@ -52,6 +54,8 @@ class Values(Objects):
             **dict.fromkeys(["composite", "composite_rate", "concurrent_weight", "window", "speed", "duration"], self.positive),
             "concurrent": lambda: f"al.Samples(np.ones((2, {n}, {10 * n})), np.ones((2, {n})), np.arange(2), 1.0, 1)",
             "observer": lambda: f"al.MomentumObserver({self.arm}, 50.0, threshold=1.0)",
+            "W": lambda: f"np.ones((2, {n}, {10 * n}))",
+            "time": self.positive,
             "reaction": lambda: self.text("stop", "float", "retract"),
             "residual": lambda: self.vector(n),
             "held": lambda: self.text("True", "False").strip("'"),

@@ -86,7 +86,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
 
     @property
     def plant(self) -> Plant:
-        """The plant."""
+        """The plant under control."""
         return self._rows.plant
 
     @property
