@@ -24,16 +24,8 @@ MOVED = np.array([0.1, -0.05, 0.0])  # m
 
 
 def systems() -> list[System]:
-    return [
-        AdaptivePR(),
-        Priority(),
-        Elastic(),
-        MinimumTime(),
-        Redundant(),
-        Observer(),
-        Stiction(),
-        Robot(al.example_urdf("seven_axis"), "seven_axis"),
-    ]
+    robot = Robot(al.example_urdf("seven_axis"), "seven_axis")
+    return [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
 
 
 def run(lab: Lab, seconds: float) -> None:
