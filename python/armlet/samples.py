@@ -47,8 +47,9 @@ def stated_samples(W: ArrayLike, tau: ArrayLike) -> Samples:
     """Samples that are stated as numbers: all of them, in their order."""
     rows, torques = _core.numbers("Adaptive", "concurrent", W, ("N", "n", "p")), _core.numbers("Adaptive", "concurrent", tau, ("N", "n"))
     stacked = rows.reshape(-1, rows.shape[-1])
-    rank = int(np.linalg.matrix_rank(stacked)) if stacked.size else 0
     values = np.linalg.svd(stacked, compute_uv=False)
+    # The cut-off of numpy's `matrix_rank`.
+    rank = int(np.count_nonzero(values > values.max(initial=0.0) * max(stacked.shape) * np.finfo(np.float64).eps))
     return Samples(rows, torques, np.arange(len(rows)), float(values[rank - 1]) if rank else 0.0, rank)
 
 

@@ -133,8 +133,7 @@ def identify_from_runs(
     p, (misses, slopes, found) = problem.first, problem.evaluate(problem.first)
     damping, taken, converged = FIRST, 0, False
     while taken < steps and not converged and damping <= LAST:
-        scale = np.linalg.norm(slopes, axis=0)
-        scale = np.where(scale > 0.0, scale, 1.0)
+        scale = _sizes(slopes)
         rows = np.vstack([slopes / scale, np.sqrt(damping) * np.eye(len(p))])
         step = -np.linalg.lstsq(rows, np.concatenate([misses, np.zeros(len(p))]), rcond=None)[0] / scale
         try:
@@ -150,6 +149,12 @@ def identify_from_runs(
         else:
             damping *= 10.0
     return problem.identification(p, misses, slopes, found, taken, converged or damping > LAST)
+
+
+def _sizes(slopes: Array) -> Array:
+    """The norms of the columns, one for a column of zeros."""
+    sizes = np.linalg.norm(slopes, axis=0)
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 class _Problem:
@@ -184,6 +189,7 @@ class _Problem:
         for run in self.runs:
             parts += [self._start(run)[name] for name in self.starts]
         self.first = np.concatenate([np.zeros(0), *parts])
+        self.places = self._places()
         self.noise_known = noise is not None
         self.weights = [self._weights(run, noise) for run in self.runs]
         if sum(run.q.size + run.v.size for run in self.runs) <= len(self.first):
@@ -221,22 +227,14 @@ class _Problem:
 
     def loop(self, r: int, p: Array) -> tuple[Any, Any, dict[str, Array]]:
         """The plant, the law and the start of run `r` with these numbers."""
-        plant, law, at = self.plant, self.laws[r], 0
+        plant, law, places = self.plant, self.laws[r], self.places[r]
         for name in self.shared:
-            value = self.known[name]
-            plant, law, _ = loop_with(plant, law, {}, name, p[at : at + value.size].reshape(value.shape))
-            at += value.size
-        start, n = self._start(self.runs[r]), self.plant.arm.n
-        at += r * n * len(self.starts)
-        for name in self.starts:
-            start[name] = p[at : at + n]
-            at += n
-        return plant, law, start
+            plant, law, _ = loop_with(plant, law, {}, name, p[places[name]].reshape(self.known[name].shape))
+        return plant, law, self._start(self.runs[r]) | {name: p[places[name]] for name in self.starts}
 
     def evaluate(self, p: Array) -> tuple[Array, Array, list[Run]]:
         """What the runs leave of the records in deviations, its derivatives (N, P), and the runs."""
         misses, slopes, found = [], [], []
-        shared = sum(self.known[name].size for name in self.shared)
         for r, record in enumerate(self.runs):
             plant, law, start = self.loop(r, p)
             times = {"t_end": float(record.t[-1]), "t_eval": record.t}
@@ -246,26 +244,27 @@ class _Problem:
             weights = self.weights[r]
             left = np.concatenate([run.q - record.q, run.v - record.v], axis=1)
             columns = np.zeros((*left.shape, len(p)))
-            at = {name: k for name, k in self._places(r, shared)}
             for name, one in run.sensitivity.items():
-                columns[..., at[name] : at[name] + one.size] = np.concatenate([one.q, one.v], axis=1)
+                columns[..., self.places[r][name]] = np.concatenate([one.q, one.v], axis=1)
             misses.append((left * weights).ravel())
             slopes.append((columns * weights[..., None]).reshape(-1, len(p)))
             found.append(run)
         return np.concatenate(misses), np.concatenate(slopes), found
 
-    def _places(self, r: int, shared: int) -> list[tuple[str, int]]:
-        """Where the numbers of each name are among all, for run `r`."""
-        places, at, n = [], 0, self.plant.arm.n
+    def _places(self) -> list[dict[str, slice]]:
+        """Where the numbers of each name are among all, run by run."""
+        shared: dict[str, slice] = {}
+        at, n = 0, self.plant.arm.n
         for name in self.shared:
-            places.append((name, at))
-            at += self.known[name].size
-        return places + [(name, shared + (r * len(self.starts) + k) * n) for k, name in enumerate(self.starts)]
+            shared[name] = slice(at, at + self.known[name].size)
+            at = shared[name].stop
+        starts = [slice(at + k * n, at + (k + 1) * n) for k in range(len(self.starts) * len(self.runs))]
+        each = len(self.starts)
+        return [shared | dict(zip(self.starts, starts[r * each : (r + 1) * each], strict=True)) for r in range(len(self.runs))]
 
     def identification(self, p: Array, misses: Array, slopes: Array, found: list[Run], taken: int, converged: bool) -> RunIdentification:
         """The result at the numbers `p`."""
-        scale = np.linalg.norm(slopes, axis=0)
-        scale = np.where(scale > 0.0, scale, 1.0)
+        scale = _sizes(slopes)
         _, singular, rows = np.linalg.svd(slopes / scale, full_matrices=False)
         seen = singular > CUTOFF * max(float(singular.max(initial=0.0)), 1e-300)
         variance = 1.0 if self.noise_known else float(misses @ misses) / max(len(misses) - int(seen.sum()), 1)
@@ -274,12 +273,14 @@ class _Problem:
         unseen = np.linalg.norm(rows[~seen], axis=0) > 1e-6
         deviations = np.where(unseen, np.inf, np.sqrt(np.diag(covariance)))
         condition = float(singular[0] / singular[-1]) if seen.all() and len(singular) else np.inf
-        values, sigmas = {}, {}
+        values: dict[str, Array] = {}
+        sigmas: dict[str, Array] = {}
         for name in self.names:
-            places = [dict(self._places(r, sum(self.known[each].size for each in self.shared)))[name] for r in range(len(self.runs))]
-            shape = self.known[name].shape if name in self.shared else (len(self.runs), self.plant.arm.n)
-            index = np.arange(self.known[name].size) + (places[0] if name in self.shared else np.array(places)[:, None])
-            values[name], sigmas[name] = p[index].reshape(shape), deviations[index].reshape(shape)
+            for of_name, numbers in ((values, p), (sigmas, deviations)):
+                if name in self.shared:
+                    of_name[name] = numbers[self.places[0][name]].reshape(self.known[name].shape)
+                else:
+                    of_name[name] = np.stack([numbers[places[name]] for places in self.places])
         left = {
             name: np.sqrt(
                 np.mean(np.concatenate([getattr(a, name) - getattr(b, name) for a, b in zip(found, self.runs, strict=True)]) ** 2, axis=0)

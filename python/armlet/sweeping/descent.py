@@ -98,9 +98,7 @@ class Descent:
         scenario = self.scenario.replace(values)
         built = scenario.build()
         keywords = {"monitors": False, "check_limits": False, **built.arguments}
-        start = {name: keywords.get(name) for name in START}
-        start = {name: None if value is None else np.asarray(value, dtype=np.float64) for name, value in start.items()}
-        loop: Loop = (built.plant, built.law, start)
+        loop = _loop(built)
         known = named_numbers(*loop)
         variants = [self._variants(scenario, loop, known, path, values[path]) for path in self.space]
         loops: Varied = stacked(loop, [NamedNumber(path, np.zeros(1)) for path in self.space], variants)
@@ -118,6 +116,12 @@ class Descent:
         return _built(scenario, path, value)
 
 
+def _loop(built: Any) -> Loop:
+    """The loop of a scenario that is built."""
+    start = {name: built.arguments.get(name) for name in START}
+    return built.plant, built.law, {name: None if x is None else np.asarray(x, dtype=np.float64) for name, x in start.items()}
+
+
 def _built(scenario: Scenario, path: str, value: float) -> Variants:
     """Four loops of the scenario with other values at `path`, and the weights of the derivative."""
     step = STEP * 2.0 ** math.floor(math.log2(abs(value) or 1.0))
@@ -128,10 +132,7 @@ def _built(scenario: Scenario, path: str, value: float) -> Variants:
         except InputError as error:
             refused = error
             continue
-        starts = [{name: one.arguments.get(name) for name in START} for one in each]
-        arrays = [{name: None if x is None else np.asarray(x, dtype=np.float64) for name, x in start.items()} for start in starts]
-        loops: list[Loop] = [(one.plant, one.law, start) for one, start in zip(each, arrays, strict=True)]
-        return loops, [weight / step for weight in weights]
+        return [_loop(one) for one in each], [weight / step for weight in weights]
     raise InputError(f"tune: {path} cannot be varied at {shown(value)}: {refused}")
 
 

@@ -23,7 +23,7 @@ __all__ = ["Stiction"]
 
 LENGTH, MASS, INERTIA = 0.6, 1.0, 0.41  # m, kg, kg m^2 about the centre of mass: 0.5 about the joint
 SPEED, VISCOUS = 0.05, 0.1  # rad/s, N m s/rad
-STILL = 1e-3  # rad/s: bristles give way more slowly than this
+STILL = 1e-3  # rad/s: a slower link counts as stuck
 BRISTLES = {"stiffness": 1e4, "damping": 70.0}  # N m/rad, N m s/rad
 
 
