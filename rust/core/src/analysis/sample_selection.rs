@@ -100,7 +100,7 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
         }
     }
     if let Some(k) = gram.iter().position(|x| !x.is_finite()) {
-        return Err(Error::input("samples", format!("are too large: expected finite products W' W (first bad index {k})")));
+        return Err(Error::input("samples", "are too large: expected finite products W' W").at([k]));
     }
     let lengths: Vec<f64> = (0..p).map(|k| gram[k * p + k].sqrt()).collect();
     let inverse = |k: usize| if lengths[k] > 0.0 { 1.0 / lengths[k] } else { 0.0 };

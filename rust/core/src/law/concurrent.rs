@@ -66,8 +66,8 @@ impl Windows {
         }
         match t.windows(2).position(|pair| !((pair[1] - pair[0] - step).abs() <= UNEVEN * step)) {
             Some(k) => {
-                let problem = format!("is not evenly spaced: expected steps of {step} s, got {} s (first bad index {k})", t[k + 1] - t[k]);
-                Err(Error::input("t", problem))
+                let problem = format!("is not evenly spaced: expected steps of {step} s, got {} s", t[k + 1] - t[k]);
+                Err(Error::input("t", problem).at([k]))
             }
             None => Ok(Windows { step, length, held }),
         }
@@ -115,8 +115,8 @@ impl AdaptiveSpec {
             }
         }
         if let Some(k) = gram.iter().chain(&moment).position(|x| !x.is_finite()) {
-            let problem = format!("is too large: expected finite products W' R W and W' R tau (first bad index {k})");
-            return Err(Error::input("concurrent", problem));
+            let problem = "is too large: expected finite products W' R W and W' R tau";
+            return Err(Error::input("concurrent", problem).at([k]));
         }
         self.concurrent = Some(Concurrent { rows, torques, gram, moment });
         Ok(self)

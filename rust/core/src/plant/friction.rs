@@ -33,6 +33,11 @@ pub(super) fn require(name: &str, values: &[f64], expected: &str, holds: impl Fn
     }
 }
 
+/// Refuse numbers of other joints than `n`.
+pub(super) fn require_rows(name: &str, values: &[f64], n: usize) -> Result<()> {
+    if values.len() == n { Ok(()) } else { Err(Error::wrong_shape(name, &[n], &[values.len()])) }
+}
+
 impl FrictionCurve {
     /// A curve of each joint; `breakaway` defaults to `coulomb`, all other numbers to zero.
     pub fn new(
@@ -59,11 +64,7 @@ impl FrictionCurve {
             ("viscous", &curve.viscous),
             ("load_ratio", &curve.load_ratio),
         ];
-        for (name, values) in all {
-            if values.len() != n {
-                return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
-            }
-        }
+        all.into_iter().try_for_each(|(name, values)| require_rows(name, values, n))?;
         require("coulomb", &curve.coulomb, ">= 0", |_, x| x >= 0.0)?;
         require("static", &curve.breakaway, "at least coulomb", |i, x| x >= curve.coulomb[i])?;
         require("stribeck_speed", &curve.stribeck_speed, ">= 0", |_, x| x >= 0.0)?;
@@ -116,7 +117,7 @@ impl JointFriction {
     pub(super) fn require_joints(&self, name: &str, n: usize) -> Result<()> {
         match self.n() {
             own if own == n => Ok(()),
-            own => Err(Error::input(name, format!("has the wrong number of joints: expected {n}, got {own}"))),
+            own => Err(Error::wrong(name, "number of joints", n, own)),
         }
     }
 }

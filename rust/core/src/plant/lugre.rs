@@ -4,8 +4,8 @@
 //!
 //! with the curve `h` of [`FrictionCurve`]. They store `sigma_0 z^2 / 2`; the rest of the power `tau_f v` is lost.
 
-use super::friction::{FrictionCurve, LaneCurve, require};
-use crate::error::{Error, Result};
+use super::friction::{FrictionCurve, LaneCurve, require, require_rows};
+use crate::error::Result;
 use crate::scalar::Real;
 
 /// Friction with bristles, `(n,)` numbers each.
@@ -24,11 +24,8 @@ impl LuGre {
     pub fn new(curve: FrictionCurve, stiffness: Vec<f64>, damping: Option<Vec<f64>>) -> Result<Self> {
         let n = curve.n();
         let damping = damping.unwrap_or_else(|| vec![0.0; n]);
-        for (name, values) in [("stiffness", &stiffness), ("damping", &damping)] {
-            if values.len() != n {
-                return Err(Error::input(name, format!("has the wrong shape: expected ({n},), got ({},)", values.len())));
-            }
-        }
+        require_rows("stiffness", &stiffness, n)?;
+        require_rows("damping", &damping, n)?;
         require("coulomb", &curve.coulomb, "> 0", |_, x| x > 0.0)?;
         require("stiffness", &stiffness, "> 0", |_, x| x > 0.0)?;
         require("damping", &damping, ">= 0", |_, x| x >= 0.0)?;
