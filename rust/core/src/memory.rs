@@ -119,7 +119,7 @@ pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> 
 }
 
 /// Memory for `n` more elements, if there is not enough.
-pub fn room<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
+pub fn ensure<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
     if out.capacity() - out.len() < n { more(out, n) } else { Ok(()) }
 }
 

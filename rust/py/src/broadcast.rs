@@ -220,7 +220,7 @@ pub fn columns<const K: usize>(
             let own = memory::copied(&all[start..])?;
             all.truncate(start);
             let stretched = long(py, || stretch(&shapes[k], &shape, &own, 1))?;
-            memory::room(&mut all, stretched.len())?;
+            memory::ensure(&mut all, stretched.len())?;
             all.extend_from_slice(&stretched);
         }
         places[k] = start..all.len();

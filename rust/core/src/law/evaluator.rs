@@ -131,7 +131,7 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>) -> Option<Recorded> {
     let asked = || {
         let mut engine = Engine::<Sym>::new(spec);
-        engine.law.told(period, &[]);
+        engine.law.configure(period, &[]);
         engine
     };
     function::recorded(widths.iter().sum(), asked, |mut law, inputs| {

@@ -187,8 +187,8 @@ impl<S: Real> Law<S> for Guarded<S> {
         self.inner.at(t);
     }
 
-    fn told(&mut self, period: Option<f64>, limits: &[S]) {
-        self.inner.told(period, limits);
+    fn configure(&mut self, period: Option<f64>, limits: &[S]) {
+        self.inner.configure(period, limits);
         self.limits = limits.to_vec();
         if let Some(period) = period {
             let sampled: Vec<Gain> = self.gains.iter().map(|gain| implicit(gain, period)).collect();

@@ -101,7 +101,7 @@ pub trait Law<S: Real> {
     fn at(&mut self, _t: f64) {}
 
     /// What the loop does with the answers: the period at which it asks for them, and the limits of the input, none or `(n,)`.
-    fn told(&mut self, _period: Option<f64>, _limits: &[S]) {}
+    fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
     /// One where the last evaluation is right, zero where it has to be taken directly; `None` for a law that is always right.
     fn stands(&self) -> Option<S> {

@@ -103,7 +103,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
 
     /// The same loop, whose law knows the limits of its input and its sample time.
     pub fn asked_every(mut self, period: Option<f64>) -> Self {
-        self.law.told(period, &self.limits);
+        self.law.configure(period, &self.limits);
         self
     }
 

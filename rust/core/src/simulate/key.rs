@@ -2,7 +2,7 @@
 //! and the numbers of the set-up have zeros and ones in the same places.
 
 use super::measures::{Plan, same_aims};
-use super::monitors::Watched;
+use super::monitors::Monitored;
 use super::problem::Problem;
 use crate::integrate::Method;
 use crate::law::LawSpec;
@@ -34,7 +34,7 @@ pub struct Common {
     /// All have the same exogenous input.
     pub shared: bool,
     /// What monitors watch.
-    pub watched: Watched,
+    pub monitored: Monitored,
     /// The programs sum runs up, with the positions of frames or without.
     pub sums: bool,
     pub aims: bool,
@@ -48,7 +48,7 @@ impl Common {
         Common {
             lanes,
             shared: problem.shares_exogenous(),
-            watched: Watched::of(problem),
+            monitored: Monitored::of(problem),
             sums,
             aims: sums && same_aims(problem),
             notes: None,

@@ -2,7 +2,7 @@
 //!
 //! Monitors round as plain `f64` does, so that a record of a program has the bits of one that is computed directly.
 
-use super::monitors::{Checks, Scope, Watched};
+use super::monitors::{Checks, Monitored, Scope};
 use super::problem::Problem;
 use super::schedule::Times;
 use super::world::Exogenous;
@@ -35,9 +35,9 @@ impl Problem<'_> {
 }
 
 impl Notes {
-    /// For the run `run` of a problem with so many monitors; `watched`: as of [`Scope`].
-    pub fn new(problem: &Problem, run: usize, monitors: usize, watched: Watched) -> Self {
-        Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, watched })), monitors }
+    /// For the run `run` of a problem with so many monitors; `monitored`: as of [`Scope`].
+    pub fn new(problem: &Problem, run: usize, monitors: usize, monitored: Monitored) -> Self {
+        Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }
 
     /// Monitors, how many of them are norms of levels, and the numbers from which the others count.

@@ -196,7 +196,7 @@ impl<'a> Problem<'a> {
         }
         let friction = |plant: &PlantSpec| plant.friction().map(std::mem::discriminant);
         if let Some(i) = self.plants.iter().position(|p| friction(p) != friction(plant)) {
-            return Err(Error::input("plant", format!("mixes models of friction: expected one throughout (first bad index {i})")));
+            return Err(Error::input("plant", "mixes models of friction: expected one throughout").at([i]));
         }
         if law.plant() != plant.kind() {
             let problem = format!(

@@ -86,9 +86,9 @@ struct Beside {
 
 /// The loop of run `run`, and what is computed beside it.
 fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Beside) {
-    let closed = assemble(problem, |_| run, common.watched.storage);
-    let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.watched.storage));
-    let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.watched));
+    let closed = assemble(problem, |_| run, common.monitored.storage);
+    let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
+    let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.monitored));
     (closed, Beside { sums, notes })
 }
 

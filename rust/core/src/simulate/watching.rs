@@ -1,5 +1,7 @@
-//! What is looked for in a run of an adaptive method: changes of contact, where the step is taken again up to the change
-//! and the contact held as it is in between, so that no step sees a corner; joints that stick and slip; events of the user's; the polynomials of the steps.
+//! Events of a run with an adaptive method: changes of contact, joints that stick and slip, and events of the user. It also keeps the
+//! polynomials of the steps.
+//!
+//! A step with a change of contact is repeated up to the change. The contact stays constant within a step, so no step has a corner.
 //!
 //! Functions are looked at in four places of every step. Two changes of sign between two of these cancel and are missed.
 

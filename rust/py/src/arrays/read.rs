@@ -104,12 +104,12 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         if let (Source::InPlace, Ok(array)) = (&self.source, self.value.cast::<PyArrayDyn<f64>>())
             && array.len() > PIECE
         {
-            memory::room(out, array.len())?;
+            memory::ensure(out, array.len())?;
             pieces::append(self.function, self.name, array, out)?;
             return Ok(self.shape);
         }
         let (shape, values) = self.values()?;
-        memory::room(out, values.len())?;
+        memory::ensure(out, values.len())?;
         out.extend_from_slice(&values);
         Ok(shape)
     }

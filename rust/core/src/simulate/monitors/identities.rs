@@ -3,7 +3,7 @@
 //!
 //! `M`, `a` and `E` are those of the true plant; `dM/dt` comes from dual numbers, so that it does not share its formula with `C`.
 
-use super::{Moment, Monitor, Scope, Watch};
+use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::dynamics::ArmAt;
 use crate::law::{LawSpec, Lyapunov, Storage};
 use crate::plant::{PlantSpec, Stored};
@@ -83,10 +83,10 @@ impl<S: Real> Theory<S> {
 /// The largest entry of `N + N'`, a unit of `M` per second.
 pub struct Skewness;
 
-impl Watch for Skewness {
+impl MonitorKind for Skewness {
     const NAMES: &'static [&'static str] = &["skewness"];
 
-    fn watches(scope: &Scope) -> bool {
+    fn applies(scope: &Scope) -> bool {
         scope.plant().kind().has_speeds()
     }
 
@@ -104,10 +104,10 @@ impl<S: Real> Monitor<S> for Skewness {
 /// `E` and `E(t) - E(0) - int P dt`, J.
 pub struct Energy;
 
-impl Watch for Energy {
+impl MonitorKind for Energy {
     const NAMES: &'static [&'static str] = &["energy", "energy_balance"];
 
-    fn watches(scope: &Scope) -> bool {
+    fn applies(scope: &Scope) -> bool {
         scope.plant().kind().has_speeds()
     }
 
@@ -127,11 +127,11 @@ impl<S: Real> Monitor<S> for Energy {
 /// `int F.x_dot - (E(t) - E(0))` with the law's own storage function `E`, J: never negative in a passive loop.
 pub struct Passivity;
 
-impl Watch for Passivity {
+impl MonitorKind for Passivity {
     const NAMES: &'static [&'static str] = &["passivity"];
 
-    fn watches(scope: &Scope) -> bool {
-        scope.watched.storage
+    fn applies(scope: &Scope) -> bool {
+        scope.monitored.storage
     }
 
     fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
@@ -149,10 +149,10 @@ impl<S: Real> Monitor<S> for Passivity {
 /// `V1` and `V1(0) - V1(t) - int s' Kd s dt`, J.
 pub struct LyapunovBalance;
 
-impl Watch for LyapunovBalance {
+impl MonitorKind for LyapunovBalance {
     const NAMES: &'static [&'static str] = &["lyapunov", "lyapunov_balance"];
 
-    fn watches(scope: &Scope) -> bool {
+    fn applies(scope: &Scope) -> bool {
         scope.law().adaptive().is_some()
     }
 

@@ -36,12 +36,12 @@ use level_norms::LevelNorms;
 pub struct Scope<'p, 'a> {
     pub problem: &'p Problem<'a>,
     pub run: usize,
-    pub watched: Watched,
+    pub monitored: Monitored,
 }
 
 /// What the monitors of all runs of a problem have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Watched {
+pub struct Monitored {
     /// The energy is the law's own storage function.
     pub storage: bool,
     /// The target model of an impedance.
@@ -50,10 +50,10 @@ pub struct Watched {
     pub loss: bool,
 }
 
-impl Watched {
+impl Monitored {
     /// Of a problem.
     pub fn of(problem: &Problem) -> Self {
-        Watched { storage: problem.watches_storage(), target: problem.watches_target(), loss: problem.watches_loss() }
+        Monitored { storage: problem.watches_storage(), target: problem.watches_target(), loss: problem.watches_loss() }
     }
 }
 
@@ -88,7 +88,7 @@ pub struct Moment<'a, S: Real> {
 
 /// A monitor of one run, on plain numbers or recorded.
 pub trait Monitor<S: Real> {
-    /// Its series at a record, as many as [`Watch::NAMES`].
+    /// Its series at a record, as many as [`MonitorKind::NAMES`].
     fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]);
 }
 
@@ -96,12 +96,12 @@ pub trait Monitor<S: Real> {
 type Series<S> = Vec<(usize, Box<dyn Monitor<S> + Send>)>;
 
 /// A kind of monitor.
-pub trait Watch {
+pub trait MonitorKind {
     /// Its series.
     const NAMES: &'static [&'static str];
 
     /// Whether a run has it.
-    fn watches(scope: &Scope) -> bool;
+    fn applies(scope: &Scope) -> bool;
 
     /// The monitor of a run that has it.
     fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>>;
@@ -113,7 +113,7 @@ macro_rules! monitors {
         /// The series of a run, without the norms of levels.
         fn series(scope: &Scope) -> Vec<&'static str> {
             let mut all = Vec::new();
-            $(if <$kind>::watches(scope) {
+            $(if <$kind>::applies(scope) {
                 all.extend(<$kind>::NAMES);
             })*
             all
@@ -122,7 +122,7 @@ macro_rules! monitors {
         /// The monitors of a run.
         fn build<S: Real>(scope: &Scope) -> Series<S> {
             let mut all = Vec::new();
-            $(if <$kind>::watches(scope) {
+            $(if <$kind>::applies(scope) {
                 all.extend(<$kind>::build::<S>(scope).map(|monitor| (<$kind>::NAMES.len(), monitor)));
             })*
             all
@@ -145,7 +145,7 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
     if !problem.options.monitors {
         return Vec::new();
     }
-    let scope = Scope { problem, run: 0, watched: Watched::of(problem) };
+    let scope = Scope { problem, run: 0, monitored: Monitored::of(problem) };
     let mut all = series(&scope);
     all.extend(level_norms::names(scope.law()));
     all
@@ -169,11 +169,11 @@ impl<P: Solve> Checks<P> {
         let (plant, law) = (scope.plant(), scope.law());
         let levels = LevelNorms::of(law);
         Checks {
-            theory: Theory::new(|_| plant, |_| law, scope.watched.storage),
+            theory: Theory::new(|_| plant, |_| law, scope.monitored.storage),
             monitors: build(scope),
             norms: if levels.is_some() { level_norms::names(law).len() } else { 0 },
             levels,
-            loss: if scope.watched.loss { ProjectionLoss::new(law) } else { None },
+            loss: if scope.monitored.loss { ProjectionLoss::new(law) } else { None },
             states: plant.seen(),
             bristles: plant.bristles(),
         }
@@ -235,7 +235,7 @@ impl<'a> Monitors<'a> {
     /// Of run `run` of a problem.
     pub fn new(problem: &Problem<'a>, run: usize) -> Self {
         let law = problem.law(run);
-        let scope = Scope { problem, run, watched: Watched::of(problem) };
+        let scope = Scope { problem, run, monitored: Monitored::of(problem) };
         Monitors { motions: law.motions(), force: problem.force(run), checks: Checks::new(&scope), desired: law.desired(0.0), first: None }
     }
 

@@ -1,16 +1,16 @@
 //! What the clamp of a law's projector or of its coupling loses near a singularity: see [`crate::law::ProjectionLoss`].
 
-use super::{Moment, Monitor, Scope, Watch};
+use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::scalar::Real;
 
 /// The loss, zero of a law without a projector beside laws that have one.
 pub struct Loss;
 
-impl Watch for Loss {
+impl MonitorKind for Loss {
     const NAMES: &'static [&'static str] = &["loss"];
 
-    fn watches(scope: &Scope) -> bool {
-        scope.watched.loss
+    fn applies(scope: &Scope) -> bool {
+        scope.monitored.loss
     }
 
     fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {

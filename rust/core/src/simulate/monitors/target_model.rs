@@ -9,7 +9,7 @@
 //! ([`StaticTorque`]). With the coupling compensated, `M_x (x'' - x_d'')` replaces `M_x x'' + S_x x'`.
 
 use super::static_torque::StaticTorque;
-use super::{Moment, Monitor, Scope, Watch};
+use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::dynamics::ArmAt;
 use crate::kinematics::Coordinates;
 use crate::law::turn_rates;
@@ -234,11 +234,11 @@ impl<S: Real> TargetModel<S> {
 /// As monitors of runs: the largest term and the largest residual.
 pub struct Target;
 
-impl Watch for Target {
+impl MonitorKind for Target {
     const NAMES: &'static [&'static str] = &["target", "target_balance"];
 
-    fn watches(scope: &Scope) -> bool {
-        scope.watched.target
+    fn applies(scope: &Scope) -> bool {
+        scope.monitored.target
     }
 
     fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {

@@ -1,7 +1,7 @@
 //! How well an inner torque loop works: the largest `|tau_J - u|` over the joints. `tau_J` is the torque of the springs, and the outer loop
 //! wants `u`.
 
-use super::{Moment, Monitor, Scope, Watch};
+use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::law::{Law, LawSpec};
 use crate::scalar::Real;
 
@@ -31,10 +31,10 @@ impl<S: Real> TorqueError<S> {
 /// As monitors of runs.
 pub struct InnerLoop;
 
-impl Watch for InnerLoop {
+impl MonitorKind for InnerLoop {
     const NAMES: &'static [&'static str] = &["torque_error"];
 
-    fn watches(scope: &Scope) -> bool {
+    fn applies(scope: &Scope) -> bool {
         scope.law().reduction().is_some() && scope.law().outer().is_some()
     }
 
