@@ -66,7 +66,7 @@ def by_mink(arm: al.Arm, path: Path, X: Array, starts: Array) -> int:
     model = mujoco.MjModel.from_xml_path(str(path))
     limits = [mink.ConfigurationLimit(model)]
     name, found = arm.frame_names[-1], 0
-    # The compiler merges links on fixed joints; what is left carries the last joint.
+    # The compiler merges links on fixed joints. The last remaining body is that of the last joint.
     kind = mujoco.mjtObj.mjOBJ_BODY
     body = name if mujoco.mj_name2id(model, kind, name) >= 0 else mujoco.mj_id2name(model, kind, model.nbody - 1)
     for target, q0 in zip(X, starts, strict=True):

@@ -1,8 +1,9 @@
 """Reactions to a collision
 ========================
 
-An arm runs into a wall that it does not know of. Its momentum observer detects the contact inside of the sampled loop.
-The arm then goes on, stops, floats or retracts. The table has the peak force of each reaction, and the delay of 10,000 noisy runs.
+An arm runs into a wall that its law does not know. The momentum observer in the sampled loop detects the contact.
+The arm then continues, stops, floats or retracts. The table shows the peak force of each reaction. It also shows the delay of the
+detection in 10,000 noisy runs.
 
 Run: ``python examples/collision_reactions.py [figure.png]``
 """
@@ -15,7 +16,7 @@ import armlet as al
 
 arm = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], gravity=[0.0, -9.81])
 motion = al.Quintic([1.2, -1.8], [0.4, -0.3], 1.5)
-tip = arm.position(motion(0.75)[0], "link2")  # where the tip is half way: there stands the wall
+tip = arm.position(motion(0.75)[0], "link2")  # the tip half way, where the wall is
 wall = al.Wall("link2", tip, [-1.0, 0.0, 0.0], stiffness=2e4, damping=50.0)
 plant = al.RigidArm(arm, wall=wall)
 tracking = al.ComputedTorque(arm, motion, kp=400.0, kd=40.0)
@@ -46,7 +47,7 @@ for name, keywords in reactions.items():
     impulse = np.trapezoid(force, run.t)
     print(f"{name:12} {found:>9} {joint:>5} {force.max():9.1f} N {force[-1]:9.1f} N {impulse:6.1f} N s")
 
-# The same loop 10,000 times, each with noise of its own: alarms before the wall, and the delay after it.
+# The same loop 10,000 times, each with other noise: false alarms before the contact, and the delay of the detection.
 rows = 10_000
 law = al.Guarded(tracking, observer, "stop", stiffness=400.0, damping=30.0)
 start = np.tile(motion(0.0)[0], (rows, 1))

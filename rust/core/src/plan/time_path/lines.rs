@@ -1,7 +1,7 @@
 //! The lines of a segment, in the plane of `x = (ds/dt)^2` and `u`.
 //!
-//! There are rows `lo <= alpha u + beta x + gamma <= hi` at both ends of the segment and half way between them. They allow `u` between the
-//! largest of lines `L(x)` and the smallest of lines `U(x)`.
+//! A segment has rows `lo <= alpha u + beta x + gamma <= hi` at both ends and in the middle. Each row bounds `u` by two lines. So `u` is
+//! between the largest lower line `L(x)` and the smallest upper line `U(x)`.
 //!
 //! ```text
 //! U_k(x) = max(margin_hi, margin_lo)/alpha - (beta/alpha) x,   L_k(x) = min(..)/alpha - (beta/alpha) x,   margin = limit - gamma
@@ -90,7 +90,7 @@ pub(super) struct Lines {
     balls: Vec<[Ball; 3]>,
 }
 
-/// `U`, `L` at `x`, and the places of their lines in the lists. `WAY` stands for the condition to reach `K_(i+1)`.
+/// `U`, `L` at `x`, and the indices of their lines in the lists. The index `WAY` is the condition to reach `K_(i+1)`.
 struct Gap {
     upper: f64,
     upper_at: usize,

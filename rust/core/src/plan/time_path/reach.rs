@@ -6,7 +6,7 @@
 //! u_i = largest u that obeys them at x_i,   x_(i+1) = x_i + 2 h u_i                                    (forward)
 //! ```
 //!
-//! The rows of a segment hold at both of its ends and half way between them (`lines`). A second pass repeats only the segments whose
+//! Each segment has rows at both ends and in the middle (`lines`). A second pass repeats only the segments whose
 //! rows or bounds have changed. So the cost of a correction is proportional to its extent.
 //!
 //! A constant `u` under a limit that changes along the segment loses time in proportion to `h`. So once the active limits of a profile
