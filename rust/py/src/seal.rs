@@ -29,16 +29,20 @@ const PROTOCOL: u8 = 4;
 pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywords: Option<Bound<'py, PyDict>>) -> PyResult<Sealed<'py>> {
     let py = make.py();
     let keywords = keywords.unwrap_or_else(|| PyDict::new(py));
-    let file = Bound::new(py, Written { body: Vec::new(), hash: sha256(py)?.unbind() })?;
+    let file = Bound::new(py, Written { parts: Vec::new(), last: Vec::new(), hash: sha256(py)?.unbind() })?;
     let pickler = py.import("pickle")?.call_method1("Pickler", (&file, PROTOCOL))?;
     pickler.setattr("dispatch_table", array_table(py)?)?;
     pickler.call_method1("dump", ((make, arguments, keywords),))?;
-    let file = file.borrow();
+    // Frees what was pickled, if nobody else has it.
+    drop(pickler);
+    pause_in_turn(py)?;
+    let mut file = file.borrow_mut();
     let digest = digest_of(file.hash.bind(py))?;
-    let payload = if file.body.len() <= SHARE {
-        PyTuple::new(py, [bytes(py, &[digest.as_bytes(), &file.body])?])?
+    let payload = if file.parts.is_empty() {
+        PyTuple::new(py, [bytes(py, &[digest.as_bytes(), &file.last])?])?
     } else {
-        let shares = file.body.chunks(SHARE).map(|share| Share::of(py, bytes(py, &[share])?));
+        file.end_part(py)?;
+        let shares = file.parts.iter().map(|part| Share::of(py, part.bind(py).clone()));
         PyTuple::new(py, std::iter::once(Ok(digest.into_any())).chain(shares).collect::<PyResult<Vec<_>>>()?)?
     };
     Ok((py.import("armlet._core")?.getattr("_restore")?, payload))
@@ -98,24 +102,45 @@ fn digest_of<'py>(hash: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
 }
 
 /// The file for the pickle of a body. Other threads run while it is written, but not while `pickle.dumps` copies.
+/// Large parts stay the objects that they are: a copy has to be freed, and no other thread runs meanwhile.
 #[pyclass(module = "armlet._core", name = "_Written")]
 struct Written {
-    body: Vec<u8>,
+    parts: Vec<Py<PyBytes>>,
+    last: Vec<u8>,
     hash: Py<PyAny>,
+}
+
+impl Written {
+    fn end_part(&mut self, py: Python<'_>) -> PyResult<()> {
+        if !self.last.is_empty() {
+            self.parts.push(bytes(py, &[&self.last])?.unbind());
+            self.last.clear();
+        }
+        Ok(())
+    }
 }
 
 #[entered]
 #[pymethods]
 impl Written {
     fn write(&mut self, data: &Bound<'_, PyBytes>) -> PyResult<usize> {
-        let (py, bytes) = (data.py(), data.as_bytes());
-        update(self.hash.bind(py), data, 0, bytes.len())?;
-        self.body.try_reserve(bytes.len()).map_err(|_| PyMemoryError::new_err("no memory for a pickle"))?;
-        for piece in bytes.chunks(PIECE) {
-            self.body.extend_from_slice(piece);
-            pause_in_turn(py)?;
+        let (py, count) = (data.py(), data.as_bytes().len());
+        update(self.hash.bind(py), data, 0, count)?;
+        if self.last.len() + count > SHARE {
+            self.end_part(py)?;
         }
-        Ok(bytes.len())
+        if count >= PIECE {
+            self.end_part(py)?;
+            for first in (0..count).step_by(SHARE) {
+                let part = if count <= SHARE { data.clone() } else { bytes(py, &[&data.as_bytes()[first..count.min(first + SHARE)]])? };
+                self.parts.push(part.unbind());
+            }
+        } else {
+            self.last.try_reserve(count).map_err(|_| PyMemoryError::new_err("no memory for a pickle"))?;
+            self.last.extend_from_slice(data.as_bytes());
+        }
+        pause_in_turn(py)?;
+        Ok(count)
     }
 }
 
@@ -181,6 +206,9 @@ impl Reading {
         while left > 0
             && let Some((part, range)) = self.next(py, Some(left))
         {
+            if range.len() == most && range == (0..part.as_bytes(py).len()) {
+                return Ok(part.into_bound(py));
+            }
             left -= range.len();
             found.push((part, range));
         }
