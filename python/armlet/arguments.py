@@ -56,7 +56,7 @@ def shown(value: object) -> str:
 
 
 class _Short(Repr):
-    """A text that is too long or too deep for a message is not written out first."""
+    """A `repr` that stops early where a value is long or deeply nested."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class _Short(Repr):
         self.maxstring = self.maxother = self.maxlong = 80
 
     def repr_dict(self, x: dict[Any, Any], level: int) -> str:
-        """In the order of the table, which need not have one of its keys."""
+        """Entries in the order of the dict: its keys may have no order."""
         if level <= 0 and x:
             return "{...}"
         parts = [f"{self.repr1(key, level - 1)}: {self.repr1(part, level - 1)}" for key, part in islice(x.items(), self.maxdict)]
@@ -93,7 +93,7 @@ def number(function: str, name: str, value: object) -> float:
 
 
 def positive(function: str, name: str, value: object, most: float = math.inf) -> float:
-    """A number in (0, most]; infinity where `most` is."""
+    """A number in (0, most]; infinity is valid if `most` is infinite."""
     x = number(function, name, value)
     if not 0.0 < x <= most:
         raise InputError(f"{function}: {name} is out of range: expected a number in (0, {most:g}], got {shown(value)}")
@@ -111,7 +111,7 @@ def integer(function: str, name: str, value: object, least: int = 0, most: int |
 
 
 def finite(function: str, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Numbers that `_core.numbers` took, all of them finite."""
+    """`values`, converted by `_core.numbers`, if all of them are finite."""
     if not np.isfinite(values).all():
         at = np.argwhere(~np.isfinite(values))[0].tolist()
         where = f" (first bad index {at[0] if len(at) == 1 else tuple(at)})" if at else ""
@@ -120,7 +120,7 @@ def finite(function: str, name: str, values: NDArray[np.float64]) -> NDArray[np.
 
 
 def text(function: str, name: str, value: object) -> str:
-    """A text that the interfaces of a system take."""
+    """A string."""
     if not isinstance(value, str):
         raise InputError(f"{function}: {name} is not a text: expected a string, got {shown(value)}")
     return value
@@ -143,7 +143,7 @@ def count(function: str, name: str, value: object) -> int:
 
 
 def entries(function: str, name: str, value: object, most: int) -> list[Any]:
-    """The entries of an iterable that ends, at most `most` of them."""
+    """The entries of a finite iterable, at most `most` of them."""
     if not isinstance(value, Iterable) and not hasattr(type(value), "__getitem__"):
         raise InputError(f"{function}: {name} is not a sequence: expected a list or a tuple, got {shown(value)}")
     found = list(islice(iter(value), most + 1))  # type: ignore[call-overload]  # by its entries, where it has no iterator
@@ -153,17 +153,17 @@ def entries(function: str, name: str, value: object, most: int) -> list[Any]:
 
 
 def instance(function: str, name: str, value: object, kind: type[T] | tuple[type[T], ...], expected: str) -> T:
-    """`value`, which is one of `kind`."""
+    """`value`, if it is an instance of `kind`."""
     if isinstance(value, kind):
         return value
     raise InputError(f"{function}: {name} is of the wrong type: expected {expected}, got {shown(value)}")
 
 
 def file_path(function: str, value: object, name: str = "path") -> str:
-    """A path that the system can be asked for.
+    """A path that the operating system accepts.
 
     Raises:
-        InputError: it is no path, or has characters that no path may have.
+        InputError: the value is not a path, or has characters that no path may have.
     """
     if not isinstance(value, str | PathLike):
         raise InputError(f"{function}: {name} is of the wrong type: expected a path, got {shown(value)}")

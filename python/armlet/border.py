@@ -29,7 +29,7 @@ OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pan
 
 
 def border(function: Callable[P, R]) -> Callable[P, R]:
-    """`function`, from which no foreign error comes."""
+    """Wrap `function` so that it raises only the errors named above."""
     name = function.__qualname__.removesuffix(".__init__").removesuffix(".__post_init__")
 
     @wraps(function)
@@ -48,8 +48,7 @@ def border(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def bordered(kind: C) -> C:
-    """`border` for the methods and properties of a class that have names without an underscore, for its calls, and for what makes its
-    objects."""
+    """Apply `border` to a class: to its public methods and properties, to its calls and to its constructor."""
     for name, value in list(vars(kind).items()):
         if name.startswith("_") and name not in ("__init__", "__post_init__", "__call__"):
             continue

@@ -154,7 +154,7 @@ class CartesianPath:
 
 
 def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
-    """Rows (K, m) of the poses given."""
+    """The argument `poses` as rows (K, m)."""
     given = finite(_NAME, "poses", _core.numbers(_NAME, "poses", poses, ("K", 4, 4), ("K", m)))
     if given.ndim == 3:
         turn, last = given[:, :3, :3], given[:, 3]

@@ -1,4 +1,4 @@
-"""Where an arm rests under a force, and how far the control of elastic joints can be taken."""
+"""Equilibria of an arm under a force, and stability limits of the control of elastic joints."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array: TypeAlias = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A pose of rest under a constant force.
+    """An equilibrium under a constant force.
 
     Attributes:
         q: joint positions, (n,), rad or m.
@@ -33,8 +33,8 @@ class Equilibrium:
         spurious: an equilibrium with an unbalanced spring: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD`
             and `StateFeedback` that know the plant: an equilibrium off the target, without force and contact.
         wall_force: of the plant's wall on its frame, (3,), world axes, N; None without a wall.
-        stable: whether no eigenvalue lies to the right; free motions of a redundant arm have eigenvalues at zero.
-        eigenvalues: of the closed loop linearised at rest, complex, 1/s, by real part.
+        stable: whether no eigenvalue has a positive real part; free motions of a redundant arm have eigenvalues at zero.
+        eigenvalues: of the closed loop linearised at the equilibrium, complex, 1/s, sorted by real part.
     """
 
     q: Array
@@ -53,14 +53,14 @@ class Equilibrium:
 @sealed
 @dataclass(frozen=True, eq=False)
 class ElasticLimits:
-    """How far the control of elastic joints can be taken at one rest.
+    """Stability limits of the control of elastic joints at one equilibrium.
 
     Attributes:
         sample_time_max: the sample time at which the motor loop becomes unstable, links locked, s.
         stiffness_max: largest stiffness of a spring at each joint, the others held (Routh), (n,), N m/rad.
         stiffness: the bounded quantity: the diagonal of J'K J, (n,), N m/rad.
         stiffness_scale_max: by how much K may be multiplied before the linearised loop becomes unstable.
-        eigenvalues: of the closed loop linearised at rest, complex, 1/s, by real part.
+        eigenvalues: of the closed loop linearised at the equilibrium, complex, 1/s, sorted by real part.
         reduced_inertia_min: smallest B0 of each motor at `sample_time`, (n,), kg m^2; None without one.
     """
 

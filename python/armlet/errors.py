@@ -1,11 +1,11 @@
-"""What can go wrong, as a tree: misuse and broken models are errors, the outcome of a run is a status.
+"""The tree of errors. Misuse and broken models are errors; the outcome of a run is a status.
 
 ::
 
     ArmletError
-    ├── InputError (ValueError)       an argument is not what the function takes
+    ├── InputError (ValueError)       an argument is not valid
     │   └── ModelError                a robot model is not well formed; .file .line
-    ├── SolveError (RuntimeError)     a run or a solver ended without its answer; .status .t .partial
+    ├── SolveError (RuntimeError)     a run or a solver ended without its result; .status .t .partial
     ├── FormatError (ValueError)      stored data is not in the format it claims
     └── InternalError (RuntimeError)  a fault of armlet itself, caught at the border
 
@@ -26,15 +26,15 @@ class ArmletError(Exception):
 
 
 class InputError(ArmletError, ValueError):
-    """An argument is not what the function takes: wrong type, shape, sign, range, or not finite.
+    """An argument is not valid: its type, shape, sign or range is wrong, or it is not finite.
 
-    The message has everything. An error of the core has its parts as data too.
+    The message is complete. An error of the core also has its parts as attributes.
 
     Attributes:
-        argument: the name of the argument; None where only the message has it.
-        problem: what is wrong with it, without its name and its index; None where only the message has it.
+        argument: the name of the argument; None if only the message has it.
+        problem: what is wrong with it, without its name and its index; None if only the message has it.
         index: the first bad index, one number per axis; empty where there is none.
-        available: the names that there are, where a name is unknown.
+        available: the valid names, if a name is unknown.
     """
 
     argument: str | None = None
@@ -48,7 +48,7 @@ class ModelError(InputError):
 
     Attributes:
         file: the file, or ``"<string>"`` for a model given as text; None for a model built in code.
-        line: the 1-based line of the fault; None where no line can be named.
+        line: the 1-based line of the fault; None if the line is unknown.
     """
 
     def __init__(self, message: str, file: str | None = None, line: int | None = None) -> None:

@@ -45,7 +45,7 @@ class ExcitingMotion(Sinusoid):
 
     Attributes:
         duration: the period, s.
-        condition: of the regressor of one period, columns scaled to one: largest over smallest singular value.
+        condition: condition number of the regressor of one period, with columns scaled to norm one.
         deviations: standard deviations of the base parameters after one period of samples, `(b,)`.
     """
 
@@ -95,7 +95,7 @@ def _refuse(name: str, values: _Array, bad: NDArray[np.bool_], problem: str) -> 
 
 
 def _limits(arm: Arm, given: Any) -> _Limits:
-    """The arm's own limits, with those that are given in their place."""
+    """The limits of the argument, and those of the arm where it has none."""
     n = arm.n
     own = {name: np.asarray(values) for name, values in arm.limits.items()}
     default = {"q_min": -np.inf, "q_max": np.inf, "v_max": np.inf, "a_max": np.inf, "effort": np.inf}
@@ -196,7 +196,7 @@ class _Problem:
         return out[0], out[1], out[2]
 
     def _by_speed(self, q: _Array, v: _Array, a: _Array, unit: _Array) -> _Array:
-        """The columns are quadratic in the speeds but for Coulomb friction, whose slope is zero where it has one."""
+        """Slopes by speed. Columns are quadratic in the speeds, except Coulomb friction, whose slope is zero."""
         difference = 0.5 * (self.regressor(q, v + unit, a) - self.regressor(q, v - unit, a))
         if self.base.friction:
             first = len(self.base.names) - q.shape[1]
@@ -228,7 +228,7 @@ class _Problem:
         return value, back(gq.T @ terms + gv.T @ rates + ga.T @ accelerations).ravel()
 
     def fitted(self, c: _Array, duration: float, harmonics: int) -> _Array:
-        """The largest multiple of these coefficients whose limits hold at every time; torques at `_CHECKED` points per harmonic."""
+        """The largest multiple of these coefficients that keeps the limits at every time; torques at `_CHECKED` points per harmonic."""
         count = _CHECKED * harmonics
         series = _series(duration, harmonics, count)
         # A trigonometric polynomial exceeds its largest value at these points by no more than this factor (Ehlich and Zeller 1964).
@@ -283,13 +283,13 @@ def exciting_motion(
         duration: the period, s.
         limits: `q_min`, `q_max` (rad or m), `v_max` (per s), `a_max` (per s^2), `effort` (N m or N), each a number or `(n,)`. They
             replace the arm's own; an arm has no `a_max`. Each joint needs a bound other than `effort`.
-        harmonics: of the fundamental frequency `2 pi / duration`, at most 1,000.
-        samples: how many of one period `condition` and `deviations` count; None: 20 per harmonic. At least 4 per harmonic.
+        harmonics: number of harmonics of the fundamental frequency `2 pi / duration`, at most 1,000.
+        samples: number of samples of one period for `condition` and `deviations`, at least 4 per harmonic; None: 20 per harmonic.
         noise: standard deviation of the measured torque, N m or N: a number or `(n,)`.
         armature, friction: columns of `Arm.regressor` for rotors and friction are among the parameters.
         starts: random starts of the search, at most 1,000; the best is returned.
-        iterations: the most there are in each search.
-        seed: of the starts.
+        iterations: largest number of iterations of each search.
+        seed: seed of the random starts.
 
     Returns:
         A motion, with `duration`, `condition` and `deviations` of `arm.base_parameters(armature=armature, friction=friction)`.

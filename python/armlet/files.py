@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and archives of arrays with a checksum: how runs, tables, figures and sweeps are written."""
+"""Files that are complete or absent, and archives of arrays with a checksum, for runs, tables, figures and sweeps."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def pack(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
-    """The arrays of an archive, and whether it carries a seal; FormatError where the seal is broken or the archive can't be read."""
+    """The arrays of an archive, and whether it has a checksum; FormatError if the checksum is wrong or the archive cannot be read."""
     end = file.seek(0, os.SEEK_END)
     start = max(end - SEALED, 0)
     file.seek(start)
@@ -105,7 +105,7 @@ def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object])
 
 
 def folder_for(path: Path) -> Path:
-    """Make the folder `path` where it is missing; refuse, before any work, one into which nothing may be written."""
+    """Make the folder `path` if it does not exist. Refuse a folder without write permission before any work starts."""
     path.mkdir(parents=True, exist_ok=True)
     if not os.access(path, os.W_OK):
         raise PermissionError(f"{path}: is not writable")

@@ -16,7 +16,7 @@ Numbers: TypeAlias = float | Sequence[float]
 
 
 class _Model:
-    """Numbers and tuples of numbers, which compare, print and pickle."""
+    """Numbers and tuples of numbers, which can be compared, printed and pickled."""
 
     def __post_init__(self) -> None:
         for name, value in self.__getnewargs_ex__()[1].items():

@@ -161,7 +161,8 @@ class Identification:
 
     @property
     def arm(self) -> Arm:
-        """The arm with the identified inertial parameters, and with the identified rotors and friction where they were asked for."""
+        """The arm with the identified inertial parameters, and with the identified rotors and friction if they were among the
+        parameters."""
         own = self.base.arm
         inertial, drives = np.split(self.parameters, [own.parameters.size])
         arm = own.with_parameters(inertial)

@@ -29,7 +29,7 @@ class DenseOutput:
     """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
 
     Each step holds the values of its polynomial at the Chebyshev points; between them barycentric interpolation (Berrut and Trefethen
-    2004) recovers it to rounding. Times outside of the span are refused.
+    2004) recovers it to rounding. Times outside of the span raise an error.
     """
 
     def __init__(self, start: float, ends: Array, positions: Array, nodes: Array) -> None:
@@ -75,7 +75,7 @@ class Integration:
         stats: evaluations of f (including differences), steps, rejections, jacobians (none of a constant one) and factorisations. With the
             status EXCESS_ACCURACY also `coarsen`: the factor that makes both tolerances feasible.
         t_events, y_events: per event the times (m,) and states (m, n) of its crossings.
-        dense: the solution between the steps, where `dense_output=True` asked for it.
+        dense: the solution between the steps, if `dense_output=True`.
     """
 
     t: Array
@@ -151,7 +151,7 @@ def integrate(
     """Solve `y' = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, in either direction of time.
 
     Args:
-        f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the quickest for a few states).
+        f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the fastest for a few states).
         t_span: start and end. The end may be infinite where a terminal event ends the run and the method is adaptive.
         y0: initial state, (n,).
         method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5"
@@ -162,15 +162,15 @@ def integrate(
         dense_output: keep the polynomials of the steps: `result.dense(t)`.
         events: functions g(t, y, *args) -> float whose zero crossings are located to rounding. The attribute `direction` of a function
             selects rising (> 0) or falling (< 0) crossings, along the run. `terminal` ends the run at that many crossings (True: one).
-        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n); sparse matrices are made dense. None
-            differences f: forward for "radau5" and "ros2", which correct themselves, central for "rodas4", whose order rests on it.
-            "rodas4" and "ros2" also difference f in time.
-        jac_sparsity: (n, n), zero where df/dy is: differences then take one evaluation of f for a group of columns that share no row
-            [CurtisPowellReid1974]. Without effect where jac is given.
+        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n); sparse matrices are made dense. None takes
+            differences of f: forward for "radau5" and "ros2", which tolerate their error, and central for "rodas4", whose order does not.
+            "rodas4" and "ros2" also take differences of f in time.
+        jac_sparsity: pattern (n, n), zero where df/dy is always zero. Differences then take one evaluation of f for columns that share no
+            row [CurtisPowellReid1974]. Without effect where jac is given.
         args: further arguments of f, jac and events.
         max_step, first_step: limit of the steps and the first of them, for adaptive methods; first_step is not longer than the span.
-        positions: for "semi_implicit", how many: y = [q, v, rest] with q and v of that length and q' = v.
-        lists: hand y to f, jac and events as a list of floats: two to four times as quick as an array for a few states.
+        positions: number of positions for "semi_implicit": y = [q, v, rest] with q and v of that length and q' = v.
+        lists: pass y to f, jac and events as a list of floats: two to four times as fast as an array for a few states.
         vectorized: f takes states as columns, y (n, k), and returns their slopes, (n, k): all differences of a Jacobian are then one call.
             jac and events still take y (n,).
         throw: raise an error if the run does not reach its end; False returns the partial run, with its status.

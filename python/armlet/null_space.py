@@ -66,5 +66,5 @@ class NullSpace:
 
 
 def _plain(values: Any) -> Any:
-    """Numbers and tuples of numbers, which compare, print and pickle."""
+    """Numbers and tuples of numbers, which can be compared, printed and pickled."""
     return tuple(_plain(value) for value in values) if isinstance(values, list) else values

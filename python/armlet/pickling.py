@@ -1,4 +1,5 @@
-"""Pickles of Python objects with a checksum, as those of the extension: a changed bit is a `FormatError`, never another object."""
+"""Pickles of Python objects with a checksum, as those of the extension: a changed bit raises `FormatError`, and never makes another
+object."""
 
 from __future__ import annotations
 

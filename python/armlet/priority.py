@@ -22,7 +22,7 @@ Array: TypeAlias = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class PriorityDiagnosis:
-    """Ranks, singular values and lost directions of a stack of levels; `str()` says it in one sentence.
+    """Ranks, singular values and lost directions of a stack of levels; `str()` is a summary in one sentence.
 
     Attributes:
         n: number of joints.
@@ -34,8 +34,8 @@ class PriorityDiagnosis:
         singular_values: of each J_i, descending, in the unit of the task over that of the joints.
         projected_singular_values: of each J_i in the null space of the levels above.
         kinematic: per level: the rank is below the number of rows.
-        algorithmic: per level: the projected rank is below the rank and the freedom that the levels above leave.
-        lost: per level, (k, rows_i): orthonormal directions of the command that no joint velocity in the freedom of the level produces.
+        algorithmic: per level: the projected rank is below the rank, and below the number of directions that the levels above leave free.
+        lost: per level, (k, rows_i): orthonormal directions of the command that no joint velocity left free by the levels above produces.
         losses: per level, (rows_i,): the part of the command `rhs` along `lost`, in the unit of the task; None without `rhs`.
         compatible: whether every loss is zero up to rounding, so that the whole command can be executed; None without `rhs`.
     """

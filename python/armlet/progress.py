@@ -1,4 +1,4 @@
-"""How far long work is, and how long it will take: a line on standard error."""
+"""Progress and remaining time of long work, as a line on standard error."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["Progress", "reporter"]
 
 
 class Progress:
-    """Called with what is done and the whole: writes one line over and over, with the remaining time.
+    """A callback `(done, total)` that rewrites one line with the remaining time.
 
-    The remaining time is an estimate: the rest goes at the mean speed since the object was made, or since `start`.
+    The estimate of the remaining time assumes the mean speed since the object was made, or since `start`.
     """
 
     def __init__(self, what: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
@@ -24,7 +24,7 @@ class Progress:
         self._began, self._first, self._width = clock(), 0, 0
 
     def start(self, done: int) -> None:
-        """So much was done before: an earlier run's cells."""
+        """State what was done before the start, such as cells of an earlier run."""
         self._began, self._first = self._clock(), done
 
     def __call__(self, done: int, total: int) -> None:

@@ -1,4 +1,4 @@
-"""From rest to rest, all joints arriving together, under limits of joint speed, acceleration and jerk.
+"""Rest-to-rest motions of joints that arrive together, under limits of speed, acceleration and jerk.
 
     |v_j| <= v_max_j,   |a_j| <= a_max_j,   |da_j/dt| <= j_max_j,   q_j(t) a cubic in each of at most seven phases
 
@@ -49,14 +49,14 @@ def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Arra
 def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, j_max: ArrayLike) -> TimedPath:
     """The fastest motion from rest at `q0` to rest at `q1` in which all joints arrive together, each inside its limits.
 
-    It requires Ruckig: `pip install 'armlet[ruckig]'`. There are no dynamics; for limits of torque see `time_path`.
+    It requires Ruckig: `pip install 'armlet[ruckig]'`. The motion ignores the dynamics; for limits of torque see `time_path`.
 
     Args:
         q0, q1: start and end, `(n,)`, rad or m.
         v_max, a_max, j_max: limits of speed, acceleration and jerk: number or `(n,)`.
 
     Returns:
-        A `TimedPath` over time itself: its `s` is the time, its `margin` the smallest relative distance to a limit.
+        A `TimedPath` whose path position `s` is the time. Its `margin` is the smallest relative distance to a limit.
 
     Raises:
         ImportError: Ruckig is not installed.

@@ -1,7 +1,7 @@
 """Files of robots: `package://name/file` in folders of packages, and xacro, which the package `xacro` expands.
 
-A package `name` is the first folder of this name. It is a folder of the search path, in one, or one level deeper. The search path is
-the caller's, then `ROS_PACKAGE_PATH`, then `share` in each folder of `AMENT_PREFIX_PATH`.
+The package `name` is the first folder with this name: a folder of the search path, or one that is one or two levels below. The search
+path is the caller's, then `ROS_PACKAGE_PATH`, then `share` in each folder of `AMENT_PREFIX_PATH`.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def _literal(name: str) -> str:
 
 
 def _texts(arguments: Mapping[str, object] | None) -> dict[str, str]:
-    """Arguments of xacro as it takes them."""
+    """Arguments of xacro, with values as strings."""
     if arguments is None:
         return {}
     instance(_NAME, "xacro_arguments", arguments, Mapping, "values by name")
@@ -155,7 +155,7 @@ def _expanded(path: str, folders: Sequence[Path], arguments: dict[str, str]) -> 
 
 @contextmanager
 def _packages_of(folders: Sequence[Path]) -> Iterator[None]:
-    """`$(find name)` of xacro searches `folders` first, and then where it does without armlet."""
+    """Let `$(find name)` of xacro search `folders` first, and then its own search path."""
     substitution = extra(_NAME, "xacro.substitution_args", "armlet[xacro]")
     own = substitution._eval_find
 

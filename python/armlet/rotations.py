@@ -58,7 +58,7 @@ def after(a: _Array, b: _Array) -> _Array:
 
 
 def inverse(q: _Array) -> _Array:
-    """The rotations back."""
+    """The inverse rotations."""
     return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 

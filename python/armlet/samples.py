@@ -44,7 +44,7 @@ class Samples:
 
 
 def stated_samples(W: ArrayLike, tau: ArrayLike) -> Samples:
-    """Samples that are stated as numbers: all of them, in their order."""
+    """All samples of the arrays `W` and `tau`, in their order."""
     rows, torques = _core.numbers("Adaptive", "concurrent", W, ("N", "n", "p")), _core.numbers("Adaptive", "concurrent", tau, ("N", "n"))
     stacked = rows.reshape(-1, rows.shape[-1])
     values = np.linalg.svd(stacked, compute_uv=False)
@@ -72,7 +72,7 @@ def select_samples(
     `W_j = [Y_M] + int Y_D dt`, `tau_j = int tau dt`, with `M v = Y_M a` and `g - C' v = Y_D a`. Simpson's rule integrates.
 
     Args:
-        law: the `Adaptive` law whose parameters are meant: its base set, friction and rotors.
+        law: the `Adaptive` law that will learn from the samples. It determines the parameters: its base set, friction and rotors.
         q, v, tau: positions, velocities and torques of the record, (K, n).
         count: how many samples to choose.
         a: accelerations of the record, (K, n) (keyword only).

@@ -96,7 +96,7 @@ class Srdf:
 
         Args:
             source: the robot's URDF, a path or its text, as for `load_urdf`.
-            group: name of the group: one chain, or joints or links that are one.
+            group: name of the group: one chain, or joints or links that form one.
             keywords: those of `load_urdf`, except `root` and `tip`.
 
         Returns:
@@ -217,7 +217,7 @@ def load_srdf(path_or_xml: str | PathLike[str]) -> Srdf:
         The groups and the poses, rad or m.
 
     Raises:
-        InputError: it cannot be read, is not well formed, names a group twice, or has a value that is no finite number.
+        InputError: the file cannot be read, is not well formed, names a group twice, or has a value that is not a finite number.
 
     Source: the SRDF specification of MoveIt.
 

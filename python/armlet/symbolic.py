@@ -41,7 +41,7 @@ def _sympy() -> Any:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Formulas:
-    """`M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)` of an arm as sympy matrices, `C` that of Christoffel.
+    """`M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)` of an arm as sympy matrices, with `C` in the Christoffel form.
 
     >>> import armlet as al
     >>> formulas = al.planar_pr(2.0, 0.5, 0.5).symbolic()
@@ -135,7 +135,7 @@ class Formulas:
 
 
 def _name(symbol: str) -> str:
-    """How a symbol reads in LaTeX."""
+    """A symbol in LaTeX."""
     kind = symbol.rstrip("0123456789")
     joint = symbol[len(kind) :]
     if kind.startswith("mc"):

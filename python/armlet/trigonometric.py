@@ -1,4 +1,4 @@
-"""Trigonometric polynomials with exact coefficients, and the shortest of several ways to write one down.
+"""Trigonometric polynomials with exact coefficients, and the shortest of several forms of each.
 
     plain      polynomials in sin q_i and cos q_i, factored:           l sin(q2) (v1 + v2)
     angles     sums of sines and cosines of sums of angles:            cos(q2 + q3) - cos(q2 - q3)
@@ -109,7 +109,7 @@ class Polynomials:
         return self._known[key]
 
     def collected(self, terms: Sequence[tuple[Any, Any]]) -> Any:
-        """`sum rate p` over pairs of a product of velocities and a polynomial, in its shorter form."""
+        """`sum rate p` over pairs of a product of velocities and a polynomial, in the shorter of two forms."""
         by_polynomial = self._grouped(terms, self.readable)
         if not all(self._short(p) for _, p in terms):
             return self._decimals(by_polynomial)
@@ -150,14 +150,14 @@ class Polynomials:
         return [f(angle) for angle in angles for f in (sin, cos)] + self.others
 
     def _factored(self, p: Any, absolute: bool = False) -> Any:
-        """As a product, with the generators as sines and cosines of `q` or of `phi`."""
+        """The polynomial as a product, with the generators as sines and cosines of `q` or of `phi`."""
         key = (frozenset(p.items()), absolute)
         if key not in self._products:
             self._products[key] = self._product(p, self._symbols(self._turns() if absolute else self.q))
         return self._products[key]
 
     def _short(self, p: Any) -> bool:
-        """Whether all coefficients are numbers with few digits: of others, factors are rare and take minutes to look for."""
+        """Whether all coefficients are numbers with few digits. Other polynomials rarely have factors, and the search takes minutes."""
         return all(coefficient.numerator.bit_length() + coefficient.denominator.bit_length() <= MOST_BITS for coefficient in p.values())
 
     def _product(self, p: Any, symbols: list[Any]) -> Any:

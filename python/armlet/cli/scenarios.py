@@ -42,7 +42,7 @@ def _run(args: argparse.Namespace) -> int:
 
 @contextmanager
 def _told_warnings() -> Iterator[None]:
-    """Warnings in one line each."""
+    """Print each warning as one line."""
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
@@ -58,7 +58,7 @@ def _can_plot(command: str) -> None:
 
 
 def _prepare(args: argparse.Namespace) -> None:
-    """Invalid arguments are refused before the run, not after it."""
+    """Check the arguments before the run."""
     if args.plot:
         _can_plot("run")
     if args.out is not None or args.plot:

@@ -19,7 +19,8 @@ SYSTEMS = ("adaptive", "priority", "elastic", "mintime")
 
 
 def demonstrate(out: Path, *, figures: bool = True) -> Report:
-    """Run every system; print its table as it ends; write the figures and the page into `out`. A system that stops is a failed check."""
+    """Run every system, print its table at its end, and write the figures and the page into `out`. A system that raises an error is a
+    failed check."""
     report = Report(out, figures=figures)
     for name in SYSTEMS:
         module = import_module(f".{name}", __name__)

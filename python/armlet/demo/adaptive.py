@@ -38,7 +38,7 @@ ORACLE_TOLERANCE = 2e-9
 
 
 def motion() -> al.Sinusoid:
-    """Two frequencies per joint: rich enough that the estimate converges to the true parameters."""
+    """Two frequencies per joint: enough excitation for the estimate to converge to the true parameters."""
     return al.Sinusoid(
         offset=[0.0, 0.3], amplitude=[[0.5, 0.2], [0.8, 0.3]], frequency=[[1.0, 2.3], [1.7, 0.6]], phase=[[0.0, 0.4], [0.0, 1.0]]
     )
@@ -56,7 +56,7 @@ def run(report: Report) -> None:
 
 
 def identities(report: Report, arm: al.Arm) -> None:
-    """Y (A, B, C)' = M a_r + S v_r, and parameters that no robot has are refused."""
+    """Y (A, B, C)' = M a_r + S v_r; impossible parameters raise an error."""
     q, v, v_r, a_r = np.random.default_rng(10062022).uniform(-3.0, 3.0, (4, 1000, 2))
     left = arm.regressor(q, v, v_r, a_r) @ arm.parameters
     right = (arm.mass_matrix(q) @ a_r[..., None] + arm.coriolis_matrix(q, v) @ v_r[..., None])[..., 0]
@@ -114,7 +114,7 @@ def lyapunov(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None:
 
 
 def from_anywhere(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None:
-    """e -> 0 from random initial states, the estimate starting at zero: 64 runs side by side."""
+    """e -> 0 from random initial states and a zero estimate, in a batch of 64 runs."""
     q0, v0 = np.random.default_rng(20220610).uniform(-2.0, 2.0, (2, 64, 2))
     batch = al.simulate_batch(plant, law, q0, v0=v0, t_end=60.0, dt=1e-3, method="rk4", keep="final", monitors=False)
     report.equal("64 random initial states: runs that reach 60 s", 64, int(np.sum(np.asarray(batch.status) == al.Status.SUCCESS)))

@@ -182,7 +182,7 @@ def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: f
 
 
 def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Array, Array]]:
-    """E9: the final law as printed has lost J'( ) and the v after D_m J."""
+    """E9: in the printed final law J'( ) and the v after D_m J are missing."""
     x_E = X_D + FORCE / K_M
 
     def right(q: Array, v: Array, J: Array) -> Array:
@@ -250,7 +250,7 @@ def anywhere(report: Report, arm: al.Arm, plant: al.ElasticArm) -> None:
 
 
 def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) -> Array:
-    """sup |x - x_rigid| over 2 s of the force step, against the rigid target, for each B0/B."""
+    """The largest |x - x_rigid| in the 2 s after a force step, for each B0/B; x_rigid is the motion of the rigid target."""
     times = np.linspace(0.0, 2.0, 2001)
     kinds: dict[str, Any] = {
         "t_end": 2.0,
@@ -268,7 +268,7 @@ def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) 
 
 
 def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Array]:
-    """E12: B0 small is not enough, D0 must shrink with it; damping on theta_dot - v is better."""
+    """E12: a small B0 alone is not sufficient, D0 must decrease with it; damping on theta_dot - v is better."""
     text = "B0 arbitrarily small suffices"
     tied = distances(arm, plant, SHARES)
     # With D0 fixed the motors' rate D0/B0 grows like 1/B0: the smallest two would take most of the time of the demo.
@@ -289,7 +289,7 @@ def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Ar
 
 
 def sampled(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
-    """A sampled controller cannot make B0 as small as it likes: B0 > K_J dt^2."""
+    """The sample time limits the reduction: B0 > K_J dt^2."""
     smallest = al.smallest_reduced_inertia(B, K_J, 1e-3)
     report.near("smallest B0 at 1 ms, near K_J dt^2 (kg m^2)", (0.0008002667422419266, 0.0005001667139012043), smallest, 1e-10)
     limit = al.elastic_limits(plant, law, q0=Q0).sample_time_max

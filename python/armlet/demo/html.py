@@ -1,4 +1,5 @@
-"""The report of a demonstration as one HTML file: tables and figures inside, readable offline, on a phone, in light and in dark."""
+"""The report of a demonstration as one HTML file with all tables and figures. It is readable offline, on a phone, and in light and dark
+mode."""
 
 from __future__ import annotations
 

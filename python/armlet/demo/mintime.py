@@ -3,7 +3,7 @@
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam
 
 The checks follow the theory. The symmetric bang-bang profile takes T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max,
-and no T is feasible beyond. The optimum under full torque is faster as gravity grows. Without a certificate, a motion that backs up
+and no T is feasible beyond. The optimum under full torque is faster as gravity grows. Without a certificate, a motion that swings back
 first can be faster.
 """
 
@@ -68,7 +68,7 @@ def profile(report: Report) -> None:
 
 
 def impossible(report: Report) -> None:
-    """Beyond G = 2 tau_max no duration works, and the missing torque is exact."""
+    """Beyond G = 2 tau_max no duration is feasible, and the reported missing torque is exact."""
     ratio = 2.0 + np.geomspace(1e-9, 1e3, 1000)
     r = al.bang_bang_time(START, END, 1.0, ratio, 1.0)
     report.equal("1000 links with G > 2 tau_max: feasible", 0, int(r.feasible.sum()))
@@ -81,7 +81,7 @@ def impossible(report: Report) -> None:
 
 
 def erratum(report: Report) -> None:
-    """The largest torque is max(I A, |G - I A|): the second wins in a slow motion of a heavy link."""
+    """The largest torque is max(I A, |G - I A|): in a slow motion of a heavy link the second is larger."""
     r = al.bang_bang_time(START, END, 1.0, 1.5, 1.0)
     for a in (0.6, 0.9):
         t = math.sqrt(4 * math.pi / a)
@@ -107,7 +107,7 @@ def optimum(report: Report) -> None:
 
 
 def swings(report: Report) -> None:
-    """Backing up first, or overshooting, where the monotone optimum is not certified."""
+    """Motions that swing back first, or overshoot, where the monotone optimum is not certified."""
     o = al.torque_optimal_time(math.pi / 2, 3.0, 1.0, 1.0, 1.02)
     report.equal("pi/2 -> 3 at tau_max = 1.02 G: certified", False, o.certified_global)
     report.near("  monotone T (s)", 8.419, o.t, 5e-4)
@@ -122,7 +122,7 @@ def swings(report: Report) -> None:
 
 
 def from_mass(report: Report) -> None:
-    """A link given by mass, centre of mass and I_c: I = I_c + m d^2, G = m g0 d."""
+    """A link with a mass, a centre of mass and I_c: I = I_c + m d^2, G = m g0 d."""
     m, d, I_c = 3.0, 0.25, 0.06
     link = al.planar_arm([0.5], masses=[m], coms=[d], inertias=[I_c])
     # The exam's angle is from the downward vertical, the arm's from the x axis.
@@ -149,7 +149,8 @@ def opposes(start: float, end: float) -> bool:
 
 
 def opposition(report: Report) -> None:
-    """ "Gravity always opposes the inertial torque" iff the motion is symmetric about the downward vertical and no longer than a turn."""
+    """ "Gravity always opposes the inertial torque" holds iff the motion is symmetric about the downward vertical and at most one turn
+    long."""
     report.equal("exam motion: gravity always opposes the inertial torque", True, opposes(START, END))
     report.equal("from 0 to pi/2 it does not", False, opposes(0.0, END))
     report.equal("from pi/2 to 3 pi/2, through the top, it does not", False, opposes(END, 3 * END))

@@ -112,7 +112,7 @@ def wrong_column(report: Report) -> None:
 
 
 def compatibility(report: Report) -> None:
-    """E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123); else the secondary keeps n n'(p2 - p1)."""
+    """E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123); else the error of the secondary task is n n'(p2 - p1)."""
     n = np.array([np.cos(np.pi), np.sin(np.pi)])
     text = "both tasks exact because rank J2 = 2"
     for v2, compatible in ((ONES[1], True), (np.array([1.0, 3.0]), True), (np.zeros(2), False)):

@@ -1,4 +1,4 @@
-"""The report of a demonstration: its checks section by section, printed as they end, and its figures."""
+"""The report of a demonstration: its checks, printed section by section, and its figures."""
 
 from __future__ import annotations
 

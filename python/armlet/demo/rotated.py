@@ -3,8 +3,8 @@
     q' = T q (absolute angles),   J'_E = J_E T^-1,   1J'_E = blockdiag(R', R') J'_E,   R = R(q1)
     det J_E = det J'_E = det 1J'_E = l1 l2 l3 l4 sin q2 sin q4
 
-Column i of `J'_E` has link i alone, `l_i (-sin q'_i, cos q'_i)`. The rows of the secondary task see links 1 and 2
-only, so the determinant is a product of two.
+Column i of `J'_E` depends on link i alone: `l_i (-sin q'_i, cos q'_i)`. The rows of the secondary task depend on links 1 and 2 only, so the
+determinant is a product of two.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def run(report: Report) -> None:
 
 
 def roles(report: Report) -> None:
-    """E2, E5: which Jacobian is the primary's, and how many entries `J_E v` has."""
+    """E2, E5: which Jacobian belongs to the primary task, and how many entries `J_E v` has."""
     arm, q = al.planar_arm([1.0, 1.0, 0.25, 0.25]), np.array([0.0, np.pi / 2, np.pi / 2, 0.0])
     J_E, ones, rest = stacked(arm, q), np.ones(2), np.zeros(2)
     rounding = 8 * np.finfo(np.float64).eps * (1 + np.abs(q).sum())

@@ -41,7 +41,7 @@ def animate(
     size: int = 400,
     view: ArrayLike | None = None,
 ) -> None:
-    """Write the run as a film, whole or not at all: any arm with frames, with branches and slides.
+    """Write the run of an arm with frames as a film; branches and slides are supported. The file is complete or absent.
 
     The links are lines between the joints; the orange line is the path of `arm.tip_frame`. An arm whose joints and tips stay in a plane of
     two axes is drawn in that plane. Any other is drawn in space, with its shadow on the floor of the picture.
@@ -49,7 +49,7 @@ def animate(
     Args:
         run: the run.
         path: the file: MP4 where its name ends in .mp4, which requires the program ffmpeg; else GIF.
-        arm: the arm, where the run does not know it: one that was loaded from a file.
+        arm: the arm, if the run does not have it: a run that was loaded from a file.
         fps: pictures per second of the film, at most 50.
         speed: seconds of the run per second of the film.
         size: width and height, pixels; MP4 rounds it up to an even number.
@@ -110,7 +110,7 @@ def _gif(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float) -> 
 
 
 def _mp4(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float, coder: str) -> None:
-    """By way of a file of ffmpeg's own: MP4 is not written from beginning to end."""
+    """Write a film with ffmpeg, first to a temporary file: ffmpeg does not write MP4 from beginning to end."""
     first = next(pictures)
     height, width, _ = first.shape
     with tempfile.TemporaryDirectory(prefix="armlet-") as folder:

@@ -2,7 +2,7 @@
 
     I theta_ddot + G sin theta = tau,   tau_min <= tau <= tau_max
 
-The switching curve holds the states from which one bound, kept, ends at rest in the goal:
+The switching curve contains the states from which one constant bound leads to rest at the goal:
 
     moving right:  I v^2/2 = -tau_min (thetaf - theta) + G (cos theta - cos thetaf),  theta < thetaf
     moving left:   I v^2/2 =  tau_max (theta - thetaf) + G (cos theta - cos thetaf),  theta > thetaf
@@ -74,7 +74,7 @@ class MinimumTime:
         return result
 
     def _motions(self) -> list[tuple[str, str, tuple[Array, Array, Array, Array]]]:
-        """Name, colour and (t, theta, theta_dot, tau) of every motion there is."""
+        """Name, colour and (t, theta, theta_dot, tau) of every feasible motion."""
         given = (self.theta0, self.thetaf, self.inertia, self.gravity_moment, self.tau_max)
         found = []
         report = bang_bang_time(*given, tau_min=self.tau_min)
@@ -156,7 +156,7 @@ class MinimumTime:
         ax.legend(loc="best", handlelength=1.8)
 
     def _durations(self, ax: Axes, here: list[float]) -> None:
-        """The durations of the same motion as gravity grows from nothing to three times the larger limit."""
+        """The durations of the same motion as gravity grows from zero to three times the larger limit."""
         limit = max(map(abs, self.limits))
         ratio = np.linspace(0.0, 3.0, 601)
         given = (self.theta0, self.thetaf, self.inertia)
@@ -184,6 +184,6 @@ class MinimumTime:
 
 
 def _times(duration: float, switches: tuple[float, ...]) -> Array:
-    """Instants of a motion, the switches from both sides among them."""
+    """Times of a motion. They include both sides of each switch."""
     sides = [t for s in switches for t in (np.nextafter(s, 0.0), s)]
     return np.sort(np.concatenate([np.linspace(0.0, np.nextafter(duration, 0.0), 601), sides]))

@@ -1,4 +1,4 @@
-"""The figure of a program: its data flow from left to right, one column per depth. Values that are read late go around the rest."""
+"""The figure of a program: its data flow from left to right, one column per depth. Edges to distant columns pass around the other nodes."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Flow:
         return at
 
     def _chain(self) -> set[tuple[int, int]]:
-        """The edges of one longest chain of lines, up to the output that waits for it."""
+        """The edges of one longest chain of lines, up to the output that depends on it."""
         outputs = [node for node, kind in enumerate(self.kind) if kind == "output"]
         chain: set[tuple[int, int]] = set()
         at = max(outputs, key=lambda node: max((self._waits(b) for b in self.before[node]), default=False), default=None)
@@ -87,12 +87,12 @@ class Flow:
         return chain
 
     def _waits(self, node: int) -> bool:
-        """Whether a node is a line: a line's own column is one behind that of a line that it reads."""
+        """Whether a node is a line. A line is one column after the lines that it reads."""
         return self.kind[node] not in ("input", "led")
 
 
 def _heights(flow: Flow) -> list[float]:
-    """A height per node: near the mean of its neighbours, in the order of these means, at least one apart in a column."""
+    """A height per node: near the mean of its neighbours, in the order of these means. Heights in a column differ by at least one."""
     columns: list[list[int]] = [[] for _ in range(1 + max(flow.column, default=0))]
     after: list[list[int]] = [[] for _ in flow.label]
     for node, column in enumerate(flow.column):
@@ -116,7 +116,8 @@ def _heights(flow: Flow) -> list[float]:
 
 
 def _apart(wanted: list[float]) -> list[float]:
-    """The heights nearest to `wanted`, which increase, that are one apart: neighbours that are too near move as one block."""
+    """The heights nearest to the increasing heights `wanted` that are at least one apart. Neighbours that are too close move as one
+    block."""
     blocks: list[list[float]] = []  # sum and number of the heights that go with one another
     for place, height in enumerate(wanted):
         blocks.append([height - place, 1.0])
@@ -129,7 +130,7 @@ def _apart(wanted: list[float]) -> list[float]:
 
 
 def _curve(x0: float, y0: float, x1: float, y1: float) -> tuple[NDArray[Any], NDArray[Any]]:
-    """From one node to the next, level at both ends."""
+    """A curve from one node to the next, horizontal at both ends."""
     s = np.linspace(0.0, 1.0, 17)
     return x0 + (x1 - x0) * s, y0 + (y1 - y0) * s * s * (3.0 - 2.0 * s)
 
@@ -147,7 +148,7 @@ def _colour(kind: str) -> str:
 
 
 def plot(listing: Listing, stage: str, title: str, fig: Figure | None = None) -> Axes:
-    """As `LoopProgram.plot` documents it."""
+    """Draw a program: see `LoopProgram.plot`."""
     lines = len(listing.instructions)
     if lines > LIMIT:
         problem = f"expected at most {LIMIT} lines, got {lines} at stage {stage}"

@@ -1,4 +1,4 @@
-"""Figures of runs: every axis carries its unit, a joint keeps its colour in all panels, and true or desired values are dashed."""
+"""Figures of runs: every axis has its unit, a joint has one colour in all panels, and true or desired values are dashed."""
 
 from __future__ import annotations
 
@@ -236,12 +236,14 @@ def _integral(ax: Axes, run: Recorded) -> None:
 
 
 def _links(count: int, n: int) -> int:
-    """The bodies of an arm with `n` coordinates: of `count` parameters ten each, the rest one per coordinate and kind of drive."""
+    """The number of bodies of an arm with `n` coordinates: `count` parameters are ten per body, then one per coordinate and kind of
+    drive."""
     return next((links for links in range(n, count // 10 + 1) if (count - 10 * links) in (0, n, 2 * n, 3 * n, 4 * n)), n)
 
 
 def _bodies(ax: Axes, run: Recorded, kind: tuple[tuple[int, ...], str, str, str]) -> None:
-    """The estimates of one kind, a colour per link and a stroke per component: no true values, to which they need not go."""
+    """The estimates of one kind, with a colour per link and a dash per component. True values are not drawn: the estimates need not
+    converge to them."""
     assert run.estimate is not None
     places, what, unit, components = kind
     for link in range(_links(run.estimate[..., : run._estimated].shape[-1], run.q.shape[-1])):

@@ -2,9 +2,8 @@
 
     p_j(q)  the origin of joint j,    s_j(q) = X_parent(q) X_parent(0)^-1 p_j(0),  its place before its own motion
 
-A link is a line from the parent's origin to `s_j`. The way of a slide is a line from `s_j` to `p_j`, which has no length where the joint
-turns. The frames of the outermost bodies and the frame of
-the tip hang on their joints.
+A link is a line from the parent's origin to `s_j`. A slide is a line from `s_j` to `p_j`, which has no length for a revolute joint. Further
+lines connect the frames of the outermost bodies and of the tip with their joints.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class Lines:
 
 
 class Skeleton:
-    """The joints and frames of an arm that are drawn, and which hangs on which."""
+    """The drawn joints and frames of an arm, and their parents."""
 
     def __init__(self, caller: str, arm: Arm) -> None:
         if arm.tip_frame is None:
@@ -82,7 +81,7 @@ class Skeleton:
 
 
 class Picture:
-    """A picture of an arm that is drawn again and again.
+    """A picture of an arm that can be drawn repeatedly.
 
     If all points are in a plane of two axes, the picture is of that plane. Otherwise it is in space.
 
@@ -163,6 +162,6 @@ class Picture:
 
 
 def _broken(ends: Array) -> Array:
-    """Lines (lines, 2, 3) as one that is broken by rows that are not numbers."""
+    """Lines (lines, 2, 3) as one line with gaps: rows of NaN."""
     gaps = np.full((len(ends), 1, 3), np.nan)
     return np.concatenate([ends, gaps], axis=1).reshape(-1, 3)

@@ -49,10 +49,10 @@ def available() -> bool:
 
 
 def require(caller: str) -> None:
-    """See that matplotlib is there.
+    """Require matplotlib.
 
     Raises:
-        ImportError: it is not; the message begins with `caller`.
+        ImportError: matplotlib is not installed; the message begins with `caller`.
     """
     if not available():
         raise ImportError(f"{caller}: matplotlib is not installed: pip install 'armlet[plot]'")
@@ -66,7 +66,7 @@ def literal(text: str) -> str:
 
 @contextmanager
 def sheet(fig: Figure | None, size: tuple[float, float] | None) -> Iterator[Figure]:
-    """The style, and in it `fig` or, where that is None, a new pyplot figure; `size` in inches (None: as it is)."""
+    """Apply the style, and return `fig`, or a new pyplot figure if it is None; `size` is in inches (None: unchanged)."""
     import matplotlib
     from matplotlib.figure import FigureBase
 

@@ -72,7 +72,7 @@ def _scale(values: NDArray[Any]) -> str:
 
 
 def _label(quantity: str) -> str:
-    """The name of a metric with its unit, as far as a table of several arms can know it."""
+    """The name of a metric with its unit, if the unit is the same for all arms."""
     name = quantity.rstrip("0123456789")
     unit = Metrics({}, ("rad or m",), ("N m or N",)).unit(name) if name in (*PER_JOINT, *PER_TASK, *PER_RUN) else "SI"
     return literal(quantity) + (f" ({unit})" if unit != "1" else "")

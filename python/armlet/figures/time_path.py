@@ -1,4 +1,4 @@
-"""The figure of a timing along a path: the active limits and their places.
+"""The figure of the timing of a path: where each limit is active.
 
     tau = A u + B r^2 + g + d q' r,   A = M q',   B = M q'' + C(q, q') q',   r = ds/dt,   u = d^2 s/dt^2
 
@@ -123,7 +123,7 @@ class PathTiming:
     def margin(self, s: ArrayLike, r: ArrayLike) -> Array:
         """Largest minus smallest path acceleration that the limits leave at path speeds `r` `(R,)` and positions `s` `(S,)`: `(R, S)`.
 
-        Negative where no motion passes.
+        The value is negative where no motion is feasible.
         """
         arm, n = self.arm, self.arm.n
         q, slope, curvature = self.motion.path(s)

@@ -24,7 +24,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @bordered
 class ArmEnv(gymnasium.Env[Array, Array]):
-    """An arm under torques of yours, stepped natively by a `Simulator`.
+    """An arm under the torques of an agent, stepped by a native `Simulator`.
 
     `tau = tau_max * action`, held for a period. An observation is `[q, v, error]`, (2 n + m,). `terminated`: the task is done, or the arm
     left its limits, or diverged (`info` says which); `truncated`: the horizon.
@@ -133,7 +133,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         return self._viewer.pixels(0) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Close the window, where there is one."""
+        """Close the window, if there is one."""
         if self._viewer is not None:
             self._viewer.close()
 

@@ -1,4 +1,4 @@
-"""What one environment and many have in common: B arms under given torques, their task, their limits, their clocks.
+"""The common part of single and vector environments: B arms under torques, their task, their limits and their times.
 
     tau = tau_max * action,   observation = [q, v, error],   terminated: reached, or out of the limits,   truncated: at the horizon
 
@@ -152,14 +152,14 @@ class Rows:
 
 
 def _rows_with(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The rows of (B, n) flags with at least one: few, which are found faster than `any` looks through short rows."""
+    """The rows of (B, n) flags with at least one true entry. For few such rows this is faster than `any` over short rows."""
     found = np.zeros(len(flags), dtype=np.bool_)
     found[np.flatnonzero(flags) // flags.shape[1]] = True
     return found
 
 
 def _either(name: str, given: ArrayLike | None, stated: Any, default: float | None, n: int) -> Array:
-    """What is given, else what the model states where that is finite, else the default, as (n,)."""
+    """The argument, else the finite values of the model, else the default, as (n,)."""
     if given is not None:
         return np.broadcast_to(_core.numbers("ArmEnv", name, given, (), (n,)), (n,))
     known: Array = np.full(n, np.inf) if stated is None else stated

@@ -1,4 +1,4 @@
-"""The states of many arms under given torques, each held for some steps of the classical Runge-Kutta method (`rk4`)."""
+"""The states of many arms under torques that are held for some steps of the classical Runge-Kutta method (`rk4`)."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Task:
         self.q0, self.spread, self.scale, self.effort = q0, spread, scale, effort
 
     def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
-        """Learn the arm, the bounds of its state, the time between actions, s, and how many a run has."""
+        """Receive the arm, the bounds of its state, the time between actions, s, and the number of actions of a run."""
         self.arm, self.q_limit, self.v_limit, self.period, self.steps = arm, q_limit, v_limit, period, steps
         middle = (q_limit[0] + q_limit[1]) / 2
         name = type(self).__name__
@@ -55,11 +55,11 @@ class Task:
         self.starts = self._around(self.spread)
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-        """Initial position and velocity, (n,), and the goal of one run, any fixed number of numbers."""
+        """Draw the initial position and velocity, (n,), and the goal of one run, an array of a fixed length."""
         return _within(self.starts, rng), np.zeros(self.arm.n), np.zeros(0)
 
     def _draws(self, rngs: Sequence[np.random.Generator]) -> tuple[Array, Array, Array]:
-        """`draw` from each of these: a row each. The tasks of this file draw all rows at once, with the same numbers."""
+        """One `draw` per generator, as rows. The tasks of this file draw all rows at once, with the same numbers."""
         q0, v0, goal = (np.array(part) for part in zip(*(self.draw(rng) for rng in rngs), strict=True))
         return q0, v0, goal
 
@@ -72,7 +72,7 @@ class Task:
         raise NotImplementedError
 
     def reward(self, error: Array, action: Array, k: NDArray[np.int64], q: Array, v: Array) -> Array:
-        """The reward of a step, (B,), by the error it led to; `action` is clipped to [-1, 1]."""
+        """The reward of a step, (B,), from the error after it; `action` is clipped to [-1, 1]."""
         size = _norms(error) / self.scale
         pay: Array = 1.0 / (1.0 + size * size)
         return pay - self.effort * (action * action).mean(axis=-1) if self.effort else pay
@@ -86,27 +86,27 @@ class Task:
         return np.zeros((len(q), 0, 3))
 
     def _around(self, spread: float) -> tuple[Array, Array]:
-        """The configurations within `spread` of the centre and within the limits: the least one, and how far they reach."""
+        """The box of configurations within `spread` of the centre and within the limits: its lower corner and its size."""
         low, high = np.maximum(self.centre - spread, self.q_limit[0]), np.minimum(self.centre + spread, self.q_limit[1])
         return low, np.maximum(low, high) - low
 
 
 def works_row_by_row(task: Task) -> bool:
-    """Whether error, reward and end are those of this file, for which the other rows do not matter."""
+    """Whether error, reward and end are those of this file, which compute each row from this row alone."""
     own = type(task)
     known = {Task, Reach, Track}
     return all(any(getattr(own, name) is getattr(kind, name) for kind in known) for name in ("error", "reward", "reached"))
 
 
 def _within(box: tuple[Array, Array], rng: np.random.Generator) -> Array:
-    """A random configuration: the one that `rng.uniform` draws, which takes ten times as long for a few joints."""
+    """A random configuration, with the bits of `rng.uniform` in a tenth of its time for a few joints."""
     low, span = box
     drawn: Array = low + span * rng.random(len(low))
     return drawn
 
 
 def _norms(rows: Array) -> Array:
-    """The norms of (B, m) rows, with the bits of numpy's. Adding columns takes a twentieth of the time of sums over short rows."""
+    """The norms of (B, m) rows, with the same bits as numpy. Adding columns takes a twentieth of the time of sums over short rows."""
     if rows.ndim != 2 or not 0 < rows.shape[1] < 8:
         return np.asarray(np.linalg.norm(rows, axis=-1), dtype=np.float64)
     first, *others = (rows * rows).T
@@ -116,12 +116,12 @@ def _norms(rows: Array) -> Array:
 
 @bordered
 class Reach(Task):
-    """Go to a target: the position that a frame has at a random configuration, so that it can be reached.
+    """Move to a target: the position of a frame at a random configuration, which is therefore reachable.
 
     The error is `e = p_target - p`, m, in the chosen axes. The reward is that of `Task`.
 
     Args:
-        frame: the frame that goes there; None: `arm.tip_frame`.
+        frame: the frame that moves to the target; None: `arm.tip_frame`.
         axes: which of "xyz".
         reach: the configuration of the target is within `q0 +- reach`, rad or m.
         within: done when the frame is this near, m, and all joints slower than `at_rest`; None: runs go on to their horizon.

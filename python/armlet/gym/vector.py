@@ -29,9 +29,9 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 @bordered
 class ArmVectorEnv(VectorEnv[Array, Array, Array]):
-    """`num_envs` arms that are stepped at once, in lanes and threads. It replaces `SyncVectorEnv` of that many `ArmEnv`, and is faster.
+    """`num_envs` arms that are stepped at once. It replaces a `SyncVectorEnv` of that many `ArmEnv`, and is faster.
 
-    All rows are advanced in one call, as machine code made for the plant, in lanes and threads.
+    One call advances all rows, by machine code for the plant, in lanes and threads.
 
     Args:
         num_envs: how many.

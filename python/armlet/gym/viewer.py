@@ -1,4 +1,4 @@
-"""Pictures of environments: the arm as lines between its joints, and a green ring where it is to go. Needs matplotlib (`armlet[plot]`)."""
+"""Pictures of environments: the arm as lines between its joints, and a green ring at its target. Needs matplotlib (`armlet[plot]`)."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Viewer:
 
 
 def viewer_for(caller: str, mode: str | None, modes: list[str], rows: Rows) -> Viewer | None:
-    """The window of the drawing, None without one."""
+    """The viewer for a render mode; None if nothing is drawn."""
     if mode is None:
         return None
     if mode not in modes:

@@ -41,7 +41,7 @@ def _stored(rotation: _Array, translation: _Array) -> list[list[float]]:
 
 
 def _depth_first(parents: Sequence[int]) -> list[int]:
-    """An order in which parents come first and subtrees stay together, siblings as given; -1 is the base."""
+    """An order in which parents come first and subtrees stay together, siblings in their order; -1 is the base."""
     children: dict[int, list[int]] = {}
     for i, parent in enumerate(parents):
         children.setdefault(parent, []).append(i)
@@ -54,7 +54,8 @@ def _depth_first(parents: Sequence[int]) -> list[int]:
 
 
 def _build(name: str, joints: list[dict[str, Any]], frames: list[dict[str, Any]], gravity: _Array, report: list[str]) -> Arm:
-    """An arm from joints in any order with `parent` an index or -1, and frames that hang on joint `body` or the base, -1."""
+    """An arm from joints in any order, and frames. The `parent` of a joint and the `body` of a frame are indices of joints; -1 is the
+    base."""
     order = _depth_first([joint["parent"] for joint in joints])
     place = {old: new for new, old in enumerate(order)} | {-1: None}
     names = [joints[i]["name"] for i in order]
@@ -181,7 +182,7 @@ def from_pinocchio(model: Any) -> Arm:
 
 
 def _motion(joint: Any) -> tuple[_Array, Any] | None:
-    """Of a joint that turns or slides: `[v; w]` per unit rate, and the placement inside the joint, which composites have; else None."""
+    """For a revolute or prismatic joint: `[v; w]` per unit rate, and the placement inside a composite joint; else None."""
     if joint.nv != 1:
         return None
     data = joint.createData()
@@ -193,14 +194,14 @@ def _motion(joint: Any) -> tuple[_Array, Any] | None:
 
 
 def _mimic(model: Any, i: int) -> Mimic:
-    """Which joint the mimic joint `i` follows."""
+    """The joint that the mimic joint `i` follows."""
     leader = dict(zip(model.mimicking_joints, model.mimicked_joints, strict=True))[i]
     of = model.joints[i].extract()
     return int(leader) - 1, float(of.scaling), float(of.offset)
 
 
 def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array, Any] | None:
-    """As `_motion` of a mimic joint, per unit rate of the joint itself."""
+    """The same as `_motion` for a mimic joint, per unit rate of this joint."""
     if multiplier == 0.0:
         return None  # it has no axis
     data = joint.createData()
@@ -210,7 +211,7 @@ def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array,
 
 
 def _row(model: Any, names: tuple[str, ...], row: int) -> float:
-    """Entry `row` of the first of these vectors that this version has."""
+    """Entry `row` of the first of these vectors that the installed version has."""
     for name in names:
         if hasattr(model, name):
             return float(getattr(model, name)[row])

@@ -1,4 +1,4 @@
-"""Parts of a `mujoco.MjModel` that are in several places: gravity, and the contributions of actuators to their joints."""
+"""Quantities of a `mujoco.MjModel` from several of its fields: gravity, and the contributions of actuators to their joints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Array = NDArray[np.float64]
 
 
 def gravity(model: Any) -> _Array:
-    """Gravity as the model's dynamics have it, (3,), m/s^2: none where its flag disables it."""
+    """Gravity in the model's dynamics, (3,), m/s^2: zero if its flag disables it."""
     # A model is given, so its library is there.
     disabled = int(import_module("mujoco").mjtDisableBit.mjDSBL_GRAVITY)
     return np.zeros(3) if model.opt.disableflags & disabled else np.array(model.opt.gravity, dtype=float)
@@ -36,8 +36,8 @@ def motors(model: Any) -> tuple[_Array, _Array]:
 def followers(model: Any) -> dict[int, tuple[int, float, float]]:
     """Joints that follow another one, `q = multiplier q_leader + offset`: by index the leader's, multiplier and offset.
 
-    An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, with the references `y0` and `x0`; it is kept
-    where it is active and linear. A joint follows the first that ties it; constraints that close a circle are left out.
+    An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, with the references `y0` and `x0`; armlet keeps it
+    if it is active and linear. A joint follows the first joint that a constraint ties it to. Constraints that close a circle are dropped.
     """
     kind = int(import_module("mujoco").mjtEq.mjEQ_JOINT)
     found: dict[int, tuple[int, float, float]] = {}

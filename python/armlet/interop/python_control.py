@@ -134,13 +134,13 @@ class _Loop:
         self.name = type(plant).__name__ if law is None else f"{type(law).__name__} on {type(plant).__name__}"
 
     def _given(self, x: Array) -> tuple[tuple[Array, Array], dict[str, Any]]:
-        """The state as a law is given it."""
+        """The state in the form of a law's arguments."""
         n = self.n
         motors = {"theta": x[2 * n : 3 * n], "theta_dot": x[3 * n : 4 * n]} if self.elastic else {}
         return (x[:n], np.zeros(n) if self.velocity else x[n : 2 * n]), motors | ({"state": x[self.m :]} if self.p else {})
 
     def _law(self, t: float, x: Array) -> tuple[Array, Array]:
-        """The law's input and the rate of its state."""
+        """The output of the law (the plant's input), and the derivative of the law's state."""
         if self.law is None:
             return np.zeros(self.n), np.zeros(0)
         state, others = self._given(x)
@@ -164,7 +164,7 @@ class _Loop:
         return x if self.law is None else np.concatenate([x, self._law(t, x)[0]])
 
     def state(self, x0: ArrayLike) -> Array:
-        """All states from `q` at rest, or as they are given."""
+        """All states: those of `q` at rest, or the argument if it has all states."""
         n = self.n
         given = finite("to_control", "x0", _core.numbers("to_control", "x0", x0, *dict.fromkeys([(n,), (self.m + self.p,)])))
         if len(given) == self.m + self.p:

@@ -59,7 +59,7 @@ def scipy_method(name: str) -> Any:
 
 
 def _others(name: str, options: dict[str, Any]) -> None:
-    """Warn of the options that this solver does not have, as scipy does, and refuse those that none has."""
+    """Warn of options that only other solvers have, as scipy does, and refuse options that no solver has."""
     unknown = [key for key in options if key not in FOREIGN]
     if unknown:
         known = "rtol, atol, max_step, first_step, vectorized, jac, jac_sparsity"
@@ -87,12 +87,13 @@ def _scipy() -> Any:
 
 @cache
 def _polynomial() -> Any:
-    """The class of dense outputs, made when scipy is asked for."""
+    """The class of dense outputs, which requires scipy."""
 
     class Polynomial(_scipy().DenseOutput):  # type: ignore[misc]
         """The polynomial of one step, by its values at the Chebyshev points.
 
-        Beyond the step it is extrapolated, as scipy's are, by its Chebyshev series without the coefficients that are rounding errors.
+        Beyond the step it is extrapolated, as scipy's polynomials are, by its Chebyshev series without coefficients of the size of rounding
+        errors.
         """
 
         def __init__(self, t_old: float, t: float, nodes: NDArray[np.float64]) -> None:

@@ -1,4 +1,4 @@
-"""`verify`: an arm against a model of another library, quantity by quantity at seeded states, joints matched by name."""
+"""`verify`: compare an arm with a model of another library, quantity by quantity at random states, with joints matched by name."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Row:
 @sealed
 @dataclass(frozen=True)
 class Verification:
-    """Where an arm and a model of another library differ. `str()` is a table; true where all numbers agree."""
+    """The differences between an arm and a model of another library. `str()` is a table; true where all numbers agree."""
 
     rows: tuple[Row, ...]
     #: Differences of convention, which are not errors.
@@ -234,7 +234,7 @@ class _MuJoCo:
 
 
 class _Joined:
-    """A model some joints of which follow others in the arm, `q_joints = G q + c`: `G' M G` and so on."""
+    """A model whose joints include followers in the arm, `q_joints = G q + c`: `G' M G` and so on."""
 
     def __init__(self, arm: Arm, peer: Peer) -> None:
         self.peer, self.arm, self.n = peer, arm, arm.n

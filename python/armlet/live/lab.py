@@ -2,7 +2,7 @@
 
     controls -> Lab -> poses at 30 Hz, curves and text at 4 Hz
 
-What is drawn is drawn by that thread alone, so that no handle is written to after it has left the page.
+Only that thread draws, so that no object is changed after it has left the page.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def lab(urdf: Path | None, frame: str | None, host: str, port: int, packages: Se
 
 
 class LabPage:
-    """The page of a laboratory; `frame` is called over and over and does everything that is drawn."""
+    """The page of a laboratory; `frame` is called repeatedly and draws everything."""
 
     def __init__(self, server: Server, model: Lab) -> None:
         self.server, self.model = server, model
@@ -133,7 +133,8 @@ class LabPage:
         return handle
 
     def _label(self, handle: Any, plot: Plot) -> None:
-        """Give a chart the title and the curves of `plot`, empty. Charts stay on the page: one that left might still be sent its data."""
+        """Give a chart the title and the curves of `plot`, empty. Charts stay on the page, because the server may still send data to a
+        removed chart."""
         first = len(plot.curves) - plot.dashed
         series: list[dict[str, Any]] = [{"label": "t - now (s)"}]
         for k, name in enumerate(plot.curves):
@@ -184,7 +185,7 @@ class LabPage:
         self._count += 1
 
     def summary(self) -> list[str | tuple[str, str]]:
-        """How the loop fares, in paragraphs."""
+        """The status of the loop, in paragraphs."""
         model = self.model
         state = ("", "paused" if model.paused else "running") if model.status is al.Status.SUCCESS else (model.status.name, "")
         numbers = f", t = {model.t:.2f} s, real-time factor {model.real_time_factor:.2f}, pull {np.linalg.norm(model.force):.1f} N"
@@ -194,5 +195,5 @@ class LabPage:
 
 
 def shown(control: Control, value: float | str) -> Any:
-    """A value of a control as its slider shows it."""
+    """A value of a control in the form that its slider shows."""
     return round(math.log10(float(value)), 3) if not isinstance(control, Choice) and control.powers else value

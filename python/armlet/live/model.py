@@ -1,4 +1,4 @@
-"""The laboratory without a screen: values of sliders in, poses and curves out, the native loop at 1 kHz between.
+"""The laboratory without a page: it turns values of sliders into poses and curves, by a native loop at 1 kHz.
 
     x(t + 1 ms) = RK4(f(x; gains, targets, force))
 
@@ -36,18 +36,18 @@ def _point(given: ArrayLike) -> Array:
 
 
 class Lab:
-    """A choice of systems, one of them running.
+    """A list of systems, of which one runs.
 
     Attributes:
-        systems: what there is to choose from, by title.
-        system: the one that is chosen.
+        systems: all systems, by title.
+        system: the chosen system.
         values: the positions of its controls, by name.
-        targets: where its targets have been dragged to, by name, m, in the axes of the arm.
-        status: how the loop fares: `SUCCESS` as long as it runs.
-        message: what there is to say about it, in one line.
+        targets: the positions of its targets, by name, m, in the axes of the arm.
+        status: the status of the loop: `SUCCESS` as long as it runs.
+        message: the explanation of the status, in one line.
         paused: whether time is stopped.
         speed: target for the seconds of the loop per second of the clock.
-        resets: how often it was started anew; whoever shows the targets puts their handles back when it changes.
+        resets: number of resets; a page moves the handles of the targets back when it changes.
     """
 
     def __init__(self, systems: Sequence[System], *, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -58,7 +58,7 @@ class Lab:
         self.choose(next(iter(self.systems)))
 
     def choose(self, title: str) -> None:
-        """Take another system, with its controls where they start."""
+        """Change to another system, with the initial values of its controls."""
         with self._lock:
             if title not in self.systems:
                 raise al.InputError(f"lab: system is unknown: expected one of {', '.join(self.systems)}, got {title}")
@@ -67,7 +67,7 @@ class Lab:
             self.reset()
 
     def reset(self) -> None:
-        """Start anew: time, state and targets; the controls stay."""
+        """Reset the time, the state and the targets, but not the controls."""
         with self._lock:
             self.resets += 1
             self.targets = {name: point.copy() for name, point in self.system.targets.items()}
@@ -91,7 +91,8 @@ class Lab:
             self._changed = True
 
     def drag(self, name: str, point: ArrayLike) -> None:
-        """Move a target, (3,), m, in the axes of the arm; what is not finite is ignored, as a gizmo seen edge-on may give it."""
+        """Move a target, (3,), m, in the axes of the arm. A point that is not finite is ignored: a handle that is seen edge-on may return
+        one."""
         with self._lock:
             moved = _point(point).copy()
             if name in self.targets and np.all(np.isfinite(moved)):
@@ -112,7 +113,7 @@ class Lab:
                 self._grip = frame, held, at, 0.0
 
     def pull(self, point: ArrayLike, stiffness: float) -> None:
-        """Pull what is held towards `point`, (3,), m, by a spring of `stiffness` N/m."""
+        """Pull the held body towards `point`, (3,), m, by a spring of `stiffness` N/m."""
         with self._lock:
             to = _point(point)
             if self._grip is not None and np.all(np.isfinite(to)):
@@ -120,7 +121,7 @@ class Lab:
                 self._changed = True
 
     def release(self) -> None:
-        """Let go."""
+        """Release the held body."""
         with self._lock:
             self._grip = None
             self._changed = True
@@ -136,7 +137,7 @@ class Lab:
         return self._state.q
 
     def spring(self) -> tuple[Array, Array] | None:
-        """Where the body is held and where the pull goes to, m, in the axes of the arm's base; None where nothing is held."""
+        """The ends of the mouse's spring, at the body and at the mouse: m, in the axes of the arm's base. None if no body is held."""
         with self._lock:
             if self._grip is None:
                 return None
@@ -146,7 +147,8 @@ class Lab:
 
     @property
     def force(self) -> Array:
-        """The pull, (3,), N: its spring, and as much damping as holding it for a frame takes away, k times the frame."""
+        """The force of the mouse, (3,), N: a spring and a damper. The force is constant for one frame of T s, which acts like a damping of
+        -k T; the damper cancels it."""
         with self._lock:
             ends = self.spring()
             if ends is None or self._grip is None:
@@ -207,7 +209,7 @@ class Lab:
 
     @property
     def real_time_factor(self) -> float:
-        """The real-time factor: seconds of the loop per second of the clock, over the last second or so."""
+        """The real-time factor: seconds of the loop per second of the clock, over about the last second."""
         with self._lock:
             if len(self._paces) < 2:
                 return 0.0

@@ -1,9 +1,9 @@
-"""Who may talk to the server of a page: the page itself, and programs of the user; no page of another site.
+"""Access to the server of a page: the page itself and programs of the user have it, pages of other sites do not.
 
     refused unless  Host names this machine  and  (no Origin, or Origin = http(s)://Host)
 
 A browser sends the origin of the page with every websocket, and any page may open one to this machine. Without the check a page of the
-web could read the robot and move the sliders. A name that a stranger's DNS server points here is no name of this machine.
+web could read the robot and move the sliders. A name that a foreign DNS server maps to this machine does not count as its name.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _is_address(name: str) -> bool:
 
 @contextmanager
 def own_pages_only(host: str) -> Iterator[None]:
-    """A server that viser starts in here answers only `allowed` requests.
+    """Inside this context, a server that viser starts answers only `allowed` requests.
 
     viser has no option for it. It starts its server by `websockets.asyncio.server.serve`, which has one, and which is replaced here.
     """

@@ -80,7 +80,7 @@ class ArmScene:
         return scene.add_mesh_simple(f"{parent}/shape{k}", vertices, faces, color=shape.colour, **placed)
 
     def look(self) -> None:
-        """Move the eye of every browser so that the whole arm is visible."""
+        """Move the camera of every browser so that the whole arm is visible."""
         camera = self.server.initial_camera
         eye, at = self.reach * np.array([0.3, -2.0, 0.9]), self.reach * np.array([0.0, 0.0, 0.15])
         camera.position, camera.look_at = eye, at
@@ -120,5 +120,5 @@ class ArmScene:
         return gizmo
 
     def clear(self) -> None:
-        """Take everything off the page."""
+        """Remove everything from the page."""
         self.server.scene.reset()

@@ -1,4 +1,4 @@
-"""The server behind a page: viser, imported here and on use alone, on this machine's own address unless another is asked for."""
+"""The server behind a page: viser, which is imported only here and on first use. By default it listens on the local address."""
 
 from __future__ import annotations
 
@@ -80,6 +80,6 @@ def serve(server: Server, frame: Callable[[float], None], period: float) -> int:
 
 
 def close_server(server: Server) -> None:
-    """End a server, in silence."""
+    """Stop a server without messages."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()

@@ -2,8 +2,8 @@
 
     X_WS = X_WF X_FS,   X_WF = arm.pose(q, frame),  X_FS the shape's own
 
-A link whose geometry is in the file is drawn with it: boxes, cylinders, spheres, and meshes where their files are found. Any other
-link is a capsule from its frame to the joints that hang on it [URDF].
+A link whose geometry is in the file is drawn with it: boxes, cylinders, spheres, and meshes where their files are found. Any other link is
+a set of capsules from its frame to its child joints [URDF].
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The looks of a robot from its URDF: its geometry where the file has it, capsules between joints where not [URDF].
+"""The shapes of a robot from its URDF: the geometry of the file, or capsules between joints where the file has none [URDF].
 
     X_LS = (R(rpy), xyz) of <origin>, R = Rz(yaw) Ry(pitch) Rx(roll), in the frame of the link
 
-Looks never stop a robot from being shown: what cannot be read is drawn as if it were not there. A file names its meshes, and may come
-from an untrusted source. So only files inside the folder of the URDF, or of a package of the user, are opened, after links are resolved.
+Errors in the geometry do not prevent the page: a shape that cannot be read is left out. A file names its meshes, and may come from an
+untrusted source. So only files inside the folder of the URDF, or of a package of the user, are opened, after links are resolved.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def read_shapes(source: str | Path, arm: al.Arm, packages: Sequence[Path] = ()) 
 
 
 def _text(source: str | Path, packages: Sequence[Path]) -> tuple[str, list[Path]]:
-    """The text, and the folders of its meshes."""
+    """The text of the URDF, and the folders that may have its meshes."""
     if isinstance(source, str) and "<" in source:  # as `al.load_urdf` tells a text from a path
         return source, [*packages]
     path = Path(source)
@@ -86,7 +86,7 @@ def _text(source: str | Path, packages: Sequence[Path]) -> tuple[str, list[Path]
 
 
 def _skeleton(robot: ElementTree.Element, arm: al.Arm) -> dict[str, list[Shape]]:
-    """For every link the capsules from its frame to the joints that hang on it."""
+    """For every link the capsules from its frame to its child joints."""
     joints = [(_name(joint, "parent"), _name(joint, "child"), _origin(joint)[:3, 3]) for joint in robot.findall("joint")]
     # A tenth of the mean length, as the links of real arms are.
     lengths = [float(np.linalg.norm(offset)) for _, _, offset in joints]

@@ -2,7 +2,7 @@
 
     X_WF = arm.pose(q, frame) for every frame, q from the sliders
 
-A page is drawn when something has moved, and only then.
+A page is drawn only when something has moved.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class ViewPage:
 
     @property
     def q(self) -> Array:
-        """Where the sliders are, (n,), rad or m."""
+        """The positions of the sliders, (n,), rad or m."""
         return np.array([slider.value for slider in self.sliders], dtype=np.float64)
 
     def frame(self) -> None:

@@ -1,6 +1,6 @@
-"""Text on a page. Names come from files, and viser's markdown renders raw HTML: only this file gives it markdown.
+"""Text on a page. Names come from files, and viser's markdown renders raw HTML: only this file passes markdown to it.
 
-    page = strong + plain,   both with every mark of markdown and HTML escaped
+    page = strong + plain,   both with all special characters of markdown and HTML escaped
 
 Labels, options and titles of viser are plain text: they need no escape.
 """
@@ -19,7 +19,7 @@ MARKS = re.compile(r"([!-/:-@\[-`{-~])")
 
 
 def escaped(text: str) -> str:
-    """The markdown of `one_line(text)`, with every mark escaped."""
+    """The markdown of `one_line(text)`, with every special character escaped."""
     return MARKS.sub(r"\\\1", one_line(text))
 
 

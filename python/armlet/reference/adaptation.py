@@ -1,4 +1,4 @@
-"""How an estimate of inertial parameters moves under y = Y's.
+"""The rate of an estimate of inertial parameters under y = Y's.
 
     all or a base set      a_hat' = Gamma y
     natural metric         gamma G(a_hat)^-1 y,  G_kl = tr(P^-1 E_k P^-1 E_l) at P = P(a_hat), body by body  (Lee, Kwon and Park 2018)
@@ -63,7 +63,7 @@ def divergence(pi: Array, estimate: Array) -> Array:
 
 
 def least_bodies(projection: ArrayLike, p: int) -> Array:
-    """Parameters (p,) of the least bodies, from themselves or from one mass in kg."""
+    """Parameters (p,) of the least bodies P^min, from these parameters or from one mass in kg."""
     given = np.asarray(projection, dtype=np.float64)
     if given.ndim:
         return given
@@ -74,7 +74,7 @@ def least_bodies(projection: ArrayLike, p: int) -> Array:
 
 
 def nearest_start(estimate: Array, least: Array) -> Array:
-    """The estimate, raised to the least bodies in their metric where it is below them."""
+    """The estimate, projected to P >= P^min in the metric of P^min."""
     root, inverse = (_spectral(_bodies(least), f) for f in (np.sqrt, lambda x: x**-0.5))
     negative = _negative(inverse @ _bodies(estimate) @ inverse - np.eye(root.shape[-1]))
     raised = _bodies(estimate) - root @ negative @ root
@@ -88,7 +88,7 @@ def nearest_start(estimate: Array, least: Array) -> Array:
 
 
 def bent_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
-    """Gamma (y - c g): the rate that stays above half of the least bodies, with which the estimate begins."""
+    """The projected rate Gamma (y - c g). It keeps an estimate above half of the least bodies if it starts above them."""
     beside = np.zeros(y.size - least.size)
     estimate = estimate[: least.size]
     inverse = _spectral(_bodies(least), lambda x: x**-0.5)

@@ -40,7 +40,8 @@ def columns(v_r: Array, a_r: Array, v_s: Array, kinds: Iterable[str]) -> Array:
 
 
 class Adaptive(Law):
-    """Slotine-Li tracking; the state is the estimate a_hat: all inertial parameters or a base set of them, then those of joints."""
+    """Slotine-Li tracking; the state is the estimate a_hat: all inertial parameters or a base set of them, then the parameters of
+    joints."""
 
     def __init__(
         self,
@@ -121,7 +122,7 @@ class Adaptive(Law):
         return parts | filters | {"v_r": v_r, "a_r": a_r}
 
     def _filters(self, q: Array, v: Array, tau: Array, state: Array) -> dict[str, Any]:
-        """W, tau_W, e_W and the rates of the first two; nothing without them."""
+        """W, tau_W, e_W and the rates of the first two; empty without composite adaptation."""
         n, p, arm = self.arm.n, self.p, self.arm
         if self.weight is None:
             return {}
@@ -143,14 +144,14 @@ class Adaptive(Law):
         return bent_rate(self.gamma, estimate, w, self.least) if self.least is not None else self.gamma @ w
 
     def truth(self, plant: Any) -> Array:
-        """The plant's parameters, as far as they are estimated."""
+        """The plant's true values of the estimated parameters."""
         arm = plant.arm
         acts = 1.0 if getattr(plant, "friction", False) else 0.0
         of_joints = {"armature": arm.armature, "viscous": acts * arm.damping, "coulomb": acts * arm.friction, "stribeck": np.zeros(arm.n)}
         return np.concatenate([self.projector @ arm.parameters, *(of_joints[kind] for kind in self.kinds)])
 
     def loss(self, terms: Terms, q: Array, v: Array, state: Array, plant: Any) -> float:
-        """-V1', of which a projection is not part."""
+        """-V1', without the term of a projection."""
         s, arm = terms["s"], plant.arm
         if self.plain:
             return float(s @ self.kd @ s)
@@ -162,7 +163,7 @@ class Adaptive(Law):
     def lyapunov(self, t: float, q: Array, v: Array, state: Array, plant: Any) -> float:
         """V1 = s'Ms/2 + d'Gamma^-1 d/2 with the plant's own M and parameters, d = a - a_hat.
 
-        In the natural metric the divergence of each body over its gamma takes the place of its part of the second term.
+        In the natural metric, the part of each body in the second term is its divergence over its gamma.
         """
         s, own = self.terms(t, q, v, state=state)["s"], self.inertial
         truth, state = self.truth(plant), state[: self.p]

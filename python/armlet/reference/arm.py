@@ -1,4 +1,4 @@
-"""Trees of revolute and prismatic joints by homogeneous transforms (Uicker 1967), no recursion of forces.
+"""Trees of revolute and prismatic joints by homogeneous transforms (Uicker 1967), without a recursion of forces.
 
     T_i = T_parent(i) place_i exp(xi_i q_i),    dT_i/dq_j = dT_parent/dq_j place_i exp(xi_i q_i),  and T_i xi_i for j = i
     kinetic   1/2 sum_i tr( T_i' P_i T_i'^T )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)^T )
@@ -6,7 +6,7 @@
     centre of mass: the potential under a unit of gravity along each axis, over the mass; its Jacobian: that gravity's torque
 
 P_i is the pseudo-inertia of `inertia`, linear in the ten parameters. A link behind a fixed joint adds X P X^T to the body that
-carries it. The exponential is written in the half angle, which is analytic in q, so that every derivative can be a complex step.
+carries it. The exponential uses the half angle. It is analytic in q, so that every derivative can be a complex step.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,12 +25,12 @@ LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}
 
 
 def cross(w: Array) -> Array:
-    """The matrix of w x."""
+    """The matrix of the cross product w x."""
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def rotation(axis: int, angle: float) -> Array:
-    """About a coordinate axis, (3, 3): the plane of the other two as complex numbers."""
+    """The rotation about a coordinate axis, (3, 3), by complex numbers in the plane of the other two axes."""
     turned, (j, k), z = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3), np.exp(1j * angle)
     turned[[j, k], [j, k]], turned[k, j], turned[j, k] = z.real, z.imag, -z.imag
     return turned
@@ -151,7 +151,7 @@ class Arm(Mechanism):
         return turned
 
     def _walk(self, q: Analytic) -> tuple[list[Analytic], list[Analytic]]:
-        """T_i (..., 4, 4) and dT_i/dq (..., n, 4, 4) of every body; the last point is kept, as pose and Jacobian share it."""
+        """T_i (..., 4, 4) and dT_i/dq (..., n, 4, 4) of every body. The last result is stored, because pose and Jacobian share it."""
         key = (q.shape, q.dtype.char, q.tobytes())
         if self._walked is None or self._walked[0] != key:
             self._walked = (key, self._walk_anew(q))
@@ -195,7 +195,7 @@ class Arm(Mechanism):
         return poses[body] @ offset, slopes[body] @ offset
 
     def file_joint_poses(self, q: ArrayLike) -> Array:
-        """T_i of every joint, those that follow others included, (..., joints, 4, 4)."""
+        """T_i of every joint, including followers, (..., joints, 4, 4)."""
         (q,) = vectors(q, n=self.n)
         return np.array(np.stack(self._walk(q)[0], axis=-3))
 
@@ -239,7 +239,7 @@ class Arm(Mechanism):
 
 
 def _mover(moving: Sequence[Joint], seats: Mapping[int, int], leads: Sequence[int], index: int) -> Mover:
-    """The coordinate of a moving joint, with multiplier and offset, by way of all that it follows."""
+    """The coordinate of a joint, with multiplier and offset, through its chain of leaders."""
     multiplier, offset = 1.0, 0.0
     while (follows := moving[index].get("mimic")) is not None:
         offset += multiplier * float(follows.get("offset", 0.0))
@@ -257,7 +257,7 @@ def planar_arm(
 ) -> Arm:
     """Planar nR in the x-y plane, q1 from the x axis; coms from each joint, inertias about the com; frames at the link tips.
 
-    Left out: uniform rods of 1 kg/m.
+    Without masses, coms or inertias, the links are uniform rods of 1 kg/m.
     """
     L = np.asarray(lengths, dtype=np.float64)
     m = L if masses is None else np.asarray(masses, dtype=np.float64)

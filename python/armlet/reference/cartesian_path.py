@@ -1,4 +1,4 @@
-"""Joint positions along poses, at places that are given: plain Newton steps of inverse kinematics from place to place.
+"""Joint positions along poses, at the arguments s: plain Newton steps of inverse kinematics from one to the next.
 
     lines:    p = p_0 + u dp,   R = R_0 (R_0' R_1)^u by the eigenvalues of R_0' R_1
     arcs:     p = m + R(n, phi) (a - m), n the normal of the plane, m where two perpendicular bisectors meet
@@ -6,7 +6,7 @@
     spline:   natural cubic of positions and of quaternions, eigenvectors of the profile matrix of R (Bar-Itzhack 2000)
     q <- q + J^+ e
 
-The core makes a spline whose knots follow its error; it has quaternions throughout.
+The core makes a spline with knots where the error requires them, and represents rotations by quaternions.
 """
 
 from collections.abc import Sequence

@@ -17,7 +17,7 @@ from .lagrange import STEP, Analytic, Array, complex_steps
 
 
 class Wall(NamedTuple):
-    """A plane through `point` (3,) with the outward `normal` (3,), world axes, that the origin of `frame` does not pass."""
+    """A plane through `point` (3,) with the outward `normal` (3,), world axes, that stops the origin of `frame`."""
 
     frame: str
     point: ArrayLike
@@ -67,7 +67,7 @@ def contacts(arm: Any, wall: Wall | None, stops: JointStops | None) -> list[Cont
 
 
 def _beyond(joint: int, side: float, limit: float) -> Callable[[Analytic], Analytic]:
-    """How far a joint is beyond its limit on one side."""
+    """The depth of a joint beyond its limit on one side."""
     return lambda q: side * (q[..., joint] - limit)
 
 

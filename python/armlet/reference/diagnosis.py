@@ -22,10 +22,10 @@ COMPATIBLE = 1e3  # a loss is rounding below this multiple of rounding, conditio
 
 
 class Diagnosis(NamedTuple):
-    """Ranks of a stack of levels, and what a command loses.
+    """Ranks of a stack of levels, and the lost parts of a command.
 
     There are ranks of each block, of the stack, and of each block projected on the null space above. Each level has singular values
-    alone and projected, two flags, and the projector on its lost directions. With a command there are its losses.
+    alone and projected, two flags, and the projector on its lost directions. With a command it also has the losses.
     """
 
     ranks: list[int]
@@ -47,7 +47,7 @@ def _blocks(jacobians: Sequence[ArrayLike]) -> list[Array]:
 
 
 def _unit(J: Array) -> Array:
-    """The block on its own scale; a zero block stays zero."""
+    """The block divided by its norm; a zero block stays zero."""
     size = np.linalg.norm(J)
     return J / size if size > 0.0 else J
 
@@ -67,7 +67,7 @@ def _null_basis(rows: Array, rank: int) -> Array:
 
 
 def _above(blocks: list[Array], level: int) -> Array:
-    """The rows above a level, each block on its own scale."""
+    """The rows above a level, each block divided by its norm."""
     return np.vstack([np.zeros((0, blocks[0].shape[1])), *[_unit(block) for block in blocks[:level]]])
 
 
@@ -83,7 +83,7 @@ def projected_ranks(blocks: list[Array], rounding: float) -> list[int]:
 
 
 def diagnose_priority(jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike] | None = None, rounding: float = 8 * EPS) -> Diagnosis:
-    """Ranks by the rule rank(stack) - rank(rows above); rounding is the relative error of the entries, rhs a command to judge."""
+    """Ranks by the rule rank(stack) - rank(rows above); rounding is the relative error of the entries, rhs a command."""
     blocks = _blocks(jacobians)
     n = blocks[0].shape[1]
     stacked, projected = _stacked_ranks(blocks, rounding)[-1], projected_ranks(blocks, rounding)

@@ -1,4 +1,4 @@
-"""Arms from Denavit-Hartenberg rows, and arms changed: tools, payloads, held joints.
+"""Arms from Denavit-Hartenberg rows, and changes of arms: tools, payloads, locked joints.
 
     standard  T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha),   modified  T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)       (q adds to theta, or to d)
     payload   P_body += X P X',  P the pseudo-inertia about the frame
@@ -42,7 +42,7 @@ def from_dh(rows: Sequence[Any], *, convention: str = "standard", gravity: Array
 
 
 def with_frame(arm: Arm, name: str, parent: str, *, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Arm:
-    """The arm with one frame more, fixed to a frame that it has."""
+    """The arm with one more frame, fixed to one of its frames."""
     other = copy(arm)
     body, offset = arm.frames[parent]
     other.frames = arm.frames | {name: (body, offset @ placement(xyz, rpy))}

@@ -1,10 +1,10 @@
-"""Limits of the control of elastic joints, at rest.
+"""Stability limits of the control of elastic joints at an equilibrium.
 
 sampled loop  links locked, torque held over dt: y' = A y + G tau with y = [theta, theta_dot] or, behind a torque sensor, [.., tau_f];
               tau_f' = w_c (K_J theta - tau_f);   tau = (I - B B0^-1) tau_J - B B0^-1 D0 theta_dot
               stable while the spectral radius of   y -> Phi y + Gamma tau(y)   is below 1
-1-DoF limit   roots of (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s), the largest k with none on the right
-stiffness     the largest multiple of K_m for which the loop, linearised at its rest, has no eigenvalue on the right
+1-DoF limit   roots of (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s), the largest k with none in the right half-plane
+stiffness     the largest multiple of K_m for which the loop, linearised at its equilibrium, has no eigenvalue in the right half-plane
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from .rest import equilibrium
 
 
 class ElasticLimits(NamedTuple):
-    """The limits at one rest: see `armlet.ElasticLimits`."""
+    """The limits at one equilibrium: see `armlet.ElasticLimits`."""
 
     sample_time_max: float
     stiffness_max: Array
@@ -65,7 +65,8 @@ def sampled_radius(B: Array, K: Array, B0: Array, D0: Array, dt: float, bandwidt
 def smallest_reduced_inertia(
     motor_inertia: float, joint_stiffness: float, sample_time: float, *, damping_ratio: float = 1.0, sensor_bandwidth: float = np.inf
 ) -> float:
-    """The B0 at which the sampled loop with D0 = 2 zeta sqrt(B0 K_J) leaves stability, from B0 = B down; NaN if that is unstable."""
+    """The B0 at which the sampled loop with D0 = 2 zeta sqrt(B0 K_J) becomes unstable, searched downwards from B0 = B. NaN if B0 = B is
+    unstable."""
     B, K = (np.array([[float(x)]]) for x in (motor_inertia, joint_stiffness))
 
     def stable(log_b0: float) -> bool:
@@ -84,7 +85,7 @@ def smallest_reduced_inertia(
 def stiffness_limit(
     mass: float, joint_stiffness: float, reduced_inertia: float, damping: float, *, motor_damping: float | None = None
 ) -> float:
-    """The largest Cartesian stiffness k of the 1-DoF loop without a root on the right; NaN if none is positive."""
+    """The largest Cartesian stiffness k of the 1-DoF loop without a root in the right half-plane; NaN if none is positive."""
     M, K, B0, d = mass, joint_stiffness, reduced_inertia, damping
     D0 = 2.0 * float(np.sqrt(B0 * K)) if motor_damping is None else motor_damping
 
@@ -101,7 +102,7 @@ def stiffness_limit(
 
 
 def largest_sample_time(plant: ElasticArm, law: Any, bandwidth: float) -> float:
-    """The first dt at which the motors, links locked, leave stability: steps of a hundredth, then bisection."""
+    """The first dt at which the motor loop with locked links becomes unstable: steps of a hundredth, then bisection."""
     K, B, friction = plant.stiffness, plant.motor_inertia, plant.joint_damping + plant.motor_friction
 
     def stable(log_dt: float) -> bool:
@@ -123,7 +124,8 @@ def elastic_limits(
     sample_time: float | None = None,
     sensor_bandwidth: float | None = None,
 ) -> ElasticLimits:
-    """The limits of a motor-inertia reduction at the rest that q0 descends to; a law with equal joint stiffness and inertia."""
+    """The limits of a motor-inertia reduction at the equilibrium that is reached from q0; for a law with equal joint stiffness and
+    inertia."""
     rest = equilibrium(plant, law, force, q0=q0, force_frame=force_frame)
     bandwidth = np.inf if sensor_bandwidth is None else sensor_bandwidth
     task = getattr(law, "coordinates", None)
@@ -142,7 +144,8 @@ def elastic_limits(
 
 
 def _stiffness_scale(plant: ElasticArm, law: Any, force: Any, force_frame: str | None, q: Array) -> float:
-    """Where the largest real part of the eigenvalues is zero, by the method of Illinois; zero if it is not below at 1."""
+    """The scale at which the largest real part of the eigenvalues is zero, by the Illinois method. Zero if the loop is unstable at the
+    scale 1."""
 
     def lead(kappa: float) -> float:
         scaled = copy(law)
@@ -173,7 +176,7 @@ def _stiffness_scale(plant: ElasticArm, law: Any, force: Any, force_frame: str |
 
 
 def bisect(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Where `holds` turns from true at low to false at high."""
+    """The point at which `holds` changes from true at low to false at high."""
     for _ in range(200):
         middle = 0.5 * (low + high)
         if middle in (low, high):

@@ -1,7 +1,7 @@
-"""Zero crossings of a run, by trial on the run itself.
+"""Zero crossings of a run: each trial point is integrated.
 
-    g(t, x) changes its sign in (t_a, t_b):   try the zero of the straight line between the ends, integrate there from the look before,
-    keep the part with the change, and halve the value at an end that stays twice (Dowell and Jarratt 1971)
+    g(t, x) changes its sign in (t_a, t_b):   integrate from the last checked time to the zero of the secant,
+        keep the part with the change, and halve the value at an end that is kept twice (Dowell and Jarratt 1971)
 
 joint: q_i - value;  speed: v_i - value;  plane: n . (p - p_0) of a frame's origin;  contact: depth in the wall;
 joint_stop: depth beyond a limit;  function: any g(t, q, v), g(t, q) or g(t, q, v, theta, theta_dot)
@@ -18,7 +18,7 @@ from .plant import Plant
 
 
 class Event(NamedTuple):
-    """Rising crossings only where direction > 0, falling only where < 0; `stop` ends the run at that many."""
+    """An event: rising crossings only if direction > 0, falling ones only if < 0; `stop` ends the run at this number of crossings."""
 
     kind: str
     arguments: tuple[Any, ...]
@@ -75,7 +75,7 @@ class Search:
         self.found: list[tuple[float, int, Array]] = []
 
     def between(self, t: float, y: Array, end: float, ahead: Array, onward: Callable[[list[float]], Array]) -> tuple[float, Array] | None:
-        """Note the crossings from (t, y) to (end, ahead); the point at which the run stops, if it does."""
+        """Record the crossings from (t, y) to (end, ahead). The result is the point at which an event stops the run, or None."""
         here = []
         for index, event in enumerate(self.events):
 

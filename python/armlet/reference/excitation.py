@@ -1,9 +1,10 @@
-"""What one record of a motion says of the base parameters of an arm.
+"""The accuracy of base parameters from one record of a motion.
 
     W = rows Y_b(q_k, v_k, a_k) / noise = U S V',   deviations = sqrt(diag((W'W)^-1)) = |V S^-1| by rows
     condition = S_1 / S_b of W with columns of length one                                        (Gautier and Khalil 1992)
 
-The core accumulates `W'W` for its search and takes deviations from a triangle of `W`; here they come from one dense decomposition.
+The core accumulates `W'W` for its search and computes deviations from a triangular factor of `W`. Here they come from one dense
+decomposition.
 """
 
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from .lagrange import Array, Mechanism
 
 
 class Excitation(NamedTuple):
-    """Condition, and deviations (b,) of the base parameters, for torque noise as given."""
+    """Condition number, and deviations (b,) of the base parameters under the torque noise."""
 
     condition: float
     deviations: Array
@@ -32,7 +33,7 @@ def excitation(
     armature: bool = False,
     friction: bool = False,
 ) -> Excitation:
-    """Of samples (K, n) of a motion."""
+    """The accuracy from samples (K, n) of a motion."""
     q, v, a = (np.asarray(x, dtype=np.float64) for x in (q, v, a))
     columns = base_parameters(arm, armature=armature, friction=friction).columns
     Y = arm.regressor(q, v, v, a, armature=armature, friction=friction)[..., columns]

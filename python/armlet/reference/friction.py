@@ -3,7 +3,7 @@
     I x_ddot + G sin x + d x_dot + c sign(x_dot) = u,  -down <= u <= up
     push: u = up from rest at x0, forwards in time;   brake: u = -down to rest at x1, backwards in time
 
-The monotone motion changes from push to brake where both have the same place and speed. A swing is two monotone motions: from x0 to a
+The monotone motion changes from push to brake where both have the same angle and speed. A swing is two monotone motions: from x0 to a
 turning point, and from there to x1. Both have the same torque at the turn.
 
 The steps are classical Runge-Kutta. Newton's method solves for both times at which the curves cross. The turning point is searched on a
@@ -25,7 +25,7 @@ Point = tuple[float, float, float]
 
 
 class Leg(NamedTuple):
-    """A monotone motion: duration, angle and time of its switch, speed there; NaN where there is none."""
+    """A monotone motion: its duration, and the angle, time and speed of its switch; NaN if no motion exists."""
 
     t: float
     switch: float
@@ -47,12 +47,12 @@ class Link(NamedTuple):
     coulomb: float
 
     def acceleration(self, x: float, v: float, pushing: bool) -> float:
-        """Of a motion along x, v >= 0."""
+        """The acceleration of a motion along x, v >= 0."""
         torque = self.up if pushing else -self.down
         return (torque - self.gravity * math.sin(x) - self.viscous * v - self.coulomb) / self.inertia
 
     def mirrored(self) -> "Link":
-        """The same link seen along -x."""
+        """The same link in the coordinate -x."""
         return self._replace(up=self.down, down=self.up)
 
 
@@ -101,7 +101,7 @@ def monotone(link: Link, x0: float, x1: float) -> Leg:
 
 
 def _meet(link: Link, first: Array, last: Array) -> Leg:
-    """Times s after a point of the push and r before one of the brake at which place and speed agree."""
+    """Times s after a point of the push and r before a point of the brake at which angle and speed agree."""
     s = r = 0.0
     for _ in range(50):
         x, v = step(link, first[1], first[2], s, True)

@@ -33,7 +33,7 @@ def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike
 
 
 def gradient(loss: Callable[[Array], float], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
-    """The same of one number, in the shape of `value`."""
+    """The derivatives of one number, in the shape of `value`."""
     return sensitivity(lambda at: np.asarray(loss(at)), value, size, step).reshape(np.shape(value))
 
 
@@ -44,7 +44,7 @@ def fit(
 
     Gauss-Newton, by normal equations.
 
-    `deviation` is that of each measured number; None: one for all, estimated from what the run leaves.
+    `deviation` is that of each measured number; None: one for all, estimated from the residuals.
     """
     data = np.asarray(measured, dtype=np.float64).ravel()
     sigma = np.ones_like(data) if deviation is None else np.broadcast_to(deviation, np.shape(measured)).ravel()

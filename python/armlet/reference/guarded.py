@@ -17,7 +17,7 @@ from .law import Law, Terms, gain
 
 
 class Guarded(Law):
-    """The inner law, the observer's arm and gain, and what is done at contact."""
+    """The inner law, the observer's arm and gain, and the reaction to contact."""
 
     def __init__(
         self,

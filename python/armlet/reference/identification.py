@@ -23,7 +23,7 @@ HIDDEN = 1e-3  # the part of an unseen direction from which a parameter counts a
 
 
 class BaseParameters(NamedTuple):
-    """Columns of the regressor that stay, (b,); P, (b, p); the base parameters of the arm, (b,)."""
+    """Independent columns of the regressor, (b,); P, (b, p); the base parameters of the arm, (b,)."""
 
     columns: Any
     projection: Array
@@ -45,7 +45,7 @@ class Identification(NamedTuple):
 
 
 def _traces(arm: Mechanism, armature: bool, friction: bool) -> Array:
-    """Everything that each column shows, at random q: rows of M, of g, and of the two frictions."""
+    """The contributions of each column at random q: rows of M, of g, and of the two frictions."""
     n, p = arm.n, arm.parameters.size
     places = np.random.default_rng(1991).uniform(-3.0, 3.0, (2 + 3 * p // n, n))
     lower = np.tril_indices(n)
@@ -69,7 +69,7 @@ def _rank(rows: Array) -> int:
 
 
 def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = False) -> BaseParameters:
-    """The fewest combinations of parameters that the arm's motion shows; dependent columns are grouped towards the base."""
+    """The fewest combinations of parameters that determine the arm's motion; dependent columns are grouped towards the base."""
     W = _traces(arm, armature, friction)
     lengths = np.linalg.norm(W, axis=0)
     lengths[lengths <= 1e-12 * lengths.max()] = np.inf  # what is not seen at all is a column of zeros

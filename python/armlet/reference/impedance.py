@@ -4,7 +4,7 @@ rigid    tau = J'[K_m (x_d - x) + D_m (x_d' - J v) + F_ff + w] + N' tau_0 + g(q)
          N' and the coupling: see `null_space`;   the wrench and tau within limits
          a row of w' is 0   where it would increase the excess over a limit
 elastic  u = that, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 w + tau_J = u,  tau_J = K_J (theta - q)
-         B theta_ddot + tau_J = tau:   the motor has inertia B, and moves as if it had B0
+         B theta_ddot + tau_J = tau:   the motor of inertia B behaves as one of inertia B0
          w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
 D0       = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
 E        = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
@@ -107,7 +107,7 @@ class CartesianImpedance(Law):
 
 
 class Reduction:
-    """The inner loop: motors of inertia B answer like B0; None for `motor_damping`: by the damping ratio."""
+    """The inner loop: motors of inertia B behave as motors of inertia B0. `motor_damping` None follows from the damping ratio."""
 
     def __init__(
         self,
@@ -127,7 +127,7 @@ class Reduction:
         self.relative_damping = relative_damping
 
     def reduce(self, u: Array, q: Array, v: Array, theta: Array | None, theta_dot: Array | None) -> Terms:
-        """The motor torque that makes the motors answer `u`."""
+        """The motor torque under which the motors with inertia B0 receive the torque `u`."""
         if theta is None or theta_dot is None:
             raise ValueError("ElasticImpedance: theta and theta_dot are missing: the law belongs to an elastic arm")
         spring = self.joint_stiffness @ (theta - q)
@@ -190,7 +190,7 @@ class ElasticImpedance(CartesianImpedance, Reduction):
 
 
 class ElasticTracking(ElasticImpedance):
-    """The same about a moving target, a motion of one coordinate per row."""
+    """The same law about a moving target, a motion with one coordinate per row."""
 
     def __init__(self, arm: Arm, target: Motion, stiffness: ArrayLike, damping: ArrayLike, *inner: ArrayLike, **keywords: Any) -> None:
         super().__init__(arm, target, stiffness, damping, *inner, **keywords)

@@ -6,7 +6,7 @@
     gbs            Gragg's modified midpoint rule with 2, 4, .., 2k substeps, extrapolated in h^2 (Bulirsch and Stoer 1966;
                    Hairer, Norsett, Wanner, Solving ODEs I, II.9)
 
-The extrapolation method is the independent check: it shares nothing with an embedded Runge-Kutta pair.
+The extrapolation method is the independent check: it has nothing in common with an embedded Runge-Kutta pair.
 """
 
 from collections.abc import Callable, Iterable
@@ -85,7 +85,7 @@ def gbs(
 ) -> Array:
     """The states at `t_eval` (increasing, from t0 on), shape (len(t_eval), len(y0)); the step never crosses a break.
 
-    first_step: the first one tried, s; 0 for a small one that fits the slope.
+    first_step: the first step, s; with 0 it follows from the slope.
     """
     t, y = float(t0), np.array(y0, dtype=np.float64)
     targets = [float(target) for target in t_eval]
@@ -103,7 +103,7 @@ def gbs(
 def _advance(
     f: Field, t: float, y: Array, stop: float, h: float, rtol: float, atol: float, columns: int, budget: int
 ) -> tuple[float, Array, float, int]:
-    """Walk from t to stop; returns the last proposed step too. The stages see the left limit of f at stop, which may be a jump."""
+    """Integrate from t to stop, and return also the last proposed step. At stop, where f may jump, the stages take the left limit of f."""
     order = 2 * columns - 1
     limit = float(np.nextafter(stop, -np.inf))
 
@@ -139,7 +139,7 @@ def _advance(
 
 
 def _extrapolate(f: Field, t: float, y: Array, h: float, slope: Array, columns: int) -> tuple[Array, Array]:
-    """Aitken-Neville in (h/substeps)^2; the value of the last diagonal and its difference to the neighbour."""
+    """Aitken-Neville in (h/substeps)^2; the last diagonal value and its difference from the one before."""
     table: list[Array] = []
     for row in range(1, columns + 1):
         entries = [midpoint(f, t, y, h, 2 * row, slope)]

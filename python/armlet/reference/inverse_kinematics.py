@@ -1,9 +1,9 @@
 """Joint positions at which tasks are reached, by least squares from many starts.
 
     q_j = middle_j + half_j sin z_j within limits, q_j = z_j without: a search without bounds
-    level i:  min |e_i(q)|^2 + W sum_(k<i) |e_k(q) - e_k*|^2,  e_k* what the levels above reached      (Levenberg and Marquardt)
-    of all starts the best:  the one whose first level that is not reached is nearest
-    of several solutions:    those that reach every level by |q - q0|, then the others as above
+    level i:  min |e_i(q)|^2 + W sum_(k<i) |e_k(q) - e_k*|^2,  e_k* the errors reached by the levels above        (Levenberg and Marquardt)
+    of all starts the best:  the one with the least error at the first level that is not reached
+    of several solutions:    those that reach every level, ordered by |q - q0|; then the others, ordered as above
 
 The core takes prioritised steps with an active set of limits.
 """
@@ -28,7 +28,7 @@ SAME = 1e-3  # rad or m: what differs by less, whole turns aside, is the same so
 
 
 class InverseKinematics(NamedTuple):
-    """q (n,), the errors of each task, and whether each is reached; of a batch q (..., n), and whether all of a row are."""
+    """q (n,), the errors of each task, and whether each is reached. A batch has q (..., n), and whether all tasks of a row are reached."""
 
     q: Array
     errors: list[Array]
@@ -64,7 +64,7 @@ def inverse_kinematics(
 ) -> InverseKinematics:
     """Tasks with constant targets, the highest first; reached where no entry of an error exceeds the tolerance.
 
-    Leading axes of q0 and of the targets broadcast; `solutions=k` puts k of them on an axis more, NaN where there are fewer.
+    Leading axes of q0 and of the targets broadcast; `solutions=k` adds an axis with k solutions, NaN if there are fewer.
     """
     aims = [np.asarray(task.motion(0.0)[0], dtype=np.float64) for task in tasks]
     starts = np.asarray(q0, dtype=np.float64)

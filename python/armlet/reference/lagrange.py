@@ -99,7 +99,7 @@ class Mechanism:
         raise NotImplementedError
 
     def _expand(self, q: Array) -> Expansion:
-        """The unit energies and their slopes at q; the last point is kept, since every function of a control law asks for it."""
+        """The unit energies and their slopes at q; the last result is stored, because all functions of a control law use it."""
         key = (q.shape, q.tobytes())
         if self._last is None or self._last[0] != key:
             mass, potential = self.energy_basis(complex_steps(q))

@@ -3,7 +3,7 @@
     ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
     PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
 
-`terms` evaluates once and names the parts, among them `tau` and `state_rate`.
+`terms` evaluates the law once and returns its parts by name, among them `tau` and `state_rate`.
 """
 
 from typing import Any
@@ -34,7 +34,7 @@ class Law:
     breaks: tuple[float, ...] = ()
 
     def start(self, q: Array, v: Array) -> Array:
-        """The law's state at the start of a run from q and v, (n,) each."""
+        """The initial state of the law for a run that starts at q and v, (n,) each."""
         return self.state0
 
     def terms(

@@ -1,4 +1,4 @@
-"""One closed loop as one initial value problem, with the theory's integrals carried along as extra states.
+"""One closed loop as one initial value problem, with the integrals of the theory as additional states.
 
     y = [plant state, law state, w_1, w_2],   w_1' = -V1' of theory, s' Kd s,   w_2' = P
     lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
@@ -83,7 +83,7 @@ class ClosedLoop:
         return np.concatenate([plant_state, self.law.start(q, v), np.zeros(2)])
 
     def visit(self, t: float, y: Array) -> None:
-        """Take the samples that are due at (t, y)."""
+        """Take the samples with the time t, in the state y."""
         if self.clock is not None:
             self.clock.visit(t, y[self.slices[0]], lambda measured: self._control(t, measured, y[self.slices[1]]))
 
@@ -126,7 +126,7 @@ class ClosedLoop:
         return pushes(getattr(self.plant, "contacts", []), q, v)[1:]
 
     def record(self, t: float, y: Array) -> dict[str, Any]:
-        """Everything a run shows at one instant."""
+        """The recorded values of a run at one instant."""
         x, terms, _ = self._evaluate(t, y)
         q, v, theta, theta_dot = self.plant.split(x)
         state = y[self.slices[1]]

@@ -63,7 +63,7 @@ def quad(f: Callable[[Array], Array], low: float, high: float, tol: float = 1e-1
 
 
 class Link:
-    """Legs of constant torque from or to rest, in the direction coordinate x."""
+    """Motions of constant torque that start or end at rest, in the coordinate x along the motion."""
 
     def __init__(self, inertia: float, gravity_moment: float, up: float, down: float) -> None:
         self.I, self.G, self.up, self.down = inertia, gravity_moment, up, down
@@ -75,7 +75,7 @@ class Link:
         return mean
 
     def possible(self, r: float, p: float, tau: float) -> bool:
-        """Kinetic energy stays positive on the open leg."""
+        """Whether the kinetic energy is positive inside the leg."""
         side = 1.0 if p >= r else -1.0
         low, high = min(r, p), max(r, p)
         grid = np.linspace(low, high, 65 + int(64 * (high - low)))
@@ -100,11 +100,11 @@ class Link:
         return (x - r) * float(self.push(r, np.array([x]), tau)[0])
 
     def monotone(self, x0: float, x1: float) -> friction.Leg:
-        """The motion (+,-), NaN if the path cannot be done. The switch equates the two energies."""
+        """The motion (+,-), NaN if it is not feasible. At the switch the energies of both legs are equal."""
         up, down = self.up, self.down
 
         def gap(x: float) -> float:
-            """Energy gained less energy still to be lost; its slope is up + down."""
+            """The energy gained so far minus the energy that the brake still removes; its slope is up + down."""
             return self.energy(x0, x, up) - self.energy(x1, x, -down)
 
         if gap(x0) >= 0.0 or gap(x1) <= 0.0:
@@ -122,7 +122,7 @@ class Link:
         return friction.Leg(first + self.time(x1, low, -down), low, first, speed)
 
     def swing(self, x0: float, x1: float, first: float, exact: bool) -> tuple[float, float, float]:
-        """T, turning point and last switch of (-,+,-) with the first switch at `first` < x0; NaN if it cannot be done."""
+        """T, turning point and last switch of (-,+,-) with the first switch at `first` < x0; NaN if it is not feasible."""
         up, down, none = self.up, self.down, (np.inf, np.nan, np.nan)
         if not self.possible(x0, first, -down):
             return none
@@ -138,7 +138,7 @@ class Link:
         return sum(self.time(*leg, exact=exact) for leg in legs), turn, last
 
     def _turn(self, first: float, energy: float) -> float | None:
-        """Where the torque up stops the backward motion: the first zero of the energy below `first`."""
+        """The angle at which the positive torque stops the backward motion: the first zero of the energy below `first`."""
 
         def left(x: Array) -> Array:
             kept: Array = energy + (x - first) * self.push(first, x, self.up)

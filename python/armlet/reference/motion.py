@@ -1,7 +1,7 @@
 """Desired motions m(t) -> q_d, v_d, a_d.
 
     Sinusoid:  q = offset + Im sum_k z_k,  z_k = amplitude_k exp(i (frequency_k t + phase_k));  d/dt multiplies z_k by i frequency_k
-    Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and p' = p'' = 0 at the ends (solved, not quoted)
+    Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and p' = p'' = 0 at the ends (from a linear system)
     BangBang:  q'' = +A before T/2, -A after,  integrated as polynomials piece by piece;  A = 4 (q1 - q0)/T^2
     Table:     q, v, a at knots;   between two of them the Bezier curve of degree 5 with these values, h = dt
                points q_k,   q_k + h v_k/5,   q_k + 2 h v_k/5 + h^2 a_k/20,   and the same from the end
@@ -82,7 +82,7 @@ class _Piecewise:
 
 
 class Quintic(_Piecewise):
-    """Rest to rest from q0 to q1 in `duration` with zero end accelerations."""
+    """Rest-to-rest motion from q0 to q1 in `duration`, with zero acceleration at the ends."""
 
     def __init__(self, q0: ArrayLike, q1: ArrayLike, duration: float) -> None:
         powers = np.arange(6)
@@ -95,7 +95,7 @@ class Quintic(_Piecewise):
 
 
 class BangBang(_Piecewise):
-    """Rest to rest from q0 to q1 in `duration` under acceleration +A, then -A."""
+    """Rest-to-rest motion from q0 to q1 in `duration` with acceleration +A, then -A."""
 
     def __init__(self, q0: ArrayLike, q1: ArrayLike, duration: float) -> None:
         T = float(duration)

@@ -72,7 +72,7 @@ def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array,
     """Angular velocity and acceleration of exp(r), (3,) each."""
 
     def mean(scale: float) -> Array:
-        """A(scale r), in two halves: twelve nodes each hold turns of some radians to rounding."""
+        """A(scale r), by quadrature over two halves. Twelve nodes per half are accurate to rounding for rotations of some radians."""
         parts = [0.5 * w * rotation_matrix(scale * 0.5 * (half + x) * r) for half in (0, 1) for x, w in zip(NODES, WEIGHTS, strict=True)]
         total: Array = np.sum(parts, axis=0)
         return total
@@ -97,5 +97,5 @@ def row_rates(rows: list[int], target: Array, rate: Array, acceleration: Array) 
 
 
 def held(free: Array, limit: Array, push: Array) -> bool:
-    """Whether some push takes its number further beyond its limit."""
+    """Whether an entry of `push` moves an entry of `free` that exceeds its limit further beyond it."""
     return bool(np.any((np.abs(free) > limit) & (push * free > 0.0)))

@@ -18,7 +18,7 @@ from .priority import clamp_inverse
 
 
 class MomentumObserver:
-    """The torque from outside, from positions (n,) or (B, n), velocities and torques."""
+    """The external torque, from positions, velocities and torques, (n,) or (B, n)."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class MomentumObserver:
         self.residual = np.zeros_like(q)
 
     def update(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: float) -> Array:
-        """r of the next sample; the first one starts."""
+        """The residual r of the next sample; the first call starts the observer."""
         q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
         if self.residual is None:
             self.reset(q, v)

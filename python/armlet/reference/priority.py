@@ -61,7 +61,7 @@ def clamp_inverse(A: Array, eps: float) -> Array:
 
 
 def default_eps(jacobians: Sequence[ArrayLike]) -> list[float]:
-    """0.02 of each level's largest row norm (1 for a block of zeros, which asks for nothing)."""
+    """0.02 of each level's largest row norm (1 for a block of zeros)."""
     sizes = [float(np.linalg.norm(J, axis=1).max(initial=0.0)) for J in _blocks(jacobians)]
     return [0.02 * size if size > 0.0 else 1.0 for size in sizes]
 
@@ -99,7 +99,7 @@ def solve_clamp(
 def solve_chiaverini(
     jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, rounding: float = 8 * EPS
 ) -> Solution:
-    """Each level solved alone and projected; nothing projected is inverted."""
+    """Each level is solved alone, then projected; no projected matrix is inverted."""
     blocks, targets, levels = _problem(jacobians, velocities, eps)
     ranks = projected_ranks(blocks, rounding)
     x = np.zeros(blocks[0].shape[1])
@@ -159,7 +159,7 @@ def solve_priority(
 
 
 def _bounds(v_min: ArrayLike | None, v_max: ArrayLike | None, n: int) -> tuple[Array, Array]:
-    """One bound alone is symmetric."""
+    """A missing bound is minus the other one."""
     if v_min is None and v_max is None:
         raise ValueError("solve_priority: v_max is missing: expected bounds for method sns")
     upper = -np.asarray(v_min, dtype=np.float64) if v_max is None else np.asarray(v_max, dtype=np.float64)

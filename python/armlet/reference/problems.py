@@ -16,7 +16,7 @@ from .lagrange import Array
 
 @dataclass(frozen=True)
 class Problem:
-    """One problem: right-hand side with floats in and a list of floats out, Jacobian where the problem is stiff."""
+    """One problem: a right-hand side from floats to a list of floats, and a Jacobian if the problem is stiff."""
 
     name: str
     f: Callable[[float, Array], list[float]]
@@ -30,7 +30,7 @@ class Problem:
     jac: Callable[[float, Array], list[list[float]]] | None = None
 
     def error(self, y: Array) -> float:
-        """Distance to the known end, root mean square over its components in units of max(|end|, scale)."""
+        """Distance to the known end state: the root mean square over its components in units of max(|end|, scale)."""
         end = np.array(self.end)
         known = np.isfinite(end)
         ratio = (np.asarray(y) - end)[known] / np.maximum(np.abs(end[known]), self.scale)

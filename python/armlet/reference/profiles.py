@@ -1,11 +1,11 @@
-"""Rest-to-rest motions of one link whose path in time has a given shape, under torque limits.
+"""Rest-to-rest motions of one link under torque limits, with a fixed shape of the path over time.
 
     I theta_ddot + G sin theta = tau;   theta = theta0 + (thetaf - theta0) s(u),  u = t/T,  k = I D / T^2 with D = |thetaf - theta0|
     along x = sg theta, sg the direction of motion:   tau(u) = k s''(u) + G sin x(u)
     excess(k) = max over u of max(tau - tau_max, tau_min - tau),   convex in k:  the durations with excess <= 0 are one interval
 
-The shape is given by s'' in pieces and integrated. The extremes over u are found on a grid and refined; the least excess by golden
-section; where it leaves zero by bisection. With s'' = 4, -4 this is bang_bang_time, whose a is 4 k.
+The shape is given by s'' in pieces and integrated. The extremes over u are found on a grid and refined, the least excess by golden section,
+and its zeros by bisection. With s'' = 4, -4 this is bang_bang_time, whose a is 4 k.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,7 +35,7 @@ class Profile(NamedTuple):
 
 
 class ProfileReport(NamedTuple):
-    """The feasible durations and the interval of k; `missing`: by how much both limits must widen, N m."""
+    """The feasible durations and the interval of k; `missing`: the torque by which both limits must widen, N m."""
 
     feasible: bool
     t_min: float
@@ -48,7 +48,7 @@ class ProfileReport(NamedTuple):
 
 
 def lowest(f: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
-    """The minimum over an interval: a grid of at least 256 points per radian's turn, then finer grids about its lowest places."""
+    """The minimum over an interval: a grid of more than 1,000 points, then finer grids about its lowest points."""
     grid = np.linspace(low, high, 1025 + int(256 * (high - low) / (2 * np.pi)))
     values = f(grid)
     valley = (values <= np.r_[np.inf, values[:-1]]) & (values <= np.r_[values[1:], np.inf])
@@ -68,7 +68,7 @@ def lowest(f: Callable[[Array], Array], low: float, high: float) -> tuple[float,
 
 
 def shape(second: Sequence[tuple[float, float, Polynomial]]) -> list[Piece]:
-    """(from, to, s, s'') of each piece, from s'' (from, to, s''): s = s' = 0 at the start, scaled to s = 1 at the end."""
+    """The pieces (from, to, s, s'') of a shape, from pieces (from, to, s''). At the start s = s' = 0; it is scaled to s = 1 at the end."""
     pieces, value, rate = [], 0.0, 0.0
     for low, high, acceleration in second:
         speed = acceleration.integ(lbnd=low, k=[rate])
@@ -99,7 +99,7 @@ def _durations(
         return -min(lowest(torque_margin(k, position, acceleration), a, b)[1] for a, b, position, acceleration in pieces)
 
     def edge(inside: float, outside: float) -> float:
-        """Where the excess passes zero."""
+        """The zero of the excess."""
         for _ in range(60):
             middle = 0.5 * (inside + outside)
             inside, outside = (middle, outside) if excess(middle) <= 0.0 else (inside, middle)
@@ -124,7 +124,7 @@ def _durations(
 
 
 def golden(f: Callable[[float], float], low: float, high: float, width: float = 1e-9) -> tuple[float, float]:
-    """The minimum of a function with one valley: (argument, value)."""
+    """The minimum of a function with one local minimum: (argument, value)."""
     ratio = (np.sqrt(5.0) - 1.0) / 2.0
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     f_left, f_right = f(left), f(right)
@@ -167,7 +167,7 @@ def minimum_jerk_time(
 def bang_bang_time(
     theta0: float, thetaf: float, inertia: float, gravity_moment: float, tau_max: float, *, tau_min: float | None = None
 ) -> Profile:
-    """Which durations the symmetric bang-bang profile may take: torque a + G sin x up to the middle, -a + G sin x after."""
+    """The feasible durations of the symmetric bang-bang profile: torque a + G sin x in the first half, -a + G sin x in the second."""
     bottom = -tau_max if tau_min is None else tau_min
     sg = 1.0 if thetaf >= theta0 else -1.0
     high, low = (tau_max, bottom) if sg > 0.0 else (-bottom, -tau_max)

@@ -1,6 +1,6 @@
 """Regulation of elastic joints from their motors.
 
-theta_d = q_d + K_J^-1 g(q_d): where the motors are while the links rest at q_d
+theta_d = q_d + K_J^-1 g(q_d): the motor positions while the links rest at q_d
 MotorPD         tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d)                                             (Tomei 1991)
        online   g(theta - K_J^-1 g(q_d)) in place of g(q_d)                           (De Luca, Siciliano and Zollo 2005)
 StateFeedback   tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d) + Kt (g(q_d) - tau_J) - Ks tau_J'
@@ -38,7 +38,7 @@ class MotorPD(Law):
 
 
 class StateFeedback(MotorPD):
-    """The joint torque and its rate are fed back too."""
+    """State feedback: the law also feeds back the joint torque and its rate."""
 
     def __init__(
         self,

@@ -1,8 +1,8 @@
-"""Rest under a constant force: where an arm comes to when everything moves slowly.
+"""Equilibria under a constant force: the limit of a slow motion of the arm.
 
     rigid    r(q) = tau(q) - L(q),   L = g(q) - J'F - tau_c
     elastic  r(q, theta) = [K (theta - q) - L(q), tau(q, theta) - K (theta - q)]
-    y' = r(y), downhill, by implicit Euler steps that grow as r falls:   (1/s - dr/dy) dy = r        (pseudo-transient continuation)
+    y' = r(y) by implicit Euler steps that grow as r falls:   (1/s - dr/dy) dy = r        (pseudo-transient continuation)
     tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c of wall and stops
 
 tau(q) is the torque that the law gives at rest. The Jacobian dr/dy and the linearisation of the loop are central differences,
@@ -23,7 +23,7 @@ from .plant import ElasticArm, RigidArm
 
 
 class Equilibrium(NamedTuple):
-    """Rest pose under a constant force; `reachable` speaks of x_d + K_m^-1 F, `spurious` of an unbalanced spring."""
+    """An equilibrium under a constant force; `reachable` concerns the pose x_d + K_m^-1 F, `spurious` an unbalanced spring."""
 
     q: Array
     theta: Array | None
@@ -52,7 +52,7 @@ def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int =
 
 
 def descend(r: Callable[[Array], Array], y: Array) -> Array:
-    """The rest that y' = r(y) comes to; steps begin with a tenth of a radian."""
+    """The limit of y' = r(y); the first step is a tenth of a radian."""
     size = first = float(np.abs(r(y)).max())
     if size == 0.0:
         return y
@@ -72,7 +72,7 @@ def descend(r: Callable[[Array], Array], y: Array) -> Array:
 def equilibrium(
     plant: RigidArm | ElasticArm, law: Any, force: ArrayLike | None = None, *, q0: ArrayLike, force_frame: str | None = None
 ) -> Equilibrium:
-    """The rest pose that q0 descends to under a constant force in the law's axes, or at a frame in world axes."""
+    """The equilibrium that is reached from q0 under a constant force in the law's axes, or at a frame in world axes."""
     start, n = np.asarray(q0, dtype=np.float64), plant.arm.n
     task: Any = getattr(law, "coordinates", None)
     push = None if force is None else np.asarray(force, dtype=np.float64)
@@ -123,7 +123,7 @@ def equilibrium(
 
 
 def _reaches(task: Any, goal: Array, q0: Array) -> bool:
-    """Gauss-Newton with a trust in small steps from several starts; a heuristic that errs towards "no"."""
+    """Gauss-Newton with limited steps from several starts; a heuristic that may miss a reachable pose."""
     rng = np.random.default_rng(0)
     for _ in range(20):
         q = q0 + rng.uniform(-np.pi, np.pi, q0.size)
@@ -146,7 +146,7 @@ def eigenvalues(
     w: Array,
     columns: int = 6,
 ) -> Analytic:
-    """Of the closed loop linearised at rest, with the law's state w, sorted by real part."""
+    """Eigenvalues of the closed loop linearised at the equilibrium, with the law's state w, sorted by real part."""
     loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
     still = np.zeros(plant.arm.n)
     rest = np.concatenate([q, still] if theta is None else [q, still, theta, still])

@@ -1,6 +1,6 @@
-"""From rest to rest under limits of speed v, acceleration a and jerk j, all joints arriving together.
+"""Rest-to-rest motions under limits of speed v, acceleration a and jerk j; all joints arrive together.
 
-    from rest to the speed w:   t(w) = 2 (w/j)^1/2 where a is not reached, else w/a + a/j;   distance w t(w)/2
+    from rest to the speed w:   t(w) = 2 (w/j)^1/2 if a is not reached, else w/a + a/j;   distance w t(w)/2
     one joint over D:           w t(w) = D for the largest speed w, found by bisection;   T = 2 t(w)
                                 or, where that is beyond v:   T = 2 t(v) + (D - v t(v))/v
     all joints:                 the longest of these times;   the other joints are slowed down

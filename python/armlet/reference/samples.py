@@ -16,7 +16,7 @@ STEP = 1e-4
 
 
 def sample_rows(law: Any, q: Array, v: Array, a: Array, tau: Array) -> tuple[Array, Array]:
-    """W (K, n, p) and the torque that it explains (K, n)."""
+    """W (K, n, p), and the torque W a (K, n) of the true parameters a."""
     arm = law.arm
     rows = [
         np.hstack([arm.regressor(*state, state[1], x)[:, law.columns], columns(state[1], x, law.v_s, law.kinds)])
@@ -40,7 +40,7 @@ def _drift(law: Any, q: Array, v: Array) -> Array:
 
 
 def window_rows(law: Any, t: Array, q: Array, v: Array, tau: Array, window: float, held: bool = False) -> tuple[Array, Array]:
-    """The same of windows that overlap by half."""
+    """The same for windows that overlap by half."""
     h = float(t[1] - t[0])
     half = max(1, round(0.5 * window / h))
     simpson = np.ones(2 * half + 1)
@@ -70,12 +70,12 @@ def stacked(W: Array) -> Array:
 
 
 def smallest(W: Array, chosen: Any, rank: int) -> float:
-    """The smallest singular value of the chosen rows, of as many as all rows show."""
+    """The singular value number `rank` of the chosen rows, where `rank` is that of all rows."""
     return float(np.linalg.svd(stacked(W[list(chosen)]), compute_uv=False)[rank - 1])
 
 
 def select(W: Array, count: int) -> tuple[list[int], float]:
-    """A set of samples that no exchange of two makes better, and its smallest singular value."""
+    """A set of samples that no exchange of two samples improves, and its smallest singular value."""
     rank = int(np.linalg.matrix_rank(stacked(W), tol=1e-6 * np.linalg.norm(stacked(W), 2)))
     chosen = list(range(count))
     best = smallest(W, chosen, rank)

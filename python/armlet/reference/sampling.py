@@ -1,7 +1,7 @@
 """A sampled law, as a simulation of events: samples, and the later times at which their outputs act.
 
     sample k at t_k = k T + j_k,  j_k uniform in [0, jitter];   x_m = round((x + sigma w_k)/step) step
-    the law answers x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
+    the law evaluates x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
     torque sensor: tau_f' = w_c (tau_J - tau_f), tau_J in a straight line between samples;  q_m = theta_m - K_law^-1 reading
 
 Random numbers are splitmix64 (Steele, Lea and Flood 2014) over the words k and channel, in integers modulo 2^64. Normal numbers are made
@@ -65,7 +65,7 @@ def gaussian(seed: int, k: int, channel: int) -> float:
 
 
 def rounded(x: Array, step: float) -> Array:
-    """To whole steps, halves away from zero; x itself for a step of zero."""
+    """x rounded to multiples of step, halves away from zero; x itself for a step of zero."""
     return x if step == 0.0 else np.copysign(np.floor(np.abs(x) / step + 0.5) * step, x)
 
 
@@ -89,9 +89,9 @@ def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
 
 
 class Clock:
-    """The samples of one run; `visit` at every instant, in order of time, gives the answer that acts.
+    """The samples of one run; `visit`, called at every instant in order of time, returns the output that acts.
 
-    grid: the steps of a fixed-step method, to which lateness is rounded down; 0 without.
+    grid: the step of a fixed-step method, to which jitter is rounded down; 0 for adaptive methods.
     stiffness, believed: joint stiffness of the plant and of the law, for torque sensors.
     """
 
@@ -106,12 +106,12 @@ class Clock:
         self.filtered: Array = np.zeros(n)
 
     def instant(self, k: int) -> float:
-        """When sample k is taken."""
+        """The time of sample k."""
         late = self.sampling.jitter * uniform(self.sampling.seed, k, JITTER)
         return k * self.sampling.period + (np.floor(late / self.grid) * self.grid if self.grid else late)
 
     def instants(self, t_end: float) -> list[float]:
-        """All times in (0, t_end) at which something happens."""
+        """All times in (0, t_end) at which a sample is taken or an output starts to act."""
         samples = [self.instant(k) for k in range(int(np.ceil(t_end / self.sampling.period)) + 1)]
         times = sorted({t for s in samples for t in (s, s + self.sampling.delay) if 0.0 < t < t_end})
         return [t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > ON_TIME * self.sampling.period]
@@ -148,7 +148,7 @@ class Clock:
         return parts.ravel()
 
     def _read(self, sensor: TorqueSensor, k: int, torque: Array, since: float) -> Array:
-        """The filters begin at rest."""
+        """A reading of the torque sensors, whose filters start at rest."""
         self.filtered = lag(self.filtered, self.torque, torque, sensor.bandwidth * since) if k else torque
         self.torque = torque
         noise = np.array([sensor.noise * gaussian(self.sampling.seed, k, TORQUE + i) for i in range(self.n)])

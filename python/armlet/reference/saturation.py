@@ -1,11 +1,11 @@
 """Velocities within bounds, level by level, and bounds that follow from the limits of the joints.
 
-    level i:  J_i v = s v_i,  v = x + N z,  v_min <= v <= v_max,  N a null basis of the rows above,  the largest s <= 1 met on the way
+    level i:  J_i v = s v_i,  v = x + N z,  v_min <= v <= v_max,  N a null basis of the rows above,  the largest feasible s <= 1
     fixed joints F:  v(s) = x_F + N_F (J_i N_F)# (s v_i - J_i x_F),   x_F = x + N (E_F N)# (b_F - E_F x),   N_F = N null(E_F N)
     while s = 1 is out of bounds   the joint that limits s most joins F; of equals the fastest  (Flacco, De Luca and Khatib 2015)
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
 
-All fixed joints are solved for at once, by SVD. In a metric W the levels are J W^-1/2, and `back` = W^-1/2 leads to joint velocities.
+One SVD solves for all fixed joints. In a metric W the levels are J W^-1/2, and `back` = W^-1/2 returns joint velocities.
 """
 
 from typing import Any
@@ -32,7 +32,7 @@ def _inverse(A: Array, rank: int) -> Array:
 def _scales(va: Array, vb: Array, lower: Array, upper: Array, noise: float) -> tuple[Array, Array]:
     """The interval of s with lower <= s va + vb <= upper, of each joint; (inf, -inf) where there is none.
 
-    A joint at its bound cannot move further. A joint that the level does not move has no rate, up to rounding.
+    A joint at its bound cannot move further. A joint that the level does not move has zero rate, up to rounding.
     """
     rate, above, below = (np.where(np.abs(x) <= noise, 0.0, x) for x in (va, upper - vb, vb - lower))
     still = np.where((above >= 0.0) & (below >= 0.0), np.inf, -np.inf)
@@ -98,7 +98,7 @@ def solve_saturated(
 
 
 def _fastest(d: float, dt: float, a: float) -> float:
-    """The largest u that a sample of dt and brakes of deceleration a allow at the distance d of a limit; may be negative."""
+    """The largest velocity at the distance d from a limit, for a sample time dt and a braking deceleration a; it may be negative."""
     if np.isinf(d):
         return np.inf
     low, high = -abs(d) / dt - 1.0, abs(d) / dt + 1.0
@@ -109,7 +109,7 @@ def _fastest(d: float, dt: float, a: float) -> float:
 
 
 def joint_bounds(q: float, q_min: float, q_max: float, v_min: float, v_max: float, dt: float, a_max: float) -> tuple[float, float]:
-    """Velocity bounds of one joint: beyond a limit the way back, no faster than braking before the other limit allows."""
+    """Velocity bounds of one joint: beyond a limit the joint must return, no faster than it can brake before the other limit."""
     lower = min(max(-_fastest(q - q_min, dt, a_max), v_min), v_max)
     upper = min(max(_fastest(q_max - q, dt, a_max), v_min), v_max)
     if lower <= upper:
@@ -120,7 +120,7 @@ def joint_bounds(q: float, q_min: float, q_max: float, v_min: float, v_max: floa
 def velocity_bounds(
     q: ArrayLike, q_min: ArrayLike, q_max: ArrayLike, v_max: ArrayLike, *, dt: float, a_max: ArrayLike | None = None
 ) -> tuple[Array, Array]:
-    """Joint limits as velocity bounds (n,) for one sample of length dt."""
+    """Velocity bounds (n,) from joint limits, for one sample of length dt."""
     given: list[Any] = [q, q_min, q_max, v_max, np.inf if a_max is None else a_max]
     columns = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in given))
     pairs = [joint_bounds(x, low, high, -v, v, dt, a) for x, low, high, v, a in zip(*columns, strict=True)]

@@ -1,8 +1,8 @@
-"""Runs of a closed loop: fixed steps k dt, or an extrapolation method between the times that matter.
+"""Runs of a closed loop: fixed steps k dt, or an extrapolation method between samples, outputs, jumps and records.
 
-    fixed steps: a jump of force or motion inside a step splits it; a wanted time between grid points is one short step off the path
-    adaptive: the run restarts at samples, answers, jumps and records
-    events: a change of sign between two looks is located by trial, each point integrated anew from the look before
+    fixed steps: a jump of force or motion inside a step splits it; a record between grid points is a separate short step
+    adaptive: the run restarts at samples, outputs, jumps and records
+    events: a change of sign between two checks is located by trial points, each integrated from the check before
 
 The state is that of `loop`.
 """
@@ -49,7 +49,7 @@ def simulate(
 
     method "euler", "semi_implicit", "rk4" (need dt; a sample is a whole number of steps) or "gbs" (adaptive, records t_eval).
     Without t_eval fixed steps record the start, every record_every-th step and the end. load(q, F) is J'F for a law without frame.
-    With events, for "gbs" alone: `run["events"]` is a list of (t, index, plant state); they are looked for between `looks` times.
+    With events, for "gbs" alone: `run["events"]` is a list of (t, index, plant state); the function is checked at `looks` times.
     """
     n = plant.arm.n
     f_ext, jumps = as_force(force)
@@ -107,7 +107,7 @@ def _fixed(
     wanted: list[float] | None,
     breaks: list[float],
 ) -> Iterator[tuple[float, Array]]:
-    """The grid k dt, the last step shortened to t_end; stages before a jump see its left limit."""
+    """The grid k dt, the last step shortened to t_end; stages before a jump take its left limit."""
     count = int(np.ceil(t_end / dt - 1e-9))
     for k in range(count + 1):
         t, end = min(k * dt, t_end), min((k + 1) * dt, t_end)
@@ -147,7 +147,7 @@ def _adaptive(
     search: Search | None,
     looks: int,
 ) -> Iterator[tuple[float, Array]]:
-    """From one sample, answer or look to the next; a record at a sample shows the new input."""
+    """Integrate from one sample, output or check to the next; a record at a sample has the new input."""
     last = max(wanted)
     marks = {0.0, last, *(loop.clock.instants(last) if loop.clock is not None else ())}
     if search is not None:

@@ -1,6 +1,6 @@
 """Stick-slip friction as a complementarity problem, by impulses of a time step and by torques at one state.
 
-    A (v+ - v) = h (b - d v) - p,   |p_i| <= h F_i,   v+_i = 0 inside of that, v+_i > 0 only at h F_i, v+_i < 0 only at -h F_i
+    A (v+ - v) = h (b - d v) - p,   |p_i| <= h F_i;   v+_i = 0 if |p_i| < h F_i, v+_i > 0 only at h F_i, v+_i < 0 only at -h F_i
     F_i = F_s + mu |L| at rest, F_c + (F_s - F_c) exp(-(v/v_s)^2) + mu |L| in motion
 
 The load L of an ElasticArm is its joint torque. That of a RigidArm is tau - tau_f, with the friction of the step before.
@@ -89,7 +89,7 @@ def stick_slip_run(
     v0: ArrayLike | None = None,
     record_every: int = 1,
 ) -> dict[str, Array]:
-    """The plant, which has no other friction, with this friction: t, q, v of its state at every record_every-th step."""
+    """A run of a plant without other friction under this friction: t, q, v of its state at every record_every-th step."""
     n = plant.arm.n
     start = np.array(q0, dtype=np.float64)
     y = plant.initial(start, np.zeros(n) if v0 is None else np.array(v0, dtype=np.float64), None, None)

@@ -42,7 +42,7 @@ def _uniform(count: int) -> Array:
 
 
 def _radius(w: float, zeta: float, light: float, h: float) -> float:
-    """The spectral radius over a sample of the lightest mode."""
+    """The spectral radius of the lightest mode over one sample."""
     held = np.array([[1.0, h], [0.0, 1.0]]) - np.outer([h * h / 2, h], [w * w / light, 2 * zeta * w / light])
     return float(np.abs(np.linalg.eigvals(held)).max())
 
@@ -56,7 +56,7 @@ def _limit(zeta: float, light: float, h: float) -> float:
 
 
 def suggest_gains(arm: Mechanism, bandwidth: float, damping_ratio: float = 1.0, sample_time: float | None = None) -> SuggestedGains:
-    """Joints without limits are sampled over a turn, or a metre either way; infinite limits of bandwidth without a sample time."""
+    """Joints without limits are sampled over one turn, or from -1 m to 1 m. Without a sample time the limits of bandwidth are infinite."""
     if isinstance(arm, Arm):
         half = np.where(arm.angles, np.pi, 1.0)
         lower, upper = arm.limits["lower"], arm.limits["upper"]

@@ -49,7 +49,7 @@ def rotation_matrix(vector: Array) -> Array:
 
 
 def pose_error(X: Array, target: Array, rows: list[int]) -> Array:
-    """x_d - p and log(R_d R') of a pose X (4, 4), the rows that are chosen; letters without a target count as zero."""
+    """x_d - p and log(R_d R') of a pose X (4, 4), in the chosen rows; rows of orientation without a target have the target zero."""
     full = np.zeros(6)
     full[rows] = target
     turn = rotation_vector(rotation_matrix(full[3:]) @ X[:3, :3].T) if max(rows) > 2 else np.zeros(3)
@@ -73,7 +73,7 @@ class Coordinates:
             raise ValueError(f"target is misshapen: expected ({len(self.rows)},), got {self.target.shape}")
 
     def error(self, q: Array, target: Array | None = None) -> Array:
-        """x_d - x, (rows,); from another target than its own where one is given."""
+        """x_d - x, (rows,); the argument `target` replaces its target."""
         return pose_error(self.arm.pose(q, self.frame), self.target if target is None else target, self.rows)
 
     def jacobian(self, q: Array) -> Array:

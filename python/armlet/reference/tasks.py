@@ -3,11 +3,11 @@
     frame           e = x_d - p,  log(R_d R')                       J: rows of the geometric Jacobian
     posture         e = q_d - q of chosen joints                    rows of the identity
     centre of mass  e = c_d - c                                     sum_i dT_i/dq P_i e_4 / m
-    axis            e = B'r,  exp(r) a = d the short way            B'J_w,  B = R [b1 b2], b1 and b2 in the frame across its axis
+    axis            e = B'r,  exp(r) a = d, |r| <= pi            B'J_w,  B = R [b1 b2], b1 and b2 in the frame across its axis
     relative        the frame's e of X = X_r^-1 X_f                 from dX/dq = X_r^-1 dX_f/dq - X_r^-1 dX_r/dq X
     joint limits    e = clip(q, lower + m range, upper - m range) - q
 
-A direction d(t) turns at w = d x d' / d.d;  w' and dJ/dt are complex steps, for every Jacobian here is analytic in q.
+A direction d(t) turns at w = d x d' / d.d;  w' and dJ/dt are complex steps, because every Jacobian here is analytic in q.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ class Task:
         self.breaks: tuple[float, ...] = getattr(self.motion, "breaks", ())
 
     def gains(self, arm: Arm) -> tuple[Array, Array]:
-        """K and the gain of the error's rate, 2 K^1/2 where none is given, (rows, rows) each."""
+        """K and the gain of the error's rate, (rows, rows) each. The default of the second is 2 K^1/2."""
         rows = self.jacobian(arm, np.zeros(arm.n)).shape[0]
         K = gain(self.gain, rows)
         if self.damping is not None:
@@ -101,7 +101,7 @@ class PostureTask(Task):
 
 
 class JointLimitTask(PostureTask):
-    """The way back out of a margin, a part of the range at either end of each joint."""
+    """Move joints out of a margin at both ends of their ranges; the margin is a fraction of the range."""
 
     def __init__(
         self, gain: ArrayLike = 1.0, margin: float = 0.1, *, joints: Sequence[str] | None = None, damping: ArrayLike | None = None
@@ -143,7 +143,7 @@ class CentreOfMassTask(Task):
 
 
 class AxisTask(Task):
-    """A direction `axis` (3,) of a frame points along a direction (3,) of the world; two rows across it."""
+    """A direction `axis` (3,) of a frame points along a direction (3,) of the world. The two rows are perpendicular to it."""
 
     def __init__(
         self,

@@ -27,7 +27,7 @@ Path = Callable[[Array], tuple[Array, Array, Array]]
 
 
 class Timing(NamedTuple):
-    """Duration, path positions and path speeds ds/dt at them; NaN and empty if no timing was found."""
+    """Duration, path positions, and path speeds ds/dt there; NaN and empty if no timing was found."""
 
     duration: float
     s: Array
@@ -109,7 +109,7 @@ def time_path(
 
 
 def middles(s: Array) -> Array:
-    """Of the segments between the places s."""
+    """The middles of the segments between the path positions s."""
     return np.asarray(0.5 * (s[:-1] + s[1:]))
 
 
@@ -151,7 +151,7 @@ def _rows(arm: Mechanism, at: Path, s: Array, limits: Any, v_max: Array, damping
 
 
 def _fastest(rows: Rows, ends: tuple[float, float]) -> Array | None:
-    """b at the nodes; None if holding still is outside a limit."""
+    """b at the nodes; None if the arm at rest exceeds a limit."""
     nodes = rows.h.size + 1
     line = np.linspace(ends[0] ** 2, ends[1] ** 2, nodes)
     b: Array = line
@@ -178,14 +178,14 @@ def _fastest(rows: Rows, ends: tuple[float, float]) -> Array | None:
 
 
 def _distances(rows: Rows, b: Array) -> tuple[Array, Array, Array]:
-    """To the lower and upper limits (segments, rows), and to the highest b of each node."""
+    """Distances to the lower and upper limits (segments, rows), and to the highest b of each node."""
     u, m = np.diff(b) / (2.0 * rows.h), 0.5 * (b[:-1] + b[1:])
     value = rows.A * u[:, None] + rows.B * m[:, None] + rows.g + rows.d * np.sqrt(np.maximum(m, 0.0))[:, None]
     return value - rows.low, rows.high - value, rows.top - b
 
 
 def _tip(rows: Rows, b: Array) -> tuple[Array, Array]:
-    """The acceleration of the frame's origin in parts of its limit, (segments, 3), and the remainder of the square of the limit."""
+    """The acceleration of the frame's origin as a fraction f of its limit, (segments, 3), and 1 - |f|^2."""
     u, m = np.diff(b) / (2.0 * rows.h), 0.5 * (b[:-1] + b[1:])
     w = rows.tip[0] * u[:, None] + rows.tip[1] * m[:, None]
     return w, 1.0 - np.square(w).sum(axis=1)
@@ -202,7 +202,7 @@ def _barrier(rows: Rows, b: Array, mu: float) -> float:
 
 
 def _newton(rows: Rows, b: Array, mu: float) -> tuple[Array, float]:
-    """The step of b, zero at the ends, and the decrease that it promises; the curvature of friction is left out."""
+    """The step of b, zero at the ends, and the predicted decrease. The second derivative of friction is neglected."""
     h, r = rows.h, np.sqrt(b)
     total = r[:-1] + r[1:]
     m = 0.5 * (b[:-1] + b[1:])

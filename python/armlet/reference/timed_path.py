@@ -30,7 +30,7 @@ def _series(rate: float, u: float, b: float) -> Polynomial:
 
 
 def _slowness(z: float) -> float:
-    """tanh(y) / y at y^2 = z, tan(y) / y at y^2 = -z: falls from infinity at z = -(pi/2)^2 to zero."""
+    """tanh(y) / y at y^2 = z, tan(y) / y at y^2 = -z. It decreases from infinity at z = -(pi/2)^2 to zero."""
     y = np.sqrt(abs(z))
     return 1.0 - z / 3.0 if y < 1e-5 else float((np.tanh(y) if z > 0.0 else np.tan(y)) / y)
 
@@ -51,7 +51,7 @@ def _linear_in_time(rates: tuple[float, float], h: float, T: float) -> Polynomia
 
 
 class TimedPath:
-    """The motion of a path s -> q, q_s, q_ss of rows (K, n); `cubic` where the path acceleration is linear in time."""
+    """The motion of a path s -> q, q_s, q_ss of rows (K, n); `cubic` if the path acceleration is linear in time."""
 
     def __init__(self, path: Path, s: ArrayLike, s_dot: ArrayLike, t: ArrayLike, *, cubic: bool = False) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""What a timing of a path must obey, checked from samples of the motion; knows nothing of how it was planned.
+"""A check of the limits of a path's timing. It uses only samples of the motion.
 
     tau = d/dt dL/dv - dL/dq from the energies (see `lagrange`), against tau_min <= tau <= tau_max, |v| <= v_max, |a| <= a_max
     spline by its second derivatives:  h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k + h_k M_(k+1) = 6 (D_k/h_k - D_(k-1)/h_(k-1))
@@ -54,7 +54,7 @@ def positions(q: ArrayLike) -> Array:
 
 
 def torques(arm: Mechanism, q: Array, v: Array, a: Array, viscous: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """Torques (T, n) with viscous friction, and what rounding may have done to them."""
+    """Torques (T, n) with viscous friction, and bounds of their rounding errors."""
     tau = arm.inverse_dynamics(q, v, a) + np.asarray(viscous) * v
     mass = np.abs(arm.mass_matrix(q)).max(axis=-2)
     load = np.abs(a).sum(axis=-1) + np.square(v).sum(axis=-1)

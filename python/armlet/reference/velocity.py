@@ -1,4 +1,4 @@
-"""Task priority closed over an arm, whose input is the joint velocity or the torque.
+"""Closed loops of task priority, whose input is the joint velocity or the torque.
 
 q' = u,       u = the chosen priority map of  J_i u = x_d,i' + K_i e_i                       (closed-loop inverse kinematics)
 torque:       a = the map of  J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
@@ -23,7 +23,7 @@ from .tasks import Task
 
 
 class VelocityArm:
-    """State q; the input is v. Kinetic energy plays no part."""
+    """State q; the input is v. There is no kinetic energy."""
 
     elastic = False
 
@@ -81,7 +81,7 @@ class PriorityVelocity(Law):
         self.horizon = horizon
 
     def bounds(self, q: Array, time: float, brakes: float) -> tuple[Array, Array]:
-        """Bounds of joint velocities (n,); `brakes` is the part of a_max that is counted on."""
+        """Bounds of joint velocities (n,); `brakes` is the fraction of a_max that braking uses."""
         q_min, q_max, v_min, v_max, a_max = self.limits
         columns = zip(q, q_min, q_max, v_min, v_max, brakes * a_max, strict=True)
         pairs = np.array([joint_bounds(x, low, high, slow, fast, time, a) for x, low, high, slow, fast, a in columns])
@@ -114,7 +114,7 @@ class PriorityVelocity(Law):
 
 
 class PriorityAcceleration(PriorityVelocity):
-    """The same at the level of accelerations, under computed torque."""
+    """The same law for accelerations, with computed torque."""
 
     def __init__(self, *arguments: Any, joint_damping: float = 5.0, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)

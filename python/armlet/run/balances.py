@@ -58,7 +58,7 @@ def energy_error(monitors: Mapping[str, Array]) -> Array | None:
 
 @dataclass(frozen=True)
 class Balances:
-    """How far the balances of runs are open, `()` or `(B,)` each; NaN where it is not known. The core computes them with the records.
+    """Residuals of the balances of runs, `()` or `(B,)` each; NaN if unknown. The core computes them with the records.
 
     Attributes:
         energy_error: see `energy_error`.
@@ -74,10 +74,10 @@ class Balances:
 
 
 def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], undisturbed: bool) -> None:
-    """Warn where a run that ended well leaves more of a balance open than an accurate one can.
+    """Warn if a run reached its end, but the residual of a balance is too large for an accurate run.
 
-    `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the Lyapunov function has to fall, since the law acts
-    at every instant, without bounds and forces.
+    `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the Lyapunov function has to fall: the law acts at
+    every instant, without bounds and forces.
     """
     if _QUIET.get():
         return

@@ -1,4 +1,4 @@
-"""Batches in pieces: what they come to without keeping their records, and how far they have come."""
+"""Batches in pieces: metrics without stored records, and the progress."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def _is_nested(force: Any) -> bool:
 
 
 def require_measures(keep: str, given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What `metrics` of a batch states.
+    """The argument `metrics` of a batch, if it is valid.
 
     Raises:
-        InputError: it is no table of the arguments of `armlet.metrics`, or nothing is measured.
+        InputError: it is not a dict of arguments of `armlet.metrics`, or `keep` is not "metrics".
     """
     if given is None:
         return {}
@@ -75,7 +75,7 @@ def measured_by_records(keywords: Mapping[str, Any]) -> bool:
 
 
 def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undisturbed: bool) -> BatchRun:
-    """One batch, with a warning where balances do not close."""
+    """One batch, with a warning if balances do not close."""
     fields = _core.simulate_batch(plant, law, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
     found, balances = fields.pop("metrics"), Balances(**fields.pop("balances"))
@@ -100,7 +100,8 @@ def in_pieces(
     out: Mapping[str, NDArray[Any]] | None,
     undisturbed: bool,
 ) -> BatchRun:
-    """The batch of `simulate_batch`, some runs at a time; where the metrics need the records each piece is summed up before the next."""
+    """The batch of `simulate_batch`, some runs at a time. If the metrics require the records, each piece is reduced to its metrics before
+    the next."""
     one = plant[0] if isinstance(plant, list) and plant else plant
     n = instance("simulate_batch", "plant", one, _core.Plant, "a plant such as RigidArm, or a list of them").arm.n
     start = _core.numbers("simulate_batch", "q0", q0, ("B", n))
@@ -162,7 +163,7 @@ def _runs_per_piece(n: int, keywords: dict[str, Any]) -> int:
 
 
 def _require_rows(out: Mapping[str, NDArray[Any]], rows: int) -> None:
-    """Refuse what can't take the rows, and mark them all as not finished."""
+    """Refuse arrays that cannot receive the rows, and mark all rows as not finished."""
     instance("simulate_batch", "out", out, Mapping, "a table of arrays by name")
     for name, array in out.items():
         choice("simulate_batch", "a name of out", name, (*SERIES, "status"))

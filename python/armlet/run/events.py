@@ -57,13 +57,13 @@ class JointStops:
 
 
 def _plain(function: str, name: str, value: ArrayLike) -> Any:
-    """Numbers and tuples of numbers, which compare, print and pickle."""
+    """Numbers and tuples of numbers, which can be compared, printed and pickled."""
     values = _core.numbers(function, name, value, (), ("n",)).tolist()
     return tuple(values) if isinstance(values, list) else values
 
 
 def _argument(i: int, value: Any) -> Any:
-    """An argument of an event that compares, prints and pickles: a name, a number, numbers or a function."""
+    """An argument of an event in a form that can be compared, printed and pickled: a name, a number, numbers or a function."""
     if isinstance(value, str) or callable(value):
         return value
     plain = _plain("Event", f"arguments[{i}]", value)
@@ -207,7 +207,7 @@ class Event:
 
 
 def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[..., float]] | None) -> list[Event]:
-    """The events as `Event`s; a function may carry `direction` and `terminal`, as scipy writes them."""
+    """The events as `Event`s; a function may carry `direction` and `terminal`, as scipy's events do."""
     if events is None:
         return []
     if isinstance(events, Sequence) and len(events) > MOST_EVENTS:
@@ -231,9 +231,9 @@ class Events:
 
     Attributes:
         t: when, (m,), s.
-        which: index into the events asked for, (m,).
-        names: of the events asked for.
-        q, v, theta, theta_dot: the state there, (m, n) each; None where the plant has no such.
+        which: index of the event, (m,), in the argument `events`.
+        names: of the events.
+        q, v, theta, theta_dot: the state there, (m, n) each; None if the plant does not have them.
     """
 
     t: Array
@@ -271,7 +271,7 @@ class Events:
 @bordered
 @sealed
 class State(NamedTuple):
-    """The state of a run at some times: (n,) each at one time, (K, n) at K of them; None where there is no such."""
+    """The state of a run, (n,) each at one time, (K, n) at K times. A part that the plant does not have is None."""
 
     q: Array
     v: Array | None

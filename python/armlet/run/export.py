@@ -1,4 +1,4 @@
-"""Tables of runs for other programs: CSV from here, Parquet through pyarrow, datasets through xarray. Each file whole or not at all."""
+"""Tables of runs for other programs: CSV, Parquet (by pyarrow) and datasets (of xarray). Each file is complete or absent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the observer of a `Guarded` law saw over a run, from the law's state `[inner law, w, R, c, s, y_c c, r_c c]`:
+"""The record of the observer of a `Guarded` law over a run, from the law's state `[inner law, w, R, c, s, y_c c, r_c c]`:
 
 residual  r = dR / dt over the time since the last record; in a continuous loop r = K (M v - w)
 contact   at t - s, residual r_c
@@ -71,7 +71,7 @@ def _instant(law: Any, q: Array, v: Array, w: Array) -> Array:
 
 
 def touched_joints(laws: Sequence[Any], residual: Array | None) -> NDArray[np.int64] | None:
-    """The joint of the touched link at each record, (K,) or (B, K), -1 without contact; None where nothing is observed."""
+    """The joint of the touched link at each record, (K,) or (B, K), -1 without contact; None for laws without an observer."""
     if residual is None or any(law.observer.threshold is None for law in laws):
         return None
     if len(laws) == 1:

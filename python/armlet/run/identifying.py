@@ -38,15 +38,15 @@ FIRST, LAST = 1e-3, 1e12
 @sealed
 @dataclass(frozen=True, eq=False)
 class RunIdentification:
-    """The numbers of a loop that its records show, with their standard deviations.
+    """Numbers of a loop, identified from records, with their standard deviations.
 
     Attributes:
         values: the numbers by name, each in its shape; a start `q0` or `v0` is one per run, (R, n).
-        deviations: their standard deviations in the same shapes; infinite for what the records do not show.
-        covariance: of all numbers, one name after another, (P, P); zero along what the records do not show.
-        rank: how many combinations of the numbers the records show.
+        deviations: their standard deviations in the same shapes; infinite for numbers that the records do not determine.
+        covariance: of all numbers, one name after another, (P, P); zero along combinations that the records do not determine.
+        rank: how many combinations of the numbers the records determine.
         condition: largest over smallest singular value of the tangents with columns scaled to one; infinite where the rank is short.
-        residuals: root mean square of what the runs leave of the records, by series and joint, (n,), rad or m, and per second.
+        residuals: root mean square of the differences between records and runs, by series and joint, (n,), rad or m, and per second.
         plant: the plant with the numbers.
         laws: the law of each run with the numbers.
         runs: the runs with the numbers, at the times of the records.
@@ -106,9 +106,9 @@ def identify_from_runs(
         plant: the plant with numbers to begin with; None: that of the first run.
         law: the law, one for all runs or one per run; None: those of the runs.
         noise: standard deviations of the records by series, `{"q": 1e-4, "v": 1e-3}`, scalar or (n,), rad or m, and per second. None
-            estimates one part of the range of each joint from what the runs leave.
+            estimates it from the residuals, as the same fraction of the range of each joint.
         iterations: largest number of steps.
-        tolerance: the search ends when a step lowers the sum by less than this part.
+        tolerance: the search ends when a step lowers the sum by less than this fraction.
         keywords: keywords of `simulate` for every run, such as `dt`, `method`, `sample_time`, `tau_max`.
 
     Returns:
@@ -233,7 +233,7 @@ class _Problem:
         return plant, law, self._start(self.runs[r]) | {name: p[places[name]] for name in self.starts}
 
     def evaluate(self, p: Array) -> tuple[Array, Array, list[Run]]:
-        """What the runs leave of the records in deviations, its derivatives (N, P), and the runs."""
+        """The differences between records and runs in deviations, their derivatives (N, P), and the runs."""
         misses, slopes, found = [], [], []
         for r, record in enumerate(self.runs):
             plant, law, start = self.loop(r, p)
@@ -252,7 +252,7 @@ class _Problem:
         return np.concatenate(misses), np.concatenate(slopes), found
 
     def _places(self) -> list[dict[str, slice]]:
-        """Where the numbers of each name are among all, run by run."""
+        """The places of the numbers of each name among all numbers, run by run."""
         shared: dict[str, slice] = {}
         at, n = 0, self.plant.arm.n
         for name in self.shared:

@@ -1,4 +1,4 @@
-"""The lines of a program, and how they are written."""
+"""The lines of a program, and their text."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def evaluated(loss: Loss, run: Run) -> tuple[float, dict[str, Array] | None]:
     """The value of a loss, and its slopes by series; no slopes where the function returns a number alone.
 
     Raises:
-        InputError: the loss is no such thing, or returns something else.
+        InputError: the loss is neither a table of names nor a function, or the function returns another type.
     """
     if isinstance(loss, str):
         loss = {loss: 1.0}
@@ -94,7 +94,7 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
     """The derivatives of a loss along tangents of its series `(K, .., P)`, by one complex step each, `(P,)`.
 
     Raises:
-        InputError: the loss is not analytic: a central difference along all tangents at once says otherwise.
+        InputError: the loss is not analytic: a central difference along the sum of all tangents gives another value.
     """
     at = {name: getattr(run, name) for name in SERIES}
 

@@ -1,4 +1,4 @@
-"""Numbers that sum a run up.
+"""Numbers that summarise a run.
 
 With the error e = q_d - q, the span T, integrals by the trapezoidal rule over the recorded times, one value per joint:
 
@@ -21,9 +21,9 @@ energy_error           1               largest |energy_balance| as a fraction of
 completed              1               1 for a run that reached its end or an event that stops it, else 0
 =====================  ==============  ====================================================================================
 
-The settling time and the last four are one number per run. A run that did not reach its end has the last of them alone: what its first
-part was like says nothing of the loop. A law without a reference in joint space (`Run.desired() is None`, and none
-given) has no error: its error, overshoot and settling time are NaN.
+The settling time and the last four are one number per run. A run that did not reach its end has only `completed`: its first part does not
+characterise the loop. A law without a reference in joint space (`Run.desired() is None`, and none given) has no error: its error, overshoot
+and settling time are NaN.
 """
 
 from __future__ import annotations
@@ -227,7 +227,7 @@ def _of_frame(run: Recorded, frame: str, q_d: Array | None) -> Array:
 
 
 def _weights(t: Array) -> Array:
-    """Of the trapezoidal rule, over the span: they sum to 1."""
+    """Weights of the trapezoidal rule over the span, with the sum 1."""
     if t.shape[-1] < 2:
         return np.ones_like(t)
     step = np.diff(t, axis=-1)

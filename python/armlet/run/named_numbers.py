@@ -4,8 +4,9 @@
 plant's arm, and `"law.arm.parameters"` those of the law. `"law.motion.amplitude"` is an argument of the law's motion, and
 `"law.tasks.0.gain"` one of its first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
 
-The derivative of the set-up with respect to a number is a difference of fourth order. It is taken of the inputs of the programs, never of
-a run. The step is `d = 2^-10` of the number. The error is some 1e-12 if the set-up computes with the number, and 1e-13 if it passes it on.
+The derivative of the set-up with respect to a number is a difference of fourth order. It is a difference of inputs of the programs, never
+of results of a run. The step is `d = 2^-10` of the number. The error is some 1e-12 if the set-up computes with the number, and 1e-13 if the
+set-up copies it.
 """
 
 from __future__ import annotations
@@ -66,8 +67,8 @@ class Varied:
 
     Attributes:
         plants, laws: one, or one per run.
-        start: q0, v0, .. of each run, (R, n); None where they are left to the loop.
-        weights: of the differences of the four runs from run 0, (P, 4).
+        start: q0, v0, .. of each run, (R, n); None if the loop has its defaults.
+        weights: weights of the differences between the four runs and run 0, (P, 4).
         names: the names, with their values, in the order of the P numbers.
     """
 
@@ -94,7 +95,7 @@ def named_numbers(plant: Any, law: Any, start: Mapping[str, Array | None]) -> di
 
 
 def _arguments(thing: Any) -> Mapping[str, Any]:
-    """What an object was made of, by name."""
+    """The arguments of an object's constructor, by name."""
     if isinstance(thing, list | tuple):
         return {str(i): each for i, each in enumerate(thing)}
     make = getattr(thing, "__getnewargs_ex__", None)

@@ -1,4 +1,4 @@
-"""The program of a closed loop, to be read: what a step computes, operation by operation, down to its machine code."""
+"""The program of a closed loop in readable form: what a step computes, operation by operation, down to machine code."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class LoopProgram:
 
     @property
     def critical_path(self) -> int:
-        """The number of lines in the longest chain of lines that wait for each other."""
+        """The number of lines in the longest chain of lines that depend on each other."""
         depth: dict[str, int] = {}
         for line in self.instructions:
             depth[line.name] = 1 + max((depth.get(operand, 0) for operand in line.operands), default=0)
@@ -91,7 +91,7 @@ class LoopProgram:
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """The stages that there are. A program that the source can't compute unsimplified has no "recorded"."""
+        """The available stages. A program that the source can only compute simplified has no stage "recorded"."""
         return tuple(stage for stage in STAGES if stage in self._listings)
 
     def at(self, stage: str) -> LoopProgram:

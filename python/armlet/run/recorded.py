@@ -1,4 +1,4 @@
-"""What a run recorded: its fields by name, the reference that it was to follow, and the units of its joints.
+"""The data of a run: its fields by name, its reference, and the units of its joints.
 
 Time is the first axis of a run: `q` is (K, n); a batch of B runs puts its rows before it: (B, K, n).
 """
@@ -35,7 +35,7 @@ LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
 class Recorded:
-    """The arrays of a run or of a batch of runs, and where they came from. `Run` and `BatchRun` add what is done with them."""
+    """The arrays of a run or of a batch, with the loops that made them. `Run` and `BatchRun` add methods."""
 
     t: Array
     q: Array
@@ -164,8 +164,8 @@ class Recorded:
     def residual(self) -> Array | None:
         """The residual of the observer of a `Guarded` law, (K, n) or (B, K, n), N m or N; None for other laws.
 
-        In a sampled loop it is the mean since the last record: that of the last sample where each sample is recorded. Row 0 is zero.
-        In a continuous loop it is that of the record.
+        In a sampled loop it is the mean since the last record. If each sample is recorded, this is the residual of the last sample. Row 0
+        is zero. In a continuous loop it is the residual at the record.
         """
         return residuals(self._laws, self.t, self.q, self.v, self.estimate, self._sampled)
 
@@ -183,7 +183,7 @@ class Recorded:
     def contact(self) -> Contact | None:
         """The contact to which a `Guarded` law reacted (`armlet.Contact`); None for laws without a reaction.
 
-        Of one run it is None without contact, too. Of a batch its fields are arrays.
+        For one run it is also None if there was no contact. For a batch its fields are arrays.
         """
         state = self.contact_state
         if state is None:
@@ -197,7 +197,7 @@ class Recorded:
         return errors(self._laws, self._arms, self.t, self.q) if known else None
 
     def reference(self) -> tuple[Array, Array | None] | None:
-        """What the joints should do, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
+        """The reference of the joints, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
         desired = self.desired()
         if desired is not None:
             return desired[0], desired[1]
@@ -205,7 +205,7 @@ class Recorded:
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each joint's input: a force, or a velocity where that is what the law commands."""
+        """Unit of each joint's input: that of a torque, a force or a commanded velocity."""
         if self.law_name == "PriorityVelocity":
             return tuple(f"{unit}/s" for unit in self.units)
         return tuple("N" if unit == "m" else "N m" for unit in self.units)

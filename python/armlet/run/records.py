@@ -1,4 +1,4 @@
-"""What a simulation returns: arrays over time, how it ended, what it cost, and the identities it was checked against."""
+"""The result of a simulation: arrays over time, its status, its cost, and the identities that check it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ __all__ = ["BatchRun", "Run", "load"]
 
 
 class _Stored(Recorded):
-    """What is done with one run as with a batch of them."""
+    """The methods of both single runs and batches."""
 
     def metrics(self, **keywords: Any) -> Metrics:
         """Errors, settling time, overshoot, torques, time outside limits, violated monitors: see `armlet.metrics`."""
         return metrics(self, **keywords)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the run to one file, whole or not at all; `armlet.load` reads it back. No pickle inside."""
+        """Write the run to one file, which is complete or absent; `armlet.load` reads it back. The file contains no pickle."""
         save(self, path)
 
 
@@ -51,8 +51,8 @@ class Run(_Stored):
         friction: torques of the `StickSlip` or `LuGre` friction of the joints or motors, (K, n), N m or N; else None.
         bristles: the deflections of the bristles of `LuGre` friction, (K, n), rad or m; else None.
         status: how the run ended (`armlet.Status`), with advice.
-        stats: what it cost: counts of steps, evaluations, rejections; where the status is EXCESS_ACCURACY `coarsen`: times this both
-            tolerances can be met.
+        stats: the cost: counts of steps, evaluations and rejections. With the status EXCESS_ACCURACY also `coarsen`: the factor that makes
+            both tolerances feasible.
         monitors: the monitored identities by name, each (K,).
         events: the crossings of the events (`armlet.Events`); None without events.
         sensitivity: derivatives of the series (`armlet.Sensitivity`) by the names of `simulate(sensitivity=)`. None without
@@ -87,7 +87,7 @@ class Run(_Stored):
         self.status = Status(int(status))
 
     def plot(self, fig: Any = None) -> Any:
-        """Draw the figure that belongs to the law; returns the axes as an array. Needs matplotlib (`armlet[plot]`).
+        """Draw the figure for the run's law; returns the axes as an array. Needs matplotlib (`armlet[plot]`).
 
         Args:
             fig: a matplotlib figure to draw into; None makes one with pyplot.

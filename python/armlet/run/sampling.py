@@ -1,4 +1,4 @@
-"""A controller on a clock that is late, sees badly or moves slowly."""
+"""Sampled controllers with jitter, delay, noise, quantisation and a rate limit."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class _Effects:
 class Sampling(_Effects):
     """Sampling of a law, in place of a plain `sample_time`.
 
-    Sample `k` is taken at `k period + j`, with `j` uniform in [0, jitter]. The law receives the measurement of `sensor_delay` samples
+    Sample `k` is taken at `k period + j`, with `j` uniform in [0, jitter]. The law receives the measurement from `sensor_delay` samples
     before, with noise and resolution. Its output acts `delay` later and is then held. Random numbers depend only on the seed, the sample
     and the channel. So the same seed has the same run, and row i of a batch is the run with seed + i.
 

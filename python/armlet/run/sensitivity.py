@@ -60,7 +60,7 @@ def require_names(function: str, argument: str, names: Any) -> list[str]:
     """Names as a list of texts.
 
     Raises:
-        InputError: they are something else.
+        InputError: `names` is not a list of texts.
     """
     if isinstance(names, str):
         return [names]
@@ -100,7 +100,7 @@ def of_run(loops: Varied, keywords: Mapping[str, Any], t: Array) -> dict[str, Se
 
 @contextmanager
 def naming(function: str, loops: Varied) -> Iterator[None]:
-    """Name the number that the core refuses by its place."""
+    """Raise the errors of the core with the name of a number instead of its index."""
     try:
         yield
     except InputError as error:

@@ -101,8 +101,8 @@ def simulate(
 
     Warns:
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
-            Then the energy balance misses more than a tenth of the energy turned over, or
-            the Lyapunov function of a continuous law rises tenfold. `metrics(run)["energy_error"]` is that fraction.
+            Then the residual of the energy balance exceeds a tenth of the energy exchanged, or the Lyapunov function of a continuous law
+            rises tenfold. `metrics(run)["energy_error"]` is that fraction.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
 
@@ -141,9 +141,9 @@ def simulate(
 
 
 def _ran_away(plant: _core.Plant, run: Run) -> str:
-    """Of a run that diverged: an input that is not finite at the last record.
+    """Describe a run that diverged: an input that is not finite at the last record.
 
-    Else the joint that left its limits first, by the records, and the fastest one at the last record.
+    Otherwise, the joint that left its limits first according to the records, and the fastest joint at the last record.
     """
     if run.status != Status.DIVERGED or not len(run.t):
         return ""
@@ -213,7 +213,7 @@ def simulate_batch(
             a list of B lists `[(t_start, F), ...]`.
         force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.
         monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
-        threads: worker threads, 1 to 1024; None takes ARMLET_NUM_THREADS, or else the number of cores. Never more than groups of runs.
+        threads: worker threads, 1 to 1024; None takes ARMLET_NUM_THREADS, or else the number of cores. At most one per group of runs.
         keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record. Metrics are computed during the
             runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of `armlet.metrics`.
         metrics: with keep="metrics", arguments of `armlet.metrics` beside the run: `band`, `settle`, `tolerance`, `reference`, `frame`.

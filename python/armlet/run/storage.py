@@ -1,4 +1,4 @@
-"""Runs on disk: an npz container with a JSON header and a SHA-256 over all of it. No pickle, whole or not at all.
+"""Runs on disk: an npz container with a JSON header and a SHA-256 of everything, without pickle. A file is complete or absent.
 
 The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
 members are the arrays by name; monitors, limits, array stats and events as `monitors/name`, `limits/name`, `stats/name`,
@@ -32,7 +32,7 @@ EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
 
 
 def save(run: Recorded, path: str | PathLike[str]) -> None:
-    """Write `run` to `path`; the file is there whole or not at all, also when the disk is full."""
+    """Write `run` to `path`; the file is complete or absent, also when the disk is full."""
     items = run._items()
     arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, *SINGLE) if name in items}
     arrays |= {f"monitors/{name}": values for name, values in run.monitors.items()}

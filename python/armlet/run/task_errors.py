@@ -1,4 +1,4 @@
-"""How far the frames of a run's tasks are from their targets:
+"""Distances and angles between the frames of a run's tasks and their targets:
 
     e_k(t) = |S_k (x_d,k(t) - p_k(q(t)))|,   S_k the position rows of task k
     phi_k(t) = |S_k log(R_d,k(t) R_k(q(t))')|,   S_k its orientation rows
@@ -42,7 +42,7 @@ class _Aim:
 
 
 def position_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array) -> Array | None:
-    """The distances of the tasks' frames, (K, tasks) or (B, K, tasks), m; None where the laws have none, or differing numbers of them.
+    """The distances of the tasks' frames, (K, tasks) or (B, K, tasks), m; None if the laws have no tasks, or different numbers of them.
 
     Args:
         laws, arms: one for all rows, or one per row.
@@ -70,7 +70,7 @@ def _of_tasks(aims: list[list[_Aim]], arms: Sequence[Any], t: Array, q: Array) -
 
 
 def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array:
-    """The distance of a frame from where it should be by the joints' reference, (K, 1) or (B, K, 1), m."""
+    """The distance between a frame and its place at the joints' reference, (K, 1) or (B, K, 1), m."""
     if len(arms) == 1:
         apart = _position(arms[0], q_d, frame) - _position(arms[0], q, frame)
         return np.asarray(np.linalg.norm(apart, axis=-1, keepdims=True), dtype=np.float64)
@@ -116,7 +116,7 @@ def _position(arm: Any, q: Array, frame: str) -> Array:
 
 
 def where_finite(evaluate: Callable[[Array], Array], q: Array) -> Array:
-    """`evaluate(q)`; NaN where the joints are no numbers, which the arm refuses."""
+    """`evaluate(q)`; NaN where joint positions are NaN, which the arm refuses."""
     bad = np.asarray(~np.isfinite(q).all(axis=-1))
     found = evaluate(np.where(bad[..., None], 0.0, q))
     found[bad] = np.nan

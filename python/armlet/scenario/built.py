@@ -27,7 +27,7 @@ class Built(NamedTuple):
 
 
 def summary(built: Built, data: Mapping[str, Any]) -> str:
-    """Law, plant and time; the joints in the order of every list; what of the robot's file the loop leaves out."""
+    """Law, plant and time; the joints in the order of every list; the parts of the robot's file that the loop does not use."""
     arm, run = built.plant.arm, data["run"]
     length = f"{run['t_end']:g} s by {run.get('method', 'rk4')}"
     first = f"{type(built.law).__name__} on {type(built.plant).__name__}, {arm.n} joints, {length}"
@@ -40,7 +40,7 @@ def summary(built: Built, data: Mapping[str, Any]) -> str:
 
 
 def _has_friction(arm: Any) -> bool:
-    """Whether the joints resist being moved."""
+    """Whether the joints have friction."""
     if not arm.frame_names:
         return False  # the closed-form arms have none
     q, v, a = np.zeros(arm.n), np.ones(arm.n), np.zeros(arm.n)

@@ -1,6 +1,6 @@
 """Kinds of a scenario from the classes of the extension: the keys of a table are the parameters of a constructor.
 
-A class needs no entry where each of its parameters has a field, by name.
+A class needs no entry if each of its parameters has a field of the same name.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ def derived(
     Args:
         kind: the class.
         fields: the field of each parameter, by name.
-        needs: other tables of the scenario; those that the constructor takes go into it.
+        needs: other tables of the scenario; the constructor receives those that are among its parameters.
         required: keys that a table must have although the constructor has a default.
         known: keys that a table may leave out although the constructor has none.
-        make: what makes the object; the class itself if None.
+        make: function that makes the object; the class if None.
     """
     parameters = inspect.signature(kind).parameters
     taken = tuple(need for need in needs if need in parameters)

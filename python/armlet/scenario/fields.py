@@ -19,7 +19,7 @@ __all__ = ["Entries", "Field", "Flag", "Integer", "Items", "Keyed", "Kind", "Num
 
 
 def shown(value: object) -> str:
-    """A value as it is quoted in a message, short."""
+    """The short text of a value in a message."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):
@@ -32,7 +32,7 @@ def _number(value: object) -> bool:
 
 
 def _float(value: Any) -> float:
-    """A number as a float; an integer beyond all of them is infinite."""
+    """A number as a float; an integer beyond the range of floats is infinite."""
     try:
         return float(value)
     except OverflowError:
@@ -241,7 +241,7 @@ class OneOf(Field):
 
 @dataclass(frozen=True)
 class Items(Field):
-    """A list of tables of one form."""
+    """A list of tables, all with the keys of `form`."""
 
     item: Field
     low: int = 1
@@ -259,7 +259,7 @@ class Items(Field):
 
 @dataclass(frozen=True)
 class Keyed(Field):
-    """A table with keys of the user's choice, all of one form."""
+    """A table with any keys; all values have the same form."""
 
     item: Field
 

@@ -16,7 +16,7 @@ _OBSERVER = Table({"gain": _GAIN, "friction": Flag(), "threshold": Numbers(depth
 
 
 def with_guarded(kinds: Mapping[str, Kind]) -> OneOf:
-    """These laws, and any of them guarded."""
+    """These laws, and `Guarded` around any of them."""
     keys: dict[str, Field] = {
         "law": OneOf(kinds),
         "observer": _OBSERVER,

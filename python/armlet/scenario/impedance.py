@@ -1,4 +1,4 @@
-"""What impedance laws take as tables: a target that moves, and a null space."""
+"""Tables for impedance laws: a moving target, and a null space."""
 
 from __future__ import annotations
 

@@ -135,7 +135,7 @@ class Scenario:
         return self._build({})
 
     def _build(self, made: dict[Any, Any]) -> Built:
-        """As `build`; `made` keeps all but the law for the next scenario that has the same."""
+        """The same as `build`; `made` keeps all parts except the law for the next scenario with the same tables."""
         parts: dict[str, Any] = {}
         tables = {"plant": RIGID} | dict(self.data)
         for table in ("arm", "model", "plant", "motion", "law"):
@@ -221,7 +221,7 @@ class Scenario:
         return Scenario(data, self.folder, self.name)
 
     def _varied(self, changes: Mapping[str, Any]) -> Scenario:
-        """As `replace`, for the cells of a sweep: tables that no path leads to are shared, and not checked again."""
+        """As `replace`, for the cells of a sweep: tables without changes are shared, and not checked again."""
         touched = dict.fromkeys(path.partition(".")[0].partition("[")[0] for path in changes)
         if not all(table in self.data and table in SCENARIO.keys for table in touched):
             return self.replace(changes)
@@ -269,7 +269,7 @@ MOST_BYTES = 32 << 20
 
 
 def _text(file: Path) -> str:
-    """The text of a file that is not too large; a device without an end is."""
+    """The text of a file, unless it is too large, as a device without an end is."""
     with file.open("rb") as stream:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
@@ -281,7 +281,7 @@ def _text(file: Path) -> str:
 
 
 def _require_tables(function: str, data: object) -> None:
-    """Refuse what is no table of a sane depth, before anything recurses into it."""
+    """Refuse data that is not a table, or is nested too deeply, before any recursion."""
     instance(function, "data", data, Mapping, "tables by name, such as {'arm': ..}")
     require_shallow(function, "data", data)
 
@@ -294,7 +294,7 @@ def _make(kind: Kind, table: str, values: Mapping[str, Any], parts: Mapping[str,
 
 
 def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, Any]) -> Any:
-    """`make()`, with the path of the key at fault in the message of what it raises."""
+    """Call `make()`; the messages of its errors get the path of the wrong key."""
     try:
         return make()
     except ModelError as error:
@@ -327,7 +327,7 @@ def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, 
 
 
 def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Keys that a table may have and has not, which a message may be about."""
+    """Keys that a table may have but does not have. An error message may refer to one of them."""
     what = SCENARIO.keys[table]
     keys: set[str] = set()
     for kind in what.kinds.values() if isinstance(what, OneOf) else [what]:

@@ -1,4 +1,4 @@
-"""The tables of a scenario: which kinds of arm, plant, motion and law there are, and what each takes.
+"""The tables of a scenario: the kinds of arms, plants, motions and laws, and the keys of each.
 
 A class of the extension is available in scenario files if each of its parameters has a field here. A class whose table differs from
 its constructor has an entry.
@@ -60,7 +60,7 @@ _PAYLOAD = Table({"frame": TEXT, "mass": NOT_NEGATIVE, "com": VECTOR, "inertia":
 
 
 def _arm(keys: Mapping[str, Field], required: tuple[str, ...], make: Any) -> Kind:
-    """A kind of arm that has frames, hence may carry a payload."""
+    """A kind of arm with frames, to which a payload may be attached."""
 
     def arm(payload: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Arm:
         made: _core.Arm = make(**keywords)
@@ -252,11 +252,11 @@ def _adaptive(arm: _core.Arm, motion: _core.Motion, concurrent: Mapping[str, Any
 
 
 def _pid(arm: _core.Arm, target: Any, kp: Any, kd: Any, ki: Any = None, **options: Any) -> _core.Law:
-    """PID without an integral where no `ki` is named; the target may be a table of a motion."""
+    """PID, without an integral if `ki` is missing; the target may be a table of a motion."""
     return _core.PID(arm, MOTIONS.make(target, arm=arm) if isinstance(target, Mapping) else target, kp, ki, kd, **options)
 
 
-#: What an elastic law knows of the plant, by the name it has there; not given, it knows the plant as it is.
+#: Values of the plant that an elastic law uses, by their names in the plant. Missing ones come from the plant.
 KNOWN = {"joint_stiffness": "stiffness", "motor_inertia": "motor_inertia"}
 
 #: The first two, and laws whose tables differ from their constructors.
@@ -346,7 +346,7 @@ RECORDS = 10_000_000
 
 
 def arguments(run: Mapping[str, Any]) -> dict[str, Any]:
-    """The keyword arguments of `simulate` that the table `run` stands for."""
+    """The keyword arguments of `simulate` for the table `run`."""
     given = dict(run)
     sampling, times, force = given.get("sample_time"), given.get("t_eval"), given.get("force")
     if isinstance(sampling, Mapping):

@@ -31,7 +31,7 @@ LONGEST = 500
 
 @dataclass(frozen=True)
 class Chunk:
-    """The cells from `start` to `stop` of a sweep, with all that running them takes."""
+    """The cells from `start` to `stop` of a sweep, with everything that a worker needs to run them."""
 
     scenario: Scenario
     cells: Cells
@@ -52,7 +52,7 @@ class Chunk:
         return [replace(self, start=i, stop=i + 1) for i in range(self.start, self.stop)]
 
     def failed(self, error: str) -> Columns:
-        """The rows where no cell has a result."""
+        """The rows of a chunk without a result."""
         return _rows(self, {row: error for row in range(len(self))}, np.full(len(self), Status.INTERRUPTED, dtype=np.int32), {})
 
 
@@ -131,7 +131,8 @@ How = tuple[int | None, Mapping[str, Any]]
 def _batches(
     members: Members, start: int, cells: Cells, how: How, errors: dict[int, str] | None, tried: int = 1
 ) -> list[tuple[Members, BatchRun]]:
-    """The batch of these cells; where it raises each cell alone, and those that raise alone go to `errors` (None: raise)."""
+    """The batch of these cells. If it raises an error, each cell runs alone, and `errors` gets the errors of single cells (None: raise
+    them)."""
     try:
         return [(members, _batch(members, start, cells, *how))]
     except Exception as error:
@@ -166,7 +167,7 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None, metr
 
 
 def joined(parts: Sequence[Columns]) -> Columns:
-    """Chunks one below the other; where one has no metrics, since all its cells failed, NaN."""
+    """Join the columns of chunks. A chunk in which all cells failed has no metrics: its rows are NaN."""
     names = dict.fromkeys(name for part in parts for name in part)
     known = [set(part) - {"error"} for part in parts if not having(part["status"], Status.INTERRUPTED).all()]
     if any(each != known[0] for each in known):

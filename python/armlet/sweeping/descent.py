@@ -1,4 +1,4 @@
-"""Values of a scenario along the gradient of a loss: scipy's L-BFGS-B [ByrdEtAl1995] in the unit cube, from several starts.
+"""Search of values of a scenario by the gradient of a loss: scipy's L-BFGS-B [ByrdEtAl1995] in the unit cube, from several starts.
 
     minimise over u in [0, 1]^k   L(run with the values g(u))
 
@@ -61,7 +61,7 @@ class Descent:
         self.paid: list[float] = []
 
     def own(self) -> Array:
-        """The place of the scenario's own values, (k,); the middle of an interval for a value outside of it."""
+        """The relative positions of the scenario's values in their intervals, (k,); 1/2 for a value outside of its interval."""
         return np.array([_place(spec, _value(self.scenario, path)) for path, spec in self.space.items()])
 
     def evaluate(self, u: Array) -> tuple[float, Array]:
@@ -81,7 +81,7 @@ class Descent:
         return cost, slopes * rates
 
     def search(self, optimize: Any, u: Array, steps: int, tolerance: float, after: Callable[[], object]) -> bool:
-        """Search from `u`; whether the search ended by itself."""
+        """Search from `u`, and return whether the search converged."""
         result = optimize.minimize(
             self.evaluate,
             u,
@@ -155,6 +155,6 @@ def _place(spec: Mapping[str, Any], value: float) -> float:
 
 
 def _rate(spec: Mapping[str, Any], value: float) -> float:
-    """The derivative of a value with respect to its place in the interval."""
+    """The derivative of a value with respect to its relative position in the search interval."""
     ((kind, (low, high)),) = spec.items()
     return float(high - low if kind == "uniform" else value * math.log(high / low))

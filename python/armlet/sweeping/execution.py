@@ -57,7 +57,7 @@ class SweepTable(dict[str, NDArray[Any]]):
         return frame
 
     def to_csv(self, path: str | PathLike[str]) -> Path:
-        """Write the table as CSV, whole or not at all.
+        """Write the table as CSV. The file is complete or absent.
 
         Args:
             path: the file.
@@ -210,7 +210,7 @@ def sweep(
 
 
 def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: int | None = None, seed: int | None = None) -> Cells:
-    """The cells that are asked for here, or where they are not, in the scenario's `[sweep]`."""
+    """The cells of the arguments, or of the scenario's `[sweep]` without these arguments."""
     stated = scenario.data.get("sweep", {})
     if vary is None and "vary" not in stated:
         raise InputError("sweep: vary is missing: expected what varies by path, here or in the scenario's [sweep]")
@@ -220,10 +220,10 @@ def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: i
 
 
 def rehearse(scenario: Scenario, cells: Cells) -> None:
-    """Take the first and the last cell to their first instant: most of what is refused is refused before anything is written.
+    """Start the first and the last cell, so that most errors are raised before anything is written.
 
     Raises:
-        InputError: a cell is no scenario.
+        InputError: a cell is not a valid scenario.
     """
     ends = sorted({0, len(cells) - 1})
     for i in ends:
@@ -237,7 +237,7 @@ def _chunk_size(run: Mapping[str, Any]) -> int:
 
 
 def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
-    """The keywords for `armlet.metrics` as numbers and lists, that a store can hold."""
+    """The keywords for `armlet.metrics` as numbers and lists, which can be stored."""
     n = len(scenario.data["run"]["q0"])
     shapes: dict[str, list[tuple[int | str, ...]]] = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
     plain: dict[str, Any] = {}

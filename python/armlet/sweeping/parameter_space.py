@@ -1,4 +1,4 @@
-"""The cells of a sweep: what varies, and the values of cell number i, from the sweep's seed and i alone.
+"""The cells of a sweep: the varied quantities, and their values in cell i, which depend only on the sweep's seed and i.
 
 A grid is the product of lists, the last entry fastest. Draws are random: u = U(seed, i, entry) in (0, 1) goes through the inverse of the
 distribution. So a cell's values depend on neither the order nor the number of workers.
@@ -30,7 +30,7 @@ MOST_CELLS = 100_000_000
 
 @dataclass(frozen=True)
 class Cells:
-    """What varies: lists of values, or in the case of draws also distributions, by the path of the key they are for.
+    """The varied quantities by path: lists of values, or with draws also distributions.
 
     Args:
         vary: a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with draws also `{"uniform": [a, b]}`,
@@ -45,7 +45,7 @@ class Cells:
 
     @staticmethod
     def of(vary: Mapping[str, Any], draws: int | None, seed: int) -> Cells:
-        """Check, and write lists out."""
+        """Check the arguments, and expand `linspace` and `geomspace` to lists."""
         instance("sweep", "vary", vary, Mapping, "a table of values by path")
         draws = None if draws is None else integer("sweep", "draws", draws, 1)
         if integer("sweep", "seed", seed) >= 2**31:

@@ -1,7 +1,7 @@
-"""A folder that collects a sweep: `sweep.json` says which, `chunk-000012.npz` holds finished cells, each file whole or absent.
+"""The folder of a sweep: `sweep.json` identifies the sweep, `chunk-000012.npz` has finished cells. Each file is complete or absent.
 
-A chunk carries a SHA-256 over its header and arrays; one that does not match is as good as missing and is computed again. Files are
-written by the client alone, to a temporary name and renamed: a kill or a full disk leaves finished chunks as they were.
+A chunk carries a SHA-256 over its header and arrays; a chunk that does not match counts as missing and is computed again. Files are
+written by the client alone, to a temporary name and renamed: a kill or a full disk does not change finished chunks.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Gains by an optimiser: scipy's differential evolution [storn1997differential], a whole generation of candidates run as one batch.
-Or, for losses with a gradient, scipy's L-BFGS-B from several starts: see `descent`.
+"""Search of gains by scipy's differential evolution [storn1997differential], with one batch per generation of candidates. For losses with a
+gradient, by scipy's L-BFGS-B from several starts: see `descent`.
 
     minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c)
 
@@ -51,9 +51,10 @@ class Tuning:
         scenario: the scenario with them.
         costs: the least cost after each generation, the first that of the initial candidates; with gradients, after each iteration.
         tried: every candidate, in order: `cell`, a column per path, and `cost`.
-        runs: how many loops were run; with gradients an adjoint goes with each.
+        runs: number of runs; with gradients each has an adjoint run.
         method: the name of the method.
-        converged: whether the candidates had come together before the last generation; with gradients, whether every start ended by itself.
+        converged: whether the candidates met the tolerance before the last generation; with gradients, whether the search from every start
+            did.
     """
 
     best: dict[str, Any]
@@ -211,7 +212,7 @@ def tune(
 def _evolved(
     optimize: Any, evaluate: Any, size: int, how: tuple[int, int, float, int], report: Callable[..., None], raised: list[Exception]
 ) -> Any:
-    """What differential evolution returns."""
+    """The result of differential evolution."""
     candidates, generations, tolerance, seed = how
     first = np.random.default_rng(seed).permuted(np.tile((np.arange(candidates) + 0.5) / candidates, (size, 1)), axis=1)
     try:
@@ -237,7 +238,7 @@ def _evolved(
 def _descended(
     optimize: Any, whole: Scenario, search: Descent, how: tuple[int, int, float, int], listener: Callable[[int, float], object]
 ) -> Tuning:
-    """What is found along the gradient from several starts."""
+    """The result of the search by gradients from several starts."""
     starts, steps, tolerance, seed = how
     random = np.random.default_rng([seed, 2]).random((starts - 1, len(search.space)))
     costs: list[float] = []
@@ -259,7 +260,7 @@ def _scipy() -> Any:
 
 
 def _listener(progress: Any, generations: int) -> Callable[[int, float], object]:
-    """What is called with the number of a generation and the least cost so far."""
+    """The callback of `progress`, with the number of a generation and the least cost so far."""
     report = reporter("tune", progress, "generations")
     if isinstance(report, Progress):
         return lambda k, cost: report(k, generations)
@@ -267,7 +268,7 @@ def _listener(progress: Any, generations: int) -> Callable[[int, float], object]
 
 
 def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
-    """What is searched, by path; InputError where an entry is no range."""
+    """The search intervals by path; InputError if an entry is not an interval."""
     space = Cells.of(vary, 1, seed).vary
     for path, spec in space.items():
         if not isinstance(spec, Mapping) or "normal" in spec:
@@ -276,7 +277,7 @@ def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
 
 
 def _conditions(over: Mapping[str, Any] | None, seed: int, candidates: int) -> list[dict[str, Any]]:
-    """The values under which every candidate runs; InputError where a generation has too many runs."""
+    """The values under which every candidate runs; InputError if a generation has too many runs."""
     grid = None if over is None else Cells.of(over, None, seed)
     runs = candidates * (1 if grid is None else grid.count)
     if runs > MOST:

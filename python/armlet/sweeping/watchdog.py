@@ -11,7 +11,7 @@ __all__ = ["leave_with"]
 
 @cache
 def leave_with(client: int) -> None:
-    """End this process with the one of that id, where that is its parent: a client that is killed leaves workers waiting for ever."""
+    """End this worker when its parent process `client` ends. Otherwise the workers of a killed client would wait without end."""
     from multiprocessing import parent_process  # takes a while, and only workers need it
 
     parent = parent_process()

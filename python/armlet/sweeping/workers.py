@@ -51,7 +51,7 @@ def results(chunks: Iterator[Chunk], executor: Executor | None, out: Any) -> Ite
 
 
 class _Work:
-    """Chunks that wait, that are at the executor, and that are finished in part."""
+    """Waiting chunks, chunks at the executor, and partly finished chunks."""
 
     def __init__(self, chunks: Iterator[Chunk], executor: Executor) -> None:
         self.chunks, self.executor, self.name = chunks, executor, uuid4().hex
@@ -142,7 +142,7 @@ class _Work:
             yield whole, joined([rows[i] for i in sorted(rows)])
 
     def _renew(self, error: BrokenExecutor) -> None:
-        """From now on one pool per worker."""
+        """Replace the broken pool by one pool per worker."""
         if self.lanes is None:
             if not isinstance(self.executor, ProcessPoolExecutor):
                 raise error
@@ -150,7 +150,7 @@ class _Work:
 
 
 class _Lanes:
-    """As many process pools of one worker each as a pool had workers, with its start method and initializer; a chunk at a time each."""
+    """One process pool per worker of a broken pool, with its start method and initializer. Each has one chunk at a time."""
 
     def __init__(self, pool: ProcessPoolExecutor) -> None:
         known: dict[str, Any] = vars(pool)
@@ -203,7 +203,7 @@ def _serve(client: int, ticket: tuple[str, int, int], starts: int, packed: bytes
 
 
 def _started(ticket: tuple[str, int, int]) -> int:
-    """How often this ticket has been started, this time included, on a Dask cluster; 1 elsewhere."""
+    """How often Dask has started the chunk with this `ticket`, including this time; 1 with other executors."""
     distributed: Any = sys.modules.get("distributed")
     if distributed is None:
         return 1

@@ -1,4 +1,4 @@
-"""System 1: the PR robot under adaptive tracking, with parameters unknown to the law. Pull it, load it, and observe the estimate.
+"""System 1: the PR robot under adaptive tracking, with parameters unknown to the law. Pull it, add a load, and observe the estimate.
 
     tau = Y a_hat + Kd s,   a_hat' = Gamma Y's,   s = v_d - v + Lambda (q_d - q)
 
@@ -22,7 +22,7 @@ FREQUENCY = np.array([1.0, 1.7])  # rad/s
 
 
 def robot(payload: float) -> al.Arm:
-    """The chain with `payload` kg at its tip."""
+    """The robot as a chain of links, with a load of `payload` kg at its tip."""
     inertia = LINK * LENGTH**2 / 12
     slide = {"type": "P", "axis": [1.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0], "xyz": [0.0, 0.0, 0.0], "phi": [CART] + [0.0] * 9}
     about_origin = inertia + LINK * LENGTH**2 / 4
@@ -38,7 +38,7 @@ def robot(payload: float) -> al.Arm:
 
 
 def parameters(payload: float) -> Array:
-    """A, B, C of the chain."""
+    """The parameters A, B, C of `robot(payload)`."""
     total = CART + LINK + payload
     return np.array([total, LINK * LENGTH / 2 + payload * LENGTH, LINK * LENGTH**2 / 3 + payload * LENGTH**2])
 

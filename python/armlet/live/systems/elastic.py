@@ -1,4 +1,5 @@
-"""System 3: Cartesian impedance of a 2R arm with elastic joints; pull its tip, soften its joints, shrink its motors.
+"""System 3: Cartesian impedance of a 2R arm with elastic joints. Pull its tip, and reduce the stiffness of its joints and the inertia of
+its motors.
 
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
     tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)

@@ -2,8 +2,8 @@
 
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from the downward vertical
 
-A new target is planned from where the link rests; one that is given on the way waits for the rest. What no torque within the limit can
-do is said, and the link stays. The plan is tracked by computed torque, within the same limit.
+A plan starts where the link rests: a new target during a motion waits for the end of this motion. If no torque within the limit reaches the
+target, a message reports it, and the link stays. The plan is tracked by computed torque, within the same limit.
 """
 
 from __future__ import annotations
@@ -65,13 +65,13 @@ class MinimumTime(System):
 
     @staticmethod
     def goal(targets: Targets, near: float) -> float:
-        """The angle of the target: of all turns the one nearest to `near`, so that half a turn at most is asked for."""
+        """The angle of the target: of all turns the one nearest to `near`, so that the motion is at most half a turn."""
         x, y, _ = targets["goal"]
         angle = math.atan2(y, x)
         return angle + 2 * math.pi * round((near - angle) / (2 * math.pi))
 
     def due(self, state: State, values: Values, targets: Targets) -> bool:
-        """A goal or a limit is not yet answered, and the link rests where the last plan has ended."""
+        """Whether a new goal or limit waits for a plan, and the link rests at the end of the last plan."""
         if self.wanted == (self.goal(targets, self.rest), number(values, "tau_max")):
             return False
         return state.t >= self.begin + self.duration and abs(state.v[0]) < SLOW and abs(state.q[0] - self.rest) < SLOW

@@ -1,8 +1,9 @@
-"""A seven-axis arm that feels: the momentum observer finds the torque of a push without a force sensor. Pull any link.
+"""A seven-axis arm with a momentum observer, which estimates the torque of a push without a force sensor. Pull any link.
 
     r' = K_O (tau_ext - r),   contact where |r_i| is above the threshold of joint i
 
-The push of the slider acts along y at the tip, a pull where it is held. Drawn beside `r` is J'F, which the observer does not know.
+The force of the slider acts along y at the tip, the force of the mouse at its grip point. The curves show `r` and J'F, which the observer
+does not know.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ class Observer(System):
             self.observer.update(sim.q, sim.v, sim.tau, DT)
 
     def true_torque(self, q: Array) -> Array:
-        """J'F of what pushes, (n,)."""
+        """J'F of the acting forces, (n,)."""
         if self.force is None:
             return np.zeros(self.arm.n)
         return np.asarray(self.arm.jacobian(q, self.force.frame).T @ self.force.wrench)

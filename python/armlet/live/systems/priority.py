@@ -1,8 +1,8 @@
-"""System 2: two tasks in priority on the macro-micro planar 4R arm; drag a target away and see which task is given up.
+"""System 2: two tasks in priority on the macro-micro planar 4R arm; drag a target out of reach and observe which task keeps its target.
 
     v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1),   P1 = I - J1# J1,   v_i = gain_i (x_i,d - x_i)
 
-The tip of link 4 is first, the tip of link 2, the elbow, second.
+The tip of link 4 has the first priority, and the tip of link 2 (the elbow) the second.
 """
 
 from __future__ import annotations

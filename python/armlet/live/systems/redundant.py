@@ -3,7 +3,8 @@
     tau = J' F + N' tau_0 + g,   F = K (x_d - x) - D J v,   tau_0 = K_n (q_n - q) - D_n v
     compensated:   tau += C v,   F -= L J_dot v,   L = (J M^-1 J')^-1
 
-The posture is that of the start but for one joint, which a slider turns. Compare the projectors, with the coupling and without.
+The posture is that of the start, except one joint, which a slider turns. Compare the projectors, with and without compensation of the
+coupling.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Redundant(System):
 
     @staticmethod
     def posture(values: Values) -> al.NullSpace | None:
-        """The null space, None where there is none."""
+        """The options of the null space; None without them."""
         projection = values["projection"]
         if projection == "none":
             return None

@@ -1,4 +1,4 @@
-"""A robot from a file, in its own joints: drag its tip, pull any link.
+"""A robot from a file: drag its tip, pull any link.
 
     tau = M (Kp e - Kd v) + C v + g   or   tau = D (Kp e - Kd v) + g,   Kp = w^2, Kd = 2 zeta w, D the diagonal of M(q0)
 
@@ -21,7 +21,7 @@ __all__ = ["Robot", "middle"]
 
 
 def middle(arm: al.Arm) -> Array:
-    """Zero where the limits allow it, else the middle of the range of the joint, or its one limit."""
+    """Zero if the limits allow it, else the middle of the range of the joint, or its only limit."""
     low, high = arm.limits["q_min"], arm.limits["q_max"]
     nearest: Array = np.clip(0.0, low, high)
     between = (nearest != 0.0) & np.isfinite(low) & np.isfinite(high)
@@ -67,7 +67,7 @@ class Robot(System):
         return super().start()
 
     def reach(self, target: Array) -> None:
-        """Joints for the target, from the last ones; the nearest pose where it is out of reach."""
+        """Joint positions for the target, searched from the last ones; those of the nearest pose if the target is out of reach."""
         if np.array_equal(target, self.answered):
             return
         task = al.Task(self.frame, "xyz", target)

@@ -2,9 +2,9 @@
 
     I theta_ddot = tau - tau_f,   tau = K_p e + K_i int e - K_d theta_dot,   F_s the breakaway torque, F_c that of motion
 
-With PD the link stops short of its target. With PID the integral grows until the link breaks away, passes the target, and sticks again:
-it hunts. The integral starts anew when a slider moves or a hand pulls. Compare stick-slip with LuGre friction, whose bristles deflect
-before the link breaks away.
+With PD the link stops short of its target. With PID the integral grows until the link breaks away, passes the target, and sticks again: a
+limit cycle. The integral restarts at zero when a slider moves or the mouse pulls. Compare stick-slip with LuGre friction, whose bristles
+deflect before the link breaks away.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Stiction(System):
 
     @staticmethod
     def friction(values: Values) -> al.StickSlip | al.LuGre | bool:
-        """The friction of these values; False for none."""
+        """The friction model for these values of the controls; False for none."""
         coulomb = number(values, "coulomb")
         curve = {"coulomb": coulomb, "static": number(values, "ratio") * coulomb, "stribeck_speed": SPEED, "viscous": VISCOUS}
         if values["friction"] == "none" or coulomb == 0.0:

@@ -2,7 +2,7 @@
 
     constants + state at t  ->  al.Simulator
 
-A loop has constants for gains, targets and forces. When the user changes one of them, another loop starts from the present state.
+A loop has constants for gains, targets and forces. When the user changes one of them, a new loop starts from the present state.
 `loop` builds it in tens of microseconds, so that a slider or the mouse can start one in every frame.
 """
 
@@ -71,7 +71,7 @@ Control: TypeAlias = Slider | Choice
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves over time in one panel; the title ends with their unit. The `dashed` last ones are true or desired values of the first."""
+    """Curves over time in one panel; the title ends with their unit. The last `dashed` curves are true or desired values of the first."""
 
     title: str
     curves: tuple[str, ...]
@@ -80,7 +80,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class State:
-    """The state of a loop at time `t`, in s. A part is None if a system lacks it, or starts it itself."""
+    """The state of a loop at time `t`, in s. A part is None if a system does not have it, or initialises it."""
 
     t: float
     q: Array
@@ -124,26 +124,26 @@ class System(ABC):
 
     @abstractmethod
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
-        """The closed loop with these constants, from `state` on; InputError where they are refused."""
+        """The closed loop with these constants, from `state` on; InputError if they are not valid."""
 
     @abstractmethod
     def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
-        """The present points of the curves, one list per plot."""
+        """The present values of the curves, one list per plot."""
 
     def step(self, sim: al.Simulator) -> None:
         """One step of the loop."""
         sim.step()
 
     def due(self, state: State, values: Values, targets: Targets) -> bool:
-        """Whether another loop should start although no hand has moved."""
+        """Whether a new loop should start without a change by the user."""
         return False
 
     def desired(self, t: float, values: Values, targets: Targets) -> Array | None:
-        """Where the tip should be at `t`, in m, where that is not a target itself."""
+        """The desired position of the tip at `t`, m, if it is not one of the targets."""
         return None
 
     def start(self) -> State:
-        """The state at reset; what was planned is forgotten."""
+        """The state at reset; a plan is discarded."""
         return State(0.0, self.q0, np.zeros(self.arm.n))
 
     def defaults(self) -> dict[str, float | str]:
