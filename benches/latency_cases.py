@@ -5,8 +5,11 @@ from __future__ import annotations
 # Runs before every setup.
 COMMON = """
 import pickle
+import warnings
 import numpy as np
 import armlet as al
+# Random configurations leave the limits of the joints.
+warnings.filterwarnings("ignore", message=".*check_limits")
 rng = np.random.default_rng(0)
 arm = al.load_urdf(al.example_urdf("seven_axis"))
 six = al.load_urdf(al.example_urdf("six_axis"))
