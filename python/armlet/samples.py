@@ -39,6 +39,13 @@ class Samples:
     #: How many directions of the parameters the record shows.
     rank: int
 
+    def __post_init__(self) -> None:
+        _core.numbers("Samples", "W", self.W, ("N", "n", "p"))
+        _core.numbers("Samples", "tau", self.tau, ("N", "n"))
+        _core.numbers("Samples", "indices", self.indices, ("N",))
+        for name in ("singular_value", "rank"):
+            _core.numbers("Samples", name, getattr(self, name), ())
+
     def __repr__(self) -> str:
         return f"<Samples: {len(self.W)}, smallest singular value {self.singular_value:.4g} of {self.rank} directions>"
 

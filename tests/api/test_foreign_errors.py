@@ -85,6 +85,13 @@ JUNK = [*NUMBERS, *TEXTS, *LISTED, *ARRAYS, *OBJECTS, *MASKED]
 
 #: Calls with one argument that is anything.
 CALLS: dict[str, Callable[[Any], Any]] = {
+    "Contact": lambda x: al.Contact(x, 1, np.ones(2)),
+    "Contact.joint": lambda x: al.Contact(0.1, x, np.ones(2)),
+    "Contact.residual": lambda x: al.Contact(0.1, 1, x),
+    "Samples": lambda x: al.Samples(np.ones((1, 1, 2)), np.ones((1, 1)), x, 1.0, 1),
+    "Samples.W": lambda x: al.Samples(x, np.ones((1, 1)), np.arange(1), 1.0, 1),
+    "Samples.rank": lambda x: al.Samples(np.ones((1, 1, 2)), np.ones((1, 1)), np.arange(1), 1.0, x),
+    "Samples.singular_value": lambda x: al.Samples(np.ones((1, 1, 2)), np.ones((1, 1)), np.arange(1), x, 1),
     "metrics": al.metrics,
     "metrics(reference)": lambda x: al.metrics(RUN, reference=x),
     "metrics(band)": lambda x: al.metrics(RUN, band=x),

@@ -110,3 +110,19 @@ def test_a_stop_holds_a_joint() -> None:
     rest = al.equilibrium(al.RigidArm(ARM, stops=stops), law, q0=[0.0, 1.0])
     np.testing.assert_allclose(rest.q, [(100.0 * 0.5 + 1e4 * 0.25) / 10100.0, 1.0], rtol=0.0, atol=1e-12)
     assert not rest.reachable and rest.stable and not rest.spurious
+
+
+@pytest.mark.parametrize("plant", ["rigid", "elastic"])
+def test_bristles_without_a_load_leave_the_rest(plant: str) -> None:
+    bristles = al.LuGre(coulomb=1.0, static=2.0, stribeck_speed=0.1, stiffness=300.0, damping=1.0)
+    if plant == "rigid":
+        law: al.Law = al.PDGravity(ARM, target=[0.3, 1.0], kp=80.0, kd=10.0)
+        smooth, dry = al.RigidArm(ARM), al.RigidArm(ARM, friction=bristles)
+    else:
+        law = LAWS["joint"]
+        smooth, dry = al.ElasticArm(ARM, K, B), al.ElasticArm(ARM, K, B, motor_friction=bristles)
+    want, got = (al.equilibrium(p, law, q0=START) for p in (smooth, dry))
+    np.testing.assert_array_equal(got.q, want.q)
+    assert got.stable and got.eigenvalues.size == want.eigenvalues.size + 2
+    # A bristle at rest is a spring beside the law: the sum of all eigenvalues loses its damping sigma_1 alone.
+    assert got.eigenvalues.real.sum() < want.eigenvalues.real.sum()

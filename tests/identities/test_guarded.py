@@ -322,6 +322,8 @@ def test_bad_runs_and_residuals() -> None:
         al.simulate(al.RigidArm(TWO), guarded(**STOP), TARGET, t_end=0.1, dt=1e-3)
     with pytest.raises(al.InputError, match="law is made for another plant"):
         al.simulate(al.VelocityArm(TWO), guarded(), TARGET, t_end=0.1, dt=1e-3)
+    with pytest.raises(al.InputError, match="Simulator: law is made for another plant"):
+        al.Simulator(al.VelocityArm(TWO), guarded(), TARGET, dt=1e-3)
     law = guarded()
     for residual, message in (([1.0], "residual"), ([np.nan, 1.0], "residual is not finite"), ([[1.0, 2.0, 3.0]], "residual")):
         with pytest.raises(al.InputError, match=message):

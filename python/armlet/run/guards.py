@@ -42,6 +42,11 @@ class Contact:
     #: The residual at that sample, (n,) or (B, n), N m or N; NaN without contact.
     residual: Array
 
+    def __post_init__(self) -> None:
+        runs = _core.numbers("Contact", "time", self.time, (), ("B",)).shape
+        _core.numbers("Contact", "joint", self.joint, runs)
+        _core.numbers("Contact", "residual", self.residual, (*runs, "n"))
+
 
 def residuals(laws: Sequence[Any], t: Array, q: Array, v: Array, estimate: Array | None, sampled: bool) -> Array | None:
     """The residuals, (K, n) or (B, K, n); None for laws without an observer and for a single record."""

@@ -293,7 +293,6 @@ impl Simulator {
             let dt = options.dt.unwrap_or_default();
             let (_, x0) = given.initial_states(&[&plant], q0, false)?;
             let (force, force_frame) = given.force(&plant, &law, &raised)?;
-            let start: Vec<f64> = x0.iter().copied().chain(law.start(&x0)).collect();
             let problem = Problem {
                 plants: vec![&plant],
                 laws: vec![&law],
@@ -311,6 +310,7 @@ impl Simulator {
             let check = given.limit_check()?;
             told.then(|| check.problem(py, NAME, &problem, false)).transpose()?;
             let stepping = stepper(&problem)?;
+            let start: Vec<f64> = problem.x0.iter().copied().chain(law.start(&problem.x0)).collect();
             // Arrays of the caller's may change later.
             let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
             let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();

@@ -225,8 +225,9 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         let stretch = plant.stiffness.inverse().times(&tau);
         theta = q.iter().zip(stretch).map(|(q, s)| q + s).collect();
         state.extend(&theta);
-        state.resize(4 * n, 0.0);
     }
+    // No speeds, and bristles of friction without a load.
+    state.resize(plant.states(), 0.0);
     let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
     if let LawSpec::CartesianImpedance(task) = &held {
         // The force as the law's spring sees it, where it acts at the law's own frame.

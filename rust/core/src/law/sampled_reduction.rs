@@ -7,10 +7,10 @@
 //! `omega_n dt < min(4 zeta, 1/zeta)`, `omega_n = sqrt(K_J/B0)`; at `B0 = B` that rule errs on the unsafe side.
 
 use super::ReductionSpec;
-use crate::linalg::Gain;
 use crate::linalg::eigenvalues::spectral_radius;
-use crate::linalg::exponential::exponential;
+use crate::linalg::{Gain, largest};
 use crate::plant::ElasticSpec;
+use nalgebra::DMatrix;
 
 /// Motors with locked links under the inner loop.
 pub struct LockedMotors {
@@ -148,7 +148,9 @@ impl Group {
                 a[(2 * n + i) * size + 2 * n + i] = -dt * self.bandwidth;
             }
         }
-        let e = exponential(&a, size);
+        // Beyond, the tenth power of nalgebra's norms is infinite, and its halvings do not end.
+        const MOST: f64 = 1e30;
+        let e = if largest(&a) < MOST { DMatrix::from_row_slice(size, size, &a).exp() } else { DMatrix::repeat(size, size, f64::NAN) };
         // tau = (I - R) tau_J - R D0 theta_dot, tau_J modelled or measured.
         let share = |i: usize, j: usize| f64::from(u8::from(i == j)) - self.ratio[i * n + j];
         let mut f = vec![0.0; n * s];
@@ -161,7 +163,7 @@ impl Group {
         }
         let entry = |at: usize| {
             let (i, j) = (at / s, at % s);
-            e[i * size + j] + (0..n).map(|k| e[i * size + s + k] * f[k * s + j]).sum::<f64>()
+            e[(i, j)] + (0..n).map(|k| e[(i, s + k)] * f[k * s + j]).sum::<f64>()
         };
         ((0..s * s).map(entry).collect(), s)
     }

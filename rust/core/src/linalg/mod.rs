@@ -7,7 +7,6 @@ pub mod cholesky;
 pub mod clamp;
 pub mod clamped_inverse;
 pub mod eigenvalues;
-pub mod exponential;
 pub mod gain;
 pub mod householder;
 pub mod jacobi_rotation;
