@@ -1,14 +1,15 @@
-"""Laws and functions of arms as C99 that runs without armlet: headers, sources and CMake files."""
+"""Laws, observers and functions of arms as C99 that runs without armlet: headers, sources and CMake files."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _core
 from .arguments import file_path, instance, shown
@@ -32,36 +33,42 @@ Function: TypeAlias = str | tuple[str, str]
 
 @border
 def export_c(
-    law: _core.Law | _core.Arm,
+    law: _core.Law | _core.Arm | _core.MomentumObserver,
     folder: str | PathLike[str],
     *,
     functions: Sequence[Function] | None = None,
     prefix: str | None = None,
     dt: float | None = None,
     method: str = "rk4",
+    sample_time: float | None = None,
+    tau_max: ArrayLike | None = None,
     friction: bool = False,
     armature: bool = False,
     fused: bool | None = None,
     overwrite: bool = False,
 ) -> list[Path]:
-    """Write a law, or functions of an arm, as C99 that needs no armlet: a header, a source file and a `CMakeLists.txt`.
+    """Write a law, an observer, or functions of an arm, as C99 that needs no armlet: a header, a source file and a `CMakeLists.txt`.
 
     The C code allocates nothing, does not recurse, and uses `math.h` and `string.h` alone. It has the same bits as armlet on this machine
     if it is compiled with `-ffp-contract=off`, as its CMake file does. A law is `<prefix>_init(state)` and
     `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. Desired motions are inside.
-    A function of an arm is `<prefix>_<name>(inputs.., out)`, with row-major matrices. Each function returns 0, or a status that the header
-    lists. After an error `tau` is the last valid output, and `out` is NaN.
+    A function of an arm is `<prefix>_<name>(inputs.., out)`, with row-major matrices. A `MomentumObserver` is `<prefix>_init(state)`,
+    `<prefix>_update(state, q, v, tau, dt, residual)`, and with thresholds `<prefix>_contact(state)`.
+    Each function returns 0, or a status that the header lists. After an error `tau` is the last valid output, and `out` is NaN.
 
     Args:
-        law: a law or an arm.
+        law: a law, a `MomentumObserver` or an arm.
         folder: folder of the files. It is made if it does not exist.
         functions: functions of an arm: names of `Arm`'s methods such as "mass_matrix", or `(name, frame)`. The default frame is
             `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` take a wrench `[f; m]` at
             the frame, N and N m. None: the equations of motion.
-        prefix: start of all names in C, and name of the files and of the CMake target; None: "law" or "arm".
+        prefix: start of all names in C, and name of the files and of the CMake target; None: "law", "observer" or "arm".
         dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at
             multiples of it advance the state with the bits of `simulate(.., dt=dt, sample_time=..)`. None: one step from call to call.
-        method: integration of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Not for an arm.
+        method: integration of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws.
+        sample_time: time from call to call, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
+        tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. A `Guarded` law observes
+            limited torques.
         friction: functions of an arm include friction, as with their argument of this name.
         armature: the regressor has columns of armature.
         fused: fuse products with sums by `fma`. None: as armlet does on this machine; only this choice has the same bits.
@@ -89,21 +96,21 @@ def export_c(
     """
     where = Path(file_path("export_c", folder, "folder"))
     instance("export_c", "overwrite", overwrite, (bool, np.bool_), "True or False")
+    of_law: dict[str, object] = {"dt": dt, "method": None if _is_default(method) else method, "sample_time": sample_time, "tau_max": tau_max}
+    of_arm: dict[str, object] = {"functions": functions, "friction": friction, "armature": armature}
     if isinstance(law, _core.Arm):
-        if dt is not None:
-            raise InputError(f"export_c: dt is not used: expected None for an arm, got {shown(dt)}")
-        if not (isinstance(method, str) and method == "rk4"):
-            raise InputError(f"export_c: method is not used: expected none for an arm, got {shown(method)}")
+        _require_unused("an arm", of_law)
         named = _named(law, DYNAMICS if functions is None else functions)
         files = _core._c_of_arm(law, named, "arm" if prefix is None else prefix, fused, friction, armature)
+    elif isinstance(law, _core.MomentumObserver):
+        _require_unused("an observer", of_law | of_arm)
+        files = _core._c_of_observer(law, "observer" if prefix is None else prefix, fused)
     else:
         if not isinstance(law, _core.Law):
             what = "a function in Python, which has no C" if callable(law) else shown(law)
             raise InputError(f"export_c: law cannot be exported: expected an arm or a law of armlet such as Adaptive, got {what}")
-        for name, value in (("functions", functions), ("friction", friction), ("armature", armature)):
-            if value is not None and value is not False:
-                raise InputError(f"export_c: {name} is not used: expected none for a law, got {shown(value)}")
-        files = _core._c_of_law(law, "law" if prefix is None else prefix, fused, dt, method)
+        _require_unused("a law", of_arm)
+        files = _core._c_of_law(law, "law" if prefix is None else prefix, fused, dt, method, sample_time, tau_max)
     paths = [where / name for name, _ in files]
     if not overwrite:
         for path in paths:
@@ -112,6 +119,17 @@ def export_c(
     for path, (_, text) in zip(paths, files, strict=True):
         write_whole(path, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]
     return paths
+
+
+def _is_default(method: object) -> bool:
+    return isinstance(method, str) and method == "rk4"
+
+
+def _require_unused(of: str, arguments: Mapping[str, object]) -> None:
+    """Refuse arguments of something else."""
+    for name, value in arguments.items():
+        if value is not None and value is not False:
+            raise InputError(f"export_c: {name} is not used: expected none for {of}, got {shown(value)}")
 
 
 def _named(arm: _core.Arm, functions: Sequence[Function]) -> list[tuple[str, str, str | None]]:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 #: Compilers that are here. armlet itself cannot be built without one, so that a machine without any fails.
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] or ["cc"]
-FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-ffp-contract=off", "-O2"]
+FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-ffp-contract=off", "-O1"]
 
 
 def build(files: list[Path], compiler: str, *more: str) -> Path:
@@ -70,6 +70,13 @@ class Controller:
     def init(self) -> None:
         self.begin(pointer(self.memory))
 
+    def resume(self, t: float, state: Array) -> None:
+        """As after a call at `t` with this state, whose rate was zero: filters do not start anew."""
+        self.memory[self.n : self.n + self.p] = state
+        self.memory[self.n + self.p : self.n + 2 * self.p] = 0.0
+        self.memory[self.n + 2 * self.p] = t
+        self.memory[self.n + 2 * self.p + 1 :].view(np.int32)[0] = 1
+
     @property
     def state(self) -> Array:
         return self.memory[self.n : self.n + self.p].copy()
@@ -83,3 +90,28 @@ class Controller:
         status, tau = self.status(t, *measured)
         assert status == 0, status
         return tau
+
+
+class Observer:
+    """A momentum observer: its state, and samples."""
+
+    def __init__(self, files: list[Path], compiler: str, *more: str) -> None:
+        self.library = ctypes.CDLL(str(build(files, compiler, *more)))
+        self.n = int(re.findall(r"#define OBSERVER_N (\d+)", files[0].read_text())[0])
+        # residual, momentum, drift, started.
+        self.memory = np.full(3 * self.n + 1, np.nan)
+        self.library.observer_init(pointer(self.memory))
+
+    def status(self, q: Any, v: Any, tau: Any, dt: float) -> tuple[int, Array]:
+        residual = np.empty(self.n)
+        given = [pointer(np.ascontiguousarray(x, dtype=np.float64)) for x in (q, v, tau)]
+        status = self.library.observer_update(pointer(self.memory), *given, ctypes.c_double(dt), pointer(residual))
+        return status, residual
+
+    def __call__(self, q: Any, v: Any, tau: Any, dt: float) -> Array:
+        status, residual = self.status(q, v, tau, dt)
+        assert status == 0, status
+        return residual
+
+    def contact(self) -> int:
+        return int(self.library.observer_contact(pointer(self.memory)))

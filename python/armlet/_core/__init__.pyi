@@ -64,6 +64,7 @@ from .plants import VelocityArm as VelocityArm
 from .plants import Wall as Wall
 from .printing import _c_of_arm as _c_of_arm
 from .printing import _c_of_law as _c_of_law
+from .printing import _c_of_observer as _c_of_observer
 from .priority import PrioritySolution as PrioritySolution
 from .priority import PrioritySolver as PrioritySolver
 from .priority import diagnose_priority as diagnose_priority
@@ -152,6 +153,7 @@ __all__ = [
     "_adjoint",
     "_c_of_arm",
     "_c_of_law",
+    "_c_of_observer",
     "_check_starts",
     "_restore",
     "_restore_arm",

@@ -129,6 +129,8 @@ def _export(args: argparse.Namespace) -> int:
         method, dt = built.arguments.get("method", "rk4"), built.arguments.get("dt")
         # Other methods advance the law's own state in ways of their own.
         own = {"method": method, "dt": dt} if method in ("euler", "semi_implicit", "rk4") else {}
+        sampling = built.arguments.get("sample_time")
+        own |= {"sample_time": getattr(sampling, "period", sampling), "tau_max": built.arguments.get("tau_max")}
         files = export_c(built.law, args.out, **own, **chosen)
     for file in files:
         print(f"wrote {file}")

@@ -87,7 +87,7 @@ mod _core {
     #[pymodule_export]
     use super::plant::{ElasticArm, Plant, RigidArm, VelocityArm, Wall};
     #[pymodule_export]
-    use super::printed::{_c_of_arm, _c_of_law};
+    use super::printed::{_c_of_arm, _c_of_law, _c_of_observer};
     #[pymodule_export]
     use super::priority::{
         _restore_arm_solver, ArmPrioritySolver, PrioritySolution, PrioritySolver, diagnose_priority, solve_priority, velocity_bounds,

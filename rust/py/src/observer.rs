@@ -11,6 +11,7 @@ use armlet_core::dynamics::Model;
 use armlet_core::error::Result as CoreResult;
 use armlet_core::linalg::Gain;
 use armlet_core::memory;
+use armlet_core::trace::c::{CFile, COptions};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
@@ -96,6 +97,11 @@ impl MomentumObserver {
         let observed = self.observed(py);
         let (model, gain, friction) = observed.core.of_links()?;
         Some(((model.clone(), gain.clone(), friction.clone()), observed.core.thresholds().map(<[f64]>::to_vec)))
+    }
+
+    /// The files of its C.
+    pub fn printed(&self, py: Python<'_>, options: &COptions) -> Result<Vec<CFile>, Failure> {
+        self.detached(py, |observed| observed.core.export_c(options))
     }
 
     /// The observer, and what `work` makes of it without the interpreter lock.

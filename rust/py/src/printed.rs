@@ -1,13 +1,14 @@
-//! Laws and functions of arms as C: the files of `armlet.export_c`, as pairs of name and text.
+//! Laws, observers and functions of arms as C: the files of `armlet.export_c`, as pairs of name and text.
 
 use crate::arm::Arm;
-use crate::arrays::{flag, items, name, object, optional_number, text};
+use crate::arrays::{Axis, Form, SCALAR, flag, items, name, numbers, object, optional_number, spread, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::long;
 use crate::law::Law;
+use crate::observer::MomentumObserver;
 use armlet_core::dynamics::{CFunction, Quantity, Query};
 use armlet_core::integrate::{Kind, Method};
-use armlet_core::law::CTiming;
+use armlet_core::law::CLoop;
 use armlet_core::trace::c::{CFile, COptions};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -42,6 +43,8 @@ pub fn _c_of_law(
     fused: Option<&Bound<'_, PyAny>>,
     dt: Option<&Bound<'_, PyAny>>,
     method: &Bound<'_, PyAny>,
+    sample_time: Option<&Bound<'_, PyAny>>,
+    tau_max: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<(String, String)>> {
     entry(py, NAME, || {
         let law = object::<Law>(NAME, "law", "an arm or a law such as Adaptive", law)?;
@@ -51,8 +54,31 @@ pub fn _c_of_law(
             let names: Vec<&str> = fixed.iter().map(|method| method.name()).collect();
             return Err(input_error(py, NAME, "method", format!("is unknown: expected one of {}, got {given:?}", names.join(", "))).into());
         };
-        let (spec, timing) = (law.get().spec.clone(), CTiming { dt, rk4: method.name() == "rk4" });
-        Ok(pairs(long(py, || spec.export_c(&options, timing))?))
+        let spec = law.get().spec.clone();
+        let n = spec.model().n();
+        let limits = |given| -> Result<Vec<f64>, Failure> {
+            let (shape, values) = numbers(NAME, "tau_max", given, &[SCALAR, Form(&[Axis::Is(n)])])?;
+            spread(&shape, values, n)
+        };
+        let sample_time = optional_number(NAME, "sample_time", sample_time)?;
+        let timing = CLoop { dt, sample_time, rk4: method.name() == "rk4", tau_max: tau_max.map(limits).transpose()? };
+        Ok(pairs(long(py, || spec.export_c(&options, &timing))?))
+    })
+}
+
+/// The files of an observer; arguments as `armlet.export_c` documents them.
+#[entered]
+#[pyfunction]
+pub fn _c_of_observer(
+    py: Python<'_>,
+    observer: &Bound<'_, PyAny>,
+    prefix: &Bound<'_, PyAny>,
+    fused: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<(String, String)>> {
+    entry(py, NAME, || {
+        let observer = object::<MomentumObserver>(NAME, "observer", "an observer such as MomentumObserver", observer)?;
+        let options = options(prefix, fused)?;
+        Ok(pairs(observer.get().printed(py, &options)?))
     })
 }
 

@@ -163,7 +163,7 @@ impl Query {
     }
 
     /// About how many operations one configuration takes, zeros and common terms aside.
-    pub(super) fn operations(&self, Size { n, bodies }: Size) -> f64 {
+    pub(crate) fn operations(&self, Size { n, bodies }: Size) -> f64 {
         use Quantity::*;
         let joint = match self.quantity {
             ForwardDynamics | ForwardDynamicsDerivatives => 350.0,

@@ -127,15 +127,20 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
 }
 
 /// The law as operations, from the desired motion, the state of the plant and that of the law, of these widths, to the plant's input and the rate of
-/// the law's state, and last whether both are right where a law says so. `period`: from call to call, where that is known. `None` where the code branches on data.
-pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>) -> Option<Recorded> {
+/// the law's state, and last whether both are right where a law says so. `period`: from call to call, where that is known. `limits` of the input: `(n,)` or
+/// none. `None` where the code branches on data.
+pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
+    let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
     let asked = || {
         let mut engine = Engine::<Sym>::new(spec);
-        engine.law.configure(period, &[]);
+        engine.law.configure(period, &limits_of());
         engine
     };
     function::recorded(widths.iter().sum(), asked, |mut law, inputs| {
         let mut answer = law.input_of(inputs, widths).to_vec();
+        for (tau, limit) in answer.iter_mut().zip(limits_of()) {
+            *tau = tau.clamped(-limit, limit);
+        }
         answer.extend(&law.dz);
         answer.extend(law.law.stands());
         answer

@@ -2,13 +2,18 @@
 
 use crate::dynamics::Model;
 
+/// The joint that bears each joint; `None` at the base.
+pub fn parents(model: &Model) -> Vec<Option<usize>> {
+    match model {
+        Model::Tree(arm) => arm.parents(),
+        Model::PlanarPr(_) => vec![None, Some(0)],
+    }
+}
+
 /// The outermost joint with `|r_i|` above its threshold; `None` without one. Of several branches, the one furthest above counts.
 pub fn touched(model: &Model, thresholds: &[f64], r: &[f64]) -> Option<usize> {
     let n = r.len();
-    let parents: Vec<Option<usize>> = match model {
-        Model::Tree(arm) => arm.parents(),
-        Model::PlanarPr(_) => (0..n).map(|i| i.checked_sub(1)).collect(),
-    };
+    let parents = parents(model);
     let above = |i: usize| r[i].abs() > thresholds[i];
     // Inwards of another one that is above, a joint carries what acts further out.
     let mut inner = vec![false; n];

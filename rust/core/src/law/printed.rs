@@ -6,9 +6,9 @@
 //! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)`, `k = z'` (rk4)
 
 use super::evaluator::{recording, start_recording};
-use super::{LawSpec, Route};
-use crate::dynamics::given;
-use crate::error::{Error, Result, positive};
+use super::{CLoop, LawSpec, Route};
+use crate::dynamics::{Quantity, Query, given};
+use crate::error::{Error, Result};
 use crate::motion::{Motion, array};
 use crate::plant::PlantKind;
 use crate::scalar::hex::hex;
@@ -17,14 +17,8 @@ use crate::trace::c::{CFile, COptions, CSource, Routine};
 /// Steps between two calls beyond which the time between them is one step.
 const MOST_STEPS: u32 = 10_000;
 
-/// How the law's own state advances from sample to sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CTiming {
-    /// The step of the loop whose bits the state has, s; `None`: the time between two calls is one step.
-    pub dt: Option<f64>,
-    /// Whether a step is one of rk4; else one of euler.
-    pub rk4: bool,
-}
+/// Operations beyond which a law is too long to be printed.
+const LONGEST: f64 = 600_000.0;
 
 /// The sizes of a law.
 struct Sizes {
@@ -43,35 +37,31 @@ impl LawSpec {
     ///
     /// ```
     /// use armlet_core::arm::Arm;
-    /// use armlet_core::law::{CTiming, Gain, LawSpec, PdGravitySpec};
+    /// use armlet_core::law::{CLoop, Gain, LawSpec, PdGravitySpec};
     /// use armlet_core::motion::Motion;
     /// use armlet_core::trace::c::COptions;
     /// use nalgebra::dvector;
     ///
     /// let arm = Arm::planar(&[0.5, 0.4], None, None, None, [0.0, -9.81])?;
     /// let law = PdGravitySpec::new(arm.into(), dvector![0.3, 0.2], Gain::scalar("kp", 2, 40.0)?, Gain::scalar("kd", 2, 9.0)?)?;
-    /// let files = LawSpec::from(law).export_c(&COptions::new("law"), CTiming { dt: None, rk4: true })?;
+    /// let files = LawSpec::from(law).export_c(&COptions::new("law"), &CLoop::default())?;
     /// assert!(files[0].text.contains("int law_step("));
     /// # Ok::<(), armlet_core::error::Error>(())
     /// ```
-    pub fn export_c(&self, options: &COptions, timing: CTiming) -> Result<Vec<CFile>> {
+    pub fn export_c(&self, options: &COptions, timing: &CLoop) -> Result<Vec<CFile>> {
         let refused =
             |why: &str| Err(Error::input("law", format!("has no C: expected a law that is straight-line code, got {} {why}", self.name())));
         match self.route() {
             Route::Outside => return refused("of a function in Python"),
-            Route::Deciding => return refused("with a map that branches on its data"),
+            Route::Deciding => return refused("with a map that branches on its data: limits of joint velocities and accelerations"),
             Route::Straight | Route::Guarded => {}
         }
-        if let Some(dt) = timing.dt {
-            positive("dt", dt)?;
-        } else if self.samples() {
-            return Err(Error::input("dt", format!("is missing: expected the sample time, which {} needs, got None", self.name())));
-        }
+        let (period, limits) = timing.checked(self)?;
+        self.require_short()?;
         let (mut source, motions) = (CSource::new(options)?, self.motions());
         let widths =
             [motions.iter().map(|motion| 3 * motion.dof()).sum(), self.plant().states(self.model().n()), self.initial_state().len()];
-        let period = if self.samples() { timing.dt } else { None };
-        let Some(recorded) = recording(self, widths, period) else { return refused("whose code branches on its data") };
+        let Some(recorded) = recording(self, widths, period, limits) else { return refused("whose code branches on its data") };
         let mut given = given(&recorded);
         let mut at = recorded.values.len();
         for motion in &motions {
@@ -97,6 +87,17 @@ impl LawSpec {
         self.write_state(&mut source, &sizes, timing);
         self.write_step(&mut source, &sizes, timing, (&calls, &steps, room, starts));
         Ok(source.files(&self.about(timing)))
+    }
+
+    /// Refuse a law of an arm that is too long.
+    fn require_short(&self) -> Result<()> {
+        let (model, p) = (self.model(), self.initial_state().len() as f64);
+        let query = if self.adaptive().is_some() { Quantity::Regressor } else { Quantity::CoriolisMatrix };
+        if Query::from(query).operations(model.size()) + p * p > LONGEST {
+            let problem = format!("is too long to be printed: expected an arm with fewer joints, got {} joints", model.n());
+            return Err(Error::input("law", problem));
+        }
+        Ok(())
     }
 
     /// The functions of the motions that move; what calls them.
@@ -142,7 +143,7 @@ double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(st
     }
 
     /// What the header declares.
-    fn declare(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming) {
+    fn declare(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
         let (prefix, n, p) = (source.prefix().to_string(), sizes.n, sizes.p);
         source.define("N", n, "joints");
         source.define("STATES", p, "numbers of the law's own state");
@@ -176,7 +177,7 @@ On a status other than 0 tau is the last answer that was right. */\n{};\n",
     }
 
     /// `init`, and how the law's own state advances.
-    fn write_state(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming) {
+    fn write_state(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
         let (prefix, p) = (source.prefix().to_string(), sizes.p);
         let start = self.initial_state();
         let filled = p > 0 && start.iter().any(|&x| x != 0.0);
@@ -268,7 +269,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
     }
 
     /// `step`.
-    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: CTiming, (motions, steps, room, starts): (&str, &str, usize, bool)) {
+    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop, (motions, steps, room, starts): (&str, &str, usize, bool)) {
         let Sizes { n, p, moving, states, guarded } = *sizes;
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let parts = self.plant().parts();
@@ -321,7 +322,7 @@ memcpy(x + {}, state->state, sizeof state->state);\n",
     }
 
     /// What the header says of the law.
-    fn about(&self, timing: CTiming) -> String {
+    fn about(&self, timing: &CLoop) -> String {
         let mut text = format!("The law {} of armlet, for {}.\n\n{}\n", self.name(), self.plant().name(), self.model().described());
         for (k, motion) in self.motions().into_iter().enumerate() {
             text += &format!("Desired motion {}: {}.\n", k + 1, motion.described());
@@ -334,6 +335,12 @@ memcpy(x + {}, state->state, sizeof state->state);\n",
                 ),
                 None => "The law's own state advances by one step from call to call.\n".to_string(),
             };
+        }
+        if let Some(period) = timing.sample_time.filter(|_| self.samples()) {
+            text += &format!("It has to be called every {period} s.\n");
+        }
+        if timing.tau_max.is_some() {
+            text += "Its answer is limited.\n";
         }
         text.trim_end().to_string()
     }

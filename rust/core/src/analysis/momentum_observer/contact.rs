@@ -62,8 +62,8 @@ impl MomentumObserver {
         self.check(&[("q", q)], Some(self.state.residual.len()))?;
         for (row, q) in q.chunks_exact(n).enumerate() {
             let r = &self.state.residual[row * n..(row + 1) * n];
-            self.arm.move_to(q);
-            let (_, jacobian) = self.arm.jacobian(frame);
+            self.sample.arm.move_to(q);
+            let (_, jacobian) = self.sample.arm.jacobian(frame);
             for i in 0..n {
                 for k in 0..6 {
                     self.transposed[6 * i + k] = jacobian[k * n + i];

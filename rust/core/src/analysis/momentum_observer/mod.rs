@@ -12,14 +12,16 @@
 //! The touched link is the outermost one whose joint has `|r_i|` above its threshold: what acts on a link loads no joint beyond it.
 
 mod contact;
+mod momentum;
+mod printed;
 
-use crate::dynamics::{ArmAt, Model};
+use crate::dynamics::Model;
 use crate::error::{Error, Result, finite, positive};
-use crate::linalg::cholesky::{factor_into, solve};
-use crate::linalg::gain::{Diagonal, Full, Multiply};
-use crate::linalg::{AnyGain, Gain, Svd, axpy, dot};
+use crate::linalg::cholesky::factor_into;
+use crate::linalg::gain::{Diagonal, Full};
+use crate::linalg::{AnyGain, Gain, Svd};
 use crate::memory::zeros;
-use crate::scalar::sign;
+use momentum::{Gained, Momentum};
 use std::ops::Range;
 
 /// The state of an observer: rows of `n` numbers each.
@@ -54,17 +56,16 @@ pub struct MomentumObserver {
     /// Viscous and Coulomb friction that is taken off; zero where it is not known.
     friction: [Vec<f64>; 2],
     takes_friction: bool,
-    motors: Option<AnyGain<f64>>,
+    motors: Option<Gain>,
     thresholds: Option<Vec<f64>>,
-    arm: ArmAt<f64>,
+    sample: Momentum<f64>,
     state: ObserverState,
     /// Memory for the state after a sample. It replaces `state` if it is finite.
     next: ObserverState,
     /// The `dt` of `factor`, which is of `I + K dt`.
     dt: f64,
     factor: Vec<f64>,
-    mass: Vec<f64>,
-    coriolis: Vec<f64>,
+    sum: Vec<f64>,
     work: Vec<f64>,
     svd: Svd,
     transposed: Vec<f64>,
@@ -77,9 +78,10 @@ impl MomentumObserver {
         if gain.n() != n {
             return Err(Error::wrong("gain", "size", n, gain.n()));
         }
+        let known = model.friction(friction);
         Ok(MomentumObserver {
-            arm: ArmAt::of_lanes(|_| &model),
-            friction: model.friction(friction),
+            sample: Momentum::new(&model, None, &known),
+            friction: known,
             model,
             gain: AnyGain::from_lanes(|_| &gain),
             given: gain,
@@ -90,8 +92,7 @@ impl MomentumObserver {
             next: ObserverState::default(),
             dt: f64::NAN,
             factor: vec![0.0; n * n],
-            mass: vec![0.0; n * n],
-            coriolis: vec![0.0; n * n],
+            sum: vec![0.0; n * n],
             work: vec![0.0; n],
             svd: Svd::new(n, 6),
             transposed: vec![0.0; 6 * n],
@@ -107,7 +108,8 @@ impl MomentumObserver {
         if inertia.n() != self.n() {
             return Err(Error::wrong("motor_inertia", "size", self.n(), inertia.n()));
         }
-        self.motors = Some(AnyGain::from_lanes(|_| &inertia));
+        self.sample = Momentum::new(&self.model, Some(&inertia), &self.friction);
+        self.motors = Some(inertia);
         Ok(self)
     }
 
@@ -184,18 +186,10 @@ impl MomentumObserver {
 
     /// `r` of the row that starts here, by what its momentum gained beyond what is known of.
     fn correct(&mut self, residual: &mut [f64], momentum: &[f64], tau: &[f64], first: usize) {
-        let n = residual.len();
-        let before = first..first + n;
-        let (p, drift) = (&self.state.momentum[before.clone()], &self.state.drift[before.clone()]);
-        for (i, gained) in self.work.iter_mut().enumerate() {
-            *gained = momentum[i] - p[i] - (tau[i] + drift[i]) * self.dt;
-        }
-        residual.copy_from_slice(&self.state.residual[before]);
-        self.gain.add_to(&self.work, residual);
-        match &self.gain {
-            AnyGain::Diagonal(_) => residual.iter_mut().zip(&self.factor).for_each(|(r, f)| *r /= f),
-            AnyGain::Full(_) => solve(n, &self.factor, residual),
-        }
+        let before = first..first + residual.len();
+        residual.copy_from_slice(&self.state.residual[before.clone()]);
+        let gained = Gained { momentum: &self.state.momentum[before.clone()], drift: &self.state.drift[before], now: momentum };
+        gained.correct((&self.gain, &self.factor), (tau, self.dt), &mut self.work, residual);
     }
 
     /// Refuse a state that is not finite, by the argument that made it so. `tau`: the torques and how long they acted.
@@ -229,11 +223,11 @@ impl MomentumObserver {
                 self.factor[..n].iter().all(|f| f.is_finite())
             }
             AnyGain::Full(Full(k)) => {
-                for (at, (sum, k)) in self.mass.iter_mut().zip(k).enumerate() {
+                for (at, (sum, k)) in self.sum.iter_mut().zip(k).enumerate() {
                     *sum = k.mul_add(dt, if at / n == at % n { 1.0 } else { 0.0 });
                 }
                 // The least pivot: that of a sum with the identity is positive but for overflow.
-                factor_into(n, &self.mass, &mut self.factor) > 0.0
+                factor_into(n, &self.sum, &mut self.factor) > 0.0
             }
         };
         if !finite {
@@ -245,25 +239,8 @@ impl MomentumObserver {
 
     /// `p` and `C' v - g - tau_f` of this row, into the state.
     fn look(&mut self, state: &mut ObserverState, q: &[f64], v: &[f64], row: Range<usize>) {
-        let (q, v) = (&q[row.clone()], &v[row.clone()]);
-        let (momentum, drift) = (&mut state.momentum[row.clone()], &mut state.drift[row]);
-        if let Some(inertia) = &self.motors {
-            return inertia.multiply(v, momentum);
-        }
-        self.arm.move_to(q);
-        self.arm.mass_matrix(&mut self.mass);
-        for (p, row) in momentum.iter_mut().zip(self.mass.chunks_exact(v.len())) {
-            *p = dot(row, v);
-        }
-        self.arm.gravity(drift);
-        let [viscous, coulomb] = &self.friction;
-        for (i, drift) in drift.iter_mut().enumerate() {
-            *drift = -*drift - viscous[i] * v[i] - coulomb[i] * sign(v[i]);
-        }
-        self.arm.coriolis_matrix(v, &mut self.coriolis);
-        for (row, &v) in self.coriolis.chunks_exact(v.len()).zip(v) {
-            axpy(v, row, drift);
-        }
+        let (momentum, drift) = (&mut state.momentum[row.clone()], &mut state.drift[row.clone()]);
+        self.sample.look(&q[row.clone()], &v[row], momentum, drift);
     }
 
     /// Rows of `n` finite numbers, all of one length.
