@@ -1,4 +1,8 @@
-"""ratio = time of a step of exported C / time of the same law in armlet: laws of seven axes, and the longest of many steps.
+"""ratio = time of a step of exported C / time of the same step in armlet: loops and laws of seven axes, and the longest of many steps.
+
+The target is of equal work: a step of the adaptive loop by Euler's method. It is one evaluation of the law with its 70 rates, forward
+dynamics, and the new state. In C these are `law_step`, `arm_forward_dynamics` and two sums, in armlet `simulate`. Both reach the same end.
+Then laws alone:
 
 The C is compiled with the options of its CMake file. Its step evaluates the motion and computes the torque; of an adaptive law it also
 advances the 70 estimates and computes their rates. The yardstick is `law(t, q, v)` from Python, a program of machine code that evaluates
@@ -17,7 +21,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -90,6 +96,56 @@ int main(int count, char **arguments)
 """
 
 
+LOOP = """
+#define _POSIX_C_SOURCE 199309L
+#include "law.h"
+#include "arm/arm.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+static double now(void)
+{
+    struct timespec at;
+    clock_gettime(CLOCK_MONOTONIC, &at);
+    return 1e9 * (double)at.tv_sec + (double)at.tv_nsec;
+}
+
+/* Runs of a loop by Euler's method: ns per step, and where it ends. */
+int main(int count, char **arguments)
+{
+    const long steps = count > 1 ? atol(arguments[1]) : 1000L;
+    law_state state;
+    double q[LAW_N], v[LAW_N], a[LAW_N], tau[LAW_N], best = 1e30;
+    long k, round;
+    int i;
+    for (round = 0; round < 20; round++) {
+        const double start = now();
+        double each;
+        law_init(&state);
+        for (i = 0; i < LAW_N; i++) {
+            q[i] = 0.1 * i;
+            v[i] = 0.0;
+        }
+        for (k = 0; k < steps; k++) {
+            if (law_step(&state, LAW_DT * (double)k, q, v, tau) != LAW_OK || arm_forward_dynamics(q, v, tau, a) != ARM_OK)
+                return 1;
+            for (i = 0; i < LAW_N; i++) {
+                q[i] += LAW_DT * v[i];
+                v[i] += LAW_DT * a[i];
+            }
+        }
+        each = (now() - start) / (double)steps;
+        best = each < best ? each : best;
+    }
+    printf("%.1f", best);
+    for (i = 0; i < LAW_N; i++)
+        printf(" %.17g", q[i]);
+    printf("\\n");
+    return 0;
+}
+"""
+
 ARM = al.load_urdf(al.example_urdf("seven_axis"))
 MOTION = al.Sinusoid([0.3] * 7, [0.2] * 7, [2.0] * 7, [0.0] * 7)
 SMALL = al.PDGravity(al.pendulum(0.3, 2.0), [0.5], kp=4.0, kd=1.0)
@@ -99,18 +155,38 @@ LAWS: dict[str, al.Law] = {
 }
 
 
-def compiled(law: al.Law, folder: Path) -> Path:
-    """The program of a law and the driver."""
+def compiled(law: al.Law, folder: Path, driver: str = DRIVER, more: Sequence[Path] = ()) -> Path:
+    """The program of a law, a driver, and more sources."""
     compiler = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
     if compiler is None:
         raise SystemExit("bench_export_c: no C compiler is installed: expected gcc, clang or cc")
     files = al.export_c(law, folder, dt=1e-3)
-    (folder / "main.c").write_text(DRIVER.replace("CALLS", str(CALLS)))
+    (folder / "main.c").write_text(driver.replace("CALLS", str(CALLS)))
     lines = re.findall(r"PRIVATE (-.*)\)", files[2].read_text())
     options = [option for line in lines for option in line.split() if option != "-march=native"]
-    command = [compiler, "-std=c99", *options, str(folder / "main.c"), str(files[1]), "-o", str(folder / "main"), "-lm"]
+    sources = [str(path) for path in (folder / "main.c", files[1], *more)]
+    command = [compiler, "-std=c99", *options, *sources, "-o", str(folder / "main"), "-lm"]
     subprocess.run(command, check=True)
     return folder / "main"
+
+
+def loops(folder: Path, rounds: int) -> tuple[float, float]:
+    """A step of the loop in C, and in armlet, ns: the least of each."""
+    files = al.export_c(ARM, folder / "arm", functions=["forward_dynamics"])
+    program = compiled(LAWS["Adaptive"], folder, LOOP, [files[1]])
+    plant, q0 = al.RigidArm(ARM), 0.1 * np.arange(7)
+    times: dict[str, Any] = {"t_end": 1e-3 * CALLS, "dt": 1e-3, "method": "euler", "record_every": CALLS}
+    best = [np.inf, np.inf]
+    for _ in range(rounds):
+        each, *end = (float(x) for x in subprocess.run([program, str(CALLS)], capture_output=True, text=True, check=True).stdout.split())
+        best[0] = min(best[0], each)
+        for _ in range(20):
+            before = time.perf_counter()
+            run = al.simulate(plant, LAWS["Adaptive"], q0, **times, monitors=False, check_limits=False)
+            best[1] = min(best[1], 1e9 * (time.perf_counter() - before) / CALLS)
+        # The loop contracts: the sums of the two round differently.
+        np.testing.assert_allclose(end, run.q[-1], rtol=0.0, atol=1e-9)
+    return best[0], best[1]
 
 
 def stepped(program: Path, steps: int) -> list[float]:
@@ -148,13 +224,17 @@ def main() -> None:
                 each = stepped(programs.get(name, small), 1)[0], called(law)
                 least[name] = [min(pair) for pair in zip(least[name], each, strict=True)]
         python = least["small"][1] - least["small"][0]
+        loop = loops(Path(folder) / "loop", given.rounds)
         rows = {name: ([least[name][0], *alone[name][1:]], least[name][1] - python) for name in LAWS}
     ratios = {name: steps[0] / engine for name, (steps, engine) in rows.items()}
-    ratio, machine = ratios["ComputedTorque"], timing.machine()
+    machine = timing.machine()
+    targets = {"step of the adaptive loop": loop[0] / loop[1], "step of ComputedTorque alone": ratios["ComputedTorque"]}
     lines = [
         f"{machine['cpu']}, {machine['cores']} cores; armlet {al.__version__}, {al.build_info()['profile']} build.",
         "",
-        *reporting.target_table([("one step in C / the same work in armlet", f"<= {GOAL}", f"{ratio:.2f}", ratio <= GOAL)]),
+        *reporting.target_table([(f"{name}, C / armlet", f"<= {GOAL}", f"{x:.2f}", x <= GOAL) for name, x in targets.items()]),
+        "",
+        f"Adaptive loop of seven axes, {CALLS:,} steps of Euler's method: {loop[0]:.0f} ns per step in C, {loop[1]:.0f} ns in armlet.",
         "",
         f"| seven axes, {given.steps:,} steps | armlet, ns | C, ns | ratio | median | 99 % | 99.99 % | longest | beyond 10 us |",
         "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
@@ -164,7 +244,7 @@ def main() -> None:
         shown = " | ".join(f"{x:.0f}" for x in (*parts, worst, beyond))
         lines.append(f"| {name} | {engine:.0f} | {step:.0f} | {ratios[name]:.2f} | {shown} |")
     reporting.finish("export_c", "\n".join(lines), given.readme)
-    if ratio > GOAL:
+    if max(targets.values()) > GOAL:
         raise SystemExit(1)
 
 
