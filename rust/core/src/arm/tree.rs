@@ -42,9 +42,9 @@ pub struct Body<S: Real> {
     pub second_moment: Sym3<S>,
     /// `x_body = turn x_compiled`; `None` where the two frames are one.
     pub turn: Option<Matrix3<f64>>,
-    pub armature: f64,
-    pub damping: f64,
-    pub friction: f64,
+    pub armature: S,
+    pub damping: S,
+    pub friction: S,
 }
 
 /// A frame fixed to a body, in its compiled axes; to the base where `body` is [`BASE`].
@@ -167,9 +167,9 @@ impl Tree<f64> {
             translation: body.translation,
             concentric: body.concentric,
             turn: body.turn,
-            armature: body.armature,
-            damping: body.damping,
-            friction: body.friction,
+            armature: S::fixed(body.armature),
+            damping: S::fixed(body.damping),
+            friction: S::fixed(body.friction),
         };
         Tree {
             bodies: first

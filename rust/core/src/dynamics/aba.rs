@@ -89,7 +89,7 @@ fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<
             let uf = ia.mass.apply(z);
             (uf, ia.h.apply_transposed(z), z.dot(uf), z.dot(ia.f))
         };
-        let inverse = (d + S::splat(body.armature)).recip();
+        let inverse = (d + body.armature).recip();
         let u = tau[i] - bias;
         (me.inverse, me.u, me.uf, me.un) = (inverse, u, uf, un);
         if body.parent == BASE {

@@ -108,7 +108,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
             (Vector3::from([zero, zero, mass]), Vector3::from([hy, -hx, zero]), mass)
         };
         momenta[i] = Spatial { linear, angular };
-        put(i, i, own + S::splat(body.armature));
+        put(i, i, own + body.armature);
         for j in i + 1..body.end {
             put(i, j, if body.revolute { momenta[j].angular[2] } else { momenta[j].linear[2] });
         }

@@ -161,7 +161,7 @@ pub fn inverse_dynamics_by_v<S: Real>(
     }
     if friction {
         for i in 0..n {
-            d[i * n + i] += S::splat(tree.leader(i).damping);
+            d[i * n + i] += tree.leader(i).damping;
         }
     }
 }

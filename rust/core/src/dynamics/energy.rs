@@ -53,7 +53,7 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
         let w_body = pose.rotation.apply_transposed(w);
         let cross = u.dot(w.cross(h));
         twice += m.mul_add(u.dot(u), cross + cross) + w_body.dot(body.inertia.inertia.apply(w_body));
-        twice = S::splat(body.armature).mul_add(v[i] * v[i], twice);
+        twice = body.armature.mul_add(v[i] * v[i], twice);
         potential += up.dot(pose.origin.scale_add(m, h));
         poses[i] = pose;
         last = (pose, w, u);
@@ -63,7 +63,7 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
 
 /// The friction torque of a joint at rate `v`: `damping v + friction sign(v)`.
 pub fn friction_torque<S: Real>(body: &Body<S>, v: S) -> S {
-    S::splat(body.friction).mul_add(sign(v), S::splat(body.damping) * v)
+    body.friction.mul_add(sign(v), body.damping * v)
 }
 
 /// `tau += damping v + friction sign(v)`.

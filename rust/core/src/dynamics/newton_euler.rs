@@ -146,7 +146,7 @@ pub fn newton_euler<S: Real, const POLAR: bool>(
     inwards(tree, links, trig, |i, force| tau[i] = force);
     if let Some(ar) = ar {
         for i in 0..tree.bodies.len() {
-            tau[i] = S::splat(tree.bodies[i].armature).mul_add(ar[i], tau[i]);
+            tau[i] = tree.bodies[i].armature.mul_add(ar[i], tau[i]);
         }
     }
 }

@@ -44,8 +44,8 @@ fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S])
     if query.friction {
         for i in 0..tree.n() {
             let body = tree.leader(i);
-            let viscous = S::splat(body.damping).neg_mul_add(v[i], tau[i]);
-            tau[i] = S::splat(body.friction).neg_mul_add(sign(v[i]), viscous);
+            let viscous = body.damping.neg_mul_add(v[i], tau[i]);
+            tau[i] = body.friction.neg_mul_add(sign(v[i]), viscous);
         }
     }
 }

@@ -109,7 +109,7 @@ type OnHeap<S> = Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>;
 pub struct AnyAdaptive<S: Real> {
     law: OnHeap<S>,
     /// Known rotor inertias; empty where there are none.
-    armature: Vec<f64>,
+    armature: Vec<S>,
     columns: Vec<usize>,
     /// `gamma` of each body; empty in the Euclidean metric.
     natural: Vec<S>,
@@ -190,7 +190,7 @@ impl<S: Real> AnyAdaptive<S> {
                 zeros(n),
                 zeros(p),
             ),
-            armature: if known { armature } else { Vec::new() },
+            armature: if known { armature.into_iter().map(S::fixed).collect() } else { Vec::new() },
             full: zeros(if columns.is_empty() { 0 } else { p }),
             kept: zeros(columns.len()),
             projector: first.projection.as_ref().map(|own| Projector::from_lanes(|i| of(i).projection.as_ref().unwrap_or(own), size)),
@@ -211,7 +211,7 @@ impl<S: Real> AnyAdaptive<S> {
             self.law.torque(desired, trig, x, &self.full, tau);
         }
         for (i, &armature) in self.armature.iter().enumerate() {
-            tau[i] = S::splat(armature).mul_add(self.law.a_r[i], tau[i]);
+            tau[i] = armature.mul_add(self.law.a_r[i], tau[i]);
         }
     }
 

@@ -82,7 +82,7 @@ pub(super) struct LaneComposite<S> {
     /// How many columns of joints are momenta: armature's.
     rotors: usize,
     /// Known rotors `(n,)`.
-    armature: Vec<f64>,
+    armature: Vec<S>,
     /// All of `Y_M`, `Y_g` and one row of `Y_D`.
     momentum: Vec<S>,
     gravity: Vec<S>,
@@ -119,7 +119,7 @@ impl<S: Real> LaneComposite<S> {
             columns: first.base.as_ref().map_or((0..all).collect(), |base| base.columns.clone()),
             bodies,
             rotors: if estimated { n } else { 0 },
-            armature: if estimated { vec![0.0; n] } else { first.model.armature() },
+            armature: if estimated { zeros(n) } else { first.model.armature().into_iter().map(S::fixed).collect() },
             momentum: zeros(n * all),
             gravity: zeros(n * all),
             row: zeros(all),
@@ -179,7 +179,7 @@ impl<S: Real> LaneComposite<S> {
             *x = -entry;
         }
         for ((x, &b), &v) in of_tau.iter_mut().zip(&self.armature).zip(v) {
-            *x = S::splat(b) * v;
+            *x = b * v;
         }
     }
 
@@ -196,7 +196,7 @@ impl<S: Real> LaneComposite<S> {
             *w += entry;
         }
         for i in 0..n {
-            self.tau[i] = S::splat(self.armature[i]).neg_mul_add(v[i], of_tau[i]);
+            self.tau[i] = self.armature[i].neg_mul_add(v[i], of_tau[i]);
             let row = self.w[i * bodies..(i + 1) * bodies].iter().zip(estimate);
             self.error[i] = row.fold(self.tau[i], |left, (&w, &a)| w.neg_mul_add(a, left));
         }

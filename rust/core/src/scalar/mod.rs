@@ -63,6 +63,11 @@ pub trait Real:
     fn parameter(f: impl FnMut(usize) -> f64) -> Self {
         Self::from_lanes(f)
     }
+    /// A number of the set-up that is a constant of recordings, unless its derivative is asked for.
+    #[inline(always)]
+    fn fixed(x: f64) -> Self {
+        Self::splat(x)
+    }
     /// Call the numbers that `f` makes `name` with numbers from `first` on: in recordings, for their readers.
     #[inline(always)]
     fn labelled<T>(_name: &'static str, _first: u32, f: impl FnOnce() -> T) -> T {

@@ -4,8 +4,9 @@
 //! negation and absolute value into bit operations. A fused product is one instruction where the target has it, elsewhere a product and a sum. Nothing
 //! else is fused and nothing is reordered, so the bits are those of direct evaluation on the same instruction set, signs of zeros aside.
 
+use super::memo::Memo;
 use super::straight::{Instruction, Part, Straight};
-use super::tape::{Memo, Op};
+use super::tape::Op;
 use crate::scalar::trig;
 
 /// Lower a part of a recording; `fused`: the target has fused multiply-add. Input `k` is in slot `k`.

@@ -1,7 +1,7 @@
 //! From a recorded computation to a program: a loop is recorded once with the number [`Sym`], simplified, lowered to straight-line
 //! instructions of one instruction set, and run for one run or for many lanes.
 //!
-//! `sym`, `tape`: recording and folding. `differentiate`, `tangents`, `adjoint`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
+//! `sym`, `tape`, `memo`: recording and folding. `differentiate`, `tangents`, `adjoint`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
 //! `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without it. `frame`: the memory a program
 //! runs on; `pages`: large memory; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept.
 //! `program`: all of it behind one door. `label`, `listing`: what a reader sees of it.
@@ -28,6 +28,7 @@ mod lifetimes;
 pub mod listing;
 mod listing_code;
 mod lower;
+pub mod memo;
 pub mod memory;
 #[cfg(any(test, not(target_arch = "aarch64")))]
 mod opcode;

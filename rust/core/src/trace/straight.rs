@@ -1,6 +1,7 @@
 //! A recorded computation as straight-line instructions of one instruction set, for the emitter and the portable evaluation.
 
-use super::tape::{Memo, Op};
+use super::memo::Memo;
+use super::tape::Op;
 
 /// An instruction on the values of earlier ones, by index.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -174,6 +174,9 @@ impl Real for Sym {
     fn parameter(mut f: impl FnMut(usize) -> f64) -> Sym {
         shared(f(0))
     }
+    fn fixed(x: f64) -> Sym {
+        on_tape(|tape| Sym(tape.fixed(x)))
+    }
     fn labelled<T>(name: &'static str, first: u32, f: impl FnOnce() -> T) -> T {
         let before = label(name, first);
         let made = f();

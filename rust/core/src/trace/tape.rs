@@ -4,8 +4,7 @@
 //! fold keeps every operation of the source, for readers who compare.
 
 use super::label::Labels;
-use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
+use super::memo::Memo;
 
 /// One operation on earlier entries of the tape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -78,33 +77,6 @@ impl Op {
         }
     }
 }
-
-/// A multiplicative hash (Knuth): the keys are small and not from an adversary.
-#[derive(Default)]
-pub struct Multiplicative(u64);
-
-impl Hasher for Multiplicative {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-    fn write(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.write_u64(u64::from(byte));
-        }
-    }
-    fn write_u64(&mut self, x: u64) {
-        self.0 = (self.0.rotate_left(5) ^ x).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    }
-    fn write_u32(&mut self, x: u32) {
-        self.write_u64(u64::from(x));
-    }
-    fn write_isize(&mut self, x: isize) {
-        self.write_u64(x as u64);
-    }
-}
-
-/// The index of a key that is there already.
-pub type Memo<K> = HashMap<K, u32, BuildHasherDefault<Multiplicative>>;
 
 /// Which numbers of a set-up are inputs of their own, whatever their value.
 #[derive(Clone, Debug)]
@@ -227,6 +199,18 @@ impl Tape {
         let new = self.given(x);
         self.by_value.insert(x.to_bits(), new);
         new
+    }
+
+    /// A number of the set-up that is a constant unless it moves. Only recordings in which numbers move count it among their numbers.
+    pub fn fixed(&mut self, x: f64) -> u32 {
+        if self.set_up && self.next_moves() {
+            return self.given(x);
+        }
+        let entry = self.constant(x);
+        if self.set_up && !matches!(self.moving, Moving::Nothing) {
+            self.structure.push(entry);
+        }
+        entry
     }
 
     /// The value of a constant.

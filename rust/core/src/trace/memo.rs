@@ -1,0 +1,31 @@
+//! Where an entry is, by its key.
+
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// A multiplicative hash (Knuth): the keys are small and not from an adversary.
+#[derive(Default)]
+pub struct Multiplicative(u64);
+
+impl Hasher for Multiplicative {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.write_u64(u64::from(byte));
+        }
+    }
+    fn write_u64(&mut self, x: u64) {
+        self.0 = (self.0.rotate_left(5) ^ x).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+    fn write_u32(&mut self, x: u32) {
+        self.write_u64(u64::from(x));
+    }
+    fn write_isize(&mut self, x: isize) {
+        self.write_u64(x as u64);
+    }
+}
+
+/// The index of a key that is there already.
+pub type Memo<K> = HashMap<K, u32, BuildHasherDefault<Multiplicative>>;
