@@ -10,8 +10,9 @@ use crate::plant::Plant;
 use crate::simulate::several;
 use armlet_core::law::LawSpec;
 use armlet_core::memory;
+use armlet_core::parallel;
 use armlet_core::plant::PlantSpec;
-use armlet_core::simulate::{self as core, Parameter, Parameters, Problem, record_parts};
+use armlet_core::simulate::{self as core, Parameter, Parameters, Problem, Rows, record_parts};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -19,13 +20,33 @@ use pyo3::types::PyDict;
 /// The runs of each parameter: run 0 is the one to be differentiated, and those of parameter `p` follow in order, as many as it has weights.
 fn parameters(function: &str, value: &Bound<'_, PyAny>, runs: usize) -> Result<Vec<Parameter>, Failure> {
     let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
-    let points = shape[1];
-    if 1 + shape[0] * points != runs {
-        let problem = format!("has the wrong shape: expected a weight for each of {runs} runs but the first, got {shape:?}");
-        return Err(input_error(value.py(), function, "weights", problem).into());
+    require_runs(function, value, 1 + shape[0] * shape[1], runs)?;
+    Ok(weighed(&weights, shape[1])?)
+}
+
+/// The same of each row, `(B, P, W)`.
+fn parameters_of_rows(function: &str, value: &Bound<'_, PyAny>, runs: usize) -> Result<Vec<Vec<Parameter>>, Failure> {
+    let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("B"), Axis::Any("P"), Axis::Any("W")])])?;
+    let [rows, count, points] = [shape[0], shape[1], shape[2]];
+    require_runs(function, value, rows.saturating_mul(1 + count * points), runs)?;
+    let mut all = memory::reserved(rows)?;
+    for row in 0..rows {
+        all.push(weighed(&weights[row * count * points..(row + 1) * count * points], points)?);
     }
+    Ok(all)
+}
+
+fn require_runs(function: &str, value: &Bound<'_, PyAny>, weighed: usize, runs: usize) -> Result<(), Failure> {
+    if weighed == runs {
+        return Ok(());
+    }
+    let problem = format!("has the wrong shape: expected a weight for each of {runs} runs but the first of each row, got {weighed} runs");
+    Err(input_error(value.py(), function, "weights", problem).into())
+}
+
+fn weighed(weights: &[f64], points: usize) -> armlet_core::error::Result<Vec<Parameter>> {
     let parameter = |(p, weights): (usize, &[f64])| weights.iter().enumerate().map(|(j, &weight)| (1 + p * points + j, weight)).collect();
-    Ok(memory::collected(weights.chunks_exact(points.max(1)).enumerate().map(parameter))?)
+    memory::collected(weights.chunks_exact(points.max(1)).enumerate().map(parameter))
 }
 
 /// How many of the parameters each name has.
@@ -58,6 +79,30 @@ fn with_problem<'py, T>(
     let done = work(&problem, rows, &raised)?;
     raise(&raised)?;
     Ok(done)
+}
+
+/// How many threads; None takes the default.
+fn threads_of(function: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
+    if value.is_none() { Ok(core::default_threads()) } else { Ok(parallel::require_threads(count(function, "threads", value)?)?) }
+}
+
+/// The weights of the records `[x, tau]` of so many rows, one after another, from slopes by name of a series.
+fn slopes_of(function: &str, problem: &Problem, slopes: &Bound<'_, PyDict>, rows: usize) -> Result<Vec<f64>, Failure> {
+    let (parts, width) = record_parts(problem);
+    let core::Times::At(times) = &problem.options.times else {
+        let expected = "is missing: expected the times of the records, got None";
+        return Err(input_error(slopes.py(), function, "t_eval", expected).into());
+    };
+    let records = rows.saturating_mul(times.len());
+    let mut weighed = memory::zeros(records.saturating_mul(width))?;
+    for (name, part) in parts {
+        let Some(given) = slopes.get_item(name)? else { continue };
+        let (_, own) = numbers(function, name, &given, &[Form(&[Axis::Is(records), Axis::Is(part.len())])])?;
+        for (to, from) in weighed.chunks_exact_mut(width).zip(own.chunks_exact(part.len())) {
+            to[part.clone()].iter_mut().zip(from).for_each(|(to, from)| *to += from);
+        }
+    }
+    Ok(weighed)
 }
 
 /// The derivatives of a run's series, `(K, .., P)` by name; `keywords` as of `simulate_batch` with `t_eval`.
@@ -111,19 +156,7 @@ pub fn _adjoint<'py>(
             let sizes = sizes(NAME, names, parameters.len())?;
             let all = Parameters { all: &parameters, sizes: &sizes };
             let bytes = count(NAME, "memory", bytes)?;
-            let (parts, width) = record_parts(problem);
-            let core::Times::At(times) = &problem.options.times else {
-                return Err(input_error(py, NAME, "t_eval", "is missing: expected the times of the records, got None").into());
-            };
-            let records = times.len();
-            let mut weighed = memory::zeros(records.saturating_mul(width))?;
-            for (name, part) in parts {
-                let Some(given) = slopes.get_item(name)? else { continue };
-                let (_, own) = numbers(NAME, name, &given, &[Form(&[Axis::Is(records), Axis::Is(part.len())])])?;
-                for (to, from) in weighed.chunks_exact_mut(width).zip(own.chunks_exact(part.len())) {
-                    to[part.clone()].iter_mut().zip(from).for_each(|(to, from)| *to += from);
-                }
-            }
+            let weighed = slopes_of(NAME, problem, slopes, 1)?;
             let mut poll = || force::failed(raised) || signalled();
             let gradient = long(py, || core::adjoint(problem, all, &weighed, bytes, &core::Poller::new(&mut poll)))?;
             let own = |out: &mut [f64]| -> Result<(), Failure> {
@@ -131,6 +164,68 @@ pub fn _adjoint<'py>(
                 Ok(())
             };
             written_array(py, &[parameters.len()], own)
+        })
+    })
+}
+
+/// As `_sensitivities` of the rows of a batch, `(B, K, .., P)` by name. NaN for a row that has none.
+#[entered]
+#[pyfunction]
+pub fn _sensitivities_of_rows<'py>(
+    py: Python<'py>,
+    plant: &Bound<'py, PyAny>,
+    law: &Bound<'py, PyAny>,
+    q0: &Bound<'py, PyAny>,
+    weights: &Bound<'py, PyAny>,
+    names: &Bound<'py, PyAny>,
+    threads: &Bound<'py, PyAny>,
+    keywords: &Bound<'py, PyDict>,
+) -> PyResult<Bound<'py, PyDict>> {
+    const NAME: &str = "simulate_batch";
+    entry(py, NAME, || {
+        let threads = threads_of(NAME, threads)?;
+        with_problem(NAME, (plant, law, q0), keywords, |problem, runs, _| {
+            let parameters = parameters_of_rows(NAME, weights, runs)?;
+            let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
+            let sizes = sizes(NAME, names, directions)?;
+            let rates = long(py, || core::sensitivities_of_rows(&Rows::of(problem, &parameters, &sizes)?, threads, &mut signalled))?;
+            let fields = PyDict::new(py);
+            for ((name, part), values) in record_parts(problem).0.into_iter().zip(rates) {
+                let records = values.len() / (part.len() * directions * rows).max(1);
+                fields.set_item(name, adopted(py, &[rows, records, part.len(), directions], values)?)?;
+            }
+            Ok(fields)
+        })
+    })
+}
+
+/// As `_adjoint` of the rows of a batch, `(B, P)`: `slopes` has `(B, K, ..)` by name of a series.
+#[entered]
+#[pyfunction]
+pub fn _adjoint_of_rows<'py>(
+    py: Python<'py>,
+    plant: &Bound<'py, PyAny>,
+    law: &Bound<'py, PyAny>,
+    q0: &Bound<'py, PyAny>,
+    weights: &Bound<'py, PyAny>,
+    names: &Bound<'py, PyAny>,
+    slopes: &Bound<'py, PyDict>,
+    bytes: &Bound<'py, PyAny>,
+    threads: &Bound<'py, PyAny>,
+    keywords: &Bound<'py, PyDict>,
+) -> PyResult<Bound<'py, PyAny>> {
+    const NAME: &str = "gradient";
+    entry(py, NAME, || {
+        let threads = threads_of(NAME, threads)?;
+        with_problem(NAME, (plant, law, q0), keywords, |problem, runs, _| {
+            let parameters = parameters_of_rows(NAME, weights, runs)?;
+            let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
+            let sizes = sizes(NAME, names, directions)?;
+            let bytes = count(NAME, "memory", bytes)?;
+            let weighed = slopes_of(NAME, problem, slopes, rows)?;
+            let gradient =
+                long(py, || core::adjoint_of_rows(&Rows::of(problem, &parameters, &sizes)?, &weighed, bytes, threads, &mut signalled))?;
+            Ok(adopted(py, &[rows, directions], gradient)?.into_any())
         })
     })
 }

@@ -54,7 +54,7 @@ mod _core {
     #[pymodule_export]
     use super::elastic::{damping_from_ratio, elastic_limits, equilibrium, smallest_reduced_inertia, stiffness_limit};
     #[pymodule_export]
-    use super::gradient::{_adjoint, _sensitivities};
+    use super::gradient::{_adjoint, _adjoint_of_rows, _sensitivities, _sensitivities_of_rows};
     #[pymodule_export]
     use super::integrate::{Stepper, integrate};
     #[pymodule_export]

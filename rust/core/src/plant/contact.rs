@@ -1,7 +1,7 @@
 //! A wall that pushes back: a frame at depth `d = n . (p_wall - p) > 0` feels `f = n max(0, k d + c d_dot)`, and nothing
 //! outside. Unilateral: the wall never pulls.
 
-use super::unilateral::{Touch, push, require_spring, stored};
+use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Vector, Vector3};
@@ -68,9 +68,20 @@ impl<S: Real> LaneWall<S> {
         stored(self.stiffness, self.normal.dot(self.point - p))
     }
 
+    /// Depth and its rate, with the frame at `p` that moves at `p_dot`.
+    fn depth(&self, p: Vector3<S>, p_dot: Vector3<S>) -> (S, S) {
+        (self.normal.dot(self.point - p), -self.normal.dot(p_dot))
+    }
+
+    /// Depth and push `k d + c d_dot`, with the frame at `p` that moves at `p_dot`.
+    pub fn contact(&self, p: Vector3<S>, p_dot: Vector3<S>) -> [S; 2] {
+        let (depth, rate) = self.depth(p, p_dot);
+        [depth, pressing(self.stiffness, self.damping, depth, rate)]
+    }
+
     /// The force on the frame at `p` that moves at `p_dot`, and the power lost in the wall; `held`: see [`push`].
     pub fn force(&self, p: Vector3<S>, p_dot: Vector3<S>, held: Option<Touch>) -> (Vector3<S>, S) {
-        let (depth, rate) = (self.normal.dot(self.point - p), -self.normal.dot(p_dot));
+        let (depth, rate) = self.depth(p, p_dot);
         let (force, lost) = push(self.stiffness, self.damping, depth, rate, held);
         (self.normal.scale(force), lost)
     }

@@ -214,6 +214,11 @@ impl<S: Real> Plant<S> for Elastic<S> {
         self.links.hold(contacts);
     }
 
+    fn contact(&mut self, i: usize, trig: &[(S, S)], x: &[S]) -> [S; 2] {
+        let n = self.links.n;
+        self.links.contact(i, trig, &x[..n], &x[n..2 * n])
+    }
+
     fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
         Some((self.sticking.as_mut()?, 3 * self.links.n))
     }

@@ -51,6 +51,11 @@ pub trait Plant<S: Real> {
     /// Set every contact, the wall first, then the stops, to this mode for every state.
     fn hold(&mut self, _contacts: &[Touch]) {}
 
+    /// Depth and push `k d + c d_dot` of contact `i` at a state as in [`Plant::rates`].
+    fn contact(&mut self, _i: usize, _trig: &[(S, S)], _x: &[S]) -> [S; 2] {
+        [S::zero(); 2]
+    }
+
     /// The friction that holds joints or motors at rest, and where the first of their speeds is in the state.
     fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
         None

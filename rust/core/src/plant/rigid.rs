@@ -156,6 +156,18 @@ impl<S: Real> Links<S> {
         self.held.extend_from_slice(contacts);
     }
 
+    /// Depth and push `k d + c d_dot` of contact `i`, the wall first, then the stops.
+    pub fn contact(&mut self, i: usize, trig: &[(S, S)], q: &[S], v: &[S]) -> [S; 2] {
+        match (&self.wall, &self.stops) {
+            (Some(wall), _) if i == 0 => {
+                let (p, p_dot) = moving_frame((&self.arm, &mut self.ws), trig, (q, v), wall.frame, &mut self.jacobian);
+                wall.contact(p, p_dot)
+            }
+            (wall, Some(stops)) => stops.contact(i - usize::from(wall.is_some()), q, v),
+            _ => [S::zero(); 2],
+        }
+    }
+
     /// Add the torques of wrench, wall and stops to `self.effort`; returns the power they put in.
     pub fn add_outside(&mut self, trig: &[(S, S)], q: &[S], v: &[S], wrench: &[S]) -> S {
         let mut power = S::zero();
@@ -171,14 +183,7 @@ impl<S: Real> Links<S> {
             }
         }
         if let Some(wall) = &self.wall {
-            let p = self.arm.jacobian(&mut self.ws, trig, q, wall.frame, &mut self.jacobian);
-            let p_dot = Vector3::from(std::array::from_fn(|k| {
-                let mut sum = S::zero();
-                for i in 0..self.n {
-                    sum = self.jacobian[k * self.n + i].mul_add(v[i], sum);
-                }
-                sum
-            }));
+            let (p, p_dot) = moving_frame((&self.arm, &mut self.ws), trig, (q, v), wall.frame, &mut self.jacobian);
             let held = self.held.first().copied();
             let (f, lost) = wall.force(p, p_dot, held);
             for i in 0..self.n {
@@ -199,6 +204,26 @@ impl<S: Real> Links<S> {
     pub fn accelerate(&mut self, trig: &[(S, S)], q: &[S], v: &[S], a: &mut [S]) {
         self.arm.forward_dynamics(&mut self.ws, trig, q, v, &self.effort, a);
     }
+}
+
+/// Position and velocity of the origin of a frame, world axes; `jacobian` is left with the frame's.
+fn moving_frame<S: Real>(
+    (arm, ws): (&AnyArm<S>, &mut Workspace<S>),
+    trig: &[(S, S)],
+    (q, v): (&[S], &[S]),
+    frame: usize,
+    jacobian: &mut [S],
+) -> (Vector3<S>, Vector3<S>) {
+    let p = arm.jacobian(ws, trig, q, frame, jacobian);
+    let n = jacobian.len() / 6;
+    let p_dot = Vector3::from(std::array::from_fn(|k| {
+        let mut sum = S::zero();
+        for i in 0..n {
+            sum = jacobian[k * n + i].mul_add(v[i], sum);
+        }
+        sum
+    }));
+    (p, p_dot)
 }
 
 /// Write `A = M`, `b` = the effort less `C v + g`, and the loads, under the input `tau`.
@@ -289,5 +314,10 @@ impl<S: Real> Plant<S> for Rigid<S> {
 
     fn hold(&mut self, contacts: &[Touch]) {
         self.links.hold(contacts);
+    }
+
+    fn contact(&mut self, i: usize, trig: &[(S, S)], x: &[S]) -> [S; 2] {
+        let n = self.links.n;
+        self.links.contact(i, trig, &x[..n], &x[n..2 * n])
     }
 }

@@ -1,7 +1,7 @@
 //! Joint stops: beyond a limit a joint meets a spring and a damper, `tau_i = max(0, k d + c d_dot)` away from the limit,
 //! `d` the depth beyond it.
 
-use super::unilateral::{Touch, push, require_spring, stored};
+use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
@@ -92,6 +92,13 @@ impl<S: Real> LaneStops<S> {
     pub fn energy(&self, q: &[S]) -> S {
         let of = |&(stop, limit, stiffness, _): &(Stop, S, S, S)| stored(stiffness, stop.depth(limit, q[stop.joint], S::zero()).0);
         self.stops.iter().map(of).fold(S::zero(), |sum, part| sum + part)
+    }
+
+    /// Depth and push `k d + c d_dot` of stop `k`.
+    pub fn contact(&self, k: usize, q: &[S], v: &[S]) -> [S; 2] {
+        let (stop, limit, stiffness, damping) = self.stops[k];
+        let (depth, rate) = stop.depth(limit, q[stop.joint], v[stop.joint]);
+        [depth, pressing(stiffness, damping, depth, rate)]
     }
 
     /// Add the torques to `effort`; returns the power lost. `held` says of each stop how it is held, where it is.

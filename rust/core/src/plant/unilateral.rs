@@ -50,10 +50,15 @@ impl Touch {
     }
 }
 
+/// What spring and damper push with while they touch, `k d + c d_dot`.
+pub fn pressing<S: Real>(stiffness: S, damping: S, depth: S, rate: S) -> S {
+    damping.mul_add(rate, stiffness * depth)
+}
+
 /// The force at depth `depth` that grows at `rate`, and the lost power. `held` is the state of the contact, `None` to follow the plant.
 pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Touch>) -> (S, S) {
     let spring = stiffness * depth;
-    let force = damping.mul_add(rate, spring);
+    let force = pressing(stiffness, damping, depth, rate);
     // The spring stores a part of the power. The rest is lost: (f - k d) d_dot.
     match held {
         None => {

@@ -245,6 +245,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.plant.hold(contacts);
     }
 
+    /// Depth and push of a contact of the plant at state `x`, after [`ClosedLoop::turn_to`].
+    pub fn contact(&mut self, i: usize, x: &[S]) -> [S; 2] {
+        self.plant.contact(i, &self.trig, &x[..self.states])
+    }
+
     /// Let this wrench act in place of the forces there are; `None` gives them back.
     pub fn push(&mut self, wrench: Option<&Wrench>) {
         self.world.push(wrench);

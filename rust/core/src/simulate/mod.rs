@@ -68,7 +68,9 @@ pub use batch_stepper::BatchStepper;
 pub use bound::DEFAULT_STATE_LIMIT;
 pub use event::{Crossings, Event, EventFunction, Signal};
 pub use force::{Force, Wrench};
-pub use gradient::{Parameter, Parameters, RecordParts, adjoint, record_parts, sensitivities};
+pub use gradient::{
+    Parameter, Parameters, RecordParts, Rows, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
+};
 pub use listed::{Listed, list_loop, watch_steps};
 pub use measures::Measures;
 pub use outside::outside;
@@ -80,5 +82,5 @@ pub use schedule::Times;
 pub use single::{Run, simulate, simulate_observed};
 pub use stepper::{Stepping, require_fixed_steps, stepper};
 pub use stop::{Poller, Stop};
-pub use watching::{Polynomials, RunObserver};
+pub use watching::{Guard, Polynomials, RunObserver, Switched};
 pub use world::Exogenous;

@@ -14,7 +14,7 @@ use crate::integrate::events::crossing;
 use crate::integrate::solve::node;
 use crate::integrate::{Adaptive, System};
 use crate::memory;
-use crate::plant::PlantSpec;
+use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Real, sign};
 use crate::status::Status;
 
@@ -34,9 +34,28 @@ pub struct Polynomials {
     pub nodes: Vec<f64>,
 }
 
+/// What ends a contact as it is: its depth or its push changes sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Guard {
+    /// The wall first, then the stops.
+    pub contact: usize,
+    pub by_push: bool,
+}
+
+/// The contacts from an instant on.
+#[derive(Clone, Debug)]
+pub struct Switched {
+    pub t: f64,
+    /// What changed sign; `None` where the contacts are taken as they are found.
+    pub by: Option<Guard>,
+    pub touches: Vec<Touch>,
+}
+
 /// What a run is asked for besides its records, and where the answers go.
 #[derive(Default)]
 pub struct RunObserver {
+    /// The contacts at the start and after each change.
+    pub contacts: Option<Vec<Switched>>,
     pub events: Vec<Event>,
     pub crossings: Crossings,
     pub polynomials: Option<Polynomials>,
@@ -45,6 +64,18 @@ pub struct RunObserver {
 }
 
 impl RunObserver {
+    /// Take down how the contacts are held from `t` on.
+    fn keep_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
+        self.keep(|observer| {
+            let Some(contacts) = &mut observer.contacts else { return Ok(()) };
+            if contacts.len() == contacts.capacity() {
+                memory::more(contacts, contacts.len().max(1))?;
+            }
+            contacts.push(Switched { t, by, touches: memory::collected(touches.iter().copied())? });
+            Ok(())
+        });
+    }
+
     /// Take down an answer, as long as there is room.
     fn keep(&mut self, answer: impl FnOnce(&mut Self) -> CoreResult<()>) {
         if self.full.is_none() {
@@ -106,6 +137,16 @@ impl<'a, S: Real> Watching<'a, S> {
             width,
             at: x.to_vec(),
             x: vec![0.0; x.len()],
+        }
+    }
+
+    /// Hold the contacts as they are at the state in `self.x`.
+    fn find_contacts<F: Watched<S>>(&mut self, system: &mut F, t: f64) {
+        let Some(switching) = &mut self.switching else { return };
+        switching.begin(&self.x);
+        system.hold_contacts(&switching.touches);
+        if let Some(observer) = self.observer.as_deref_mut() {
+            observer.keep_contacts(t, None, &switching.touches);
         }
     }
 
@@ -176,10 +217,7 @@ impl<'a, S: Real> Watching<'a, S> {
         }
         // Contacts that undo each other within rounding: on with them as they are found at the end of the step.
         interpolate(system, method, t1, &mut self.at, &mut self.x);
-        if let Some(switching) = &mut self.switching {
-            switching.begin(&self.x);
-            system.hold_contacts(&switching.touches);
-        }
+        self.find_contacts(system, t1);
         Ok(None)
     }
 
@@ -255,10 +293,7 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
 
     fn begin(&mut self, system: &mut F, t: f64, x: &Vec<S>) -> Result<(), Status> {
         lanes_of(&mut self.x, x);
-        if let Some(switching) = &mut self.switching {
-            switching.begin(&self.x);
-            system.hold_contacts(&switching.touches);
-        }
+        self.find_contacts(system, t);
         if self.sticking > 0 {
             system.settle(t, x);
         }
@@ -307,8 +342,17 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
         if let Some(joint) = self.switches.checked_sub(contacts).filter(|_| self.sticking > 0) {
             system.switch_joint(t, x, (joint < self.sticking).then_some(joint));
         } else if let Some(switching) = &mut self.switching {
+            let (contact, which) = (self.switches / 2, self.switches % 2);
+            let by_push = match switching.touches[contact] {
+                Touch::Apart => false,
+                Touch::Pressed => true,
+                Touch::Slack => which == 1,
+            };
             switching.switch(self.switches, &self.x);
             system.hold_contacts(&switching.touches);
+            if let Some(observer) = self.observer.as_deref_mut() {
+                observer.keep_contacts(t, Some(Guard { contact, by_push }), &switching.touches);
+            }
         }
     }
 }

@@ -4,7 +4,7 @@
 
 use super::Prepared;
 use super::combine::add;
-use super::functions::Call;
+use super::functions::{Call, Function};
 use super::timeline::Operation;
 use super::walk::{Walker, followers, seen};
 use crate::error::Result;
@@ -26,7 +26,8 @@ fn stride(operations: usize, size: usize, whole: usize, memory: usize) -> usize 
 struct Backward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
-    rates: Call,
+    /// Of each mode of the contacts.
+    rates: Vec<Call>,
     law: Call,
     /// The weights of the state.
     bar: Vec<f64>,
@@ -96,7 +97,7 @@ impl<'a> Backward<'a> {
         let (functions, directions) = (&prepared.functions, &prepared.directions);
         let (walker, sizes) = (Walker::new(prepared), &functions.sizes);
         Backward {
-            rates: functions.rates.adjoint(),
+            rates: functions.rates.iter().map(Function::adjoint).collect(),
             law: functions.law.adjoint(),
             bar: vec![0.0; walker.places.size()],
             aside: vec![0.0; walker.places.size()],
@@ -105,7 +106,7 @@ impl<'a> Backward<'a> {
             u: vec![0.0; sizes.width],
             looked: f64::NAN,
             room: vec![0.0; 2 * sizes.width],
-            answer: vec![0.0; functions.rates.answers().max(functions.law.answers())],
+            answer: vec![0.0; functions.rates.iter().chain([&functions.law]).map(Function::answers).max().unwrap_or(0)],
             slopes: vec![0.0; prepared.tableau.b.len() * sizes.states],
             passed: vec![0.0; sizes.states + sizes.answer],
             followers: followers(sizes),
@@ -128,10 +129,11 @@ impl<'a> Backward<'a> {
                 }
                 self.bar[acting].fill(0.0);
             }
-            Operation::Step { t, h, end } => {
+            Operation::Switch { k, t } => return self.switch(k, t, before),
+            Operation::Step { t, h, end, mode } => {
                 let record = k.checked_sub(1).filter(|&k| timeline.steps_on(k)).map(|k| timeline.operations[k]);
                 let tau = if let Some(Operation::Record { i, .. }) = record { self.record_of(i, weights).1 } else { &[] };
-                return self.step((t, h, end), before, points, tau);
+                return self.step((t, h, end), mode, before, points, tau);
             }
             Operation::Record { i, t } => return self.record(i, t, before, weights, timeline.steps_on(k)),
             Operation::Leave => self.bar.iter_mut().zip(&self.aside).for_each(|(bar, aside)| *bar += aside),
@@ -175,7 +177,7 @@ impl<'a> Backward<'a> {
         }
         let call = match of {
             Of::Law => &mut self.law,
-            Of::Rates => &mut self.rates,
+            Of::Rates(mode) => &mut self.rates[mode],
         };
         call.give([&self.u, x, held]);
         let answers = call.answers().len();
@@ -220,8 +222,17 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
+    /// The weights of the state before a contact changes, from those after.
+    fn switch(&mut self, k: usize, t: f64, before: &[f64]) -> Result<()> {
+        let Some(jump) = self.walker.jump(k, t, before)? else { return Ok(()) };
+        let weight: f64 = jump.along.iter().zip(&self.bar).map(|(along, bar)| along * bar).sum();
+        add(&mut self.bar[..jump.of_state.len()], weight, &jump.of_state);
+        add(&mut self.set_up, weight, &jump.of_set_up);
+        Ok(())
+    }
+
     /// A step whose stages have the arguments `points`; `tau` are the weights of the input at its start, if it is recorded.
-    fn step(&mut self, (t, h, end): (f64, f64, f64), before: &[f64], points: &[f64], tau: &[f64]) -> Result<()> {
+    fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, before: &[f64], points: &[f64], tau: &[f64]) -> Result<()> {
         let (tableau, size, places) = (&self.prepared.tableau, self.prepared.functions.sizes.states, self.walker.places);
         if tableau.follows {
             for &(position, rate) in &self.followers {
@@ -243,7 +254,7 @@ impl<'a> Backward<'a> {
             if i == 0 {
                 self.answer[size..size + tau.len()].copy_from_slice(tau);
             }
-            self.pass(Of::Rates, instant, [point, &before[places.acting()]])?;
+            self.pass(Of::Rates(mode), instant, [point, &before[places.acting()]])?;
             let (x, held) = self.passed.split_at(size);
             for (j, &a) in tableau.a[i].iter().enumerate().filter(|(_, a)| **a != 0.0) {
                 add(&mut self.slopes[j * size..(j + 1) * size], h * a, x);
@@ -257,7 +268,7 @@ impl<'a> Backward<'a> {
     fn finish(self) -> Vec<f64> {
         let (mut gradient, directions) = (self.gradient, &self.prepared.directions);
         let count = directions.count.max(1);
-        for (weights, rates) in [(&self.set_up, &directions.set_up), (&self.bar, &directions.start)] {
+        for (weights, rates) in [(&self.set_up, &directions.set_up), (&self.bar, &self.prepared.start)] {
             for (weight, row) in weights.iter().zip(rates.chunks_exact(count)) {
                 gradient.iter_mut().zip(row).for_each(|(sum, rate)| *sum += weight * rate);
             }
@@ -270,7 +281,8 @@ impl<'a> Backward<'a> {
 #[derive(Clone, Copy)]
 enum Of {
     Law,
-    Rates,
+    /// In a mode of the contacts.
+    Rates(usize),
 }
 
 #[cfg(test)]

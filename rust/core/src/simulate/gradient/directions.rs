@@ -17,7 +17,7 @@ struct Drive<'a> {
     worlds: Vec<(World<'a>, f64)>,
 }
 
-/// The rates of all parameters.
+/// The rates of all parameters, but those of the start.
 pub struct Directions<'a> {
     pub count: usize,
     /// Which numbers of the set-up move, in their order, and how many do.
@@ -25,8 +25,6 @@ pub struct Directions<'a> {
     pub moved: usize,
     /// Their rates, `(moved, count)`.
     pub set_up: Vec<f64>,
-    /// The rates of the state at the start, `(states, count)`.
-    pub start: Vec<f64>,
     /// Runs whose recordings are compared with that of the loop: `(parameter, run)`.
     pub runs: Vec<(usize, usize)>,
     base: World<'a>,
@@ -49,6 +47,20 @@ fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     sym::finish().values
 }
 
+/// The rates of the state at the start, `(states, count)`.
+pub fn start_rates(problem: &Problem, parameters: &[Parameter]) -> Result<Vec<f64>> {
+    let (count, starts) = (parameters.len(), |run: usize| start::<f64>(problem, |_| run));
+    let first = starts(0);
+    let mut rates = memory::zeros(first.len().saturating_mul(count))?;
+    for (p, parameter) in parameters.iter().enumerate() {
+        look();
+        let others: Vec<(Vec<f64>, f64)> = parameter.iter().map(|&(run, weight)| (starts(run), weight)).collect();
+        let others: Vec<(&[f64], f64)> = others.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
+        combined(&first, &others, |k, rate| rates[k * count + p] = rate);
+    }
+    Ok(rates)
+}
+
 impl<'a> Directions<'a> {
     /// `sizes`: how many parameters each name has, one name after another. The numbers of a name enter a program alike, so that only the
     /// recordings of its first and its last one are compared.
@@ -57,9 +69,6 @@ impl<'a> Directions<'a> {
         let count = parameters.len();
         let own = |run: usize| std::ptr::eq(problem.plant(run), problem.plant(0)) && std::ptr::eq(problem.law(run), problem.law(0));
         let mut rates = memory::zeros(base.len().saturating_mul(count))?;
-        let starts = |run: usize| start::<f64>(problem, |_| run);
-        let first = starts(0);
-        let mut start = memory::zeros(first.len().saturating_mul(count))?;
         let (motions, breaks) = (problem.law(0).motions(), problem.law(0).breaks());
         let mut drives = Vec::new();
         for (p, parameter) in parameters.iter().enumerate() {
@@ -74,9 +83,6 @@ impl<'a> Directions<'a> {
             }
             let differ: Vec<(&[f64], f64)> = differ.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
             combined(&base, &differ, |k, rate| rates[k * count + p] = rate);
-            let others: Vec<(Vec<f64>, f64)> = parameter.iter().map(|&(run, weight)| (starts(run), weight)).collect();
-            let others: Vec<(&[f64], f64)> = others.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
-            combined(&first, &others, |k, rate| start[k * count + p] = rate);
             let moves = |run: usize| problem.law(run).motions().iter().zip(&motions).any(|(motion, of)| !motion.is_same(of));
             if parameter.iter().any(|&(run, _)| moves(run)) {
                 let worlds = parameter.iter().map(|&(run, weight)| (world(problem, 1, |_| run), weight)).collect();
@@ -98,7 +104,7 @@ impl<'a> Directions<'a> {
         }
         let moved = moving.iter().filter(|&&moves| moves).count();
         let base = world(problem, 1, |_| 0);
-        Ok(Directions { count, moving, moved, set_up, start, runs, base, drives, width })
+        Ok(Directions { count, moving, moved, set_up, runs, base, drives, width })
     }
 
     /// Numbers of what comes from outside at one instant.

@@ -9,10 +9,6 @@ use super::timeline::Operation;
 use super::walk::{Walker, act, followers, seen};
 use crate::error::Result;
 use crate::memory;
-use crate::trace::form;
-
-/// Registers of directions that go through the run together: they share the values that their derivatives are taken at.
-const TOGETHER: usize = 2;
 
 /// A function with its tangent.
 struct Tangent {
@@ -57,7 +53,8 @@ impl Tangent {
 struct Forward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
-    rates: Tangent,
+    /// Of each mode of the contacts.
+    rates: Vec<Tangent>,
     law: Tangent,
     lanes: usize,
     /// Groups of directions, one per lane, and the first direction.
@@ -81,14 +78,12 @@ struct Forward<'a> {
 
 /// The rates of all records into their series.
 pub fn run(prepared: &Prepared, series: &mut Series) -> Result<()> {
-    let count = prepared.directions.count;
-    let lanes = form(true).lanes();
-    let groups = count.div_ceil(lanes).min(TOGETHER);
+    let (count, groups) = (prepared.directions.count, prepared.functions.sizes.groups);
     if groups == 0 {
         return Ok(());
     }
     let mut forward = Forward::new(prepared, groups)?;
-    for first in (0..count).step_by(groups * lanes) {
+    for first in (0..count).step_by(groups * forward.lanes) {
         forward.begin(first);
         forward.run(series)?;
     }
@@ -99,14 +94,14 @@ impl<'a> Forward<'a> {
     fn new(prepared: &'a Prepared<'a>, groups: usize) -> Result<Self> {
         let (functions, sizes) = (&prepared.functions, &prepared.functions.sizes);
         let tangent = |function: &super::functions::Function| Tangent {
-            call: function.tangent(groups),
+            call: function.tangent(),
             moving: function.moving(),
             moved: sizes.moved,
             driven: sizes.driven(),
             answers: function.answers(),
         };
-        let (rates, law) = (tangent(&functions.rates), tangent(&functions.law));
-        let (lanes, walker, stages) = (rates.call.lanes(), Walker::new(prepared), prepared.tableau.b.len());
+        let (rates, law): (Vec<Tangent>, _) = (functions.rates.iter().map(tangent).collect(), tangent(&functions.law));
+        let (lanes, walker, stages) = (law.call.lanes(), Walker::new(prepared), prepared.tableau.b.len());
         let size = walker.places.size();
         Ok(Forward {
             prepared,
@@ -137,9 +132,9 @@ impl<'a> Forward<'a> {
         self.tangent.fill(0.0);
         self.u_rates.fill(0.0);
         (self.first, self.looked) = (first, f64::NAN);
-        self.rates.set_up(self.prepared, first, self.groups);
+        self.rates.iter_mut().for_each(|rates| rates.set_up(self.prepared, first, self.groups));
         self.law.set_up(self.prepared, first, self.groups);
-        for (number, rates) in directions.start.chunks_exact(directions.count).enumerate() {
+        for (number, rates) in self.prepared.start.chunks_exact(directions.count).enumerate() {
             for (k, &rate) in rates[first..].iter().take(self.groups * self.lanes).enumerate() {
                 let at = self.place(k, number);
                 self.tangent[at] = rate;
@@ -160,7 +155,8 @@ impl<'a> Forward<'a> {
             match operation {
                 Operation::Record { i, .. } if timeline.steps_on(k) => open = Some(i),
                 Operation::Record { i, t } => self.record(i, t, series)?,
-                Operation::Step { t, h, end } => self.step((t, h, end), open.take().map(|i| (i, &mut *series)))?,
+                Operation::Step { t, h, end, mode } => self.step((t, h, end), mode, open.take().map(|i| (i, &mut *series)))?,
+                Operation::Switch { k, t } => self.switch(k, t)?,
                 Operation::Sample { k, t } => self.sample(k, t)?,
                 Operation::Act(k) => self.act(k),
                 Operation::Leave => {
@@ -236,8 +232,24 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
+    /// The tangents jump where a contact changes.
+    fn switch(&mut self, k: usize, t: f64) -> Result<()> {
+        let Some(jump) = self.walker.jump(k, t, &self.state)? else { return Ok(()) };
+        let (directions, lanes, all) = (&self.prepared.directions, self.lanes, self.walker.places.size() * self.lanes);
+        for (g, tangent) in self.tangent.chunks_exact_mut(all).enumerate() {
+            let first = self.first + g * lanes;
+            for (lane, direction) in (first..directions.count.min(first + lanes)).enumerate() {
+                let set_up = jump.of_set_up.iter().zip(directions.set_up.chunks_exact(directions.count)).map(|(w, row)| w * row[direction]);
+                let state = jump.of_state.iter().zip(tangent.chunks_exact(lanes)).map(|(w, row)| w * row[lane]);
+                let delay: f64 = set_up.chain(state).sum();
+                tangent.chunks_exact_mut(lanes).zip(&jump.along).for_each(|(row, along)| row[lane] += along * delay);
+            }
+        }
+        Ok(())
+    }
+
     /// A step, and the record at its start if there is one.
-    fn step(&mut self, (t, h, end): (f64, f64, f64), mut record: Option<(usize, &mut Series)>) -> Result<()> {
+    fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, mut record: Option<(usize, &mut Series)>) -> Result<()> {
         let tableau = &self.prepared.tableau;
         let (places, lanes, size) = (self.walker.places, self.lanes, self.prepared.functions.sizes.states);
         let (rows, acting) = (size * lanes, places.acting());
@@ -246,23 +258,24 @@ impl<'a> Forward<'a> {
             let (a, instant) = (&tableau.a[i], (t + tableau.c[i] * h).min(end));
             add_slopes(&self.state[places.x()], h, a, &self.slopes[..i * size], &mut self.point);
             self.look_outside(instant);
-            self.rates.call.give([&self.u, &self.point, &self.state[acting.clone()]]);
+            let rates = &mut self.rates[mode];
+            rates.call.give([&self.u, &self.point, &self.state[acting.clone()]]);
             for (g, (tangent, slopes)) in self.tangent.chunks_exact(all).zip(self.slope_rates.chunks_exact(stages)).enumerate() {
-                let (x, held) = self.rates.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], size);
+                let (x, held) = rates.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], size);
                 add_slopes(&tangent[..rows], h, a, &slopes[..i * rows], x);
                 held.copy_from_slice(&tangent[acting.start * lanes..acting.end * lanes]);
             }
-            self.rates.call.run(instant)?;
+            rates.call.run(instant)?;
             let slope = self.slopes[i * size..(i + 1) * size].iter_mut();
-            slope.zip(self.rates.call.answers().chunks_exact(lanes)).for_each(|(slope, lanes)| *slope = lanes[0]);
+            slope.zip(rates.call.answers().chunks_exact(lanes)).for_each(|(slope, lanes)| *slope = lanes[0]);
             for (g, slopes) in self.slope_rates.chunks_exact_mut(stages).enumerate() {
-                slopes[i * rows..(i + 1) * rows].copy_from_slice(&self.rates.answers(g)[..rows]);
+                slopes[i * rows..(i + 1) * rows].copy_from_slice(&rates.answers(g)[..rows]);
             }
             if let Some((i, series)) = record.take() {
                 for (g, tangent) in self.tangent.chunks_exact(all).enumerate() {
                     let first = self.first + g * lanes;
                     series.put(i, first, lanes, 0, &tangent[..rows]);
-                    series.put(i, first, lanes, size, &self.rates.answers(g)[rows..]);
+                    series.put(i, first, lanes, size, &rates.answers(g)[rows..]);
                 }
             }
         }

@@ -1,20 +1,27 @@
 //! The rates and the law of a loop as functions of numbers, with their tangents and adjoints.
 
 use super::directions::{Directions, refused};
+use super::timeline::Contacts;
 use crate::error::{Error, Result};
 use crate::integrate::System;
 use crate::interrupt::look;
 use crate::law::Route;
+use crate::plant::Touch;
 use crate::simulate::closed_loop::ClosedLoop;
 use crate::simulate::general::assemble;
 use crate::simulate::problem::Problem;
 use crate::simulate::recorded::{inputs, instant};
-use crate::trace::Evaluation;
+use crate::simulate::watching::Guard;
 use crate::trace::adjoint::adjoint;
 use crate::trace::function::Recorded;
 use crate::trace::sym::{self, Sym};
 use crate::trace::tangents::{Tangents, tangents};
 use crate::trace::tape::{Moving, Op};
+use crate::trace::{Evaluation, form};
+use std::sync::OnceLock;
+
+/// Registers of directions that go through the run together: they share the values that their derivatives are taken at.
+const TOGETHER: usize = 2;
 
 /// Sizes of what a loop's functions read and answer.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +38,8 @@ pub struct Sizes {
     /// Whether the law is sampled.
     pub sampled: bool,
     guards: usize,
+    /// Groups of directions that go through the run together, one direction per lane.
+    pub groups: usize,
     /// Numbers of the set-up that move, and whether what comes from outside does.
     pub moved: usize,
     pub drives: bool,
@@ -48,6 +57,7 @@ impl Sizes {
             answer: n + p,
             sampled: problem.options.sampling.is_some(),
             guards: usize::from(problem.law(0).route() == Route::Guarded),
+            groups: directions.count.div_ceil(form(true).lanes()).min(TOGETHER),
             moved: directions.moved,
             drives: directions.drives(),
         }
@@ -70,86 +80,116 @@ pub struct Function {
     guards: usize,
     /// The inputs that move: of the set-up, from outside, the state, what is held.
     moving: Vec<u32>,
+    groups: usize,
+    /// Ready to be called: the function itself, its tangent and its adjoint.
+    calls: [OnceLock<Call>; 3],
 }
 
 /// The functions of a loop.
 pub struct LoopFunctions {
     pub sizes: Sizes,
-    /// The rates of the state: under the law, with its input behind them, or under what is held.
-    pub rates: Function,
+    /// The rates of the state: under the law, with its input behind them, or under what is held. One for each mode of the contacts.
+    pub rates: Vec<Function>,
     /// The input and the rate of the law.
     pub law: Function,
+    /// What changes sign where a contact changes, of each guard.
+    pub guards: Vec<Function>,
 }
 
 impl LoopFunctions {
-    pub fn of(problem: &Problem, directions: &Directions) -> Result<Self> {
+    pub fn of(problem: &Problem, directions: &Directions, contacts: &Contacts) -> Result<Self> {
         let sizes = Sizes::of(problem, directions);
         let branches = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
-        let both = |run: usize| Some((rates(problem, run, directions, &sizes)?, law(problem, run, directions, &sizes)?));
-        let (rates, law) = both(0).ok_or_else(branches)?;
+        let all = |run: usize| {
+            let of = Recorder { problem, run, directions, sizes: &sizes };
+            let rates: Option<Vec<Function>> = contacts.modes.iter().map(|mode| of.rates(mode)).collect();
+            let guards: Option<Vec<Function>> = contacts.guards.iter().map(|&guard| of.guard(guard)).collect();
+            Some((rates?, of.law()?, guards?))
+        };
+        let (rates, law, guards) = all(0).ok_or_else(branches)?;
+        let own: Vec<&Function> = rates.iter().chain([&law]).chain(&guards).collect();
         for &(p, run) in &directions.runs {
             look();
-            let (other, other_law) = both(run).ok_or_else(branches)?;
-            if other.ops != rates.ops || other_law.ops != law.ops {
+            let (rates, law, guards) = all(run).ok_or_else(branches)?;
+            if rates.iter().chain([&law]).chain(&guards).zip(&own).any(|(other, own)| other.ops != own.ops) {
                 return Err(refused(p, "is a constant of the loop's program"));
             }
         }
-        Ok(LoopFunctions { sizes, rates, law })
+        Ok(LoopFunctions { sizes, rates, law, guards })
     }
 }
 
-/// Record a function of the loop of run `run`.
-fn record(
-    problem: &Problem,
+/// Records functions of the loop of one run.
+struct Recorder<'a> {
+    problem: &'a Problem<'a>,
     run: usize,
-    directions: &Directions,
-    sizes: &Sizes,
-    held: bool,
-    body: impl FnOnce(&mut ClosedLoop<Sym>, crate::simulate::Exogenous<Sym>, Vec<Sym>, Vec<Sym>) -> Vec<Sym>,
-) -> Option<Function> {
-    sym::begin_moving(Moving::These(directions.moving.clone()));
-    let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, false);
-    let given = sym::end_set_up() as u32;
-    let u = instant(sizes.desired, sizes.width - sizes.desired);
-    let x = inputs(sizes.states);
-    let acting = inputs(if held { sizes.answer } else { 0 });
-    let read = [sizes.width, sizes.states, acting.len()];
-    let mut answer = body(&mut closed, u, x, acting);
-    answer.extend((0..sizes.guards).map(|_| closed.stands));
-    drop(closed);
-    let recording = sym::finish();
-    if recording.failed {
-        return None;
+    directions: &'a Directions<'a>,
+    sizes: &'a Sizes,
+}
+
+impl Recorder<'_> {
+    fn record(
+        &self,
+        held: bool,
+        body: impl FnOnce(&mut ClosedLoop<Sym>, crate::simulate::Exogenous<Sym>, Vec<Sym>, Vec<Sym>) -> Vec<Sym>,
+    ) -> Option<Function> {
+        let Recorder { problem, run, directions, sizes } = *self;
+        sym::begin_moving(Moving::These(directions.moving.clone()));
+        let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, false);
+        let given = sym::end_set_up() as u32;
+        let u = instant(sizes.desired, sizes.width - sizes.desired);
+        let x = inputs(sizes.states);
+        let acting = inputs(if held { sizes.answer } else { 0 });
+        let read = [sizes.width, sizes.states, acting.len()];
+        let mut answer = body(&mut closed, u, x, acting);
+        answer.extend((0..sizes.guards).map(|_| closed.stands));
+        drop(closed);
+        let recording = sym::finish();
+        if recording.failed {
+            return None;
+        }
+        let entry = |(_, &entry): (_, &u32)| if let Op::Input(slot) = recording.ops[entry as usize] { Some(slot) } else { None };
+        let mut moving: Vec<u32> =
+            directions.moving.iter().zip(&recording.structure).filter(|(moves, _)| **moves).filter_map(entry).collect();
+        let first = given + if sizes.drives { 0 } else { sizes.width as u32 };
+        moving.extend(first..given + read.iter().sum::<usize>() as u32);
+        let answer = answer.into_iter().map(Sym::index).collect();
+        let (ops, values, calls) = (recording.ops, recording.values, Default::default());
+        Some(Function { ops, values, read, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
     }
-    let entry = |(_, &entry): (_, &u32)| if let Op::Input(slot) = recording.ops[entry as usize] { Some(slot) } else { None };
-    let mut moving: Vec<u32> = directions.moving.iter().zip(&recording.structure).filter(|(moves, _)| **moves).filter_map(entry).collect();
-    let first = given + if sizes.drives { 0 } else { sizes.width as u32 };
-    moving.extend(first..given + read.iter().sum::<usize>() as u32);
-    let answer = answer.into_iter().map(Sym::index).collect();
-    Some(Function { ops: recording.ops, values: recording.values, read, answer, guards: sizes.guards, moving })
-}
 
-fn rates(problem: &Problem, run: usize, directions: &Directions, sizes: &Sizes) -> Option<Function> {
-    record(problem, run, directions, sizes, sizes.sampled, |closed, u, x, acting| {
-        if sizes.sampled {
-            let (tau, dz) = acting.split_at(sizes.n);
-            closed.hold_input(tau, dz);
-        }
-        let mut dx = x.clone();
-        closed.rhs(&u, &x, &mut dx);
-        if !sizes.sampled {
-            dx.extend(&closed.tau);
-        }
-        dx
-    })
-}
+    /// The rates while the contacts are held like this; empty: as they are found.
+    fn rates(&self, mode: &[Touch]) -> Option<Function> {
+        let sizes = self.sizes;
+        self.record(sizes.sampled, |closed, u, x, acting| {
+            closed.hold_contacts(mode);
+            if sizes.sampled {
+                let (tau, dz) = acting.split_at(sizes.n);
+                closed.hold_input(tau, dz);
+            }
+            let mut dx = x.clone();
+            closed.rhs(&u, &x, &mut dx);
+            if !sizes.sampled {
+                dx.extend(&closed.tau);
+            }
+            dx
+        })
+    }
 
-fn law(problem: &Problem, run: usize, directions: &Directions, sizes: &Sizes) -> Option<Function> {
-    record(problem, run, directions, sizes, false, |closed, u, x, _| {
-        closed.turn_to(&x);
-        closed.answer(&u, &x);
-        closed.tau.iter().chain(closed.law_rate()).copied().collect()
-    })
+    fn law(&self) -> Option<Function> {
+        self.record(false, |closed, u, x, _| {
+            closed.turn_to(&x);
+            closed.answer(&u, &x);
+            closed.tau.iter().chain(closed.law_rate()).copied().collect()
+        })
+    }
+
+    fn guard(&self, Guard { contact, by_push }: Guard) -> Option<Function> {
+        self.record(false, |closed, _, x, _| {
+            closed.turn_to(&x);
+            vec![closed.contact(contact, &x)[usize::from(by_push)]]
+        })
+    }
 }
 
 impl Function {
@@ -168,7 +208,7 @@ impl Function {
 
     /// The function itself, for one run.
     pub fn value(&self) -> Call {
-        Call::new(self, self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))
+        self.calls[0].get_or_init(|| Call::new(self, self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))).clone()
     }
 
     /// Numbers that move.
@@ -178,19 +218,25 @@ impl Function {
 
     /// With the rates of its answers behind them, from the rates of the inputs that move. A lane has a direction, and groups of them follow
     /// one another.
-    pub fn tangent(&self, groups: usize) -> Call {
-        let inputs = self.values.len() + self.inputs();
-        let Tangents { ops, mut values, rates } = tangents(&self.ops, inputs, &self.answer, self.answers(), &self.moving, groups);
-        values.extend(rates);
-        Call::new(self, self.recorded(ops, groups * self.moving.len(), values).program(true))
+    pub fn tangent(&self) -> Call {
+        let made = || {
+            let (inputs, groups) = (self.values.len() + self.inputs(), self.groups);
+            let Tangents { ops, mut values, rates } = tangents(&self.ops, inputs, &self.answer, self.answers(), &self.moving, groups);
+            values.extend(rates);
+            Call::new(self, self.recorded(ops, groups * self.moving.len(), values).program(true))
+        };
+        self.calls[1].get_or_init(made).clone()
     }
 
     /// The weights of the inputs that move, from those of the answers.
     pub fn adjoint(&self) -> Call {
-        let inputs = self.values.len() + self.inputs();
-        let (ops, mut answer) = adjoint(self.ops.clone(), inputs, &self.answer[..self.answers()], &self.moving);
-        answer.splice(0..0, self.answer.iter().copied());
-        Call::new(self, self.recorded(ops, self.answers(), answer).program(false))
+        let made = || {
+            let inputs = self.values.len() + self.inputs();
+            let (ops, mut answer) = adjoint(self.ops.clone(), inputs, &self.answer[..self.answers()], &self.moving);
+            answer.splice(0..0, self.answer.iter().copied());
+            Call::new(self, self.recorded(ops, self.answers(), answer).program(false))
+        };
+        self.calls[2].get_or_init(made).clone()
     }
 }
 

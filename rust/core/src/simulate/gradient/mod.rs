@@ -4,7 +4,7 @@
 //! A run is a list of operations on one state `X`: steps `x' = x + h sum b_i k_i`, samples of the law, and records. Forward: the tangents
 //! `X_p` go through the same operations. Backward: the adjoint of each operation, in reverse order, from states that were kept or are
 //! computed again. The rates and the law are recorded programs, differentiated as programs. Adaptive methods repeat the steps that the run
-//! took, so that step sizes have no derivative.
+//! took, so that step sizes have no derivative. Where a contact changes the tangents jump.
 //!
 //! A parameter is stated by runs of the problem in which it differs, with weights: `d/dp F = sum w_i F_i`. The differences are taken of the
 //! numbers of the set-up alone, never of a run.
@@ -14,7 +14,9 @@ mod combine;
 mod directions;
 mod forward;
 mod functions;
+mod rows;
 mod series;
+mod switch;
 mod timeline;
 mod walk;
 
@@ -24,11 +26,13 @@ use super::schedule::Times;
 use super::stop::Stop;
 use crate::error::{Error, Result};
 use crate::integrate::Tableau;
-use directions::Directions;
+use directions::{Directions, start_rates};
 use functions::LoopFunctions;
+pub use rows::{Rows, adjoint_of_rows, sensitivities_of_rows};
 use series::Series;
 use std::ops::Range;
-use timeline::Timeline;
+use std::sync::{Arc, Mutex, PoisonError};
+use timeline::{Contacts, Timeline};
 
 /// How a number differs between runs of a problem: runs and weights of its derivative.
 pub type Parameter = Vec<(usize, f64)>;
@@ -57,9 +61,19 @@ pub fn record_parts(problem: &Problem) -> (RecordParts, usize) {
 struct Prepared<'a> {
     single: Problem<'a>,
     tableau: Tableau,
-    directions: Directions<'a>,
-    functions: LoopFunctions,
+    directions: Arc<Directions<'a>>,
+    functions: Arc<LoopFunctions>,
     timeline: Timeline,
+    /// The rates of the state at the start, `(states, count)`.
+    start: Vec<f64>,
+}
+
+/// What differs between runs of the same loop, and its functions.
+struct Loop<'a> {
+    tableau: Tableau,
+    directions: Arc<Directions<'a>>,
+    /// By the contacts of the runs.
+    known: Mutex<Vec<(Contacts, Arc<LoopFunctions>)>>,
 }
 
 /// Run 0 of a problem by itself.
@@ -76,35 +90,56 @@ fn single<'a>(problem: &Problem<'a>) -> Problem<'a> {
     }
 }
 
+impl<'a> Loop<'a> {
+    fn of(problem: &'a Problem<'a>, parameters: Parameters) -> Result<Self> {
+        problem.validate()?;
+        let (o, law) = (&problem.options, problem.law(0));
+        debug_assert!(
+            !o.monitors && matches!(o.times, Times::At(_)),
+            "the derivatives are those of a run without monitors, at given times"
+        );
+        let Some(tableau) = o.method.tableau() else {
+            let problem =
+                format!("has no derivatives of runs: expected one of euler, semi_implicit, rk4, dopri5, dop853, got {}", o.method.name());
+            return Err(Error::input("method", problem));
+        };
+        let refused = |argument: &str, expected: &str, got: &str| {
+            Err(Error::input(argument, format!("has no derivatives of runs: expected {expected}, got {got}")))
+        };
+        if !law.route().is_recordable() {
+            return refused("law", "a law that is recorded as a program", law.name());
+        }
+        if o.sampling.as_ref().is_some_and(|sampling| sampling.torque_sensor.is_some()) {
+            return refused("sample_time", "a Sampling without torque_sensor", "one with it");
+        }
+        if problem.plants.iter().any(|plant| plant.sticks()) {
+            return refused("plant", "a plant without stick-slip friction", "one with it");
+        }
+        let directions = Arc::new(Directions::of(problem, parameters.all, parameters.sizes)?);
+        Ok(Loop { tableau, directions, known: Mutex::default() })
+    }
+
+    /// Run 0 of a problem of this loop.
+    fn prepare(&self, problem: &Problem<'a>, parameters: &[Parameter], stop: &dyn Stop) -> Result<Prepared<'a>> {
+        let (single, start) = (single(problem), start_rates(problem, parameters)?);
+        let timeline = Timeline::of(&single, stop)?;
+        let functions = self.functions(problem, &timeline.contacts)?;
+        Ok(Prepared { single, tableau: self.tableau.clone(), directions: self.directions.clone(), functions, timeline, start })
+    }
+
+    fn functions(&self, problem: &Problem, contacts: &Contacts) -> Result<Arc<LoopFunctions>> {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = known.iter().find(|(other, _)| (&other.modes, &other.guards) == (&contacts.modes, &contacts.guards)) {
+            return Ok(found.clone());
+        }
+        let made = Arc::new(LoopFunctions::of(problem, &self.directions, contacts)?);
+        known.push((contacts.clone(), made.clone()));
+        Ok(made)
+    }
+}
+
 fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
-    problem.validate()?;
-    let (o, law) = (&problem.options, problem.law(0));
-    debug_assert!(!o.monitors && matches!(o.times, Times::At(_)), "the derivatives are those of a run without monitors, at given times");
-    let Some(tableau) = o.method.tableau() else {
-        let problem =
-            format!("has no derivatives of runs: expected one of euler, semi_implicit, rk4, dopri5, dop853, got {}", o.method.name());
-        return Err(Error::input("method", problem));
-    };
-    let refused = |argument: &str, expected: &str, got: &str| {
-        Err(Error::input(argument, format!("has no derivatives of runs: expected {expected}, got {got}")))
-    };
-    if !law.route().is_recordable() {
-        return refused("law", "a law that is recorded as a program", law.name());
-    }
-    if o.sampling.as_ref().is_some_and(|sampling| sampling.torque_sensor.is_some()) {
-        return refused("sample_time", "a Sampling without torque_sensor", "one with it");
-    }
-    if problem.plants.iter().any(|plant| plant.sticks()) {
-        return refused("plant", "a plant without stick-slip friction", "one with it");
-    }
-    if o.method.is_adaptive() && !problem.plant(0).is_free() {
-        return refused("plant", "a plant without a wall or stops for an adaptive method, or fixed steps", "one with contacts");
-    }
-    let single = single(problem);
-    let timeline = Timeline::of(&single, stop)?;
-    let directions = Directions::of(problem, parameters.all, parameters.sizes)?;
-    let functions = LoopFunctions::of(problem, &directions)?;
-    Ok(Prepared { single, tableau, directions, functions, timeline })
+    Loop::of(problem, parameters)?.prepare(problem, parameters.all, stop)
 }
 
 /// The derivatives of the records of run 0 of `problem`, at the times of its options: `(records, numbers, parameters)` of each part that

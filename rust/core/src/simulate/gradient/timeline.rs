@@ -3,11 +3,13 @@
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory::append;
+use crate::plant::Touch;
 use crate::simulate::problem::{Division, Problem};
 use crate::simulate::sampling::Sampling;
 use crate::simulate::schedule::{Schedule, Times};
-use crate::simulate::single::simulate;
+use crate::simulate::single::simulate_observed;
 use crate::simulate::stop::Stop;
+use crate::simulate::watching::{Guard, RunObserver, Switched};
 use crate::status::Status;
 
 /// A time this close to the end of a step, in steps, is that end.
@@ -20,8 +22,10 @@ pub enum Operation {
     Sample { k: u64, t: f64 },
     /// The answer to sample `k` acts from now on; none before the first.
     Act(Option<u64>),
-    /// A step of size `h` from `t` to `end`, which is before a jump of the input there.
-    Step { t: f64, h: f64, end: f64 },
+    /// A step of size `h` from `t` to `end`, which is before a jump of the input there, with the contacts of `mode`.
+    Step { t: f64, h: f64, end: f64, mode: usize },
+    /// A contact changes.
+    Switch { k: usize, t: f64 },
     /// Record `i`.
     Record { i: usize, t: f64 },
     /// What follows is beside the path of the run.
@@ -30,8 +34,34 @@ pub enum Operation {
     Back,
 }
 
+/// A change of the contacts from one mode to another, where a guard changes sign.
+#[derive(Clone, Copy, Debug)]
+pub struct Switch {
+    pub guard: usize,
+    pub before: usize,
+    pub after: usize,
+}
+
+/// How the contacts were held in a run.
+#[derive(Clone, Debug)]
+pub struct Contacts {
+    /// Each way that occurs; a run that locates no events has one without contacts.
+    pub modes: Vec<Vec<Touch>>,
+    pub guards: Vec<Guard>,
+    pub switches: Vec<Switch>,
+}
+
+/// The place of an element, which is appended where it is missing.
+fn place<T: PartialEq>(all: &mut Vec<T>, element: T) -> usize {
+    all.iter().position(|known| *known == element).unwrap_or_else(|| {
+        all.push(element);
+        all.len() - 1
+    })
+}
+
 /// The operations of a run, and the clock of its controller.
 pub struct Timeline {
+    pub contacts: Contacts,
     pub operations: Vec<Operation>,
     pub sampling: Option<Sampling>,
     pub grid: f64,
@@ -44,6 +74,8 @@ struct Listing<'a> {
     breaks: &'a [f64],
     sampled: Option<u64>,
     acting: Option<Option<u64>>,
+    /// The present mode of the contacts.
+    mode: usize,
 }
 
 impl Timeline {
@@ -58,20 +90,26 @@ impl Timeline {
     /// The operations of the one run of a problem, whose options have the times of its records. An adaptive method is run for its steps.
     pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<Self> {
         let o = &problem.options;
-        let timeline = Timeline { operations: Vec::new(), sampling: o.sampling.clone(), grid: o.grid(), records: 0 };
-        let list = |breaks| Listing { timeline, breaks, sampled: None, acting: None };
+        let contacts = Contacts { modes: Vec::new(), guards: Vec::new(), switches: Vec::new() };
+        let timeline = Timeline { contacts, operations: Vec::new(), sampling: o.sampling.clone(), grid: o.grid(), records: 0 };
+        let list = |breaks| Listing { timeline, breaks, sampled: None, acting: None, mode: 0 };
         match problem.validate()? {
-            Division::Fixed(fixed) => list(&fixed.schedule.breaks).fixed(&fixed.schedule, fixed.hold),
+            Division::Fixed(fixed) => {
+                let mut listing = list(&fixed.schedule.breaks);
+                listing.timeline.contacts.modes.push(Vec::new());
+                listing.fixed(&fixed.schedule, fixed.hold)
+            }
             Division::Adaptive(segments) => {
                 let mut whole = problem.clone();
                 whole.options.times = Times::Every(1);
-                let run = simulate(&whole, stop)?;
+                let mut observer = RunObserver { contacts: Some(Vec::new()), ..RunObserver::default() };
+                let run = simulate_observed(&whole, stop, Some(&mut observer))?;
                 if run.status != Status::Success {
                     let problem = format!("the run ended at t = {} s: {}", run.ended, run.status.name());
                     return Err(Error::Solve { status: run.status, t: run.ended, problem });
                 }
                 let Times::At(records) = &o.times else { return Ok(list(&[]).timeline) };
-                list(&segments.breaks).adaptive(&run.t, records)
+                list(&segments.breaks).adaptive(&run.t, observer.contacts.unwrap_or_default(), records)
             }
         }
     }
@@ -112,12 +150,12 @@ impl Listing<'_> {
             let jump = self.breaks[i];
             if jump >= end - close {
                 let ends = jump <= end + close;
-                return self.push(Operation::Step { t, h, end: if ends { jump.min(end).next_down() } else { end } });
+                return self.push(Operation::Step { t, h, end: if ends { jump.min(end).next_down() } else { end }, mode: self.mode });
             }
-            self.push(Operation::Step { t, h: jump - t, end: jump.next_down() })?;
+            self.push(Operation::Step { t, h: jump - t, end: jump.next_down(), mode: self.mode })?;
             (t, h) = (jump, end - jump);
         }
-        self.push(Operation::Step { t, h, end })
+        self.push(Operation::Step { t, h, end, mode: self.mode })
     }
 
     /// A record at `t` beside the path, `offset` after its last point.
@@ -146,9 +184,26 @@ impl Listing<'_> {
         Ok(self.timeline)
     }
 
-    fn adaptive(mut self, path: &[f64], records: &[f64]) -> Result<Timeline> {
+    /// The contacts from `t` on.
+    fn switch(&mut self, t: f64, Switched { by, touches, .. }: Switched) -> Result<()> {
+        let (before, contacts) = (self.mode, &mut self.timeline.contacts);
+        self.mode = place(&mut contacts.modes, touches);
+        let Some(by) = by else { return Ok(()) };
+        let (guard, k) = (place(&mut contacts.guards, by), contacts.switches.len());
+        append(&mut contacts.switches, &[Switch { guard, before, after: self.mode }])?;
+        self.push(Operation::Switch { k, t })
+    }
+
+    fn adaptive(mut self, path: &[f64], switched: Vec<Switched>, records: &[f64]) -> Result<Timeline> {
+        let mut switched = switched.into_iter().peekable();
         for (j, &t) in path.iter().enumerate() {
             look();
+            while let Some(next) = switched.next_if(|next| next.t <= t) {
+                self.switch(t, next)?;
+            }
+            if self.timeline.contacts.modes.is_empty() {
+                self.timeline.contacts.modes.push(Vec::new());
+            }
             self.sample(t)?;
             let next = path.get(j + 1).copied();
             let close = next.map_or(f64::INFINITY, |next| ON_STEP * (next - t));

@@ -2,7 +2,7 @@
 
 use super::Prepared;
 use super::combine::{add_slopes, advance};
-use super::functions::{Call, Sizes};
+use super::functions::{Call, Function, Sizes};
 use super::timeline::{Operation, Timeline};
 use crate::error::{Error, Result, all_finite};
 use crate::integrate::Tableau;
@@ -69,11 +69,14 @@ pub fn followers(sizes: &Sizes) -> Vec<(usize, usize)> {
 
 /// Runs the operations on plain numbers.
 pub struct Walker<'a> {
-    prepared: &'a Prepared<'a>,
+    pub(super) prepared: &'a Prepared<'a>,
     pub places: Places,
-    rates: Call,
+    /// Of each mode of the contacts.
+    pub(super) rates: Vec<Call>,
     law: Call,
-    u: Vec<f64>,
+    /// The slopes of the guards.
+    pub(super) guards: Vec<Call>,
+    pub(super) u: Vec<f64>,
     /// The arguments and the slopes of the stages, of the step seen last.
     pub points: Vec<f64>,
     pub slopes: Vec<f64>,
@@ -92,8 +95,9 @@ impl<'a> Walker<'a> {
         Walker {
             prepared,
             places: Places::of(sizes, &prepared.timeline),
-            rates: prepared.functions.rates.value(),
+            rates: prepared.functions.rates.iter().map(Function::value).collect(),
             law: prepared.functions.law.value(),
+            guards: prepared.functions.guards.iter().map(Function::adjoint).collect(),
             u: vec![0.0; sizes.width],
             points: vec![0.0; stages * sizes.states],
             slopes: vec![0.0; stages * sizes.states],
@@ -119,8 +123,8 @@ impl<'a> Walker<'a> {
                 act(&self.places, k, state);
                 Ok(())
             }
-            Operation::Step { t, h, end } => self.step((t, h, end), state),
-            Operation::Record { .. } => Ok(()),
+            Operation::Step { t, h, end, mode } => self.step((t, h, end), mode, state),
+            Operation::Record { .. } | Operation::Switch { .. } => Ok(()),
             Operation::Leave => {
                 self.left.clear();
                 self.left.extend_from_slice(state);
@@ -166,7 +170,7 @@ impl<'a> Walker<'a> {
     }
 
     /// The points and slopes of the stages of a step.
-    pub fn stages(&mut self, (t, h, end): (f64, f64, f64), state: &[f64]) -> Result<()> {
+    pub fn stages(&mut self, (t, h, end): (f64, f64, f64), mode: usize, state: &[f64]) -> Result<()> {
         let Tableau { c, a, b, .. } = &self.prepared.tableau;
         let (x, size) = (&state[self.places.x()], self.places.states);
         for i in 0..b.len() {
@@ -175,15 +179,16 @@ impl<'a> Walker<'a> {
             add_slopes(x, h, &a[i], earlier, point);
             let instant = (t + c[i] * h).min(end);
             self.prepared.directions.input(instant, &mut self.u);
-            self.rates.give([&self.u, point, &state[self.places.acting()]]);
-            self.rates.run(instant)?;
-            later[..size].copy_from_slice(&self.rates.answers()[..size]);
+            let rates = &mut self.rates[mode];
+            rates.give([&self.u, point, &state[self.places.acting()]]);
+            rates.run(instant)?;
+            later[..size].copy_from_slice(&rates.answers()[..size]);
         }
         Ok(())
     }
 
-    fn step(&mut self, (t, h, end): (f64, f64, f64), state: &mut [f64]) -> Result<()> {
-        self.stages((t, h, end), state)?;
+    fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, state: &mut [f64]) -> Result<()> {
+        self.stages((t, h, end), mode, state)?;
         advance(&self.prepared.tableau, h, &mut self.slopes, &self.followers, &mut state[self.places.x()], 1);
         if !all_finite(&state[self.places.x()]) {
             let problem = format!("the run diverged at t = {end} s");

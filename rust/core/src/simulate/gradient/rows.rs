@@ -1,0 +1,160 @@
+//! Derivatives of the runs of a batch, row by row over threads. A row has the numbers of a run alone.
+
+use super::{Loop, Parameter, Parameters, backward, forward, record_parts};
+use crate::error::{Error, Result};
+use crate::interrupt::{Interrupted, interrupt};
+use crate::memory;
+use crate::parallel;
+use crate::simulate::problem::Problem;
+use crate::simulate::schedule::Times;
+use std::sync::atomic::AtomicBool;
+
+/// Runs to be differentiated: run 0 of each problem, with its parameters.
+pub struct Rows<'a> {
+    problems: Vec<Problem<'a>>,
+    parameters: &'a [Vec<Parameter>],
+    sizes: &'a [usize],
+}
+
+/// One row after another of a list of one or of so many for each row.
+fn part<T: Clone>(all: &[T], row: usize, each: usize) -> Vec<T> {
+    if all.len() == 1 { all.to_vec() } else { all.get(row * each..(row + 1) * each).unwrap_or(&[]).to_vec() }
+}
+
+impl<'a> Rows<'a> {
+    /// The rows of a problem, whose plants and laws are one or one per run, with as many runs in each row. It has no force, one, or one per
+    /// row. `sizes`: how many parameters each name has.
+    pub fn of(problem: &Problem<'a>, parameters: &'a [Vec<Parameter>], sizes: &'a [usize]) -> Result<Self> {
+        let (rows, runs) = (parameters.len(), problem.runs());
+        let width = runs.checked_div(rows).unwrap_or(0);
+        for (argument, count) in [("plant", problem.plants.len()), ("law", problem.laws.len())] {
+            if count != 1 && count != runs {
+                return Err(Error::wrong(argument, "number of entries", runs, count));
+            }
+        }
+        if problem.forces.len() > 1 && problem.forces.len() != rows {
+            return Err(Error::wrong("force", "number of entries", rows, problem.forces.len()));
+        }
+        let states = width * problem.plant(0).states();
+        let row = |r: usize| {
+            let mut options = problem.options.clone();
+            if let Some(sampling) = &mut options.sampling {
+                sampling.seed = sampling.seed.wrapping_add(r as u64);
+            }
+            Problem {
+                plants: part(&problem.plants, r, width),
+                laws: part(&problem.laws, r, width),
+                x0: problem.x0[r * states..(r + 1) * states].to_vec(),
+                forces: part(&problem.forces, r, 1),
+                force_frame: problem.force_frame,
+                options,
+                measures: None,
+            }
+        };
+        Ok(Rows { problems: memory::collected((0..rows).map(row))?, parameters, sizes })
+    }
+
+    /// Whether all rows are runs of the same loop.
+    fn is_one_loop(&self) -> bool {
+        let Some(first) = self.problems.first() else { return false };
+        let same = |other: &Problem| {
+            let plants = first.plants.iter().zip(&other.plants).all(|(a, b)| std::ptr::eq(*a, *b));
+            let laws = first.laws.iter().zip(&other.laws).all(|(a, b)| std::ptr::eq(*a, *b));
+            plants && laws && first.forces.iter().zip(&other.forces).all(|(a, b)| std::ptr::eq(*a, *b))
+        };
+        self.problems.iter().all(same)
+    }
+
+    fn parameters(&self, row: usize) -> Parameters<'_> {
+        Parameters { all: &self.parameters[row], sizes: self.sizes }
+    }
+
+    /// Work on each row with its part of what is written. Rows that have no derivative are NaN: those that do not reach their end.
+    fn each<'b, T: Fill + Send>(
+        &'b self,
+        threads: usize,
+        poll: &mut dyn FnMut() -> bool,
+        outs: Vec<T>,
+        work: impl Fn(&super::Prepared<'b>, usize, &mut T) -> Result<()> + Sync,
+    ) -> Result<()> {
+        let Some(first) = self.problems.first() else { return Ok(()) };
+        let shared = if self.is_one_loop() { Some(Loop::of(first, self.parameters(0))?) } else { None };
+        let never = AtomicBool::new(false);
+        let row = |(r, mut out): (usize, T)| -> Result<()> {
+            let (problem, parameters) = (&self.problems[r], self.parameters(r));
+            problem.validate()?;
+            let prepared = match &shared {
+                Some(shared) => shared.prepare(problem, parameters.all, &never),
+                None => Loop::of(problem, parameters).and_then(|own| own.prepare(problem, parameters.all, &never)),
+            };
+            match prepared.and_then(|prepared| work(&prepared, r, &mut out)) {
+                Err(Error::Solve { .. }) => {
+                    out.fill_nan();
+                    Ok(())
+                }
+                other => other,
+            }
+        };
+        match parallel::pieces(threads, poll, outs.into_iter().enumerate().collect(), row) {
+            Ok(rows) => rows.into_iter().collect(),
+            Err(Interrupted) => interrupt(),
+        }
+    }
+}
+
+/// What a row writes.
+trait Fill {
+    fn fill_nan(&mut self);
+}
+
+impl Fill for Vec<&mut [f64]> {
+    fn fill_nan(&mut self) {
+        self.iter_mut().for_each(|part| part.fill(f64::NAN));
+    }
+}
+
+impl Fill for &mut [f64] {
+    fn fill_nan(&mut self) {
+        self.fill(f64::NAN);
+    }
+}
+
+/// The derivatives of the records of each row, at the times of the options: `(rows, records, numbers, parameters)` of each part that
+/// [`record_parts`] names.
+pub fn sensitivities_of_rows(rows: &Rows, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<Vec<Vec<f64>>> {
+    let Some(first) = rows.problems.first() else { return Ok(Vec::new()) };
+    let (parts, records, count) = (record_parts(first).0, records(first), rows.parameters(0).all.len());
+    let sizes: Vec<usize> = parts.iter().map(|(_, range)| records.saturating_mul(range.len()).saturating_mul(count)).collect();
+    let mut all: Vec<Vec<f64>> = sizes.iter().map(|size| memory::zeros(size.saturating_mul(rows.problems.len()))).collect::<Result<_>>()?;
+    let mut outs: Vec<Vec<&mut [f64]>> = rows.problems.iter().map(|_| Vec::with_capacity(parts.len())).collect();
+    for (values, &size) in all.iter_mut().zip(&sizes) {
+        outs.iter_mut().zip(values.chunks_exact_mut(size.max(1))).for_each(|(out, row)| out.push(row));
+    }
+    rows.each(threads, poll, outs, |prepared, _, out| {
+        let ranges = parts.iter().map(|(_, range)| range.clone());
+        let mut series = super::Series::zeros(ranges, records, count)?;
+        forward::run(prepared, &mut series)?;
+        out.iter_mut().zip(series.into_rates()).for_each(|(to, from)| to.copy_from_slice(&from));
+        Ok(())
+    })?;
+    Ok(all)
+}
+
+/// As [`super::adjoint`] of each row: `weights` are `(rows, records, numbers)`, and the result `(rows, parameters)`. Each thread keeps
+/// states in at most some `memory` bytes.
+pub fn adjoint_of_rows(rows: &Rows, weights: &[f64], memory: usize, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<Vec<f64>> {
+    let Some(first) = rows.problems.first() else { return Ok(Vec::new()) };
+    let (width, count) = (records(first) * record_parts(first).1, rows.parameters(0).all.len());
+    let mut all = memory::zeros(count.saturating_mul(rows.problems.len()))?;
+    let outs = all.chunks_exact_mut(count.max(1)).collect();
+    rows.each(threads, poll, outs, |prepared, r, out: &mut &mut [f64]| {
+        out.copy_from_slice(&backward::run(prepared, &weights[r * width..(r + 1) * width], memory)?);
+        Ok(())
+    })?;
+    Ok(all)
+}
+
+/// Records of each run.
+fn records(problem: &Problem) -> usize {
+    if let Times::At(times) = &problem.options.times { times.len() } else { 0 }
+}
