@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,13 @@ def gradient(loss: Any = "error_rms", names: Any = "law.kp", law: Any = LAW, **m
     return al.gradient(loss, PLANT, law, Q0, names, **(OPTIONS | more))
 
 
+ROWS = np.array([Q0, [0.2, 0.3], [0.0, 0.1]])
+
+
+def batch(q0: Any = ROWS, names: Any = "law.kp", law: Any = LAW, **more: Any) -> al.BatchRun:
+    return al.simulate_batch(PLANT, law, q0, sensitivity=names, **(OPTIONS | more))
+
+
 TIP = al.Task("link2", "xy", target=[0.3, 0.4], gain=2.0)
 ELASTIC = al.ElasticArm(ARM, [100.0, 80.0], 0.1)
 MOTORS = al.MotorPD(ARM, [0.4, 0.9], 8.0, 1.0, joint_stiffness=[100.0, 80.0])
@@ -43,17 +51,18 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         ),
         r"law has no derivatives of runs: expected a law that is recorded",
     ),
-    "wall by adaptive steps": (
-        lambda: run(
-            plant=al.RigidArm(ARM, wall=al.Wall("link2", [0.8, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=100.0)), method="dopri5", dt=None
-        ),
-        r"plant has no derivatives of runs: expected a plant without a wall",
+    "stick-slip": (
+        lambda: run(plant=al.RigidArm(ARM, friction=al.StickSlip(coulomb=0.5)), method="dopri5", dt=None),
+        r"plant has no derivatives of runs: expected a plant without stick-slip friction",
     ),
     "torque sensor": (
         lambda: run(law=MOTORS, plant=ELASTIC, sample_time=al.Sampling(1e-3, torque_sensor=al.TorqueSensor())),
         r"sample_time has no derivatives of runs: expected a Sampling without torque_sensor",
     ),
-    "events": (lambda: run(method="dopri5", dt=None, events=lambda t, q, v: q[0]), r"events have no derivatives"),
+    "an event that ends the run": (
+        lambda: run(method="dopri5", dt=None, events=al.Event.joint(0, 0.2, stop=True)),
+        r"events that end the run have no derivatives",
+    ),
     "start of motors": (lambda: run("theta0"), r"unknown name"),
     "jump of a motion": (
         lambda: run("law.motion.duration", law=al.ComputedTorque(ARM, al.Quintic(Q0, [0.4, 0.9], 0.01), 10.0, 3.0)),
@@ -74,6 +83,21 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "slopes that are NaN": (lambda: gradient(lambda r: (0.0, {"q": np.nan * r.q})), r"slopes\['q'\] are not finite"),
     "three things": (lambda: gradient(lambda r: (0.0, {}, 1)), r"loss returned something else"),
     "not analytic": (lambda: gradient(lambda r: np.abs(r.q - [0.4, 0.9]).sum()), r"loss is not analytic"),
+    "loss of floats": (
+        lambda: gradient(lambda r: sum(float(x) ** 2 for x in r.q[:, 0])),
+        r"makes real numbers of complex ones, as float\(\)",
+    ),
+    "loss of plain floats": (lambda: gradient(lambda r: float((r.q**2).sum().item())), r"makes real numbers of complex ones, as float\(\)"),
+    "rows without records": (lambda: batch(keep="final"), r'sensitivity is not used: expected None with keep="final"'),
+    "no rows": (lambda: batch(np.zeros((0, 2))), r"q0 has no rows: expected at least one with sensitivity"),
+    "rows of laws and of starts": (lambda: batch(law=[LAW, LAW]), r"law has the wrong number of entries: expected 1 or 3, got 2"),
+    "rows of gains of several shapes": (
+        lambda: batch(law=[LAW, LAW, al.PDGravity(ARM, [0.4, 0.9], kp=5.0, kd=[1.6, 1.2])]),
+        r"sensitivity names numbers of several shapes.*first bad index 2",
+    ),
+    "unknown name of rows": (lambda: batch(names="law.kpp"), r"simulate_batch: sensitivity has an unknown name"),
+    "too many threads": (lambda: batch(threads=5000), r"threads is out of range"),
+    "what a batch keeps": (lambda: al.gradient("error_rms", PLANT, LAW, ROWS, "law.kp", keep="final", **OPTIONS), r"keep is not used"),
     "reference that moves": (lambda: gradient("error_rms", "law.target"), r"no name that moves the reference, got law.target"),
     "no reference": (
         lambda: gradient("error_rms", "law.stiffness", al.CartesianImpedance(ARM, [0.6, 0.2], 40.0, 5.0, frame="link2", axes="xy")),
@@ -114,6 +138,63 @@ def test_a_run_keeps_its_derivatives_when_pickled() -> None:
     one = again.sensitivity["law.kp"]
     assert (one.name, one.shape, one.size, one.estimate) == ("law.kp", (2,), 2, None)
     assert repr(one) == "Sensitivity('law.kp', shape=(2,), 21 records)"
+
+
+def test_a_contact_that_is_grazed_has_none() -> None:
+    """The joint leaves from rest at a stop: the instant of the touch has no derivative."""
+    arm = al.planar_arm([1.0], gravity=[0.0, 0.0])
+    plant = al.RigidArm(arm, stops=al.JointStops(1e3, 50.0, lower=-1.0, upper=1e-20))
+    law = al.PDGravity(arm, [0.5], 10.0, 1.0)
+    options: dict[str, Any] = {"t_end": 0.05, "method": "dop853", "v0": [1e-12], "check_limits": False}
+    with pytest.raises(al.SolveError, match=r"a contact is grazed at t = .*no derivative") as caught:
+        al.simulate(plant, law, [0.0], sensitivity="q0", **options)
+    assert caught.value.status == al.Status.DEGRADED
+
+
+def test_a_file_keeps_derivatives(tmp_path: Path) -> None:
+    first = batch(names=["law.kp", "q0"])
+    first.save(tmp_path / "batch.npz")
+    again = al.load(tmp_path / "batch.npz")
+    assert again.sensitivity is not None and first.sensitivity is not None and list(again.sensitivity) == ["law.kp", "q0"]
+    assert again.sensitivity["law.kp"].shape == (2,)
+    np.testing.assert_array_equal(again.sensitivity["q0"].tau, first.sensitivity["q0"].tau)
+
+
+def test_a_scenario_has_names(tmp_path: Path) -> None:
+    scenario = al.Scenario.from_dict(
+        {
+            "arm": {"kind": "planar_arm", "lengths": [0.5, 0.4]},
+            "law": {"kind": "PDGravity", "target": [0.4, 0.9], "kp": [8.0, 6.0], "kd": [1.6, 1.2]},
+            "run": {"q0": Q0, "sensitivity": ["law.kp", "arm.damping"], **OPTIONS},
+        }
+    )
+    found, expected = scenario.run().sensitivity, run(["law.kp", "arm.damping"]).sensitivity
+    assert found is not None and expected is not None and list(found) == list(expected)
+    np.testing.assert_array_equal(found["law.kp"].q, expected["law.kp"].q)
+    # What is not a run of its own has none.
+    assert al.gradient("error_rms", scenario, names="law.kp")[1]["law.kp"].shape == (2,)
+    assert al.sweep(scenario, {"law.kp": [5.0, 9.0]})["completed"].tolist() == [1.0, 1.0]
+    with pytest.raises(al.InputError, match=r"\$.run.sensitivity: expected a list of names, got 'law.kp'"):
+        scenario.replace({"run.sensitivity": "law.kp"})
+    with pytest.raises(al.InputError, match=r"\$.run.sensitivity\[0\]: has an unknown name"):
+        scenario.replace({"run.sensitivity": ["law.kpp"]}).check()
+
+
+def test_derivatives_are_drawn() -> None:
+    pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    made = run("arm.parameters").sensitivity
+    assert made is not None
+    axes = made["arm.parameters"].plot(Figure())
+    assert axes.shape == (3, 2)
+    drawn = [line.get_ydata() for line in axes[2, 1].get_lines()]
+    tau = made["arm.parameters"].tau[:, 1]
+    assert len(drawn) == 8 and all(any(np.array_equal(line, tau[:, j]) for j in range(20)) for line in drawn)
+    rows = batch().sensitivity
+    assert rows is not None
+    with pytest.raises(al.InputError, match="derivatives of a batch"):
+        rows["law.kp"].plot(Figure())
 
 
 def test_a_number_that_may_not_be_negative_is_varied_on_one_side() -> None:

@@ -127,7 +127,7 @@ PYTHON: dict[str, Any] = {
     "Events": RUN.events,
     "State": RUN.sample(0.005),
     "JointStops": al.JointStops(1e3, lower=-1.0, upper=1.0),
-    "Sensitivity": al.Sensitivity("law.kp", (2,), *np.random.default_rng(2).normal(size=(3, 2, 2, 2))),
+    "Sensitivity": al.Sensitivity("law.kp", (2,), np.arange(2.0), *np.random.default_rng(2).normal(size=(3, 2, 2, 2))),
     "CartesianPath": al.CartesianPath(np.linspace(0.0, 1.0, 5), np.ones((5, 2)), [1e-5, 2e-5], [0, 4], 0.5, None),
     "Srdf": SRDF,
     "SrdfGroup": SRDF.groups["arm"],

@@ -112,9 +112,10 @@ def compare(plant: Any, law: Any, names: list[str], options: dict[str, Any], tol
 
 
 def wanted(name: str, plant: Any, law: Any, options: dict[str, Any]) -> list[str]:
-    """All numbers of a loop but those of its arms, which a test of their own has, and thresholds."""
+    """All numbers of a loop but those of its arms, which tests of their own have, and thresholds."""
     known = named_numbers(plant, law, start_of(options))
-    left = ("arm.parameters", ".eps", "friction_speed", "rounding", "damping_ratio", "theta0", "theta_dot0")
+    drives = ("arm.damping", "arm.friction", "arm.armature")
+    left = ("arm.parameters", *drives, ".eps", "friction_speed", "rounding", "damping_ratio", "theta0", "theta_dot0")
     names = [each for each in known if not each.endswith(left)]
     return [each for each in names if not (name == "PriorityVelocity" and each == "v0")]
 

@@ -69,6 +69,46 @@ def test_sensitivities(law: str, name: str, value: Any, sample_time: float | Non
         np.testing.assert_allclose(got, expected, rtol=0.0, atol=CLOSE * np.abs(expected).max())
 
 
+def test_drives() -> None:
+    """Rotors, damping and Coulomb friction of the plant, of joints that do not turn back."""
+    ours, theirs = pair(np.random.default_rng(3), 2)
+    drives = {"damping": np.array([0.4, 0.3]), "friction": np.array([0.2, 0.1]), "armature": np.array([0.05, 0.02])}
+    plant, law = al.RigidArm(ours.with_drives(**drives), friction=True), made(al, ours, "PDGravity", {})
+    run = al.simulate(plant, law, [0.1, 0.05], sensitivity=[f"arm.{name}" for name in drives], **OPTIONS)
+    assert run.sensitivity is not None and np.all(np.abs(run.v) > 0.0)
+    for name, value in drives.items():
+
+        def records(number: Array, name: str = name) -> Array:
+            plant = reference.RigidArm(theirs.with_drives(**(drives | {name: number})), friction=True)
+            found = reference.simulate(plant, made(reference, theirs, "PDGravity", {}), [0.1, 0.05], **OPTIONS)
+            return np.concatenate([found["q"], found["v"], found["tau"]], axis=-1)
+
+        expected, one = reference.sensitivity(records, value), run.sensitivity[f"arm.{name}"]
+        got = np.concatenate([one.q, one.v, one.tau], axis=1)
+        np.testing.assert_allclose(got, expected, rtol=0.0, atol=CLOSE * np.abs(expected).max())
+
+
+def test_rows() -> None:
+    ours, theirs = pair(np.random.default_rng(4), 2)
+    q0, kp = np.array([[0.1, 0.05], [0.3, -0.2]]), np.array([9.0, 7.0])
+    batch = al.simulate_batch(
+        al.RigidArm(ours),
+        made(al, ours, "PDGravity", {"kp": kp}),
+        q0,
+        sensitivity="law.kp",
+        **(OPTIONS | {"v0": np.tile(OPTIONS["v0"], (2, 1))}),
+    )
+    assert batch.sensitivity is not None
+    for r, start in enumerate(q0):
+
+        def positions(number: Array, start: Array = start) -> Array:
+            law = made(reference, theirs, "PDGravity", {"kp": number})
+            return np.asarray(reference.simulate(reference.RigidArm(theirs), law, start, **OPTIONS)["q"])
+
+        expected = reference.sensitivity(positions, kp)
+        np.testing.assert_allclose(batch.sensitivity["law.kp"].q[r], expected, rtol=0.0, atol=CLOSE * np.abs(expected).max())
+
+
 def test_gradient() -> None:
     ours, theirs = pair(np.random.default_rng(4), 2)
     kp = np.array([9.0, 7.0])

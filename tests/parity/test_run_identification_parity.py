@@ -30,6 +30,35 @@ def records(run: Any) -> Array:
     return np.concatenate([q, v], axis=1)
 
 
+def test_joint_friction() -> None:
+    """Damping and Coulomb friction of two joints from a noisy record of a closed loop: values and standard deviations."""
+    ours, theirs = pair(np.random.default_rng(3), 2)
+    rng, names = np.random.default_rng(6), ["arm.damping", "arm.friction"]
+    true, guess = np.array([0.6, 0.5, 0.3, 0.2]), np.array([0.4, 0.4, 0.2, 0.3])
+
+    def loop(side: Any, arm: Any, p: Array) -> tuple[Any, Any]:
+        plant = side.RigidArm(arm.with_drives(damping=p[:2], friction=p[2:]), friction=True)
+        return plant, side.PDGravity(arm, END, GAINS["kp"], GAINS["kd"])
+
+    made = al.simulate(*loop(al, ours, true), START, t_end=0.3, **OPTIONS)
+    q, v = (x + 1e-4 * rng.standard_normal(x.shape) for x in (made.q, made.v))
+    q[0], v[0] = made.q[0], made.v[0]  # the start is known
+    record = al.Run({"t": made.t, "q": q, "v": v})
+    plant, law = loop(al, ours, guess)
+    found = al.identify_from_runs(record, names, plant=plant, law=law, noise={"q": 1e-4, "v": 1e-4}, **OPTIONS)
+
+    def run(p: Array) -> Array:
+        return records(reference.simulate(*loop(reference, theirs, p), START, t_end=0.3, **OPTIONS))
+
+    expected, sigma = reference.fit(run, records(record), guess, 1e-4, 4)
+    values, deviations = (np.concatenate([part[name] for name in names]) for part in (found.values, found.deviations))
+    assert found.converged and found.rank == 4
+    # The search ends near the least sum; a part of a deviation.
+    np.testing.assert_allclose(values, expected, rtol=0.0, atol=1e-3 * sigma.max())
+    np.testing.assert_allclose(deviations, sigma, rtol=1e-4)
+    assert np.all(np.abs(values - true) < 5.0 * deviations)
+
+
 @pytest.mark.parametrize("known", [False, True], ids=["noise estimated", "noise known"])
 def test_stiffness(known: bool) -> None:
     """The stiffness of two joints from two noisy records: values and standard deviations."""

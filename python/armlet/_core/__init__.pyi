@@ -73,11 +73,13 @@ from .priority import velocity_bounds as velocity_bounds
 from .simulation import MomentumObserver as MomentumObserver
 from .simulation import Simulator as Simulator
 from .simulation import _adjoint as _adjoint
+from .simulation import _adjoint_of_rows as _adjoint_of_rows
 from .simulation import _BatchStepper as _BatchStepper
 from .simulation import _check_starts as _check_starts
 from .simulation import _restore_observer as _restore_observer
 from .simulation import _restore_simulator as _restore_simulator
 from .simulation import _sensitivities as _sensitivities
+from .simulation import _sensitivities_of_rows as _sensitivities_of_rows
 from .simulation import build_info as build_info
 from .simulation import loop_program as loop_program
 from .simulation import simulate as simulate
@@ -151,6 +153,7 @@ __all__ = [
     "_BatchStepper",
     "__version__",
     "_adjoint",
+    "_adjoint_of_rows",
     "_c_of_arm",
     "_c_of_law",
     "_c_of_observer",
@@ -168,6 +171,7 @@ __all__ = [
     "_seal",
     "_select_samples",
     "_sensitivities",
+    "_sensitivities_of_rows",
     "_share",
     "_spline_slopes",
     "_stored_array",

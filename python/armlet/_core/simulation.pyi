@@ -29,6 +29,26 @@ def _adjoint(
     bytes: int,
     keywords: dict[str, Any],
 ) -> _Array: ...
+def _sensitivities_of_rows(
+    plant: Plant | Sequence[Plant],
+    law: Law | Sequence[Law],
+    q0: ArrayLike,
+    weights: ArrayLike,
+    names: list[int],
+    threads: int | None,
+    keywords: dict[str, Any],
+) -> dict[str, _Array]: ...
+def _adjoint_of_rows(
+    plant: Plant | Sequence[Plant],
+    law: Law | Sequence[Law],
+    q0: ArrayLike,
+    weights: ArrayLike,
+    names: list[int],
+    slopes: dict[str, Any],
+    bytes: int,
+    threads: int | None,
+    keywords: dict[str, Any],
+) -> _Array: ...
 def loop_program(plant: Plant, law: Law | Callable[..., ArrayLike], keywords: dict[str, Any]) -> dict[str, Any]: ...
 def _restore_simulator(
     made_of: tuple[Plant, Any, Any, dict[str, Any]], at: tuple[int, Sequence[float], Sequence[float]], diverged: bool = False

@@ -8,8 +8,11 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from .. import _core
 from ..arguments import one_line, shown
@@ -17,6 +20,7 @@ from ..errors import InputError
 from ..figures.style import available, literal
 from ..files import folder_for, write_whole
 from ..run.records import Run
+from ..run.sensitivity import series_of
 from ..scenario import TEMPLATES, Scenario, schema, template
 from ..scenario.scenario import read
 from ..sweeping.execution import cells_of, rehearse, sweep
@@ -35,6 +39,9 @@ def _run(args: argparse.Namespace) -> int:
     print(metrics)
     if metrics["monitor_violations"]:
         print("  (identities that do not close to 1e-6: a shorter dt or an adaptive method shows the integrator's part of the error)")
+    for name, one in (run.sensitivity or {}).items():
+        largest = ", ".join(f"{series} {np.abs(values).max():.4g}" for series, values in series_of(one).items())
+        print(one_line(f"derivatives by {name}, largest: {largest}"))
     for path in _results(run, scenario, args):
         print(f"wrote {path}")
     return 0
@@ -80,6 +87,12 @@ def _results(run: Run, scenario: Scenario, args: argparse.Namespace) -> list[Pat
         figure.suptitle(literal(scenario.data.get("title", "")), usetex=False)
         write_whole(stem.with_suffix(".png"), lambda file: figure.savefig(file, dpi=150, format="png"))
         written.append(stem.with_suffix(".png"))
+        for name, one in (run.sensitivity or {}).items():
+            figure = Figure()
+            one.plot(figure)
+            path = stem.with_name(f"{stem.name}.{name}.png")
+            write_whole(path, partial(figure.savefig, dpi=150, format="png"))
+            written.append(path)
     return written
 
 

@@ -13,11 +13,12 @@ from ..arguments import count, instance
 from ..border import border
 from ..errors import InputError
 from ..scenario import Scenario
+from ..status import Status, having
 from .losses import Loss, along_tangents, evaluated
 from .named_numbers import Varied
 from .recorded import Array
-from .sensitivity import naming, require_names, run_keywords, split, vary
-from .simulation import simulate
+from .sensitivity import naming, require_names, run_keywords, split, vary, vary_rows
+from .simulation import simulate, simulate_batch
 
 __all__ = ["gradient", "of_loops", "require_still_reference"]
 
@@ -28,14 +29,14 @@ DEFAULTS = {"method": "rk4", "record_every": 1}
 @border
 def gradient(
     loss: Loss,
-    plant: _core.Plant | Scenario,
-    law: _core.Law | None = None,
+    plant: _core.Plant | Sequence[_core.Plant] | Scenario,
+    law: _core.Law | Sequence[_core.Law] | None = None,
     q0: ArrayLike | None = None,
     names: str | Sequence[str] | None = None,
     *,
     memory: int = 1 << 26,
     **keywords: Any,
-) -> tuple[float, dict[str, Array]]:
+) -> tuple[Any, dict[str, Array]]:
     """The value of a loss of a closed loop, and its derivatives with respect to named numbers of the loop.
 
     The loss is `L(q_0, .., q_K, v_0, .., tau_K)` of the records of one run. The discrete adjoint goes back through all steps of the run,
@@ -52,15 +53,17 @@ def gradient(
             A function `loss(run) -> value` that numpy computes for complex numbers too. It is differentiated by complex steps along the
             tangents of the run, one per parameter: use it for few parameters. `run` has `t`, `q`, `v`, `tau`, `estimate`, `theta`,
             `theta_dot`, `bristles`.
-        plant: the plant; or a `Scenario` in place of plant, law, q0 and keywords.
-        law: the law.
-        q0: initial position, (n,), rad or m.
+        plant: the plant; or a `Scenario` in place of plant, law, q0 and keywords; for a batch also one per row.
+        law: the law; for a batch also one per row.
+        q0: initial position, (n,), rad or m; (B, n) for a batch, whose rows are shared between threads.
         names: names of numbers such as `["law.kp", "arm.parameters", "q0"]`, as for `simulate(sensitivity=)`.
-        memory: bytes for stored states. States between two of them are computed again.
-        keywords: the keywords of `simulate`, `t_end` among them.
+        memory: bytes for stored states. States between two of them are computed again. In a batch each thread has as many.
+        keywords: the keywords of `simulate`, `t_end` among them. For a batch those of `simulate_batch` that concern its runs, and
+            `threads`.
 
     Returns:
-        The value, and by name an array of the shape of the number: units of the loss per unit of the number.
+        The value, and by name an array of the shape of the number: units of the loss per unit of the number. A batch has one value and
+        one array per row, (B,) and (B, ..); both are NaN for a row that did not reach its end.
 
     Raises:
         InputError: an argument has a wrong type, shape or value, or a function without slopes is not analytic.
@@ -85,6 +88,9 @@ def gradient(
         plant, law = built.plant, built.law
         keywords = {**built.arguments, **keywords}
         q0 = keywords.pop("q0")
+        keywords.pop("sensitivity", None)
+    if q0 is not None and np.ndim(q0) == 2:
+        return _of_batch(loss, plant, law, q0, require_names("gradient", "names", names), int(memory), keywords)
     instance("gradient", "plant", plant, _core.Plant, "a plant such as RigidArm, or a Scenario")
     chosen = require_names("gradient", "names", names)
     for name in ("sensitivity", "throw"):
@@ -109,6 +115,41 @@ def of_loops(
             return value, _core._adjoint(*loops.runs, slopes, memory, given)
         assert callable(loss), "a loss without slopes is a function"
         return value, along_tangents(loss, run, _core._sensitivities(*loops.runs, given))
+
+
+def _of_batch(
+    loss: Loss, plant: Any, law: Any, q0: ArrayLike, names: list[str], memory: int, keywords: dict[str, Any]
+) -> tuple[Array, dict[str, Array]]:
+    """The value of a loss of each row of a batch, (B,), and its derivatives by name, (B, ..)."""
+    for name in ("sensitivity", "keep", "metrics", "progress", "out"):
+        if name in keywords:
+            raise InputError(f"gradient: {name} is not used: expected keywords that concern the runs of a batch")
+    keywords = {"monitors": False, **keywords}
+    loops = vary_rows("gradient", plant, law, q0, keywords, names)
+    require_still_reference("gradient", loss, names)
+    batch = simulate_batch(plant, law, q0, **keywords)
+    ended = np.flatnonzero(having(batch.status, Status.SUCCESS))
+    found = {int(r): evaluated(loss, batch[r]) for r in ended}
+    values, flat = np.full(len(batch), np.nan), np.full((len(batch), loops.weights.shape[1]), np.nan)
+    for r, (value, _) in found.items():
+        values[r] = value
+    given, threads = run_keywords({**DEFAULTS, **keywords}, loops, batch.t), keywords.get("threads")
+    with naming("gradient", loops):
+        if all(slopes is not None for _, slopes in found.values()):
+            series = {name for _, slopes in found.values() for name in slopes or ()}
+            weights = {name: np.zeros_like(getattr(batch, name)) for name in series}
+            for r, (_, slopes) in found.items():
+                for name, slope in (slopes or {}).items():
+                    weights[name][r] = slope
+            rows = {name: values.reshape(-1, values.shape[-1]) for name, values in weights.items()}
+            flat[ended] = _core._adjoint_of_rows(*loops.runs, rows, memory, threads, given)[ended]
+        else:
+            assert callable(loss), "a loss without slopes is a function"
+            rates = _core._sensitivities_of_rows(*loops.runs, threads, given)
+            for r in ended:
+                flat[r] = along_tangents(loss, batch[r], {name: rate[r] for name, rate in rates.items()})
+    shaped = {named.name: flat[:, part].reshape(-1, *named.value.shape) for named, part in split(loops.names)}
+    return values, shaped
 
 
 def require_still_reference(function: str, loss: Any, names: Sequence[str]) -> None:

@@ -6,11 +6,13 @@ A loss is a table of named terms with weights, or a function. A function returns
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.exceptions import ComplexWarning
 
 from .. import _core
 from ..arguments import number, shown
@@ -99,9 +101,16 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
     at = {name: getattr(run, name) for name in SERIES}
 
     def moved(direction: Mapping[str, Array], step: complex) -> Any:
-        return loss(
-            SimpleNamespace(t=run.t, **{name: x if name not in direction else x + step * direction[name] for name, x in at.items()})
-        )
+        series = {name: x if name not in direction else x + step * direction[name] for name, x in at.items()}
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ComplexWarning)
+            try:
+                return loss(SimpleNamespace(t=run.t, **series))
+            except (TypeError, ComplexWarning) as error:
+                if np.imag(step) == 0.0 or not (isinstance(error, ComplexWarning) or "complex" in str(error)):
+                    raise
+                problem = "makes real numbers of complex ones, as float() and int() do"
+                raise InputError(f"gradient: loss {problem}: expected numpy's functions alone, or (value, slopes): {error}") from None
 
     count = rates["q"].shape[-1]
     derivatives = np.empty(count)

@@ -1,8 +1,9 @@
 """The numbers of a closed loop by name, and loops in which one of them differs a little.
 
 `"law.kp"` is an argument of the law, and `"plant.stiffness"` one of the plant. `"arm.parameters"` are the inertial parameters of the
-plant's arm, and `"law.arm.parameters"` those of the law. `"law.motion.amplitude"` is an argument of the law's motion, and
-`"law.tasks.0.gain"` one of its first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
+plant's arm, and `"law.arm.parameters"` those of the law. `"arm.damping"`, `"arm.friction"` and `"arm.armature"` are the drives of the arm.
+`"law.motion.amplitude"` is an argument of the law's motion, and `"law.tasks.0.gain"` one of its first task. `"q0"`, `"v0"`, `"theta0"`,
+`"theta_dot0"` are the start.
 
 The derivative of the set-up with respect to a number is a difference of fourth order. It is a difference of inputs of the programs, never
 of results of a run. The step is `d = 2^-10` of the number. The error is some 1e-12 if the set-up computes with the number, and 1e-13 if the
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,6 +22,7 @@ import numpy as np
 from .. import _core
 from ..arguments import shown
 from ..errors import InputError
+from .events import JointStops
 from .recorded import Array
 
 __all__ = [
@@ -36,9 +38,12 @@ __all__ = [
     "named_numbers",
     "stacked",
     "varied",
+    "varied_rows",
 ]
 
 START = ("q0", "v0", "theta0", "theta_dot0")
+#: Numbers of the joints of an arm beside its inertial parameters.
+DRIVES = ("damping", "friction", "armature")
 #: Offsets in steps, and weights of the differences from the middle: at both sides, above, below.
 RULES = (
     ((-2.0, -1.0, 1.0, 2.0), (1 / 12, -8 / 12, 8 / 12, -1 / 12)),
@@ -68,7 +73,8 @@ class Varied:
     Attributes:
         plants, laws: one, or one per run.
         start: q0, v0, .. of each run, (R, n); None if the loop has its defaults.
-        weights: weights of the differences between the four runs and run 0, (P, 4).
+        weights: weights of the differences between the four runs and run 0, (P, 4). Those of a batch are (B, P, 4), and its rows follow
+            one another.
         names: the names, with their values, in the order of the P numbers.
     """
 
@@ -98,6 +104,8 @@ def _arguments(thing: Any) -> Mapping[str, Any]:
     """The arguments of an object's constructor, by name."""
     if isinstance(thing, list | tuple):
         return {str(i): each for i, each in enumerate(thing)}
+    if isinstance(thing, JointStops):
+        return {field.name: getattr(thing, field.name) for field in fields(thing)}
     make = getattr(thing, "__getnewargs_ex__", None)
     arguments: Mapping[str, Any] = make()[1] if make is not None else {}
     return arguments
@@ -106,6 +114,8 @@ def _arguments(thing: Any) -> Mapping[str, Any]:
 def _numbers(thing: Any, prefix: str) -> Iterator[tuple[str, Array]]:
     if isinstance(thing, _core.Arm):
         yield f"{prefix}parameters", np.asarray(thing.parameters, dtype=np.float64)
+        drives = thing.limits
+        yield from ((prefix + name, np.array(drives[name])) for name in DRIVES if name in drives)
         return
     for name, value in _arguments(thing).items():
         numbers = _as_numbers(value)
@@ -132,11 +142,13 @@ def _as_numbers(value: Any) -> Array | None:
 
 def _with(thing: Any, path: Sequence[str], value: Array) -> Any:
     """The object with another number at the end of the path."""
-    if isinstance(thing, _core.Arm):
-        return thing.with_parameters(value)
     name, *rest = path
+    if isinstance(thing, _core.Arm):
+        return thing.with_drives(**{name: value}) if name in DRIVES else thing.with_parameters(value)
     if isinstance(thing, list | tuple):
         return [_with(each, rest, value) if str(i) == name else each for i, each in enumerate(thing)]
+    if isinstance(thing, JointStops):
+        return replace(thing, **{name: value})
     places, arguments = thing.__getnewargs_ex__()
     return type(thing)(*places, **{**arguments, name: _with(arguments[name], rest, value) if rest else value})
 
@@ -154,7 +166,7 @@ def loop_with(plant: Any, law: Any, start: Mapping[str, Any], name: str, value: 
 def _scale(name: str, value: Array, index: tuple[int, ...]) -> float:
     """The size of an entry, of which the step is a part."""
     largest = float(np.abs(value).max()) or 1.0
-    if name.endswith("arm.parameters"):
+    if name.endswith("arm.parameters") or name.endswith(tuple(f"arm.{drive}" for drive in DRIVES)):
         return largest  # the set-up passes them on
     size = abs(float(value[index]))
     if value.ndim == 2 and value.shape[0] == value.shape[1]:
@@ -195,7 +207,59 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
     Raises:
         InputError: a name is not one of the loop, or occurs twice; a number cannot be varied.
     """
-    known = named_numbers(plant, law, start)
+    loop, chosen = (plant, law, start), chosen_numbers(function, named_numbers(plant, law, start), names)
+    return stacked(loop, chosen, [_variants(loop, named, index) for named in chosen for index in np.ndindex(named.value.shape)])
+
+
+def varied_rows(function: str, loops: Sequence[Loop], names: Sequence[str]) -> Varied:
+    """The same of the rows of a batch, row by row; weights (B, P, 4), and the values of the first row.
+
+    Raises:
+        InputError: a name is not one of all loops, or its number has another shape in one of them; a number cannot be varied.
+    """
+    made: dict[tuple[int, int], tuple[list[NamedNumber], dict[tuple[str, tuple[int, ...]], Variants]]] = {}
+    rows: list[Varied] = []
+    for r, (plant, law, start) in enumerate(loops):
+        key = (id(plant), id(law))
+        if key not in made:
+            made[key] = chosen_numbers(function, named_numbers(plant, law, start), names), {}
+        numbers, entries = made[key]
+        own = [NamedNumber(named.name, np.asarray(start[named.name])) if start.get(named.name) is not None else named for named in numbers]
+        if rows and [named.value.shape for named in own] != [named.value.shape for named in rows[0].names]:
+            raise InputError(f"{function}: sensitivity names numbers of several shapes: expected one for all rows (first bad index {r})")
+        variants: list[Variants] = []
+        for named in own:
+            for index in np.ndindex(named.value.shape):
+                if named.name in START:
+                    variants.append(_variants((plant, law, start), named, index))
+                    continue
+                place = (named.name, index)
+                if place not in entries:
+                    entries[place] = _variants((plant, law, start), named, index)
+                others, weights = entries[place]
+                variants.append(([(other, control, start) for other, control, _ in others], weights))
+        rows.append(stacked((plant, law, start), own, variants))
+    return _joined(rows)
+
+
+def _joined(rows: Sequence[Varied]) -> Varied:
+    def each(values: Sequence[Any]) -> Any:
+        if not any(isinstance(value, list) for value in values) and all(value is values[0] for value in values):
+            return values[0]
+        runs = 1 + 4 * len(rows[0].weights)
+        return [one for value in values for one in (value if isinstance(value, list) else [value] * runs)]
+
+    start = {part: None if rows[0].start[part] is None else np.concatenate([row.start[part] for row in rows]) for part in START}
+    plants, laws = each([row.plants for row in rows]), each([row.laws for row in rows])
+    return Varied(plants, laws, start, np.stack([row.weights for row in rows]), rows[0].names)
+
+
+def chosen_numbers(function: str, known: Mapping[str, Array], names: Sequence[str]) -> list[NamedNumber]:
+    """The numbers of these names among the known ones.
+
+    Raises:
+        InputError: a name is not one of the loop, or occurs twice.
+    """
     chosen = []
     for i, name in enumerate(names):
         if name not in known:
@@ -204,8 +268,7 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
         if name in names[:i]:
             raise InputError(f"{function}: sensitivity names {name} twice: expected each name once (first bad index {i})")
         chosen.append(NamedNumber(name, known[name]))
-    loop = (plant, law, start)
-    return stacked(loop, chosen, [_variants(loop, named, index) for named in chosen for index in np.ndindex(named.value.shape)])
+    return chosen
 
 
 def entry_variants(loop: Loop, name: str, value: Array, index: tuple[int, ...]) -> Variants:

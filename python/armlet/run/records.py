@@ -16,6 +16,7 @@ from .events import State
 from .export import pandas_for, to_csv, to_parquet, to_xarray
 from .metrics import Metrics, metrics
 from .recorded import SERIES, Array, Recorded
+from .sensitivity import of_row
 from .storage import read, save
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Run(_Stored):
         monitors: the monitored identities by name, each (K,).
         events: the crossings of the events (`armlet.Events`); None without events.
         sensitivity: derivatives of the series (`armlet.Sensitivity`) by the names of `simulate(sensitivity=)`. None without
-            names, for a run that ended early, and for a run read from a file.
+            names, and for a run that ended early.
     """
 
     status: Status
@@ -143,6 +144,7 @@ class BatchRun(_Stored):
     Attributes:
         status: the outcome of each run, (B,), integers of `armlet.Status`. A failed row is NaN after its fault.
         t: times, (K,) where all rows share them, else (B, K).
+        sensitivity: derivatives by the names of `simulate_batch(sensitivity=)`, with B before the time axis.
     """
 
     status: NDArray[np.int32]
@@ -171,6 +173,7 @@ class BatchRun(_Stored):
             items[name] = None if values is None else values[i]
         if self._desired is not None:
             items["desired"] = tuple(part if part.ndim == 2 else part[i] for part in self._desired)
+        items["sensitivity"] = self.sensitivity and {name: of_row(one, i) for name, one in self.sensitivity.items()}
         return Run(items, motion=self._motions[i if len(self._motions) > 1 else 0] if self._motions else None)
 
     def _times(self, i: int) -> Array:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..arguments import choice, instance
+from ..arguments import choice, instance, shown
 from ..border import border
-from ..errors import SolveError
+from ..errors import InputError, SolveError
 from ..integration import DenseOutput
 from ..progress import reporter
 from ..status import Status, advice_on_run
@@ -20,7 +20,7 @@ from .batches import batch_of, forces_of_runs, in_pieces, measured_by_records, r
 from .events import Event, Events, watched
 from .records import BatchRun, Run
 from .sampling import Sampling
-from .sensitivity import of_run, require_names, vary
+from .sensitivity import of_rows, of_run, require_names, vary, vary_rows
 
 __all__ = ["simulate", "simulate_batch"]
 
@@ -193,6 +193,7 @@ def simulate_batch(
     metrics: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], object] | bool | None = None,
     out: Mapping[str, NDArray[Any]] | None = None,
+    sensitivity: str | Sequence[str] | None = None,
 ) -> BatchRun:
     """Run B closed loops in lanes and threads. The fields are those of a run with a leading axis B.
 
@@ -221,6 +222,8 @@ def simulate_batch(
             `progress(done, runs)` after every piece of the batch.
         out: arrays of the caller by name ("q", "v", "tau", "status", ..) that receive the rows piece by piece. After Ctrl-C they have the
             finished rows, and NaN and `Status.INTERRUPTED` elsewhere.
+        sensitivity: names of numbers, as for `simulate`, with keep="all". `batch.sensitivity` has the derivatives, (B, K, n, size). Those
+            of each row are the ones of its run alone.
 
     Returns:
         The runs. `batch.q` is (B, K, n), `batch.status` is (B,), and `batch[i]` is the `Run` of row i.
@@ -239,7 +242,7 @@ def simulate_batch(
     >>> batch.q.shape
     (64, 11, 2)
     """
-    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress", "out")}
+    keywords = {name: value for name, value in locals().items() if name not in ("plant", "law", "q0", "progress", "out", "sensitivity")}
     plants = list(plant) if isinstance(plant, Sequence) else plant
     laws = list(law) if isinstance(law, Sequence) else law
     if force is not None:
@@ -248,6 +251,16 @@ def simulate_batch(
     choice("simulate_batch", "keep", keep, ("all", "final", "metrics"))
     report = reporter("simulate_batch", progress, "runs")
     keywords["metrics"] = require_measures(keep, metrics)
+    loops = None
+    if sensitivity is not None:
+        if keep != "all":
+            raise InputError(f'simulate_batch: sensitivity is not used: expected None with keep="{keep}", got {shown(sensitivity)}')
+        # What is wrong with the names is said before the runs.
+        loops = vary_rows("simulate_batch", plants, laws, q0, keywords, require_names("simulate_batch", "sensitivity", sensitivity))
     if report is not None or out is not None or measured_by_records(keywords):
-        return in_pieces(plants, laws, q0, keywords, report, out, undisturbed)
-    return batch_of(plants, laws, q0, keywords, undisturbed)
+        batch = in_pieces(plants, laws, q0, keywords, report, out, undisturbed)
+    else:
+        batch = batch_of(plants, laws, q0, keywords, undisturbed)
+    if loops is not None:
+        batch.sensitivity = of_rows(loops, keywords, batch.t, batch.status, threads)
+    return batch

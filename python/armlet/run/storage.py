@@ -2,8 +2,8 @@
 
 The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
 members are the arrays by name; monitors, limits, array stats and events as `monitors/name`, `limits/name`, `stats/name`,
-`events/name`, the desired motion as `q_d v_d a_d`. Polynomials of a dense run are not kept. The comment at the end of the archive
-is the SHA-256 of all bytes before it, so that damage is noticed before anything is read.
+`events/name`, the desired motion as `q_d v_d a_d`. Derivatives are `sensitivity/k/series`. Polynomials of a dense run are not
+kept. The comment at the end of the archive is the SHA-256 of all bytes before it, so that damage is noticed before anything is read.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from ..files import digest, pack, unpack, write_whole
 from ..status import Status
 from .events import Events
 from .recorded import SERIES, Recorded
+from .sensitivity import Sensitivity, series_of
 
 __all__ = ["read", "save"]
 
@@ -40,6 +41,8 @@ def save(run: Recorded, path: str | PathLike[str]) -> None:
     arrays |= {f"limits/{name}": values for name, values in items.get("limits", {}).items()}
     if run.events is not None:
         arrays |= {f"events/{name}": getattr(run.events, name) for name in EVENTS if getattr(run.events, name) is not None}
+    for k, one in enumerate((run.sensitivity or {}).values()):
+        arrays |= {f"sensitivity/{k}/{name}": values for name, values in series_of(one).items()}
     arrays |= dict(zip(DESIRED, items["desired"], strict=True)) if "desired" in items else {}
     status = items["status"]
     if not isinstance(status, Status):
@@ -58,6 +61,8 @@ def save(run: Recorded, path: str | PathLike[str]) -> None:
     }
     if run.events is not None:
         header["events"] = list(run.events.names)
+    if run.sensitivity:
+        header["sensitivity"] = [[one.name, list(one.shape)] for one in run.sensitivity.values()]
     header["sha256"] = digest(header, arrays)
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
 
@@ -107,6 +112,10 @@ def read(path: str | PathLike[str]) -> tuple[str, dict[str, Any]]:
     fields |= {"units": tuple(header["units"]), "status": arrays.get("status", header["status"])}
     if "events" in header:
         fields["events"] = Events(names=tuple(header["events"]), **group("events/"))
+    if "sensitivity" in header:
+        numbered = enumerate(header["sensitivity"])
+        ones = [Sensitivity(name, tuple(shape), arrays["t"], **group(f"sensitivity/{k}/")) for k, (name, shape) in numbered]
+        fields["sensitivity"] = {one.name: one for one in ones}
     if DESIRED[0] in arrays:
         fields["desired"] = tuple(arrays[key] for key in DESIRED)
     return header["kind"], fields

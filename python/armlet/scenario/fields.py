@@ -161,6 +161,18 @@ class FlagOrNames(Field):
 
 
 @dataclass(frozen=True)
+class Names(Field):
+    """A list of strings."""
+
+    def check(self, value: object, path: str) -> Iterator[str]:
+        if not isinstance(value, list | tuple) or not value or not all(isinstance(name, str) and name for name in value):
+            yield f"{path}: expected a list of names, got {shown(value)}"
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": {"type": "string", "minLength": 1}, "minItems": 1}
+
+
+@dataclass(frozen=True)
 class Table(Field):
     """A table with named keys, those of `required` among them."""
 

@@ -19,7 +19,7 @@ from ..run.events import JointStops
 from ..run.sampling import CHANNELS, Sampling, TorqueSensor
 from ..samples import stated_samples
 from .derived import classes_of, derived
-from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Numbers, OneOf, Table, Text, Values
+from .fields import Entries, Field, Flag, FlagOrNames, Integer, Items, Keyed, Kind, Names, Numbers, OneOf, Table, Text, Values
 from .guarded import with_guarded
 from .impedance import OPTIONS, impedance, target_of
 from .paths import POSES, timed_path
@@ -322,6 +322,7 @@ RUN = Table(
         "monitors": Flag(),
         "state_limit": POSITIVE,
         "check_limits": Flag(),
+        "sensitivity": Names(),
     },
     ("q0", "t_end"),
 )

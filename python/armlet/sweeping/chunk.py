@@ -153,6 +153,7 @@ def _text(error: Exception) -> str:
 
 def _batch(members: Members, start: int, cells: Cells, threads: int | None, metrics: Mapping[str, Any]) -> BatchRun:
     given = dict(members[0][1].arguments)
+    given.pop("sensitivity", None)
     for name in STATES:
         if name in given:
             given[name] = np.array([built.arguments[name] for _, built in members], dtype=np.float64)

@@ -98,6 +98,7 @@ class Descent:
         scenario = self.scenario.replace(values)
         built = scenario.build()
         keywords = {"monitors": False, "check_limits": False, **built.arguments}
+        keywords.pop("sensitivity", None)
         loop = _loop(built)
         known = named_numbers(*loop)
         variants = [self._variants(scenario, loop, known, path, values[path]) for path in self.space]

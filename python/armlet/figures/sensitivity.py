@@ -1,0 +1,66 @@
+"""The derivatives of a run with respect to a number, over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .style import COLOURS, literal, require, sheet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..run.sensitivity import Sensitivity
+
+__all__ = ["plot"]
+
+#: Rows of the figure: series and their labels.
+ROWS = (("q", "position"), ("v", "velocity"), ("tau", "input"))
+# More lines cannot be told apart.
+MOST = len(COLOURS)
+
+
+def plot(one: Sensitivity, fig: Figure | None = None) -> NDArray[Any]:
+    """Draw the derivatives over time: a column for each joint, rows of position, velocity and input; returns the axes, (3, n).
+
+    Of many entries those are drawn that move the positions most.
+
+    Args:
+        one: the derivatives, of one run.
+        fig: a matplotlib figure to draw into; None makes one with pyplot.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+        InputError: the derivatives are those of a batch.
+    """
+    require("Sensitivity.plot")
+    if one.q.ndim != 3:
+        raise InputError("Sensitivity.plot: these are derivatives of a batch: expected those of a row, batch[i].sensitivity")
+    n, size = one.q.shape[1:]
+    entries = np.sort(np.argsort(-np.abs(one.q).max(axis=(0, 1)), kind="stable")[:MOST])
+    places = list(np.ndindex(one.shape))
+    names = ["" if not places[j] else f"[{', '.join(map(str, places[j]))}]" for j in entries]
+    with sheet(fig, (2.2 + 2.6 * n, 6.4)) as figure:
+        axes: NDArray[Any] = figure.subplots(len(ROWS), n, squeeze=False, sharex=True)
+        for row, (series, label) in zip(axes, ROWS, strict=True):
+            values = getattr(one, series)
+            for i, ax in enumerate(row):
+                for k, j in enumerate(entries):
+                    ax.plot(one.t, values[:, i, j], color=COLOURS[k])
+            row[0].set_ylabel(f"d {label} / d number")
+        for i, ax in enumerate(axes[0]):
+            ax.set_title(f"joint {i + 1}")
+        for ax in axes[-1]:
+            ax.set_xlabel("time (s)")
+        shown = f"{len(entries)} of {size} entries of " if len(entries) < size else ""
+        figure.legend(
+            axes[0, 0].get_lines(),
+            [literal(one.name + name) for name in names],
+            title=literal(shown + one.name),
+            loc="outside right upper",
+            frameon=False,
+        )
+    return axes
