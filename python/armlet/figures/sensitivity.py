@@ -13,8 +13,6 @@ from .style import COLOURS, literal, require, sheet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..run.sensitivity import Sensitivity
-
 __all__ = ["plot"]
 
 #: Rows of the figure: series and their labels.
@@ -23,13 +21,13 @@ ROWS = (("q", "position"), ("v", "velocity"), ("tau", "input"))
 MOST = len(COLOURS)
 
 
-def plot(one: Sensitivity, fig: Figure | None = None) -> NDArray[Any]:
+def plot(one: Any, fig: Figure | None = None) -> NDArray[Any]:
     """Draw the derivatives over time: a column for each joint, rows of position, velocity and input; returns the axes, (3, n).
 
     Of many entries those are drawn that move the positions most.
 
     Args:
-        one: the derivatives, of one run.
+        one: the `Sensitivity` of a run.
         fig: a matplotlib figure to draw into; None makes one with pyplot.
 
     Raises:

@@ -89,7 +89,7 @@ def gradient(
         keywords = {**built.arguments, **keywords}
         q0 = keywords.pop("q0")
         keywords.pop("sensitivity", None)
-    if q0 is not None and np.ndim(q0) == 2:
+    if q0 is not None and _core.numbers("gradient", "q0", q0).ndim == 2:
         return _of_batch(loss, plant, law, q0, require_names("gradient", "names", names), int(memory), keywords)
     instance("gradient", "plant", plant, _core.Plant, "a plant such as RigidArm, or a Scenario")
     chosen = require_names("gradient", "names", names)
@@ -128,8 +128,8 @@ def _of_batch(
     loops = vary_rows("gradient", plant, law, q0, keywords, names)
     require_still_reference("gradient", loss, names)
     batch = simulate_batch(plant, law, q0, **keywords)
-    ended = np.flatnonzero(having(batch.status, Status.SUCCESS))
-    found = {int(r): evaluated(loss, batch[r]) for r in ended}
+    ended = [int(r) for r in np.flatnonzero(having(batch.status, Status.SUCCESS))]
+    found = {r: evaluated(loss, batch[r]) for r in ended}
     values, flat = np.full(len(batch), np.nan), np.full((len(batch), loops.weights.shape[1]), np.nan)
     for r, (value, _) in found.items():
         values[r] = value

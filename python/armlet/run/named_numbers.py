@@ -148,7 +148,7 @@ def _with(thing: Any, path: Sequence[str], value: Array) -> Any:
     if isinstance(thing, list | tuple):
         return [_with(each, rest, value) if str(i) == name else each for i, each in enumerate(thing)]
     if isinstance(thing, JointStops):
-        return replace(thing, **{name: value})
+        return replace(thing, **{name: value})  # type: ignore[arg-type]  # it takes arrays too
     places, arguments = thing.__getnewargs_ex__()
     return type(thing)(*places, **{**arguments, name: _with(arguments[name], rest, value) if rest else value})
 

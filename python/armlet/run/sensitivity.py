@@ -164,7 +164,7 @@ def of_run(loops: Varied, keywords: Mapping[str, Any], t: Array) -> dict[str, Se
     return {named.name: Sensitivity(named.name, named.value.shape, t, **_columns(rates, part)) for named, part in parts}
 
 
-def of_rows(loops: Varied, keywords: Mapping[str, Any], t: Array, status: Array, threads: int | None) -> dict[str, Sensitivity]:
+def of_rows(loops: Varied, keywords: Mapping[str, Any], t: Array, status: Any, threads: int | None) -> dict[str, Sensitivity]:
     """The derivatives of the runs of a batch, by name; NaN for rows that did not reach their end."""
     with naming("simulate_batch", loops):
         rates = _core._sensitivities_of_rows(*loops.runs, threads, run_keywords(keywords, loops, t))
