@@ -238,7 +238,7 @@ class Polynomials:
 
 
 def _times(parts: dict[tuple[int, ...], tuple[Any, Any]], i: int, half: Any, sine: bool) -> dict[tuple[int, ...], tuple[Any, Any]]:
-    """Waves times `sin q_i` or `cos q_i`."""
+    """The product of `sin q_i` or `cos q_i` and a sum of waves."""
     found: dict[tuple[int, ...], tuple[Any, Any]] = {}
     for (k, (real, imaginary)), step in product(parts.items(), (1, -1)):
         # -i/2 step (real + i imaginary) = step (imaginary - i real) / 2
