@@ -19,7 +19,7 @@ pub struct Segments {
     /// Jumps of the input strictly inside the run, increasing.
     pub breaks: Vec<f64>,
     pub clock: Clock,
-    /// What the state must keep to.
+    /// The bound of the state.
     pub bound: Bound,
 }
 
@@ -30,7 +30,7 @@ pub enum Clock {
     None,
     /// Once per period, s.
     Every(f64),
-    /// At every break, of which the loop knows what falls there.
+    /// At every break; the loop knows which breaks are samples.
     Breaks,
 }
 
@@ -45,7 +45,7 @@ impl Segments {
         Ok(Segments { t_end, times, breaks, clock, bound })
     }
 
-    /// The same run with more breaks.
+    /// The same run with additional breaks.
     pub fn with_breaks(&self, more: &[f64]) -> Self {
         let mut all = self.clone();
         if !more.is_empty() {
@@ -82,26 +82,26 @@ impl Segments {
     }
 }
 
-/// Where a step is cut.
+/// How a step is shortened.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// The system switches at this time: the step is taken again up to there.
+    /// The system switches at this time: the step is repeated up to it.
     Switch(f64),
     /// The run ends at this time.
     End(f64),
 }
 
-/// Who looks at every step of a run.
+/// An observer that is called for every step of a run.
 pub trait Watcher<F, B, M> {
-    /// Whether there is anything to look for.
+    /// Whether it has to be called at all.
     fn active(&self) -> bool;
     /// The run begins at `t` and `x`.
     fn begin(&mut self, system: &mut F, t: f64, x: &B) -> Result<(), Status>;
-    /// Look at the step that `method` has just accepted.
+    /// Check the step that `method` has just accepted.
     fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
     /// The last step of `method` is part of the run up to `t`.
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
-    /// The system switches now, at `t` and `x`, which may be put exactly where it does.
+    /// The system switches at `t` and `x`. The observer may move `x` exactly to the switch.
     fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
 }
 
@@ -127,7 +127,7 @@ struct Step {
 /// Which records come next.
 struct Due<'a> {
     times: &'a Times,
-    /// Records before, of those at given times.
+    /// The number of past records at requested times.
     wanted: usize,
     /// Accepted steps.
     accepted: usize,
@@ -181,7 +181,7 @@ impl Due<'_> {
     }
 }
 
-/// Run `system` from `method.x`, with somebody who looks at every step; `record(t, system, x)` is called for every record.
+/// Run `system` from `method.x`. The watcher checks every step, and `record(t, system, x)` is called for every record.
 // Long: one loop, whose branches share its state; it is read from top to bottom.
 pub fn run<S, F, B, M, W>(
     system: &mut F,
@@ -201,11 +201,11 @@ where
     let (mut t, mut sample) = (0.0, 0u64);
     let mut due = Due { times: &segments.times, wanted: 0, accepted: 0 };
     let mut at = method.x().clone();
-    // Where a watched step starts.
+    // The start of a step that the watcher checks.
     let mut start = at.clone();
     let mut started = false;
     let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };
-    // The end of a piece that is taken again up to a switch.
+    // The end of a piece that is repeated up to a switch.
     let mut switch_at: Option<f64> = None;
     // Whether this piece begins inside a segment.
     let mut inside = false;

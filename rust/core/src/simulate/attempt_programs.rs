@@ -13,8 +13,8 @@ use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
 
-/// Operations of the rates of all stages up to which an attempt is one program: beyond, its code does not fit the cache of instructions,
-/// and what is saved around the rates is little.
+/// The largest number of operations of the rates of all stages for which an attempt is one program. The code of a larger one does not fit
+/// the instruction cache, and would save little time outside of the rates.
 const LARGE: usize = 3000;
 
 /// An attempt of one structure.
@@ -23,7 +23,8 @@ pub struct AttemptProgram {
     places: Layout,
 }
 
-/// Where the quantities of an attempt are in its frame: the numbers of the set-up, the exogenous inputs of the stages, and then these.
+/// The places of the quantities of an attempt in its frame. The numbers of the set-up are first, then the exogenous inputs of the stages,
+/// and then these.
 struct Layout {
     slots: Slots,
     stages: usize,
@@ -41,7 +42,7 @@ impl Layout {
     fn step(&self) -> usize {
         self.slope() + self.slots.states()
     }
-    /// The input that is held, and what else a law answers.
+    /// The held input and the other results of a law.
     fn held(&self) -> usize {
         self.step() + 1
     }
@@ -54,14 +55,14 @@ impl Layout {
     }
 }
 
-/// The attempts of the run `run` of a problem, to be recorded where they are not too large.
+/// The attempts of the run `run` of a problem, which are recorded if they are not too large.
 struct Attempts<'a> {
     problem: &'a Problem<'a>,
     run: usize,
     common: Common,
     held: bool,
     slots: &'a Slots,
-    /// Of its rates.
+    /// The operations of its rates.
     operations: usize,
 }
 
@@ -77,7 +78,7 @@ impl WithScheme for Attempts<'_> {
 }
 
 impl AttemptProgram {
-    /// That of the problem's method, if there is one and the loop, whose rates have so many operations, is small; `None` where the code
+    /// The program for the problem's method. `None` if the method has no attempts, if the loop has too many `operations`, or if its code
     /// branches on data.
     pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&Slots, usize)) -> Option<Self> {
         match problem.options.method.kind() {
@@ -122,7 +123,7 @@ impl AttemptProgram {
         frame
     }
 
-    /// Hold the input `tau` and what else a law answers.
+    /// Hold the input `tau` and the other results of the law.
     pub fn hold<S: Real>(&self, frame: &mut Frame, tau: &[S], answer: &[S]) {
         write(frame, self.places.held(), tau);
         write(frame, self.places.held() + tau.len(), answer);

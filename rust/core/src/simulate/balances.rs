@@ -6,8 +6,8 @@
 /// Names of the balances of a run, in the order of `Run::balances`.
 pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise", "lyapunov_error"];
 
-/// The largest `energy_balance` as a part of the largest energy stored or exchanged, and in J; the largest Lyapunov function as a multiple
-/// of its first value, and the part of it that its balance misses. NaN for what is not among these monitors, `series(name)`.
+/// The largest `energy_balance` as a fraction of the largest energy stored or exchanged, and in J. Then the largest Lyapunov function as a
+/// multiple of its first value, and its largest balance as a fraction of it. NaN for monitors that `series(name)` does not have.
 pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     let mut found = [f64::NAN; 4];
     if let (Some(energy @ [first, ..]), Some(balance)) = (series("energy"), series("energy_balance")) {
@@ -26,10 +26,10 @@ pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     found
 }
 
-/// The largest of so many numbers, at least zero; what is no number does not count.
+/// The largest of `count` numbers, at least zero, without those that are NaN.
 #[inline(always)]
 fn largest(count: usize, number: impl Fn(usize) -> f64) -> f64 {
-    // Side by side, since each waits for the one before it otherwise.
+    // Eight independent maxima: a single one would be a chain of dependent operations.
     let mut most = [0.0f64; 8];
     let whole = count / 8 * 8;
     let keep = |most: &mut f64, x: f64| *most = if *most < x { x } else { *most };

@@ -1,6 +1,6 @@
 //! Many runs: lanes side by side, groups of lanes over threads.
 //!
-//! Each group writes its own rows, so the bits do not depend on how many threads there are or who took what.
+//! Each group writes its own rows, so the bits do not depend on the number of threads or on the order of the groups.
 //! A group that is not full repeats its last run in the spare lanes.
 
 use super::batch_rows::{self, GroupRecorder};
@@ -27,14 +27,14 @@ pub enum Keep {
     All,
     /// The last record.
     Final,
-    /// The last record, and the numbers that sum all records up.
+    /// The last record, and metrics of all records.
     Metrics(Measures),
 }
 
 /// A quantity of a summary: its name, its width where a run has several numbers, and the numbers, row-major.
 pub type Metric = (&'static str, Option<usize>, Vec<f64>);
 
-/// The records of a batch; arrays are row-major, `(B, K, ..)`. Those of an interrupted batch mean nothing.
+/// The records of a batch; arrays are row-major, `(B, K, ..)`. The arrays of an interrupted batch have no meaning.
 #[derive(Clone, Debug, Default)]
 pub struct BatchRuns {
     /// Times of the records `(K,)`, s.
@@ -57,9 +57,9 @@ pub struct BatchRuns {
     pub friction: Vec<f64>,
     /// Monitors by name, `(B, K)` each.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
-    /// How far the balances of recorded runs are open, see [`super::BALANCES`]; NaN for one that did not reach its end.
+    /// Residuals of the balances of recorded runs, see [`super::BALANCES`]; NaN for a run that did not reach its end.
     pub balances: [Vec<f64>; 4],
-    /// What the runs are summed up by; NaN for one that did not reach its end.
+    /// The metrics of the runs; NaN for a run that did not reach its end.
     pub metrics: Vec<Metric>,
     /// How each run ended.
     pub status: Vec<Status>,
@@ -71,7 +71,7 @@ pub struct BatchRuns {
     pub engine: &'static str,
 }
 
-/// How many runs a batch takes side by side.
+/// The number of runs that a batch computes side by side.
 pub fn lanes() -> usize {
     programs::Lanes::LANES
 }

@@ -1,4 +1,4 @@
-//! The rows of a group of runs of a batch, in the arrays that the user gets: written once, by the group alone.
+//! The rows of a group of runs in the result arrays of a batch. Only the group writes them, once.
 //!
 //! Large arrays are not filled beforehand: the thread that writes a row is the first to touch its memory. Where a run ends early, its rows
 //! are filled with NaN.
@@ -19,7 +19,7 @@ use crate::status::Status;
 use std::ops::Range;
 use std::slice::ChunksMut;
 
-/// One array: which numbers of a record `[x, tau, monitors]` it holds, and the rows of the group, `(runs, records, numbers)`.
+/// One array: the range of its numbers in a record `[x, tau, monitors]`, and the rows of the group, `(runs, records, numbers)`.
 struct Series<'a> {
     numbers: Range<usize>,
     rows: &'a mut [f64],
@@ -44,7 +44,7 @@ pub struct GroupRecorder<'a> {
     friction: &'a mut [f64],
     /// The times of the records.
     times: &'a [f64],
-    /// Those that are computed record by record, made when they are asked for: each compiles an arm.
+    /// Monitors that are computed record by record. They are made on first use, because each compiles an arm.
     checks: Vec<Option<Box<Monitors<'a>>>>,
     first: usize,
     status: &'a mut [Status],
@@ -56,7 +56,7 @@ pub struct GroupRecorder<'a> {
     written: Vec<usize>,
     /// When a monitor of each run stopped being finite.
     faults: Vec<f64>,
-    /// The runs that are summed up, and where their numbers go.
+    /// The runs with metrics, and the places of their numbers.
     summed: Vec<Measuring<'a>>,
     metrics: Vec<&'a mut [f64]>,
 }
@@ -72,7 +72,7 @@ impl Sink for GroupRecorder<'_> {
             return;
         }
         if i == 0 {
-            // A run that starts anew.
+            // A run that restarts.
             (self.faults[lane], self.written[lane]) = (f64::INFINITY, 0);
         }
         if self.faults[lane].is_finite() {
@@ -164,7 +164,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
 }
 
 impl GroupRecorder<'_> {
-    /// Make what the group needs while it runs.
+    /// Make the buffers that the group needs while it runs.
     pub fn watch(&mut self, plans: &[Plan]) {
         let rows = self.status.len();
         (self.faults, self.written) = (vec![f64::INFINITY; rows], vec![0; rows]);
@@ -207,7 +207,7 @@ impl GroupRecorder<'_> {
         }
     }
 
-    /// Note how each run of the group ended, and fill the rows that it did not come to; whether it was interrupted.
+    /// Note how each run of the group ended, and fill the missing rows. Returns whether the group was interrupted.
     pub fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
         self.checks = Vec::new();
         let mut summed = std::mem::take(&mut self.summed);
@@ -275,7 +275,7 @@ impl GroupRecorder<'_> {
         }
     }
 
-    /// How far the balances of a run are open, if it reached its end.
+    /// The residuals of the balances of a run, if it reached its end.
     fn balance(&mut self, run: usize) {
         if self.status[run] != Status::Success || self.written[run] < self.records {
             return;
@@ -290,7 +290,7 @@ impl GroupRecorder<'_> {
         self.balances.iter_mut().zip(open).for_each(|(to, open)| to[run] = open);
     }
 
-    /// The last record of a run and the numbers that sum it up.
+    /// The last record of a run and its metrics.
     fn write_summary(&mut self, lane: usize, run: &mut Measuring) {
         let summary = run.summary();
         let place = self.record.len() - self.monitors;

@@ -15,21 +15,21 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form, rows};
 use std::sync::Arc;
 
-/// Rows that a thread takes at once. So many are done where they are asked for: to wake a thread takes as long.
+/// Rows of one piece of work of a thread. Fewer rows are computed on the calling thread, because waking another one takes as long.
 const CHUNK: usize = 64;
 
-/// What steps the rows; their states are the caller's.
+/// Steps the rows. The caller has their states.
 pub struct BatchStepper {
     plant: PlantSpec,
     law: LawSpec,
     options: Options,
-    /// The step as a program and the numbers of its set-up; `None` where it cannot be recorded.
+    /// The step as a program, and the numbers of its set-up; `None` if it cannot be recorded.
     recorded: Option<(Arc<Recorded>, Vec<f64>)>,
     lanes: usize,
 }
 
 impl BatchStepper {
-    /// For so many rows of `plant`, by steps of `dt` of the classical Runge-Kutta method.
+    /// For `count` rows of `plant`, by steps of `dt` of the classical Runge-Kutta method.
     pub fn new(plant: &PlantSpec, count: usize, dt: f64) -> Result<Self> {
         positive("dt", dt)?;
         let law = LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()));
@@ -76,8 +76,8 @@ impl BatchStepper {
         }
     }
 
-    /// Advance the states `x`, `(B, states)`, by `steps` steps under `tau`, `(B, n)`; whether `poll` ended that, and some rows have been
-    /// advanced. A row that diverges is not finite.
+    /// Advance the states `x`, `(B, states)`, by `steps` steps under `tau`, `(B, n)`. Returns whether `poll` stopped this after some rows.
+    /// A row that diverges is not finite.
     pub fn advance(&self, tau: &[f64], steps: usize, threads: usize, poll: &mut dyn FnMut() -> bool, x: &mut [f64]) -> bool {
         let (states, n) = (self.states(), self.plant.n());
         assert!(steps > 0 && x.len() * n == tau.len() * states, "a state and an input for each row");
@@ -109,7 +109,7 @@ impl BatchStepper {
                 rows::write(&frame, layout.state(), states, x);
                 continue;
             }
-            // The programs' sines are not made for the angles of some row.
+            // An angle of some row is outside of the range of the programs' sines.
             for (lane, (x, tau)) in x.chunks_exact_mut(states).zip(tau.chunks_exact(n)).enumerate() {
                 if frame.slot_mut(layout.reach())[lane] < REDUCTION_LIMIT {
                     (0..states).for_each(|k| x[k] = frame.slot_mut(layout.state() + k)[lane] + 0.0);
@@ -120,7 +120,7 @@ impl BatchStepper {
         }
     }
 
-    /// Rows without a program.
+    /// Advance rows without a program.
     fn directly(&self, tau: &[f64], steps: usize, x: &mut [f64]) {
         let (problem, h) = (self.problem(), self.options.grid());
         let mut direct = redo::direct(&problem, 0, false);

@@ -9,9 +9,9 @@ pub const DEFAULT_STATE_LIMIT: f64 = 1e6;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// States of the plant, with which a loop's state begins.
+    /// Size of the plant's state, the first part of a loop's state.
     states: usize,
-    /// The first number beyond the limit.
+    /// The smallest number above the limit.
     beyond: f64,
 }
 
@@ -33,7 +33,7 @@ impl Bound {
         S::all(zero.lt(S::splat(1.0))) && S::all(largest.lt(S::splat(self.beyond)))
     }
 
-    /// The same of one lane.
+    /// The same for one lane.
     pub fn holds_lane<S: Real>(&self, x: &[S], lane: usize) -> bool {
         x.iter().all(|x| x.lane(lane).is_finite()) && x.iter().take(self.states).all(|x| x.lane(lane).abs() < self.beyond)
     }

@@ -1,7 +1,7 @@
 //! Any plant under any law: `x = [plant, law, quadratures]`, two calls per evaluation.
 //!
-//! The quadratures are the two integrals that the identities need: what the law dissipates, and the power put into the
-//! stored energy. A law with a storage function replaces them by its part of the external power, and by its rate.
+//! The quadratures are the two integrals that the identities need: the power that the law dissipates, and the power put into the stored
+//! energy. A law with a storage function replaces the first by its part of the external power, and the second by the rate of its function.
 
 use super::force::Wrench;
 use super::sampler::Sampler;
@@ -38,9 +38,9 @@ pub struct ClosedLoop<'a, S: Real> {
     closing: Closing<'a>,
     /// The limits of the input; empty without any.
     limits: Vec<S>,
-    /// The clock of a controller that is late or sees badly; `None` for a perfect one.
+    /// The sampler of a controller with delay, jitter, noise or resolution; `None` for an ideal one.
     sampler: Option<Sampler<S>>,
-    /// Size of the plant's state, and of what the law knows of it, and which joints are angles.
+    /// Size of the plant's state and of the part that the law reads, and which joints are angles.
     states: usize,
     seen: usize,
     angles: Vec<bool>,
@@ -51,12 +51,12 @@ pub struct ClosedLoop<'a, S: Real> {
     dz: Vec<S>,
     /// Size of the law's state.
     p: usize,
-    /// One as long as every answer of the law since it was set was right, else zero.
+    /// One as long as every result of the law since the last reset was valid, else zero.
     pub stands: S,
     now: Exogenous<S>,
     /// Buffer for the present output while the next one is computed.
     acting: (Vec<S>, Vec<S>),
-    /// The plants as the balance of Lyapunov's function counts them; `None` where the law alone knows what it dissipates.
+    /// The plants that determine the dissipation in the Lyapunov balance; `None` if the law alone determines it.
     truth: Option<Truth<S>>,
 }
 
@@ -96,7 +96,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The same loop, whose dissipation is counted against these plants.
+    /// The same loop, whose dissipation is computed with these plants.
     pub fn judged_by(self, truth: Option<Truth<S>>) -> Self {
         ClosedLoop { truth, ..self }
     }
@@ -151,7 +151,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.world.instant()
     }
 
-    /// The law's answer at the plant state `measured` and its own state `z`, within the limits of the input.
+    /// The law's output and rate at the plant state `measured` and its own state `z`, within the limits of the input.
     fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
         let measured = &measured[..self.seen];
         let (rate, dissipated) = self.dz.split_at_mut(self.p);
@@ -174,7 +174,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The input is `tau` from now on, and the law's state rests; `None` gives the input back to the law.
+    /// The input is `tau` from now on, and the law's state is constant. With `None` the law computes the input again.
     pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
         self.closing.held = held || tau.is_some();
         if let Some(tau) = tau {
@@ -184,7 +184,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Hold the answer of the law from now on: the input `tau`, and what [`ClosedLoop::law_rate`] gave.
+    /// Hold the results of the law from now on: the input `tau`, and the rate from [`ClosedLoop::law_rate`].
     pub fn hold_input(&mut self, tau: &[S], dz: &[S]) {
         self.closing.held = true;
         self.tau.copy_from_slice(tau);
@@ -205,13 +205,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The law's input `tau` and rate at state `x`, for sines and cosines that are there.
+    /// The law's input `tau` and rate at state `x`, if the sines and cosines are already computed.
     pub fn answer(&mut self, u: &Exogenous<S>, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.control(&u.desired, measured, &z[..self.p]);
     }
 
-    /// The rates `dx` of state `x`, for sines and cosines that are there.
+    /// The rates `dx` of state `x`, if the sines and cosines are already computed.
     pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
         if !self.closing.held {
             self.answer(u, x);
@@ -230,17 +230,17 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Whether the exogenous input never moves.
+    /// Whether the exogenous input is constant.
     pub fn autonomous(&self) -> bool {
         (self.closing.held || self.world.has_targets()) && !self.world.has_smooth_force()
     }
 
-    /// The exogenous input at `t`, and the rate at which it moves.
+    /// The exogenous input at `t`, and its derivative.
     pub fn drift(&mut self, t: f64, u: &mut Exogenous<S>, u_dot: &mut Exogenous<S>) {
         self.world.drift(t, u, u_dot);
     }
 
-    /// Hold every contact of the plant as it is said to be.
+    /// Hold every contact of the plant in these states.
     pub fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.plant.hold(contacts);
     }
@@ -250,12 +250,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.plant.contact(i, &self.trig, &x[..self.states])
     }
 
-    /// Let this wrench act in place of the forces there are; `None` gives them back.
+    /// Apply this wrench instead of the forces of the problem; `None` restores them.
     pub fn push(&mut self, wrench: Option<&Wrench>) {
         self.world.push(wrench);
     }
 
-    /// Start anew at `t = 0`.
+    /// Restart at `t = 0`.
     pub fn rewind(&mut self) {
         if let Some(sampler) = &mut self.sampler {
             sampler.forget();
@@ -277,7 +277,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.now = now;
     }
 
-    /// A sample of a controller with a separate clock.
+    /// Take a sample of a controller with a separate clock.
     #[inline(never)]
     fn sample_by(&mut self, mut sampler: Sampler<S>, t: f64, x: &[S]) -> Sampler<S> {
         let (plant, z) = x.split_at(self.states);
@@ -308,7 +308,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.now = now;
     }
 
-    /// Write what acts on the plant at state `x`, as of the last look, into its friction.
+    /// Write the loads of the plant at state `x` into its friction model, with the forces of the last `look`.
     pub fn load_plant(&mut self, x: &[S]) {
         self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, &self.now.wrench);
     }
@@ -318,7 +318,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.plant.as_mut()
     }
 
-    /// As [`ClosedLoop::observe`] if the law is evaluated in every stage; a held input does not change.
+    /// The same as [`ClosedLoop::observe`] if the law is evaluated in every stage. A held input does not change.
     pub fn observe_unheld(&mut self, t: f64, x: &[S]) {
         if !self.closing.held {
             self.observe(t, x);

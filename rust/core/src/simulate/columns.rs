@@ -44,7 +44,7 @@ impl Columns {
         Columns { kind: plant.kind(), n: plant.n(), p: problem.law(0).initial_state().len(), bristles: plant.bristles() }
     }
 
-    /// Motor positions per record: none without elastic joints.
+    /// Number of motor positions per record: zero without elastic joints.
     pub fn motors(&self) -> usize {
         if self.kind.has_motors() { self.n } else { 0 }
     }

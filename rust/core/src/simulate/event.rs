@@ -1,4 +1,4 @@
-//! Events of a run: zero crossings of functions of time and the plant's state, evaluated natively unless the user's own.
+//! Events of a run: zero crossings of functions of time and the plant's state, evaluated natively, except functions of the user.
 
 use super::switching::Probe;
 use crate::error::Result;
@@ -6,7 +6,7 @@ use crate::memory::append;
 use crate::spatial::{Vector, Vector3};
 use std::sync::Arc;
 
-/// A function `g(t, x)` from outside; `None` stops the run.
+/// A function `g(t, x)` of the caller; `None` stops the run.
 pub type Signal = Arc<dyn Fn(f64, &[f64]) -> Option<f64> + Send + Sync>;
 
 /// The function whose zero is the event.

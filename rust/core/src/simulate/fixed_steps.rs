@@ -1,7 +1,7 @@
-//! A fixed-step run: steps in short blocks, each checked once for a number that is not finite or beyond the bound of the state.
+//! A fixed-step run: steps in short blocks, each checked once for numbers that are not finite or beyond the bound of the state.
 //!
-//! A faulty block is run again from its start, step by step, to find the time of each lane's fault; that lane
-//! is NaN from there on, and its neighbours repeat the same operations, so they keep their bits.
+//! A faulty block is repeated from its start, step by step, to find the time of each lane's fault. That lane is NaN from there on. The
+//! other lanes repeat the same operations, so they keep their bits.
 
 use super::bound::Bound;
 use super::schedule::{Schedule, Within};
@@ -12,7 +12,7 @@ use crate::scalar::Real;
 /// Steps between checks.
 const BLOCK: usize = 32;
 
-/// How the lanes of a run fared.
+/// The faults of the lanes of a run.
 pub struct Faults {
     /// The time of each lane's fault; infinite for a lane without one.
     pub at: Vec<f64>,
@@ -20,10 +20,10 @@ pub struct Faults {
     pub steps: u64,
 }
 
-/// Who is told of every record, by its number and time.
+/// Receives every record, with its number and time.
 pub trait Record<F, B> {
     fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
-    /// The steps so far stand, and so does what the system noted within them.
+    /// All steps up to now are valid, and so are the records that the system noted within them.
     fn accept(&mut self, system: &mut F);
 }
 
@@ -50,7 +50,7 @@ where
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
     let mut next = schedule.record(0);
-    // Where the run stands while `x` is ahead of it, at a record between two steps.
+    // The state of the run while `x` is ahead of it, at a record between two steps.
     let (mut start, mut first_break, mut ahead) = (x.clone(), 0, false);
     loop {
         let here = next.filter(|record| record.step == step);
@@ -75,7 +75,7 @@ where
             next = schedule.record(i + 1);
             i += 1;
             if ahead {
-                // Keep to the run's own path.
+                // Return to the path of the run.
                 x.clone_from(&start);
                 next_break = first_break;
                 method.restart();
@@ -106,7 +106,7 @@ where
     }
 }
 
-/// The block from step `step` to `to`, from its start `x`. A new fault in a lane runs it again, step by step.
+/// The block from step `step` to `to`, from its start `x`. With a new fault in a lane the block is repeated, step by step.
 fn run_block<S, F, M, B>(
     system: &mut F,
     method: &mut M,
@@ -161,8 +161,8 @@ fn run_block<S, F, M, B>(
     }
 }
 
-/// Steps in the block that starts at `step`. A block that starts inside a hold ends with it, so that what is held at its start
-/// is still held when a faulty block is run again.
+/// Steps in the block that starts at `step`. A block that starts between two samples ends at the next sample. So the input that is held at
+/// its start is still held when a faulty block is repeated.
 fn block(step: usize, hold: usize) -> usize {
     if hold == 0 {
         return BLOCK;
@@ -171,9 +171,9 @@ fn block(step: usize, hold: usize) -> usize {
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
-/// How many steps of equal size from `step` on, at most to `to`, have no sample and no jump of the input between them.
+/// The number of steps of equal size from `step` to at most `to` without a sample or a jump of the input between them.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
-    // What is summed up or noted starts with a step by itself.
+    // The first step is separate if metrics or records are computed within steps.
     if schedule.within != Within::Nothing && step == 0 {
         return 0;
     }
@@ -188,8 +188,8 @@ fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_b
     end.saturating_sub(step)
 }
 
-/// One step, or the part `offset` of it, in pieces where the input jumps inside it or at its end, each piece
-/// on its own side of the jump.
+/// One step, or the part `offset` of it. It is divided where the input jumps inside it or at its end, and each piece takes the input of its
+/// side of the jump.
 fn one_step<S, F, M, B>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut B)
 where
     S: Real,
@@ -232,7 +232,7 @@ where
     }
 }
 
-/// Whether every lane at fault is known to be so.
+/// Whether every lane with a fault is already marked.
 #[cold]
 #[inline(never)]
 fn all_known<S: Real, B: Buffer<S>>(at: &[f64], x: B, bound: Bound) -> bool {

@@ -3,10 +3,10 @@
 use crate::error::{Error, Result, finite};
 use std::sync::Arc;
 
-/// `[f; m]`, world axes, at the frame it was given for.
+/// `[f; m]`, world axes, at the frame of the force.
 pub type Wrench = [f64; 6];
 
-/// A force as a function of time: what `call(t)` gives; `None` stops the run.
+/// A force as a function of time, `call(t)`; `None` stops the run.
 type Signal = Arc<dyn Fn(f64) -> Option<Wrench> + Send + Sync>;
 
 /// An external force in the course of a run.
@@ -56,7 +56,7 @@ impl Force {
         }
     }
 
-    /// The wrench at `t`; NaN where a function gave none.
+    /// The wrench at `t`; NaN if the function returned `None`.
     pub fn at(&self, t: f64) -> Wrench {
         match self {
             Force::Steps { starts, values } => match starts.partition_point(|&s| s <= t) {

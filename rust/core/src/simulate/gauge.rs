@@ -23,7 +23,7 @@ pub struct Seen<'a, S> {
     pub identities: Identities<S>,
 }
 
-/// The monitors of a record; zero for those that are off.
+/// The monitored quantities of a record; zero for those that are off.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identities<S> {
     pub skewness: S,
@@ -33,12 +33,12 @@ pub struct Identities<S> {
     pub quadratures: [S; 2],
 }
 
-/// Whether the kept numbers hold the values of the first record.
+/// Whether the stored numbers include the values of the first record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// They do: this is a later record.
+    /// They do, because this is a later record.
     Known,
-    /// The number of records decides whether they do.
+    /// This depends on the number of records.
     Asked,
 }
 
@@ -48,7 +48,7 @@ pub struct Gauge<S: Real> {
     tolerance: S,
     target: Vec<S>,
     band: Vec<S>,
-    /// The arm, and the arm where it should be.
+    /// The arm at its position, and the arm at its reference.
     arms: Vec<ArmAt<S>>,
     distances: Vec<S>,
 }
@@ -73,7 +73,7 @@ impl<S: Real> Gauge<S> {
         }
     }
 
-    /// Add a record to the numbers `kept`; `h`: the time to the next one, zero after the last.
+    /// Add a record to the stored numbers `kept`. `h` is the time to the next one, zero after the last.
     pub fn add(&mut self, seen: &Seen<S>, h: S, start: Start, kept: &mut [S]) {
         let weight = kept[self.plan.places.since] + h;
         let count = kept[self.plan.places.count];

@@ -26,9 +26,9 @@ pub struct General<'a> {
     pub first: usize,
     pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
-    /// What is wanted besides the records.
+    /// Events and polynomials beside the records.
     pub observer: Option<&'a mut RunObserver>,
-    /// The programs of rates, where runs may take them.
+    /// The programs of rates, if runs may use them.
     pub rates: Option<&'a Rates>,
 }
 
@@ -36,7 +36,7 @@ pub struct General<'a> {
 pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     /// The plant's input at state `x` and time `t`.
     fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
-    /// Take `tau` for the plant's input instead of the law's; `None` gives it back to the law, held or not.
+    /// Use `tau` as the plant's input instead of the law's output. With `None` the law computes it again, held or not.
     fn drive(&mut self, tau: Option<&[S]>, held: bool);
     /// Start anew at `t = 0`.
     fn rewind(&mut self);
@@ -46,11 +46,11 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn push(&mut self, wrench: Option<&Wrench>);
     /// Decide which joints stick at time `t` and state `x`.
     fn settle(&mut self, _t: f64, _x: &[S]) {}
-    /// What a joint with stick-slip friction does is over at time `t` and state `x`: it slips, or stops there. `None`: of any joint.
+    /// A joint with stick-slip friction changes its mode at time `t` and state `x`: it slips, or it stops. `None`: check all joints.
     fn switch_joint(&mut self, _t: f64, _x: &mut [S], _joint: Option<usize>) {}
-    /// Of each joint with stick-slip friction the number that is negative where what it does is over.
+    /// For each joint with stick-slip friction the number whose change to negative ends its mode.
     fn margins(&mut self, _t: f64, _x: &[S], _out: &mut [f64]) {}
-    /// The records that were noted within steps; `time`: of each step.
+    /// Pass on the records that were noted within steps. `time` returns the time of each step.
     fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
 }
 
@@ -82,7 +82,7 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     }
 }
 
-/// A loop with its twin on dual numbers.
+/// A loop, and the same loop on dual numbers.
 pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8, Vec<Dual8>, Exogenous<Dual8>>;
 
 impl Watched<f64> for Twins<'_> {
@@ -129,12 +129,12 @@ impl Twins<'_> {
     }
 }
 
-/// Records of a lane at a time, from a buffer made once. No zero is negative: there alone programs differ from direct evaluation.
+/// Passes on the records of one lane at a time. Negative zeros become zeros: only there programs and direct evaluation could differ.
 struct Recorder<'a> {
     sink: &'a mut dyn Sink,
     /// The time of each step.
     time: &'a dyn Fn(usize) -> f64,
-    /// Numbers of the state; what it carries besides is summed up.
+    /// Numbers of the state. The numbers after them are sums.
     size: usize,
     x: Vec<f64>,
     tau: Vec<f64>,
@@ -170,7 +170,7 @@ impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
 }
 
 impl<'a> General<'a> {
-    /// A recorder of states with `all` numbers.
+    /// A recorder for states with `all` numbers.
     fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> Recorder<'b> {
         Recorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
     }
@@ -202,7 +202,7 @@ impl<S: Real, F: Watched<S>> WithSteps<S, F> for FixedRun<'_, '_> {
     }
 }
 
-/// A run by steps of the method's choice.
+/// A run of an adaptive method.
 struct AdaptiveRun<'a, 'b> {
     general: General<'a>,
     segments: &'b Segments,
@@ -215,7 +215,7 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
 
     fn with<M: Adaptive<S, F, Vec<S>>>(self, mut closed: F, mut method: M) -> Ended {
         let General { problem, first, stop, sink, observer, .. } = self.general;
-        // Each run has its own instants where samples are late by chance.
+        // With random jitter each run has its own instants.
         let segments = self.segments.with_breaks(&self.instants);
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
@@ -278,13 +278,13 @@ impl<'a> General<'a> {
         (RatesLoop::implicit(twins, self.source()), x)
     }
 
-    /// Where the run `first` finds its programs.
+    /// The source of the programs of the run `first`.
     fn source(&self) -> Option<Source<'a>> {
         self.rates.map(|rates| Source { rates, problem: self.problem, run: self.first })
     }
 }
 
-/// The loop of run `first` with its twin, and its state at the start.
+/// The loop of run `first`, the same loop on dual numbers, and the initial state.
 pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
     let (closed, x) = close::<f64>(problem, first);
     let (twin, moving) = close::<Dual8>(problem, first);
@@ -322,7 +322,7 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
 /// The clock of the controllers of the runs `run(lane)`; `None` for a perfect one.
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
-    // A law from outside may remember: it is asked once per sample, however often that is looked at.
+    // A law of the caller may have a memory: it is called once per sample, even if the sample is used several times.
     let asked_once = problem.law(run(0)).route() == Route::Outside;
     let dissipated = usize::from(o.monitors && !problem.watches_storage());
     let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);

@@ -1,13 +1,13 @@
 //! Stick-slip friction in a loop: when joints stop and slip.
 //!
-//! Adaptive methods locate the instants at which the torque of a stuck joint leaves its limits and at which a sliding joint comes to rest. There the
+//! Adaptive methods locate the instants at which the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. There the
 //! velocity is set to zero and the problem at rest is solved. Methods of fixed steps do the same where steps begin and end.
 
 use super::closed_loop::ClosedLoop;
 use crate::scalar::Real;
 
 impl<S: Real> ClosedLoop<'_, S> {
-    /// Write what acts at time `t` and state `x` into the plant's friction.
+    /// Write the loads at time `t` and state `x` into the plant's friction model.
     fn load_friction(&mut self, t: f64, x: &[S]) {
         if self.is_held() {
             self.look(t, x);
@@ -17,7 +17,7 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.load_plant(x);
     }
 
-    /// Decide which joints stick at time `t` and state `x`; `leaving`: this one slips. Returns whether a joint does something else than before.
+    /// Decide which joints stick at time `t` and state `x`; the joint `leaving` slips. Returns whether the mode of a joint changes.
     pub fn settle(&mut self, t: f64, x: &[S], leaving: Option<usize>) -> bool {
         if self.plant_mut().stick_slip().is_none() {
             return false;
@@ -27,7 +27,7 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.settle(&x[first..first + n], leaving))
     }
 
-    /// Of each joint with stick-slip friction the number that is negative where what it does is over, at time `t` and state `x`.
+    /// For each joint with stick-slip friction, at time `t` and state `x`, the number whose change to negative ends its mode.
     pub fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
         if self.plant_mut().stick_slip().is_some_and(|(friction, _)| friction.holds()) {
             self.load_friction(t, x);
@@ -37,8 +37,8 @@ impl<S: Real> ClosedLoop<'_, S> {
         }
     }
 
-    /// What joint `joint` does is over at time `t` and state `x`: it slips if it is stuck, and is at rest if it slides. `None`: all joints
-    /// are looked at.
+    /// Joint `joint` changes its mode at time `t` and state `x`: a stuck joint slips, and a sliding one comes to rest. `None`: check all
+    /// joints.
     pub fn switch_joint(&mut self, t: f64, x: &mut [S], joint: Option<usize>) {
         let Some((friction, first)) = self.plant_mut().stick_slip() else { return };
         let leaving = joint.filter(|&joint| friction.sides()[joint] == 0);
@@ -49,13 +49,13 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.settle(t, x, leaving);
     }
 
-    /// Stop the joints that slide against their side; whether there are any.
+    /// Stop the joints whose velocity is opposite to their side. Returns whether there are any.
     pub fn arrest(&mut self, x: &mut [S]) -> bool {
         let n = self.tau.len();
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.arrest(&mut x[first..first + n]))
     }
 
-    /// The sides to which joints slide, zero for a stuck one; none without stick-slip friction.
+    /// The directions in which joints slide, zero for a stuck one; empty without stick-slip friction.
     pub fn sides(&mut self) -> &[i8] {
         self.plant_mut().stick_slip().map_or(&[], |(friction, _)| friction.sides())
     }

@@ -1,5 +1,5 @@
-//! What a recording of a loop depends on, so that a known structure is told without recording: plants and laws have the same shape,
-//! and the numbers of the set-up have zeros and ones in the same places.
+//! The key of a recorded loop, which identifies a known structure without recording. Loops have the same structure if their plants and laws
+//! have the same shape, and their numbers have zeros and ones at the same places.
 
 use super::measures::{Plan, same_aims};
 use super::monitors::Monitored;
@@ -8,10 +8,10 @@ use crate::integrate::Method;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 
-/// Numbers of motions that the keys of kept loops may hold in all: 32 MB.
+/// The largest number of numbers of motions in all stored keys: 32 MB.
 pub const MOST_NUMBERS: usize = 1 << 22;
 
-/// What a recording depends on beside the numbers of the set-up.
+/// The parts of a recording's key beside the numbers of the set-up.
 pub struct Key {
     plant: PlantSpec,
     law: LawSpec,
@@ -19,26 +19,26 @@ pub struct Key {
     held: bool,
     monitors: bool,
     tau_max: Option<Vec<f64>>,
-    /// Where forces act, and where they were given to act.
+    /// The frame at which forces act, and the frame of the argument.
     force_frames: [Option<usize>; 2],
-    /// What programs sum up.
+    /// The metrics in the programs.
     plan: Option<Plan>,
     common: Common,
 }
 
-/// What the runs of a problem have in common: asked once, since every run has a say.
+/// Properties that all runs of a problem share. They are computed once, because they depend on every run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Common {
     /// Runs side by side, not one.
     pub lanes: bool,
     /// All have the same exogenous input.
     pub shared: bool,
-    /// What monitors watch.
+    /// The monitored quantities.
     pub monitored: Monitored,
-    /// The programs sum runs up, with the positions of frames or without.
+    /// Whether the programs compute metrics, with or without the positions of frames.
     pub sums: bool,
     pub aims: bool,
-    /// They note what records need, with so many monitors.
+    /// The number of monitors, if the programs compute records.
     pub notes: Option<usize>,
 }
 
@@ -55,7 +55,7 @@ impl Common {
         }
     }
 
-    /// What the programs of run `run` sum up.
+    /// The metrics in the programs of run `run`.
     pub fn plan(&self, problem: &Problem, run: usize) -> Option<Plan> {
         let measures = problem.measures.as_ref().filter(|_| self.sums)?;
         Plan::of(problem, run, measures, self.aims).ok()
@@ -92,7 +92,7 @@ impl Key {
             }
     }
 
-    /// Numbers of its motions, which it keeps alive.
+    /// Number of numbers of its motions, which stay in memory.
     pub fn numbers(&self) -> usize {
         self.law.motions().iter().map(|motion| motion.numbers()).sum()
     }

@@ -19,10 +19,10 @@ pub struct Layout {
     pub answer: usize,
     /// One if the law reports whether its result is valid, else none.
     pub guards: usize,
-    /// Numbers of the first record from which monitors count, and all numbers of a record beside the state; none where nothing is noted.
+    /// Numbers of the first record that monitors refer to, and all numbers of a record beside the state; zero without records.
     pub firsts: usize,
     pub noted: usize,
-    /// How many numbers of a record, the last ones, are norms of levels.
+    /// The number of norms of levels, which are last in a record.
     pub norms: usize,
     /// All inputs of the programs.
     pub all_inputs: usize,
@@ -53,7 +53,7 @@ impl Layout {
     pub fn law_rate(&self) -> usize {
         self.tau() + self.inputs
     }
-    /// One as long as the law's results are valid, else zero. A step changes it.
+    /// The slot that is one as long as the law's results are valid, else zero. A step changes it.
     pub fn stands(&self) -> usize {
         self.law_rate() + self.answer
     }
@@ -72,7 +72,7 @@ impl Layout {
     pub fn rates(&self) -> usize {
         self.stage_input() + self.exogenous()
     }
-    /// The largest angle: the first slot that is no input.
+    /// The largest angle: the first slot that is not an input.
     pub fn reach(&self) -> usize {
         self.all_inputs
     }
@@ -95,7 +95,7 @@ impl Layout {
     pub fn own_firsts(&self) -> usize {
         self.noted() + self.noted
     }
-    /// One where the norms of levels in a record are right, else zero.
+    /// The slot that is one if the norms of levels in a record are valid, else zero.
     pub fn noted_stands(&self) -> usize {
         self.own_firsts() + self.firsts
     }

@@ -1,4 +1,4 @@
-//! The programs of a closed loop for a reader: what it is made of at each stage, line by line.
+//! The programs of a closed loop as text: their operations at each stage, line by line.
 
 use super::force::Force;
 use super::key::Common;
@@ -23,21 +23,21 @@ pub struct Listed {
     pub part: String,
     /// All programs of the loop, with their instructions.
     pub parts: Vec<(String, usize)>,
-    /// As runs say it.
+    /// The engine, with the name that runs report.
     pub engine: &'static str,
     /// The instruction set, and how many numbers a register holds for the program.
     pub set: &'static str,
     pub lanes: usize,
-    /// Bytes of machine code, and how often a value leaves the registers; `None` where this processor has no emitter.
+    /// Bytes of machine code, and number of values that move to memory; `None` on processors without an emitter.
     pub size: Option<(usize, usize)>,
-    /// What it reads at one of its stages, with the values of numbers of the set-up.
+    /// Its inputs at one of its stages, with the values of numbers of the set-up.
     pub inputs: Vec<(Named, Option<f64>)>,
     /// "recorded" (where that is possible), "simplified", "lowered" and "machine".
     pub stages: Vec<(&'static str, Listing)>,
 }
 
-/// The program `part` of the loop of run 0 of a problem, as in a run by itself or among others side by side; `None`: its step, or its rates
-/// where a step is in parts.
+/// The program `part` of the loop of run 0 of a problem, for a single run or for a `batch`. `None` is its step, or its rates if the step is
+/// in parts.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
     let fixed = matches!(problem.options.method.kind(), Kind::ExplicitSteps(_));
     require_recordable(problem, fixed)?;
@@ -92,18 +92,18 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     Ok(Listed { part: chosen.to_owned(), parts, engine: engine().name(), set, lanes: chosen_form.lanes(), size, inputs, stages })
 }
 
-/// Show every program of the loop of run 0 of a problem by fixed steps to `watch`; the numbers of its set-up, which come first in a frame,
-/// and the slot of the step. `None` where it branches on data.
+/// Pass every program of the loop of run 0 of a problem with fixed steps to `watch`. Returns the numbers of its set-up, which are first in
+/// a frame, and the slot of the step. `None` if the loop branches on data.
 pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> Option<(Vec<f64>, usize)> {
     let common = Common::of(problem, batch);
     let recorded = recorded::record_watched(problem, 0, common, None, watch)?;
     Some((recorded::loop_parameters(problem, 0, common).values, recorded.layout.step()))
 }
 
-/// Where the slots of a recorded loop are.
+/// The places of the slots of a recorded loop.
 enum SlotMap {
     Fixed(Layout),
-    /// With whether derivatives in time are among its programs.
+    /// The rates; the flag is true if their programs include derivatives in time.
     Rates(Slots, bool),
 }
 
@@ -116,7 +116,7 @@ impl SlotMap {
     }
 }
 
-/// Record the loop. `plain`: keep every operation, of a step that is in parts or not.
+/// Record the loop. With `plain` every operation is kept; its value states whether the step is in parts.
 fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<SlotMap> {
     if fixed {
         return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| SlotMap::Fixed(recorded.layout));

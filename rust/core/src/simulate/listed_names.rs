@@ -1,4 +1,4 @@
-//! What the slots of a loop's programs are called: `q1`, `v1`, `q_d1`, `h`, `kp1`, ..
+//! The names of the slots of a loop's programs: `q1`, `v1`, `q_d1`, `h`, `kp1`, ..
 
 use super::layout::Layout;
 use super::problem::Problem;
@@ -6,14 +6,15 @@ use super::rates_programs::Slots;
 use crate::trace::label::Label;
 use std::collections::HashSet;
 
-/// A slot: its name, and what kind of quantity it holds.
+/// A slot: its name, and its kind of quantity.
 pub type Named = (String, &'static str);
 
 /// Names of slots, one after another.
 pub struct SlotNames(Vec<Named>);
 
 impl SlotNames {
-    /// The numbers of the set-up come first: by their labels, `c17` without one. An underscore distinguishes two of one label.
+    /// The numbers of the set-up come first. They have their labels as names, `c17` without a label. An underscore is added to a repeated
+    /// label.
     fn of(labels: &[Label]) -> Self {
         let mut seen = HashSet::new();
         let mut unique = |(slot, &label): (usize, &Label)| {
@@ -34,7 +35,7 @@ impl SlotNames {
         self.0.extend(names.into_iter().map(|name| (name, kind)));
     }
 
-    /// Those of a loop of fixed steps, in its program `part`.
+    /// The names for a loop of fixed steps, in its program `part`.
     pub fn fixed(problem: &Problem, layout: &Layout, labels: &[Label], part: &str) -> Self {
         let mut all = SlotNames::of(labels);
         let (states, exogenous) = (states(problem), exogenous(problem, layout.desired, layout.wrench));
@@ -46,7 +47,7 @@ impl SlotNames {
         all.add("sum", (1..=layout.kept).map(|k| format!("sum{k}")));
         all.add("step", ["h".to_owned()]);
         all.held(layout.inputs, layout.answer);
-        all.add("guard", (0..layout.guards).map(|_| "stands".to_owned()));
+        all.add("guard", (0..layout.guards).map(|_| "valid".to_owned()));
         let suffix = if part == "rates" { "" } else { "_stage" };
         all.add("state", states.iter().map(|name| format!("{name}{suffix}")));
         all.instant(&exogenous, layout.desired, suffix);
@@ -56,13 +57,13 @@ impl SlotNames {
             }
             let suffix = if stage > 0 { format!("_stage{stage}") } else { String::new() };
             all.add("rate", states.iter().map(|name| format!("d{name}{suffix}")));
-            all.add("guard", (0..layout.guards).map(|_| format!("stands{suffix}_rates")));
+            all.add("guard", (0..layout.guards).map(|_| format!("valid{suffix}_rates")));
         }
         all.add("largest angle", ["largest_angle".to_owned()]);
         all
     }
 
-    /// Those of the rates of a loop, in its program `part`.
+    /// The names for the rates of a loop, in its program `part`.
     pub fn rates(problem: &Problem, slots: &Slots, labels: &[Label], moves: bool, part: &str) -> Self {
         let mut all = SlotNames::of(labels);
         let (states, exogenous) = (states(problem), exogenous(problem, slots.desired, slots.wrench));
@@ -90,13 +91,13 @@ impl SlotNames {
         self.add("force", names(&exogenous[desired..]));
     }
 
-    /// What a law answered.
+    /// The results of a law.
     fn held(&mut self, inputs: usize, answer: usize) {
         self.add("held", (1..=inputs).map(|k| format!("tau{k}")));
         self.add("held", (1..=answer).map(|k| format!("answer{k}")));
     }
 
-    /// The slot `slot`; behind those that have names are values that a program leaves for the next one.
+    /// The name of `slot`. Slots after the named ones hold values that one program passes to the next.
     pub fn at(&self, slot: u32) -> Named {
         let slot = slot as usize;
         self.0.get(slot).cloned().unwrap_or_else(|| (format!("kept{}", slot - self.0.len()), "kept"))

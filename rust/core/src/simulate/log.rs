@@ -1,4 +1,4 @@
-//! The records of some steps of a group of lanes, as programs leave them, and from there to the rows of the caller's arrays.
+//! The records of some steps of a group of lanes, as programs write them, and their transfer to the rows of the caller's arrays.
 
 use super::layout::Layout;
 use super::program_loop::MOST_LANES;
@@ -10,11 +10,11 @@ use std::ops::Range;
 /// The capacity of a log: the records of a block of steps, and the last one of a run.
 const ROOM: usize = 40;
 
-/// The records that were noted since the last ones were passed on, frame by frame.
+/// The records that were not yet passed on, frame by frame.
 pub struct Log {
-    /// A record is noted every so many steps.
+    /// Number of steps between records.
     pub every: usize,
-    /// The number of the first record that is there, and how many there are.
+    /// The index of the first stored record, and the number of stored records.
     first: usize,
     count: usize,
     /// Record after record: the state, then its other numbers, each of all lanes of the frame.
@@ -45,7 +45,7 @@ impl Log {
         self.state.len() + self.noted.len()
     }
 
-    /// The place of record `i`. Records come in order, or again from an earlier one on.
+    /// The place of record `i`. Records arrive in order; after a repeated step they restart from an earlier one.
     fn row(&mut self, i: usize, frame: usize) -> &mut [f64] {
         if self.count == 0 {
             self.first = i;
@@ -55,19 +55,19 @@ impl Log {
         &mut self.frames[frame][row * size..(row + 1) * size]
     }
 
-    /// The state in a frame as that of record `i`: before the step replaces it.
+    /// Store the state in a frame as that of record `i`, before the step replaces it.
     pub fn note_state(&mut self, i: usize, k: usize, frame: &Frame) {
         let (from, lanes) = (self.state.clone(), self.lanes);
         self.row(i, k)[..from.len() * lanes].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
     }
 
-    /// The rest of it, once it is in the frame.
+    /// Store the other numbers of record `i`, when the frame has them.
     pub fn note_rest(&mut self, i: usize, k: usize, frame: &Frame) {
         let (from, lanes, states) = (self.noted.clone(), self.lanes, self.state.len());
         self.row(i, k)[states * lanes..].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
     }
 
-    /// Pass on the records, and remove them here; `time` is that of each step.
+    /// Pass on the records and remove them. `time` returns the time of each step.
     pub fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, take: impl FnOnce(&Block)) {
         if self.count > 0 {
             let all = self.frames.len() * self.lanes;
@@ -95,7 +95,7 @@ impl Block<'_> {
         Block { log: self.log, time: self.time, first: self.first, count: self.count, lanes: self.lanes.map(|lane| lane.and_then(&of)) }
     }
 
-    /// When record `i` was, counted from the first one here.
+    /// The time of record `i`, counted from the first one here.
     pub fn time(&self, i: usize) -> f64 {
         (self.time)((self.first + i) * self.log.every)
     }

@@ -10,7 +10,7 @@ pub struct Tracing {
     pub law: Vec<u32>,
     /// The rates of a stage, where they are a separate program, and the law's input there.
     pub rates: Option<(Vec<u32>, Vec<u32>)>,
-    /// The cuts of the step, before each stage, and the next state with whether it is valid.
+    /// The cuts of the step before each stage. The last one has the next state, and whether it is valid.
     pub cuts: Vec<Cut>,
     pub next: Vec<u32>,
     /// The program that updates the metrics.
@@ -35,9 +35,9 @@ pub struct Noting {
 
 /// The numbers kept after a record.
 pub struct Summing {
-    /// For the input in the frame, and the first record as any other.
+    /// For the input in the frame; valid for the first record too.
     pub alone: Vec<u32>,
-    /// The same of later records alone.
+    /// The same, only for later records.
     pub stage: Vec<u32>,
     /// For the input that acts in the step, of later records.
     pub along: Vec<u32>,
@@ -53,11 +53,11 @@ pub struct Programs {
     step: Step,
     /// From the state, the first instant, the input and `h` to the numbers kept.
     sums: Option<Program>,
-    /// The same of later records: a whole step that begins so, or the part after the first stage of a step in parts.
+    /// The same for later records: a whole step that starts with them, or the part after the first stage of a step in parts.
     along: Option<Program>,
     /// From the state, the first instant and the input to the rest of a record.
     notes: Option<Program>,
-    /// A whole step that begins so.
+    /// A whole step that starts with a record.
     noted_step: Option<Program>,
 }
 
@@ -110,7 +110,7 @@ impl Programs {
         }
     }
 
-    /// Sum up after the first stage of a step in parts, of later records.
+    /// Add a later record to the metrics, after the first stage of a step in parts.
     pub fn sum_up_later(&self, frame: &mut Frame) {
         if let Some(along) = &self.along {
             along.run(frame);

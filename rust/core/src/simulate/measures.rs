@@ -9,15 +9,15 @@ use std::ops::Range;
 /// The metrics that the caller requests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measures {
-    /// The band of the settling time as a part of the largest error so far of the joints of the same unit.
+    /// The band of the settling time as a fraction of the largest error so far of the joints of the same unit.
     pub settle: f64,
-    /// The band of each joint, `(n,)`, in place of that.
+    /// The band of each joint, `(n,)`, instead of `settle`.
     pub band: Option<Vec<f64>>,
-    /// Of the monitors, relative.
+    /// The relative tolerance of the monitors.
     pub tolerance: f64,
     /// The reference of the joints, `(n,)`, in place of that of the law.
     pub reference: Option<Vec<f64>>,
-    /// Measure the position of this frame against where the joints' reference has it, in place of the law's tasks.
+    /// Measure the distance of this frame from its position at the joints' reference, instead of the law's tasks.
     pub frame: Option<String>,
 }
 
@@ -45,13 +45,13 @@ pub struct Bounds {
     pub effort: Vec<f64>,
 }
 
-/// The numbers that metrics keep between records, by name. Those of the last record alone come last.
+/// The numbers that metrics keep between records, by name. The numbers of the last record are at the end.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasureLayout {
     /// The time since the last record, and the number of records.
     pub since: usize,
     pub count: usize,
-    /// Of the error: twice the integral of its square, its peak, then the largest and least position and reference.
+    /// The error: twice the integral of its square, its peak, then the largest and least position and reference.
     pub error: Range<usize>,
     pub error_peak: Range<usize>,
     pub upper: Range<usize>,
@@ -61,7 +61,7 @@ pub struct MeasureLayout {
     /// The number of the last record outside of the band, and the peak of each unit.
     pub outside: usize,
     pub unit_peak: Range<usize>,
-    /// Of the squared distances of frames.
+    /// The squared distances of frames.
     pub distance: Range<usize>,
     pub distance_peak: Range<usize>,
     pub tau: Range<usize>,
@@ -73,7 +73,7 @@ pub struct MeasureLayout {
     /// The Lyapunov function at the first record, the largest so far, the last, and the largest balance.
     pub lyapunov: Range<usize>,
     pub violations: usize,
-    /// The sum of all monitors: not finite once one of them was not.
+    /// The sum of all monitors. It is not finite if one of them was not finite.
     pub sum: usize,
     pub error_final: Range<usize>,
     pub distance_final: Range<usize>,
@@ -149,7 +149,7 @@ impl Plan {
             aims,
             frame,
             units,
-            // A band that is no number holds nothing, as a negative one.
+            // A band that is NaN contains no error, like a negative one.
             band: measures.band.as_ref().map(|band| band.iter().map(|&band| if band >= 0.0 { band } else { -1.0 }).collect()),
             settle: measures.settle,
             tolerance: measures.tolerance,
@@ -224,7 +224,7 @@ impl Plan {
     }
 }
 
-/// Whether all laws have as many tasks of frames, and all arms frames.
+/// Whether all laws have the same number of tasks with frames, and all arms have frames.
 pub fn same_aims(problem: &Problem) -> bool {
     let count = problem.law(0).aims().len();
     problem.laws.iter().all(|law| law.aims().len() == count) && problem.plants.iter().all(|plant| matches!(plant.model(), Model::Tree(_)))
@@ -235,7 +235,7 @@ fn bounds(model: &Model, velocity: bool) -> Option<Bounds> {
     let Model::Tree(arm) = model else { return None };
     let of = |get: &dyn Fn(&crate::arm::Joint) -> f64| arm.independent().map(get).collect::<Vec<f64>>();
     let speed = of(&|joint| joint.limits.velocity);
-    // The input of an arm under velocity control is held against its speed.
+    // The input of an arm under velocity control is compared with its speed limit.
     let effort = if velocity { speed.clone() } else { of(&|joint| joint.limits.effort) };
     Some(Bounds { lower: of(&|joint| joint.limits.lower), upper: of(&|joint| joint.limits.upper), speed, effort })
 }

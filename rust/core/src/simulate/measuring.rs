@@ -1,7 +1,7 @@
-//! Runs of a batch that are summed up while they go: a sink that keeps no records.
+//! Metrics of runs of a batch, computed during the runs: a sink that keeps no records.
 //!
-//! A record is added when the next one comes, since its weight depends on both of its neighbours. Programs add the records themselves
-//! and hand over what they kept.
+//! A record is added when the next one arrives, because its weight depends on both of its neighbours. Programs add the records themselves
+//! and pass the stored numbers on.
 
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, Seen, Start};
@@ -13,7 +13,7 @@ use crate::error::all_finite;
 use crate::law::LawSpec;
 use crate::motion::sample_all;
 
-/// One run that is summed up.
+/// One run with metrics.
 pub struct Measuring<'a> {
     law: &'a LawSpec,
     columns: Columns,
@@ -33,7 +33,7 @@ pub struct Measuring<'a> {
     settled: Option<f64>,
     /// When a monitor stopped being finite.
     pub fault: f64,
-    /// Whether what is kept was handed over.
+    /// Whether a program passed the stored numbers.
     given: bool,
 }
 
@@ -88,7 +88,7 @@ impl<'a> Measuring<'a> {
 
     pub fn record(&mut self, i: usize, t: f64, x: &[f64], tau: &[f64]) {
         if i == 0 {
-            // A run that starts anew.
+            // A run that restarts.
             self.kept = self.gauge.plan.start();
             (self.count, self.fault, self.given) = (0, f64::INFINITY, false);
             self.first_time = t;
@@ -114,7 +114,7 @@ impl<'a> Measuring<'a> {
         self.tau.copy_from_slice(tau);
     }
 
-    /// The numbers kept of a run up to here, which was added up elsewhere; `time(i)`: that of record `i`.
+    /// Take the numbers of a run up to here that a program has added up. `time(i)` is the time of record `i`.
     pub fn take(&mut self, kept: &[f64], time: &dyn Fn(usize) -> f64) {
         self.given = true;
         self.kept.copy_from_slice(kept);
@@ -124,7 +124,7 @@ impl<'a> Measuring<'a> {
         self.settled = (after < records).then(|| time(after as usize));
     }
 
-    /// The numbers that sum the run up, of which the last record came.
+    /// The metrics of the run, after its last record.
     pub fn summary(&mut self) -> Vec<f64> {
         if !self.given {
             self.add(self.t);

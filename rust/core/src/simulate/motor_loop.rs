@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::law::LockedMotors;
 
 impl Problem<'_> {
-    /// The sample time at which the motor loop of the first run becomes unstable with locked links, if it is less than `times` the
-    /// sample time of the problem. `None` without such a limit, or if the sample time itself is unstable.
+    /// The sample time at which the motor loop of the first run becomes unstable with locked links. `None` if it exceeds `times` the sample
+    /// time of the problem or does not exist, or if the sample time itself is unstable.
     pub fn sample_time_limit(&self, times: f64) -> Option<f64> {
         let period = self.options.sampling.as_ref()?.period;
         let (plant, law) = (self.plants.first()?.elastic()?, self.laws.first()?.reduction()?);
@@ -19,7 +19,7 @@ impl Problem<'_> {
         for run in 0..self.plants.len().max(self.laws.len()) {
             let (Some(plant), Some(law)) = (self.plant(run).elastic(), self.law(run).reduction()) else { continue };
             let motors = LockedMotors::new(plant, law, f64::INFINITY);
-            // Islands of stability beyond the first limit are no place to be.
+            // Stable intervals beyond the first limit are not used.
             let limit = if run == 0 || motors.radius(period) >= 1.0 { motors.unstable_up_to(period) } else { f64::INFINITY };
             if period >= limit {
                 let problem = format!(
@@ -34,7 +34,7 @@ impl Problem<'_> {
     }
 }
 
-/// A positive number rounded down to six digits, so that what is said to be stable is.
+/// A positive number rounded down to six digits, so that the reported sample time is stable.
 fn six_digits(x: f64) -> f64 {
     let scale = 10f64.powi(6 - x.log10().ceil() as i32);
     (x * scale).floor() / scale

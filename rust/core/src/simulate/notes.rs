@@ -1,6 +1,6 @@
-//! What a record holds beside the state, as operations on the state, for the recording of a loop: the input and the monitors.
+//! The parts of a record beside the state, as operations on the state, for the recording of a loop: the input and the monitors.
 //!
-//! Monitors round as plain `f64` does, so that a record of a program has the bits of one that is computed directly.
+//! Monitors round like plain `f64`, so that a record of a program has the bits of a record that is computed directly.
 
 use super::monitors::{Checks, Monitored, Scope};
 use super::problem::Problem;
@@ -9,15 +9,15 @@ use super::world::Exogenous;
 use crate::law::RecordedSolver;
 use crate::trace::{Sym, sym};
 
-/// Numbers of the first record from which monitors count.
+/// Numbers of the first record that monitors refer to.
 pub const FIRSTS: usize = 2;
 
 /// The entries of a record.
 pub struct Noted {
     pub numbers: Vec<Sym>,
-    /// What monitors count from if this is the first record.
+    /// The reference values of the monitors, if this is the first record.
     pub firsts: Vec<Sym>,
-    /// One where the norms of levels are right, zero where the regular route does not stand; `None` without levels.
+    /// One if the norms of levels are valid, zero if the regular route is not; `None` without levels.
     pub stands: Option<Sym>,
 }
 
@@ -27,7 +27,7 @@ pub struct Notes {
 }
 
 impl Problem<'_> {
-    /// Whether the programs of its loops can note all that a record needs: at steps, with norms of levels by a route without a branch.
+    /// Whether the programs of its loops can compute complete records: at steps, with norms of levels by a route without a branch.
     pub fn notes_in_programs(&self) -> bool {
         let branches = self.options.monitors && self.laws.iter().any(|law| !law.route().is_recordable());
         self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !branches
@@ -40,7 +40,7 @@ impl Notes {
         Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }
 
-    /// Monitors, how many of them are norms of levels, and the numbers from which the others count.
+    /// The numbers of monitors, of norms of levels among them, and of reference values.
     pub fn sizes(&self) -> (usize, usize, usize) {
         let norms = self.checks.as_ref().map_or(0, Checks::norms);
         (self.monitors, norms, if self.monitors > norms { FIRSTS } else { 0 })

@@ -14,7 +14,7 @@ fn limited(model: &Model) -> Option<&Arm> {
     }
 }
 
-/// Positions that a law brings the joints to: its target, or both ends of its motion.
+/// Positions to which a law moves the joints: its target, or both ends of its motion.
 fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
     match law.joint_reference() {
         Some(JointReference::Target(q)) if !motion => vec![q],
@@ -33,8 +33,8 @@ fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
     }
 }
 
-/// What is outside of the joint limits, with the name of the argument: of `starts`, pairs of a plant and `q` `(n,)`, `q0`; of the laws
-/// `law.target` or `law.motion`. The index of a start has its row only where `batch`.
+/// The positions outside of the joint limits, with the name of the argument. It is `q0` for `starts`, pairs of a plant and `q` `(n,)`, and
+/// `law.target` or `law.motion` for the laws. The index of a start includes its row only in a batch.
 pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, laws: &[&LawSpec], batch: bool) -> Vec<(String, Outside)> {
     let starts = starts.filter_map(|(plant, q)| Some((limited(plant.model())?, q)));
     let mut found: Vec<_> = Outside::first(starts).map(|start| (format!("q0{}", start.index(batch)), start)).into_iter().collect();

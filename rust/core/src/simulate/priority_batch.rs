@@ -8,14 +8,14 @@ use crate::priority::{PrioritySolver, StackAnswers, StackBatch, StackRows};
 use crate::status::Status;
 use std::sync::atomic::Ordering;
 
-/// Rows solved between two looks at whether to stop: a multiple of all numbers of lanes, so that lane groups do not depend on it.
+/// Rows solved between two checks for a stop. It is a multiple of all numbers of lanes, so that lane groups do not depend on it.
 const CHUNK: usize = 1024;
 
 /// Fewer rows than this are not worth a thread.
 const FEW: usize = 2 * CHUNK;
 
 /// Solve row by row for an arm: `q` `(rows, n)`, `velocities` `(rows, m)` or one `(m,)` for all, answers into `v` `(rows, n)` and
-/// `status` `(rows,)`. A row that fails is NaN with `Status::Diverged`. Whether it was interrupted.
+/// `status` `(rows,)`. A row that fails is NaN with `Status::Diverged`. Returns whether the work was interrupted.
 pub fn solve_rows(
     solver: &ArmSolver,
     q: &[f64],
@@ -41,7 +41,7 @@ pub fn solve_rows(
     )
 }
 
-/// Solve a batch of `rows` stacks from plain matrices. Whether it was interrupted.
+/// Solve a batch of `rows` stacks from plain matrices. Returns whether the work was interrupted.
 pub fn solve_stacks(
     solver: &PrioritySolver,
     given: &StackRows,
@@ -75,7 +75,7 @@ pub fn solve_stacks_by(
     )
 }
 
-/// `work` on every part with a solver of the thread's own. Whether it was interrupted.
+/// Call `work` on every part, with one solver per thread. Returns whether the work was interrupted.
 fn each<P: Send, L>(
     parts: Vec<P>,
     threads: usize,

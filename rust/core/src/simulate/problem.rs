@@ -1,4 +1,4 @@
-//! What is to be run, validated.
+//! A problem: the loops to run, and their validation.
 
 use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
@@ -27,7 +27,7 @@ pub struct Options {
     pub rtol: f64,
     /// Absolute tolerance of an adaptive method.
     pub atol: f64,
-    /// `None`: the law is evaluated in every stage; else it is asked at samples and its output held.
+    /// `None`: the law is evaluated in every stage. Else it is evaluated at samples, and its output is held.
     pub sampling: Option<Sampling>,
     /// Times of the records.
     pub times: Times,
@@ -61,17 +61,17 @@ pub struct Problem<'a> {
     pub force_frame: Option<usize>,
     /// How to run it.
     pub options: Options,
-    /// What runs are summed up by while they go.
+    /// The metrics that are computed during the runs.
     pub measures: Option<Measures>,
 }
 
-/// How time is divided: by fixed steps or by the method.
+/// The time grid of a run: fixed steps, or the steps of an adaptive method.
 pub enum Division {
     Fixed(Fixed),
     Adaptive(Segments),
 }
 
-/// How a group of lanes ended, by the way time was divided.
+/// How a group of lanes ended, by kind of time grid.
 pub enum Ended {
     Fixed(Faults),
     Adaptive(Outcome),
@@ -132,7 +132,7 @@ impl<'a> Problem<'a> {
         self.force_frame.or_else(|| self.laws[0].coordinates().map(|coordinates| coordinates.frame))
     }
 
-    /// Whether the energy watched in a run is the law's own storage function.
+    /// Whether the monitored energy of a run is the law's own storage function.
     pub fn watches_storage(&self) -> bool {
         let o = &self.options;
         let runs = self.plants.len().max(self.laws.len());
@@ -142,8 +142,8 @@ impl<'a> Problem<'a> {
             && (0..runs).all(|run| self.law(run).storage().is_some_and(|law| law.has_storage(self.plant(run))))
     }
 
-    /// Whether the target model of an impedance is watched: the law acts alone and at every instant on links that nothing but the given force
-    /// touches.
+    /// Whether the target model of an impedance is monitored. This requires a law that acts alone and at every instant, on links without
+    /// other forces than the external one.
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
         let alone =
@@ -159,12 +159,12 @@ impl<'a> Problem<'a> {
         self.options.monitors && impedance && self.laws.iter().any(|law| law.has_projection_loss())
     }
 
-    /// What is measured: nothing, the same of all runs, or one plan per run.
+    /// The plans of the metrics: none, one for all runs, or one per run.
     pub fn plans(&self) -> Result<Vec<Plan>> {
         self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))
     }
 
-    /// Refuse a law without the sample period that it needs.
+    /// Refuse a law that requires a sample period and has none.
     fn require_period(&self, law: &LawSpec) -> Result<()> {
         let problem = match law {
             _ if self.options.sampling.is_some() => return Ok(()),
@@ -175,7 +175,7 @@ impl<'a> Problem<'a> {
         Err(Error::input("sample_time", format!("is missing: {problem}")))
     }
 
-    /// Refuse plants and laws that do not belong together.
+    /// Refuse plants and laws that do not match.
     fn validate_pairs(&self) -> Result<()> {
         let runs = self.runs();
         let counts = [("plant", self.plants.len()), ("law", self.laws.len()), ("force", self.forces.len().max(1))];
@@ -252,7 +252,7 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Refuse arms too large for the memory, before the workspaces of so many runs at once are made.
+    /// Refuse arms that are too large for the memory, before the workspaces of `at_once` runs are made.
     pub fn require_memory(&self, at_once: usize) -> Result<()> {
         // Matrices of the dynamics and the law; Jacobians and their decompositions; vectors of both.
         const MATRICES: usize = 6;
@@ -263,7 +263,7 @@ impl<'a> Problem<'a> {
         memory::require((MATRICES * n * n + jacobians + VECTORS * states).saturating_mul(8 * at_once))
     }
 
-    /// Refuse a loop that can't be closed, whatever its time and its initial state.
+    /// Refuse a loop that cannot be closed for any time and initial state.
     pub(super) fn validate_loop(&self) -> Result<()> {
         let o = &self.options;
         self.validate_pairs()?;
@@ -279,7 +279,7 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Refuse what can't be run; the division of time of what can.
+    /// Validate the problem and return its time grid.
     pub fn validate(&self) -> Result<Division> {
         let o = &self.options;
         if !(o.t_end >= 0.0 && o.t_end.is_finite()) {
@@ -297,7 +297,7 @@ impl<'a> Problem<'a> {
         }
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
-        // What a method does not use is checked all the same.
+        // Arguments that a method does not use are checked too.
         o.dt.map_or(Ok(()), |dt| positive("dt", dt))?;
         positive("rtol", o.rtol)?;
         if o.rtol < 1e-15 {
@@ -333,7 +333,7 @@ impl<'a> Problem<'a> {
             Some(sampling) => {
                 let period = steps("sample_time", sampling.period, 1.0)?;
                 steps("delay", sampling.delay, 0.0)?;
-                // A controller with a clock of its own is shown every step.
+                // A controller with a separate clock is called at every step.
                 if sampling.is_plain() { period } else { 1 }
             }
         };

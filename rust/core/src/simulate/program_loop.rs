@@ -1,4 +1,4 @@
-//! A recorded loop behind the interface of a loop: the driver of fixed steps runs it as any other, by [`super::program_step`].
+//! A recorded loop with the interface of a loop. The driver of fixed steps runs it like any other, by [`super::program_step`].
 
 use super::force::Wrench;
 use super::general::Watched;
@@ -23,7 +23,7 @@ pub(super) const MOST_LANES: usize = 8;
 pub struct ProgramLoop<'a, S: Real> {
     pub(super) recorded: Arc<Recorded>,
     pub(super) world: World<'a>,
-    /// Side by side the lanes of `S`, as many in each as the code has.
+    /// Frames for the lanes of `S`; each has the number of lanes of the code.
     pub(super) frames: Vec<Frame>,
     now: Exogenous<S>,
     pub(super) held: bool,
@@ -35,9 +35,9 @@ pub struct ProgramLoop<'a, S: Real> {
     acting: (Vec<S>, Vec<S>),
     /// The state as the controller sees it.
     seen: Vec<S>,
-    /// The exogenous inputs of all whole steps from the first one on, where somebody sampled them in advance.
+    /// The exogenous inputs of all whole steps from the first one on, if they were sampled in advance.
     pub(super) table: Option<&'a [f64]>,
-    /// Takes the steps that the programs decline.
+    /// Repeats the steps that the programs decline.
     pub(super) redo: Redo<'a, S>,
     /// The log of the records; `None` without records.
     pub(super) log: Option<Log>,
@@ -87,7 +87,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Note a record every so many steps.
+    /// Note a record every `steps` steps.
     pub fn note_every(&mut self, steps: usize) {
         self.log = Some(Log::new(&self.recorded.layout, steps, &self.frames));
     }
@@ -114,7 +114,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         write(&mut self.frames, layout.state(), x);
     }
 
-    /// Whether lane `lane` turned by an angle for which the programs' sines are not made.
+    /// Whether an angle of lane `lane` exceeded the range of the programs' sines.
     pub fn strayed(&self, lane: usize) -> bool {
         !(self.number(self.recorded.layout.reach(), lane) < REDUCTION_LIMIT)
     }
@@ -178,7 +178,7 @@ fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
 }
 
 impl<S: Real> ProgramLoop<'_, S> {
-    /// From state `x` over some steps of `h`, frame `k` as `run` does it.
+    /// Advance the state `x` by some steps of `h`; `run` advances frame `k`.
     pub(super) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
         let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
         write(&mut self.frames, state, x);
@@ -189,7 +189,7 @@ impl<S: Real> ProgramLoop<'_, S> {
         read(&self.frames, state, x);
     }
 
-    /// A sample of a controller with a separate clock.
+    /// Take a sample of a controller with a separate clock.
     fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
         let (n, p) = (self.tau.len(), self.dz.len());
         let states = self.recorded.plant_states();

@@ -20,7 +20,7 @@ use std::marker::PhantomData;
 /// The capacity of a stream, in steps.
 const TURNS: usize = 32;
 
-/// Numbers of the largest table: it has to live in the cache to pay.
+/// Numbers of the largest table: a larger one does not fit the cache and saves no time.
 const LARGEST_TABLE: usize = 1 << 20;
 
 /// Steps as a program.
@@ -29,12 +29,12 @@ pub struct ProgramStep<S> {
     times: Vec<f64>,
     /// The exogenous inputs at these instants: one stream for all frames, or one for each.
     streams: Vec<Frame>,
-    /// Those of one lane, where lanes differ.
+    /// The inputs of one lane, if lanes differ.
     lane: Vec<f64>,
-    /// A table whose rows are the stream where the instants are its knots; where they are.
+    /// A table whose rows are used as the stream if the instants are its knots, and their places.
     table: Option<Table>,
     at: Option<usize>,
-    /// Whether nothing moves, and how many instants of the streams are there for good then.
+    /// Whether all inputs are constant, and the number of instants that the streams then hold permanently.
     still: bool,
     filled: usize,
     lanes: PhantomData<S>,
@@ -123,7 +123,7 @@ impl<S: Real> ProgramStep<S> {
 }
 
 impl<S: Real> ProgramStep<S> {
-    /// As `stride`, of steps in parts: the state stays in the frames. Steps that a program may decline are taken one by one.
+    /// The same as `stride` for steps in parts: the state stays in the frames. Steps that a program may decline are taken one by one.
     fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) -> bool {
         if !system.redo.is_empty() {
             return false;
@@ -183,7 +183,7 @@ fn run_noting(
     }
 }
 
-/// The exogenous inputs of `steps` whole steps of `h`, the same for all runs of a problem: sampled once where many runs share them.
+/// The exogenous inputs of `steps` whole steps of `h`, which all runs of a problem share: they are sampled once.
 pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Option<Vec<f64>> {
     let layout = &recorded.layout;
     let (width, new) = (layout.exogenous(), layout.new_instants());

@@ -1,7 +1,7 @@
 //! Runs as programs: the structures of their loops, and groups of rows.
 //!
-//! Rows are grouped by structure, so that the program of a row, and with it its bits, depends on that row alone. A row whose angles
-//! leave the range of the programs' sines is run again directly.
+//! Rows are grouped by structure, so that the program of a row, and with it its bits, depends on that row alone. A row whose angles exceed
+//! the range of the programs' sines is repeated directly.
 
 use super::fixed_steps::Faults;
 use super::general::{General, sampler, start, world};
@@ -28,23 +28,23 @@ pub type Lanes = Array8;
 
 /// The structures of the runs of a problem, recorded as they appear.
 pub struct Structures {
-    /// Those that appeared so far.
+    /// The structures so far.
     seen: Mutex<Vec<Arc<SeenLoop>>>,
-    /// The numbers of every run's set-up, where they are the same.
+    /// The numbers of the set-up, if all runs have the same.
     shared: Option<Vec<f64>>,
-    /// The exogenous inputs of all steps, where all runs of a batch share them.
+    /// The exogenous inputs of all steps, if all runs of a batch share them.
     table: Option<Vec<f64>>,
     common: Common,
     engine: Engine,
 }
 
 impl Structures {
-    /// Those of a problem whose loops run as programs; `None` for any other. `lanes`: for runs side by side.
+    /// The structures of a problem whose loops run as programs; `None` for other problems. `lanes` selects programs for runs side by side.
     pub fn of(problem: &Problem, division: &Division, lanes: bool) -> Option<Self> {
         let Division::Fixed(fixed) = division else { return None };
-        // Samples that are late by chance are late together in lanes.
+        // All lanes of a group would share one random jitter.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        // The routes of a law that decides ranks differ in rounding; else the bits are the same directly.
+        // The routes of a law that decides ranks differ in rounding. Other laws have the same bits when they run directly.
         let short = !lanes && fixed.schedule.steps < SHORT && problem.law(0).route() != Route::Guarded;
         if short || late || !recorded::is_recordable(problem) {
             return None;
@@ -126,7 +126,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
         let mut lanes = vec![None; S::LANES];
         left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
-        // Lanes of other structures, whose motions need not even be as many, run as the first one.
+        // Lanes with other structures run as the first one: their motions may have another number.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
         let held = problem.options.sampling.is_some();

@@ -1,9 +1,9 @@
-//! A closed loop whose rates and derivatives run as programs, behind the interface of a loop.
+//! A closed loop whose rates and derivatives run as programs, with the interface of a loop.
 //!
-//! A run takes programs at once if they are known. Else it starts directly, because many runs end before a program is made, and has
-//! programs made after a fixed amount of work. The bits are the same either way. Implicit methods have programs made at once: the Jacobian by
-//! dual numbers rounds otherwise. A loop that turns by an angle for which the programs' sines are not made goes on directly, from the
-//! very evaluation in which that happens.
+//! A run uses known programs from the start. Otherwise it starts directly, and its programs are made after a fixed amount of work, because
+//! many runs end before that. The bits are the same in both cases. For implicit methods the programs are made before the first step,
+//! because the Jacobian by dual numbers rounds differently. If an angle exceeds the range of the programs' sines, the loop continues
+//! directly from that evaluation.
 
 use super::force::Wrench;
 use super::general::{Twins, Watched, twins};
@@ -16,8 +16,8 @@ use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::scalar::Real;
 
-/// Evaluations of the rates after which programs are made for a run by an explicit method. To record the rates of six axes takes as long as 200
-/// of them, and to make their program as long as 700.
+/// Evaluations of the rates after which programs are made for a run by an explicit method. For six axes, recording the rates takes as long
+/// as 200 evaluations, and making their program as long as 700.
 const WAIT: usize = 500;
 
 /// Where the programs of a run come from.
@@ -27,25 +27,25 @@ pub struct Source<'a> {
     pub run: usize,
 }
 
-/// A loop that takes programs; `D` is the same loop computed directly.
+/// A loop that may use programs; `D` is the same loop computed directly.
 pub struct RatesLoop<'a, S: Real, D> {
     pub direct: D,
     source: Option<Source<'a>>,
     /// Evaluations so far.
     work: usize,
-    /// Those after which programs are made.
+    /// The number of evaluations after which programs are made.
     wait: usize,
     /// The programs under the law, and under a held input.
     running: [Option<Running<S>>; 2],
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// The loop of an explicit method, which takes programs where there is a source.
+    /// The loop of an explicit method, which uses programs if there is a source.
     pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
     }
 
-    /// The same of an implicit method.
+    /// The same for an implicit method.
     pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: 0, running: [None, None] }
     }
@@ -59,14 +59,14 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         usize::from(self.direct.held().is_some())
     }
 
-    /// Write what is held into the frames.
+    /// Write the held values into the frames.
     fn hold(&mut self) {
         if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
             running.hold(tau, dz);
         }
     }
 
-    /// Take programs at the start if they are known, and when it is time in any case.
+    /// Use known programs from the start, and make them after the waiting time.
     fn take(&mut self) {
         let worth = self.work >= self.wait;
         if !worth && self.work > 0 {
@@ -82,7 +82,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         self.hold();
     }
 
-    /// Go on directly.
+    /// Continue directly.
     fn leave(&mut self) {
         (self.running, self.source) = ([None, None], None);
     }
@@ -92,7 +92,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
 pub type Solved<'a> = RatesLoop<'a, f64, Twins<'a>>;
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// The loop of the one run of a problem, to be stepped by hand: it has programs from the start, if its code has no branch on data.
+    /// The loop of the one run of a problem, for a stepper. It has programs from the start, if its code does not branch on data.
     pub fn stepped(direct: D, problem: &Problem) -> Self {
         let running = record_both(problem).map(|rates| rates.map(|(recorded, values)| Running::new(recorded, &values)));
         let mut closed = RatesLoop { running, ..RatesLoop::implicit(direct, None) };
@@ -101,14 +101,14 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
     }
 }
 
-/// The loop of the one run of a problem with an implicit method, to be stepped by hand, and its state at the start.
+/// The loop of the one run of a problem with an implicit method, for a stepper, and its initial state.
 pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
     let (twins, x) = twins(problem, 0);
     (RatesLoop::stepped(twins.into_owned(), problem), x)
 }
 
 impl Solved<'_> {
-    /// Room for the exogenous input of one instant.
+    /// Memory for the exogenous input of one instant.
     pub fn instant(&self) -> Exogenous<f64> {
         self.direct.system.instant()
     }

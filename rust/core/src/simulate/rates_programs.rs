@@ -1,8 +1,8 @@
 //! The rates of a closed loop and their derivatives as programs, for methods that choose their steps or solve for them.
 //!
-//! The rates are a program for one run. The derivatives run in lanes, one direction per lane: a first program computes the rates and
-//! all values that the derivatives read, and then, for as many passes as there are directions, a second one computes
-//! `x_dot -> f'(x) x_dot`. The states of the law have a program apart: few operations depend on them, and they can be many.
+//! The rates are a program for one run. The derivatives run in lanes, one direction per lane. A first program computes the rates and all
+//! values that the derivatives read. A second one then computes `x_dot -> f'(x) x_dot` in several passes, for all directions. The states of
+//! the law have a separate program: few operations depend on them, and there may be many.
 
 use super::attempt_programs::AttemptProgram;
 use super::closed_loop::ClosedLoop;
@@ -22,18 +22,18 @@ use crate::trace::{Cut, Part, Program, Scratch, SlotTable, Sym, engine, form, se
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Where the quantities of a loop are in a frame, in slots: the numbers of the set-up, then these.
+/// The places of the quantities of a loop in a frame, in slots. The numbers of the set-up are first, then these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slots {
     pub given: usize,
-    /// Numbers of the desired motions and of the wrench: none without a force.
+    /// Numbers of the desired motions and of the wrench: zero without a force.
     pub desired: usize,
     pub wrench: usize,
     /// States of the plant, of the law, and of the quadratures behind them.
     pub plant: usize,
     pub law: usize,
     pub quadratures: usize,
-    /// The plant's inputs, and what else a law answers.
+    /// The plant's inputs, and the other results of a law.
     pub inputs: usize,
     pub answer: usize,
 }
@@ -48,7 +48,7 @@ impl Slots {
     pub fn states(&self) -> usize {
         self.plant + self.law + self.quadratures
     }
-    /// The input and the rate of the law, where they are held.
+    /// The held input and rate of the law.
     pub fn tau(&self) -> usize {
         self.state() + self.states()
     }
@@ -75,7 +75,7 @@ pub struct Derivatives {
     /// Slots of the directions, and of the results.
     pub along_plant: usize,
     pub along_law: usize,
-    /// Whether the exogenous input moves: its rates are behind those of the plant's states.
+    /// Whether the exogenous input varies. Its rates are then after those of the plant's states.
     pub moves: bool,
     pub rates: usize,
     pub derivatives: usize,
@@ -96,12 +96,12 @@ impl Derivatives {
 /// The programs of one structure.
 pub struct RatesPrograms {
     pub rates: Program,
-    /// A whole attempt, of small loops under an explicit method that chooses its steps.
+    /// A whole attempt, for small loops under an adaptive explicit method.
     pub attempt: Option<AttemptProgram>,
     pub derivatives: Option<Derivatives>,
 }
 
-/// Which derivatives are wanted.
+/// The required derivatives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     Rates,
@@ -130,7 +130,7 @@ pub struct RecordedRates {
     pub programs: RatesPrograms,
 }
 
-/// Under a held input or under the law, and with which derivatives.
+/// The tag: under a held input or under the law, and the derivatives.
 type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
 
 static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
@@ -138,7 +138,7 @@ static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
 /// Whether the rates of a problem's loops may be recorded.
 pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
-    // An adaptive method holds every contact as it is within a step.
+    // An adaptive method holds the mode of every contact within a step.
     let free = |plant: &&PlantSpec| match method {
         _ if method.is_adaptive() => plant.is_free(),
         _ if method.is_implicit() => plant.wall().is_none(),
@@ -150,7 +150,7 @@ pub fn is_recordable(problem: &Problem) -> bool {
 /// The rates of a run, and the numbers of its set-up.
 pub type RatesOfRun = (Arc<RecordedRates>, Vec<f64>);
 
-/// The rates of the one run of a problem, under its law (not where that is sampled) and under a held input.
+/// The rates of the one run of a problem, under its law (if it is not sampled) and under a held input.
 pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
     let sampled = problem.options.sampling.is_some();
     [false, true]
@@ -165,14 +165,14 @@ fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<R
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
-/// As [`of_run`], if they are among those that are kept.
+/// The same as [`of_run`], if they are among the stored ones.
 fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
     let (parameters, tag) = (recorded::loop_parameters(problem, run, common), (held, Wanted::of(problem, run)));
     let seen = Seen::known(&KNOWN, (problem, run, common), &parameters, &tag)?;
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
-/// Record the rates of run `run` for a reader, with their derivatives where the method takes them; `folds`: else every operation of the
+/// Record the rates of run `run` for a listing, with the derivatives that the method uses. Without `folds` every operation of the
 /// source is kept, and there are no derivatives.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> Option<RecordedRates> {
     let (held, wanted) = (problem.options.sampling.is_some(), if folds { Wanted::of(problem, run) } else { Wanted::Rates });
@@ -273,16 +273,16 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
     Derivatives { values, plant, law, along_plant: inputs, along_law, moves, rates, derivatives, reach }
 }
 
-/// The rates of the runs of a problem, recorded when a run first wants them.
+/// The rates of the runs of a problem, recorded on first use.
 pub struct Rates {
     common: Common,
-    /// Those of every run, where plants and laws are the same.
+    /// The rates of all runs, if plants and laws are the same.
     shared: Option<OnceLock<Option<RatesOfRun>>>,
     used: AtomicBool,
 }
 
 impl Rates {
-    /// For problems whose method takes rates; `None` where no loop of them can be recorded.
+    /// The rates for methods that use them; `None` if no loop of the problem can be recorded.
     pub fn of(problem: &Problem) -> Option<Self> {
         let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
         let method = problem.options.method;
@@ -295,7 +295,7 @@ impl Rates {
         if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
     }
 
-    /// The rates of run `run`, if they are known or it is `worth` to record them; `None` also where the code branches on data.
+    /// The rates of run `run`, if they are known, or if `worth` allows to record them. `None` also if the code branches on data.
     pub fn of_run(&self, problem: &Problem, run: usize, worth: bool) -> Option<RatesOfRun> {
         let held = problem.options.sampling.is_some();
         let found = match &self.shared {

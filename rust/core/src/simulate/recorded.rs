@@ -1,12 +1,16 @@
 //! A closed loop, recorded: one step of its method, its rates and its law alone, once per structure.
 //!
-//! The frame of its programs holds, slot after slot: the numbers of the run's set-up (parameters, gains, targets, limits), the
-//! exogenous input at each instant of the step, the state with the sums that it carries, which a step replaces by the next one, the step `h`, the input and the rate
-//! of the law, what the parts of a step hand to one another, the largest angle that was turned by, and what records need beside the state.
+//! The frame of its programs holds, slot after slot:
+//! - the numbers of the run's set-up (parameters, gains, targets, limits);
+//! - the exogenous input at each instant of the step;
+//! - the state with its sums, which a step replaces by the next one, and the step `h`;
+//! - the input and the rate of the law, and the values that the parts of a step pass on;
+//! - the largest angle so far, and the numbers of a record beside the state.
+//!
 //! Rows with the same structure, that is the same zeros and ones among their numbers, share the programs.
 //!
-//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. Of a large loop the rates are a
-//! program of their own, which every stage runs: the code of a whole step would not fit the processor's cache of instructions.
+//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. The rates of a large loop are a
+//! separate program, which every stage runs. The code of a whole step would not fit the processor's instruction cache.
 
 use super::closed_loop::ClosedLoop;
 use super::force::Force;
@@ -30,7 +34,7 @@ use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Sym, sym};
 use std::sync::Arc;
 
-/// Operations of the rates beyond which a step runs them as a program of their own.
+/// The largest number of operations of rates that are part of the program of a step.
 const LARGE: u32 = 700;
 
 /// A loop of one structure, recorded.
@@ -43,7 +47,7 @@ pub struct Recorded {
     ops: Vec<Op>,
 }
 
-/// The numbers of one run's set-up, and what tells its structure.
+/// The numbers of one run's set-up, and the entries that identify its structure.
 pub struct LoopParameters {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
@@ -51,7 +55,7 @@ pub struct LoopParameters {
 }
 
 impl Recorded {
-    /// Numbers of the plant's state, with which the state begins.
+    /// Numbers of the plant's state, the first part of the state.
     pub fn plant_states(&self) -> usize {
         self.plant_states
     }
@@ -78,13 +82,13 @@ pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopPar
     LoopParameters { values: recording.values, structure: recording.structure, labels: recording.labels }
 }
 
-/// What the programs of a loop compute beside its steps.
+/// The metrics and records that the programs of a loop compute beside its steps.
 struct Beside {
     sums: Option<Sums<Sym>>,
     notes: Option<Notes>,
 }
 
-/// The loop of run `run`, and what is computed beside it.
+/// The loop of run `run`, and its metrics and records.
 fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Beside) {
     let closed = assemble(problem, |_| run, common.monitored.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
@@ -92,7 +96,7 @@ fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'
     (closed, Beside { sums, notes })
 }
 
-/// A structure that was seen, and what was recorded of it; `tag` tells recordings of one loop apart.
+/// A known structure and its recording; `tag` distinguishes several recordings of one loop.
 pub struct Seen<R, T> {
     key: Key,
     tag: T,
@@ -108,7 +112,7 @@ impl<R, T: PartialEq> Seen<R, T> {
         self.structure == parameters.structure && self.key.is_of(problem, run, common)
     }
 
-    /// The structure of run `run`, if it is one of those that are kept.
+    /// The structure of run `run`, if it is stored.
     pub fn known(
         kept: &Cache<Arc<Self>>,
         (problem, run, common): (&Problem, usize, Common),
@@ -118,7 +122,7 @@ impl<R, T: PartialEq> Seen<R, T> {
         kept.find(|seen| seen.tag == *tag && seen.fits(problem, run, common, parameters))
     }
 
-    /// The structure of run `run`: one of those that are kept, or a new recording.
+    /// The structure of run `run`: a stored one, or a new recording.
     pub fn of_run(
         kept: &Cache<Arc<Self>>,
         of: (&Problem, usize, Common),
@@ -139,7 +143,7 @@ impl<R, T: PartialEq> Seen<R, T> {
     }
 }
 
-/// A loop of fixed steps that was seen.
+/// A known loop of fixed steps.
 pub type SeenLoop = Seen<Recorded, ()>;
 
 static KNOWN: Cache<Arc<SeenLoop>> = Cache::new();
@@ -159,7 +163,7 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
 }
 
-/// The same for a reader. `plain`: keep every operation of the source, for a step that is in parts or not.
+/// The same for a listing. With `plain` every operation of the source is kept; its value states whether the step is in parts.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
     sym::begin_that(plain.is_none());
     let (closed, beside) = set_up(problem, run, common);
@@ -207,14 +211,15 @@ pub fn inputs(count: usize) -> Vec<Sym> {
     (0..count).map(|_| sym::input()).collect()
 }
 
-/// New inputs for the exogenous input at one instant: so many desired numbers, and so many of a wrench.
+/// New inputs for the exogenous input at one instant: the desired numbers, and those of a wrench.
 pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
     let mut instant = Exogenous { t: 0.0, desired: inputs(desired), wrench: [Sym::zero(); 6] };
     instant.wrench[..wrench].copy_from_slice(&inputs(wrench));
     instant
 }
 
-/// Record the law if it is `asked`, the rates and the step, `in_parts` or as its size suggests; `None` for a method that is not recorded.
+/// Record the law if it is `asked`, the rates and the step. `in_parts` may state whether the step is in parts; otherwise this follows from
+/// its size. `None` for a method that is not recorded.
 fn trace(
     closed: ClosedLoop<Sym>,
     beside: Beside,
@@ -240,7 +245,7 @@ fn trace(
         closed.closed.hold_input(&tau, &dz);
         acting.clone_from(&tau);
     }
-    // Here, since the step begins with what the law computed at this state, too.
+    // Here, because the step also starts with the law's result at this state.
     let sums = beside.sums.map(|mut sums| {
         let mut sum_up = |tau: &[Sym], start: Start| {
             let mut kept = kept.clone();
@@ -265,7 +270,7 @@ fn trace(
     let first = u[0].clone();
     let (next, cuts) = method.apply(closed, x, first, OneStep { u, h }).ok()?;
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    // A step whose record does not stand is declined.
+    // A step whose record is not valid is declined.
     let notes = notes.map(|[along, alone]| Noting {
         next: entries(next[layout.states..].iter().map(|&stands| along.stands.map_or(stands, |noted| stands.min(noted))).collect()),
         along: entries(along.numbers),
@@ -287,7 +292,7 @@ struct OneStep {
 }
 
 impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
-    /// The next state and whether it stands, and the cuts of a step in parts.
+    /// The next state and whether it is valid, and the cuts of a step in parts.
     type Output = (Vec<Sym>, Option<Vec<Cut>>);
 
     fn with_explicit<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
@@ -303,17 +308,17 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
     }
 }
 
-/// A loop whose evaluations are written down.
+/// A loop whose evaluations are recorded.
 struct RecordedLoop<'a> {
     closed: ClosedLoop<'a, Sym>,
     layout: &'a Layout,
-    /// Where a step runs the rates as a program of their own.
+    /// The cuts before each evaluation, if the rates are a separate program.
     cuts: Option<Vec<Cut>>,
 }
 
 impl System<Sym> for RecordedLoop<'_> {
     type Input = Exogenous<Sym>;
-    /// The inputs are there.
+    /// The inputs are already set.
     fn input(&mut self, _: f64, _: &mut Exogenous<Sym>) {}
     fn rhs(&mut self, u: &Exogenous<Sym>, x: &[Sym], dx: &mut [Sym]) {
         let Some(cuts) = &mut self.cuts else {

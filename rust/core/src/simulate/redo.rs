@@ -1,7 +1,7 @@
-//! Steps that a program declines, taken directly.
+//! Steps that a program declines, computed directly.
 //!
-//! A law that decides ranks is recorded by its route for regular stacks, which says where it does not stand. Such a step of one run is
-//! taken again from the state before it, by all routes. It starts from that state alone, so that the bits of a run depend on nothing else.
+//! A law that decides ranks is recorded by its route for regular stacks, which also reports where it is not valid. Such a step of one run
+//! is repeated from the state before it, by all routes. It starts from that state alone, so that the bits of a run depend on nothing else.
 
 use super::closed_loop::ClosedLoop;
 use super::general::assemble;
@@ -22,7 +22,7 @@ pub trait Direct {
     fn norms(&mut self, t: f64, x: &[f64], out: &mut [f64]);
 }
 
-/// The run `run` of a problem; `norms`: whether records want the norms of its levels.
+/// The run `run` of a problem; `norms`: whether records have the norms of its levels.
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn Direct + 'a> {
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
@@ -101,11 +101,11 @@ impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for Steps<'a,
     }
 }
 
-/// What a loop of programs needs to redo steps.
+/// The direct loops and buffers with which a loop of programs repeats steps.
 pub struct Redo<'a, S> {
-    /// One for each lane; empty where the programs decline nothing.
+    /// One for each lane; empty if the programs decline nothing.
     direct: Vec<Box<dyn Direct + 'a>>,
-    /// The state and the largest angles before what may be declined.
+    /// The state and the largest angles before a step that may be declined.
     before: Vec<S>,
     reach: [f64; MOST_LANES],
     /// State, input and rate of one lane.
@@ -115,7 +115,7 @@ pub struct Redo<'a, S> {
 }
 
 impl<S: Real> Redo<'_, S> {
-    /// Nothing yet.
+    /// Without direct loops.
     pub fn new(layout: &Layout) -> Self {
         let row = (vec![0.0; layout.states], vec![0.0; layout.inputs], vec![0.0; layout.answer]);
         Redo {
@@ -137,12 +137,12 @@ impl<S: Real> Redo<'_, S> {
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
-    /// Let these take what the programs decline, lane by lane.
+    /// Use these loops for declined steps, one per lane.
     pub(super) fn redo_by(&mut self, direct: Vec<Box<dyn Direct + 'a>>) {
         self.redo.direct = direct;
     }
 
-    /// Note the state before something that may be declined.
+    /// Store the state before a step that may be declined.
     pub(super) fn remember(&mut self, x: &[S]) {
         if self.redo.direct.is_empty() {
             return;
@@ -154,20 +154,20 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Whether a lane was declined. Where the state is no number there is nothing to decide.
+    /// Whether a lane was declined. A state that is NaN is never declined.
     pub(super) fn declined(&self, lane: usize) -> bool {
         !self.redo.direct.is_empty()
             && self.number(self.recorded.layout.stands(), lane) != 1.0
             && self.redo.before.iter().all(|x| x.lane(lane).is_finite())
     }
 
-    /// The lane's state before, for what takes it from here; the angles of what was declined do not count.
+    /// Restore the lane's state before the step. The angles of the declined step do not count.
     pub(super) fn back(&mut self, lane: usize) {
         self.redo.row.0.iter_mut().zip(&self.redo.before).for_each(|(to, from)| *to = from.lane(lane));
         self.set_number(self.recorded.layout.reach(), lane, self.redo.reach[lane]);
     }
 
-    /// Take the step `[t, end]` of size `h` again in the lanes that were declined.
+    /// Repeat the step `[t, end]` of size `h` in the lanes that were declined.
     pub(super) fn step_again(&mut self, t: f64, h: f64, end: f64, x: &mut [S]) {
         for lane in 0..S::LANES {
             if !self.declined(lane) {
@@ -185,8 +185,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Compute the norms of levels at state `x` again in the lanes whose record does not stand. Where the state is no number there is nothing
-    /// to decide.
+    /// Compute the norms of levels at state `x` again in the lanes whose record is not valid. A state that is NaN is never declined.
     pub(super) fn norms_again(&mut self, t: f64, x: &[S]) {
         let (stands, first) = (self.recorded.layout.noted_stands(), self.recorded.layout.own_firsts() - self.redo.norms.len());
         let lanes = if self.redo.norms.is_empty() { 0 } else { S::LANES };
@@ -203,7 +202,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Ask the law of the lanes that were declined again.
+    /// Evaluate the law again in the lanes that were declined.
     pub(super) fn answer_again(&mut self, t: f64) {
         let (first, rate) = (self.recorded.layout.tau(), self.recorded.layout.law_rate());
         for lane in 0..S::LANES {

@@ -50,13 +50,13 @@ impl<S: Real> Running<S> {
         }
     }
 
-    /// A whole attempt, whose exogenous inputs `input(t, u)` gives, if there is a program for it; whether it is valid.
+    /// A whole attempt with the exogenous inputs `input(t, u)`, if there is a program for it. Returns whether it is valid.
     pub fn attempt<B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>, input: impl FnMut(f64, &mut Exogenous<S>)) -> Option<bool> {
         let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) else { return None };
         Some(program.run(frame, attempt, (&mut self.instants[0], input)))
     }
 
-    /// The rates of state `x` into `dx`; whether they are valid.
+    /// The rates of state `x` into `dx`. Returns whether they are valid.
     pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
         let frame = &mut self.frame;
@@ -127,7 +127,7 @@ impl<S: Real> Running<S> {
         true
     }
 
-    /// The derivative in time where the rates were linearised last.
+    /// The derivative in time at the last linearisation.
     pub fn time_derivative(&self) -> &[S] {
         &self.dft
     }

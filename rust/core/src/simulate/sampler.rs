@@ -4,7 +4,7 @@ use super::sampling::{CHANNELS, ON_TIME, Sampling};
 use super::torque_sensing::{Sensed, TorqueSensing};
 use crate::scalar::Real;
 
-/// Answers kept: a faulty block of steps is run again from its start, whose input must still be known.
+/// Number of stored outputs: a faulty block of steps is repeated from its start, whose input must still be known.
 const KEPT: usize = 64;
 
 /// One sample: the measurement, and the output of the law.
@@ -56,7 +56,7 @@ impl<S: Real> Sampler<S> {
     /// At time `t` and plant state `x`: take the sample that is due, and apply the output that is due.
     /// `law(measured, tau, dz)` is called for a sample. `tau` and `dz` are the values that act from now on.
     pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
-        // Shown the same instant twice, at a record and at a step, it samples once.
+        // At an instant that is both a record and the start of a step, it samples once.
         if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.ring[self.slot(k)].index != k) {
             let slot = self.slot(k);
             let empty = Entry { index: k, measured: Vec::new(), sensed: Sensed::new(0), tau: Vec::new(), dz: Vec::new() };
@@ -107,7 +107,7 @@ impl<S: Real> Sampler<S> {
         self.sensing = Some(sensing);
     }
 
-    /// The output changes from the one before, at first from zero, at most by the rate limit. Both are within saturation.
+    /// The output changes by at most the rate limit from the one before; the first one changes from zero. Both are within the saturation.
     fn limit_rate(&self, k: u64, tau: &mut [S]) {
         if !self.sampling.rate_limit.is_finite() {
             return;

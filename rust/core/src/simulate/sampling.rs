@@ -11,7 +11,7 @@ use crate::plant::sensors::TorqueSensor;
 
 /// The largest number of samples that are stored for late outputs and measurements. More indicates an error in the arguments.
 const MOST_LATE: f64 = 1e5;
-/// More samples than this in one run are another.
+/// More samples than this in one run also indicate an error.
 const MOST_SAMPLES: f64 = 1e12;
 
 /// A time this close to an instant, in periods, is that instant.
@@ -89,13 +89,13 @@ impl Sampling {
         Ok(())
     }
 
-    /// Refuse more samples than a run of length `t_end` can have.
+    /// Refuse more samples in a run of length `t_end` than the memory holds.
     pub fn require_memory(&self, t_end: f64) -> Result<()> {
         if t_end / self.period > MOST_SAMPLES {
             let least = t_end / MOST_SAMPLES;
             return Err(Error::input("sample_time", format!("is too small for the run: expected at least {least}, got {}", self.period)));
         }
-        // A clock of its own keeps all its instants.
+        // A separate clock stores all its instants.
         if self.is_plain() { Ok(()) } else { require_memory((t_end / self.period) as u128) }
     }
 
@@ -138,10 +138,10 @@ impl Sampling {
     }
 }
 
-/// The channel of lateness, apart from every measured one.
+/// The channel of the jitter, different from those of all measurements.
 const JITTER: u64 = u64::MAX;
 
-/// A well-mixed 64-bit number of `seed`, `k` and `channel`.
+/// A pseudo-random 64-bit number of `seed`, `k` and `channel`.
 fn mixed(seed: u64, k: u64, channel: u64) -> u64 {
     let mut z = seed;
     for word in [k, channel] {

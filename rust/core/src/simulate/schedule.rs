@@ -1,4 +1,4 @@
-//! The times of a run: its steps, what is recorded, where it restarts.
+//! The times of a run: its steps, its records, and its restarts.
 
 use super::bound::Bound;
 use crate::error::{Error, Result, finite, positive};
@@ -7,15 +7,15 @@ use crate::memory;
 
 /// A time this close to a step's end, in steps, is that end.
 const ON_GRID: f64 = 1e-9;
-/// More steps than this is a mistake in the arguments, not a run.
+/// More steps than this indicate an error in the arguments.
 const MAX_STEPS: f64 = 1e12;
-/// What one record takes at least: its place in the schedule, time, state, input and monitors of a small arm.
+/// The least memory of one record: its place in the schedule, time, state, input and monitors of a small arm.
 const BYTES_PER_RECORD: u128 = 160;
 
-/// Records that are placed between two looks whether to stop.
+/// Records that are placed between two checks for a stop.
 const LOOK: usize = 1 << 12;
 
-/// What is recorded.
+/// The times of the records.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Times {
     /// Fixed steps: the start and every `k`-th step, and the end; adaptive methods: every `k`-th accepted step.
@@ -38,8 +38,8 @@ pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
     Ok(())
 }
 
-/// Refuse more records than memory holds, before any is made: one large reservation is refused at once where
-/// many small ones would end the process.
+/// Refuse more records than memory holds, before any is made: the system refuses one large reservation, while many small ones would end the
+/// process.
 pub fn require_memory(records: u128) -> Result<()> {
     let bytes = records * BYTES_PER_RECORD;
     let refused = Error::Memory { bytes };
@@ -67,13 +67,13 @@ enum Records {
     At(Vec<Record>),
 }
 
-/// What the system does with the steps of a run beside taking them.
+/// What the system computes within the steps of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Within {
     Nothing,
-    /// Every step is added to a sum that the state carries.
+    /// Every step is added to sums in the state.
     Sums,
-    /// Every so many steps a record is noted, as record `last` at the end.
+    /// A record is noted at regular steps, and as record `last` at the end.
     Notes {
         every: usize,
         last: usize,
@@ -89,7 +89,7 @@ pub struct Schedule {
     records: Records,
     /// Times of jumps strictly inside the run, increasing.
     pub breaks: Vec<f64>,
-    /// What the state must keep to.
+    /// The bound of the state.
     pub bound: Bound,
     pub within: Within,
 }
@@ -116,12 +116,12 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// The same steps, each added to a sum that the state carries, with records at the start and the end alone.
+    /// The same steps, each added to sums in the state, with records only at the start and the end.
     pub fn summing_up(&self) -> Self {
         Schedule { records: Records::Ends, within: Within::Sums, ..self.clone() }
     }
 
-    /// The same steps with the records of every so many steps noted within; `None` for records at other times.
+    /// The same steps, with records at regular steps noted within; `None` for records at other times.
     pub fn noting(&self) -> Option<Self> {
         let Records::Every(every) = self.records else { return None };
         Some(Schedule { records: Records::Last, within: Within::Notes { every, last: self.count() - 1 }, ..self.clone() })

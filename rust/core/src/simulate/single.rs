@@ -53,7 +53,7 @@ pub struct Run {
     pub rejections: u64,
     /// How it was computed: "machine", "portable" or "direct".
     pub engine: &'static str,
-    /// How far its balances are open, see [`super::BALANCES`].
+    /// The residuals of its balances, see [`super::BALANCES`].
     pub balances: [f64; 4],
     /// See [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,
@@ -65,7 +65,7 @@ struct RunRecorder<'a> {
     /// The numbers of each series in a record.
     numbers: Vec<Range<usize>>,
     problem: &'a Problem<'a>,
-    /// Made for the first record that a program did not note: it compiles an arm.
+    /// Made at the first record that no program computed, because it compiles an arm.
     monitor: Option<Box<Monitors<'a>>>,
     values: Vec<f64>,
     /// When a monitor stopped being finite.
@@ -76,7 +76,7 @@ struct RunRecorder<'a> {
 
 impl Sink for RunRecorder<'_> {
     fn record(&mut self, i: usize, _: usize, t: f64, x: &[f64], tau: &[f64]) {
-        // A run that starts anew writes over what it recorded.
+        // A run that restarts overwrites its records.
         if i < self.run.t.len() || i == 0 {
             (self.fault, self.full) = (f64::INFINITY, Ok(()));
             self.run.truncate(i);
@@ -167,12 +167,12 @@ impl RunRecorder<'_> {
     }
 }
 
-/// Run the one run of `problem`. What it recorded before a fault is in the result, with the status.
+/// Run the one run of `problem`. The result has the records before a fault, and the status.
 pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
     simulate_observed(problem, stop, None)
 }
 
-/// As [`simulate`], with events and polynomials where they are asked for, of an adaptive method.
+/// The same as [`simulate`], with the events and polynomials of an adaptive method if the observer requests them.
 pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
     let division = problem.validate()?;
     problem.require_memory(1)?;

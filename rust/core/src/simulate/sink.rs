@@ -10,6 +10,6 @@ pub trait Sink {
     /// Records of all lanes that were noted within the steps of a program, monitors included.
     fn block(&mut self, block: &Block);
 
-    /// Of a run that is summed up while it goes: the numbers kept up to its last record; `time(i)` is that of record `i`.
+    /// The stored numbers of the metrics up to the last record of a run; `time(i)` is the time of record `i`.
     fn take(&mut self, _lane: usize, _kept: &[f64], _time: &dyn Fn(usize) -> f64) {}
 }

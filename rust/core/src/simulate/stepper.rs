@@ -1,4 +1,4 @@
-//! A loop stepped by hand: one step of fixed size per call, the input from the law or from the caller.
+//! A loop with one step of fixed size per call. The input comes from the law or from the caller.
 
 use super::bound::Bound;
 use super::force::Wrench;
@@ -12,24 +12,25 @@ use crate::law::Route;
 use crate::scalar::{Float, Real};
 use crate::status::Status;
 
-/// What a stepped loop does, on whatever number it runs.
+/// A stepped loop, for every kind of number.
 pub trait Stepping: Send {
-    /// Advance by one step under `tau` `(n,)`, or under the law where there is none, and under the wrench `push` in place of the
-    /// problem's force. A step that diverges is not taken: state and input stay, and so does the status until a new state is given.
+    /// Advance by one step under `tau` `(n,)`, or under the law if it is `None`, and under the wrench `push` instead of the
+    /// problem's force. A step that diverges changes neither state nor input. The status then remains until the caller sets a new state.
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status;
     /// The plant's state and the law's, `(states + p,)`, into `x`; the input of the last step, within its limits, into `tau`.
     fn read(&self, x: &mut [f64], tau: &mut [f64]);
-    /// Start anew at `t = 0` from `x`, `(states + p,)`.
+    /// Restart at `t = 0` from `x`, `(states + p,)`.
     fn reset(&mut self, x: &[f64]);
-    /// Go on at the present time from `x`, `(states + p,)`.
+    /// Continue at the present time from `x`, `(states + p,)`.
     fn put(&mut self, x: &[f64]);
-    /// How it fares: `Success`, or `Diverged`.
+    /// The status: `Success`, or `Diverged`.
     fn status(&self) -> Status;
     /// The number of steps taken.
     fn steps(&self) -> u64;
-    /// Whether [`Stepping::resume`] goes on from here to the bit: between two samples that takes more than the state and the input.
+    /// Whether [`Stepping::resume`] reproduces the bits from here. Between two samples it would need more than the state and the input.
     fn resumable(&self) -> bool;
-    /// Go on after `steps` steps from the state `x` and the input `tau` that [`Stepping::read`] gave, and from a step that diverged, if so.
+    /// Continue after `steps` steps from the state `x` and the input `tau` of [`Stepping::read`], with the status of a diverged step if
+    /// `diverged`.
     fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64], diverged: bool);
 }
 
@@ -40,9 +41,9 @@ struct Stepper<S, F, M> {
     x: Vec<S>,
     tau: Vec<S>,
     dt: f64,
-    /// Steps per sample; 0 for a law asked in every stage.
+    /// Steps per sample; 0 for a law that is evaluated in every stage.
     hold: u64,
-    /// A sample is all that is kept of the past, and of that nothing but `tau` acts until the next one.
+    /// The past affects the loop only by the last sample, and this only by `tau`.
     plain: bool,
     simple: bool,
     steps: u64,
@@ -158,7 +159,7 @@ where
     }
 }
 
-/// Refuse a method that can't be stepped by hand.
+/// Refuse a method without fixed steps.
 pub fn require_fixed_steps(method: Method) -> Result<()> {
     if method.is_adaptive() {
         let fixed: Vec<&str> = Method::ALL.iter().filter(|method| !method.is_adaptive()).map(|method| method.name()).collect();
@@ -168,7 +169,7 @@ pub fn require_fixed_steps(method: Method) -> Result<()> {
     Ok(())
 }
 
-/// The one run of a problem, to be stepped by hand. Monitors are left out: their integrals would be the caller's to read.
+/// The stepper of the one run of a problem, without monitors: their integrals would be part of the state.
 pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     let o = &problem.options;
     require_fixed_steps(o.method)?;
@@ -189,7 +190,7 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     }
 }
 
-/// A loop stepped by any method of fixed steps.
+/// A stepper for any method of fixed steps.
 struct Boxed<'a>(&'a Problem<'a>);
 
 impl<S: Real, F: Watched<S> + Send + 'static> WithSteps<S, F> for Boxed<'_> {

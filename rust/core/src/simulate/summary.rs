@@ -3,7 +3,7 @@
 use super::measures::{Plan, Wanted};
 use std::ops::Range;
 
-/// A distance from the start to the end of the reference below this, rad or m, has no overshoot. Nor has an end that moves faster.
+/// If the reference moves less than this, rad or m, there is no overshoot. The same applies if its end moves faster than this.
 const STILL: f64 = 1e-9;
 
 /// The data of the summary of a run besides the stored numbers.
@@ -40,7 +40,7 @@ impl Plan {
         let places = &self.places;
         let [t0, t1] = ends.times;
         let of = |range: &Range<usize>| kept[range.clone()].iter().copied();
-        // One record alone stands for the whole span.
+        // A single record has all the weight.
         let alone = t1 == t0;
         let rms = |sum: f64, only: f64| if alone { only } else { (sum / (2.0 * (t1 - t0))).sqrt() };
         let mut all = Vec::with_capacity(6 * self.n + 3 * self.distances() + 7);
@@ -85,7 +85,7 @@ impl Plan {
     }
 }
 
-/// The largest balance as a part of the largest energy stored or exchanged; `kept`: see [`super::measures::MeasureLayout::energy`].
+/// The largest balance as a fraction of the largest energy stored or exchanged; `kept`: see [`super::measures::MeasureLayout::energy`].
 fn energy_error(kept: &[f64]) -> Option<f64> {
     let &[_, energy, power, missing] = kept else { return None };
     Some(if missing > 0.0 { missing / energy.max(power) } else { missing })

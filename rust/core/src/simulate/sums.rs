@@ -1,4 +1,4 @@
-//! The sums of a run as operations on its state: what the measuring adds at a record, for the recording of a loop.
+//! The sums of the metrics as operations on the state at a record, for the recording of a loop.
 
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, Seen, Start};
@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::schedule::Times;
 use crate::scalar::Real;
 
-/// What sums a run up, of one run or of several side by side.
+/// The metrics of one run or of several side by side.
 pub struct Sums<S: Real> {
     columns: Columns,
     gauge: Gauge<S>,
@@ -16,7 +16,7 @@ pub struct Sums<S: Real> {
 }
 
 impl Problem<'_> {
-    /// Whether the programs of its loops can sum runs up: at every step.
+    /// Whether the programs of its loops can compute metrics, at every step.
     pub fn sums_in_programs(&self) -> bool {
         self.measures.is_some() && self.options.times == Times::Every(1)
     }
@@ -33,7 +33,7 @@ impl<S: Real> Sums<S> {
         }
     }
 
-    /// Numbers that are kept, and how many of them every record needs.
+    /// The number of stored numbers, and how many of them every record updates.
     pub fn sizes(&self) -> (usize, usize) {
         (self.gauge.plan.places.all, self.gauge.plan.places.lasting)
     }

@@ -1,5 +1,5 @@
-//! Where a plant switches: its wall and its joint stops, each `Apart`, `Pressed` or `Slack`, with the functions whose change
-//! of sign ends that.
+//! The contacts of a plant, its wall and its joint stops. Each is `Apart`, `Pressed` or `Slack`. It has functions whose change of sign ends
+//! this mode.
 
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::plant::{PlantSpec, Stop, Stops, Touch, Wall};
@@ -101,7 +101,7 @@ impl Switching {
     pub fn switch(&mut self, k: usize, x: &[f64]) {
         let i = k / 2;
         let (depth, _) = self.contact(i, x);
-        // A spring alone lets go at the surface, on whichever side of it the error of a step has put the state.
+        // A contact without damper ends at the surface, on both sides of the state's small error.
         let depth = if self.damped(i) { depth } else { 0.0 };
         self.touches[i] = self.touches[i].next(k % 2, depth);
     }

@@ -3,7 +3,7 @@
 //! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
 //! `q = theta - K_law^-1 reading`
 //!
-//! in place of the measured `q`: what the law takes for `K_law (theta - q)` is the reading. The filters begin at rest.
+//! in place of the measured `q`. So the law's `K_law (theta - q)` is the reading. The filters begin at rest.
 
 use super::problem::Problem;
 use super::sampling::{Sampling, gaussian};
@@ -60,7 +60,7 @@ impl<S: Real> TorqueSensing<S> {
         })
     }
 
-    /// At sample `k` and plant state `x`: `now` from what was sensed some time `before`, and the links in `measured`.
+    /// At sample `k` and plant state `x`, compute `now` from the sample before, and the positions of the links in `measured`.
     pub fn sense(&mut self, seeds: &[u64], k: u64, x: &[S], before: Option<(&Sensed<S>, f64)>, now: &mut Sensed<S>, measured: &mut [S]) {
         let n = self.stretch.len();
         for i in 0..n {
@@ -88,7 +88,7 @@ impl<S: Real> TorqueSensing<S> {
 }
 
 impl Problem<'_> {
-    /// Refuse torque sensors where there is nothing for them to sense.
+    /// Refuse torque sensors for a plant or a law without elastic joints.
     pub(super) fn validate_torque_sensor(&self, sampling: &Sampling) -> Result<()> {
         let Some(sensor) = &sampling.torque_sensor else { return Ok(()) };
         let plant = self.plant(0);

@@ -1,9 +1,9 @@
 //! Events of a run with an adaptive method: changes of contact, joints that stick and slip, and events of the user. It also keeps the
 //! polynomials of the steps.
 //!
-//! A step with a change of contact is repeated up to the change. The contact stays constant within a step, so no step has a corner.
+//! A step with a change of contact is repeated up to the change. The mode of a contact is constant within a step, so no step has a corner.
 //!
-//! Functions are looked at in four places of every step. Two changes of sign between two of these cancel and are missed.
+//! Functions are evaluated at four times of every step. Two changes of sign between two of these times cancel and are missed.
 
 use super::adaptive_steps::{Cut, Watcher};
 use super::event::{Crossings, Event};
@@ -18,9 +18,9 @@ use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Real, sign};
 use crate::status::Status;
 
-/// Looks per step.
+/// Evaluations per step.
 const LOOKS: usize = 4;
-/// Switches in a row that bring the run no further, by more than rounding, after which a step is taken as it is.
+/// After this number of successive switches without progress of more than rounding, the step is accepted unchanged.
 const STUCK: usize = 8;
 const PROGRESS: f64 = 1e-14;
 
@@ -51,7 +51,7 @@ pub struct Switched {
     pub touches: Vec<Touch>,
 }
 
-/// What a run is asked for besides its records, and where the answers go.
+/// The requested events and polynomials of a run, and their results.
 #[derive(Default)]
 pub struct RunObserver {
     /// The contacts at the start and after each change.
@@ -59,7 +59,7 @@ pub struct RunObserver {
     pub events: Vec<Event>,
     pub crossings: Crossings,
     pub polynomials: Option<Polynomials>,
-    /// Why there are no more answers: the memory is full.
+    /// Why no more results are stored: the memory is full.
     pub full: Option<Error>,
 }
 
@@ -76,7 +76,7 @@ impl RunObserver {
         });
     }
 
-    /// Take down an answer, as long as there is room.
+    /// Store a result, as long as there is memory.
     fn keep(&mut self, answer: impl FnOnce(&mut Self) -> CoreResult<()>) {
         if self.full.is_none() {
             self.full = answer(self).err();
@@ -84,7 +84,7 @@ impl RunObserver {
     }
 }
 
-/// What was last seen of an event.
+/// The last evaluation of an event.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     /// Zero for none yet.
@@ -100,7 +100,7 @@ pub struct Watching<'a, S> {
     events: Vec<Seen>,
     /// The crossings of the last step: time and event.
     crossed: Vec<(f64, usize)>,
-    /// Guards of the contacts at the last look, then those of joints that stick and slip, of which there are so many.
+    /// Guards of the contacts at the last evaluation, then those of joints that stick and slip; and the number of the latter.
     guards: Vec<f64>,
     sticking: usize,
     now: Vec<f64>,
@@ -211,11 +211,11 @@ impl<'a, S: Real> Watching<'a, S> {
         }
         self.stuck = 0;
         if i >= contacts {
-            // Joints that undo each other within rounding: on to the end of the step with what they do.
+            // Joints reverse each other's change within rounding: continue to the end of the step with the present modes.
             self.switches = self.guards.len();
             return Ok(Some(t1));
         }
-        // Contacts that undo each other within rounding: on with them as they are found at the end of the step.
+        // Contacts reverse each other's change within rounding: continue with their modes at the end of the step.
         interpolate(system, method, t1, &mut self.at, &mut self.x);
         self.find_contacts(system, t1);
         Ok(None)
@@ -270,7 +270,7 @@ impl<'a, S: Real> Watching<'a, S> {
     }
 }
 
-/// Where look `k` of a step from `t0` to `t1` is.
+/// The time of evaluation `k` in a step from `t0` to `t1`.
 fn place(k: usize, t0: f64, t1: f64) -> f64 {
     if k == LOOKS { t1 } else { t0 + k as f64 / LOOKS as f64 * (t1 - t0) }
 }

@@ -5,8 +5,8 @@ use crate::motion::{Motion, Table};
 use crate::scalar::Real;
 use std::borrow::Cow;
 
-/// The time step for differences of the desired acceleration, s. The error of the Jacobian is of second order in it, and far below the error
-/// of a step.
+/// The time step for differences of the desired acceleration, s. The resulting error of the Jacobian is of second order, and far below the
+/// error of a step.
 const JERK_STEP: f64 = 1e-6;
 
 /// The exogenous inputs of the loop at one instant.
@@ -62,22 +62,22 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Whether a force is a function of time, which moves between jumps.
+    /// Whether a force is a function of time, which varies between jumps.
     pub fn has_smooth_force(&self) -> bool {
         self.forces.iter().any(|force| matches!(**force, Force::Signal(_)))
     }
 
-    /// Whether no desired motion moves.
+    /// Whether all desired motions are constant.
     pub fn has_targets(&self) -> bool {
         self.motions.iter().flatten().all(|motion| matches!(**motion, Motion::Hold(_)))
     }
 
-    /// Whether it is the same at all times.
+    /// Whether the input is the same at all times.
     pub fn is_still(&self) -> bool {
         self.has_targets() && self.forces.is_empty() && self.pushed.is_none()
     }
 
-    /// Let this wrench act in place of the forces there are; `None` gives them back.
+    /// Apply this wrench instead of the forces; `None` restores them.
     pub fn push(&mut self, wrench: Option<&Wrench>) {
         self.pushed = wrench.copied();
     }
@@ -118,7 +118,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// The exogenous input at `t`, and the rate at which it moves.
+    /// The exogenous input at `t`, and its derivative.
     pub fn drift<S: Real>(&mut self, t: f64, u: &mut Exogenous<S>, u_dot: &mut Exogenous<S>) {
         self.sample(t, u);
         self.sample(t + JERK_STEP, u_dot);
@@ -133,12 +133,12 @@ impl<'a> World<'a> {
             at += 3 * m;
         }
         for (rate, &from) in u_dot.wrench.iter_mut().zip(&u.wrench) {
-            // A force in steps does not move between its jumps.
+            // A force in steps is constant between its jumps.
             *rate = if self.has_smooth_force() { slope(from, *rate) } else { S::zero() };
         }
     }
 
-    /// The one table whose rows are all that comes from outside.
+    /// The table whose rows are the whole exogenous input, if there is one.
     pub fn only_table(&self) -> Option<&Table> {
         let ([motions], []) = (self.motions.as_slice(), self.forces.as_slice()) else { return None };
         let [motion] = motions.as_slice() else { return None };

@@ -10,7 +10,7 @@ use crate::plant::{PlantSpec, Stored};
 use crate::scalar::{Dual, Real};
 use crate::simulate::gauge::Identities;
 
-/// What the identities of runs need, of one run or of several side by side.
+/// The quantities of the identities, of one run or of several side by side.
 pub struct Theory<S: Real> {
     states: usize,
     pub arm: ArmAt<S>,
@@ -72,7 +72,7 @@ impl<S: Real> Theory<S> {
         for i in 0..n {
             for j in i..n {
                 let sum = (entry(i, j) + entry(j, i)).abs();
-                // `max` would hide a sum that is no number.
+                // `max` would hide a sum that is NaN.
                 worst = S::select(sum.lt(worst), worst, sum);
             }
         }

@@ -3,7 +3,7 @@
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity, Solve};
 use crate::scalar::Real;
 
-/// The names of the norms, of as many levels as there are names for.
+/// The names of the norms; further levels have no norms.
 const NAMES: [&str; 16] = [
     "error_1",
     "residual_1",
@@ -31,7 +31,7 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
     }
 }
 
-/// On plain numbers by every route, or recorded by the regular route.
+/// On plain numbers with all routes of the solver, or recorded with the regular route.
 pub struct LevelNorms<P: Solve> {
     law: Engine<P>,
     u: Vec<P::Number>,
@@ -43,7 +43,7 @@ enum Engine<P: Solve> {
 }
 
 impl<P: Solve> LevelNorms<P> {
-    /// Of a law; `None` for one without levels, and for one whose solver has not this route.
+    /// The norms of a law; `None` without levels, or if its solver does not have this route.
     pub fn of(law: &LawSpec) -> Option<Self> {
         let engine = match law {
             LawSpec::PriorityVelocity(spec) => Engine::Velocity(Box::new(spec.engine()?)),
@@ -53,8 +53,8 @@ impl<P: Solve> LevelNorms<P> {
         Some(LevelNorms { law: engine, u: vec![P::Number::zero(); law.model().n()] })
     }
 
-    /// The norms at plant state `x` and its (sin, cos) under the desired motions, as many as `out` holds. One where they are right and zero
-    /// where another route has to be taken; `None` where they always are.
+    /// The norms at plant state `x` and its (sin, cos) under the desired motions, as many as `out` holds. Returns one if they are valid and
+    /// zero if another route is required; `None` if they are always valid.
     pub fn evaluate(
         &mut self,
         desired: &[P::Number],

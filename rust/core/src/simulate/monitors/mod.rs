@@ -39,7 +39,7 @@ pub struct Scope<'p, 'a> {
     pub monitored: Monitored,
 }
 
-/// What the monitors of all runs of a problem have in common.
+/// Properties of the monitors that all runs of a problem share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Monitored {
     /// The energy is the law's own storage function.
@@ -67,7 +67,7 @@ impl<'a> Scope<'_, 'a> {
     }
 }
 
-/// What a record shows to a monitor.
+/// The data of a record for a monitor.
 pub struct Moment<'a, S: Real> {
     /// The law's desired motions, one after another, and the wrench at the frame of the force.
     pub desired: &'a [S],
@@ -78,11 +78,11 @@ pub struct Moment<'a, S: Real> {
     pub tau: &'a [S],
     /// The plant's arm at its `q`.
     pub arm: &'a mut ArmAt<S>,
-    /// What theory promises about, with the integrals of what the law dissipates and of the power put in.
+    /// The quantities of the identities, with the integrals of the dissipation of the law and of the input power.
     pub identities: Identities<S>,
     /// `E - int P` and `V1 + int s' Kd s` of the first record.
     pub first: [S; 2],
-    /// What the law's projector loses; `None` of a law without one.
+    /// The loss of the law's projector; `None` for a law without one.
     pub loss: Option<S>,
 }
 
@@ -157,7 +157,7 @@ pub struct Checks<P: Solve> {
     monitors: Series<P::Number>,
     levels: Option<LevelNorms<P>>,
     loss: Option<ProjectionLoss<P::Number>>,
-    /// Numbers of the plant's state that a law knows, of bristles behind them, and of norms of levels.
+    /// Numbers of the plant's state that a law reads, of the bristles after them, and of norms of levels.
     states: usize,
     bristles: usize,
     norms: usize,
@@ -192,7 +192,8 @@ impl<P: Solve> Checks<P> {
     }
 
     /// The monitors at state `x = [plant, z, int s' Kd s, int P]` and input `tau` under the desired motions and the wrench, into `out`.
-    /// `first`: from `E - int P` and `V1 + int s' Kd s` of this record those of the first one. Returned as by [`LevelNorms::evaluate`].
+    /// `first` computes `E - int P` and `V1 + int s' Kd s` of the first record from those of this one. The result is that of
+    /// [`LevelNorms::evaluate`].
     pub fn evaluate(
         &mut self,
         (desired, wrench): (&[P::Number], &[P::Number; 6]),

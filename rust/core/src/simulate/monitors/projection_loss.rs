@@ -1,9 +1,9 @@
-//! What the clamp of a law's projector or of its coupling loses near a singularity: see [`crate::law::ProjectionLoss`].
+//! The loss by the clamp of a law's projector or of its coupling near a singularity: see [`crate::law::ProjectionLoss`].
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::scalar::Real;
 
-/// The loss, zero of a law without a projector beside laws that have one.
+/// The loss. In a batch it is zero for a law without a projector.
 pub struct Loss;
 
 impl MonitorKind for Loss {

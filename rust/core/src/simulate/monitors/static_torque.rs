@@ -21,7 +21,7 @@ pub struct StaticTorque<S: Real> {
 }
 
 impl<S: Real> StaticTorque<S> {
-    /// Of a law; `None` unless its null space has the static projector.
+    /// The torque of a law; `None` unless its null space has the static projector.
     pub fn new(law: &CartesianImpedanceSpec) -> Option<Self> {
         let null_space = law.options().null_space.as_ref().filter(|null_space| null_space.projection == NullProjection::Static)?;
         let (n, m) = (law.model.n(), law.coordinates.m());

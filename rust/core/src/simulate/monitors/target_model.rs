@@ -1,4 +1,4 @@
-//! The target model of Cartesian impedance (Hogan 1985), which an arm under that law alone obeys at every instant:
+//! The target model of Cartesian impedance (Hogan 1985), which holds at every instant for an arm under that law alone:
 //!
 //! `M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F`, `M_x = (J M^-1 J')^-1`, `S_x x' = M_x (J M^-1 C v - J' v)`,
 //!
@@ -28,7 +28,7 @@ pub struct TargetModel<S: Real> {
     stiffness: AnyGain<S>,
     damping: AnyGain<S>,
     plant: Box<dyn Plant<S> + Send>,
-    /// The frame at which the force acts where it is not given in the law's own axes.
+    /// The frame at which the force acts, if it is not in the law's own axes.
     elsewhere: Option<usize>,
     moving: ArmAt<Dual<S>>,
     moving_q: Vec<Dual<S>>,
@@ -60,7 +60,7 @@ fn dot<S: Real>(a: &[S], b: &[S]) -> S {
 }
 
 impl<S: Real> TargetModel<S> {
-    /// Of a run that has the monitor.
+    /// The target model of a run that has this monitor.
     fn new(scope: &Scope) -> Option<Self> {
         let (problem, plant, law) = (scope.problem, scope.plant(), scope.law().impedance()?);
         let (n, m) = (plant.n(), law.coordinates.m());
@@ -174,7 +174,7 @@ impl<S: Real> TargetModel<S> {
         })
     }
 
-    /// What the options of the law add to the force: wrenches, and that of a static null space.
+    /// Add the wrenches of the law's options, and that of a static null space, to the force.
     fn add_options(&mut self, posture: &[S], q: &[S], v: &[S], z: &[S]) {
         let (n, m) = (q.len(), self.e.len());
         let [_, _, _, _, force] = &mut self.terms;
@@ -198,7 +198,7 @@ impl<S: Real> TargetModel<S> {
         let (mut largest, mut worst) = (S::zero(), S::zero());
         for k in 0..self.e.len() {
             let residual = (inertial[k] + coupling[k] + damping[k] + spring[k] - force[k]).abs();
-            // `max` would swallow a NaN.
+            // `max` would hide a NaN.
             worst = S::select(residual.lt(worst), worst, residual);
             for term in [inertial, coupling, damping, spring, force] {
                 let term = term[k].abs();
@@ -218,7 +218,7 @@ impl<S: Real> TargetModel<S> {
         }
     }
 
-    /// One where `J` is far enough from a singularity: with rows of length one, the smallest eigenvalue of `J J'` is above `EPS^2`.
+    /// One if `J` is far enough from a singularity: with rows of length one, the smallest eigenvalue of `J J'` is above `EPS^2`.
     fn is_regular(&mut self, n: usize, m: usize) -> S {
         for k in 0..m {
             for l in 0..m {

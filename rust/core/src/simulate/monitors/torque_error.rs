@@ -1,5 +1,5 @@
-//! How well an inner torque loop works: the largest `|tau_J - u|` over the joints. `tau_J` is the torque of the springs, and the outer loop
-//! wants `u`.
+//! The error of an inner torque loop: the largest `|tau_J - u|` over the joints. `tau_J` is the torque of the springs, and `u` the command
+//! of the outer loop.
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::law::{Law, LawSpec};
@@ -55,7 +55,7 @@ impl<S: Real> Monitor<S> for TorqueError<S> {
                 spring += self.stiffness[n * i + j] * (x[2 * n + j] - x[j]);
             }
             let error = (spring - self.u[i]).abs();
-            // `max` would swallow a NaN.
+            // `max` would hide a NaN.
             worst = S::select(error.lt(worst), worst, error);
         }
         out[0] = worst;
