@@ -1,8 +1,8 @@
-//! Adaptive tracking of any arm: which parameters are estimated, and by which metric they move.
+//! Adaptive tracking of any arm: the estimated parameters, and the metric of their adaptation.
 //!
 //! - all of them, or a base set `b = P pi`: then `Y pi = Y_b b` with `Y_b` some columns of `Y`;
 //! - Euclidean, `a_hat' = Gamma Y' s`, or natural (Lee, Kwon and Park 2018), body by body `P_hat' = gamma P_hat L P_hat` in
-//!   the pseudo-inertia, which stays physically possible for ever. Lyapunov function: `s' M s / 2 + sum d(P || P_hat) / gamma`.
+//!   the pseudo-inertia, which always stays physically possible. Lyapunov function: `s' M s / 2 + sum d(P || P_hat) / gamma`.
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
 use super::composite::LaneComposite;
@@ -19,7 +19,7 @@ use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::{is_positive_definite, natural_rate};
 
-/// How the estimate moves.
+/// The rate of the estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Adaptation {
     /// `Gamma`, of the size of the estimate.
@@ -29,7 +29,8 @@ pub enum Adaptation {
 }
 
 impl Adaptation {
-    /// Refuse a gain of the wrong size, and an estimate that the natural metric does not know. The last `beside` parameters are of no body.
+    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` parameters belong to
+    /// no body.
     pub(super) fn validate(&self, estimate: &[f64], beside: usize) -> Result<()> {
         match self {
             Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
@@ -60,7 +61,7 @@ impl Adaptation {
 }
 
 impl AdaptiveSpec {
-    /// The same law, its estimates kept physically possible; a start outside is moved to the nearest inside.
+    /// The same law, its estimates kept physically possible; an initial estimate outside is moved to the nearest one inside.
     pub fn projected(mut self, projection: Projection) -> Result<Self> {
         if matches!(self.adaptation, Adaptation::Natural(_)) {
             return Err(Error::input("projection", "has nothing to do: expected None for natural adaptation, which stays consistent"));
@@ -75,7 +76,7 @@ impl AdaptiveSpec {
     }
 }
 
-/// A base set of parameters: which columns of the regressor stay, and `P` `(b, p)`, row-major.
+/// A base set of parameters: the independent columns of the regressor, and `P` `(b, p)`, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
     /// Indices of the adapted parameters.
@@ -113,15 +114,15 @@ pub struct AnyAdaptive<S: Real> {
     columns: Vec<usize>,
     /// `gamma` of each body; empty in the Euclidean metric.
     natural: Vec<S>,
-    /// All parameters, where a base set of them is estimated; then the columns of `Y' s` that stay.
+    /// All parameters, if a base set of them is estimated; then the independent columns of `Y' s`.
     full: Vec<S>,
     kept: Vec<S>,
     projector: Option<Projector<S>>,
-    /// What there is beyond the plain adaptation.
+    /// The options beyond the plain adaptation.
     more: Option<More<S>>,
 }
 
-/// Columns of joints, and what holds the estimate back.
+/// Columns of joints, leakage, dead zone and projection.
 struct More<S> {
     joints: LaneColumns<S>,
     restraint: LaneRestraint<S>,
@@ -129,7 +130,7 @@ struct More<S> {
     concurrent: Option<LaneConcurrent<S>>,
     /// The entries of the columns of joints.
     entries: Vec<S>,
-    /// `y = Y' s`, `w` and `y - w`, of the size of the estimate; the last two empty for an estimate that moves freely.
+    /// `y = Y' s`, `w` and `y - w`, of the size of the estimate; the last two are empty for an estimate without restraint.
     y: Vec<S>,
     w: Vec<S>,
     back: Vec<S>,
@@ -259,7 +260,7 @@ impl<S: Real> AnyAdaptive<S> {
         self.more = Some(more);
     }
 
-    /// The rates in the natural metric: of each body, and of what is estimated beside them.
+    /// The rates in the natural metric: of each body, and of the other estimated parameters.
     fn natural_rates(&self, z: &[S], w: &[S], dz: &mut [S]) {
         let bodies = (z.len() - self.natural.len()) / (PARAMETERS - 1);
         let (of_bodies, beside) = dz.split_at_mut(PARAMETERS * bodies);

@@ -13,7 +13,7 @@ pub enum JointReference {
     Target(Vec<f64>),
 }
 
-/// Rows of a frame's position that a law brings to a target.
+/// Rows of a frame's position that a law moves to a target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Aim {
     /// Index of the frame.

@@ -7,8 +7,8 @@ use crate::status::Status;
 use crate::trace::{Evaluation, Sym};
 use std::sync::{Arc, Mutex};
 
-/// Solves many rows on the calling thread; its buffers last. Every row has the bits and the status of [`ArmSolver::solve`] of the same
-/// instruction set.
+/// Solves many rows on the calling thread, and keeps its buffers between calls. Every row has the bits and the status of
+/// [`ArmSolver::solve`] of the same instruction set.
 #[derive(Clone)]
 pub struct ArmBatch {
     program: Option<Evaluation>,
@@ -25,8 +25,8 @@ type Made = Option<(With, Option<Evaluation>)>;
 /// The program of a solver, shared by its copies.
 pub(super) type SharedProgram = Arc<Mutex<Made>>;
 
-/// The program of a solver that has made it already, or a new one. Never waits: a process that was forked while another thread of its
-/// parent held the lock would wait for ever.
+/// The program of a solver that has made it already, or a new one. It never waits for the lock: in a process that was forked while another
+/// thread held the lock, it would wait without end.
 fn program(solver: &ArmSolver) -> Option<Evaluation> {
     let (eps, bounds) = (solver.solver().eps(), solver.solver().bounds());
     let mut kept = solver.kept().try_lock().ok();
@@ -61,7 +61,7 @@ fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
 }
 
 impl ArmBatch {
-    /// Of the tasks and with the options of `solver`, for so many rows.
+    /// For the tasks and options of `solver`, and `rows` rows.
     pub fn new(solver: &ArmSolver, rows: usize) -> Self {
         let program = if rows < FEW { None } else { program(solver) };
         ArmBatch { program, single: solver.clone(), declined: Vec::new() }

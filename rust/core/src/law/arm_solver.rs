@@ -15,7 +15,7 @@ pub struct ArmSolver {
     /// The same tasks on the number of direct evaluation.
     running: TaskStack<Float>,
     solver: PrioritySolver,
-    /// For many rows, once it is there.
+    /// The program for many rows, after it is made.
     program: SharedProgram,
 }
 
@@ -63,7 +63,7 @@ impl ArmSolver {
         &mut self.solver
     }
 
-    /// Place the arm at `q` `(n,)` and fill in the Jacobians; the task velocities go into what is returned, `(sum rows,)`.
+    /// Place the arm at `q` `(n,)` and compute the Jacobians. The caller writes the task velocities to the returned slice, `(sum rows,)`.
     #[inline]
     pub fn prepare(&mut self, q: &[f64]) -> Result<&mut [f64]> {
         let rounding = jacobians(&mut self.running, q, self.solver.inputs().0);

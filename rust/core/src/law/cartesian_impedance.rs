@@ -1,10 +1,10 @@
 //! Cartesian impedance (Hogan 1985): spring and damper between a frame and its target, gravity compensated,
 //!
 //! `tau = J' (K_m e + D_m (x_d' - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and
-//! orientation. No inverse of `J`: the law stays defined at singularities. What it may do beside is in [`ImpedanceOptions`].
+//! orientation. No inverse of `J`: the law stays defined at singularities. [`ImpedanceOptions`] has its options.
 //!
-//! Rows of orientation of a moving target are a rotation vector: their `x_d'` and `x_d''` are the angular velocity and acceleration of
-//! `exp` of it, the rows left out being zero.
+//! The rows of orientation of a moving target are a rotation vector, with zeros for missing rows. Their `x_d'` and `x_d''` are the angular
+//! velocity and acceleration of its exponential.
 
 use super::impedance_options::{Extras, ImpedanceOptions};
 use super::null_space::{NullSpace, Place};
@@ -87,7 +87,7 @@ impl CartesianImpedanceSpec {
         Ok(CartesianImpedanceSpec { options, start, ..self })
     }
 
-    /// What the law does beside its spring and damper.
+    /// The options of the law beside its spring and damper.
     pub fn options(&self) -> &ImpedanceOptions {
         &self.options
     }
@@ -212,7 +212,7 @@ pub struct CartesianImpedance<S: Real> {
     pub(super) slip: Vec<S>,
     /// `K_m e`
     spring: Vec<S>,
-    /// `F`: `K_m e + D_m (x_d' - x')` and what the options add.
+    /// `F`: `K_m e + D_m (x_d' - x')` and the terms of the options.
     force: Vec<S>,
     /// `x_d''`
     acceleration: Vec<S>,
@@ -229,8 +229,9 @@ impl<S: Real> CartesianImpedance<S> {
 }
 
 impl<S: Real> CartesianImpedance<S> {
-    /// `x_dot.(force) + (x_d' - x_dot).K_m e`, as of the last evaluation: what the law's spring takes and its damper loses,
-    /// `-x_dot'D_m x_dot` for a target at rest. With a null space or a compensated coupling also the power of their torque, `v.(N' tau_0 + C v)`.
+    /// `x_dot.(force) + (x_d' - x_dot).K_m e` at the last evaluation: the power of the law's spring and the loss of its damper. For a
+    /// target at rest it is `-x_dot'D_m x_dot`. With a null space or a compensated coupling also the power of their torque,
+    /// `v.(N' tau_0 + C v)`.
     pub(super) fn power(&self, x: &[S]) -> S {
         let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
         let mut sum = S::zero();

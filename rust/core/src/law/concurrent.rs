@@ -6,8 +6,8 @@
 //! W_j = [Y_M(q, v)] + int Y_D(q, v) dt, tau_j = int tau dt, [.] the change over the window     a window of a record, without accelerations
 //! ```
 //!
-//! `Y_M` and `Y_D` are those of composite adaptation. A loop needs `sum W_j' R W_j` and `sum W_j' R tau_j` alone. Rotors `B` that are known
-//! leave the torque: `tau_j - B a_j`, or `tau_j - B [v]`.
+//! `Y_M` and `Y_D` are those of composite adaptation. A loop needs `sum W_j' R W_j` and `sum W_j' R tau_j` alone. The torque of known
+//! rotors `B` is subtracted: `tau_j - B a_j`, or `tau_j - B [v]`.
 
 use super::adaptive::AdaptiveSpec;
 use super::composite::LaneComposite;
@@ -54,9 +54,9 @@ pub struct Windows {
 }
 
 impl Windows {
-    /// Of records at the times `t` `(K,)`, which are evenly spaced.
+    /// The windows of records at the times `t` `(K,)`, which must be evenly spaced.
     pub fn of_times(t: &[f64], length: f64, held: bool) -> Result<Self> {
-        /// Of a step: times that are multiples of it, rounded.
+        /// Tolerance of evenly spaced times, as a fraction of a step: the times may be rounded.
         const UNEVEN: f64 = 1e-6;
         finite("t", t)?;
         let step = if t.len() > 1 { (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64 } else { 0.0 };
@@ -182,7 +182,7 @@ impl AdaptiveSpec {
                 let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
                 lanes.look(&arm, &mut workspace, &joints, &trig, &x);
                 let end = if k == first { -1.0 } else { f64::from(u8::from(k == last)) };
-                // Simpson's rule, and the left rule of a torque that is held.
+                // Simpson's rule, and the left rectangle rule for a held torque.
                 let part = if k == first || k == last { 1.0 } else { 2.0 + 2.0 * ((k - first) % 2) as f64 };
                 let (weight, held) = (part * windows.step / 3.0, if k == last { 0.0 } else { windows.step });
                 for (sum, (y_m, y_d)) in inertial.iter_mut().zip(lanes.momentum_and_drift()) {

@@ -7,11 +7,11 @@ use crate::scalar::Real;
 use crate::trace::{Sym, sym};
 use std::any::Any;
 
-/// A solver of prioritised tasks, as a law sees it.
+/// The interface between a law and a solver of prioritised tasks.
 pub trait Solve {
     type Number: Real;
 
-    /// The route of this kind with the sizes and options of `solver`; `None` where its method has none.
+    /// The route of this kind with the sizes and options of `solver`; `None` if its method has no such route.
     fn of(solver: PrioritySolver) -> Option<Self>
     where
         Self: Sized;
@@ -23,7 +23,7 @@ pub trait Solve {
     fn v(&self) -> &[Self::Number];
     /// The residuals of each level's task velocities, stacked.
     fn residuals(&self) -> &[Self::Number];
-    /// One where they are right, zero where another route has to be taken; `None` where they always are.
+    /// One if the results are valid, zero if another route is required; `None` if they are always valid.
     fn stands(&self) -> Option<Self::Number>;
 }
 
@@ -75,7 +75,7 @@ impl Solve for RecordedSolver {
         (&mut self.jacobian, &mut self.command)
     }
     fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
-        // As a single solve rounds, also where the rest is recorded as plain numbers round.
+        // Rounds like a single solve, also if the other operations are recorded with the rounding of plain numbers.
         self.stands = sym::fused(|| self.route.solve(rounding, &self.jacobian, &self.command));
         Ok(())
     }
@@ -90,7 +90,7 @@ impl Solve for RecordedSolver {
     }
 }
 
-/// One of the two behind the numbers of a loop.
+/// One of the two kinds of solvers, for the number type of a loop.
 pub enum Decided<L, R> {
     Plain(L, Buffers<f64>),
     Recorded(R, Buffers<Sym>),
@@ -131,7 +131,7 @@ fn same<A: Any, B: Any + Copy>(x: A) -> Option<B> {
 }
 
 impl<L, R> Decided<L, R> {
-    /// The law for the number `S`, of so many desired numbers, joints and states.
+    /// The law for the number `S`. `sizes` are the numbers of desired values, joints and states.
     pub fn new<S: Real>(sizes: [usize; 3], plain: impl FnOnce() -> L, recorded: impl FnOnce() -> Option<R>) -> Self {
         let recorded = if same::<S, Sym>(S::zero()).is_some() { recorded() } else { None };
         match recorded {

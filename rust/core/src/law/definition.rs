@@ -10,7 +10,7 @@ use crate::scalar::Real;
 
 /// A law as the user states it, validated.
 pub trait Definition {
-    /// The class in Python.
+    /// The name of the class in Python.
     fn name(&self) -> &'static str;
     /// The plants that the law is made for.
     fn plant(&self) -> PlantKind;
@@ -31,12 +31,12 @@ pub trait Definition {
         false
     }
 
-    /// Whether the law changes for good at a sample, so that it needs a sampled loop.
+    /// Whether the law changes permanently at a sample, and therefore requires a sampled loop.
     fn switches(&self) -> bool {
         false
     }
 
-    /// Whether its equations at samples have the period in them.
+    /// Whether its equations at samples depend on the period.
     fn samples(&self) -> bool {
         false
     }
@@ -46,7 +46,7 @@ pub trait Definition {
         Route::Straight
     }
 
-    /// Where the law wants the joints; `None` for a law of tasks.
+    /// The joint reference of the law; `None` for a law of tasks.
     fn joint_reference(&self) -> Option<JointReference> {
         None
     }
@@ -66,7 +66,7 @@ pub trait Definition {
         None
     }
 
-    /// The law itself, where it is a spring of a frame on a rigid arm.
+    /// The law itself, if it is a spring of a frame on a rigid arm.
     fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
         None
     }
@@ -81,22 +81,22 @@ pub trait Definition {
         None
     }
 
-    /// The stiffness of the joints that the law believes in, for a law that reads their torques.
+    /// The stiffness of the joints in the law's model, for a law that reads their torques.
     fn joint_stiffness(&self) -> Option<&Gain> {
         self.reduction().map(|reduction| &reduction.joint_stiffness)
     }
 
-    /// `(I + Kt)^-1` of a law of motors, by which its answer at rest is the slope of a potential.
+    /// `(I + Kt)^-1` of a law of motors. Multiplied by it, the output at rest is the derivative of a potential.
     fn torque_share(&self) -> Option<Gain> {
         None
     }
 
-    /// Where a law of motors wants the links, `(n,)`.
+    /// The target of the links of a law of motors, `(n,)`.
     fn link_target(&self) -> Option<Vec<f64>> {
         None
     }
 
-    /// The law of links alone that asks for the joint torque: the outer loop, or a law of rigid arms that stands on a spring.
+    /// The law of the links that commands the joint torque: the outer loop, or a law of rigid arms with a spring.
     fn outer(&self) -> Option<LawSpec> {
         None
     }
@@ -107,7 +107,7 @@ pub trait Definition {
     }
 }
 
-/// Name, plant, model and motion of a law with the fields `model` and, for its one motion, the one given.
+/// Name, plant, model and motion of a law with the field `model`, and the named field for its only motion.
 macro_rules! facts {
     ($name:expr, $plant:ident, $motion:ident) => {
         fn name(&self) -> &'static str {
@@ -126,7 +126,7 @@ macro_rules! facts {
 }
 pub(super) use facts;
 
-/// A law as loops are made of it, for any number.
+/// A law that can be built into loops, for any number type.
 pub trait Build: Definition {
     /// The law in a loop, on the number `S`.
     type Lanes<S: Real>: Law<S> + Send + 'static;
@@ -136,7 +136,7 @@ pub trait Build: Definition {
     where
         Self: 'a;
 
-    /// Whether both can run side by side in lanes, their arms, coordinates and states being alike.
+    /// Whether both can run side by side in lanes: their arms, coordinates and states have the same shape.
     fn same_shape(&self, _: &Self) -> bool {
         true
     }
@@ -145,18 +145,18 @@ pub trait Build: Definition {
 /// How a law can be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// In one way for every state, which can be recorded and has derivatives.
+    /// The same operations for every state: it can be recorded and has derivatives.
     Straight,
-    /// By decisions on plain numbers; recorded by a way without a branch that says where it does not hold.
+    /// By decisions on plain numbers. Recorded, it has a route without a branch that reports where it is not valid.
     Guarded,
-    /// By decisions on plain numbers alone.
+    /// Only by decisions on plain numbers.
     Deciding,
-    /// By a function from outside, at samples alone.
+    /// By a function of the caller, only at samples.
     Outside,
 }
 
 impl Route {
-    /// Whether the law needs plain numbers, so that neither lanes nor dual numbers can take it.
+    /// Whether the law requires plain numbers, and accepts neither lanes nor dual numbers.
     pub fn is_scalar(self) -> bool {
         self != Route::Straight
     }

@@ -1,5 +1,5 @@
-//! Cartesian impedance through elastic joints (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): the impedance law gives
-//! `u`, the inner loop turns it into motor torque,
+//! Cartesian impedance through elastic joints (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008). The impedance law computes `u`, and the inner
+//! loop converts it into the motor torque
 //!
 //! `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 ( J'[K_m (x_d - x) - D_m J v] + g(q) - D0 w )`
 //!
@@ -29,8 +29,8 @@ pub struct ElasticImpedanceSpec {
 }
 
 impl ElasticImpedanceSpec {
-    /// The storage function `E` (with the springs of wall and stops) is that of this plant: no losses but the law's, no limit of the motor
-    /// torque, no row of orientation, where the rate of `e` is not `-J v`.
+    /// Whether `E` (with the springs of wall and stops) is a storage function for this plant. The plant must have no losses except the
+    /// law's, and the motor torque no limit. Rows of orientation are excluded: there the rate of `e` is not `-J v`.
     pub fn has_storage(&self, plant: &PlantSpec) -> bool {
         !self.outer.coordinates.turns()
             && self.outer.options.tau_max.is_none()
@@ -94,7 +94,7 @@ impl Build for ElasticImpedanceSpec {
 
 impl ElasticImpedanceSpec {
     /// `M`, `S` (the Coriolis matrix), `g`, `Jdot` and the target's `M_x = (J M^-1 J')^-1`,
-    /// `S_x = M_x (J M^-1 S - Jdot) M^-1 J' M_x`, NaN where `J` loses rank: for diagnosis, the law inverts nothing.
+    /// `S_x = M_x (J M^-1 S - Jdot) M^-1 J' M_x`, NaN where `J` loses rank. They are only for diagnosis: the law inverts nothing.
     fn target_dynamics(&self, outer: &mut CartesianImpedance<f64>, trig: &[(f64, f64)], q: &[f64], v: &[f64]) -> Vec<Term> {
         let (n, m) = (q.len(), self.outer.coordinates.m());
         let (mut mass, mut coriolis, mut g) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n]);
@@ -149,13 +149,13 @@ pub struct ElasticImpedance<S: Real> {
     inner: Reduction<S>,
     /// Of the motor torque.
     limits: Option<Vec<S>>,
-    /// `J_k' w_k'` and what it does to the motor torque, `(n,)`.
+    /// `J_k' w_k'`, and its effect on the motor torque, `(n,)`.
     column: Vec<S>,
     push: Vec<S>,
 }
 
 impl<S: Real> ElasticImpedance<S> {
-    /// The motor torque within its limits, and the rate `dz` of the integral where it would push it further.
+    /// Limit the motor torque, and stop the rate `dz` of the integral if it would move the torque further beyond a limit.
     fn limit(&mut self, tau: &mut [S], dz: &mut [S]) {
         let Some(limits) = &self.limits else { return };
         let n = tau.len();

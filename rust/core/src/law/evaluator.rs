@@ -1,4 +1,5 @@
-//! A law evaluated at single instants, as `law(t, q, v)` in Python: at first directly, then by its program, with the same bits.
+//! A law that is evaluated at single instants, like `law(t, q, v)` in Python. The first calls run directly, later ones by its program, with
+//! the same bits.
 
 use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};
@@ -6,7 +7,7 @@ use crate::scalar::{Float, Real};
 use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
 use crate::trace::sym::Sym;
 
-/// Joints of the largest arm whose law becomes a program here: more would take longer to record than the calls save.
+/// The largest number of joints for which a law becomes a program here. For larger arms the recording takes longer than the calls save.
 const MOST_JOINTS: usize = 12;
 
 /// A law on one number, with its buffers.
@@ -43,7 +44,7 @@ impl<S: Real> Engine<S> {
         &self.tau
     }
 
-    /// The same for all inputs one after another, of these widths.
+    /// The same for all inputs in one array, with these widths.
     fn input_of(&mut self, inputs: &[S], widths: [usize; 3]) -> &[S] {
         let (desired, state) = inputs.split_at(widths[0]);
         let (x, z) = state.split_at(widths[1]);
@@ -51,7 +52,7 @@ impl<S: Real> Engine<S> {
     }
 }
 
-/// Buffers of one law, kept between calls: a call allocates nothing.
+/// The buffers of one law between calls. A call allocates nothing.
 pub struct LawEvaluator {
     direct: Engine<Float>,
     spec: LawSpec,
@@ -60,7 +61,7 @@ pub struct LawEvaluator {
     motions: Vec<Motion>,
     /// The desired motion, the state of the plant and that of the law, one after another.
     inputs: Vec<f64>,
-    /// How many numbers each of the three has.
+    /// The number of numbers of each of the three.
     widths: [usize; 3],
 }
 
@@ -79,8 +80,8 @@ impl LawEvaluator {
         }
     }
 
-    /// The plant's input `(n,)` at time `t`, the parts of the plant's state one after another, and the law's state `z`; `None`: as
-    /// at the start of a run.
+    /// The plant's input `(n,)` at time `t`, for the parts of the plant's state one after another, and the law's state `z`. `None` is the
+    /// state at the start of a run.
     pub fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
         let (desired, state) = self.inputs.split_at_mut(self.widths[0]);
         sample_all(&self.motions, t, Float::of_mut(desired));
@@ -107,7 +108,8 @@ impl LawEvaluator {
     }
 }
 
-/// The law as a program; none for a law from outside, of a large arm, and for one that decides ranks, whose program holds where it says so.
+/// The law as a program. `None` for a law of the caller, of a large arm, and for a law that decides ranks, whose program is not always
+/// valid.
 fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
     if spec.route() == Route::Outside || spec.model().n() > MOST_JOINTS {
         return None;
@@ -126,9 +128,9 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
     program.filter(|_| !guarded)
 }
 
-/// The law as operations, from the desired motion, the state of the plant and that of the law, of these widths, to the plant's input and the rate of
-/// the law's state, and last whether both are right where a law says so. `period`: from call to call, where that is known. `limits` of the input: `(n,)` or
-/// none. `None` where the code branches on data.
+/// The law as operations. Its inputs are the desired motion, the state of the plant and that of the law, of these widths. Its results are
+/// the plant's input, the rate of the law's state, and whether both are valid if the law reports this. `period` is the time between two
+/// calls, if it is known; `limits` are those of the input, `(n,)` or none. `None` if the code branches on data.
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
     let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
     let asked = || {
@@ -147,7 +149,7 @@ pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>,
     })
 }
 
-/// The law's state at the start of a run as operations, from the plant's state of this width. `None` where it does not depend on it.
+/// The law's state at the start of a run as operations on the plant's state of this width. `None` if it does not depend on that state.
 pub(super) fn start_recording(spec: &LawSpec, states: usize) -> Option<Recorded> {
     if !spec.restarts() {
         return None;

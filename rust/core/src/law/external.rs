@@ -34,7 +34,7 @@ impl PartialEq for ExternalSpec {
 }
 
 impl ExternalSpec {
-    /// No law: every input comes from elsewhere.
+    /// No law: every input comes from the caller.
     pub fn idle(model: &Model, plant: PlantKind) -> Self {
         ExternalSpec { model: model.clone(), plant, call: Arc::new(|_, _, _| false) }
     }
@@ -57,7 +57,7 @@ impl Definition for ExternalSpec {
         Route::Outside
     }
 
-    /// The torque is all there is to say of it.
+    /// The torque is its only term.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let mut tau = vec![0.0; self.model.n()];
         if !(self.call)(at.t, at.x, &mut tau) {
@@ -70,7 +70,7 @@ impl Definition for ExternalSpec {
 impl Build for ExternalSpec {
     type Lanes<S: Real> = External;
 
-    /// Of one run: such a law knows no lanes.
+    /// For one run: such a law cannot run in lanes.
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> External {
         let spec = of(0);
         let n = spec.model.n();

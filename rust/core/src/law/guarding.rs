@@ -34,7 +34,7 @@ impl Build for GuardedSpec {
         let lanes = |get: &dyn Fn(usize) -> Gain| -> Vec<Gain> { (0..S::LANES).map(get).collect() };
         let gain = |name, gains: &[Gain]| AnyGain::labelled(name, |i| &gains[i]);
         let acts = first.reacts();
-        // Behind a pointer: the laws of all kinds are instances of one function, this one's inside of this one's.
+        // Through a pointer: the inner law is built by the same generic function, which would otherwise be an instance inside of itself.
         let inner = |i: usize| &*of(i).inner;
         Guarded {
             inner: LawSpec::build(&inner as &dyn Fn(usize) -> &'a LawSpec),
@@ -108,7 +108,7 @@ pub struct Guarded<S: Real> {
     pub(super) momentum: Vec<S>,
     gravity: Vec<S>,
     pub(super) residual: Vec<S>,
-    /// The torque that the observer knows of.
+    /// The torque that the observer takes into account.
     observed: Vec<S>,
     work: Vec<S>,
     push: Vec<S>,
@@ -129,7 +129,7 @@ impl<S: Real> Guarded<S> {
         self.arm.gravity(&mut self.workspace, trig, q, &mut self.gravity);
     }
 
-    /// Whether there is contact, and the torque of the reaction; `z` and `dz` from `c` on.
+    /// Detect contact, and compute the torque of the reaction. `z` and `dz` start at `c`.
     fn react(&mut self, x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         let n = tau.len();
         let at = if self.springs.is_some() { 2 * n } else { 0 };

@@ -1,10 +1,10 @@
-//! What a Cartesian impedance law may do beyond its spring and damper: a wrench `F_ff` fed forward, integral action, limits of its own,
-//! a null space and a compensated coupling ([`super::NullSpaceSpec`]):
+//! Options of a Cartesian impedance law: a feed-forward wrench `F_ff`, integral action, limits, a null space and a compensated coupling
+//! ([`super::NullSpaceSpec`]).
 //!
 //! `F = K_m e + D_m (x_d' - x') + F_ff + w` within `wrench_max`, `w' = K_i e`, `tau = J' F + ..` within `tau_max`.
 //!
-//! Conditional integration (Astrom and Hagglund, Advanced PID Control, 3.5): row `k` of `w` stops while `F_k` is beyond its limit and
-//! `w_k'` would push it further, or while some torque `tau_i` is beyond its limit and `J_ki w_k'` would push that further.
+//! Conditional integration (Astrom and Hagglund, Advanced PID Control, 3.5): row `k` of `w` stops in two cases. `F_k` is beyond its limit,
+//! and `w_k'` would move it further. Or some torque `tau_i` is beyond its limit, and `J_ki w_k'` would move it further.
 
 use super::null_space::{NULL_SPACE_EPS, NullSpaceSpec};
 use super::require_size;
@@ -12,7 +12,7 @@ use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
-/// The least clamp: its square stays above the rounding of `J M^-1 J'`, whose rows are scaled to one.
+/// The smallest clamp: its square is above the rounding of `J M^-1 J'`, whose rows are scaled to one.
 const LEAST_EPS: f64 = 1e-7;
 
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
@@ -87,7 +87,7 @@ impl ImpedanceOptions {
         require_limits("tau_max", n, self.tau_max.as_ref())
     }
 
-    /// What the null space and the coupling are made of.
+    /// The options of the null space and the coupling.
     pub(super) fn null_space(&self) -> (Option<&NullSpaceSpec>, bool, f64) {
         (self.null_space.as_ref(), self.compensate_coupling, self.eps)
     }
@@ -102,7 +102,7 @@ impl ImpedanceOptions {
         self.null_space.is_none() && self.integral_gain.is_none() && self.wrench_max.is_none() && self.tau_max.is_none()
     }
 
-    /// Whether both make loops of one shape.
+    /// Whether loops with both options have the same shape.
     pub(super) fn same_shape(&self, other: &Self) -> bool {
         let shape = |o: &Self| {
             let projection = o.null_space.as_ref().map(|null_space| null_space.projection);
@@ -139,7 +139,7 @@ impl<S: Real> Extras<S> {
         }
     }
 
-    /// `F_ff` and `w`, added to the wrench, which stays within its limits; the rate `dz` of `w` for the error `e`.
+    /// Add `F_ff` and `w` to the wrench, within its limits, and compute the rate `dz` of `w` for the error `e`.
     pub fn add(&self, e: &[S], z: &[S], force: &mut [S], dz: &mut [S]) {
         if let Some(feedforward) = &self.feedforward {
             force.iter_mut().zip(feedforward).for_each(|(force, &added)| *force += added);
@@ -163,7 +163,7 @@ impl<S: Real> Extras<S> {
         self.tau_max.take()
     }
 
-    /// The torque within its limits, and the rate `dz` of the integral where it would push it further.
+    /// Limit the torque, and stop the rate `dz` of the integral if it would move the torque further beyond a limit.
     pub fn limit(&self, jacobian: &[S], tau: &mut [S], dz: &mut [S]) {
         let Some(limits) = &self.tau_max else { return };
         let n = tau.len();
@@ -178,7 +178,7 @@ impl<S: Real> Extras<S> {
     }
 }
 
-/// `rate`, or zero where `push` takes `free` further beyond its limit.
+/// `rate`, or zero if `push` moves `free` further beyond its limit.
 pub(super) fn held<S: Real>(free: S, limit: S, push: S, rate: S) -> S {
     let zero = S::zero();
     let down = S::select(free.lt(-limit), S::select(push.lt(zero), zero, rate), rate);

@@ -1,5 +1,5 @@
-//! Motor-inertia reduction (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): torque feedback makes motors of inertia `B`
-//! answer like `B0`,
+//! Motor-inertia reduction (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): under torque feedback, motors of inertia `B` behave like motors
+//! of inertia `B0`.
 //!
 //! `tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 w)` gives `B0 theta_ddot + D0 w + tau_J = u`, `tau_J = K_J (theta - q)`,
 //!
@@ -13,7 +13,7 @@ use crate::linalg::ratio_damping;
 use crate::plant::{ElasticSpec, PlantSpec};
 use crate::scalar::Real;
 
-/// What a law with the fields `outer`, a law of the links, and `inner`, this reduction, shares with the others.
+/// The common functions of laws with the fields `outer`, a law of the links, and `inner`, this reduction.
 macro_rules! reduced_facts {
     ($name:literal) => {
         fn name(&self) -> &'static str {
@@ -106,7 +106,7 @@ impl ReductionSpec {
         Ok(ReductionSpec { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, relative, ratio })
     }
 
-    /// Whether a plant's springs and motors are those the law believes in, with no other loss.
+    /// Whether a plant has the springs and motors of the law's model, and no other loss.
     pub(super) fn matches(&self, plant: &ElasticSpec) -> bool {
         plant.stiffness == self.joint_stiffness
             && plant.motor_inertia == self.motor_inertia
@@ -135,7 +135,7 @@ pub struct Reduction<S: Real> {
     ratio: AnyGain<S>,
     /// 1 with relative damping, else 0.
     relative: S,
-    /// The outer loop's input, as of the last evaluation.
+    /// The outer loop's input at the last evaluation.
     pub u: Vec<S>,
     /// `tau_J`
     pub spring: Vec<S>,
@@ -165,12 +165,12 @@ impl<S: Real> Reduction<S> {
         self.ratio.add_to(&self.work, tau);
     }
 
-    /// What a part of `u` does to the motor torque, `B B0^-1 u`.
+    /// The effect of a part of `u` on the motor torque, `B B0^-1 u`.
     pub fn spread(&self, u: &[S], out: &mut [S]) {
         self.ratio.multiply(u, out);
     }
 
-    /// `(theta_dot - v).u - theta_dot.D0 w`, as of the last evaluation.
+    /// `(theta_dot - v).u - theta_dot.D0 w` at the last evaluation.
     pub fn power(&self, x: &[S]) -> S {
         let n = self.u.len();
         let mut sum = S::zero();

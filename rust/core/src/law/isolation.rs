@@ -1,4 +1,4 @@
-//! The touched link, from the torque from outside: a force on a link loads no joint beyond that link.
+//! The touched link, from the external torque: a force on a link loads no joint beyond that link.
 
 use crate::dynamics::Model;
 
@@ -15,7 +15,7 @@ pub fn touched(model: &Model, thresholds: &[f64], r: &[f64]) -> Option<usize> {
     let n = r.len();
     let parents = parents(model);
     let above = |i: usize| r[i].abs() > thresholds[i];
-    // Inwards of another one that is above, a joint carries what acts further out.
+    // A joint inwards of another joint above its threshold carries the same force.
     let mut inner = vec![false; n];
     for i in (0..n).filter(|&i| above(i)) {
         let mut next = parents[i];

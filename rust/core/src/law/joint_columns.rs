@@ -1,4 +1,5 @@
-//! What adaptation estimates beside the bodies: rotors and friction, joint by joint, as columns of the regressor behind the inertial ones.
+//! Parameters that adaptation estimates beside the bodies: rotors and friction of each joint, as columns of the regressor after the
+//! inertial ones.
 //!
 //! ```text
 //! armature (rotors)  diag(a_r)
@@ -7,7 +8,7 @@
 //! Stribeck           diag(exp(-(v_r / v_s)^2) tanh(v_r / v_s))
 //! ```
 //!
-//! in this order. `v_s` rounds off the jump of Coulomb friction, so that the torque is smooth. Source: `SlotineLi1987` for parameters
+//! in this order. `v_s` smooths the jump of Coulomb friction. Source: `SlotineLi1987` for parameters
 //! that enter linearly; Stribeck: `Armstrong1994`.
 
 use crate::dynamics::Model;
@@ -24,12 +25,12 @@ pub enum JointColumn {
     Viscous,
     /// `tanh(v_r / v_s)`: Coulomb friction.
     Coulomb,
-    /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`: what friction is larger by near rest.
+    /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`: the additional friction at low speed.
     Stribeck,
 }
 
 impl JointColumn {
-    /// What a parameter of it is called, as in [`Model::column_names`].
+    /// The name of its parameter, as in [`Model::column_names`].
     fn name(self) -> &'static str {
         match self {
             JointColumn::Armature => "armature",
@@ -40,7 +41,7 @@ impl JointColumn {
     }
 }
 
-/// Which columns are estimated.
+/// The estimated columns.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct JointColumns {
     kinds: Vec<JointColumn>,
@@ -66,7 +67,7 @@ impl JointColumns {
         self.kinds.is_empty()
     }
 
-    /// How many parameters they are.
+    /// The number of their parameters.
     pub fn count(&self) -> usize {
         self.kinds.len() * self.speeds.len()
     }
@@ -89,7 +90,7 @@ impl JointColumns {
         self.kinds.iter().flat_map(|kind| joints.iter().map(move |joint| format!("{}[{joint}]", kind.name()))).collect()
     }
 
-    /// The true parameters of a plant with this arm, whose friction acts or not.
+    /// The true parameters of a plant with this arm. `friction` states whether its friction acts.
     pub(super) fn truth(&self, plant: &Model, friction: bool) -> Vec<f64> {
         let n = plant.n();
         let [damping, coulomb] = plant.friction(friction);

@@ -3,16 +3,16 @@
 //! Velocities, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`, beyond the limit `u <= d/h`.
 //! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`. The velocity loop is four times
 //! as fast as the position loop, so that it does not overshoot. It brakes at half of `a_max`, as a reserve for corrections.
-//! From below likewise. A loop sampled at `h` or faster, or with steps of at most `h`, stays within.
+//! The lower bounds are alike. A loop with a sample time or steps of at most `h` stays within the limits.
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
 use crate::priority::{PriorityMethod, PriorityOptions, joint_velocity_bounds};
 
-/// Time in which the way to a limit may be used up, s, where none is given.
+/// The default horizon, s: the least time in which a joint may reach its limit.
 pub const HORIZON: f64 = 0.1;
 
-/// Limits as they are given, `(n,)` each, in rad or m, per second and per second squared; `None`: the arm's own, of `a_max` none.
+/// Limits of the caller, `(n,)` each, in rad or m, per second and per second squared. `None` takes the arm's limit; the arm has no `a_max`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LimitOverrides {
     /// Least positions `(n,)`, rad or m.
@@ -30,7 +30,7 @@ pub struct LimitOverrides {
 }
 
 impl LimitOverrides {
-    /// Refuse limits where the map has no bounds.
+    /// Refuse limits for a map without bounds.
     pub fn require_sns(&self, method: PriorityMethod) -> Result<()> {
         let given = [
             ("q_min", self.q_min.is_some()),
@@ -61,8 +61,8 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
-    /// The limits given, the arm's own where they are not. Errors: wrong lengths, NaN, limits out of order or on the wrong side of
-    /// zero, no finite limit at all.
+    /// The limits of the caller, and those of the arm for missing ones. Errors: wrong lengths, NaN, limits out of order or on the wrong
+    /// side of zero, no finite limit at all.
     pub fn new(model: &Model, given: &LimitOverrides) -> Result<Self> {
         let joints: Vec<&crate::arm::Joint> = model.tree("arm")?.independent().collect();
         let n = joints.len();
@@ -71,7 +71,7 @@ impl JointLimits {
         let limits = JointLimits {
             q_min: given.q_min.clone().unwrap_or_else(|| own(|limits| limits.lower)),
             q_max: given.q_max.clone().unwrap_or_else(|| own(|limits| limits.upper)),
-            // One bound alone is symmetric.
+            // A missing bound is minus the other one.
             v_min: given.v_min.clone().or(given.v_max.as_ref().map(mirrored)).unwrap_or_else(|| own(|limits| -limits.velocity)),
             v_max: given.v_max.clone().or(given.v_min.as_ref().map(mirrored)).unwrap_or_else(|| own(|limits| limits.velocity)),
             a_max: given.a_max.clone().unwrap_or_else(|| vec![f64::INFINITY; n]),
@@ -107,7 +107,7 @@ impl JointLimits {
         Ok(limits)
     }
 
-    /// The start of a solver with separate bounds.
+    /// The options with bounds for a solver whose bounds change at every evaluation.
     pub fn open(&self, mut options: PriorityOptions) -> PriorityOptions {
         let n = self.q_min.len();
         (options.v_min, options.v_max) = (Some(vec![f64::NEG_INFINITY; n]), Some(vec![f64::INFINITY; n]));

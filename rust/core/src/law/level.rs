@@ -1,4 +1,4 @@
-//! A task with what it is to do: its target or motion, and the gain of its error.
+//! A task with its target or motion, and the gain of its error.
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
@@ -44,11 +44,11 @@ use crate::scalar::Real;
 pub struct Level {
     /// The task function.
     pub function: TaskFunction,
-    /// A constant target is a motion that holds; of a task that needs none, one of no numbers.
+    /// The desired motion. A constant target is a motion at rest; a task without a target has a motion without numbers.
     pub target: Motion,
     /// `K`, 1/s (1/s^2 at acceleration level), `(rows, rows)`.
     pub gain: Gain,
-    /// Of the error's rate, 1/s, at acceleration level; `None`: critical damping, `2 K^1/2`.
+    /// The gain of the error's rate, 1/s, at acceleration level; `None`: critical damping, `2 K^1/2`.
     pub damping: Option<Gain>,
 }
 
@@ -89,7 +89,7 @@ pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
     if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
 }
 
-/// The norms of what levels of these `rows` have of `e` and of `residuals`, in turn, as many as `out` holds.
+/// The norms of `e` and of `residuals` of each level with these `rows`, in turn, as many as `out` holds.
 pub(super) fn norms<S: Real>(rows: &[usize], e: &[S], residuals: &[S], out: &mut [S]) {
     let mut at = 0;
     for (pair, m) in out.chunks_exact_mut(2).zip(rows) {

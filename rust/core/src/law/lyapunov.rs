@@ -33,7 +33,7 @@ pub struct Lyapunov<S: Real> {
 }
 
 impl<S: Real> Lyapunov<S> {
-    /// For the laws `of(lane)`, of one shape, of the plants `plant(lane)`; `None` for laws that adapt nothing.
+    /// For the laws `of(lane)`, of one shape, and the plants `plant(lane)`; `None` for laws without adaptation.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
         let own = of(0).adaptive()?;
         let law = |lane: usize| of(lane).adaptive().unwrap_or(own);
@@ -70,7 +70,7 @@ impl<S: Real> Lyapunov<S> {
         })
     }
 
-    /// `V1` under the desired motion at `q`, `v` and the estimate. `links` are at `q`.
+    /// `V1` under the desired motion at `q`, `v` and the estimate. The arm `links` is already at `q`.
     pub fn value(&mut self, desired: &[S], links: &mut ArmAt<S>, q: &[S], v: &[S], estimate: &[S]) -> S {
         let n = self.e.len();
         for i in 0..n {

@@ -1,6 +1,6 @@
 //! Control laws: from the desired motion and the measured state to the plant's input.
 //!
-//! A law is stated once ([`Definition`], gathered in [`LawSpec`]) and made for the number it runs on ([`Law`]).
+//! A law is declared once ([`Definition`], with all laws in [`LawSpec`]), and built for a number type ([`Law`]).
 
 mod adaptation;
 mod adaptive;
@@ -89,27 +89,27 @@ use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
 use std::ops::{Deref, DerefMut};
 
-/// A law in a loop: its input to the plant and its own rate, from one evaluation.
+/// A law in a loop. One evaluation computes its output and the rate of its state.
 pub trait Law<S: Real> {
-    /// `tau` `(n,)` and the rate `dz` `(p,)` of the law's state `z`, from the desired motions one after another, each
+    /// Compute `tau` `(n,)` and the rate `dz` `(p,)` of the law's state `z`. Arguments are the desired motions one after another, each
     /// `[x_d, x_d', x_d'']`, the (sin, cos) of the joints and the plant's state `x`.
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
 
     /// Start the filters in the law's state `z` at the plant's state `x`, with the (sin, cos) of its joints.
     fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
 
-    /// The time of the samples that follow: for laws that are a function of time itself, asked at samples alone.
+    /// Set the time of the next samples, for laws that are functions of time and are evaluated only at samples.
     fn at(&mut self, _t: f64) {}
 
-    /// What the loop does with the answers: the period at which it asks for them, and the limits of the input, none or `(n,)`.
+    /// Set the sample period of the loop, and the limits of its input, empty or `(n,)`.
     fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
-    /// One where the last evaluation is right, zero where it has to be taken directly; `None` for a law that is always right.
+    /// One if the last evaluation is valid, zero if it has to be computed directly; `None` for a law that is always valid.
     fn stands(&self) -> Option<S> {
         None
     }
 
-    /// The rate at which the law's Lyapunov function falls, as of the last evaluation; zero without one.
+    /// The rate at which the law's Lyapunov function decreases at the last evaluation; zero without one.
     fn dissipation(&self) -> S {
         S::zero()
     }
@@ -119,16 +119,16 @@ pub trait Law<S: Real> {
         self.dissipation()
     }
 
-    /// The rate of the law's own storage function, as of the last evaluation, when the world outside puts in `outside`.
+    /// The rate of the law's own storage function at the last evaluation, with the external power `outside`.
     fn storage_rate(&self, _x: &[S], outside: S) -> S {
         outside
     }
 }
 
-/// The kinds of laws: the enum, what it shares with each law, and how loops are made of it. A law stands in its own file and here.
+/// The kinds of laws: the enum, its conversions, and the construction of loops. A law is in its own file and in this list.
 macro_rules! laws {
     ($($(#[$doc:meta])* $law:ident($definition:ty),)*) => {
-        /// A law of any kind; what is asked of it is in [`Definition`].
+        /// A law of any kind, with the interface [`Definition`].
         #[derive(Clone, Debug, PartialEq)]
         pub enum LawSpec {
             $($(#[$doc])* $law($definition),)*
@@ -213,7 +213,7 @@ laws! {
     PriorityAcceleration(PriorityAccelerationSpec),
     /// Any law with a momentum observer and a reaction to contact.
     Guarded(GuardedSpec),
-    /// A function from outside, asked at samples.
+    /// A function of the caller, evaluated at samples.
     External(ExternalSpec),
 }
 
@@ -240,7 +240,7 @@ impl LawSpec {
         }
     }
 
-    /// What the law's motions ask for at time `t`, as [`Law::evaluate`] reads it.
+    /// The samples of the law's motions at time `t`, in the order of [`Law::evaluate`].
     pub fn desired<S: Real>(&self, t: f64) -> Vec<S> {
         let motions = self.motions();
         let mut desired = vec![S::zero(); motions.iter().map(|motion| 3 * motion.dof()).sum()];

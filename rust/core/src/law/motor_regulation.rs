@@ -37,7 +37,7 @@ use crate::scalar::Real;
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotorRegulationSpec<const TORQUE: bool> {
     model: Model,
-    /// `theta_d`, held.
+    /// `theta_d`, as a motion at rest.
     target: Motion,
     /// Position gain of the motors.
     pub kp: Gain,
@@ -47,7 +47,7 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     kt: Gain,
     ks: Gain,
     joint_stiffness: Gain,
-    /// Gravity follows the motors instead of standing at the target's.
+    /// Gravity is computed from the motor positions, instead of at the target.
     online: bool,
     /// `g(q_d)` and `K_J^-1 g(q_d)`.
     load: Vec<f64>,
@@ -150,7 +150,7 @@ impl<const TORQUE: bool> Build for MotorRegulationSpec<TORQUE> {
             online: (0..S::LANES).any(|i| of(i).online),
             load: (0..n).map(|k| S::from_lanes(|i| of(i).load[k])).collect(),
             sag: (0..n).map(|k| S::from_lanes(|i| of(i).sag[k])).collect(),
-            // A lane that does not follow the motors keeps its load.
+            // A lane without this option keeps the load of the target.
             follow: S::from_lanes(|i| f64::from(of(i).online)),
             trig: vec![(S::zero(), S::zero()); n],
             spring: zeros.clone(),

@@ -5,11 +5,11 @@
 //! - `W = M`, dynamically consistent: `J M^-1 N' = 0`, so `tau_0` gives the frame no acceleration;
 //! - `W = I`, static: `N' = I - J' (J')#`.
 //!
-//! With the coupling compensated the law adds `C v`, and `L (x_d'' - J_dot v)` to its wrench: then `L x'' = F` whatever the null motion does.
+//! With the coupling compensated the law adds `C v`, and `L (x_d'' - J_dot v)` to its wrench: then `L x'' = F` for every null motion.
 //!
 //! Near singularities `L = max(J W^-1 J', eps^2)^-1`, position and orientation each in units of the root mean square of their rows of
-//! `J W^-1/2`: so `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. A direction of singular value
-//! `sigma` keeps `1 - min(1, (sigma/eps)^2)` of `tau_0`: the largest of these is the loss.
+//! `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. Along a direction with the
+//! singular value `sigma` the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these is the loss.
 
 use super::{Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
@@ -20,7 +20,7 @@ use crate::linalg::{ClampedInverse, cholesky};
 use crate::motion::Motion;
 use crate::scalar::Real;
 
-/// The clamp unless another one is given, the `eps` of task priority.
+/// The default clamp, equal to the `eps` of task priority.
 pub const NULL_SPACE_EPS: f64 = 0.02;
 
 /// How a joint torque is projected into the null space.
@@ -66,7 +66,7 @@ impl NullSpaceSpec {
     }
 }
 
-/// What a law with a null space or a compensated coupling needs, on one number.
+/// The null space and the compensated coupling of a law in a loop, on one number type.
 pub(super) struct NullSpace<S: Real> {
     posture: Option<(AnyGain<S>, AnyGain<S>, NullProjection)>,
     coupling: bool,
@@ -90,7 +90,7 @@ pub(super) struct NullSpace<S: Real> {
 }
 
 impl NullSpace<f64> {
-    /// `L` `(m, m)` of the projector, its loss, `tau_0` and `N' tau_0`, as of the last evaluation.
+    /// `L` `(m, m)` of the projector, its loss, `tau_0` and `N' tau_0` at the last evaluation.
     pub fn terms(&self) -> Vec<Term> {
         let (projector, n) = (self.projector(), self.tau_0.len());
         let m = self.wrench.len();
@@ -170,7 +170,7 @@ impl<S: Real> Projector<S> {
     }
 }
 
-/// Where a law is: its joints, its Jacobian, what its motions ask for.
+/// The arguments of an evaluation: the state of the joints, the Jacobian, and the samples of the motions.
 pub(super) struct Place<'a, S> {
     pub trig: &'a [(S, S)],
     pub q: &'a [S],
@@ -185,7 +185,7 @@ pub(super) struct Place<'a, S> {
 }
 
 impl<S: Real> NullSpace<S> {
-    /// For the laws of the lanes, of `m` rows and `n` joints; `None` where neither a null space nor the coupling is asked for.
+    /// For the laws of the lanes, of `m` rows and `n` joints; `None` without a null space and without compensation of the coupling.
     pub fn new<'a>(of: impl Fn(usize) -> (Option<&'a NullSpaceSpec>, bool, f64), [m, n]: [usize; 2]) -> Option<Self> {
         let (first, coupling, _) = of(0);
         if first.is_none() && !coupling {
@@ -224,7 +224,7 @@ impl<S: Real> NullSpace<S> {
         }
     }
 
-    /// The torque beside `J' F + g` into `self.torque`; what compensates the coupling is added to the wrench `force`.
+    /// Write the torque beside `J' F + g` to `self.torque`, and add the wrench that compensates the coupling to `force`.
     pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let n = at.q.len();
         let consistent = matches!(self.posture, Some((_, _, NullProjection::Consistent)));

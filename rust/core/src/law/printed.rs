@@ -1,7 +1,7 @@
 //! A law as C: `init` and `step` of a sampled controller, see [`crate::trace::c`].
 //!
-//! A step takes the desired motion at time `t`, the measured state and the state `z` of the law. It has the bits of [`super::LawEvaluator`] and of
-//! sampled loops. From one sample to the next the rate of `z` is held, and `z` advances by the steps of a fixed-step method:
+//! A step takes the desired motion at time `t`, the measured state and the state `z` of the law. It has the bits of [`super::LawEvaluator`]
+//! and of sampled loops. From one sample to the next the rate of `z` is held, and `z` advances by the steps of a fixed-step method:
 //!
 //! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)`, `k = z'` (rk4)
 
@@ -14,10 +14,10 @@ use crate::plant::PlantKind;
 use crate::scalar::hex::hex;
 use crate::trace::c::{CFile, COptions, CSource, Routine};
 
-/// Steps between two calls beyond which the time between them is one step.
+/// The largest number of steps between two calls. With more, the time between them is one step.
 const MOST_STEPS: u32 = 10_000;
 
-/// Operations beyond which a law is too long to be printed.
+/// The largest number of operations of a law that is printed.
 const LONGEST: f64 = 600_000.0;
 
 /// The sizes of a law.
@@ -25,9 +25,9 @@ struct Sizes {
     n: usize,
     /// The law's state.
     p: usize,
-    /// Desired numbers that move.
+    /// Number of desired numbers that vary.
     moving: usize,
-    /// States of the plant that are measured.
+    /// Number of measured states of the plant.
     states: usize,
     guarded: bool,
 }
@@ -100,7 +100,7 @@ impl LawSpec {
         Ok(())
     }
 
-    /// The functions of the motions that move; what calls them.
+    /// Print the functions of the moving motions. Returns the code that calls them.
     fn print_motions(&self, source: &mut CSource) -> Result<String> {
         let (mut calls, mut at) = (String::new(), 0);
         for (k, motion) in self.motions().into_iter().enumerate() {
@@ -114,7 +114,7 @@ impl LawSpec {
         Ok(calls)
     }
 
-    /// A function that starts the law's own state at the first measurement; whether there is one.
+    /// Print a function that starts the law's own state at the first measurement. Returns whether there is one.
     fn print_start(&self, source: &mut CSource, sizes: &Sizes) -> bool {
         let Some(recorded) = start_recording(self, sizes.states) else { return false };
         let given = given(&recorded);
@@ -142,7 +142,7 @@ double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(st
         format!("int {prefix}_step({prefix}_state *state, double t, {}double tau[{n}])", self.parameters(n))
     }
 
-    /// What the header declares.
+    /// The declarations of the header.
     fn declare(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
         let (prefix, n, p) = (source.prefix().to_string(), sizes.n, sizes.p);
         source.define("N", n, "joints");
@@ -176,7 +176,7 @@ On a status other than 0 tau is the last answer that was right. */\n{};\n",
         ));
     }
 
-    /// `init`, and how the law's own state advances.
+    /// `init`, and the integration of the law's own state.
     fn write_state(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
         let (prefix, p) = (source.prefix().to_string(), sizes.p);
         let start = self.initial_state();
@@ -210,7 +210,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         self.write_advance(source);
     }
 
-    /// How the law's own state advances from the time of the last call to `t`, by whole steps of `advance_by`.
+    /// The integration of the law's own state from the time of the last call to `t`, by whole steps of `advance_by`.
     fn write_advance(&self, source: &mut CSource) {
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let mut breaks: Vec<f64> = self.breaks().into_iter().filter(|&t| t > 0.0).collect();
@@ -218,7 +218,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         let whole = if breaks.is_empty() {
             format!("        {prefix}_advance_by(state, {upper}_DT);\n")
         } else {
-            // As a loop of fixed steps divides a step in which a motion jumps.
+            // A step in which a motion jumps is divided in the same way as in a loop of fixed steps.
             format!(
                 "        double at = k * {upper}_DT, h = {upper}_DT;
         const double stop = (k + 1.0) * {upper}_DT;
@@ -321,7 +321,7 @@ memcpy(x + {}, state->state, sizeof state->state);\n",
         ));
     }
 
-    /// What the header says of the law.
+    /// The description of the law in the header.
     fn about(&self, timing: &CLoop) -> String {
         let mut text = format!("The law {} of armlet, for {}.\n\n{}\n", self.name(), self.plant().name(), self.model().described());
         for (k, motion) in self.motions().into_iter().enumerate() {
@@ -330,7 +330,7 @@ memcpy(x + {}, state->state, sizeof state->state);\n",
         if !self.initial_state().is_empty() {
             text += &match timing.dt {
                 Some(dt) => format!(
-                    "The law's own state advances by steps of {dt} s ({}) where calls are at multiples of it, as in a sampled loop of armlet with this dt.\n",
+                    "The law's own state advances by steps of {dt} s ({}) if calls are at multiples of this step. The bits are those of a sampled loop of armlet with this dt.\n",
                     if timing.rk4 { "rk4" } else { "euler, semi_implicit" }
                 ),
                 None => "The law's own state advances by one step from call to call.\n".to_string(),

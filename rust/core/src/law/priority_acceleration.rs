@@ -24,7 +24,7 @@ pub struct PriorityAccelerationSpec {
     model: Model,
     /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
-    /// How the levels share the joints.
+    /// The options of the map.
     pub options: PriorityOptions,
     /// `c`, 1/s.
     pub joint_damping: f64,
@@ -33,7 +33,7 @@ pub struct PriorityAccelerationSpec {
 }
 
 impl PriorityAccelerationSpec {
-    /// For the map `sns` the limits given, the arm's own where there are none; `options` has no bounds.
+    /// For the map `sns` the limits of the caller, and those of the arm for missing ones; `options` has no bounds.
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
@@ -43,7 +43,8 @@ impl PriorityAccelerationSpec {
         limits.require_sns(options.method)?;
         let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
-        // The level below all tasks has the identity for its Jacobian, whose singular values are one or taken.
+        // The Jacobian of the level below all tasks is the identity. Its projected singular values are one, or zero in directions that the
+        // tasks use.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
         }
@@ -109,7 +110,7 @@ impl Definition for PriorityAccelerationSpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// As of the velocity law, with `e_dot`, `J_dot` and the acceleration; residuals are of accelerations.
+    /// The same as for the velocity law, with `e_dot`, `J_dot` and the acceleration; residuals are of accelerations.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();
@@ -155,7 +156,7 @@ impl Build for PriorityAccelerationSpec {
     }
 }
 
-/// The law in a loop; its buffers stay warm between calls.
+/// The law in a loop; its buffers are kept between calls.
 pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
     stack: TaskStack<P::Number>,
     solver: P,
@@ -173,7 +174,7 @@ pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
 }
 
 impl<P: Solve> PriorityAcceleration<P> {
-    /// The norms of the error and of the residual of each level as of the last evaluation, in turn: m or rad, m/s^2 or rad/s^2.
+    /// The norms of the error and of the residual of each level at the last evaluation, in turn: m or rad, m/s^2 or rad/s^2.
     pub fn norms(&self, out: &mut [P::Number]) {
         level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
     }

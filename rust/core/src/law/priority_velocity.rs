@@ -27,14 +27,14 @@ pub struct PriorityVelocitySpec {
     model: Model,
     /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
-    /// How the levels share the joints.
+    /// The options of the map.
     pub options: PriorityOptions,
     /// Of the map `sns`.
     limits: Option<JointLimits>,
 }
 
 impl PriorityVelocitySpec {
-    /// For the map `sns` the limits given, the arm's own where there are none; `options` has no bounds.
+    /// For the map `sns` the limits of the caller, and those of the arm for missing ones; `options` has no bounds.
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
@@ -148,7 +148,7 @@ impl Build for PriorityVelocitySpec {
     }
 }
 
-/// The law in a loop; its buffers stay warm between calls.
+/// The law in a loop; its buffers are kept between calls.
 pub struct PriorityVelocity<P: Solve = PrioritySolver> {
     stack: TaskStack<P::Number>,
     solver: P,
@@ -159,7 +159,7 @@ pub struct PriorityVelocity<P: Solve = PrioritySolver> {
 }
 
 impl<P: Solve> PriorityVelocity<P> {
-    /// The norms `|e_i|` and `|v_i - J_i u|` of each level as of the last evaluation, in turn: m or rad, m/s or rad/s.
+    /// The norms `|e_i|` and `|v_i - J_i u|` of each level at the last evaluation, in turn: m or rad, m/s or rad/s.
     pub fn norms(&self, out: &mut [P::Number]) {
         level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
     }

@@ -22,14 +22,14 @@ use crate::spatial::pseudo_inertia::{Pseudo, adjoint, factor, parameters_of, pse
 
 /// Thickness of the layer in which the rate is corrected, relative to the least bodies.
 const LAYER: f64 = 0.5;
-/// Rate at which an estimate returns, 1/s, after a step of a method carried it across; slow for every method.
+/// Rate at which an estimate returns, 1/s, after a step of a method moved it across the boundary. It is slow for every method.
 const PULL: f64 = 10.0;
-/// Sweeps of Jacobi's method: the fourth leaves rounding of a 4 x 4 matrix, as convergence is quadratic.
+/// Sweeps of Jacobi's method. Convergence is quadratic, so after the fourth sweep of a 4 x 4 matrix only rounding errors remain.
 const SWEEPS: usize = 6;
 /// Parameters of the planar PR.
 const PR: usize = 3;
 
-/// The least bodies there may be.
+/// The least bodies `P_k^min`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Projection {
     width: usize,
@@ -132,7 +132,7 @@ fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
         for j in 0..i {
             let (low, high) = (a[i][i].min(a[j][j]), a[i][i].max(a[j][j]));
             let (some, both) = (low.lt(zero), high.lt(zero));
-            // Of one sign: 1 or 0, whatever the distance is.
+            // For equal signs: 1 or 0, for every distance.
             let apart = S::select(both, one, S::select(some, low - high, one));
             let share = S::select(both, one, S::select(some, low / apart, zero));
             g[i][j] = share * a[i][j];
@@ -171,7 +171,7 @@ impl Projection {
         Self::new(p, &least)
     }
 
-    /// The nearest start with `P >= P_min`, in the metric of `P_min`; bodies inside already are not touched.
+    /// The nearest start with `P >= P_min`, in the metric of `P_min`; bodies inside do not change.
     pub(super) fn start(&self, estimate: &mut [f64]) {
         for (l, pi) in self.factors.iter().zip(estimate.chunks_exact_mut(self.width)) {
             let p = matrix_of(pi, 2.0);
@@ -222,7 +222,7 @@ impl<S: Real> Projector<S> {
                 continue;
             }
             touched = true;
-            // Lane by lane: what is inside is exactly so, whatever its neighbours are.
+            // Lane by lane: a body inside has no correction, independent of the other lanes.
             let n = negative_part(&z).map(|row| row.map(|x| S::select(inside, zero, x)));
             square = n.as_flattened().iter().fold(square, |sum, &x| x.mul_add(x, sum));
             gradient_of(&product(&product(&transposed(inverse), &n), inverse), g);
@@ -233,7 +233,7 @@ impl<S: Real> Projector<S> {
         gamma.multiply(&self.gradient, &mut self.weighted);
         let dot = |b: &[S]| self.weighted.iter().zip(b).fold(zero, |sum, (&a, &b)| a.mul_add(b, sum));
         let (push, size) = (dot(y), dot(&self.gradient));
-        // Below this the products underflow, and there is nothing to bend.
+        // Below this the products underflow, and the rate needs no correction.
         let there = S::splat(1e-200).lt(square);
         let f = S::select(there, square, S::splat(1.0)).sqrt();
         let share = (f * S::splat(1.0 / LAYER)).min(S::splat(1.0));

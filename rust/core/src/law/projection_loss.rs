@@ -1,4 +1,4 @@
-//! What the clamp of `L = (J W^-1 J')^-1` gives up along a run of an impedance law ([`super::NullSpaceSpec`]):
+//! The loss by the clamp of `L = (J W^-1 J')^-1` along a run of an impedance law ([`super::NullSpaceSpec`]):
 //!
 //! `loss = 1 - min(1, (sigma / eps)^2)` of the smallest singular value `sigma` of `S J W^-1/2`. Where the null space and the coupling have
 //! two projectors, the larger loss counts. It is zero where projector and coupling are exact, and one at a singularity.
@@ -13,7 +13,7 @@ use crate::scalar::Real;
 /// The loss of one law, on one number, at the records of a run.
 pub struct ProjectionLoss<S: Real> {
     coordinates: Coordinates,
-    /// The arm that the law believes in.
+    /// The arm of the law's model.
     arm: ArmAt<S>,
     floor: S,
     consistent: Option<Projector<S>>,
@@ -40,7 +40,7 @@ impl LawSpec {
 }
 
 impl<S: Real> ProjectionLoss<S> {
-    /// Of a law; `None` for one that projects nothing.
+    /// For a law; `None` for a law without a projector.
     pub fn new(law: &LawSpec) -> Option<Self> {
         let law = impedance(law).filter(|_| law.has_projection_loss())?;
         let (n, m) = (law.model.n(), law.coordinates.m());

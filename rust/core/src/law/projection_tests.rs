@@ -2,7 +2,7 @@ use super::*;
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Dual, Float, GenericKernel, run_lanes};
 
-/// A heavy core and four corners, and a body that is none.
+/// A heavy core with four point masses; and a body that is physically impossible.
 const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
 const WRONG: [f64; 10] = [-0.5, 0.1, 0.3, 0.2, 0.1, -0.03, 0.9, 0.04, -0.02, 0.3];
 
@@ -83,7 +83,7 @@ fn the_gradient_is_that_of_half_the_square() {
         let n = negative_part(&relative(&i, &matrix_of(&pi[10 * body..][..10], 2.0)));
         let mut g = [0.0; 10];
         gradient_of(&product(&product(&transposed(&i), &n), &i), &mut g);
-        // Central differences of a function of size 1e5: 1e-10 of steps, 1e-11 / 1e-5 of rounding.
+        // Central differences of a function of size 1e5: errors of 1e-10 by the step, and of 1e-11 / 1e-5 by rounding.
         assert!((slope - g[k % 10]).abs() < 1e-5 * (1.0 + slope.abs()), "{k} {slope} {}", g[k % 10]);
     }
 }
@@ -115,7 +115,7 @@ fn the_bend_is_what_the_proof_needs() {
     let gamma: Vec<f64> = (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect();
     for (share, sign) in [(0.9, 1.0), (0.3, 1.0), (0.02, 1.0), (0.02, -1.0), (-1.0, 1.0)] {
         let pi: Vec<f64> = truth.iter().map(|x| share * x).collect();
-        // Towards the border, or away from it.
+        // Towards the boundary, or away from it.
         let y: Vec<f64> = (0..20).map(|k| -sign * truth[k] * (1.0 + 0.1 * f64::from(k as i32 % 3))).collect();
         let rate = GenericKernel::run::<Float>(&Rate(&pi, &y));
         let taken: f64 = (0..20).map(|k| (pi[k] - truth[k]) / gamma[k] * (gamma[k] * y[k] - rate[k])).sum();

@@ -1,4 +1,4 @@
-//! What holds an estimate back: leakage and a dead zone.
+//! Restraints of an estimate: leakage and a dead zone.
 //!
 //! ```text
 //! a_hat' = Gamma w,   w = y - l  where |s| >= s_0,   w = 0 where |s| < s_0 (dead zone),   y = Y' s
@@ -13,7 +13,7 @@ use super::adaptive::AdaptiveSpec;
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
-/// By what the leakage is weighted.
+/// The weight of the leakage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeakageForm {
     /// A constant: sigma modification.
@@ -27,7 +27,7 @@ pub enum LeakageForm {
 pub struct Restraint {
     /// `sigma >= 0`; zero without leakage.
     pub leakage: f64,
-    /// By what it is weighted.
+    /// Its weight.
     pub form: LeakageForm,
     /// `a_0`, of the size of the estimate.
     pub centre: Vec<f64>,
@@ -36,7 +36,7 @@ pub struct Restraint {
 }
 
 impl Restraint {
-    /// None at all.
+    /// No restraint.
     pub fn none() -> Self {
         Restraint { leakage: 0.0, form: LeakageForm::Sigma, centre: Vec::new(), dead_zone: 0.0 }
     }
@@ -119,7 +119,7 @@ impl<S: Real> LaneRestraint<S> {
         }
     }
 
-    /// Stop the rate `dz` within the dead zone, where all of `y` is held back.
+    /// Set the rate `dz` to zero within the dead zone; `back` is then `y`.
     pub fn rest(&self, s: &[S], y: &[S], dz: &mut [S], back: &mut [S]) {
         let Some(zone) = self.dead_zone else { return };
         let inside = square(s).lt(zone * zone);

@@ -1,10 +1,10 @@
-//! The motor loop as a sampled controller sees it, links locked: over one sample of length `dt` the torque is held,
+//! The motor loop of a sampled controller with locked links. Over one sample of length `dt` the torque is held:
 //!
 //! `y' = A y + G tau`, `tau = F y` at samples, so `y <- (exp(A dt) + int_0^dt exp(A s) ds G F) y`,
 //!
 //! `y = [theta, theta_dot]`, with a first-order torque sensor of bandwidth `w_c` also `tau_f' = w_c (tau_J - tau_f)`. The
 //! loop is stable iff the spectral radius of that map is below 1. For `B0 << B` and no sensor the limit is
-//! `omega_n dt < min(4 zeta, 1/zeta)`, `omega_n = sqrt(K_J/B0)`; at `B0 = B` that rule errs on the unsafe side.
+//! `omega_n dt < min(4 zeta, 1/zeta)`, `omega_n = sqrt(K_J/B0)`; at `B0 = B` that rule gives a limit that is too large.
 
 use super::ReductionSpec;
 use crate::linalg::eigenvalues::spectral_radius;
@@ -15,7 +15,7 @@ use nalgebra::DMatrix;
 /// Motors with locked links under the inner loop.
 pub struct LockedMotors {
     n: usize,
-    /// Per group of joints that couple, its matrices; groups that are alike once.
+    /// The matrices of each group of coupled joints; equal groups are stored once.
     groups: Vec<Group>,
 }
 
@@ -82,7 +82,7 @@ impl LockedMotors {
         self.n
     }
 
-    /// Spectral radius over one sample of `dt`; infinite where it can't be computed.
+    /// Spectral radius over one sample of `dt`; infinite if it cannot be computed.
     pub fn radius(&self, dt: f64) -> f64 {
         self.groups.iter().map(|group| group.radius(dt)).fold(0.0, f64::max)
     }
@@ -92,12 +92,12 @@ impl LockedMotors {
         self.groups.iter().map(Group::largest_sample_time).fold(f64::INFINITY, f64::min)
     }
 
-    /// As [`LockedMotors::largest_sample_time`] where that is at most `until`; infinite where it is larger.
+    /// The same as [`LockedMotors::largest_sample_time`] if that is at most `until`, else infinite.
     pub fn unstable_up_to(&self, until: f64) -> f64 {
         self.groups.iter().map(|group| group.first_instability(group.short, until)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The first sample time beyond `from`, which is a stable one, and up to `until` at which the loop is unstable; infinite if none is.
+    /// The first unstable sample time between `from`, which is stable, and `until`; infinite if there is none.
     pub fn unstable_between(&self, from: f64, until: f64) -> f64 {
         self.groups.iter().map(|group| group.first_instability(from, until)).fold(f64::INFINITY, f64::min)
     }
@@ -220,7 +220,7 @@ mod tests {
             // The error of the rule shrinks with B0/B = 1e-6.
             assert!((limit / rule - 1.0).abs() < 1e-5, "zeta {zeta}: {limit} {rule}");
         }
-        // At B0 = B it is on the unsafe side by 8 to 27 % from critical damping down to half of it.
+        // At B0 = B the rule is too large by 8 to 27 %, from critical damping down to half of it.
         for zeta in [0.5, 0.7, 1.0] {
             let full = LockedMotors::single(b, k, b, 2.0 * zeta * f64::sqrt(b * k), f64::INFINITY).largest_sample_time();
             let excess = (4.0 * zeta).min(1.0 / zeta) / (f64::sqrt(k / b) * full);
@@ -234,7 +234,7 @@ mod tests {
         let both = Group::new([800.0, 0.4, 800.0, 0.4, 0.02, 8.0].map(|x| Gain::unchecked(2, vec![x, 0.0, 0.0, x])), vec![0.0; 2], 2000.0)
             .largest_sample_time();
         assert!((single / both - 1.0).abs() < 1e-6, "a double eigenvalue is known to the root of a rounding: {single} {both}");
-        // A sensor that lags costs sample time where there is little damping.
+        // With little damping, a sensor with lag reduces the largest sample time.
         let little = |bandwidth: f64| LockedMotors::single(0.4, 800.0, 0.02, 2.4, bandwidth).largest_sample_time();
         assert!(little(2000.0) < 0.95 * little(f64::INFINITY), "{} {}", little(2000.0), little(f64::INFINITY));
     }

@@ -1,4 +1,4 @@
-//! The storage function of Cartesian impedance through elastic joints, whose springs and motors are those that the law believes in:
+//! The storage function of Cartesian impedance through elastic joints, with the springs and motors of the law's model:
 //!
 //! `E = v' M v / 2 + (theta - q)' K_J (theta - q) / 2 + theta_dot' B0 theta_dot / 2 + e' K_m e / 2`, and the springs of wall and stops.
 
@@ -37,7 +37,7 @@ impl<S: Real> Storage<S> {
         })
     }
 
-    /// `E` under the desired motions at plant state `x`. `links` are at its `q`.
+    /// `E` under the desired motions at plant state `x`. The arm `links` is already at its `q`.
     pub fn energy(&mut self, desired: &[S], links: &mut ArmAt<S>, plant: &Stored<S>, x: &[S]) -> S {
         let n = self.stretch.len();
         let target = &desired[..self.error.len()];

@@ -5,8 +5,8 @@
 //!
 //! `V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`,
 //!
-//! `y = Y' s`, `a_hat' = Gamma w`. Viscous friction that is estimated leaves `-s' D s` of the second term, Coulomb friction
-//! `s' F (sign v - tanh(v_r / v_s))`.
+//! `y = Y' s`, `a_hat' = Gamma w`. If viscous friction is estimated, `-s' D s` remains of the second term. For Coulomb friction
+//! `s' F (sign v - tanh(v_r / v_s))` remains.
 
 use super::LawSpec;
 use super::adaptive::AdaptiveSpec;
@@ -24,7 +24,7 @@ impl AdaptiveSpec {
     }
 }
 
-/// The plants of the lanes, as the balance of Lyapunov's function counts them.
+/// The true parameters of the plants of the lanes, for the Lyapunov balance.
 pub struct Truth<S> {
     /// `a`.
     parameters: Vec<S>,
@@ -37,12 +37,12 @@ pub struct Truth<S> {
 }
 
 impl<S: Real> Truth<S> {
-    /// For laws with more than the plain adaptation; `None` for any other.
+    /// For laws with more than the plain adaptation; `None` for other laws.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
         let own = of(0).adaptive().filter(|law| !law.is_plain())?;
         let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).adaptive().unwrap_or(own).truth(plant(lane))).collect();
         let parameters = S::labelled("plant", 1, || (0..truths[0].len()).map(|k| S::from_lanes(|lane| truths[lane][k])).collect());
-        // The rest belongs to the geometry, which lanes share.
+        // The other numbers belong to the geometry, which all lanes share.
         let (model, n) = (plant(0).model(), plant(0).n());
         let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
         let [viscous, coulomb] = model.friction(plant(0).has_friction()).map(fixed);
