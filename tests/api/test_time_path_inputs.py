@@ -61,9 +61,9 @@ def test_frames() -> None:
             al.time_path(ARM, PATH, tau_max=30.0, tip_speed=1.0, frame=bad)  # type: ignore[arg-type]
     with pytest.raises(al.InputError, match=r"^time_path: frame is unknown.*planar_pr"):
         al.time_path(al.planar_pr(2.0, 0.5, 0.5), PATH, tau_max=30.0, tip_speed=1.0, frame="link2")
-    # A frame that stands still bounds nothing.
+    # A frame that does not move bounds nothing.
     with pytest.raises(
-        al.InputError, match=r"^time_path: tau_max, a_max are both missing: expected one of them where the frame stands still"
+        al.InputError, match=r"^time_path: tau_max, a_max are both missing: expected one of them where the frame does not move"
     ):
         al.time_path(ARM, [[0.0, 0.0], [0.0, 1.0]], tip_acceleration=1.0, frame="link1")
     assert al.time_path(ARM, [[0.0, 0.0], [0.0, 1.0]], tip_acceleration=1.0, a_max=1.0, frame="link1").feasible

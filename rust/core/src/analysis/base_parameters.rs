@@ -17,11 +17,11 @@ use crate::spatial::{PARAMETERS, parameter};
 /// Distance from the span, relative to the column, below which a column is dependent. On well
 /// spread states, rounding errors are 1e-13. The least independent parameter of real arms has a distance over 1e-4.
 const DEPENDENT: f64 = 1e-8;
-/// A column that is this small against the largest is not seen at all.
+/// A column whose norm, relative to the largest, is below this counts as zero.
 const UNSEEN: f64 = 1e-12;
-/// Rows for every column: random states are then far from singular.
+/// Rows per column: with so many, random states are far from singular.
 const ROWS: usize = 3;
-/// States whose regressors are had at a time.
+/// States whose regressors are computed together.
 const BLOCK: usize = 16;
 
 /// A column space found by rank decisions.
@@ -37,7 +37,7 @@ pub struct Independent {
     pub largest_dropped: f64,
 }
 
-/// Which columns of a matrix are independent of those before them. `columns[j]` is column `j`; overwritten.
+/// Find the columns of a matrix that are independent of those before them. `columns[j]` is column `j`, and is overwritten.
 pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     let p = columns.len();
     let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
@@ -85,7 +85,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
                 x[i] -= r[out.columns[k]][i] * x[k];
             }
         }
-        // In units of the largest part, entries below the threshold are rounding errors.
+        // Entries below the threshold, relative to the largest part, are rounding errors.
         let part = |k: usize| x[k].abs() * norms[out.columns[k]];
         let scale = (0..b).fold(0.0f64, |a, k| a.max(part(k)));
         for k in 0..b {
@@ -95,7 +95,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     out
 }
 
-/// Most groupings consist of ones and minus ones.
+/// Round a coefficient to 1 or -1 if it is near: most groupings have only these.
 fn snapped(x: f64) -> f64 {
     if (x.abs() - 1.0).abs() < 1e-11 { x.signum() } else { x }
 }
@@ -188,7 +188,7 @@ impl BaseParameters {
             .collect()
     }
 
-    /// Parameters that no motion shows.
+    /// Parameters without effect on any motion.
     pub fn unseen(&self) -> Vec<&str> {
         let p = self.names.len();
         let seen = |j: usize| (0..self.count()).any(|k| self.independent.projection[k * p + j] != 0.0);
@@ -196,7 +196,7 @@ impl BaseParameters {
     }
 }
 
-/// Four digits.
+/// The text of a number with four digits.
 fn short(x: f64) -> String {
     if (1e-3..1e4).contains(&x) {
         let digits = (3 - x.log10().floor() as i32).max(0) as usize;

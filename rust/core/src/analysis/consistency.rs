@@ -8,12 +8,12 @@ use crate::linalg::symmetric_eigen;
 use crate::spatial::pseudo_inertia::{Pseudo, is_positive_definite, parameters_of, pseudo_inertia};
 use crate::spatial::{Inertia, PARAMETERS, Vector, Vector3};
 
-/// What is wrong with one body.
+/// The check of one body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyReport {
     /// The four eigenvalues of the pseudo-inertia, ascending, SI units.
     pub eigenvalues: [f64; 4],
-    /// Empty where the body is physically possible.
+    /// Empty if the body is physically possible.
     pub problem: String,
 }
 
@@ -29,7 +29,7 @@ fn eigen(p: &Pseudo<f64>) -> Result<(Vec<f64>, Vec<f64>)> {
     symmetric_eigen(p.as_flattened(), 4)
 }
 
-/// Each body's eigenvalues, and what is impossible about it.
+/// The eigenvalues of each body, and why it is impossible.
 pub fn check_parameters(pi: &[f64]) -> Result<Vec<BodyReport>> {
     let report = |body: &[f64; PARAMETERS]| {
         let (values, _) = eigen(&pseudo_inertia(body))?;
@@ -60,7 +60,7 @@ fn problem(body: &[f64; PARAMETERS]) -> String {
 }
 
 /// The nearest parameters whose bodies are all physically possible; `length` in m, `floor` relative to the largest eigenvalue
-/// of any body. Bodies that are possible already are not touched.
+/// of any body. Possible bodies do not change.
 pub fn project_parameters(pi: &[f64], length: f64, floor: f64) -> Result<Vec<f64>> {
     positive("length", length)?;
     positive("floor", floor)?;

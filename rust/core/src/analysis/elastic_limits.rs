@@ -21,8 +21,8 @@ pub fn stiffness_limit(mass: f64, joint_stiffness: f64, reduced_inertia: f64, da
     joint_stiffness * (1.0 + damping / motor_damping) * (1.0 - damping * reduced_inertia / (motor_damping * mass))
 }
 
-/// The smallest `B0 <= B` whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` is stable, links locked; NaN if even
-/// `B0 = B` is not. `bandwidth` of the torque sensor in rad/s, infinite without one.
+/// The smallest `B0 <= B` whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` is stable, links locked; NaN if `B0 = B` is unstable.
+/// `bandwidth` of the torque sensor in rad/s, infinite without one.
 pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, bandwidth: f64, damping_ratio: f64) -> Result<f64> {
     for (name, x) in
         [("motor_inertia", inertia), ("joint_stiffness", stiffness), ("sample_time", sample_time), ("damping_ratio", damping_ratio)]
@@ -36,8 +36,8 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
         look();
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
         let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
-        // Beyond the first limit there are isolated stable sample times, because the motor happens to swing back in time. They are
-        // excluded here: all shorter samples must be stable too.
+        // Beyond the first limit there are isolated stable sample times, because the motor swings back just before the next sample. They
+        // are excluded here: all shorter samples must be stable too.
         (1..=SHORTER).rev().all(|k| motor.radius(sample_time * f64::from(k) / f64::from(SHORTER)) < 1.0)
     };
     const SHORTER: u32 = 8;
@@ -62,13 +62,13 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
     }
 }
 
-/// The largest `kappa` for which the loop with `kappa K_m` is stable at the rest `q`, `theta`, with the same damping.
+/// The largest `kappa` for which the loop with `kappa K_m` is stable at the equilibrium `q`, `theta`, with the same damping.
 ///
 /// The result is infinite if no instability is found below `1e6`, and zero if the loop with `K_m` is unstable.
 pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
     const GROWTH: f64 = 1.05;
     const CAP: f64 = 1e6;
-    // Without a force rest is at the target whatever the stiffness; with one it moves with kappa.
+    // Without a force the equilibrium is the target for every stiffness. With a force it depends on kappa.
     let mut q = q0.to_vec();
     let mut stable = |kappa: f64| -> Result<bool> {
         let Some(scaled) = law.with_stiffness(kappa) else {
@@ -95,7 +95,7 @@ pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], forc
     Ok(0.5 * (low + high))
 }
 
-/// The limits of an elastic plant under a law, at a rest.
+/// The limits of an elastic plant under a law, at an equilibrium.
 #[derive(Clone, Debug)]
 pub struct ElasticLimits {
     /// The sample time at which the motor loops become unstable, s.
@@ -106,13 +106,13 @@ pub struct ElasticLimits {
     pub stiffness_max: Vec<f64>,
     /// The outer stiffness of the law, row-major.
     pub stiffness: Vec<f64>,
-    /// How much stiffer the law may be at this rest.
+    /// The largest stable factor of the law's stiffness at this equilibrium.
     pub stiffness_scale_max: f64,
-    /// Of the loop linearised there.
+    /// Eigenvalues of the loop linearised at the equilibrium.
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
-/// The limits of `plant` under `law` at the rest to which `q0` descends.
+/// The limits of `plant` under `law` at the equilibrium that is reached from `q0`.
 ///
 /// `sample_time` and `bandwidth` (rad/s, infinite without a torque sensor) are for the smallest `B0` at the damping ratio of the law.
 pub fn elastic_limits(

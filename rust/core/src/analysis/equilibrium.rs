@@ -1,11 +1,11 @@
-//! Where an impedance-controlled arm comes to rest under a constant force:
+//! Equilibria of a controlled arm under a constant force:
 //!
 //! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`,
 //!
-//! which for a law that knows the plant's gravity is `J'(K_m (x_d - x) + F) = 0`: `x_E = x_d + K_m^-1 F` if that pose is
-//! reachable and `det J != 0`. Spurious rest (`J' p = 0` with `p = K_m (x_d - x) + F != 0`) is flagged.
+//! For a law with the plant's gravity this is `J'(K_m (x_d - x) + F) = 0`: `x_E = x_d + K_m^-1 F` if that pose is
+//! reachable and `det J != 0`. A spurious equilibrium (`J' p = 0` with `p = K_m (x_d - x) + F != 0`) has a flag.
 //! A null space adds `N' tau_0`, an integral its wrench `w` with `K_i e = 0`; limits of the law may hold the arm back.
-//! A wall and joint stops push back; a law of motors is at rest where `tau(q, theta) = K (theta - q) = tau_E`.
+//! A wall and joint stops add their forces. A law of motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
 
 use super::loop_slope::loop_eigenvalues;
 use super::rest::Rest;
@@ -18,14 +18,14 @@ use crate::memory;
 use crate::motion::Motion;
 use crate::plant::PlantSpec;
 
-/// A pose of rest and what can be said of it.
+/// An equilibrium and its properties.
 #[derive(Clone, Debug)]
 pub struct Equilibrium {
     /// Joint positions `(n,)`, rad or m.
     pub q: Vec<f64>,
     /// Motors, `(n,)`; empty for a rigid plant.
     pub theta: Vec<f64>,
-    /// The plant's input at rest.
+    /// The plant's input at the equilibrium.
     pub tau: Vec<f64>,
     /// The controlled coordinates, `(m,)`: joint positions for a law of joints.
     pub x: Vec<f64>,
@@ -33,24 +33,24 @@ pub struct Equilibrium {
     pub integral: Vec<f64>,
     /// Whether `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached at all. A wall, a stop or a limit of the law may hold the arm.
     pub reachable: bool,
-    /// At rest with the spring unbalanced; of a law of motors, away from its target with nothing that pushes.
+    /// An equilibrium with an unbalanced spring; for a law of motors, one away from its target without external force.
     pub spurious: bool,
     /// The wall's force on its frame, `(3,)`, world axes.
     pub wall_force: [f64; 3],
-    /// No eigenvalue lies to the right; free motions of a redundant arm have eigenvalues at zero.
+    /// No eigenvalue has a positive real part; free motions of a redundant arm have eigenvalues at zero.
     pub stable: bool,
     /// Of the linearised closed loop, by real part.
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
-/// The balance of wrenches at `q`, of a law with the integral wrench `w` under the wrench `push`.
+/// The balance of wrenches at `q`, for a law with the integral wrench `w` under the wrench `push`.
 struct Balance {
-    /// `p = K_m e + F_ff + w + F`, what the law adds within its limits.
+    /// `p = K_m e + F_ff + w + F`, with the terms of the law within its limits.
     p: Vec<f64>,
     x: Vec<f64>,
-    /// Whether the spring is away from where it should be: beyond a limit, or held by something else.
+    /// Whether the arm is away from `x_E`, because a limit of the law or a contact holds it.
     short: bool,
-    /// Zeros are known to this.
+    /// The rounding error of zeros.
     rounding: f64,
 }
 
@@ -125,9 +125,9 @@ pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f6
     }
 }
 
-/// The part of `p` that no joint feels, in the null space of `J'`.
+/// The part of `p` in the null space of `J'`, which loads no joint.
 fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>> {
-    /// Squares of singular values below this share of the largest are zero: those of a rest are known to 1e-9.
+    /// Squares of singular values below this fraction of the largest count as zero. The equilibrium is known to 1e-9.
     const SINGULAR: f64 = 1e-12;
     let (n, m) = (q.len(), p.len());
     let (_, j) = TargetError::new(law).at(q);
@@ -143,14 +143,14 @@ fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>
     Ok(part)
 }
 
-/// Whether some pose has `e + K_m^-1 F = 0`: damped Gauss-Newton from `q0` and from spread starts; it errs towards no.
+/// Whether some pose has `e + K_m^-1 F = 0`: damped Gauss-Newton from `q0` and from spread starts; it may miss a reachable pose.
 fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     const STARTS: u32 = 24;
     const STEPS: usize = 200;
     let (n, m) = (q0.len(), law.coordinates.m());
     let load = law.stiffness.inverse().times(push);
     let mut task = TargetError::new(law);
-    // Additive recurrence by powers of the generalised golden ratio: spread in n dimensions, the same every time.
+    // Additive recurrence by powers of the generalised golden ratio: a fixed sequence that is spread evenly in n dimensions.
     let phi = (0..64).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
     (0..STARTS).any(|start| {
         let spread = |i: usize| (f64::from(start) * phi.powi(-(i as i32 + 1))).fract() * std::f64::consts::TAU - std::f64::consts::PI;
@@ -180,9 +180,9 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     })
 }
 
-/// The rest that `q0` descends to under a constant wrench `[f; m]` (world axes) at `force_frame`; with `None` no force acts.
+/// The equilibrium that is reached from `q0` under a constant wrench `[f; m]` (world axes) at `force_frame`; with `None` no force acts.
 ///
-/// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` where the descent does not end.
+/// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` if the search does not converge.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
     finite("q0", q0)?;
     // Stiffness, mass, slopes and eigenvectors of the loop.
@@ -230,7 +230,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     state.resize(plant.states(), 0.0);
     let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
     if let LawSpec::CartesianImpedance(task) = &held {
-        // The force as the law's spring sees it, where it acts at the law's own frame.
+        // The force on the law's spring, if it acts at the law's own frame.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
         let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
         let Balance { mut p, x: position, short, rounding } = Balance::of(task, &push, &integral, &q);
@@ -241,7 +241,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         reachable &= !limited;
         if same {
             if pressed {
-                // What the contact carries is balanced; what no joint feels is not.
+                // The force of a contact balances the spring. A wrench that loads no joint does not.
                 if plant.wall().is_some_and(|wall| wall.frame == task.coordinates.frame) {
                     for (p, &row) in p.iter_mut().zip(&task.coordinates.rows) {
                         *p += wall_force.get(row).copied().unwrap_or(0.0);

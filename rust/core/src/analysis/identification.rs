@@ -4,7 +4,7 @@
 //! [W_b tau] = Q [R z; 0 rho],  R = U S V',  beta = V S^-1 U' z,  sigma^2 = rho^2 / (rows - rank),  cov = sigma^2 V S^-2 V'
 //! ```
 //!
-//! Rotors that are not identified are known: `armature a` is taken off the torque, as everywhere in the dynamics.
+//! Rotors that are not identified are known: `armature a` is subtracted from the torque, as everywhere in the dynamics.
 //! The triangle is updated block by block, so that a long record takes no more memory than a short one. Columns are scaled
 //! to length one before the singular values are judged, so that units do not count.
 
@@ -20,20 +20,20 @@ use std::borrow::Cow;
 /// Samples of one block.
 const BLOCK: usize = 256;
 
-/// What a record says about the base parameters.
+/// The base parameters of a record, with their accuracy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// The base parameters that were identified.
     pub base: BaseParameters,
     /// `(b,)`.
     pub values: Vec<f64>,
-    /// Standard deviations, `(b,)`; infinite for what the record does not show.
+    /// Standard deviations, `(b,)`; infinite for parameters that the record does not determine.
     pub deviations: Vec<f64>,
-    /// `(b, b)` row-major, of what the record shows.
+    /// `(b, b)` row-major, for the parameters that the record determines.
     pub covariance: Vec<f64>,
     /// Numerical rank of the stacked regressor.
     pub rank: usize,
-    /// Of the scaled columns, largest over smallest singular value; infinite where the rank is short.
+    /// Condition number of the scaled columns; infinite if the rank is below `b`.
     pub condition: f64,
     /// Singular values of the scaled columns, descending.
     pub singular_values: Vec<f64>,
@@ -43,23 +43,23 @@ pub struct Identification {
     pub parameters: Vec<f64>,
 }
 
-/// What to identify, and how the record is weighed.
+/// The parameters to identify, and the weights of the record.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
     /// Identify rotor inertias too.
     pub armature: bool,
     /// Identify viscous and Coulomb friction too.
     pub friction: bool,
-    /// Standard deviation of the torque of each joint, `(n,)`: weights; equal where absent.
+    /// Standard deviation of the torque of each joint, `(n,)`: weights; equal weights if absent.
     pub noise: Option<&'a [f64]>,
-    /// Singular values below this, relative to the largest, are not shown by the record.
+    /// Directions whose singular value, relative to the largest, is below this are not determined by the record.
     pub cutoff: f64,
 }
 
 /// `[R z]`, upper triangular `(b + 1, b + 1)`, and the rows of the next block.
 struct Triangle {
     width: usize,
-    /// By columns, `width + BLOCK n` rows.
+    /// Column by column, `width + BLOCK n` rows.
     columns: Vec<Vec<f64>>,
 }
 
@@ -68,7 +68,7 @@ impl Triangle {
         Triangle { width, columns: vec![vec![0.0; width + rows]; width] }
     }
 
-    /// Fold the block below the triangle into it.
+    /// Update the triangle with the block below it.
     fn fold(&mut self) {
         for j in 0..self.width {
             let (head, tail) = self.columns.split_at_mut(j + 1);
@@ -141,7 +141,7 @@ fn without_known_rotors<'t>(arm: &Model, a: &[f64], tau: &'t [f64], identified: 
     Ok(Cow::Owned(memory::collected((0..tau.len()).map(|k| tau[k] - armature[k % n] * a[k]))?))
 }
 
-/// Everything but what needs the record again.
+/// All results that do not require the record again.
 fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification> {
     let b = triangle.width - 1;
     let columns = &triangle.columns;
@@ -178,7 +178,7 @@ fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification
             let sum: f64 = (0..rank).map(|k| svd.v(k)[i] * svd.v(k)[j] / (s[k] * s[k])).sum();
             covariance[i * b + j] = variance * sum / (scales[i] * scales[j]);
         }
-        // A thousandth of a direction that the record does not show is already too much.
+        // A parameter counts as undetermined if it has more than a thousandth of a direction that the record does not determine.
         hidden[i] = (rank..b).any(|k| svd.v(k)[i].abs() > 1e-3);
     }
     let deviations = (0..b).map(|i| if hidden[i] { f64::INFINITY } else { covariance[i * b + i].sqrt() }).collect();
@@ -188,7 +188,7 @@ fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification
     Ok(Identification { base, values, deviations, covariance, rank, condition, singular_values: s, residuals, parameters })
 }
 
-/// Root mean square of what the model leaves of the torque, by joint.
+/// Root mean square of the differences between torque and model, by joint.
 fn residuals(
     arm: &Model,
     [q, v, a, tau]: [&[f64]; 4],

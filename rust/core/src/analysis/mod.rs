@@ -1,5 +1,5 @@
-//! What can be said of an arm and of a closed loop without running it: linearisation, base parameters, physical
-//! consistency, identification, equilibria and limits.
+//! Analysis of an arm and of a closed loop without a run: linearisation, base parameters, physical consistency, identification, equilibria
+//! and limits.
 
 pub mod base_parameters;
 pub mod consistency;

@@ -1,10 +1,10 @@
-//! The forces on an arm at rest, and the way down to where they balance. With `L(q) = g(q) - J'F - contacts` and the law's
-//! answer at rest `u(q)`, of links alone, or `tau(q, theta)`:
+//! The forces on an arm at rest, and the search for an equilibrium. With `L(q) = g(q) - J'F - contacts`, and the law's
+//! output at rest, `u(q)` of a law of the links or `tau(q, theta)` of a law of motors:
 //!
 //! `r(q) = u(q) - L(q)`, or `r(q, theta) = [K (theta - q) - L(q), (I + Kt)^-1 (tau(q, theta) - K (theta - q))]`,
 //!
-//! both of them the downward slope of a potential. `r` is followed downhill from a start by Newton's method with the
-//! magnitudes of the eigenvalues of `-dr/dy`.
+//! Both are minus the gradient of a potential. From a start, Newton's method with the
+//! magnitudes of the eigenvalues of `-dr/dy` follows `r` downhill.
 //!
 //! A law with a null space, an integral or limits has no potential. `y = [q, w]` with its integral `w` then follows the loop without
 //! velocities, `M q' = r`, `w' = K_i e`, by implicit steps that grow: `(diag(M, 1)/h - dr/dy) d = r` (pseudo-transient continuation).
@@ -21,11 +21,11 @@ use crate::spatial::{Vector, Vector3};
 use crate::status::Status;
 use nalgebra::{DMatrix, DVector};
 
-/// What acts on a plant at rest.
+/// A plant at rest, with its law and its force.
 pub struct Rest<'a> {
     /// The plant.
     pub plant: &'a PlantSpec,
-    /// A law of links alone, or one of motors.
+    /// A law of the links, or one of motors.
     pub law: &'a LawSpec,
     /// `[f; m]`, world axes, at a frame.
     pub wrench: [f64; 6],
@@ -34,24 +34,24 @@ pub struct Rest<'a> {
 }
 
 impl Rest<'_> {
-    /// The stiffness of the plant's joints and `(I + Kt)^-1`, where the motors are unknowns beside the links.
+    /// The stiffness of the plant's joints and `(I + Kt)^-1`, if the positions of the motors are unknowns beside those of the links.
     fn motors(&self) -> Option<(&Gain, Gain)> {
         Some((&self.plant.elastic()?.stiffness, self.law.torque_share()?))
     }
 
-    /// What the joints carry at `q`, `L(q)` `(n,)`, and the wall's force.
+    /// The load of the joints at `q`, `L(q)` `(n,)`, and the wall's force.
     pub fn load(&self, q: &[f64]) -> (Vec<f64>, [f64; 3]) {
         let mut forces = Forces::<f64>::new(self);
         let wall = forces.load(q);
         (forces.load, wall.array())
     }
 
-    /// `q` and the law's integral, along the loop without velocities to its rest, for laws without a potential.
+    /// Move `q` and the law's integral along the loop without velocities to its equilibrium, for laws without a potential.
     pub fn settle(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 1000;
-        /// Longer steps are repeated, rad or m: the loop without velocities is followed as far as that.
+        /// The longest step, rad or m. A longer one is repeated with a smaller size.
         const REACH: f64 = 0.3;
-        /// The longest step in units of the fastest rate, so that rounding moves nothing that is free to move.
+        /// The largest step size in units of the fastest rate, so that rounding errors do not move free directions.
         const LONGEST: f64 = 1e8;
         let n = q.len();
         q.extend(self.law.initial_state());
@@ -93,12 +93,12 @@ impl Rest<'_> {
         Err(no_rest(STEPS))
     }
 
-    /// From `q` downhill to rest; the motors' positions too where the law is one of motors.
+    /// Move `q` downhill to an equilibrium. For a law of motors this includes their positions.
     pub fn descend(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 500;
         /// Larger steps leave the basin, rad or m.
         const REACH: f64 = 0.3;
-        /// Below this a direction is flat: rounding of `dr/dq` is 1e-15, a free motion of a redundant arm.
+        /// A direction with a smaller eigenvalue is a free motion of a redundant arm. The rounding error of `dr/dq` is 1e-15.
         const FLAT: f64 = 1e-9;
         if let Some((stiffness, _)) = self.motors() {
             let stretch = stiffness.inverse().times(&self.load(q).0);
@@ -123,7 +123,7 @@ impl Rest<'_> {
             }
             let longest = crate::linalg::largest(&step);
             let close = 1.0 + crate::linalg::largest(y);
-            // At rest as well as rounding allows, or no longer coming closer.
+            // Converged to rounding, or without further progress.
             if longest <= 1e-15 * close || (longest <= 1e-9 * close && longest >= best) {
                 return Ok(());
             }
@@ -134,7 +134,8 @@ impl Rest<'_> {
                     trial[i] = y[i] + size * step[i];
                 }
                 here.residual(&trial, &mut ahead);
-                // The work of r along the step, by the trapezoid: r falls off towards rest and turns round beyond it.
+                // The work of r along the step, by the trapezoidal rule: r decreases towards the equilibrium, and has the opposite sign
+                // beyond it.
                 let work: f64 = (0..n).map(|i| step[i] * (r[i] + ahead[i])).sum();
                 if work >= 0.0 || size < 1e-12 || longest < 1e-7 * close {
                     break;

@@ -1,35 +1,35 @@
-//! Which samples to store for concurrent learning (ChowdharyJohnson2010): those of which the smallest singular value of the stacked `W` is large.
+//! Selection of samples for concurrent learning (ChowdharyJohnson2010): the smallest singular value of their stacked `W` shall be large.
 //!
 //! ```text
 //! sigma^2 = min over |u| = 1 of  sum over the stored j of |W_j u|^2
 //! ```
 //!
-//! `u` runs over what all candidates together show: parameters that no sample shows leave it. First come the samples that add the most along
-//! the weakest `u` of those before. Then a stored sample is exchanged for another one while that makes `sigma` larger.
+//! `u` is in the space of directions that all candidates together determine. First, samples are added one by one: each adds the most along
+//! the weakest `u` of those before. Then samples are exchanged for others as long as this increases `sigma`.
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::linalg::{Svd, dot, symmetric_eigen};
 use crate::memory;
 
-/// Directions whose scaled singular value is below this share of the largest are not shown by the candidates.
+/// Directions whose scaled singular value is below this fraction of the largest are not determined by the candidates.
 const CUTOFF: f64 = 1e-6;
-/// Candidates that enter and leave in one attempt to exchange.
+/// Candidates that are added and removed in one attempt to exchange.
 const ENTERING: usize = 4;
 const LEAVING: usize = 8;
 
-/// What was chosen.
+/// The selection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
     /// The chosen samples, increasing.
     pub indices: Vec<usize>,
-    /// The smallest singular value of the stacked rows, on the directions that all candidates show.
+    /// The smallest singular value of the stacked rows, on the directions that all candidates determine.
     pub singular_value: f64,
-    /// How many directions they are.
+    /// The number of these directions.
     pub rank: usize,
 }
 
-/// The samples on the directions that they show: `Z_j` `(n, r)`.
+/// The samples on the directions that they determine: `Z_j` `(n, r)`.
 struct Candidates {
     z: Vec<f64>,
     n: usize,
@@ -91,7 +91,8 @@ pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selectio
     Ok(Selection { indices: chosen, singular_value, rank: candidates.r })
 }
 
-/// The samples on an orthonormal basis of what they show together. Columns are scaled to one length before that is judged.
+/// The samples on an orthonormal basis of the directions that they determine together. Columns are scaled to length one before the rank
+/// decision.
 fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     let mut gram = memory::zeros(p * p)?;
     for row in rows.chunks_exact(p) {
@@ -112,7 +113,7 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     if kept == 0 {
         return Err(Error::input("samples", "show nothing: expected a record of motion, got zeros"));
     }
-    // W x = 0 where D^-1 of the scaled null space is; what is shown is orthogonal to that: D times the scaled range.
+    // The null space of W is D^-1 times that of the scaled W. The determined directions are orthogonal to it: D times the scaled range.
     let range: Vec<Vec<f64>> =
         vectors.chunks_exact(p).rev().take(kept).map(|u| u.iter().zip(&lengths).map(|(u, d)| u * d).collect()).collect();
     let spread: Vec<f64> = (0..p * p).map(|k| range.iter().map(|u| u[k / p] * u[k % p]).sum()).collect();
@@ -159,7 +160,7 @@ fn exchange(candidates: &Candidates, chosen: &mut [usize]) -> Result<()> {
         free[j] = false;
         candidates.add(j, 1.0, &mut gram);
     }
-    // Each exchange makes sigma^2 larger by a thousandth at least; most end after a few.
+    // Each exchange increases sigma^2 by at least a thousandth; most searches end after a few.
     for _ in 0..20 * chosen.len() {
         look();
         let (sigma, u) = candidates.smallest(&gram)?;

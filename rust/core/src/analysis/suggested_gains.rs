@@ -1,6 +1,6 @@
 //! Gains for a bandwidth `w` and a damping ratio `z`, from the mass matrix over the workspace.
 //!
-//! Computed torque decouples the joints, `e'' + kd e' + kp e = 0`: `kp = w^2`, `kd = 2 z w`. Laws whose gains are torques get
+//! Computed torque decouples the joints, `e'' + kd e' + kp e = 0`: `kp = w^2`, `kd = 2 z w`. For laws whose gains are torques,
 //!
 //! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, `s` the least number with `M(q) <= diag(m)` at all samples.
 //!
@@ -21,18 +21,18 @@ use std::fmt;
 /// Configurations at which the mass matrix is evaluated.
 pub const SAMPLES: usize = 512;
 
-/// Gains, and what they promise.
+/// Gains, and the limits that follow from them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SuggestedGains {
-    /// Wanted bandwidth, rad/s.
+    /// Requested bandwidth, rad/s.
     pub bandwidth: f64,
-    /// Wanted damping ratio.
+    /// Requested damping ratio.
     pub damping_ratio: f64,
     /// How long a sampled law holds its input, s.
     pub sample_time: Option<f64>,
     /// `m` `(n,)`, kg m^2 or kg.
     pub inertia: Vec<f64>,
-    /// The least `l`: how much lighter than `m` the lightest direction of any sample is, in (0, 1].
+    /// The least `l` of all samples, in (0, 1]: the inertia of the lightest direction relative to `m`.
     pub lightest: f64,
 }
 
@@ -66,7 +66,7 @@ impl SuggestedGains {
             let root = z * z - l;
             if root < 0.0 { (z * w / l, w / l.sqrt()) } else { (w / (z + root.sqrt()), w * (z + root.sqrt()) / l) }
         };
-        // Decay rises up to l = z^2 and falls from there: the least is at an end.
+        // The decay rate increases up to l = z^2 and then decreases, so its least value is at an end.
         let (light, heavy) = (of(self.lightest), of(1.0));
         (light.0.min(heavy.0), light.1.max(heavy.1))
     }
@@ -146,7 +146,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
         (most, least) = (most.max(values[n - 1]), least.min(values[0]));
         Ok(())
     })?;
-    // Rounding leaves some n eps of the largest eigenvalue.
+    // The rounding error is some n eps of the largest eigenvalue.
     if !(least > 4.0 * n as f64 * f64::EPSILON * most) {
         let problem = "has a mass matrix that is not positive definite: expected M(q) > 0 within the joint limits";
         return Err(Error::input("arm", format!("{problem}, got an eigenvalue {least:e} of 1")));
@@ -154,7 +154,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
     Ok((largest.iter().map(|m| most * m).collect(), least / most))
 }
 
-/// Numbers with four digits in brackets.
+/// A list of numbers with four digits, in brackets.
 fn shown(values: &[f64]) -> String {
     format!("[{}]", values.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(", "))
 }

@@ -9,7 +9,7 @@ use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// Steps, accepted or not, after which a run is given up.
+/// Steps, accepted or not, after which a run ends.
 pub const MAX_STEPS: u64 = 10_000_000;
 
 /// Work done so far.
@@ -21,17 +21,17 @@ pub struct Work {
     pub steps: u64,
     /// Rejected steps.
     pub rejections: u64,
-    /// Of an implicit method: evaluations of the Jacobian, and decompositions of real or complex matrices.
+    /// For an implicit method: evaluations of the Jacobian.
     pub jacobians: u64,
     /// Decompositions of matrices.
     pub factorisations: u64,
-    /// Of a run that ended with [`Status::ExcessAccuracy`]: times this both tolerances can be met; else zero.
+    /// For a run that ended with [`Status::ExcessAccuracy`]: the factor that makes both tolerances feasible; else zero.
     pub coarsen: f64,
 }
 
 /// The error allowed per step.
 pub trait Accuracy {
-    /// The first so many components count, at least one; others follow (quadratures).
+    /// The number of components, from the first on, whose error counts; at least one. Others, such as quadratures, have no error control.
     fn controlled(&self) -> usize;
     /// The smallest relative error.
     fn rtol(&self) -> f64;
@@ -89,7 +89,7 @@ impl Accuracy for Tolerances {
 /// where the input or the state jumps. The next one begins there, with a jump of the state made through `x_mut`.
 pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     /// Begin a segment from the state `x` at `t < t_end`. `input_end` is the latest time at which the input is taken:
-    /// `t_end`, or just before it where the input jumps there. Fails where the state or its derivative is not finite.
+    /// `t_end`, or just before it if the input jumps there. Fails if the state or its derivative is not finite.
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status>;
     /// One accepted step; `true` at the end of the segment.
     fn step(&mut self, system: &mut F) -> Result<bool, Status>;
@@ -107,8 +107,8 @@ pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     fn x_mut(&mut self) -> &mut B;
     /// The work done so far.
     fn work(&self) -> Work;
-    /// Largest step from now on (infinite at first).
+    /// Set the largest step from now on (infinite at first).
     fn limit_step(&mut self, h_max: f64);
-    /// The step of the next segment's start, instead of a guess.
+    /// Set the first step of the next segment, instead of a guess.
     fn first_step(&mut self, h: f64);
 }

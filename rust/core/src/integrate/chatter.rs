@@ -2,8 +2,8 @@
 //!
 //! There is no solution in the classical sense, and every tolerance only shortens the steps: `x' = -sign(x)` from the time at which
 //! `x = 0`. From time to time the slope is compared with the one a step ahead, `f(x + d)`, `d = f(x) max(h, 1/|f(x)|)`, in units of
-//! the allowed error. Where they differ, `[x, x + d]` is halved, and the half kept in which the slope changes more. A smooth change
-//! shrinks with the interval, a jump remains. A run may spend [`System::chatter_budget`] attempts so.
+//! the allowed error. If they differ, `[x, x + d]` is halved repeatedly, and the half in which the slope changes more is kept. A smooth
+//! change decreases with the interval, a jump remains. A run may spend [`System::chatter_budget`] attempts in this way.
 
 use super::adaptive::{Accuracy, Work};
 use super::step_controller::{StepController, finite};
@@ -13,15 +13,15 @@ use crate::status::Status;
 
 /// Attempts between two checks.
 const WINDOW: u64 = 500;
-/// A step that moves the state by more allowed errors than this is not held up by a jump.
+/// A step that moves the state by more allowed errors than this is not limited by a jump.
 const MOVES: f64 = 1e3;
-/// A change of slope that shifts the state by less of the allowed error than this in one step is no hindrance.
+/// A change of slope is ignored if it moves the state in one step by less than this fraction of the allowed error.
 const NOTICED: f64 = 0.1;
-/// Halvings of the interval. A slope that changes within `2^-30` of it may as well jump.
+/// Halvings of the interval. A slope that changes within `2^-30` of it counts as a jump.
 const HALVINGS: usize = 30;
-/// The part of the change that remains of a jump, or of two in one interval.
+/// The fraction of the change that must remain for a jump, or for two in one interval.
 const REMAINS: f64 = 0.25;
-/// A jump exceeds the rounding errors of the slope so many times.
+/// A jump exceeds the rounding errors of the slope by this factor.
 const NOISE: f64 = 10.0;
 
 #[derive(Clone, Debug)]
@@ -42,12 +42,12 @@ impl<B: Clone> Chatter<B> {
         Chatter { look_at: WINDOW, spent: 0, slope, low, middle, high, at }
     }
 
-    /// Whether it is time to look again.
+    /// Whether the next check is due.
     pub fn due(&self, work: &Work) -> bool {
         work.steps + work.rejections >= self.look_at
     }
 
-    /// Before a step from `x`. `u` is scratch.
+    /// Check before a step from `x`. `u` is scratch.
     #[cold]
     #[inline(never)]
     pub fn look<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &B) -> Result<(), Status>

@@ -17,7 +17,7 @@ use crate::scalar::Real;
 use crate::status::Status;
 use std::marker::PhantomData;
 
-/// The tableau of an explicit method whose first slope is known, and what is its own: the norm of its error and its dense output.
+/// The tableau of an explicit method whose first slope is known, with the norm of its error and its dense output.
 pub trait Scheme {
     /// Stages after the first. The argument of the last one is the new state.
     const STAGES: usize;
@@ -42,7 +42,7 @@ pub trait Scheme {
     /// It uses the change `delta` over the step, the slopes `f` at its ends, and the rows.
     fn dense<S: Real>(at: (S, S), h: S, delta: S, f: [S; 2], row: impl Fn(usize) -> S) -> S;
 
-    /// The results of an attempt. `slope(k, y, dx)` is asked for the slope of stage `k + 1` at the state `y`.
+    /// The results of an attempt. `slope(k, y, dx)` computes the slope of stage `k + 1` at the state `y`.
     fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
         let Attempt { h, x, slopes, y, estimates, .. } = attempt;
         for i in 1..=Self::STAGES {
@@ -91,7 +91,7 @@ pub struct Embedded<C, B, U, T = Tolerance> {
     x: B,
     x_old: B,
     u: U,
-    /// The time of `u`, NaN when there is none to reuse.
+    /// The time of `u`, NaN if it cannot be reused.
     u_time: f64,
     /// Whether `rows` belong to the last step.
     dense_ready: bool,
@@ -208,7 +208,7 @@ where
             self.u_time = f64::NAN;
             self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
         }
-        // The slopes of the last step served its dense output until now.
+        // The dense output used the slopes of the last step until now.
         if self.controller.t > self.controller.t_old {
             self.k.swap(0, C::STAGES);
             self.controller.t_old = self.controller.t;

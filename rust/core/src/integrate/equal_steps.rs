@@ -1,7 +1,7 @@
-//! Explicit Runge-Kutta methods of fixed step whose stages each need the last slope alone:
+//! Explicit Runge-Kutta methods of fixed step in which each stage uses only the last slope:
 //!
-//! `k_i = f(t + c_i h, x + a_i h k_{i-1})`, `x += h/d sum_i b_i k_i`. The input is taken once per distinct `c`, and the end's serves the
-//! next step.
+//! `k_i = f(t + c_i h, x + a_i h k_{i-1})`, `x += h/d sum_i b_i k_i`. The input is taken once per distinct `c`. The input at the end is
+//! reused by the next step.
 
 use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
@@ -35,7 +35,7 @@ pub struct Explicit<C, B, U> {
     sum: B,
     /// The input at each instant.
     inputs: Vec<U>,
-    /// The time of the last one, NaN when there is none to reuse.
+    /// The time of the last one, NaN if it cannot be reused.
     end_time: f64,
     tableau: PhantomData<C>,
 }

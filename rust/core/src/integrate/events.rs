@@ -2,7 +2,7 @@
 //!
 //! An event is a change of sign from one accepted step to the next. Rising: `g` was last negative and is now zero or positive.
 //! Falling: the reverse. A `g` that starts at zero has no sign until it differs from zero. Two changes within one step
-//! cancel and are missed: limit the step where that matters. The root is bracketed until no time lies between its ends.
+//! cancel and are missed: limit the step if that matters. The root is bracketed until no time lies between its ends.
 //! The method is that of Chandrupatla 1997: inverse quadratic interpolation where it is safe, bisection elsewhere. The
 //! later end is the event, so that a run that starts there begins on the new side.
 
@@ -46,7 +46,7 @@ pub struct Crossing {
 pub struct Watch<B> {
     events: Vec<Event>,
     counts: Vec<usize>,
-    /// Sign last seen, zero for none yet.
+    /// The last sign, zero before the first one.
     signs: Vec<f64>,
     values: Vec<f64>,
     /// The crossings of the last step, in order of time.
@@ -121,13 +121,13 @@ impl<B: Buffer<f64>> Watch<B> {
     }
 }
 
-/// The later end of a bracket of a root of `g` between `a` and `b` that no number divides.
+/// The later end of a bracket of a root of `g` between `a` and `b`, with no number between its ends.
 pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> f64 {
     // `b` is the newest point, `a` the one on the other side of the root, `c` the one before.
     let (mut a, mut b) = (b, a);
     let mut c;
     let mut part = 0.5;
-    // Bisection alone ends after at most as many steps as there are numbers, and NaN also ends it.
+    // Bisection alone ends after at most 200 steps, because there are no more bits to halve. NaN also ends it.
     for _ in 0..200 {
         let middle = a.0 + part * (b.0 - a.0);
         let inside = |t: f64| (t > a.0 && t < b.0) || (t > b.0 && t < a.0);

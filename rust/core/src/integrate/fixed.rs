@@ -143,7 +143,7 @@ where
     fn work(&self) -> Work {
         self.work
     }
-    /// The step is fixed: no limit, no guess.
+    /// The step is fixed, so a limit has no effect.
     fn limit_step(&mut self, _: f64) {}
     fn first_step(&mut self, _: f64) {}
 }

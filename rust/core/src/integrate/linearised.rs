@@ -8,23 +8,23 @@ use crate::scalar::{Duals, Real};
 
 /// A right-hand side on dual numbers.
 pub trait DualSystem<V: Real>: System<Duals<V>> {
-    /// The input at `t`, moving at its time derivative along direction 0.
+    /// The input at `t`; its derivative along direction 0 is its time derivative.
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
-    /// Hold what a sampled loop holds: its input and the rate of its law.
+    /// Hold the input of a sampled loop, and the rate of its law.
     fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}
-    /// Let switches do what those of the system on plain numbers do.
+    /// Set the switches to the states of the system on plain numbers.
     fn follow(&mut self, _sides: &[i8]) {}
-    /// Whether the input never moves.
+    /// Whether the input is constant.
     fn autonomous(&self) -> bool {
         false
     }
-    /// How many components at the start of `n` the slope depends on: the rates along others, such as quadratures, are zero.
+    /// The number of components, from the first on, that the slope depends on. The derivatives along others, such as quadratures, are zero.
     fn leading(&self, n: usize) -> usize {
         n
     }
 }
 
-/// A system and its twin on dual numbers: together they are [`Differentiable`].
+/// A system, and the same system on dual numbers. Together they are [`Differentiable`].
 pub struct Linearised<F, G, V: Real, X, U> {
     /// The system on plain numbers.
     pub system: F,

@@ -1,4 +1,4 @@
-//! The methods by name: one table. What a caller does with a method is written once for each of four kinds, whichever method it is.
+//! The table of the methods by name. A caller needs code only for each of the four kinds, not for each method.
 
 use super::{
     Accuracy, Adaptive, Advance, Differentiable, Dop853, Dopri5, EqualSteps, Euler, FixedStep, Forward1, Kutta4, Order8, Pair54, Radau5,
@@ -16,7 +16,7 @@ macro_rules! methods {
             $($($(#[$text])* $method,)*)*
         }
 
-        /// What a method needs and who chooses its steps.
+        /// Whether a method is explicit or implicit, and whether its steps are fixed or adaptive.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Kind {
             $($(#[$doc])* $kind($kind),)*
@@ -61,7 +61,7 @@ methods! {
         /// The classical Runge-Kutta method, order 4.
         Rk4 "rk4",
     }
-    /// By the derivatives of the system, by steps of one size.
+    /// Implicit, by steps of one size.
     ImplicitSteps {
         /// An L-stable Rosenbrock method of order 2.
         Ros2 "ros2",
@@ -73,7 +73,7 @@ methods! {
         /// Dormand and Prince, order 8.
         Dop853 "dop853",
     }
-    /// With derivatives of the system and adaptive steps.
+    /// Implicit, with adaptive steps.
     ImplicitAdaptive {
         /// Radau IIA, order 5.
         Radau5 "radau5",
@@ -105,7 +105,7 @@ impl Method {
         }
     }
 
-    /// Evaluations of the right-hand side in a step of fixed size; `None` for a method that chooses its steps.
+    /// Evaluations of the right-hand side in a step of fixed size; `None` for an adaptive method.
     pub fn evaluations_per_step(self) -> Option<u64> {
         match self.kind() {
             Kind::ExplicitSteps(method) => Some(method.evaluations()),
@@ -114,7 +114,7 @@ impl Method {
         }
     }
 
-    /// Whether it solves linear equations alone, and so needs `df/dt` too.
+    /// Whether it solves only linear equations, and therefore requires `df/dt` too.
     pub fn is_rosenbrock(self) -> bool {
         match self.kind() {
             Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
@@ -122,7 +122,7 @@ impl Method {
         }
     }
 
-    /// Whether its order rests on derivatives that are exact. `radau5` iterates; `ros2` keeps its order with any matrix.
+    /// Whether its order requires exact derivatives. `radau5` iterates; `ros2` keeps its order with any matrix.
     pub fn needs_exact_derivatives(self) -> bool {
         match self.kind() {
             Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) => false,
@@ -132,21 +132,21 @@ impl Method {
     }
 }
 
-/// What is done by a method of fixed steps.
+/// A task for a method of fixed steps.
 pub trait WithSteps<S: Real, F: System<S>> {
-    /// What it gives.
+    /// The result.
     type Output;
 
-    /// Do it.
+    /// Run the task.
     fn with<M: FixedStep<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, x: Vec<S>, method: M) -> Self::Output;
 }
 
-/// What is done by an explicit method of fixed steps, whose stages can be recorded. What any method of fixed steps does is one case.
+/// A task for an explicit method of fixed steps, whose stages can be recorded. A task for any method of fixed steps is a special case.
 pub trait WithExplicitSteps<S: Real, F: System<S>> {
-    /// What it gives.
+    /// The result.
     type Output;
 
-    /// Do it.
+    /// Run the task.
     fn with_explicit<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
         self,
         system: F,
@@ -187,7 +187,8 @@ impl ExplicitSteps {
         }
     }
 
-    /// For `system` from the state `x`, with memory for inputs such as `u`. It refuses a system that the method cannot integrate.
+    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`. It refuses a system that the method cannot
+    /// integrate.
     pub fn apply<S, F, T>(self, system: F, x: Vec<S>, u: F::Input, task: T) -> Result<T::Output>
     where
         S: Real,
@@ -214,7 +215,7 @@ impl ImplicitSteps {
         }
     }
 
-    /// For `system` from the state `x`, with memory for inputs such as `u`.
+    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`.
     pub fn apply<F, T>(self, system: F, x: Vec<f64>, u: F::Input, task: T) -> T::Output
     where
         F: Differentiable<f64, Input: Send + Sync + 'static>,
@@ -230,26 +231,26 @@ impl ImplicitSteps {
     }
 }
 
-/// What is done by a method that chooses its steps.
+/// A task for an adaptive method.
 pub trait WithAdaptive<S: Real, F: System<S>> {
-    /// What it gives.
+    /// The result.
     type Output;
 
-    /// Do it.
+    /// Run the task.
     fn with<M: Adaptive<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, method: M) -> Self::Output;
 }
 
-/// What is done with the stages of an explicit method that chooses its steps.
+/// A task for the stages of an adaptive explicit method.
 pub trait WithScheme {
-    /// What it gives.
+    /// The result.
     type Output;
 
-    /// Do it.
+    /// Run the task.
     fn with<C: Scheme>(self) -> Self::Output;
 }
 
 impl ExplicitAdaptive {
-    /// For `system` from the state `x`, with memory for inputs such as `u`.
+    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`.
     pub fn apply<S, F, A, T>(self, system: F, accuracy: A, x: Vec<S>, u: F::Input, task: T) -> T::Output
     where
         S: Real,
@@ -273,7 +274,7 @@ impl ExplicitAdaptive {
 }
 
 impl ImplicitAdaptive {
-    /// For `system` from the state `x`, with memory for inputs such as `u`.
+    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`.
     pub fn apply<F, A, T>(self, system: F, accuracy: A, x: Vec<f64>, u: F::Input, task: T) -> T::Output
     where
         F: Differentiable<f64, Input: Send + Sync + 'static>,

@@ -1,7 +1,7 @@
 //! Initial-value problems `x' = f(u(t), x)`: one method per file, each generic over the number it runs on.
 //!
-//! The exogenous input `u(t)` (desired motion, applied force) is asked for once per distinct stage time; for
-//! a plain `x' = f(t, x)` it is the time itself.
+//! The exogenous input `u(t)` (desired motion, applied force) is evaluated once per distinct stage time. For
+//! a plain `x' = f(t, x)` it is the time.
 
 pub mod adaptive;
 mod chatter;
@@ -50,7 +50,7 @@ pub use tableau::Tableau;
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 
-/// What is integrated.
+/// The system that is integrated.
 pub trait System<S: Real> {
     /// The exogenous signal at one instant.
     type Input: Clone;
@@ -59,38 +59,38 @@ pub trait System<S: Real> {
     fn input(&mut self, t: f64, u: &mut Self::Input);
     /// The right-hand side `dx = f(u, x)`.
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
-    /// An attempt of an explicit method all at once; false where it is to be made stage by stage.
+    /// Compute all stages of an attempt of an explicit method at once; false if they must be computed one by one.
     fn attempt<C: Scheme, B: Buffer<S>>(&mut self, _: &mut Attempt<S, B>) -> bool {
         false
     }
-    /// Attempts that an adaptive method may spend along a jump of the slope before the run is given up.
+    /// Attempts that an adaptive method may spend along a jump of the slope before the run ends.
     fn chatter_budget(&self) -> u64 {
         500_000
     }
-    /// Called with the state at every sample of a sampled loop: what is held until the next one.
+    /// Take a sample of a sampled loop, and hold its result until the next one.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
-    /// A fixed step begins at `t` and `x`: what switches there. Returns whether the slope jumps.
+    /// Switch at `t` and `x`, where a fixed step begins. Returns whether the slope jumps.
     fn enter_step(&mut self, _t: f64, _x: &[S]) -> bool {
         false
     }
-    /// A fixed step has ended at `x`, which may be put where the system switches; whether it was.
+    /// Switch at `x`, where a fixed step has ended. This may move `x` to the switch. Returns whether it did.
     fn leave_step(&mut self, _x: &mut [S]) -> bool {
         false
     }
-    /// What switches of the system do, for its twin.
+    /// The states of the system's switches, for the same system on dual numbers.
     fn sides(&mut self) -> &[i8] {
         &[]
     }
-    /// Add the state at `t` to what `x` carries behind it of a run that is summed up; `h`: the time to the next step, zero at the end.
+    /// Add the state at `t` to the sums after it in `x`, for a run with metrics. `h` is the time to the next step, zero at the end.
     fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
-    /// Note the state at `t` as record `i`, of a run whose records are noted within its steps.
+    /// Note the state at `t` as record `i`, for a run whose records are noted within its steps.
     fn note(&mut self, _i: usize, _t: f64, _x: &[S]) {}
-    /// What is held since the last sample: the input and the rate of the law; `None` where nothing is.
+    /// The held input and rate of the law since the last sample; `None` if nothing is held.
     fn held(&self) -> Option<(&[S], &[S])> {
         None
     }
-    /// The component that is the rate of component `i`, where there is one: `x_i' = x_k` gives `Some(k)`.
-    /// Positions have their velocities; a method that treats the two apart needs to know.
+    /// The component that is the rate of component `i`, if there is one: `x_i' = x_k` gives `Some(k)`.
+    /// Methods that treat positions and velocities differently require this.
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.pairs().rate_of(i)
     }
@@ -98,21 +98,21 @@ pub trait System<S: Real> {
     fn is_reversed(&self) -> bool {
         false
     }
-    /// The positions and rates that the state begins with; none where they stand otherwise.
+    /// The number of leading positions, followed by their rates; none for a state in another order.
     fn pairs(&self) -> Pairs {
         Pairs::default()
     }
 }
 
-/// What an attempt of an explicit method is made of.
+/// The data of an attempt of an explicit method.
 pub struct Attempt<'a, S, B> {
     /// The step, s.
     pub h: S,
-    /// When the stages after the first take their inputs.
+    /// The times of the inputs of the stages after the first.
     pub times: &'a [f64],
     /// The state at the start of the step.
     pub x: &'a [S],
-    /// Those of all stages: the first is given, the others are results.
+    /// The slopes of all stages: the first is an argument, the others are results.
     pub slopes: &'a mut [B],
     /// The new state, a result.
     pub y: &'a mut [S],
@@ -120,23 +120,23 @@ pub struct Attempt<'a, S, B> {
     pub estimates: &'a mut [B],
 }
 
-/// A system that knows its derivatives, as implicit methods need them. `n` is the number of states.
+/// A system with derivatives, for implicit methods. `n` is the number of states.
 pub trait Differentiable<S: Real>: System<S> {
-    /// The slope into `dx`, as `rhs` gives it, and `df/dx` into `j`, `(n, n)` row-major. `u` is the input at `t`.
+    /// Write the slope of `rhs` to `dx`, and `df/dx` to `j`, `(n, n)` row-major. `u` is the input at `t`.
     fn linearise(&mut self, t: f64, u: &Self::Input, x: &[S], dx: &mut [S], j: &mut [S]);
-    /// `df/dt` at fixed `x`, which comes from the input's own motion, into `dft`, `(n,)`. `u` is the input at `t`.
+    /// Write `df/dt` at fixed `x`, which results from the change of the input, to `dft`, `(n,)`. `u` is the input at `t`.
     fn time_derivative(&mut self, t: f64, u: &Self::Input, x: &[S], dft: &mut [S]);
-    /// Whether the input never moves, so that `df/dt` is zero and is not asked for.
+    /// Whether the input is constant. Then `df/dt` is zero and is not computed.
     fn autonomous(&self) -> bool {
         false
     }
-    /// Whether the caller wants to stop: asked during long decompositions.
+    /// Whether the caller requests a stop: checked during long decompositions.
     fn stopped(&mut self) -> bool {
         false
     }
 }
 
-/// The arithmetic of a step apart from its clock: the inputs are there, and the step may differ between lanes.
+/// The arithmetic of a step without its times: the inputs are already set, and the step may differ between lanes.
 pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
     /// The instants of the inputs, as parts of the step, increasing.
     const INSTANTS: &'static [f64];
@@ -154,19 +154,19 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
     }
 }
 
-/// Where a state lives: an array for small closed-form systems, the heap for any other.
+/// The storage of a state: an array for small closed-form systems, the heap for others.
 pub trait Buffer<S>: Clone + AsRef<[S]> + AsMut<[S]> {}
 impl<S, B: Clone + AsRef<[S]> + AsMut<[S]>> Buffer<S> for B {}
 
 /// A method of fixed step.
 pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
     /// Advance `x` from `t` to `t + h`. `end` is the time at which the input at the end is taken: `t + h`, or
-    /// just before it where the input jumps there.
+    /// just before it if the input jumps there.
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B);
-    /// Advance `x` by `count` steps of `h` from the time `first h` on, all at once; false where the method only knows single steps.
+    /// Advance `x` by `count` steps of `h` from the time `first h` on, all at once; false if the method only has single steps.
     fn stride(&mut self, _system: &mut F, _first: usize, _count: usize, _h: f64, _x: &mut B) -> bool {
         false
     }
-    /// Forget what was kept of the previous step: the input or the state has jumped.
+    /// Discard the stored values of the previous step, because the input or the state has jumped.
     fn restart(&mut self);
 }

@@ -23,7 +23,7 @@ use crate::status::Status;
 const ITERATIONS: usize = 6;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
-/// A step that would grow less keeps its length, and with it the decompositions.
+/// A step that would grow by less than this keeps its length, so that the decompositions can be reused.
 const WORTHWHILE: f64 = 1.2;
 /// Rounding of the error estimate in units of that of one slope, `|(1, e A)|`.
 const GAIN: f64 = 2.0;
@@ -54,7 +54,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     complex_work: Vec<Complex<S>>,
     real_pivots: Vec<usize>,
     complex_pivots: Vec<usize>,
-    /// The step that the decompositions are for; NaN for none.
+    /// The step of the decompositions; NaN without one.
     h_factored: f64,
     /// Whether the Jacobian is that of the present state.
     current: bool,
@@ -113,7 +113,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.h_factored = f64::NAN;
     }
 
-    /// The slope of the state itself from that of its rounded numbers.
+    /// Correct the slope at the rounded numbers to that of the compensated state.
     fn compensate_slope(&mut self) {
         if self.rounding.compensated {
             add_product(&self.jacobian, self.rounding.rest.as_ref(), self.slope.as_mut());
@@ -156,9 +156,9 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         transform(&T_INVERSE, &self.z, &mut self.w);
     }
 
-    /// After a step of `h` was rejected: whether rounding is the reason.
+    /// Check after a rejected step of `h` whether rounding is the reason.
     fn rejected<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Result<(), Status> {
-        // Without a decomposition for this step nothing can be said.
+        // This check requires a decomposition for this step.
         if !self.rounding.rejected() || self.h_factored != h {
             return Ok(());
         }
@@ -191,7 +191,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
-    /// Into `f[0]` the slope at the start moved by the first error estimate, whose stiff components are too large.
+    /// Write to `f[0]` the slope at the start, moved by the first error estimate, whose stiff components are too large.
     fn filter<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
         let (x, filtered, rest) = (self.x.as_ref(), self.error.as_ref(), self.rounding.rest.as_ref());
         let [slope, at, lost] = &mut self.f;
@@ -206,13 +206,13 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.work.evaluations += 1;
     }
 
-    /// `error^(-1/4)`, less where the last step's error says that it rises.
+    /// `error^(-1/4)`, reduced if the error has increased since the last step.
     fn predict(&self, h: f64, error: f64) -> f64 {
         let trend = match self.last {
             Some((h_old, error_old)) if error > 0.0 => (h / h_old * (error_old / error).powf(0.25)).min(1.0),
             _ => 1.0,
         };
-        // An error of zero lets the step grow as far as it may.
+        // With an error of zero the step grows by the largest factor.
         (trend * error.powf(-0.25)).min(1e10)
     }
 }
@@ -299,7 +299,7 @@ where
             if !renew && factor < WORTHWHILE {
                 factor = 1.0;
             }
-            // The step as first proposed: after rejections the next one is held back for one more step.
+            // The step that was proposed first. So after rejections the growth is limited for one more step.
             self.last = Some((h_begun, error));
             self.controller.accept(t_new, h * factor);
             std::mem::swap(&mut self.x_old, &mut self.x);

@@ -41,11 +41,12 @@ const DENSE: [[f64; 5]; 2] = [
     [10.12623508344586, -7.487995877610167, -34.80091861555747, -7.992771707568823, 1.025137723295662],
     [-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872],
 ];
-/// Rounding of `u_6` in units of that of one slope, `|row 6 of (I - g c)^-1|`: from 1 where `J` outweighs `1/h` to 11 where it is nothing.
+/// Rounding of `u_6` in units of that of one slope, `|row 6 of (I - g c)^-1|`: from 1 for `J` much larger than `1/h` to 11 for a negligible
+/// `J`.
 const GAIN: f64 = 5.0;
 const CONTROL: Control = Control { safety: 0.9, alpha: 0.25, beta: 0.0, shrink: 0.2, grow: 6.0 };
 
-/// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for any other.
+/// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for others.
 pub struct Rodas4<B, M, P, U, T = Tolerance> {
     controller: StepController<T>,
     stages: [B; 6],
@@ -182,7 +183,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
-    /// After a step of `h` was rejected: whether rounding is the reason.
+    /// Check after a rejected step of `h` whether rounding is the reason.
     #[cold]
     fn look<S, F>(&mut self, system: &mut F, h: f64) -> Result<(), Status>
     where

@@ -11,7 +11,7 @@ use crate::scalar::Real;
 
 const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
-/// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for any other.
+/// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for others.
 pub struct Ros2<B, M, P, U> {
     k1: B,
     k2: B,

@@ -46,7 +46,8 @@ pub(super) fn two_sum<S: Real>(a: S, b: S) -> (S, S) {
     (sum, (a - (sum - part)) + (b - part))
 }
 
-/// Up or down, for component `c` of look `k`: without a pattern, such as one in which a position moves with its motor (splitmix64).
+/// A random direction of rounding for component `c` of measurement `k` (splitmix64). With a regular pattern, for example, a position and
+/// its motor could move together.
 fn coin(k: u64, c: u64) -> bool {
     let mut z = (k << 32 | c).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -109,7 +110,7 @@ impl<B> Rounding<B> {
         true
     }
 
-    /// Measure the rounding error of the error estimate at `x`, whose slope is known, by writing the same state with other numbers.
+    /// Measure the rounding error of the error estimate at `x`, whose slope is known, by representing the same state with other numbers.
     ///
     /// `solve` is the method's `(s I - J)^-1`, and `gain` its rounding error in units of that of one slope. `finest` is the resolution of
     /// the method in units of the tolerance. `y` and `dy` are scratch. If the rounding error may exceed the tolerance, states are

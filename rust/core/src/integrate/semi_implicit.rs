@@ -17,12 +17,12 @@ pub struct SemiImplicit<B, U> {
     u: U,
     /// `(position, its rate)`
     pairs: Vec<(usize, usize)>,
-    /// -1 where the system's time runs backwards, and positions change by minus their velocity.
+    /// -1 if the system's time runs backwards, so that positions change by minus their velocity.
     sign: f64,
 }
 
 impl<B: Clone, U: Clone> SemiImplicit<B, U> {
-    /// Refuses a system of whose components none is the rate of another.
+    /// Refuses a system without a component that is the rate of another one.
     pub fn new<S, F>(system: &F, state: B, input: U) -> Result<Self>
     where
         S: Real,

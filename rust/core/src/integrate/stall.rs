@@ -1,4 +1,4 @@
-//! The end of a run that makes no progress: at the cap on steps, or when the cap would certainly come long before the end.
+//! The end of a run that makes no progress: at the limit of steps, or earlier if the run would certainly reach this limit.
 //!
 //! An input that switches (a target out of reach, a bound) makes every step across the switch fail. The run then follows the switch in
 //! steps of the size of the tolerance. Progress is measured in windows. The run ends after ten consecutive windows at whose rate the
@@ -9,7 +9,7 @@ use crate::status::Status;
 
 /// Attempts in a window, after which the progress is measured.
 const WINDOW: u64 = 10_000;
-/// Slow windows in a row that end a run: a stiff start takes fewer.
+/// Number of consecutive slow windows that end a run. A stiff start takes fewer.
 const SLOW: u32 = 10;
 
 #[derive(Clone, Copy, Debug)]

@@ -19,9 +19,9 @@ pub struct Control {
     pub grow: f64,
 }
 
-/// Errors below this count as this in the memory of the control (Hairer's dopri5.f).
+/// Lower bound of the last error in the PI control (Hairer's dopri5.f).
 const LEAST_ERROR: f64 = 1e-4;
-/// After a stage that is not finite.
+/// The factor of the step after a stage that is not finite.
 const BLOWN: f64 = 0.2;
 
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ pub struct StepController<T> {
     /// The step proposed.
     pub h: f64,
     pub h_max: f64,
-    /// The first step asked for; zero for a guess.
+    /// The first step of the caller; zero for a guess.
     pub h_first: f64,
     pub work: Work,
     stall: StallDetector,
@@ -120,7 +120,7 @@ impl<T: Accuracy> StepController<T> {
         system.rhs(u, y.as_ref(), dy.as_mut());
         self.work.evaluations += 1;
         let dy = dy.as_ref();
-        // If the slope is not finite a little further on, the first step stays away from there.
+        // If the slope is not finite a little later, the first step is shorter than that.
         let (d2, most) = if finite(dy) {
             (self.norm(x, x, |i| dy[i] - k[i]) / h0, span)
         } else {
@@ -128,12 +128,12 @@ impl<T: Accuracy> StepController<T> {
         };
         let steepest = d1.max(d2).min(f64::MAX);
         let h1 = if steepest <= 1e-15 { (1e-3 * h0).max(1e-6) } else { (0.01 / steepest).powf(1.0 / (order + 1.0)) };
-        // The first step moves the time, whatever its limit.
+        // The first step advances the time, even with a smaller limit.
         let smallest = self.smallest();
         self.h = (100.0 * h0).min(h1).max(2.0 * smallest).min(most).min(self.h_max).max(smallest);
     }
 
-    /// The least step that still moves the time.
+    /// The least step that still advances the time.
     fn smallest(&self) -> f64 {
         10.0 * (self.t.next_up() - self.t)
     }
@@ -151,11 +151,11 @@ impl<T: Accuracy> StepController<T> {
         if !(self.h >= smallest) && self.h < left {
             return Err(if self.blown { Status::Diverged } else { Status::StepUnderflow });
         }
-        // A last step that would leave a sliver is stretched over it.
+        // If the remainder after a last step would be tiny, the step includes it.
         Ok(if self.h >= left - smallest { (left, self.t_end) } else { (self.h, self.t + self.h) })
     }
 
-    /// Whether the attempt of step `h` is accepted; the next step either way.
+    /// Whether the attempt of step `h` is accepted. In both cases the next step is set.
     pub fn judge(&mut self, error: f64, h: f64, t_new: f64, control: &Control) -> bool {
         if error < 1.0 {
             let mut factor = control.grow;
@@ -190,7 +190,7 @@ impl<T: Accuracy> StepController<T> {
     }
 }
 
-/// `x^p`; the fourth and the eighth root, which every step of a Rosenbrock method or of dop853 takes, without the library.
+/// `x^p`. The fourth and the eighth root, which Rosenbrock methods and dop853 need in every step, are square roots.
 fn power(x: f64, p: f64) -> f64 {
     match p {
         -0.25 => 1.0 / x.sqrt().sqrt(),

@@ -1,4 +1,4 @@
-//! The stages of an explicit method as numbers, for whoever differentiates a step:
+//! The stages of an explicit method as numbers, for the differentiation of a step:
 //!
 //! `k_i = f(t + c_i h, x + h sum_j a_ij k_j)`, `x + h sum_i b_i k_i` is the next state.
 //!

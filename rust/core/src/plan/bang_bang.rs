@@ -27,7 +27,7 @@ pub struct BangBangReport {
     pub t_min: f64,
     /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
     pub t_max: f64,
-    /// Least `inertia * acceleration` that the limits demand, N m.
+    /// Least `inertia * acceleration` that the limits require, N m.
     pub a_min: f64,
     /// Largest `inertia * acceleration` that the limits allow, N m.
     pub a_max: f64,
@@ -59,7 +59,7 @@ struct Answers<S> {
     numbers: [S; 4],
     /// `feasible`, `hold_start`, `hold_end`.
     flags: [S; 3],
-    /// The problem is one: see [`Link::new`] and [`check_ends`].
+    /// 1 if the problem is valid: see [`Link::new`] and [`check_ends`].
     valid: S,
 }
 
@@ -92,7 +92,7 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
     let sines = [sine(x0), sine(half * x0 + half * x1), sine(x1)];
     let b = bounds([g, low, high], &sines);
     let a_max = b.upper[0].min(b.upper[1]);
-    // Of zeros the positive one: it divides.
+    // Zero must be positive, because it is a divisor.
     let a_min = b.lower[0].max(b.lower[1]).max(zero).abs();
     let slack = S::splat(SLACK) * tau_max.max(-tau_min);
     let (hold_start, hold_end) =
@@ -110,8 +110,8 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
 
 /// The durations for which `theta0 -> thetaf` (rad) by constant acceleration and equal braking obeys the torque bounds (N m).
 ///
-/// Any start, end, direction and bounds with `tau_min <= 0 <= tau_max`; every comparison with a bound is granted
-/// `1e-12` of the larger bound. `theta0 == thetaf` takes no time and is feasible iff the pose can be held.
+/// Any start, end, direction and bounds with `tau_min <= 0 <= tau_max`; every comparison with a bound has a tolerance of `1e-12` of the
+/// larger bound. `theta0 == thetaf` takes no time and is feasible iff the pose can be held.
 #[inline]
 pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<BangBangReport> {
     check_ends(theta0, thetaf)?;
@@ -177,7 +177,7 @@ impl GenericKernel for Batch<'_, '_> {
 }
 
 /// [`bang_bang_time`] of many problems in lanes, to the bit. `columns`: `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`, one
-/// number for all or one for each. An error comes with the first index it holds for.
+/// number for all or one for each. An error has the index of the first bad problem.
 pub fn bang_bang_times(columns: [&[f64]; 6], mut to: BangBangTimes) -> std::result::Result<(), (usize, Error)> {
     let Some(bad) = run_lanes(Batch { columns, to: &mut to }) else { return Ok(()) };
     let [theta0, thetaf, inertia, g, tau_min, tau_max] = columns.map(|column| if let [x] = column { *x } else { column[bad] });
@@ -213,7 +213,7 @@ impl BangBangReport {
         let gap = if upper { b.upper[1] - b.upper[0] } else { b.lower[0] - b.lower[1] };
         let tie = self.link.slack();
         let second = gap < -tie;
-        // Phase 1 meets its upper torque bound when a is too large, phase 2 its lower one.
+        // If a is too large, phase 1 exceeds its upper torque bound, and phase 2 its lower one.
         let top = upper != second;
         let (from, to) = if second { (1, 2) } else { (0, 1) };
         let crest = top == (along.gravity_moment >= 0.0);

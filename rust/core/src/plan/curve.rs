@@ -15,13 +15,13 @@ use crate::interrupt::look;
 #[derive(Default)]
 pub(super) struct Curve {
     steps: Vec<Step>,
-    /// Of the time of the steps, s.
+    /// The unit of time of the steps, s.
     unit: f64,
     /// The distance covered while moving forward.
     pub reach: f64,
 }
 
-/// Time since rest, speed and spread somewhere on a curve.
+/// Time since rest, speed and spread at a point of a curve.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
     pub time: f64,
@@ -32,7 +32,7 @@ pub(super) struct Moment {
 const MAX_STEPS: usize = 2000;
 
 impl Curve {
-    /// From rest at `x` under `torque`, less the friction, over `distance` at most, or until it is faster than a curve that comes from there.
+    /// From rest at `x` under `torque` less friction. It ends after `distance`, or where the link is faster than on the curve `against`.
     pub fn new(x: f64, torque: f64, link: &Rough, distance: f64, against: Option<&Curve>) -> Self {
         let mut at = Progress::new(x, torque, link);
         let mut curve = Curve { steps: Vec::new(), unit: at.unit, reach: 0.0 };
@@ -72,12 +72,12 @@ impl Curve {
         curve
     }
 
-    /// At the distance `y <= reach`.
+    /// The moment at the distance `y <= reach`.
     pub fn at(&self, y: f64) -> Moment {
         let k = self.steps.partition_point(|s| s.y[0] <= y).max(1) - 1;
         let Step { time, length, y: c, spread } = &self.steps[k];
         let (mut a, mut b) = (0.0, *length);
-        // From rest the distance goes with the square of the time.
+        // Near rest the distance is proportional to the square of the time.
         let part = (y - c[0]) / (evaluate(c, b).0 - c[0]);
         let mut h = length * if k == 0 { part.max(0.0).sqrt() } else { part.max(0.0) }.min(1.0);
         let mut last = f64::INFINITY;
@@ -129,13 +129,13 @@ pub(super) struct Leg<'a> {
 }
 
 impl Leg<'_> {
-    /// The distances between which both curves are, if they are anywhere together.
+    /// The interval of distances that both curves cover, if there is one.
     fn overlap(&self) -> Option<[f64; 2]> {
         let (a, b) = (self.distance - self.brake.reach.min(self.distance), self.push.reach.min(self.distance));
         (a < b).then_some([a, b])
     }
 
-    /// By how much the push is ahead, in squares of the speed.
+    /// The squared speed of the push minus that of the brake.
     fn lead(&self, y: f64) -> f64 {
         self.push.at(y).speed.powi(2) - self.brake.at(self.distance - y).speed.powi(2)
     }

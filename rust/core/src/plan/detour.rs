@@ -3,8 +3,8 @@
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
-/// A lower bound of the time out and back to `x0`, over `2 sqrt(e)`. `p_+` and `p_-` are the largest net torques up and down:
-/// `sqrt((p_+ + p_-)/(p_+ p_-))` out, `sqrt(1/p_+)` back.
+/// A lower bound of the time from `x0` to the turn and back, over `2 sqrt(e)`. `p_+` and `p_-` are the largest net torques up and down:
+/// `sqrt((p_+ + p_-)/(p_+ p_-))` to the turn, `sqrt(1/p_+)` back.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
     (((up + down) / down).sqrt() + 1.0) / up.sqrt()
 }
@@ -12,7 +12,7 @@ pub(super) fn detour(up: f64, down: f64) -> f64 {
 /// The push of a monotone motion.
 pub(super) struct Push {
     length: f64,
-    /// No more than the mean net torque over any first part of it.
+    /// A lower bound of the mean net torque over every first part of the push.
     mean: f64,
 }
 
@@ -28,7 +28,8 @@ impl Push {
         Push { length, mean }
     }
 
-    /// The way of a swing beyond which the detour costs more than it gains, the push then starting with `K0 < p_+ e`, not at rest:
+    /// The distance of a swing beyond which the detour costs more time than it gains. The push then starts with `K0 < p_+ e` instead of at
+    /// rest:
     ///
     /// ```text
     /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]

@@ -12,9 +12,9 @@
 //!
 //! Let `phi` be `exp(-d t / 2I)` times the adjoint, whose zeros are the switches: `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`. Sturm's comparison
 //! holds for `phi`. So an overdamped link, `d^2 >= 4 I |G|`, switches at most once. This includes Coulomb friction. Where the motion reverses,
-//! Coulomb friction reduces the acceleration, and with it `phi_dot/phi - d/2I`. A `phi` that has left zero continues to grow.
+//! Coulomb friction reduces the acceleration, and with it `phi_dot/phi - d/2I`. After a zero, `|phi|` only grows.
 //!
-//! With one switch the motion is monotone. From rest, such a link never swings beyond the place where gravity holds its torque, because
+//! With one switch the motion is monotone. From rest, such a link never swings beyond the equilibrium of gravity and torque, because
 //! `v < 2 K_dot(x)/d` remains true. So only a brake ends at rest.
 
 use super::curve::{Curve, Leg, Meeting};
@@ -39,7 +39,7 @@ struct Search {
     link: Rough,
     /// Whether the monotone motion is possible.
     straight: bool,
-    /// The outer phases, and how far back both may come from.
+    /// The outer phases, and the largest distance back that both cover.
     leaves: Curve,
     arrives: Curve,
     most: f64,
@@ -53,11 +53,11 @@ struct Trial {
 }
 
 impl Search {
-    /// None where the start can't be left backwards, or nothing comes to rest at the end.
+    /// None if the link cannot move backwards from the start, or cannot come to rest at the end.
     fn new(x0: f64, x1: f64, up: f64, down: f64, link: Rough, straight: bool, bound: f64) -> Option<Self> {
         let mut search = Search { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
         let (distance, back) = (x1 - x0, link.backwards());
-        // A little farther than the search goes, so that the end of an integration is not taken for an edge.
+        // A little farther than the search, so that the end of an integration does not count as an edge.
         let reach = |search: &Search| 1.01 * search.farthest(bound);
         search.arrives = Curve::new(-x1, down, &back, reach(&search) + distance, None);
         search.leaves = Curve::new(-x0, down, &link, reach(&search), None);
@@ -71,20 +71,20 @@ impl Search {
         if push.abs() >= link.g.abs() {
             return if push > 0.0 { vec![(0.0, self.most)] } else { Vec::new() };
         }
-        // Backwards from rest, at x or at a crest, to where the same torque began.
+        // Integrate backwards from rest, at x or at a maximum of gravity, to the start of the same torque.
         let recovery = |x: f64| Curve::new(-x, -self.up, &link.backwards(), self.most + from, None).reach;
         let low = recovery(x);
         let (angle, crest) = Phase::new(-x, -push, link.g).least_after(low);
         Windows::new(low - from, crest - from, self.most, || recovery(-angle - BESIDE) + BESIDE).collect()
     }
 
-    /// Where the phases outwards meet. The phase to the turn runs backwards.
+    /// The meeting of the phases before the turn. The second of them runs backwards.
     fn away(&self, e: f64) -> Option<Meeting> {
         let to = Curve::new(self.x0 - e, self.up, &self.link.backwards(), e, Some(&self.leaves));
         Leg { push: &self.leaves, brake: &to, distance: e }.meeting()
     }
 
-    /// Where the phases inwards meet.
+    /// The meeting of the phases after the turn.
     fn towards(&self, e: f64) -> Option<Meeting> {
         let distance = e + self.x1 - self.x0;
         let from = Curve::new(self.x0 - e, self.up, &self.link, distance, Some(&self.arrives));
@@ -112,7 +112,8 @@ impl BackSwings for Search {
     }
 
     fn windows(&self, _farthest: f64) -> impl Iterator<Item = Window> {
-        // Friction makes the way in, the longer one, the harder one; run backwards, it may be the way out.
+        // With friction the phases after the turn are the critical ones: they are longer. In a reversed problem it may be those before the
+        // turn.
         let mut windows = self.windows_to(self.x1, self.link);
         if self.link.viscous < 0.0 || self.link.coulomb < 0.0 {
             let out = self.windows_to(self.x0, self.link.backwards());
@@ -224,7 +225,8 @@ impl Straight {
         meeting.ok_or_else(|| MonotoneReason::Apart { push: x0 + push, brake: x1 - brake, missing: self.missing() })
     }
 
-    /// By how much both torques are too small, to six digits: with gravity and friction on top of them they are not.
+    /// The missing amount of both torques, to six digits. Both are sufficient if they are larger by gravity and friction, which bounds the
+    /// search.
     fn missing(&self) -> f64 {
         let (mut less, mut more) = (0.0, self.link.g.abs() + self.link.coulomb);
         while more - less > 1e-6 * more && more > 1e-12 * self.up.max(self.down) {

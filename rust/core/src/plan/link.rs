@@ -3,7 +3,7 @@
 use super::sine::{select, sin_cos};
 use crate::error::{Error, Result, finite, positive};
 
-/// The slack that every torque limit is granted, relative to the larger bound: rounding, not disregard.
+/// The tolerance of every torque limit, relative to the larger bound: it only covers rounding.
 pub const SLACK: f64 = 1e-12;
 
 /// A link and its torque bounds. `gravity_moment` may be negative: theta is then measured from the upward vertical.
@@ -20,7 +20,8 @@ pub struct Link {
 }
 
 impl Link {
-    /// Whether the goal lies ahead. Between equal ends ahead is against gravity, so that a mirrored link has the mirrored motion.
+    /// Whether the goal is in the positive direction. For equal ends the direction is against gravity, so that a mirrored link has the
+    /// mirrored motion.
     pub fn is_ahead(&self, theta0: f64, thetaf: f64) -> bool {
         thetaf > theta0 || thetaf == theta0 && self.gravity_moment * sin_cos(theta0).0 >= 0.0
     }
@@ -45,7 +46,7 @@ impl Link {
         SLACK * self.tau_max.max(-self.tau_min)
     }
 
-    /// The link as seen along the motion, `x = direction theta`: sin is odd, so only the bounds change places.
+    /// The link in the coordinate along the motion, `x = direction theta`. Because sin is odd, only the bounds change places.
     #[inline(always)]
     pub(super) fn along(&self, forward: bool) -> Self {
         let back = u64::from(!forward);

@@ -6,7 +6,7 @@
 //! - [`torque_optimal_time_with_friction`]: the same with viscous and Coulomb friction, by integration.
 //! - [`TorqueProfile`]: the motion of that optimum, to follow.
 //!
-//! And of any arm along a given path: [`time_path`].
+//! For any arm along a path: [`time_path`].
 
 mod bang_bang;
 mod curve;

@@ -20,14 +20,14 @@ pub(super) struct Energies {
     pub push_hump: f64,
 }
 
-/// `cos x0 - cos x1` from the sines of half the sum and of half the difference: exact for moves of any smallness.
+/// `cos x0 - cos x1` from the sines of half the sum and of half the difference: accurate also for very small moves.
 #[inline]
 pub(super) fn drop(sum: f64, difference: f64) -> f64 {
     2.0 * sum * difference
 }
 
 impl Monotone {
-    /// From where `push` is at rest to where `brake` is, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
+    /// From the rest point of `push` to that of `brake`, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
     #[inline]
     pub fn between(push: Phase, brake: Phase, drop: f64) -> Self {
         let (up, down) = (push.push, brake.push);
@@ -36,7 +36,7 @@ impl Monotone {
         Monotone { push, brake, push_length, brake_length }
     }
 
-    /// Why the motion is impossible, if it is: every test is on the sign of a quantity whose size is the margin.
+    /// Why the motion is impossible, if it is: every test checks the sign of a margin.
     #[inline]
     pub fn reason(&self) -> MonotoneReason {
         let Monotone { push, brake, push_length, brake_length } = *self;
@@ -92,7 +92,7 @@ impl Monotone {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Straight {
     pub monotone: Monotone,
-    /// Sine and cosine of half way, and of half the distance.
+    /// Sine and cosine of the middle of the motion, and of half the distance.
     pub middle: (f64, f64),
     pub half: (f64, f64),
 }

@@ -19,7 +19,8 @@ use std::f64::consts::{PI, TAU};
 
 /// The mean net torque, as a fraction of all torques, below which the fixed rule is not sufficient.
 const LEAN: f64 = 1e-3;
-/// Relative accuracy of each panel of a time: with 1e-12 two rules agreed by chance in one of some million links, 1e-10 beside the time.
+/// Relative accuracy of each panel of a time. With 1e-12, both rules agreed by chance in one of some million links, at a time that was
+/// wrong by 1e-10.
 const ACCURACY: f64 = 3e-14;
 
 /// Constant torque `p` from rest at `x` against `g sin`; a negative one pulls back.
@@ -30,7 +31,7 @@ pub(super) struct Phase {
     pub g: f64,
     sin: f64,
     cos: f64,
-    /// An angle at which the kinetic energy has a local minimum; NaN if the push is ahead of gravity everywhere.
+    /// An angle at which the kinetic energy has a local minimum; NaN if the push exceeds gravity everywhere.
     least: f64,
 }
 
@@ -105,31 +106,32 @@ impl Phase {
         self.net() > 0.0 && self.lowest(length) > 0.0
     }
 
-    /// Where the phase comes to rest again, infinite if it passes the maximum of gravity.
+    /// The distance at which the phase comes to rest again; infinite if it passes the maximum of gravity.
     pub fn reach(&self) -> f64 {
         if self.least.is_nan() {
             return f64::INFINITY;
         }
-        // A phase that leaves its rest comes to a crest before it falls. Rounding errors may hide this if both places coincide.
+        // A phase that leaves its rest reaches a maximum of energy before the energy falls. Rounding errors may hide this if both places
+        // coincide.
         let least = self.first_least();
         if self.descent_length() >= least || self.energy(least) > 0.0 { f64::INFINITY } else { self.zero(least) }
     }
 
-    /// Between which stretches the energy first falls from zero to a minimum, under a torque that pulls back.
+    /// The interval of distances in which the energy first falls from zero to a minimum, under a torque that pulls back.
     pub fn descent(&self) -> (f64, f64) {
         let least = self.first_least();
         (if self.descent_length() < least { self.zero(least) } else { 0.0 }, least)
     }
 
-    /// From a minimum of the energy the stretch to where it is as low again, under a torque that pulls back.
+    /// The distance from a minimum of the energy to the next point with the same energy, under a torque that pulls back.
     pub fn recovery(&self) -> f64 {
         if self.push < 0.0 { Phase::new(self.least, self.push, self.g).zero(TAU) } else { f64::INFINITY }
     }
 
-    /// The first minimum of the energy after the stretch `from`, where it does not fall: its angle, and the stretch to it.
+    /// The first minimum of the energy after the distance `from`, at which it does not fall: its angle, and its distance.
     pub fn least_after(&self, from: f64) -> (f64, f64) {
         let least = self.first_least();
-        // At a minimum rounding may tell that it is ahead by a turn.
+        // At a minimum, rounding may put the next minimum one turn ahead.
         let least = if from == 0.0 && self.descent_length() < least { 0.0 } else { least };
         (self.least, least + TAU * ((from - least) / TAU).ceil().max(0.0))
     }
@@ -140,7 +142,7 @@ impl Phase {
         length - TAU * (length / TAU).floor()
     }
 
-    /// The place of zero energy between a maximum and the minimum at `least`, by Halley's method from the inflection.
+    /// The zero of the energy between a maximum and the minimum at `least`, by Halley's method from the inflection point.
     fn zero(&self, least: f64) -> f64 {
         let (mut y, mut last) = (least - 0.5 * self.descent_length(), f64::INFINITY);
         for _ in 0..60 {
@@ -153,7 +155,7 @@ impl Phase {
                 break;
             }
             y = (y - step).clamp(0.0, least);
-            // The next step goes with the cube of this one.
+            // The next step is of third order in this one.
             if step.abs() <= 1e-6 * y && step.abs() <= 1e-3 * last {
                 break;
             }
@@ -172,7 +174,7 @@ impl Phase {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
 
-    /// `dF/dx` at fixed length, where the energy is known, to three digits or so and most often to more.
+    /// `dF/dx` at fixed length for a known energy. Three digits are correct, and usually more.
     #[inline]
     pub fn rough_gradient(&self, length: f64, energy: f64) -> f64 {
         let gravity_crest = self.gravity_crest(length);
@@ -201,7 +203,7 @@ impl GenericKernel for Rough {
     fn run<S: Real>(self) -> f64 {
         let Rough { phase, length, gravity_crest } = self;
         let f = &Integral::<true> { phase, length, accuracy: f64::NAN };
-        // From where w may be least.
+        // Graded from the place where w may be least.
         let parts = match gravity_crest.map(|y| (y / length).sqrt()) {
             Some(from) => [Graded { f, from, way: -from }, Graded { f, from, way: 1.0 - from }],
             None => [Graded { f, from: 0.0, way: 0.5 }, Graded { f, from: 1.0, way: -0.5 }],

@@ -41,7 +41,7 @@ pub struct ProfileReport {
     pub missing: f64,
 }
 
-/// A bound on `k` with the angle along the motion that gives it.
+/// A bound on `k`, and the angle along the motion at which it is reached.
 type At = (f64, f64);
 
 /// Link, ends and direction of a motion.
@@ -109,7 +109,7 @@ impl LinkMotion {
             theta_lower: if lower.0 > 0.0 { self.sign * lower.1 } else { f64::NAN },
             hold_start,
             hold_end,
-            // At an exact tie nothing measurable is missing.
+            // At an exact tie the missing torque is zero.
             missing: if feasible { 0.0 } else { missing.max(0.0) },
         }
     }
@@ -157,7 +157,7 @@ pub fn trapezoid_time(
 }
 
 fn quintic(u: f64) -> (f64, f64) {
-    // From the nearer end, so that neither end loses digits.
+    // Measured from the nearer end, so that no digits are lost at either end.
     let w = u.min(1.0 - u);
     let s = w * w * w * (10.0 - w * (15.0 - 6.0 * w));
     let second = 60.0 * w * (1.0 - w) * (1.0 - 2.0 * w);
@@ -193,7 +193,8 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
         let missing = (m.gravity(m.x0) - hi).max(lo - m.gravity(m.x0));
         return Ok(m.report((0.0, m.x0), (0.0, m.x0), true, missing));
     }
-    // A quarter turn spans several points even where the motion is fastest, s' = 15/8. Capped: beyond, a finite grid decides.
+    // A quarter turn spans several points even where the motion is fastest, s' = 15/8. The number is limited: for larger motions, the grid
+    // is coarser.
     let n = (128 + 24 * (m.x1 - m.x0).min(1e4) as usize).next_multiple_of(2);
     let at = |k: usize| k as f64 / n as f64;
     let (mut upper, mut lower) = ((f64::INFINITY, 0.5), (f64::NEG_INFINITY, 0.5));
@@ -215,7 +216,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
         }
     }
     let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
-    // The missing torque: the least widening of both limits with a feasible k. A parabola finds the crest between grid points.
+    // The missing torque: the least widening of both limits with a feasible k. A parabola finds the maximum between grid points.
     let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 {
         0.0
     } else {
@@ -242,7 +243,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
     Ok(m.report((lower.0, m.quintic_angle(lower.1)), (upper.0, m.quintic_angle(upper.1)), hold, missing))
 }
 
-/// The least of a function with one valley on `[a, b]`, and where, by golden section in so many steps (Kiefer 1953).
+/// The minimum of a function with one local minimum on `[a, b]`, and its place, by `steps` steps of golden section (Kiefer 1953).
 fn golden(f: impl Fn(f64) -> f64, mut a: f64, mut b: f64, steps: usize) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
     let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));

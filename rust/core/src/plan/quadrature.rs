@@ -1,4 +1,4 @@
-//! Integrals of smooth functions over [0, 1], in lanes over the places.
+//! Integrals of smooth functions over [0, 1], with the nodes in lanes.
 //!
 //! ```text
 //! int f = sum over panels of the 21-point Kronrod rule; a panel is halved while that differs too much from the 10-point Gauss rule
@@ -66,7 +66,7 @@ const FEW: [[f64; 8]; 2] = {
     }
     rule
 };
-/// Panels after which the quadrature stops refining: moves of a hundred turns stay below it.
+/// Largest number of panels. Moves of a hundred turns need fewer.
 const MAX_PANELS: usize = 600;
 const MAX_DEPTH: usize = 60;
 
@@ -90,7 +90,7 @@ impl<F: Integrand> Integrand for Graded<'_, F> {
     }
 }
 
-/// Places of a panel, padded to whole lanes: the nodes of `NODES` with either sign, the centre once.
+/// Number of nodes of a panel, padded to whole lanes: the nodes of `NODES` with both signs, and the centre once.
 const COUNT: usize = 24;
 /// Nodes on [-1, 1], Kronrod weights and Gauss weights.
 const RULE: [[f64; COUNT]; 3] = {

@@ -1,4 +1,4 @@
-//! Which torque limit binds, where, and why a motion is impossible: data in the plan, words on request.
+//! The active torque limit, its place, and why a motion is impossible. The plan has these as data; texts are made on request.
 
 use std::fmt;
 
@@ -67,12 +67,12 @@ impl fmt::Display for Bind {
     }
 }
 
-/// Why a profile is possible or not. The words come from `Display`.
+/// Why a profile is possible or not. `Display` makes the text.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
     /// It is possible.
     Feasible,
-    /// The link is to stay where the torque cannot hold it. `missing`: how much wider the limit must be, N m.
+    /// The motion has equal ends, and the torque cannot hold the link there. `missing`: how much wider the limit must be, N m.
     CannotHold {
         /// The limit.
         limit: Limit,
@@ -81,14 +81,14 @@ pub enum Reason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// Gravity alone takes the whole of a limit: no duration, however long, obeys it.
+    /// Gravity alone exceeds a limit: no duration is feasible.
     Blocked {
         /// The place where the upper limit binds.
         upper: Bind,
         /// Missing torque, N m.
         missing: f64,
     },
-    /// One limit asks for a slow motion, the other for a fast one. `missing`: how much wider both must be, N m.
+    /// One limit requires a slow motion, the other one a fast motion. `missing`: how much wider both must be, N m.
     Conflict {
         /// The place where the upper limit binds.
         upper: Bind,
@@ -128,7 +128,7 @@ impl fmt::Display for Reason {
 pub enum MonotoneReason {
     /// It is possible.
     Feasible,
-    /// Between equal ends: the link is to stay where this limit cannot hold it.
+    /// The motion has equal ends, and this limit cannot hold the link there.
     CannotHold {
         /// The limit.
         limit: Limit,
@@ -152,7 +152,7 @@ pub enum MonotoneReason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// The link would come to rest before `x`, where gravity is ahead of the torque.
+    /// The link would come to rest before `x`, where gravity exceeds the torque.
     Hump {
         /// Angle along the motion, rad.
         x: f64,

@@ -3,18 +3,18 @@
 //! ```text
 //! minimise T(e),   e > 0 the distance beyond the start, in the intervals where the swing is feasible
 //! dT/de = r(l2) + r(l3),   r(l) = (1 + dy/dx)/v after the stretch l from the turn
-//! dT/de -> -infinity   at the lower edge of an interval, where a push hardly reaches a crest or x1
-//! dT/de -> +infinity   at the upper edge, where the link turns on a crest, or where a brake ends
+//! dT/de -> -infinity   at the lower edge of an interval, where a push barely passes a maximum or reaches x1
+//! dT/de -> +infinity   at the upper edge, where the link turns on a maximum, or where a brake ends
 //! dT/de -> +infinity   as e -> 0, which is an edge only if the monotone motion is feasible
 //! ```
 //!
-//! `r` falls along a phase, because its numerator and the speed solve one linear equation. It falls from +infinity where the link turns to
-//! -infinity where it comes to rest again.
+//! `r` decreases along a phase, because its numerator and the speed solve the same linear equation. It decreases from +infinity at the turn
+//! to -infinity at the next rest.
 //!
 //! So T has a minimum in every interval that does not begin with `e = 0`. It is the only one: half a million intervals of random
 //! links had no other. In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T falls to a minimum and rises
-//! again. Such intervals, and those without a crest, are searched for a derivative that changes its sign. The first derivatives are
-//! coarse (see `phase.rs`), and the last ones are accurate.
+//! again. Such intervals, and those without a maximum of gravity, are searched for a derivative that changes its sign. The first
+//! derivatives are coarse (see `phase.rs`), and the last ones are accurate.
 
 use crate::interrupt::look;
 
@@ -51,12 +51,12 @@ impl Swing {
 /// An open interval of turning points, by their distances beyond the start, rad.
 pub(super) type Window = (f64, f64);
 
-/// The back-swings of a problem, by the way `e` that they back up.
+/// The back-swings of a problem, by their distance `e` behind the start.
 pub(super) trait BackSwings {
     /// `d/(|d| + c)` within an interval, where `d = dT/de` and `c` is its part from the speeds at the switches. `c` is of the order of `T/e`, and
     /// larger at low speeds. The result is none where rounding errors dominate. `fine`: to many digits.
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
-    /// None where it is impossible.
+    /// The swing at `e`; `None` if it is not feasible.
     fn swing(&self, e: f64) -> Option<Swing>;
     /// The intervals of feasible swings, from the nearest one to the last one that begins before `farthest`, or beyond.
     fn windows(&self, farthest: f64) -> impl Iterator<Item = Window>;
@@ -73,16 +73,16 @@ type Point = (f64, f64);
 const FLAT: f64 = 1e-10;
 /// The last step with coarse derivatives, as a fraction of the distance to an edge.
 const NEAR: f64 = 2e-3;
-/// A slope that is near zero: T hardly changes any more.
+/// A slope near zero, where T is nearly constant.
 const LEVEL: f64 = 0.3;
 /// The largest accurate derivative at a root of the coarse one. Above it, the coarse root is not used.
 const ROUGH: f64 = 0.02;
 /// The farthest turning point, rad. Beyond two turns, only a sequence of swings could be faster.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// Longer intervals have no crest, and may have a minimum in every turn. They begin beside `e = 0`, where the monotone motion is feasible. An
-/// exception is a torque that equals gravity at the start.
+/// Longer intervals have no maximum of gravity, and may have a minimum in every turn. They begin beside `e = 0`, and the monotone motion is
+/// feasible, unless the torque equals gravity at the start.
 const ONE_TURN: f64 = 6.5;
-/// The first step of a sweep through one of those, and the longest of any, rad.
+/// The first step of a sweep through such an interval, and the longest step, rad.
 const FIRST: f64 = 0.2;
 const LONGEST: f64 = 1.0;
 
@@ -126,10 +126,10 @@ impl<B: BackSwings> Search<'_, B> {
         (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
     }
 
-    /// T falls at first, has one minimum and rises.
+    /// Search an interval in which T falls, has one minimum and rises.
     fn dip(&mut self, window: Window) {
         let (low, high) = window;
-        // As long as there is no motion at all, any swing is better.
+        // Without any motion so far, every swing is an improvement.
         let within = self.farthest < high && self.limit < f64::INFINITY;
         let end = if within { self.point(self.farthest, window, false) } else { (high, 1.0) };
         if end.1 >= 0.0 {
@@ -156,7 +156,7 @@ impl<B: BackSwings> Search<'_, B> {
         self.secants(e, rate, window).unwrap_or_else(|| self.root(low, high, window, true).0)
     }
 
-    /// From near by, by secants of fine slopes, if they come nearer each time. A rough bracket may have missed the root.
+    /// Secants of accurate slopes from a nearby point, as long as they converge. The bracket of coarse slopes may not contain the root.
     fn secants(&self, e: f64, mut rate: f64, window: Window) -> Option<f64> {
         let mut at = self.point(e, window, true);
         if at.1.abs() > ROUGH {
@@ -179,7 +179,7 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// About where the slope is zero, and its rate there: inverse quadratic interpolation or bisection after Chandrupatla.
+    /// The approximate zero of the slope, and its rate there: inverse quadratic interpolation or bisection after Chandrupatla.
     fn root(&self, low: Point, high: Point, window: Window, fine: bool) -> (f64, f64) {
         // The last point, one on the other side of the root, and the one before.
         let (mut a, mut b) = (low, high);
@@ -201,7 +201,7 @@ impl<B: BackSwings> Search<'_, B> {
             let step = (e - a.0).abs();
             let near = if fine { step * a.1.abs() <= FLAT * e } else { step <= NEAR * (e - low.0).min(high.0 - e) };
             if a.1.abs() < LEVEL && near || width.abs() <= 1e-15 * e {
-                // The middle is no better than the last point.
+                // The middle does not improve on the last point.
                 return (if smooth { e } else { a.0 }, rate);
             }
         }
@@ -214,8 +214,8 @@ pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
     Search { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
 }
 
-/// Whether swings are feasible exactly within their intervals, `beside` each edge and at evenly spaced turning points: how many were, and
-/// were not.
+/// Check that swings are feasible exactly within their intervals, `beside` each edge and at evenly spaced turning points. Returns the
+/// number of feasible and of infeasible ones.
 #[cfg(test)]
 pub(super) fn check_windows(swings: &impl BackSwings, beside: f64, spacing: f64) -> [usize; 2] {
     let windows: Vec<_> = swings.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).collect();

@@ -18,10 +18,10 @@ const PART_2: f64 = 6.077_100_506_303_965_976_6e-11;
 const PART_3: f64 = 2.022_266_248_795_950_6e-21;
 /// Beyond this the three parts lose digits and the library's reduction takes over.
 const REDUCTION_LIMIT: f64 = 8.0e5;
-/// Adding and subtracting 1.5 * 2^52 rounds to the nearest integer and leaves it in the low bits.
+/// Adding 1.5 * 2^52 rounds to the nearest integer, which is then in the low bits; subtracting it gives the integer.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// `a` if `flag` is 1, `b` if it is 0, without a branch: the quarter of a random angle cannot be predicted.
+/// `a` if `flag` is 1, `b` if it is 0, without a branch, which could not be predicted for random angles.
 #[inline(always)]
 pub(super) fn select(flag: u64, a: f64, b: f64) -> f64 {
     let mask = flag.wrapping_neg();
@@ -109,7 +109,7 @@ pub fn sine<S: Real>(x: S) -> Sine<S> {
     let r = ((x - n * k(PART_1)) - n * k(PART_2)) - n * k(PART_3);
     let (s, c) = kernels(r);
     let size = S::select(odd(n), c, s);
-    // Of four quarters the sine is negative, or its cosine, in the last two.
+    // The sine (or the cosine that replaces it) is negative in the last two of four quarters.
     let half = round(k(0.5) * n - k(0.25));
     let near = Sine { sin: S::select(odd(half), -size, size), quarter: n - S::select(r.lt(S::zero()), k(1.0), S::zero()) };
     let far = k(REDUCTION_LIMIT).lt(x.abs());
@@ -120,10 +120,10 @@ pub fn sine<S: Real>(x: S) -> Sine<S> {
     Sine { sin: S::select(far, each(f64::sin), near.sin), quarter: S::select(far, each(|x| (x * FRAC_2_PI).floor()), near.quarter) }
 }
 
-/// Whether the whole turns of `quarter + shift` are more at `b` than at `a`.
+/// Whether `quarter + shift` has more whole turns at `b` than at `a`.
 #[inline(always)]
 fn passes<S: Real>(a: &Sine<S>, b: &Sine<S>, shift: f64) -> S::Mask {
-    // floor((quarter + shift) / 4): quarters are integers, so 3/8 below is never half way.
+    // floor((quarter + shift) / 4) by rounding a number that is smaller by 3/8. Quarters are integers, so there is never a tie.
     let (quarter, shift, below) = (S::splat(0.25), S::splat(shift), S::splat(0.375));
     round(quarter * (a.quarter + shift) - below).lt(round(quarter * (b.quarter + shift) - below))
 }
@@ -143,7 +143,7 @@ pub fn trough_inside<S: Real>(a: &Sine<S>, b: &Sine<S>) -> S::Mask {
 /// (least, largest) value of `G sin` between two angles.
 #[inline(always)]
 pub(super) fn gravity_range<S: Real>(g: S, a: &Sine<S>, b: &Sine<S>) -> (S, S) {
-    // An extreme that is not inside counts as 2 or -2, beyond every sine; min and max sort out the sign of g.
+    // An extreme that is not inside counts as 2 or -2, which no sine reaches. min and max account for the sign of g.
     let (one, two) = (S::splat(1.0), S::splat(2.0));
     let low = a.sin.min(b.sin).min(S::select(trough_inside(a, b), -one, two));
     let high = a.sin.max(b.sin).max(S::select(crest_inside(a, b), one, -two));

@@ -21,7 +21,7 @@ use std::sync::LazyLock;
 const ORDER: usize = 24;
 /// A polynomial in the time since a step began.
 pub(super) type Series = [f64; ORDER + 1];
-/// Points of a collocated step.
+/// Points of a step of collocation.
 const POINTS: usize = 12;
 /// Time constants of the friction after which steps are collocated: exp(-40) is below rounding.
 const SETTLED: f64 = 40.0;
@@ -43,7 +43,7 @@ impl Rough {
     }
 }
 
-/// From `time` of its phase on, for `length`, in units of its time.
+/// A step that starts at `time` of its phase and has the duration `length`, both in the unit of time of the phase.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
     pub time: f64,
@@ -52,8 +52,8 @@ pub(super) struct Step {
     pub spread: Series,
 }
 
-/// A phase of constant torque from rest, up to its present point. The unit of time is that in which the motion begins at the order of one.
-/// So no coefficient of a series overflows.
+/// A phase of constant torque from rest, up to its present point. The unit of time is chosen so that the initial motion is of the order of
+/// one. So no coefficient of a series overflows.
 pub(super) struct Progress {
     x: f64,
     push: f64,
@@ -78,8 +78,8 @@ pub(super) fn evaluate(c: &Series, h: f64) -> (f64, f64) {
     (y, v)
 }
 
-/// The step whose dropped terms are below 1e-17 of `size`. From rest, and at a crest of the sine, all but every fourth term
-/// vanish: the last six decide.
+/// The step whose dropped terms are below 1e-17 of `size`. From rest, and at a maximum of the sine, only every fourth term is not zero. So
+/// the last six terms are used.
 fn step_length(c: &Series, size: f64) -> f64 {
     (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
 }
@@ -93,7 +93,7 @@ impl Progress {
         Progress { x, push, link, unit, time: 0.0, y: 0.0, v: 0.0, spread: (1.0, 0.0), slow: 0.0 }
     }
 
-    /// Torque left at the rest point.
+    /// Net torque at the rest point.
     pub fn net(&self) -> f64 {
         self.push - self.link.g * sin_cos(self.x).0
     }
@@ -103,7 +103,7 @@ impl Progress {
         1e-15 * (self.push.abs() + self.link.g.abs() * (1.0 + self.x.abs() + self.y))
     }
 
-    /// Whether gravity takes the whole torque: the link only creeps on towards an equilibrium.
+    /// Whether gravity balances the torque: the link only creeps towards an equilibrium.
     pub fn stands(&self) -> bool {
         self.link.viscous > 0.0 && self.time > 0.0 && self.link.viscous * self.v <= 10.0 * self.noise()
     }
@@ -172,10 +172,10 @@ impl Progress {
         loop {
             let tried = Collocation::new(self, length);
             let tail = tried.tail(self);
-            // The last term goes with its power of the length.
+            // The last term is proportional to its power of the length.
             let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
             if tail <= 1.0 {
-                // It may be rounding, and tell nothing: every other step tries a longer one.
+                // The last term may be a rounding error, so every second step tries a longer length.
                 let longer = if tail < 0.1 { 8.0 } else { 2.0 } * length;
                 self.slow = if shortened { longest } else { longer };
                 let [y, spread] = tried.polynomials(self);
@@ -231,7 +231,7 @@ impl Collocation {
                 last = now;
                 continue;
             }
-            // No improvement, and still far away, relative to the rounding error of the angle.
+            // No improvement, but a residual far above the rounding error of the angle.
             if !(now.min(last) <= 1e-12 * size + 1e-15 * straight[0].abs()) {
                 motion.fill(f64::NAN);
             }
@@ -243,12 +243,12 @@ impl Collocation {
         Collocation { length, accelerations: [motion, spread] }
     }
 
-    /// The last terms of the speed as Chebyshev would have them, beside what they may be: at most 1 where the step is short enough.
+    /// The last Chebyshev coefficients of the speed, relative to their tolerance: at most 1 if the step is short enough.
     fn tail(&self, phase: &Progress) -> f64 {
         let motion = &self.accelerations[0];
         let term = |k: usize| (motion[k] * self.length / (k + 1) as f64).abs() / f64::powi(2.0, 2 * k as i32 + 1);
         let tail = term(POINTS - 1).max(term(POINTS - 2));
-        // A speed at the start that is off by rounding shows in the last term a dozen times.
+        // A rounding error of the initial speed appears about twelve times as large in the last term.
         let ratio = tail / (TAIL * phase.v + 12.0 * phase.noise() / phase.link.viscous);
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }

@@ -6,8 +6,8 @@
 //! dT/de = sqrt(I/2) [ 1/sqrt(K_12) + 1/sqrt(K_34) - dF/dx(xt, l2) - dF/dx(xt, l3) ]
 //! ```
 //!
-//! Only the middle phase enters the derivative: the outer phases start from fixed points, and the switches move along curves of equal
-//! energy. An overshoot is the back-swing of the motion mirrored and run backwards in time.
+//! Only the middle phase contributes to the derivative: the outer phases start from fixed points, and the switches move along curves of
+//! equal energy. An overshoot is the back-swing of the motion mirrored and run backwards in time.
 
 use super::detour::{Push, detour};
 use super::monotone::{Monotone, Straight, drop};
@@ -23,18 +23,18 @@ const FINE: f64 = 1e-6;
 
 /// The problem of the back-swing.
 struct Search {
-    /// Its push is the middle phase at another place, its brake the last one.
+    /// The monotone motion. Its push is the middle phase at another place, its brake the last phase.
     straight: Straight,
     /// The first phase.
     leaves: Phase,
-    /// The push of the monotone motion, if that is feasible, and then the least distance back with a possible gain.
+    /// The push of the monotone motion if that is feasible. It determines the least distance back with a possible gain.
     push: Option<Push>,
     nearest: Option<f64>,
     /// `F(-x1, D; u-)`, zero where that brake stalls.
     brake: OnceCell<f64>,
 }
 
-/// Sine and cosine of the angle less another one.
+/// Sine and cosine of the difference of two angles.
 fn back((sin, cos): (f64, f64), (less_sin, less_cos): (f64, f64)) -> (f64, f64) {
     (sin * less_cos - cos * less_sin, cos * less_cos + sin * less_sin)
 }
@@ -47,7 +47,7 @@ struct Trial {
 }
 
 impl Search {
-    /// None where the start can't be left backwards, or nothing comes to rest at the end.
+    /// None if the link cannot move backwards from the start, or cannot come to rest at the end.
     fn new(straight: &Straight) -> Option<Self> {
         let monotone = &straight.monotone;
         let Monotone { push: turns, brake: arrives, .. } = monotone;
@@ -59,7 +59,8 @@ impl Search {
         let energies = monotone.energies();
         let push = energies.map(|energies| Push::new(monotone, &energies));
         let nearest = energies.map(|energies| {
-            // Below `constant` the field is, and in a constant field no swing helps; below `slow` it adds little to the push where that is slowest.
+            // Below `constant` gravity varies little along the motion, and in a constant field no swing is faster. Below `slow` gravity
+            // adds little to the push where it is slowest.
             let g = turns.g.abs();
             let constant = if energies.push_hump == f64::INFINITY {
                 (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
@@ -112,7 +113,8 @@ impl BackSwings for Search {
         };
         let (out, into) = (away.brake_length, towards.push_length);
         let (last, second) = rate(out.max(into));
-        // That of the shorter one is not less: where the longer one's is positive, far from a root, half of a rough slope will do.
+        // The slope of the shorter phase is at least that of the longer one. If the latter is positive, far from a root, one coarse slope
+        // is sufficient.
         let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);
@@ -176,7 +178,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Ends, gravity and bounds, each from little to much.
+    /// Ends, gravity and bounds, each from small to large.
     fn searches() -> impl Iterator<Item = Search> {
         let bounds = [0.03, 0.3, 0.9, 1.0, 1.1, 4.0];
         let ends =

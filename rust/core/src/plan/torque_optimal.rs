@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The certificate is Sturm's comparison: the adjoint obeys `psi_ddot = -(G cos theta/I) psi`, so two switches are
-//! more than `pi sqrt(I/|G|)` apart. Without it the optimum may back up first or overshoot: see `swing.rs`.
+//! more than `pi sqrt(I/|G|)` apart. Without it the optimum may swing back first, or overshoot: see `swing.rs`.
 
 use super::link::{Link, check_ends};
 use super::monotone::Straight;
@@ -152,7 +152,7 @@ pub fn torque_optimal_time(
 }
 
 impl TorqueOptimum {
-    /// None found yet.
+    /// Without a motion so far.
     #[inline]
     pub(super) fn new(theta0: f64, thetaf: f64, link: &Link, [viscous, coulomb]: [f64; 2]) -> Self {
         let Link { inertia, gravity_moment: g, tau_min, tau_max } = *link;
@@ -173,7 +173,7 @@ impl TorqueOptimum {
         }
     }
 
-    /// Between equal ends: no time, if the torque and Coulomb friction can hold the pose, and else the reason. Whether they can.
+    /// For equal ends: no time if the torque and Coulomb friction can hold the pose, else the reason. Returns whether they can.
     pub(super) fn set_still(&mut self, link: &Link) -> bool {
         let (theta, load) = (self.theta0, link.gravity_moment * sin_cos(self.theta0).0);
         let missing = [link.tau_min - load, load - link.tau_max].map(|missing| missing - self.link.coulomb);
@@ -205,7 +205,7 @@ impl Best {
         t_turn: f64::NAN,
     };
 
-    /// Of a swing along `sign theta`, whose times are in `unit` seconds.
+    /// From a swing along `sign theta`, whose times are in `unit` seconds.
     pub(super) fn swing(kind: Family, swing: &Swing, sign: f64, unit: f64) -> Self {
         Best {
             kind,

@@ -1,7 +1,7 @@
 //! The motion of a torque optimum, to follow: angle, speed, acceleration and torque at any time.
 //!
-//! Every phase starts or ends at rest, the latter run backwards, in steps of `steps.rs`. Independent of the quadrature that gives the
-//! durations without friction: the phases meet at the switch only if both are right.
+//! Every phase starts or ends at rest; a phase that ends at rest is computed backwards, in steps of `steps.rs`. This is independent of the
+//! quadrature for durations without friction: the phases meet at the switch only if both are correct.
 
 use super::sine::sin_cos;
 use super::steps::{Progress, Rough, Step, evaluate};
@@ -23,7 +23,7 @@ struct Run {
     /// The time at which the phase ends.
     end: f64,
     steps: Vec<Step>,
-    /// Of the time of the steps, s.
+    /// The unit of time of the steps, s.
     unit: f64,
 }
 
@@ -40,7 +40,7 @@ pub struct Sample {
     pub tau: f64,
 }
 
-/// A torque profile with its motion; holds its ends.
+/// A torque profile with its motion, which is at rest before its start and after its end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueProfile {
     link: Rough,

@@ -9,9 +9,10 @@
 //!     the line of u+ from xt stays above V as far as x1:   W(xt) > W(x) for xt < x <= x1,   W(x) = V(x) - u+ x
 //! ```
 //!
-//! Leftwards from `x1`, the second condition holds where `W` exceeds all of its earlier values. `W` rises from its level at `x1` to a crest. Then
-//! it rises from the level of each crest to the next one, `W(x - 2 pi) = W(x) + 2 pi u+`. So there is one interval per turn, until a line of
-//! `u-` ends. With friction, curves of the phase plane replace the lines. Those of one torque do not cross, and those of two torques cross once.
+//! Leftwards from `x1`, the second condition holds where `W` exceeds all of its earlier values. `W` rises from its value at `x1` to a
+//! maximum. Then it rises from the value of each maximum to the next one, `W(x - 2 pi) = W(x) + 2 pi u+`. So there is one interval per
+//! turn, until a line of `u-` ends. With friction, curves of the phase plane replace the lines. Those of one torque do not cross, and those
+//! of two torques cross once.
 
 use super::search::Window;
 use std::cell::LazyCell;
@@ -19,7 +20,7 @@ use std::f64::consts::TAU;
 
 /// The intervals of feasible swings, the nearest first: distances back from `x0`, rad.
 pub(super) struct Windows<F> {
-    /// The begin of the next interval and the crest where it ends. Both are infinite if there is none backwards.
+    /// The start of the next interval, and the maximum where it ends. Both are infinite if there is no further interval.
     low: f64,
     crest: f64,
     most: f64,
@@ -27,18 +28,18 @@ pub(super) struct Windows<F> {
 }
 
 impl<F: FnOnce() -> f64> Windows<F> {
-    /// `W` exceeds its level at `x1` from `low` to a crest, and the level of a crest again a `recovery` beyond it. The lines of `u-` end at
-    /// `most`.
+    /// `W` exceeds its value at `x1` from `low` to the maximum `crest`. It exceeds the value of a maximum again at the distance `recovery`
+    /// beyond it. The lines of `u-` end at `most`.
     pub fn new(low: f64, crest: f64, most: f64, recovery: F) -> Self {
         let mut windows = Windows { low, crest, most, recovery: LazyCell::new(recovery) };
         if crest <= 0.0 && most > 0.0 {
-            // On to the last crest between x1 and x0, if there is another one.
+            // Continue to the last maximum between x1 and x0, if there is another one.
             let turn = windows.turn();
             if turn < f64::INFINITY {
                 windows.crest += turn * (-crest / turn).floor();
             }
             windows.climb();
-            // Rounding of the distance may be many turns.
+            // The rounding error of the distance may be many turns.
             if windows.crest < 0.0 {
                 windows.low = f64::INFINITY;
             }
@@ -46,7 +47,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
         windows
     }
 
-    /// From a crest to the first one beyond its recovery.
+    /// From a maximum to the first one beyond its recovery.
     fn turn(&self) -> f64 {
         TAU * ((*self.recovery / TAU).floor() + 1.0)
     }
@@ -55,7 +56,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
         let last = self.crest;
         self.low = last + if last < self.most { *self.recovery } else { 0.0 };
         self.crest += if self.low < self.most { self.turn() } else { 0.0 };
-        // That was the last one, or turns are lost in rounding.
+        // This was the last maximum, or turns are smaller than rounding errors.
         if !(self.crest > last) {
             self.low = f64::INFINITY;
         }

@@ -1,5 +1,5 @@
-//! A wall that pushes back: a frame at depth `d = n . (p_wall - p) > 0` feels `f = n max(0, k d + c d_dot)`, and nothing
-//! outside. Unilateral: the wall never pulls.
+//! A compliant wall: on a frame at depth `d = n . (p_wall - p) > 0` acts the force `f = n max(0, k d + c d_dot)`, outside
+//! no force. The wall never pulls.
 
 use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result, finite};

@@ -9,7 +9,7 @@ pub trait Definition {
     /// The arm.
     fn model(&self) -> &Model;
 
-    /// `x` at the start: `theta0 = None` is where the springs carry gravity, `theta_dot0 = None` moves with the links.
+    /// The initial state. With `theta0 = None` the springs carry gravity, with `theta_dot0 = None` the motors move with the links.
     fn initial_state(&self, q0: &[f64], v0: &[f64], _theta0: Option<&[f64]>, _theta_dot0: Option<&[f64]>) -> Vec<f64> {
         [q0, v0].concat()
     }
@@ -34,13 +34,13 @@ pub trait Definition {
         None
     }
 
-    /// The plant itself, where its joints are elastic.
+    /// The plant itself, if its joints are elastic.
     fn elastic(&self) -> Option<&ElasticSpec> {
         None
     }
 }
 
-/// A plant as loops are made of it, for any number.
+/// A plant that can be built into loops, for any number type.
 pub trait Build: Definition {
     /// The plant in a loop, on the number `S`.
     type Lanes<S: Real>: Plant<S> + Send + 'static;

@@ -31,7 +31,7 @@ pub struct ElasticSpec {
     pub dry: Option<JointFriction>,
     /// A wall that a frame may touch.
     pub wall: Option<Wall>,
-    /// Of the links.
+    /// Joint stops of the links.
     pub stops: Option<Stops>,
     inverse_inertia: Gain,
 }
@@ -128,7 +128,7 @@ pub struct Elastic<S: Real> {
     motor_friction: Vec<S>,
     bristles: Option<LaneLuGre<S>>,
     sticking: Option<LaneStickSlip<S>>,
-    /// `theta - q`, then what is left for the motors.
+    /// `theta - q`, then the net torque of the motors.
     work: Vec<S>,
 }
 
@@ -150,7 +150,7 @@ impl Build for ElasticSpec {
     }
 }
 
-/// With `A = B`, which stays.
+/// Set `A = B`, which is constant.
 fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) -> &'a Gain) -> LaneStickSlip<S> {
     let n = of(0).n();
     for (k, entry) in sticking.matrix.iter_mut().enumerate() {
@@ -159,7 +159,7 @@ fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) 
     sticking
 }
 
-/// Write what acts on the motors, and their loads `tau_J`.
+/// Write the torques on the motors, and their loads `tau_J`.
 fn load<S: Real>(sticking: &mut LaneStickSlip<S>, drive: &[S], joint: &[S]) {
     sticking.drive.copy_from_slice(drive);
     for (load, &joint) in sticking.loads.iter_mut().zip(joint) {

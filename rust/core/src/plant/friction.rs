@@ -16,7 +16,7 @@ pub struct FrictionCurve {
     pub coulomb: Vec<f64>,
     /// `F_s`, N m or N.
     pub breakaway: Vec<f64>,
-    /// `v_s`, rad/s or m/s; zero where friction falls to `F_c` as soon as the joint moves.
+    /// `v_s`, rad/s or m/s; with zero, friction falls to `F_c` as soon as the joint moves.
     pub stribeck_speed: Vec<f64>,
     /// N m s/rad or N s/m.
     pub viscous: Vec<f64>,
@@ -33,7 +33,7 @@ pub(super) fn require(name: &str, values: &[f64], expected: &str, holds: impl Fn
     }
 }
 
-/// Refuse numbers of other joints than `n`.
+/// Refuse `values` that are not `n` numbers.
 pub(super) fn require_rows(name: &str, values: &[f64], n: usize) -> Result<()> {
     if values.len() == n { Ok(()) } else { Err(Error::wrong_shape(name, &[n], &[values.len()])) }
 }
@@ -84,7 +84,7 @@ impl FrictionCurve {
 pub enum JointFriction {
     /// With bristles, whose deflections are states of the plant.
     LuGre(LuGre),
-    /// That holds joints at rest.
+    /// Stick-slip friction, which can hold joints at rest.
     StickSlip(StickSlip),
 }
 
@@ -97,7 +97,7 @@ impl JointFriction {
         }
     }
 
-    /// The bristles, where there are any.
+    /// The bristles, if there are any.
     pub fn bristles(&self) -> Option<&LuGre> {
         match self {
             JointFriction::LuGre(friction) => Some(friction),
@@ -105,7 +105,7 @@ impl JointFriction {
         }
     }
 
-    /// What sticks, if anything does.
+    /// The stick-slip friction, if it is that.
     pub fn stick_slip(&self) -> Option<&StickSlip> {
         match self {
             JointFriction::LuGre(_) => None,
@@ -113,7 +113,7 @@ impl JointFriction {
         }
     }
 
-    /// Refuse a friction of other joints than `n`.
+    /// Refuse friction whose number of joints is not `n`.
     pub(super) fn require_joints(&self, name: &str, n: usize) -> Result<()> {
         match self.n() {
             own if own == n => Ok(()),

@@ -6,7 +6,7 @@ use super::{Plant, PlantSpec};
 use crate::linalg::gain::{AnyGain, Multiply};
 use crate::scalar::Real;
 
-/// A state of a plant and its input, `(n,)` each; motors and bristles are empty where there are none.
+/// A state of a plant and its input, `(n,)` each; motors and bristles are empty for a plant without them.
 #[derive(Clone, Copy, Debug)]
 pub struct Rubbed<'a> {
     /// Positions of the links.
@@ -50,7 +50,7 @@ enum Kind<'a> {
     Sticking(Sticking),
 }
 
-/// What computes the torques of one plant.
+/// Computes the torques of one plant.
 pub struct FrictionTorque<'a> {
     n: usize,
     kind: Kind<'a>,
@@ -97,7 +97,7 @@ impl<'a> FrictionTorque<'a> {
                 Kind::Bristles(bristles) => bristles.evaluate(&at, out),
                 Kind::Sticking(sticking) => sticking.evaluate(&at, &wrench(k), out),
             }
-            // No zero is negative.
+            // Negative zeros become zeros.
             out.iter_mut().for_each(|torque| *torque += 0.0);
         }
     }

@@ -35,13 +35,13 @@ impl LuGre {
     }
 }
 
-/// What the bristles of a joint do.
+/// The results of the bristles of a joint.
 pub(super) struct Rubbing<S> {
     /// `tau_f`.
     pub torque: S,
     /// `z'`.
     pub z_dot: S,
-    /// The power lost, without what the bristles store.
+    /// The power lost, without the power that the bristles store.
     pub lost: S,
 }
 

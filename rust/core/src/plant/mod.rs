@@ -1,7 +1,7 @@
-//! Plants: what turns a law's input into motion, and what a state of it is.
+//! Plants: the motion that results from a law's output, and the states of plants.
 //!
 //! rigid `x = [q, v]`, elastic `x = [q, v, theta, theta_dot]`, velocity-controlled `x = [q]`; bristles `z` of friction come last. An external wrench
-//! `W = [f; m]` (world axes) acts at one frame as `J' W`; a wall pushes back where a frame enters it.
+//! `W = [f; m]` (world axes) acts at one frame as `J' W`; a wall pushes a frame that enters it.
 
 mod contact;
 mod definition;
@@ -38,7 +38,7 @@ use std::ops::Deref;
 pub struct Power<S> {
     /// By the input.
     pub input: S,
-    /// By wrench and wall, less what friction takes.
+    /// By wrench and wall, minus the power of friction.
     pub outside: S,
 }
 
@@ -56,19 +56,20 @@ pub trait Plant<S: Real> {
         [S::zero(); 2]
     }
 
-    /// The friction that holds joints or motors at rest, and where the first of their speeds is in the state.
+    /// The friction that holds joints or motors at rest, and the place of the first of their speeds in the state.
     fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
         None
     }
 
-    /// Write what acts on the joints or motors but their friction, at a state as in [`Plant::rates`], into [`Plant::stick_slip`].
+    /// Write the torques on the joints or motors, except their friction, into [`Plant::stick_slip`]. The arguments are those of
+    /// [`Plant::rates`].
     fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
 }
 
-/// The kinds of plants: the enums, names and parts of the state, and how loops are made of them. A plant is declared in its file and here.
+/// The kinds of plants: the enums, names and parts of the state, and the construction of loops. A plant is declared in its file and here.
 macro_rules! plants {
     ($($(#[$doc:meta])* $kind:ident($definition:ty) $name:literal [$($part:literal)*],)*) => {
-        /// Which plant a law is made for.
+        /// The kind of plant that a law is made for.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum PlantKind {
             $($(#[$doc])* $kind,)*
@@ -175,7 +176,7 @@ impl PlantSpec {
         self.seen() + self.bristles()
     }
 
-    /// Size of what a law knows of the state: all but the bristles.
+    /// Size of the part of the state that a law reads: all except the bristles.
     pub fn seen(&self) -> usize {
         self.kind().states(self.n())
     }
@@ -200,7 +201,7 @@ impl PlantSpec {
         self.friction().is_some_and(|friction| friction.stick_slip().is_some())
     }
 
-    /// Whether nothing can be touched.
+    /// Whether the plant has neither a wall nor stops.
     pub fn is_free(&self) -> bool {
         self.wall().is_none() && self.stops().is_none()
     }

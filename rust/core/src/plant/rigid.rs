@@ -109,7 +109,7 @@ pub(super) fn lane_stick_slip<'a, S: Real>(of: impl Fn(usize) -> Option<&'a Join
     friction(0).map(|first| LaneStickSlip::new(|lane| friction(lane).unwrap_or(first)))
 }
 
-/// The links of a plant, and what pushes them from outside.
+/// The links of a plant, and the external forces.
 pub(super) struct Links<S: Real> {
     pub arm: AnyArm<S>,
     pub ws: Workspace<S>,
@@ -117,10 +117,10 @@ pub(super) struct Links<S: Real> {
     force_frame: Option<usize>,
     wall: Option<LaneWall<S>>,
     stops: Option<LaneStops<S>>,
-    /// How the contacts are held, the wall first; empty where they follow the state.
+    /// The held modes of the contacts, the wall first; empty if they follow the state.
     held: Vec<Touch>,
     jacobian: Vec<S>,
-    /// `(n,)`: all that acts on the joints.
+    /// `(n,)`: the sum of all torques on the joints.
     pub effort: Vec<S>,
 }
 
@@ -150,7 +150,7 @@ impl<S: Real> Links<S> {
         }
     }
 
-    /// Hold every contact as it is said to be.
+    /// Hold every contact in these modes.
     pub fn hold(&mut self, contacts: &[Touch]) {
         self.held.clear();
         self.held.extend_from_slice(contacts);

@@ -35,7 +35,7 @@ impl TorqueSensor {
         Ok(TorqueSensor { noise, bias, resolution, bandwidth })
     }
 
-    /// The filter's state `dt` later, the torque having moved in a straight line from `before` to `now`: exact for that.
+    /// The filter's state `dt` later, exact for a torque that changes linearly from `before` to `now`.
     pub fn filtered(&self, state: f64, before: f64, now: f64, dt: f64) -> f64 {
         let turn = self.bandwidth * dt;
         if !turn.is_finite() {
@@ -72,7 +72,7 @@ mod tests {
         assert!((fine - coarse).abs() < 1e-12, "{fine} {coarse}: a thousand roundings of 1e-15");
         assert_eq!(sensor(f64::INFINITY).filtered(1.0, 2.0, 3.0, dt), 3.0);
         assert_eq!(sensor(900.0).filtered(1.0, 2.0, 3.0, 0.0), 1.0);
-        // A filter too slow to move: 1e-9 of the way.
+        // A filter too slow to follow: 1e-9 of the change.
         assert!((sensor(1e-6).filtered(1.0, 2.0, 2.0, 1e-3) - 1.0 - 1e-9).abs() < 1e-15);
     }
 

@@ -19,7 +19,7 @@ pub struct StickSlip {
     pub curve: FrictionCurve,
 }
 
-/// What loads a joint.
+/// The load of a joint.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Load<S> {
     /// The load `L` itself.
@@ -28,9 +28,9 @@ pub(super) enum Load<S> {
     Driven(S),
 }
 
-/// Pivots at rest: some times as many as joints, and as many more.
+/// The largest number of pivots is `PIVOTS` times the number of joints, plus `PIVOTS`.
 const PIVOTS: usize = 8;
-/// A joint that is to slip slips below its static friction by this part, so that rounding does not hold it.
+/// A joint that has to slip uses a static friction smaller by this fraction, so that rounding does not hold it.
 const SLIPS: f64 = 1e-9;
 
 /// The friction of one plant, whose lanes stick and slide together.
@@ -40,7 +40,7 @@ pub struct LaneStickSlip<S> {
     /// Zero for a joint that is stuck; 1 or -1 for one that slides, or is about to, along positive or negative velocities.
     sides: Vec<i8>,
     before: Vec<i8>,
-    /// `A`, `(n, n)`, which the plant writes; with the rows and columns of stuck joints replaced by those of the identity; its factor.
+    /// `A`, `(n, n)`, which the plant writes.
     pub(super) matrix: Vec<S>,
     kept: Vec<S>,
     factor: Vec<S>,
@@ -49,7 +49,7 @@ pub struct LaneStickSlip<S> {
     /// The load of each joint.
     pub(super) loads: Vec<Load<S>>,
     torque: Vec<S>,
-    /// Which joints are at rest.
+    /// Whether each joint is at rest.
     resting: Vec<bool>,
     /// Scratch for accelerations.
     rates: Vec<S>,
@@ -126,7 +126,7 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// From `A`, `b` and the torques of sliding joints the accelerations `a`, and the torques of stuck joints.
+    /// Compute the accelerations `a` and the torques of stuck joints from `A`, `b` and the torques of sliding joints.
     pub(super) fn hold(&mut self, a: &mut [S]) {
         let n = a.len();
         for i in 0..n {
@@ -148,8 +148,8 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// One number per joint, negative where its state ends. It is the distance of the torque of a stuck joint from its limits, or the
-    /// speed of a sliding joint to its side. `A`, `b` and the loads are those at `v`.
+    /// One number per joint, which becomes negative where its mode ends. It is the distance of the torque of a stuck joint from its limits,
+    /// or the speed of a sliding joint to its side. `A`, `b` and the loads are those at `v`.
     pub fn margins(&mut self, v: &[S], out: &mut [f64]) {
         if self.holds() {
             self.slide(v);
@@ -165,11 +165,11 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// Stop the joints that slide against their side; whether there are any.
+    /// Stop the joints whose velocity is opposite to their side. Returns whether there are any.
     pub fn arrest(&mut self, v: &mut [S]) -> bool {
         let mut any = false;
         for (side, v) in self.sides.iter_mut().zip(v) {
-            // What rounding leaves of the speed of a stuck joint goes too.
+            // The rounding error of the speed of a stuck joint is removed too.
             if *side == 0 || f64::from(*side) * v.lane(0) < 0.0 {
                 any |= v.lane(0) != 0.0;
                 (*side, *v) = (0, S::zero());
@@ -178,8 +178,8 @@ impl<S: Real> LaneStickSlip<S> {
         any
     }
 
-    /// Decide what joints do at the speeds `v`. Joints that move slide; those at rest solve the problem at rest for `A`, `b` and the loads.
-    /// `leaving`: this one slips. Returns whether a joint does something else than before.
+    /// Determine the modes of the joints at the speeds `v`. Moving joints slide; those at rest solve the problem at rest for `A`, `b` and
+    /// the loads. The joint `leaving` slips. Returns whether the mode of a joint changes.
     pub fn settle(&mut self, v: &[S], leaving: Option<usize>) -> bool {
         let n = v.len();
         self.before.copy_from_slice(&self.sides);
@@ -208,7 +208,7 @@ impl<S: Real> LaneStickSlip<S> {
         self.sides != self.before
     }
 
-    /// What a joint at rest does instead, if that does not fit its torque or its acceleration `a`.
+    /// The other mode of a joint at rest, if the present one contradicts its torque or its acceleration `a`.
     fn pivot(&self, i: usize, a: S, leaving: bool) -> Option<i8> {
         match self.sides[i] {
             0 => {

@@ -18,7 +18,7 @@ pub struct Stops {
     pub damping: Vec<f64>,
 }
 
-/// One stop: of which joint, and at which end.
+/// One stop: its joint and its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stop {
     /// Index of the joint.
@@ -35,7 +35,7 @@ impl Stop {
 }
 
 impl Stops {
-    /// All `(n,)`.
+    /// Stops with these numbers, `(n,)` each.
     pub fn new(lower: Vec<f64>, upper: Vec<f64>, stiffness: Vec<f64>, damping: Vec<f64>) -> Result<Self> {
         for i in 0..lower.len() {
             require_spring(stiffness[i], damping[i])?;
@@ -69,7 +69,7 @@ impl Stops {
 
 /// The stops of the lanes.
 pub(super) struct LaneStops<S> {
-    /// Which, with the limit, `k` and `c` of each lane.
+    /// The stops, with the limit, `k` and `c` of each lane.
     stops: Vec<(Stop, S, S, S)>,
 }
 
@@ -101,7 +101,7 @@ impl<S: Real> LaneStops<S> {
         [depth, pressing(stiffness, damping, depth, rate)]
     }
 
-    /// Add the torques to `effort`; returns the power lost. `held` says of each stop how it is held, where it is.
+    /// Add the torques to `effort`; returns the power lost. `held` is the held mode of each stop, `None` if they follow the state.
     pub fn add(&self, q: &[S], v: &[S], held: Option<&[Touch]>, effort: &mut [S]) -> S {
         let mut lost = S::zero();
         for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {

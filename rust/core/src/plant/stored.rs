@@ -17,7 +17,7 @@ struct Springs<S: Real> {
     stretch: Vec<S>,
 }
 
-/// What the plants of the lanes store.
+/// The stored energies of the plants of the lanes.
 pub struct Stored<S: Real> {
     n: usize,
     wall: Option<LaneWall<S>>,
@@ -47,7 +47,7 @@ impl<S: Real> Stored<S> {
         }
     }
 
-    /// The energy at plant state `x`. `links` are at its `q`.
+    /// The energy at plant state `x`. The arm `links` is already at its `q`.
     pub fn energy(&mut self, links: &mut ArmAt<S>, x: &[S]) -> S {
         let n = self.n;
         let (kinetic, potential) = links.energy(&x[n..2 * n]);

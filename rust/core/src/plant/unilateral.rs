@@ -1,4 +1,4 @@
-//! A spring and a damper that push one way: `f = max(0, k d + c d_dot)` at depth `d > 0`, nothing outside.
+//! A spring and a damper that only push: `f = max(0, k d + c d_dot)` at depth `d > 0`, no force outside.
 //!
 //! The force changes its formula where `d` or `k d + c d_dot` changes sign. A run that locates these instants keeps the
 //! formula between them, so that no step contains a change.
@@ -14,7 +14,7 @@ pub enum Touch {
     Apart,
     /// Inside, and pushing.
     Pressed,
-    /// Inside, but left faster than the damper lets the spring follow: no force.
+    /// Inside, but the frame leaves so fast that spring and damper have no force.
     Slack,
 }
 
@@ -24,13 +24,13 @@ impl Touch {
         match (depth > 0.0, push >= 0.0) {
             (true, true) => Touch::Pressed,
             (true, false) => Touch::Slack,
-            // On the surface, on its way in.
+            // On the surface, moving inwards.
             _ if depth == 0.0 && push > 0.0 => Touch::Pressed,
             _ => Touch::Apart,
         }
     }
 
-    /// Two functions, one of them negative where this is over.
+    /// Two functions. One of them becomes negative where this mode ends.
     pub fn guards(self, depth: f64, push: f64) -> [f64; 2] {
         match self {
             Touch::Apart => [-depth, f64::INFINITY],
@@ -74,7 +74,7 @@ pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<T
     }
 }
 
-/// Refuse a spring that is not stiff or a damper that drives.
+/// Refuse a stiffness that is not positive, or a negative damping.
 pub fn require_spring(stiffness: f64, damping: f64) -> Result<()> {
     positive("stiffness", stiffness)?;
     if !(damping >= 0.0 && damping.is_finite()) {

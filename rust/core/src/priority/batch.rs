@@ -1,5 +1,5 @@
-//! Many stacks of the same sizes: (5) by the program of `regular`, one stack per lane. A stack where that route declines is left to
-//! single solves, so that every row has the bits, ranks and status of a single solve, whatever its neighbours are.
+//! Many stacks of the same sizes: (5) by the program of `regular`, one stack per lane. If that route declines a stack, it is solved
+//! alone. So every row has the bits, ranks and status of a single solve, independent of the other rows.
 
 use super::method::PriorityMethod;
 use super::regular::regular_ranks;
@@ -10,15 +10,16 @@ use crate::status::Status;
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 
-/// What there may be to compute for a program: beyond, its code leaves the caches, and stacks are solved one by one.
+/// The largest size of a program. The code of a larger one does not fit the caches, so its stacks are solved one by one.
 pub(super) const MOST: usize = 12_000;
 
-/// Fewer rows than this are solved one by one, with the same bits, before a program is there.
+/// Before a program exists, fewer rows than this are solved one by one, with the same bits.
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
-    /// The regular route for one row or for lanes as a function of what `stack` makes, from so many inputs: rounding, Jacobians and command. The answer:
-    /// one where it stands and zero where it declines, `v` and, if wanted, the residuals. `None` where it would be too long.
+    /// The regular route for one row or for lanes. `stack` makes its arguments, rounding, Jacobians and command, from `inputs` numbers. The
+    /// results are one if the route is valid and zero if it declines, then `v` and, if requested, the residuals. `None` if the program
+    /// would be too long.
     pub fn recorded<T>(
         &self,
         lanes: bool,
@@ -42,7 +43,8 @@ impl PrioritySolver {
 }
 
 impl PrioritySolver {
-    /// The regular route of plain stacks, for one or for lanes: Jacobians, command and rounding to one where it stands, `v` and residuals.
+    /// The regular route of plain stacks, for one or for lanes: from Jacobians, command and rounding to one if it is valid, `v` and
+    /// residuals.
     pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
         let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
         let stack = |(), inputs: &[Sym]| {
@@ -72,7 +74,7 @@ pub struct StackAnswers<'a> {
 }
 
 impl<'a> StackAnswers<'a> {
-    /// Those of the first `count` rows, which are taken off; `n` joints, levels of so many `rows`.
+    /// Split off the results of the first `count` rows, for `n` joints and levels with these `rows`.
     pub fn first(&mut self, count: usize, n: usize, rows: &[usize]) -> StackAnswers<'a> {
         StackAnswers {
             v: cut(&mut self.v, count * n),
@@ -84,14 +86,14 @@ impl<'a> StackAnswers<'a> {
     }
 }
 
-/// Take the first `size` entries off.
+/// Split off the first `size` entries.
 fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
     let (head, tail) = std::mem::take(all).split_at_mut(size);
     *all = tail;
     head
 }
 
-/// Solves batches of stacks on the calling thread; its buffers last.
+/// Solves batches of stacks on the calling thread, and keeps its buffers.
 #[derive(Clone)]
 pub struct StackBatch {
     program: Option<Evaluation>,
@@ -101,7 +103,7 @@ pub struct StackBatch {
 }
 
 impl StackBatch {
-    /// With the sizes and options of `solver`, for so many rows.
+    /// For the sizes and options of `solver`, and `rows` rows.
     pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
         let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
         let mut program = if rows < FEW { None } else { solver.of_stacks(true) };
@@ -154,7 +156,7 @@ impl StackBatch {
         }
     }
 
-    /// All rows by the program; those that it declines are noted.
+    /// Solve all rows by the program, and note those that it declines.
     fn run(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
         let StackBatch { program, single, declined, .. } = self;
         let Some(program) = program else { return };
@@ -181,7 +183,7 @@ impl StackBatch {
     }
 }
 
-/// Row `i` of the batch by itself, which the regular route may have declined already.
+/// Solve row `i` of the batch alone. The regular route may have declined it already.
 fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, declined: bool) -> Result<Status> {
     let (n, levels) = (solver.n(), solver.rows().len());
     let (mut at, mut to) = (0, 0);

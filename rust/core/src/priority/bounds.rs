@@ -51,7 +51,7 @@ pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max):
     let (lower, upper) = ((-room(down)).max(v_min).min(v_max), room(q_max - q).max(v_min).min(v_max));
     match lower <= upper {
         true => (lower, upper),
-        // Beyond one limit, the way back is no faster than the braking before the other one allows.
+        // Beyond one limit, the return is no faster than the braking before the other limit allows.
         false if down < 0.0 => (upper, upper),
         false => (lower, lower),
     }
@@ -70,7 +70,7 @@ mod tests {
         // sqrt(2 * 0.5 * 1) is exact.
         assert_eq!((lower[1], upper[1]), (-1.0, 1.0));
         assert_eq!((lower[2], upper[2]), (-2.0, -2.0));
-        // Far beyond the limit with weak brakes: the way back is as fast as still stops before the other limit, sqrt(2 * 0.5 * 4).
+        // Far beyond the limit with weak brakes: the return is as fast as a stop before the other limit allows, sqrt(2 * 0.5 * 4).
         velocity_bounds(&[3.0], &[-1.0], &[1.0], &[9.0], &[0.5], 0.01, &mut lower[..1], &mut upper[..1]).unwrap();
         assert_eq!((lower[0], upper[0]), (-2.0, -2.0));
         assert!(velocity_bounds(&[f64::NAN], &[0.0], &[1.0], &[1.0], &[1.0], 0.1, &mut [0.0], &mut [0.0]).is_err());

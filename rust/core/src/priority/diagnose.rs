@@ -127,7 +127,7 @@ pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Opti
         full.decompose(&transposed, freedom, m)?;
         let lost: Vec<Vec<f64>> = (projected_rank..m).map(|j| full.v(j).to_vec()).collect();
         w.rest(i);
-        // Back from the power of two by which the solver scaled an extreme level.
+        // Undo the scaling of an extreme level by a power of two.
         let unscale = |x: f64| x * 2f64.powi(-w.exponent[i] / 2) * 2f64.powi(-(w.exponent[i] - w.exponent[i] / 2));
         let mut loss = vec![0.0; m];
         lost.iter().for_each(|u| axpy(dot(u, &w.r[..m]), u, &mut loss));

@@ -18,7 +18,7 @@ use crate::linalg::svd::Svd;
 use crate::linalg::{axpy, clamp_gain, clamp_remainder, dot};
 
 impl Workspace {
-    /// Start a recursion: all of joint space free, nothing commanded.
+    /// Start a recursion: all directions are free, and the velocity is zero.
     pub(super) fn begin(&mut self) {
         let n = self.n;
         self.basis.fill(0.0);
@@ -119,7 +119,7 @@ impl Workspace {
         Ok((rank, spent))
     }
 
-    /// Rotate the free basis into the singular directions of the current level and spend the first `spent` of them.
+    /// Rotate the free basis into the singular directions of the current level, and mark the first `spent` of them as used.
     pub(super) fn consume(&mut self, spent: usize) {
         if self.identity {
             for j in 0..self.n {
@@ -218,7 +218,7 @@ impl Workspace {
             let k = self.project(i)?;
             let (rank, spent) = self.consume_exact_rank(i, &mut condition)?;
             self.ranks[i] = rank;
-            // A level without freedom has none to lose.
+            // A level without freedom loses none.
             self.lost[i] = kinematic && k > 0 || rank < m.min(k);
             if self.is_followed(i) {
                 self.consume(spent);

@@ -52,7 +52,7 @@ impl<S: Real> Factor<S> {
             let negative = x0.lt(S::zero());
             w[0] = S::select(negative, -reach, reach);
             let minus_alpha = S::select(negative, -norm, norm);
-            // A row of zeros gives NaN, which declines in the end.
+            // A row of zeros gives NaN, and the route then declines.
             beta[at] = S::splat(1.0) / (norm * reach);
             // 1/alpha without a second division.
             let size = beta[at] * reach;
@@ -82,7 +82,7 @@ impl<S: Real> Factor<S> {
         self.turn_back_first(self.n, v);
     }
 
-    /// The same of the first coordinates alone.
+    /// The same for the first coordinates alone.
     pub fn turn_back_first(&self, used: usize, v: &mut [S]) {
         let (first, rest) = v.split_at_mut(used);
         first.copy_from_slice(&self.y[..used]);

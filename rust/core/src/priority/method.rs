@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 
-/// Relative error of the entries of a Jacobian that carries no information beyond rounding; `8 eps (1 + sum|q|)` when an arm made it.
+/// Relative error of the entries of a Jacobian that is exact up to rounding; `8 eps (1 + sum|q|)` if an arm computes it.
 pub const DEFAULT_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Default `eps` of a level, as a fraction of the norm of its largest row.
@@ -32,7 +32,7 @@ impl PriorityMethod {
     pub const ALL: [PriorityMethod; 5] =
         [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped, PriorityMethod::Chiaverini, PriorityMethod::Sns];
 
-    /// Whether it keeps joint velocities within bounds. A law has them from its state, and is not recorded.
+    /// Whether the map keeps joint velocities within bounds. In a law the bounds depend on the state, so such a law is not recorded.
     pub fn has_bounds(self) -> bool {
         self == PriorityMethod::Sns
     }

@@ -2,8 +2,8 @@
 //!
 //! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`                                        (5)
 //!
-//! with any number of levels of any size. Five maps realise it (`PriorityMethod`); `diagnose` says which directions of which level
-//! can be commanded at all, and why not. Derivation, limits and a table of the methods: `docs/priority.md`.
+//! with any number of levels of any size. Five maps realise it (`PriorityMethod`); `diagnose` reports which directions of which level can
+//! be commanded, and why others cannot. Derivation, limits and a table of the methods: `docs/priority.md`.
 //!
 //! Four layers: `regular` solves by LQ factorisations where it can prove that every singular value is large and no bound is met.
 //! `pairs` has levels of one or two rows in closed form, at singularities too. `levels` is the general recursion over singular values,

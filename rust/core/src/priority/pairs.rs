@@ -4,8 +4,8 @@
 //! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`
 //!
 //! with `h = q` for `clamp` and `h = 1 / (s^2 + lambda^2)` for `damped`. It is the map of `levels` where `P` is a projector before
-//! every level that others follow. Only the last two levels may use a direction in part. Elsewhere the route declines, as it does where
-//! a threshold is so small that one rotation is not exact enough.
+//! every level that others follow. Only the last two levels may use a direction in part; otherwise the route declines. It also declines if
+//! a threshold is so small that one rotation is not accurate enough.
 //!
 //! Nothing here branches on the numbers: a program of a recording and a direct solve agree to the bit.
 
@@ -26,7 +26,7 @@ const LEAST: f64 = 1e-6;
 /// Singular values below the root of this times the threshold use nothing of their direction.
 const UNUSED: f64 = 1e-16;
 
-/// Direct solves after which a program is made for a caller who comes again.
+/// Number of direct solves after which a program is made.
 const OFTEN: u64 = 16;
 
 /// The route for stacks of one size, with its buffers.
@@ -35,7 +35,7 @@ pub(super) struct Pairs<S> {
     n: usize,
     rows: Vec<usize>,
     damped: bool,
-    /// Squares of the thresholds, where they are given.
+    /// Squares of the thresholds of the options.
     eps2: Option<Vec<S>>,
     metric: Option<Metric<S>>,
     /// The stack in the coordinates of the metric, and its rows times the projectors of the levels above them.
@@ -59,12 +59,12 @@ struct Direction<'a, S> {
     /// `s^2 = g g'`.
     s2: S,
     command: S,
-    /// One where there is freedom for it, else zero.
+    /// One if there is freedom for it, else zero.
     open: S,
 }
 
 impl<S: Real> Pairs<S> {
-    /// For levels of these sizes, thresholds and metric; `None` where the closed form is not for them.
+    /// For levels of these sizes, thresholds and metric; `None` if the closed form does not apply.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         if !matches!(method, PriorityMethod::Clamp | PriorityMethod::Damped) || rows.iter().any(|&m| m > 2) {
             return None;
@@ -93,7 +93,7 @@ impl<S: Real> Pairs<S> {
         own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
     }
 
-    /// Solve for the stack `(sum rows, n)` and its command; one where the route is taken, else zero.
+    /// Solve for the stack `(sum rows, n)` and its command; one if the route is valid, else zero.
     pub fn solve(&mut self, jacobian: &[S], command: &[S]) -> S {
         let (zero, one) = (S::zero(), S::splat(1.0));
         let Pairs { n, rows, j, projected, metric, y, eps2, threshold2: thresholds, .. } = self;
@@ -139,7 +139,7 @@ impl<S: Real> Pairs<S> {
         })
     }
 
-    /// Level `i`, whose rows begin at `at`, where so many directions are used already: one if it leaves a projector, else zero.
+    /// Level `i`, whose rows begin at `at`, after `used` used directions. Returns one if a projector remains, else zero.
     fn level(&mut self, i: usize, at: usize, command: &[S], used: S) -> S {
         let Pairs { n, rows, j, projected, y, full, damped, threshold2, ranks, lost, .. } = self;
         let (n, m, threshold2, zero, one) = (*n, rows[i], threshold2[i], S::zero(), S::splat(1.0));
@@ -148,7 +148,7 @@ impl<S: Real> Pairs<S> {
         let rows = j[at * n..(at + m) * n].chunks_exact(n);
         rest.iter_mut().zip(&command[at..]).zip(rows).for_each(|((rest, &command), row)| *rest = command - product(row, y));
         let (turned, own) = above.split_at_mut(at * n);
-        // Once more: what rounding has left of directions that are used up would count by the inverse of the threshold's square.
+        // Once more: rounding errors along used directions would be multiplied by the inverse of the threshold's square.
         for row in own.chunks_exact_mut(n) {
             turned.chunks_exact(n).zip(&*full).for_each(|(g, &share)| remove(row, [(g, share)]));
         }
@@ -158,7 +158,7 @@ impl<S: Real> Pairs<S> {
         }
         let free = S::splat(n as f64) - used;
         let squares = [product(first, first), product(second, second)];
-        // Freedom for one direction alone is that of the larger one.
+        // If only one direction is free, the larger one uses it.
         let (some, both) = (S::select(S::splat(0.5).lt(free), one, zero), S::select(S::splat(1.5).lt(free), one, zero));
         let mut open = [some, zero];
         if m == 2 {
@@ -232,12 +232,12 @@ fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
 #[derive(Debug, Clone)]
 pub(super) struct SinglePairs {
     direct: Pairs<Float>,
-    /// With the same bits, once somebody made it.
+    /// The program of the route, with the same bits, after it is made.
     program: Option<Evaluation>,
     solves: u64,
 }
 
-/// Where the answer goes: joint velocities, residuals, directions realised and whether one is lost.
+/// The results: joint velocities, residuals, directions realised and whether one is lost.
 pub(super) struct Answer<'a> {
     pub v: &'a mut [f64],
     pub residual: &'a mut [f64],
@@ -251,18 +251,18 @@ impl SinglePairs {
         Pairs::new(n, rows, method, eps, metric).map(|direct| SinglePairs { direct, program: None, solves: 0 })
     }
 
-    /// The program is of other thresholds.
+    /// Set the thresholds. The program then no longer applies.
     pub fn set_eps(&mut self, eps: &[f64]) {
         (self.program, self.solves) = (None, 0);
         self.direct.set_eps(eps);
     }
 
-    /// Whether a caller who comes again is served better by a program now.
+    /// Whether a program should be made now, after repeated calls.
     pub fn wants_program(&self) -> bool {
         self.program.is_none() && self.solves == OFTEN
     }
 
-    /// Take this program, of [`PrioritySolver::of_pairs`], from now on.
+    /// Use this program of [`PrioritySolver::of_pairs`] from now on.
     pub fn take(&mut self, program: Option<Evaluation>) {
         self.solves += 1;
         self.program = program;
@@ -294,7 +294,8 @@ impl SinglePairs {
 }
 
 impl PrioritySolver {
-    /// The closed form as a program for single stacks: Jacobians and command to one where it is taken, `v`, residuals, ranks and lost directions.
+    /// The closed form as a program for single stacks: from Jacobians and command to one if it is valid, `v`, residuals, ranks and lost
+    /// directions.
     pub(super) fn of_pairs(&self) -> Option<Evaluation> {
         let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
         if n * total * (total + levels) > MOST {

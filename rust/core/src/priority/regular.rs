@@ -1,15 +1,15 @@
 //! Equation (5) away from singularities: with the stack `J_E = [J1; J2; ..] = L Q` (LQ factorisation by Householder reflections),
-//! the prioritised solution is `v = Q' y` with `L y = [v1; v2; ..]` by forward substitution, because the diagonal block
+//! the prioritised solution is `v = Q' y` with `L y = [v1; v2; ..]` by forward substitution. The reason is that the diagonal block
 //! `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
 //!
-//! The route is taken only where it is provably the same map as the recursion over singular values: `1/|T_i^-1|_F` bounds the
-//! smallest singular value of `J_i N_{i-1}` from below, and must reach `eps_i` (`clamp`, `damped`) or pass the rank rule with
-//! six digits to spare (`exact`). Otherwise it declines, having decided nothing, and `levels` takes over.
+//! The route is valid only if it is provably the same map as the recursion over singular values. `1/|T_i^-1|_F` is a lower bound of the
+//! smallest singular value of `J_i N_{i-1}`. It must reach `eps_i` (`clamp`, `damped`), or pass the rank rule with a margin of
+//! six digits (`exact`). Otherwise the route declines, and `levels` solves the stack.
 //!
 //! `sns` is `exact` where zero and the velocities of every level with those above are within the bounds. `chiaverini` sums
 //! `P_{i-1} J_i# v_i` with the ranks of `exact`: `P_{i-1}` drops the coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
 //!
-//! One source for a single stack and for a recording: nothing here branches on the numbers, so that the program of a recording and a
+//! A single stack and a recording use the same source. It never branches on the numbers, so a program and a
 //! direct solve of the same instruction set agree to the bit.
 
 use super::lq::{Factor, product, tall};
@@ -20,7 +20,7 @@ use super::workspace::TAME;
 use crate::scalar::{Float, Real};
 use crate::trace::Evaluation;
 
-/// `exact` takes this route only for relative singular values above it, where forward substitution loses no digits that count.
+/// `exact` uses this route only for relative singular values above this, where forward substitution loses no significant digits.
 const EXACT_FLOOR: f64 = 1e-6;
 
 /// The route for stacks of one size, with its buffers.
@@ -31,22 +31,22 @@ pub struct Regular<S> {
     /// Levels that fit into the freedom left: their rows come first and are rows of `L`.
     fitting: usize,
     method: PriorityMethod,
-    /// Squares of the thresholds, where they are given.
+    /// Squares of the thresholds of the options.
     eps2: Option<Vec<S>>,
     metric: Option<Metric<S>>,
     /// Velocity bounds of `sns`, least and most.
     bounds: [Vec<S>; 2],
-    /// The levels by themselves, of `chiaverini`.
+    /// The single levels of `chiaverini`.
     own: Option<Own<S>>,
     factor: Factor<S>,
-    /// The rows of the level that does not fit, where freedom is left for it.
+    /// The rows of the first level with more rows than remaining freedom.
     tall: Vec<S>,
     /// Squares of the largest row norm and of the Frobenius norm of each level.
     most2: Vec<S>,
     norm2: Vec<S>,
     r: Vec<S>,
     z: Vec<S>,
-    /// The answer: joint velocities `(n,)` and residuals `(sum rows,)`.
+    /// The results: joint velocities `(n,)` and residuals `(sum rows,)`.
     pub v: Vec<S>,
     pub residual: Vec<S>,
 }
@@ -94,13 +94,13 @@ impl<S: Real> Regular<S> {
     }
 
     pub fn set_eps(&mut self, eps: &[f64]) {
-        // Set anew in every step of some searches: no allocation where there are some already.
+        // Some searches set thresholds in every step: existing memory is reused.
         let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
         own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
     }
 
-    /// Solve into `v` and `residual` for the stack `(sum rows, n)` and its command; one where the route stands, zero where some level is
-    /// not provably regular or some number is not tame.
+    /// Solve into `v` and `residual` for the stack `(sum rows, n)` and its command. Returns one if the route is valid. It returns zero if
+    /// some level is not provably regular or some number is extreme.
     pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
         self.load(jacobian);
         self.factor.y.fill(S::zero());
@@ -116,7 +116,7 @@ impl<S: Real> Regular<S> {
         }
         self.joint_velocities(self.n);
         let Regular { n, v, residual, .. } = self;
-        // What is not finite compares with nothing.
+        // Comparisons with NaN are false.
         let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
         residual.iter_mut().zip(jacobian.chunks_exact(*n)).zip(command).fold(stands, |stands, ((residual, row), &command)| {
             *residual = command - product(row, v);
@@ -132,7 +132,7 @@ impl<S: Real> Regular<S> {
         }
     }
 
-    /// `stands` where zero and the velocities of every level with those above are within the bounds, else zero.
+    /// `stands` if zero is within the bounds, and also the velocities of every level together with those above; else zero.
     fn stay_within(&mut self, stands: S) -> S {
         let (mut stands, mut used) = (stands, 0);
         self.v.fill(S::zero());
@@ -144,7 +144,7 @@ impl<S: Real> Regular<S> {
         self.within(stands)
     }
 
-    /// `stands` where `v` is within the bounds, else zero.
+    /// `stands` if `v` is within the bounds, else zero.
     fn within(&self, stands: S) -> S {
         let [lower, upper] = &self.bounds;
         let bounds = lower.iter().zip(upper);
@@ -154,13 +154,13 @@ impl<S: Real> Regular<S> {
             .fold(stands, |stands, (&v, (&lower, &upper))| S::select(v.lt(lower), S::zero(), S::select(upper.lt(v), S::zero(), stands)))
     }
 
-    /// The coordinates of `sum P_{i-1} J_i# v_i`; `stands` where every level by itself is away from its singularities, else zero.
+    /// The coordinates of `sum P_{i-1} J_i# v_i`; Returns `stands` if every single level is away from its singularities, else zero.
     fn sum_up(&mut self, mut stands: S, jacobian: &[S], command: &[S]) -> S {
         let Regular { n, rows, eps2, metric, factor, own, .. } = self;
         let (Some(own), mut start) = (own, 0) else { return S::zero() };
         factor.y.fill(S::zero());
         for (i, &m) in rows.iter().enumerate().filter(|(_, m)| **m > 0) {
-            // A level without freedom decides nothing here, too.
+            // A level without freedom has no effect here, too.
             if start >= *n {
                 break;
             }
@@ -197,7 +197,7 @@ impl<S: Real> Regular<S> {
         let (mut stands, mut used, mut condition) = (one, 0, one);
         for (i, &m) in rows.iter().enumerate() {
             let p = m.min(*n - used);
-            // A level without rows or freedom decides nothing, so that it cannot change the route of the levels above it.
+            // A level without rows or freedom has no effect on the route of the levels above it.
             if p == 0 {
                 continue;
             }
@@ -258,7 +258,7 @@ pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = us
 #[derive(Debug, Clone)]
 pub(super) struct Single {
     direct: Regular<Float>,
-    /// With the same bits, once somebody made it.
+    /// The program of the route, with the same bits, after it is made.
     program: Option<Evaluation>,
 }
 
@@ -268,18 +268,18 @@ impl Single {
         Single { direct: Regular::new(n, rows, method, eps, metric), program: None }
     }
 
-    /// Take this program, of [`PrioritySolver::of_stacks`](super::PrioritySolver), from now on.
+    /// Use this program of [`PrioritySolver::of_stacks`](super::PrioritySolver) from now on.
     pub fn take(&mut self, program: Option<Evaluation>) {
         self.program = program;
     }
 
-    /// The program is of other thresholds.
+    /// Set the thresholds. The program then no longer applies.
     pub fn set_eps(&mut self, eps: &[f64]) {
         self.program = None;
         self.direct.set_eps(eps);
     }
 
-    /// The program is of other bounds.
+    /// Set the bounds. The program then no longer applies.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
         self.program = None;
         self.direct.set_bounds(v_min, v_max);

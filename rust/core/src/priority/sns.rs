@@ -104,7 +104,7 @@ impl Workspace {
                 let (low, high) = interval(sat.va[j], sat.vb[j], lower[j], upper[j], noise);
                 to = to.min(high);
                 let violates = low > 1.0 || high < 1.0;
-                // Of joints that limit alike, such as those that higher levels brought to their bounds, the fastest.
+                // Among joints with equal limits of the scale, such as those that higher levels moved to their bounds, the fastest.
                 let alike = (high - least).abs() <= ALIKE * least.abs() || high == least;
                 if violates && (critical.is_none() || if alike { sat.va[j].abs() > rate } else { high < least }) {
                     let above = sat.va[j] + sat.vb[j] > upper[j];
@@ -171,7 +171,7 @@ impl Workspace {
             metric.velocity(&mut sat.va);
         }
         let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
-        // Near singularities the noise is large. Cutting off so much would change results of higher levels.
+        // Near singularities the noise is large. To cut off that much would change results of higher levels.
         let fastest = largest(&sat.va);
         let edge = noise.min(MOST_EDGE * fastest).max(LEAST_EDGE * fastest);
         if !(0..n).all(|j| sat.va[j] >= lower[j] - edge && sat.va[j] <= upper[j] + edge) {

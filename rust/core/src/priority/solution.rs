@@ -1,10 +1,10 @@
-//! One prioritised solve from plain matrices, and its answer.
+//! One prioritised solve from plain matrices, and its result.
 
 use super::{PriorityOptions, PrioritySolver};
 use crate::error::Result;
 use crate::status::Status;
 
-/// The answer of `solve_priority`.
+/// The result of `solve_priority`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
     /// Joint velocities, shape `(n,)`.
@@ -15,7 +15,7 @@ pub struct Solution {
     pub ranks: Vec<usize>,
     /// Scale of each level's command; 1 except for `sns`.
     pub scales: Vec<f64>,
-    /// `Success`, or `Degraded` where directions are lost.
+    /// `Success`, or `Degraded` if directions are lost.
     pub status: Status,
 }
 

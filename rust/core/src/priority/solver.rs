@@ -1,7 +1,7 @@
 //! The solver: one construction, then solves without allocation.
 //!
-//! `levels of (J_i, v_i) -> v`, with residuals `v_i - J_i v`, ranks and a status. Inputs are checked here once; the maps below see
-//! finite numbers of sane magnitude only.
+//! `levels of (J_i, v_i) -> v`, with residuals `v_i - J_i v`, ranks and a status. Inputs are checked here once; the maps below only receive
+//! finite numbers of moderate magnitude.
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 use super::metric::Metric;
@@ -34,13 +34,13 @@ pub struct PrioritySolver {
     method: PriorityMethod,
     work: Workspace,
     saturation: Option<Saturation>,
-    /// Levels of two rows in closed form, where they are that.
+    /// The closed form for levels of at most two rows, if it applies.
     pairs: Option<SinglePairs>,
     status: Status,
     uses: u64,
 }
 
-/// Calls after which a caller is taken for one who calls often.
+/// Number of calls after which a caller counts as frequent.
 const OFTEN: u64 = 16;
 
 impl PrioritySolver {
@@ -53,7 +53,7 @@ impl PrioritySolver {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
         }
         let levels = rows.len();
-        // Jacobians twice, two decompositions with their bases, and what the regular route takes.
+        // Jacobians twice, two decompositions with their bases, and the buffers of the regular route.
         let (total, most) = rows.iter().fold((0, n), |(total, most): (usize, usize), &m| (total.saturating_add(m), most.max(m)));
         memory::require((16_usize.saturating_mul(most)).saturating_add(8_usize.saturating_mul(total)).saturating_mul(8 * most))?;
         let eps = match options.eps.as_deref() {
@@ -78,7 +78,7 @@ impl PrioritySolver {
             }
             (None, None) => {}
             (lower, upper) => {
-                // One bound alone is symmetric.
+                // A missing bound is minus the other one.
                 let mirror = |x: &Vec<f64>| x.iter().map(|b| -b).collect::<Vec<f64>>();
                 let low = lower.clone().unwrap_or_else(|| mirror(upper.as_ref().unwrap_or(&Vec::new())));
                 let high = upper.clone().unwrap_or_else(|| mirror(lower.as_ref().unwrap_or(&Vec::new())));
@@ -108,12 +108,12 @@ impl PrioritySolver {
         self.work.rounding
     }
 
-    /// Thresholds of each level, where they are given.
+    /// Thresholds of each level, if the options have them.
     pub fn eps(&self) -> Option<&[f64]> {
         self.work.eps.as_deref()
     }
 
-    /// Bounds of the joint velocities, least and most, where there are any.
+    /// Bounds of the joint velocities, lower and upper, if there are any.
     pub fn bounds(&self) -> Option<&(Vec<f64>, Vec<f64>)> {
         self.work.bounds.as_ref()
     }
@@ -127,7 +127,7 @@ impl PrioritySolver {
         route
     }
 
-    /// Levels of two rows in closed form, on another number; `None` where they are not that.
+    /// The closed form for levels of at most two rows, on another number; `None` if it does not apply.
     pub(super) fn pairs<S: Real>(&self) -> Option<Pairs<S>> {
         Pairs::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
     }

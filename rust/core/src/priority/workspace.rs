@@ -5,7 +5,7 @@ use super::metric::Metric;
 use super::regular::{Single, regular_ranks};
 use crate::linalg::svd::Svd;
 
-/// Squares of a level's norm outside this range send it through scaling by a power of two.
+/// A level whose squared norm is outside of this range is scaled by a power of two.
 pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
 
 #[derive(Debug, Clone)]
@@ -24,10 +24,10 @@ pub(super) struct Workspace {
     pub exponent: Vec<i32>,
     /// The threshold in force, per level.
     pub threshold: Vec<f64>,
-    /// Rows: an orthonormal basis of joint space. Those before `free` are used up by higher levels; the others carry the
-    /// factor `scale` that a clamped level left of them.
+    /// Rows: an orthonormal basis of joint space. Higher levels use those before `free`. The others have the factor `scale`, the fraction
+    ///     that clamped levels leave.
     pub basis: Vec<f64>,
-    /// No level has rotated the basis yet.
+    /// Whether no level has rotated the basis yet.
     pub identity: bool,
     pub free: usize,
     pub scale: Vec<f64>,
@@ -94,7 +94,7 @@ impl Workspace {
         }
     }
 
-    /// Solve into `v`, `residual` and `ranks`; false if some level is not provably regular or some number is not tame.
+    /// Solve into `v`, `residual` and `ranks`; false if some level is not provably regular or some number is extreme.
     pub fn solve_regular(&mut self) -> bool {
         let Workspace { n, rows, regular, jacobian, command, rounding, v, residual, ranks, task_scale, .. } = self;
         let stands = regular.solve(*rounding, jacobian, command, v, residual);

@@ -11,13 +11,13 @@ use crate::memory;
 use crate::parallel;
 use crate::status::Status;
 
-/// Targets that a thread takes at a time: a hundred microseconds where they are near, a second where none is in reach.
+/// Targets of one piece of work of a thread. It takes a hundred microseconds for near targets, and a second for unreachable ones.
 const CHUNK: usize = 32;
 
 /// The results for `count` targets, `k` solutions each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IkRows {
-    /// `(count, k, n)`, the best first; NaN where a target was not finite, the search overflowed, or nothing more was found.
+    /// `(count, k, n)`, the best first; NaN if a target was not finite, if the search overflowed, or if there are fewer solutions.
     pub q: Vec<f64>,
     /// Errors of each task, `(count, k, rows)` each.
     pub errors: Vec<Vec<f64>>,
@@ -27,8 +27,8 @@ pub struct IkRows {
     pub iterations: Vec<i64>,
     /// Random starts used, `(count,)`.
     pub restarts: Vec<i64>,
-    /// As in [`super::IkSolution`], `(count, k)`, by code; `Diverged` where a row is not finite or overflows, `Infeasible` where
-    /// nothing more was found.
+    /// As in [`super::IkSolution`], `(count, k)`, by code. `Diverged` if a row is not finite or overflows, `Infeasible` if
+    /// there are fewer solutions.
     pub status: Vec<i32>,
 }
 
@@ -59,7 +59,7 @@ struct Part<'a> {
 /// let points = vec![0.6, 0.3, 0.2, 0.7];
 /// let found = inverse_kinematics_batch(&arm, &tip, &[points], &[0.1, 0.2], 2, 2, &IkOptions::default(), 1, &mut || false)?;
 /// assert_eq!((found.q.len(), found.reached.as_slice()), (8, &[true; 4][..]));
-/// // Elbow on the one side, elbow on the other.
+/// // The two solutions have the elbow on different sides.
 /// assert!(found.q[1] * found.q[3] < 0.0);
 /// # Ok::<(), armlet_core::error::Error>(())
 /// ```
@@ -162,7 +162,7 @@ fn row(values: &[f64], width: usize, i: usize) -> &[f64] {
     &values[i * width..(i + 1) * width]
 }
 
-/// Take the first `size` entries off.
+/// Split off the first `size` entries.
 fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
     let (head, tail) = std::mem::take(all).split_at_mut(size);
     *all = tail;

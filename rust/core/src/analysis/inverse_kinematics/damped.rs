@@ -2,9 +2,9 @@
 //!
 //! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  `z` the motion towards the middle of the ranges,
 //!
-//! `J` and `e` the rows of all tasks, each divided by the size of its Jacobian's row, so that `e` is in joint coordinates. Far away the
-//! damping keeps steps short in every direction that the Jacobian hardly moves. Near the goal it fades faster than the error, and a step
-//! is Newton's. No singular values are needed. With more rows than joints the same step comes from `J' J`.
+//! `J` and `e` the rows of all tasks, each divided by the size of its Jacobian's row, so that `e` is in joint coordinates. Far from the
+//! goal the damping keeps steps short along directions with small singular values. Near the goal it decreases faster than the error, so a
+//! step approaches Newton's step. No singular values are needed. With more rows than joints the same step comes from `J' J`.
 
 use super::super::uniform::{mirror, within};
 use super::newton::{Attempt, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
@@ -13,11 +13,11 @@ use crate::interrupt::look;
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::linalg::dot;
 
-/// The damping over the square of the error. Half of it needs more random starts, three times as much more steps.
+/// The damping over the square of the error. With half of it more random starts are needed, with three times as much more steps.
 const DAMPING: f64 = 0.3;
-/// The least damping over the largest diagonal entry: rows that say the same thing leave the matrix singular.
+/// The least damping over the largest diagonal entry, because linearly dependent rows make the matrix singular.
 const FLOOR: f64 = 1e-12;
-/// Progress of the square of the error below this part in `PROGRESS_STEPS` steps ends a start.
+/// If the square of the error decreases by less than this fraction in `PROGRESS_STEPS` steps, a start ends.
 const PROGRESS: f64 = 0.02;
 const PROGRESS_STEPS: usize = 8;
 /// Pairs of positions at which the size of the Jacobian's rows is taken. Both are mirror images, so that a mirrored arm has the same sizes.
@@ -31,7 +31,7 @@ pub(super) struct Damped {
     weights: Vec<f64>,
     e: Vec<f64>,
     w: Vec<f64>,
-    /// Jacobian `(rows, n)`, weighted; zero columns where joints are held.
+    /// Jacobian `(rows, n)`, weighted; the columns of held joints are zero.
     j: Vec<f64>,
     /// The matrix to be solved, `(k, k)`, then its Cholesky factor; `k` the lesser of rows and joints.
     gram: Vec<f64>,
@@ -44,7 +44,7 @@ pub(super) struct Damped {
     misses: Vec<f64>,
 }
 
-/// How far a descent may go.
+/// The limits of a descent.
 pub(super) struct Reach<'a> {
     /// Lower and upper limit of each joint.
     pub bounds: &'a [(f64, f64)],
@@ -89,8 +89,8 @@ impl Damped {
         damped
     }
 
-    /// Steps from `q`, within the limits, until all is reached, there is no progress, or the steps are used up; the best goes into `found`.
-    /// Whether it came to rest.
+    /// Steps from `q`, within the limits, until all tasks are reached, there is no progress, or the steps are used up. The best result is
+    /// written to `found`. Returns whether the steps ended without progress.
     pub fn descend(&mut self, q: &mut [f64], desired: &[Vec<f64>], reach: &Reach, found: &mut Attempt, iterations: &mut usize) -> bool {
         let (mut mark, mut since) = (f64::INFINITY, 0);
         clip(q, reach.bounds);
@@ -114,12 +114,12 @@ impl Damped {
                 return true;
             }
         }
-        // The last step has not been looked at.
+        // The errors after the last step were not computed yet.
         self.look_at(q, desired, reach.tolerance, found);
         false
     }
 
-    /// The errors at `q`, and what they miss; the best into `found`.
+    /// Compute the errors at `q` and the misses, and keep the best result in `found`.
     fn look_at(&mut self, q: &[f64], desired: &[Vec<f64>], tolerance: f64, found: &mut Attempt) {
         self.stack.place(q);
         let mut at = 0;
@@ -144,7 +144,7 @@ impl Damped {
         }
         aim_at_middle(q, reach.bounds, far, &mut self.z);
         self.held.fill(false);
-        // Every round holds one joint more, so that there are at most n + 1.
+        // Every pass holds one more joint, so there are at most n + 1.
         loop {
             self.solve(size);
             if !blocked(q, &self.dq, reach.bounds, &mut self.held) {
@@ -206,7 +206,7 @@ fn solve_damped(a: &mut [f64], y: &mut [f64], size: f64) {
             let row = &above[c * k..(c + 1) * k];
             own[c] = (own[c] - dot(&own[..c], &row[..c])) / row[c];
         }
-        // Rounding is far below the damping; what is not a number ends as a start without progress.
+        // Rounding is far below the damping. A start with NaN ends without progress.
         own[r] = (own[r] + damping - dot(&own[..r], &own[..r])).max(f64::MIN_POSITIVE).sqrt();
         y[r] = (y[r] - dot(&own[..r], &y[..r])) / own[r];
     }

@@ -4,8 +4,8 @@
 //! `q <- clip(q + s dq)`, where `s <= 1` keeps every joint's step below a cap. First `dq` is a damped least-squares step for all tasks
 //! together. If this does not reach several tasks, `dq` solves `J_i dq = e_i` in priority, by a map that is bounded at singularities. A
 //! `method` or an `eps` selects these steps from the start. A joint at a limit that the step would cross is held: its column becomes zero, and
-//! the step is solved anew. Freedom that is left over while errors are large moves joints towards the middle of their range.
-//! From a start that leads nowhere the search goes on from random ones, seeded. Several solutions of one target come from more starts.
+//! the step is solved anew. While errors are large, the remaining freedom moves joints towards the middle of their range. After a start
+//! without success the search continues from random starts with a seed. Several solutions of one target come from more starts.
 //!
 //! `damped` has the steps for all tasks together, `newton` those in priority, `batch` the rows of many targets.
 
@@ -51,7 +51,7 @@ impl Default for IkOptions {
     }
 }
 
-/// What was found.
+/// The result of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IkSolution {
     /// `(n,)`
@@ -64,15 +64,16 @@ pub struct IkSolution {
     pub iterations: usize,
     /// Random starts used.
     pub restarts: usize,
-    /// `Success`: every task is reached. `Degraded`: the first is, some lower one is not. `Infeasible`: the first is not, and the
-    /// best start came to rest. `MaxSteps`: the first is not, and the best start was still moving. `Diverged`: the numbers overflow.
+    /// `Success`: every task is reached. `Degraded`: the first task is reached, but not all. `Infeasible`: the first task is not reached,
+    /// and the best start made no more progress. `MaxSteps`: the first task is not reached, and the best start was still moving.
+    /// `Diverged`: the numbers overflow.
     pub status: Status,
 }
 
 /// Solutions whose joints differ by no more than this, rad or m, are the same one.
 const SAME: f64 = 1e-3;
 
-/// A task with its constant target; `None` for one that needs none.
+/// A task with its constant target; the target is empty for a task without one.
 pub type Goal = (TaskFunction, Vec<f64>);
 
 /// Joint positions where the tasks `goals` are reached, the highest first, from `q0` `(n,)`.
@@ -104,7 +105,7 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOpti
     let mut solver = IkSolver::new(arm, &functions, search)?;
     match solver.solve(&targets, q0, 1) {
         Ok(()) => Ok(solver.solution(0)),
-        // A target so far away that the search overflows, as in a batch.
+        // The target is so far away that the search overflows: the same result as in a batch.
         Err(Error::Solve { .. }) => Ok(IkSolution {
             q: vec![f64::NAN; n],
             errors: vec![f64::NAN; functions.iter().map(TaskFunction::rows).sum()],
@@ -174,7 +175,7 @@ impl IkSolver {
     }
 
     /// Insert the result of the last start in order. The order is by the error of the first task that differs. Results that reach every task
-    /// are ordered by their distance from `q0`, then by time. Of equal postures the better one is kept.
+    /// are ordered by their distance from `q0`, then by time. Among equal postures the better one is kept.
     fn rank(&mut self, q0: &[f64], most: usize) {
         let IkSolver { newton, found, .. } = self;
         let new = &newton.found;
@@ -217,7 +218,7 @@ impl Attempt {
     }
 }
 
-/// The square of how far two joint positions are apart.
+/// The squared distance of two joint positions.
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }

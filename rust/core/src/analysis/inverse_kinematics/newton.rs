@@ -1,5 +1,5 @@
-//! The search from one start: prioritised damped Newton steps with an active set of joint limits. Buffers last from target to target,
-//! so that a search allocates nothing after its construction.
+//! The search from one start: prioritised damped Newton steps with an active set of joint limits. Buffers are kept between targets,
+//! so a search allocates nothing after its construction.
 
 use super::super::uniform::within;
 use super::damped::{Damped, Reach};
@@ -14,20 +14,20 @@ use crate::linalg::dot;
 use crate::priority::{DEFAULT_EPS, PriorityMethod, PriorityOptions};
 use std::f64::consts::PI;
 
-/// Newton steps of the highest tasks alone, where lower ones keep them from being reached.
+/// Newton steps of the highest tasks alone, for the case that lower tasks prevent their convergence.
 const LAST_STEPS: usize = 10;
-/// Progress of the leading unreached task below this part in `PROGRESS_STEPS` steps ends a start.
+/// If the error of the first unreached task decreases by less than this fraction in `PROGRESS_STEPS` steps, a start ends.
 const PROGRESS: f64 = 1e-3;
 const PROGRESS_STEPS: usize = 20;
 
-/// The part of the way to the middle of its range that a joint is asked to go in a step, where errors are of order one. It fades
-/// with them, so that the last steps are Newton's.
+/// The fraction of the distance to the middle of its range that a joint moves in a step, for errors of order one. It decreases
+/// with the errors, so that the last steps are Newton's.
 const CENTRING: f64 = 0.2;
 
-/// Thresholds stay above this: singular values below it are rounding.
+/// The least threshold: singular values below it are rounding errors.
 const SMALLEST_EPS: f64 = 1e-9;
 
-/// Where a start led to.
+/// The result of a start.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Attempt {
     /// `(n,)`
@@ -58,9 +58,9 @@ pub(super) struct Newton {
     pub desired: Vec<Vec<f64>>,
     /// Lower and upper limit of each joint, infinite where there are none.
     bounds: Vec<(f64, f64)>,
-    /// Whether each joint turns.
+    /// Whether each joint is revolute.
     angles: Vec<bool>,
-    /// Whether a whole turn of each joint leaves all bodies where they are.
+    /// Whether a whole turn of each joint moves no body.
     turns: Vec<bool>,
     search: IkOptions,
     e: Vec<f64>,
@@ -70,9 +70,9 @@ pub(super) struct Newton {
     q: Vec<f64>,
     misses: Vec<f64>,
     mark: Vec<f64>,
-    /// Steps for all tasks together, where neither a map nor its thresholds are given.
+    /// Steps for all tasks together, if the options have neither a map nor thresholds.
     damped: Option<Damped>,
-    /// Where the last start led to.
+    /// The result of the last start.
     pub found: Attempt,
 }
 
@@ -122,11 +122,13 @@ impl Newton {
         misses_of(&self.e, self.solver.rows(), self.search.tolerance, &mut self.misses);
     }
 
-    /// Steps from `start` until all is reached, nothing moves any more, or the steps are used up; the best goes into `found`.
+    /// Steps from `start` until all tasks are reached, there is no progress, or the steps are used up. The best result is written to
+    /// `found`.
     ///
-    /// Without a given map and thresholds the steps are for all tasks together, and where these do not reach several tasks, for one after another.
+    /// Without a map and thresholds in the options, the steps are for all tasks together. If these do not reach several tasks, steps in
+    /// priority follow.
     pub fn descend(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
-        // Lent for the time of the search.
+        // Moved out during the search.
         let mut q = std::mem::take(&mut self.q);
         q.copy_from_slice(start);
         clip(&mut q, &self.bounds);
@@ -147,12 +149,12 @@ impl Newton {
         Ok(())
     }
 
-    /// Whether a start for one task ends before its error is least: the last steps to it are those of [`Newton::settle`].
+    /// Whether a start for one task may end before its error is least. [`Newton::settle`] then takes the last steps.
     pub fn is_coarse(&self) -> bool {
         self.damped.is_some() && self.desired.len() == 1
     }
 
-    /// Steps in priority from `start`, where no start reached the task: to the least error there, or on to the goal.
+    /// Steps in priority from `start`, if no start reached the task: to the least error, or to the goal.
     pub fn settle(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
         let mut q = std::mem::take(&mut self.q);
         q.copy_from_slice(start);
@@ -164,14 +166,15 @@ impl Newton {
         Ok(())
     }
 
-    /// Whether steps in priority from `q` came to rest, or reached what the last steps are for.
+    /// Take steps in priority from `q`. Returns whether they ended without progress, or reached the tasks of the last steps.
     fn in_priority(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         let resting = self.descend_from(q, iterations)?;
         Ok(self.without_lower_tasks(q, iterations)? || resting)
     }
 
-    /// Newton steps from the best that was found, for the first task that is missed and those above it; the tasks below ask for no motion.
-    /// Far from their targets they move the joints so much that the bend of a higher task keeps it from being reached. Whether it is reached.
+    /// Newton steps from the best result for the first unreached task and those above it; the tasks below command no motion.
+    /// Far from their targets, these move the joints so much that the nonlinearity of a higher task prevents its convergence. Returns
+    /// whether it is reached.
     fn without_lower_tasks(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         let Some(missed) = self.found.misses.iter().position(|miss| *miss > 0.0).filter(|k| k + 1 < self.desired.len()) else {
             return Ok(false);
@@ -208,7 +211,7 @@ impl Newton {
                 return Ok(true);
             }
             self.solver.prepare(q)?;
-            // A start is given up when its leading unreached task makes no progress worth a step.
+            // A start ends if its first unreached task makes too little progress.
             let ahead = self.misses.iter().zip(&self.mark).find(|(now, before)| now != before);
             if ahead.is_some_and(|(now, before)| *now < (1.0 - PROGRESS) * before) {
                 self.mark.copy_from_slice(&self.misses);
@@ -224,7 +227,7 @@ impl Newton {
                 return Ok(true);
             }
         }
-        // The last step has not been looked at.
+        // The errors after the last step were not computed yet.
         self.look_at(q);
         self.keep_best(q);
         Ok(false)
@@ -237,8 +240,8 @@ impl Newton {
         }
     }
 
-    /// `eps = |e| / step_max`, which bounds a step by `step_max` at any singular value, and at most the threshold of control: near
-    /// the goal a step is Newton's even where singular values are small.
+    /// `eps = |e| / step_max`, at most the threshold of control. It bounds a step by `step_max` for every singular value. Near
+    /// the goal a step is Newton's, also with small singular values.
     fn set_thresholds(&mut self) -> Result<()> {
         let (n, levels) = (self.held.len(), self.solver.rows().len());
         let mut at = 0;
@@ -268,7 +271,7 @@ impl Newton {
     fn step(&mut self, q: &mut [f64], centring: f64) -> Result<f64> {
         let n = q.len();
         self.held.fill(false);
-        // Every round holds one joint more, so that there are at most n + 1.
+        // Every pass holds one more joint, so there are at most n + 1.
         loop {
             let (jacobian, command) = self.solver.solver_mut().inputs();
             let (tasks, rest) = command.split_at_mut(self.e.len());
@@ -286,12 +289,12 @@ impl Newton {
         Ok(advance(q, self.solver.solver().v(), &self.bounds, self.search.step_max))
     }
 
-    /// Uniform within the limits; a joint without them within a turn, or a metre about the given start.
+    /// A random start, uniform within the limits. A joint without limits has a range of one turn, or of a metre on both sides of `q0`.
     pub fn random_start(&self, q0: &[f64], state: &mut u64, start: &mut [f64]) {
         within(&self.bounds, &self.angles, q0, state, start);
     }
 
-    /// How far `a` and `b` are apart in the joint that differs most, rad or m; whole turns that move no body do not count.
+    /// The largest difference of `a` and `b` in a joint, rad or m. Whole turns that move no body do not count.
     pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
         let gap = |(turns, (a, b)): (&bool, (&f64, &f64))| {
             let gap = b - a;
@@ -320,7 +323,7 @@ pub(super) fn aim_at_middle(q: &[f64], bounds: &[(f64, f64)], far: f64, z: &mut 
     }
 }
 
-/// Hold the joints at a limit that the motion `v` would cross; whether there is a new one.
+/// Hold the joints at a limit that the motion `v` would cross. Returns whether there is a new one.
 pub(super) fn blocked(q: &[f64], v: &[f64], bounds: &[(f64, f64)], held: &mut [bool]) -> bool {
     let mut more = false;
     for (i, (lower, upper)) in bounds.iter().enumerate() {

@@ -1,11 +1,11 @@
-//! What the torque from outside says: the link that is touched, and the wrench at a frame.
+//! Results from the external torque: the touched link, and the wrench at a frame.
 
 use super::MomentumObserver;
 use crate::error::{Error, Result, finite, positive};
 use crate::law::touched;
 use crate::linalg::{axpy, clamp_gain, dot};
 
-/// Share of the largest row norm of `J'` below which singular values are clamped where nothing is said.
+/// The default clamp of singular values, as a fraction of the largest row norm of `J'`.
 const SHARE: f64 = 0.02;
 
 impl MomentumObserver {
@@ -19,12 +19,12 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// The thresholds of contact, where they are known.
+    /// The thresholds of contact, if they are set.
     pub fn thresholds(&self) -> Option<&[f64]> {
         self.thresholds.as_deref()
     }
 
-    /// Thresholds from residuals of free motion, rows of `n`: the size of their mean and so many standard deviations beside it.
+    /// Set the thresholds from residuals of free motion, rows of `n`: the magnitude of their mean plus `sigmas` standard deviations.
     pub fn calibrate(&mut self, residuals: &[f64], sigmas: f64) -> Result<()> {
         let n = self.n();
         positive("sigmas", sigmas)?;
@@ -46,7 +46,7 @@ impl MomentumObserver {
         self.set_thresholds(thresholds)
     }
 
-    /// The wrench `[f; m]` at a frame, rows of 6, and what of the residual it does not explain, rows of `n`; `eps`: see the head.
+    /// The wrench `[f; m]` at a frame, rows of 6, and the part of the residual that it does not explain, rows of `n`. `eps` is the clamp.
     pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
         if self.motors.is_some() {
             return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));
@@ -74,7 +74,7 @@ impl MomentumObserver {
             let eps = eps.unwrap_or(SHARE * largest);
             let f = &mut out[6 * row..6 * (row + 1)];
             f.fill(0.0);
-            // Rounding of the Jacobian is no direction.
+            // Singular values of the size of rounding errors of the Jacobian do not count.
             let null = 1e-14 * largest;
             for j in 0..self.svd.s().len() {
                 let sigma = self.svd.s()[j];

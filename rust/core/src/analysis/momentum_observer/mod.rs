@@ -1,4 +1,4 @@
-//! Momentum observer (`DeLuca2006`): the torque from outside, from positions, velocities and motor torques, without accelerations.
+//! Momentum observer (`DeLuca2006`): the external torque, from positions, velocities and motor torques, without accelerations.
 //!
 //! ```text
 //! p = M v,   p' = tau + tau_ext - tau_f + C' v - g          (M' = C + C', C the Christoffel factorisation)
@@ -6,10 +6,11 @@
 //! sampled: r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))
 //! ```
 //!
-//! With `M = B`, `C = g = 0` and the torque `tau_m - tau_J` it observes the motors of elastic joints: `r` goes to minus their friction.
+//! With `M = B`, `C = g = 0` and the torque `tau_m - tau_J` it observes the motors of elastic joints: `r` converges to minus their
+//! friction.
 //!
 //! At a frame `r = J' F`: `F` by least squares, singular values of `J'` below `eps` clamped (`linalg::clamp`); `r - J' F` is the rest.
-//! The touched link is the outermost one whose joint has `|r_i|` above its threshold: what acts on a link loads no joint beyond it.
+//! The touched link is the outermost one whose joint has `|r_i|` above its threshold: a force on a link loads no joint beyond it.
 
 mod contact;
 mod momentum;
@@ -27,7 +28,7 @@ use std::ops::Range;
 /// The state of an observer: rows of `n` numbers each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObserverState {
-    /// The estimate of the torque from outside.
+    /// The estimate of the external torque.
     pub residual: Vec<f64>,
     /// `p` at the last sample.
     pub momentum: Vec<f64>,
@@ -47,13 +48,13 @@ impl ObserverState {
     }
 }
 
-/// The observer of one arm, or of several that move side by side.
+/// The observer of one arm, or of several side by side.
 pub struct MomentumObserver {
     model: Model,
-    /// `K` as it was given.
+    /// `K` as passed by the caller.
     given: Gain,
     gain: AnyGain<f64>,
-    /// Viscous and Coulomb friction that is taken off; zero where it is not known.
+    /// Viscous and Coulomb friction that is subtracted; zero if unknown.
     friction: [Vec<f64>; 2],
     takes_friction: bool,
     motors: Option<Gain>,
@@ -123,7 +124,7 @@ impl MomentumObserver {
         self.model.n()
     }
 
-    /// What it remembers; empty before the first sample.
+    /// The state of the observer; empty before the first sample.
     pub fn state(&self) -> &ObserverState {
         &self.state
     }
@@ -133,7 +134,7 @@ impl MomentumObserver {
         self.state.residual.len() / self.n()
     }
 
-    /// Go on from a state that was remembered.
+    /// Continue from a stored state.
     pub fn resume(&mut self, state: ObserverState) -> Result<()> {
         let size = state.residual.len();
         if !size.is_multiple_of(self.n()) || state.momentum.len() != size || state.drift.len() != size {
@@ -146,7 +147,7 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// Start at positions and velocities, rows of `n`, with no torque from outside.
+    /// Start at positions and velocities, rows of `n`, with no external torque.
     pub fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<()> {
         self.check(&[("q", q), ("v", v)], None)?;
         let n = self.n();
@@ -184,7 +185,7 @@ impl MomentumObserver {
         accepted
     }
 
-    /// `r` of the row that starts here, by what its momentum gained beyond what is known of.
+    /// Correct `r` of the row that starts here, by the change of its momentum beyond the known torques.
     fn correct(&mut self, residual: &mut [f64], momentum: &[f64], tau: &[f64], first: usize) {
         let before = first..first + residual.len();
         residual.copy_from_slice(&self.state.residual[before.clone()]);
@@ -192,13 +193,13 @@ impl MomentumObserver {
         gained.correct((&self.gain, &self.factor), (tau, self.dt), &mut self.work, residual);
     }
 
-    /// Refuse a state that is not finite, by the argument that made it so. `tau`: the torques and how long they acted.
+    /// Refuse a state that is not finite, and name the argument that caused this. `tau`: the torques and how long they acted.
     fn accepted(&self, state: &ObserverState, q: &[f64], v: &[f64], tau: Option<(&[f64], f64)>) -> Result<()> {
         let Some(bad) = state.bad() else { return Ok(()) };
         let (n, rows) = (self.n(), q.len() / self.n());
         let row = bad / n * n..(bad / n + 1) * n;
         let of_state = row.clone().any(|i| !(state.momentum[i].is_finite() && state.drift[i].is_finite()));
-        // The largest number of the row that bears on what overflows; of equal ones the first.
+        // The largest number of the row that contributes to the overflow; among equal ones the first.
         let sizes = |i: usize| match tau {
             Some((tau, dt)) if !of_state => [((tau[i] * dt).abs(), "tau", tau[i]), (state.momentum[i].abs(), "v", v[i])],
             _ => [(q[i].abs(), "q", q[i]), (v[i].abs(), "v", v[i])],
@@ -226,7 +227,7 @@ impl MomentumObserver {
                 for (at, (sum, k)) in self.sum.iter_mut().zip(k).enumerate() {
                     *sum = k.mul_add(dt, if at / n == at % n { 1.0 } else { 0.0 });
                 }
-                // The least pivot: that of a sum with the identity is positive but for overflow.
+                // The least pivot: the sum with the identity has positive pivots, except with overflow.
                 factor_into(n, &self.sum, &mut self.factor) > 0.0
             }
         };

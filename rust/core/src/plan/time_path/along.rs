@@ -1,4 +1,4 @@
-//! Limits that vary along the path: given at its knots, linear in `s` between them.
+//! Limits that vary along the path: values at its knots, linear in `s` between them.
 //!
 //! A row under such a limit `l(s)` is divided by it, so that its limit is one everywhere: `|row / l(s)| <= 1`.
 
@@ -9,7 +9,7 @@ use crate::motion::Path;
 pub(super) struct Along {
     pub limits: [Vec<f64>; 3],
     pub n: usize,
-    /// Those of a frame's acceleration and speed, `(P + 1,)` each.
+    /// The limits of a frame's acceleration and speed, `(P + 1,)` each.
     pub tip: [Vec<f64>; 2],
 }
 

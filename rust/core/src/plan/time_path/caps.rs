@@ -5,14 +5,14 @@
 //! u_i + b (s - s_i - h/2) on a segment from C_i to C_(i+1):   x = C_m half way   if   b = 2 (C_i - 2 C_m + C_(i+1)) / h^2
 //! ```
 //!
-//! With that slope `b` the motion stays on the limit between grid points, up to a term that goes with `h^3`. With a constant `u` it would meet the
-//! limit at grid points alone, and `u` would jump at each of them.
+//! With that slope `b` the motion stays on the limit between grid points, up to a term of the order `h^3`. With a constant `u` it would
+//! reach the limit only at grid points, and `u` would jump at each of them.
 
 use super::lines::FASTEST;
 use super::reach::Profile;
 use super::setup::PathProblem;
 
-/// How near to its bound `x` follows it, relative.
+/// The relative distance to its bound at which `x` counts as following it.
 const ON: f64 = 1e-12;
 
 impl PathProblem<'_> {
@@ -44,8 +44,8 @@ impl PathProblem<'_> {
         self.widest = (0..self.rows.s.len()).map(bound).collect();
     }
 
-    /// The bounds of `x` at the grid points, from the speed limits and the stops. Those of the ends give way to the end speeds up
-    /// to rounding.
+    /// The bounds of `x` at the grid points, from the speed limits and the stops. At the ends they may be exceeded by the end speeds, up to
+    /// rounding.
     pub fn set_caps(&mut self) {
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);
@@ -84,7 +84,7 @@ impl PathProblem<'_> {
         slopes
     }
 
-    /// The bound of `x` by the speed of this row half way between points `i` and `i + 1`; NaN where a piece has too few points.
+    /// The bound of `x` by the speed of this row half way between points `i` and `i + 1`; NaN if a piece has too few points.
     fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
         let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };
         let (joint, limit) = match self.norms {

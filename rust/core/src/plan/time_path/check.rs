@@ -6,11 +6,11 @@
 //! max(f_k, f_(k+1)) + (d/2 - |f_(k+1) - f_k|)^2 / (2 d)   if |f_(k+1) - f_k| < d/2,   d = max |second difference| there
 //! ```
 //!
-//! with second differences at the ends of the segment extrapolated from the two beside them.
+//! The second differences at the ends of the segment are extrapolated from the two beside them.
 //!
-//! What a row is past its limit by, its limit is narrowed by on that segment; the rows hold at three points of a segment, so that is
-//! little and a few corrections suffice. Samples come from the dynamics themselves, or from polynomials through the rows of six
-//! grid points, which are then compared with the dynamics in the middle of every segment.
+//! The limit of a row is reduced on a segment by the excess of the row there. The rows hold at three points of a segment, so the excess is
+//! small, and a few corrections are sufficient. Samples come from the dynamics, or from polynomials through the rows of six
+//! grid points. These are compared with the dynamics in the middle of every segment.
 
 use super::along::Along;
 use super::lines::LimitRows;
@@ -22,9 +22,9 @@ use crate::scalar::sign;
 
 /// Samples per segment, less one.
 pub const FINE: usize = 10;
-/// What no row may exceed its limit by, relative: half of the promised 1e-9.
+/// The largest relative excess of a row over its limit: half of the documented 1e-9.
 pub(super) const TOLERANCE: f64 = 5e-10;
-/// What interpolated torques may differ from the dynamics by, relative to the limit: a fifth of what is left.
+/// The largest error of interpolated torques, relative to the limit: a fifth of the other half.
 pub(super) const INTERPOLATION: f64 = 1e-10;
 /// Points of an interpolation.
 pub(super) const WINDOW: usize = 6;
@@ -34,10 +34,10 @@ pub(super) const WINDOW: usize = 6;
 pub(super) struct Limits {
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
-    /// What a relative excess is relative to: the limit, or the other one where it is zero.
+    /// The scale of a relative excess: the limit, or the opposite limit if it is zero.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
-    /// One over these.
+    /// The reciprocals of these.
     pub by_lo: Vec<f64>,
     pub by_hi: Vec<f64>,
 }
@@ -54,18 +54,18 @@ impl Limits {
     }
 }
 
-/// What a check found.
+/// The result of a check.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LimitCheck {
     /// Smallest relative distance to a limit on the samples; negative beyond it.
     pub margin: f64,
     /// Largest relative excess, between the samples too.
     pub excess: f64,
-    /// Where: segment, row.
+    /// Its segment and row.
     pub at: (usize, usize),
 }
 
-/// A problem as the check sees it.
+/// The data of a problem for the check.
 pub(super) struct Course<'a> {
     pub mover: Mover<'a>,
     pub path: &'a Path,
@@ -79,7 +79,7 @@ pub(super) struct Course<'a> {
     pub slopes: &'a [f64],
     pub stride: usize,
     pub friction: Option<&'a Friction>,
-    /// Limits that vary along the path, and the frame whose origin is limited: such rows are asked of the dynamics, not interpolated.
+    /// Limits that vary along the path, and the frame whose origin is limited. Such rows are computed by the dynamics, not interpolated.
     pub along: &'a Along,
     pub tip: Option<usize>,
     /// The first of the rows of speeds, and of the norms of the frame's acceleration and speed.
@@ -104,8 +104,9 @@ pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64)
     (here.max(0.0), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * b)
 }
 
-/// `[tau, a, v]`, `(3 n,)`, in parts of limits that vary, and acceleration and velocity of the frame, by the dynamics at `per` places of the segments listed: the middle, or samples that are even in time. Viscous
-/// friction goes with the root of `x`, which near rest no parabola follows in `s`.
+/// `[tau, a, v]`, `(3 n,)`, as fractions of limits that vary, and acceleration and velocity of the frame, by the dynamics. There are `per`
+/// places in each listed segment: the middle, or samples evenly in time. Viscous friction is proportional to the root of `x`, which a
+/// parabola in `s` does not approximate near rest.
 pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
     let (n, stride) = (course.n, course.measured());
     let count = list.len() * per;

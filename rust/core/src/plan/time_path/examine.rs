@@ -56,7 +56,7 @@ impl States {
     }
 }
 
-/// A distance from the limits, relative, that the parabola of three samples does not mistake for none.
+/// A relative distance from the limits that is larger than the error of the parabola through three samples.
 const FAR_ENOUGH: f64 = 0.01;
 /// Segments between two checks for a stop.
 const LOOK: usize = 64;
@@ -70,7 +70,7 @@ pub(super) struct Examine<'a, F> {
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
-    /// A block of rows of segment `i` from `k` on at all samples, by the window of points about it. The points are read once.
+    /// A block of rows of segment `i` from `k` on at all samples, from the window of points around it. Each point is read once.
     #[inline(always)]
     fn sample<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &States) -> Fine<S> {
         let Examine { course, rows, .. } = self;
@@ -180,7 +180,8 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
     }
 }
 
-/// The second difference of a row at sample `sub`. A function, since a closure may be left a call, outside of the instruction set.
+/// The second difference of a row at sample `sub`. A function, because the compiler may not inline a closure, which would then not be
+/// compiled for the instruction set.
 #[inline(always)]
 fn second_difference<S: Real>(values: &Fine<S>, sub: usize) -> S {
     values[sub - 1] - (values[sub] + values[sub]) + values[sub + 1]
@@ -211,7 +212,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                 self.copy(order, &mut values);
                 order += 1;
             }
-            // Which rows come nearest to their limits, at most: a generous parabola through three samples.
+            // An upper bound of the nearness of each block to its limits: a parabola through three samples, with a margin.
             let mut nearest = 0;
             if let Some(window) = window {
                 for block in 0..width / S::LANES {
@@ -224,7 +225,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                     let over = first.max(middle).max(last) + spare - load::<S>(&limits.hi, k);
                     let under = load::<S>(&limits.lo, k) - (first.min(middle).min(last) - spare);
                     most[block] = largest((over * load::<S>(&limits.by_hi, k)).max(under * load::<S>(&limits.by_lo, k)));
-                    // NaN is nearest of all.
+                    // NaN counts as nearest.
                     if !(most[block] <= most[nearest]) {
                         nearest = block;
                     }
@@ -232,7 +233,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
             }
             let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
             for turn in 0..width / S::LANES {
-                // The nearest ones first: the others need no look if they stay farther away than these.
+                // The nearest block first. The others are not sampled if they stay farther away than it.
                 let block = if turn == 0 { nearest } else { turn - usize::from(turn <= nearest) };
                 let k = block * S::LANES;
                 if turn > 0 && window.is_some() && most[block] <= -FAR_ENOUGH && most[block] <= largest(-margin) {
@@ -250,7 +251,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                     }
                 }
                 let (mut top, mut bottom, mut high, mut low) = (fine[0], fine[0], fine[0], fine[0]);
-                // At the ends, what the bends beside them lead to.
+                // At the ends, extrapolate the second differences.
                 let mut after = second_difference(&fine, 1);
                 let mut before = after + after - second_difference(&fine, 2);
                 for sub in 0..FINE {

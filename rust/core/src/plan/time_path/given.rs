@@ -1,4 +1,4 @@
-//! What the planner is given, and whether it can be.
+//! The arguments of the planner, and their validation.
 
 use super::FIRST_GRID;
 use super::along::Along;
@@ -8,7 +8,7 @@ use super::tip::{Tip, TipLimits};
 use crate::error::{Error, Result, finite, positive};
 use crate::motion::Path;
 
-/// Most grid points asked for.
+/// The largest number of grid points.
 const MOST: usize = 1_000_000;
 
 /// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque,
@@ -31,9 +31,9 @@ pub struct PathLimits {
 /// Grid, ends and friction of a timing.
 #[derive(Clone, Debug)]
 pub struct TimePathOptions {
-    /// Grid points, some for every piece of the path; None for as many as the duration needs to settle.
+    /// Grid points, some for every piece of the path; `None` refines the grid until the duration converges.
     pub grid: Option<usize>,
-    /// Halve a given grid where it is too coarse for the limits.
+    /// Halve the segments of a grid with `grid` points where it is too coarse for the limits.
     pub refine: bool,
     /// Path speeds `ds/dt` at the ends.
     pub start_speed: f64,
@@ -54,7 +54,7 @@ impl Default for TimePathOptions {
 }
 
 impl TimePathOptions {
-    /// Of the first grid.
+    /// The number of points of the first grid.
     pub(super) fn points(&self) -> usize {
         self.grid.unwrap_or(FIRST_GRID)
     }
@@ -167,7 +167,7 @@ fn of_tip(tip: &TipLimits, rows: usize, along: &mut Along) -> Result<Tip> {
     Ok(Tip { frame: tip.frame, speed: of(1, "tip_speed", &tip.speed)?, acceleration })
 }
 
-/// Limits as the planner has them.
+/// The limits in the form that the planner uses.
 pub(super) struct Checked {
     /// `(3 n,)` each.
     pub lo: Vec<f64>,
@@ -176,7 +176,7 @@ pub(super) struct Checked {
     pub tip: Option<Tip>,
 }
 
-/// The bounds of the limits, if all that is given fits together.
+/// The bounds of the limits, if all arguments are valid together.
 pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<Checked> {
     let n = mover.dof();
     if path.dof() != n {

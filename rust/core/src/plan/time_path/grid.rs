@@ -21,7 +21,7 @@ impl PathProblem<'_> {
             let runs = ((last - first) / RUN).max(1);
             let end = |run: usize| first + (last - first) * run / runs;
             for run in 0..runs {
-                // The neighbours of a run may be as coarse as it is.
+                // The neighbours of a run may be too coarse as well.
                 let near = end(run).saturating_sub(1).max(first)..(end(run + 1) + 1).min(last);
                 let parts = 1_usize << near.map(&times).max().unwrap_or(0).min(MOST_HALVINGS);
                 for i in end(run)..end(run + 1) {

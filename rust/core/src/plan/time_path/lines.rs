@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 
 /// Above every squared path speed.
 pub(super) const FASTEST: f64 = 1e60;
-/// A coefficient of `u` below this is none.
+/// A coefficient of `u` below this counts as zero.
 pub(super) const NONE: f64 = 1e-140;
 pub(super) const FAR: f64 = 1e200;
 /// The margin of a row in the middle of a segment, as a fraction of its rise above the chord there. A parabola that satisfies
@@ -38,7 +38,7 @@ pub(super) struct LimitRows {
     /// `(N + 1, 3 width)`: `A, B, g` at the grid points, and `(N, 3 width)` half way between them.
     pub coefficients: Vec<f64>,
     pub middles: Vec<f64>,
-    /// `(N + 1, width)` and `(N, width)`: the part of `g` that is not there at rest, from tangents of friction; empty where there is none.
+    /// `(N + 1, width)` and `(N, width)`: the part of `g` that vanishes at rest, from tangents of friction; empty without friction.
     pub moving: [Vec<f64>; 2],
     /// `(width,)`: limits, and the scale of `STANDING` and of tolerances.
     pub lo: Vec<f64>,
@@ -48,7 +48,7 @@ pub(super) struct LimitRows {
     /// `(N, width)`: the reduction of the limits, segment by segment.
     pub tight_lo: Vec<f64>,
     pub tight_hi: Vec<f64>,
-    /// `(N,)`: the slope `du/ds` that the path acceleration is given in each segment, about its mean.
+    /// `(N,)`: the slope `du/ds` of the path acceleration in each segment, about its mean.
     pub u_slope: Vec<f64>,
     /// `(N + 1,)`: bounds of `x`.
     pub cap: Vec<f64>,
@@ -190,7 +190,7 @@ impl Lines {
             let points = [(a0, b0, g0, p0), (a2, b2, g2, p2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2), raise(pm, p0, p2))];
             for which in 0..3 {
                 let (alpha, beta, still, moving) = points[which];
-                // A torque that stands on its limit at rest, up to rounding, may stay there.
+                // A torque that equals its limit at rest, up to rounding, is feasible.
                 let (over, under) = (limit_hi - still, limit_lo - still);
                 let room_hi = (over - tight_hi).max(over.min(zero) + standing * scale_hi) - moving;
                 let room_lo = (under + tight_lo).min(under.max(zero) - standing * scale_lo) - moving;
@@ -267,7 +267,7 @@ impl Lines {
         self.ball_tangents(i, x).map_or(least, |[upper, _]| least.min(upper.value))
     }
 
-    /// `U` and `L` at `x`, together with the way into `K_(i+1)`.
+    /// `U` and `L` at `x`, together with the condition to reach `K_(i+1)`.
     #[inline(always)]
     fn gap<S: Real>(&self, i: usize, x: f64, [inverse, low, high]: [f64; 3]) -> Gap {
         let first = i * self.width;
@@ -307,7 +307,7 @@ impl Lines {
         Gap { upper: up, upper_at, lower: down, lower_at, upper_tangent, lower_tangent }
     }
 
-    /// The end of `K_i` seen from `from`, which is on the side of `away`; never beyond `limit`.
+    /// The end of `K_i` on the side of `away`, searched from `from`; never beyond `limit`.
     #[inline(always)]
     fn end<S: Real>(&self, i: usize, from: f64, limit: f64, away: f64, target: [f64; 3]) -> Option<f64> {
         let [inverse, low, high] = target;
@@ -325,13 +325,13 @@ impl Lines {
             let (upper_rest, upper_slope) = line(&self.upper, gap.upper_at, high, gap.upper_tangent);
             let (lower_rest, lower_slope) = line(&self.lower, gap.lower_at, low, gap.lower_tangent);
             let slope = upper_slope - lower_slope;
-            // The gap must widen on the way in, and the way must not be over.
+            // The gap must widen inwards, and the limit must not be reached.
             if !(slope * away < 0.0) || x == limit {
                 return None;
             }
-            // From their values at zero: a step from a far x would drown in it.
+            // From the values at zero: a step from a distant x would lose all digits.
             let next = (lower_rest - upper_rest) / slope;
-            // No further in, up to the rounding of the crossing: this is the end.
+            // The step does not move inwards, up to the rounding of the crossing: this is the end.
             if !((x - next) * away > ROUNDING * x.abs()) {
                 return Some(x);
             }

@@ -43,7 +43,7 @@ use samples::Samples;
 use setup::PathProblem;
 use std::sync::Arc;
 
-/// Corrections of one grid before it is halved; twice as many under friction, and where it can't be.
+/// Corrections of one grid before it is halved; twice as many under friction, and for a grid that cannot be halved.
 const CORRECTIONS: usize = 8;
 /// How often the reduction of a limit is doubled. With friction, each later reduction covers twice as many segments.
 const MOST_DOUBLINGS: usize = 7;
@@ -57,11 +57,11 @@ const STANDS: f64 = 1e-6;
 /// Grids tried, and how often all of a grid is halved.
 const GRIDS: usize = 9;
 const HALVINGS: usize = 4;
-/// Change of the duration, relative, at which a grid that was not asked for is fine enough.
+/// The relative change of the duration at which the automatic grid is fine enough.
 const SETTLED: f64 = 1e-4;
 /// Points of the first such grid.
 pub(crate) const FIRST_GRID: usize = 201;
-/// Excess between grid points, relative to the limit, above which a grid is halved for the sake of the duration.
+/// Excess between grid points, relative to the limit, above which a grid is halved, because corrections would cost too much time.
 const COARSE: f64 = 1e-3;
 /// The fraction of the duration that a segment may lose, relative to the tolerance of a limit.
 const LOST: f64 = 0.02;
@@ -112,7 +112,7 @@ fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::resul
                     break;
                 }
             }
-            // A chord at too fast a profile: one at a slower one.
+            // The chord belongs to a profile that is too fast: use the chord of a slower one.
             Err(_) => start.iter_mut().for_each(|x| *x *= 0.25),
         }
     }
@@ -201,8 +201,8 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
                 let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
                 for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
                     if here * 1.2 >= other || k >= 2 {
-                        // Beside an end with a given speed, the peak is reduced from one side. It moves towards that end, and
-                        // is of second order in the remaining reduction.
+                        // Beside an end with a positive end speed, the peak is reduced from one side. It moves towards that end, and is of
+                        // second order in the remaining reduction.
                         let given = (next == 0 && problem.rows.x_start > 0.0) || (next == count && problem.rows.x_end > 0.0);
                         let past = if given { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
                         caps[at] = caps[at].max(cap_old[at] + past);

@@ -1,7 +1,7 @@
 //! Whether a path keeps to position limits: the extrema of every polynomial piece `q_j(x)`, `0 <= x <= 1`, against `q_min` and `q_max`.
 //!
-//! The roots of a polynomial's derivative divide its pieces into monotone parts, in each of which bisection finds the one root that
-//! there may be. That is done for `q'''`, `q''` and `q'` in turn, so that an extremum of `q` is exact to rounding.
+//! The roots of a polynomial's derivative divide its pieces into monotone parts, in each of which bisection finds at most one root. This is
+//! done for `q'''`, `q''` and `q'` in turn, so that an extremum of `q` is exact to rounding.
 
 use super::reason::{Bound, PathReason, Shortfall};
 use super::rows::Mover;
@@ -21,7 +21,7 @@ fn derivative(c: &Polynomial) -> Polynomial {
     std::array::from_fn(|k| if k + 1 < TERMS { (k + 1) as f64 * c[k + 1] } else { 0.0 })
 }
 
-/// Places in [0, 1] among which all extrema of `c` are.
+/// Places in [0, 1] that include all extrema of `c`.
 fn extrema(c: &Polynomial, places: &mut Vec<f64>) {
     let mut order = [*c; TERMS];
     for k in 1..TERMS {

@@ -1,15 +1,16 @@
 //! A timing whose torques change no faster than a limit: `|d tau_j/dt| <= R_j`.
 //!
-//! The fastest timing jumps in `u`, and so in torque. Its average over a window of time does not, and moving slower by a factor
-//! `k` brings whatever is still exceeded inside, since gravity alone is left in the end:
+//! In the fastest timing `u` jumps, and so does the torque. The average of the timing over a window of time has no jumps. A motion slower
+//! by a factor `k` then satisfies the limits, because for large `k` only gravity remains:
 //!
 //! ```text
 //! r_W(t) = (s(t) - s(t - W)) / W,   u_W(t) = (r(t) - r(t - W)) / W,   duration k (T + W)
 //! tau(t/k) = g + d q' r_W / k + I / k^2,   I = M a + C v at k = 1
 //! ```
 //!
-//! The window and then the least `k` are searched for: a timing inside the limits, not the fastest one. `u` is made linear in time
-//! between nodes, so `s(t)` is a C2 cubic. Rates are differences between samples plus the largest change from one to the next.
+//! The search varies the window, and finds the least `k` of each. The result is inside the limits, but not the fastest timing. `u` is
+//! linear in time between nodes, so `s(t)` is a C2 cubic. Rates are difference quotients of samples, plus the largest change from one to
+//! the next.
 
 use super::check::TOLERANCE;
 use super::reason::{Bound, PathReason, Shortfall};
@@ -24,16 +25,16 @@ use crate::motion::TimedPath;
 /// Windows tried: the duration of the fastest timing times `2^1 .. 2^-8`, then finer steps about the best one.
 const WINDOWS: std::ops::RangeInclusive<i32> = -8..=1;
 const STEPS: [f64; 4] = [1.5, 1.2, 1.1, 1.05];
-/// Nodes in a window, in a piece of the path, and bounds of all.
+/// Nodes per window and per piece of the path, and bounds of their total number.
 const PER_WINDOW: f64 = 8.0;
 const PER_PIECE: usize = 40;
 const NODES: (usize, usize) = (200, 4000);
-/// Samples of a segment while searching, and at last.
+/// Samples of a segment during the search, and for the final check.
 const ROUGH: usize = 4;
 const FINEST: usize = 20;
 /// Slowest timing tried.
 const SLOWEST: f64 = 1e6;
-/// Segments between two looks whether to stop.
+/// Segments between two checks for a stop.
 const LOOK: usize = 64;
 
 /// Nodes of a timing: times, and `s, r, u` there.
@@ -53,7 +54,7 @@ struct Beyond {
     s: f64,
 }
 
-/// What samples of a timing say, `(K, n)` each: static torques, friction and inertia torques, accelerations and speeds.
+/// Samples of a timing, `(K, n)` each: static torques, friction and inertia torques, accelerations and speeds.
 struct Samples<'a> {
     problem: &'a PathProblem<'a>,
     rates: &'a [f64],
@@ -78,7 +79,7 @@ fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
     let t: Vec<f64> = (0..=count).map(|k| step * k as f64).collect();
     let mut u: Vec<f64> = t.iter().map(|&t| (speed(t) - speed(t - window)) / window).collect();
     (u[0], u[count]) = (0.0, 0.0);
-    // Rest at the end to the last bit: what the trapezoidal rule leaves is spread over the way.
+    // The motion must end exactly at rest: the error of the trapezoidal rule is distributed over all nodes.
     let left: f64 = step * u.iter().sum::<f64>();
     for k in 0..=count {
         let z = k as f64 / count as f64;
@@ -135,7 +136,8 @@ impl<'a> Samples<'a> {
         Samples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
     }
 
-    /// The furthest beyond a limit (or nearest to one) when all is slower by `k`; ends at the first sample beyond if `any`.
+    /// The sample that is furthest beyond a limit (or nearest to one) in a motion slower by `k`. With `any`, the search ends at the first
+    /// sample beyond a limit.
     fn worst(&self, k: f64, any: bool) -> Beyond {
         let Samples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
         let (n, per) = (problem.n, *per);
@@ -194,7 +196,7 @@ impl<'a> Samples<'a> {
         }
     }
 
-    /// The least factor found between one that holds all limits and one that doesn't, to `share` of it.
+    /// The least factor that satisfies all limits, by bisection to the relative accuracy `share`.
     fn slowing(&self, share: f64) -> Option<f64> {
         let fits = |k: f64| self.worst(k, true).excess <= TOLERANCE;
         let mut high = 1.0;
@@ -216,8 +218,8 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Of the values at some samples: the largest, the smallest, what they may pass these by between samples, and the largest change from
-/// one to the next. A corner between samples passes them by at most half of a second difference, a parabola by an eighth.
+/// Four numbers from the values at some samples: the largest, the smallest, the largest excess over these between samples, and the largest
+/// change between two. At a corner the excess is at most half of a second difference, on a parabola an eighth.
 #[inline(always)]
 fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) -> [f64; 4] {
     let (mut before, mut change) = (value(*samples.start()), f64::NAN);
@@ -226,14 +228,14 @@ fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) 
         let here = value(m);
         let next = here - before;
         (top, bottom, most) = (top.max(here), bottom.min(here), most.max(next.abs()));
-        // NaN at first, which max passes over.
+        // It is NaN at first, which max ignores.
         turn = turn.max((next - change).abs());
         (before, change) = (here, next);
     }
     [top, bottom, 0.5 * turn, most]
 }
 
-/// What an excess is relative to: the limit, or the other one where it is zero.
+/// The scale of an excess: the limit, or the opposite limit if it is zero.
 fn size(near: f64, far: f64) -> f64 {
     if near != 0.0 { near.abs() } else { far.abs() }
 }

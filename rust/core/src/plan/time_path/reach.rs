@@ -48,19 +48,19 @@ pub(super) struct Profile {
     stale: Vec<bool>,
     /// Points whose `K` changed in the last pass.
     led: Vec<bool>,
-    /// The bounds of `x` that the last pass saw.
+    /// The bounds of `x` in the last pass.
     cap: Vec<f64>,
-    /// Nothing of the last pass holds.
+    /// The last pass is not valid at all.
     whole: bool,
 }
 
 impl Profile {
-    /// Everything is to be done again.
+    /// Discard the results of the last pass.
     pub fn forget(&mut self) {
         self.whole = true;
     }
 
-    /// Have `x` at hand where a later pass finds none.
+    /// Store `x`, for the case that a later pass finds none.
     pub fn keep(&mut self) {
         self.kept.clone_from(&self.x);
     }
@@ -150,7 +150,7 @@ pub(super) fn solve(rows: &LimitRows, profile: &mut Profile) -> Result<(), Stuck
     run_lanes(Solve(rows, profile))
 }
 
-/// The limits of `u` at point `i` alone.
+/// The limits of `u` at the single point `i`.
 #[inline(always)]
 fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     let w = rows.width;
@@ -201,7 +201,7 @@ impl GenericKernel for Bends<'_> {
                     u_slope = rise / h;
                 }
             }
-            // On a bound of the speed u may turn as that does, inside the limits at both ends.
+            // On a speed limit, u may have the slope of that bound if it is within the limits at both ends.
             let half = 0.5 * h * caps[i];
             let inside = |at: f64, [most, least]: [f64; 2]| least <= at && at <= most;
             if inside(u - half, before) && inside(u + half, after) && x0.min(x1) + h * u.abs() >= 4.0 * h * half.abs() {
@@ -216,7 +216,7 @@ impl GenericKernel for Bends<'_> {
     }
 }
 
-/// Give `u` the slope of the limit that it follows, where it follows one; `caps` are the slopes along speed limits (`caps`).
+/// On each segment where `u` follows a limit, set its slope to that of the limit. `caps` are the slopes along speed limits.
 pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f64]) {
     run_lanes(Bends(rows, profile, caps));
 }

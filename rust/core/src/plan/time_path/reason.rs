@@ -1,4 +1,4 @@
-//! Why a path has no timing: the joint, the place, the limit, and what is missing.
+//! Why a path has no timing: the joint, the place, the limit, and the missing amount.
 //!
 //! The smallest `w` for which the segment has a speed again when every limit is wider by `w` times its size, by bisection.
 
@@ -7,7 +7,7 @@ use super::reach::{Profile, Stuck, widened};
 use super::setup::PathProblem;
 use std::fmt;
 
-/// What a joint is limited in.
+/// The kind of a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// Upper torque limit.
@@ -50,17 +50,17 @@ impl Bound {
 /// What failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shortfall {
-    /// The limits leave no path speed here, or none that leads on.
+    /// The limits leave no path speed here, or none from which the motion can continue.
     NoSpeed,
-    /// The start speed is out of reach.
+    /// The start speed is infeasible.
     StartSpeed,
-    /// The end speed is out of reach.
+    /// The end speed is infeasible.
     EndSpeed,
     /// The path speed is zero on a whole segment.
     Standstill,
-    /// A limit is exceeded between grid points, however fine the grid.
+    /// A limit is exceeded between grid points on every grid.
     Unresolved,
-    /// No timing keeps the rates of torque, however slow.
+    /// No timing satisfies the limits of the torque rate.
     Slow,
     /// The path itself leaves the position limits.
     Position,
@@ -79,11 +79,11 @@ pub struct PathReason {
     pub s: f64,
     /// The limit that binds.
     pub limit: Bound,
-    /// What the limit falls short by: relative to it, and in its unit.
+    /// The missing amount of the limit, relative to it.
     pub missing: f64,
     /// The shortfall in the unit of the limit.
     pub missing_units: f64,
-    /// The largest (start, end) path speed that would do, where one was asked for.
+    /// The feasible path speed nearest to an infeasible start or end speed.
     pub speed: f64,
     /// The joint position that is beyond its limit; else NaN.
     pub position: f64,
@@ -110,7 +110,7 @@ impl PathProblem<'_> {
         self.reason_of(what, self.kind(row), upper, s, missing)
     }
 
-    /// Of a limit by its kind and joint.
+    /// The reason for a limit, by its kind and joint.
     pub(super) fn reason_of(&self, what: Shortfall, (kind, joint): (usize, usize), upper: bool, s: f64, missing: f64) -> PathReason {
         let limit = match kind {
             0 if upper => Bound::TorqueMax,
@@ -179,7 +179,7 @@ impl PathReason {
             }
             Stuck::Empty(i) => {
                 let next = [profile.low[i + 1], profile.high[i + 1]];
-                // Static torques first: a limit that can't hold the arm's weight is the plainest reason.
+                // Static torques first: a limit that cannot hold the arm's weight is the simplest reason.
                 for at in [i, i + 1] {
                     let (row, upper, beyond) = problem.tightest(at, 0.0, 0.0);
                     if beyond > 0.0 {

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::interrupt::look;
 use crate::motion::Path;
 
-/// The arm that moves: a tree of links, or the closed form.
+/// The moving arm: a tree of links, or the closed form.
 #[derive(Clone, Copy)]
 pub enum Mover<'a> {
     /// A tree of bodies.
@@ -63,7 +63,7 @@ impl Mover<'_> {
         }
     }
 
-    /// The answers at `count` points `q, v, a`, `(count, n)` each. Points that are not finite have NaN.
+    /// The results at `count` points `q, v, a`, `(count, n)` each. Points that are not finite have NaN.
     fn rows(&self, query: &Query, points: [&[f64]; 3], count: usize, out: &mut [f64]) {
         let n = self.dof();
         let answer = |points: [&[f64]; 3], count: usize, out: &mut [f64]| -> Result<()> {
@@ -116,11 +116,11 @@ pub(super) enum Ask<'a> {
     /// `[A, B, g]`, each `width` long, torques first, then accelerations if `accelerations`, then those of the frame; `q'` into `slopes`
     /// `(count, slope_stride)`, and behind it the slope of the frame's origin.
     Coefficients { width: usize, torques: bool, accelerations: bool, origins: bool, slopes: &'a mut [f64], slope_stride: usize },
-    /// `[tau, a, v]`, `(3 n,)`, at the path speed and acceleration given; then acceleration and velocity of the frame's origin.
+    /// `[tau, a, v]`, `(3 n,)`, at the path speed and acceleration of `rate`; then acceleration and velocity of the frame's origin.
     Motion { rate: &'a (dyn Fn(usize) -> (f64, f64) + 'a) },
 }
 
-/// Points between two looks whether to stop.
+/// Points between two checks for a stop.
 const LOOK: usize = 64;
 
 impl Points<'_> {
@@ -134,7 +134,7 @@ impl Points<'_> {
         };
         let query = Query::from(quantity);
         if let (Mover::Tree(functions), true) = (mover, needed) {
-            // A program that cannot be made leaves direct evaluation.
+            // If no program can be made, evaluation is direct.
             let _ = functions.prepare(&query, count);
         }
         let length = if quantity == Quantity::PathDynamics { 3 * n } else { n };

@@ -50,7 +50,7 @@ impl Samples {
         self.exact.clear();
         for (k, &(first, last)) in course.spans.iter().enumerate() {
             self.span.resize(last, k);
-            // Friction and limits that vary bend the rows; few points can't be interpolated.
+            // With friction and varying limits the rows are not polynomials, and too few points cannot be interpolated.
             let bent = course.friction.is_some() || course.along.any() || course.tip.is_some();
             self.exact.resize(last, bent || last - first + 1 < WINDOW);
         }
@@ -110,7 +110,7 @@ impl Samples {
         measure(course, rows, &profile.x, &self.evaluated, 1, &mut self.values);
         let mut stands = true;
         for (&i, measured) in self.evaluated.iter().zip(self.values.chunks_exact(course.measured())) {
-            // Far from the limits an error does no harm.
+            // Far from the limits an error has no effect.
             let segment = &mut self.segments[i];
             let least = INTERPOLATION.max(-0.1 * segment.torque);
             segment.proven = (0..n).all(|j| {

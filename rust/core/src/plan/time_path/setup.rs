@@ -45,7 +45,7 @@ pub(super) struct PathProblem<'a> {
     pub bare: Vec<f64>,
     /// `(N + 1,)`: relative narrowing of the caps.
     pub cap_tight: Vec<f64>,
-    /// `(N + 1,)`: the bounds of `x` from the speed limits as they are, and the rows of `limits` that give them.
+    /// `(N + 1,)`: the bounds of `x` from the unreduced speed limits, and their rows in `limits`.
     pub widest: Vec<(usize, f64)>,
     pub stops: Vec<f64>,
 }
@@ -109,7 +109,7 @@ impl<'a> PathProblem<'a> {
         }
         let ball = self.tip.as_ref().and_then(|tip| tip.acceleration).map(|most| (limits.lo.len(), most));
         if let Some((_, most)) = ball {
-            // Each part of the frame's acceleration is inside the limit of its norm.
+            // Each component of the frame's acceleration is within the limit of its norm.
             (0..3).for_each(|_| limits.push(-most, most));
         }
         // Rows that only fill a block: 0 u + 0 x + 0 between -1 and 1.
@@ -177,12 +177,12 @@ impl<'a> PathProblem<'a> {
         self.set_caps();
     }
 
-    /// A limit that varies, at point `i`; one where it does not.
+    /// A varying limit at point `i`; one if it is constant.
     pub fn along_at(&self, kind: usize, i: usize, joint: usize) -> f64 {
         self.along.limit(&self.path, kind, joint, self.pieces[i.min(self.pieces.len() - 1)], self.rows.s[i])
     }
 
-    /// Rows under limits that vary, in parts of them.
+    /// Divide rows by their varying limits.
     fn divide_by_limits(&mut self) {
         let (n, width) = (self.n, self.rows.width);
         for kind in (0..2).filter(|&kind| !self.along.limits[kind].is_empty()) {
@@ -226,7 +226,7 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// What the check sees.
+    /// The data for the check.
     pub fn course(&self) -> Course<'_> {
         Course {
             mover: self.mover,
@@ -259,12 +259,12 @@ impl<'a> PathProblem<'a> {
             None => Ok(()),
             Some(i) => Err(Error::input(
                 "tau_max, a_max",
-                format!("are both missing: expected one of them where the frame stands still, at s = {}", self.rows.s[i]),
+                format!("are both missing: expected one of them where the frame does not move, at s = {}", self.rows.s[i]),
             )),
         }
     }
 
-    /// The answer for a path that is one point: no time, if the arm can hold itself there.
+    /// The result for a path that is one point: no time, if the arm can hold itself there.
     pub fn hold(&self) -> Result<TimePath> {
         let (row, upper, beyond) = self.tightest(0, 0.0, 0.0);
         if beyond > TOLERANCE {
@@ -273,7 +273,7 @@ impl<'a> PathProblem<'a> {
         Ok(TimePath { motion: TimedPath::still(self.path.clone()), margin: -beyond, reason: None })
     }
 
-    /// The answer that there is none.
+    /// The result without a timing.
     pub fn refuse(&self, reason: PathReason) -> Result<TimePath> {
         let knots = self.path.knots();
         let ends = vec![knots[0], knots[knots.len() - 1]];

@@ -1,13 +1,13 @@
-//! A timing that friction left beyond its limits, moved slower until it holds them.
+//! A timing that exceeds its limits because of friction, slowed down until it satisfies them.
 //!
-//! Under friction the limits are narrowed again and again, and now and then that ends where no path speed is left. But moving slower,
-//! `x -> c x`, takes torques towards those that hold the arm at rest:
+//! Under friction the limits are reduced repeatedly, and sometimes no feasible path speed remains. A slower motion,
+//! `x -> c x`, moves the torques towards those that hold the arm at rest:
 //!
 //! ```text
 //! tau(s) = g + d q' sqrt(c x) + c (M q'' + C q') x + c M q' u
 //! ```
 //!
-//! The largest `c` found between one that holds all limits and one that does not: a timing inside the limits, not the fastest one.
+//! Bisection finds the largest `c` that satisfies all limits. The result is inside the limits, but not the fastest timing.
 
 use super::TimePath;
 use super::check::TOLERANCE;
@@ -17,12 +17,12 @@ use super::setup::PathProblem;
 use crate::error::Result;
 use crate::motion::TimedPath;
 
-/// Slowest timing tried, and how closely the fastest is found: squared path speeds.
+/// The slowest timing, and the accuracy of the fastest one, in squared path speeds.
 const SLOWEST: f64 = 1e-12;
 const SHARE: f64 = 1e-6;
 
-/// The faster one of `best` and the profile that was nearest to its limits, slowed. That can't help without friction, with speeds that
-/// are given, or where the arm can't be held.
+/// The faster one of `best` and the slowed profile that was nearest to its limits. Slowing has no effect without friction, with end speeds
+/// above zero, or if the arm cannot be held.
 pub(super) fn slowed(
     problem: &mut PathProblem,
     samples: &mut Samples,
@@ -34,7 +34,7 @@ pub(super) fn slowed(
         return Ok(best);
     }
     let (kept, u_slope) = (profile.kept.clone(), rows.u_slope.clone());
-    // The bends are of the profile without friction: a slower one may turn back between two points with them.
+    // The slopes belong to the faster profile. With them, a slower one may turn back between two points.
     for u_slope in [u_slope, vec![0.0; kept.len() - 1]] {
         let Some(found) = slowed_with(problem, samples, profile, (&kept, &u_slope))? else { continue };
         let duration = found.motion.duration();

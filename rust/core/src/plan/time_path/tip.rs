@@ -11,7 +11,7 @@
 //! u = -a.(b x + m) / |a|^2 +- sqrt(A^2 - |c x + d|^2) / |a|
 //! ```
 //!
-//! The upper one is concave and the lower one convex, so the tangents of both serve Newton's method of `lines` as lines do.
+//! The upper one is concave and the lower one convex, so Newton's method of `lines` can use the tangents of both like lines.
 
 use super::lines::{FAR, FASTEST, NONE};
 use super::rows::Mover;
@@ -29,7 +29,7 @@ pub struct TipLimits {
     pub acceleration: Option<Vec<f64>>,
 }
 
-/// Such limits as the planner has them: one where they vary, of motions in parts of them.
+/// These limits in the form that the planner uses: a varying limit is one, for motions as fractions of it.
 #[derive(Clone, Debug)]
 pub(super) struct Tip {
     pub frame: usize,
@@ -40,10 +40,10 @@ pub(super) struct Tip {
 /// Numbers per point: acceleration and velocity.
 pub(super) const TIP: usize = 6;
 
-/// Part of the squared limit below which a root has the slope that it has there: at zero itself the slope is infinite.
+/// Below this fraction of the squared limit, a root has the slope at this fraction: at zero the slope is infinite.
 const STEEP: f64 = 1e-14;
 
-/// What the limit of acceleration leaves of `u` at one point of a segment.
+/// The interval of `u` under the limit of acceleration at one point of a segment.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ball {
     /// `u` of the smallest acceleration: `middle[0] + middle[1] x`.
@@ -75,7 +75,7 @@ impl Ball {
         Ball { middle, across: [b - along * along.dot(&b), m - along * along.dot(&m)], radius, by: 1.0 / size }
     }
 
-    /// The interval of `x` in which some `u` is left.
+    /// The interval of `x` with a feasible `u`.
     pub fn range(&self) -> (f64, f64) {
         let [c, d] = self.across;
         let (cc, cd, left) = (c.norm_squared(), c.dot(&d), self.radius * self.radius - d.norm_squared());
@@ -87,7 +87,7 @@ impl Ball {
             return (FASTEST, 0.0);
         }
         let root = root.sqrt();
-        // Each root by the form that does not cancel.
+        // Each root by the form without cancellation.
         let (far, near) = if cd > 0.0 { (left / (cd + root), -(cd + root) / cc) } else { ((root - cd) / cc, -left / (root - cd)) };
         let usable = |x: f64, other: f64| if x.is_nan() { other } else { x };
         (usable(near, 0.0).max(0.0), usable(far, FASTEST).min(FASTEST))
