@@ -63,7 +63,13 @@ class Run(_Stored):
     status: Status
 
     def sample(self, t: ArrayLike) -> State:
-        """The state at the time `t` or at times `(K,)` of the run, s, from the polynomials that `simulate(dense=True)` kept.
+        """The state between the records, from the polynomials that `simulate(dense=True)` kept.
+
+        Args:
+            t: a time of the run, or times `(K,)`, s.
+
+        Returns:
+            An `armlet.State`: positions, velocities and the other states at these times, `(n,)` or `(K, n)`.
 
         Raises:
             InputError: the run kept none, or a time lies outside of it.
@@ -92,32 +98,56 @@ class Run(_Stored):
 
         Args:
             fig: a matplotlib figure to draw into; None makes one with pyplot.
+
+        Returns:
+            The axes of the figure, an array of `matplotlib.axes.Axes`.
         """
         from ..figures.run import plot
 
         return plot(self, fig)
 
     def animate(self, path: str | PathLike[str], arm: Any = None, **keywords: Any) -> None:
-        """Write a film of the arm in motion, GIF or MP4: see `armlet.figures.animation.animate`. Needs matplotlib (`armlet[plot]`)."""
+        """Write a film of the arm in motion, GIF or MP4. Needs matplotlib (`armlet[plot]`).
+
+        Args:
+            path: the file; MP4 if its name ends in .mp4, else GIF.
+            arm: the arm, if the run does not have it: a run that was loaded from a file.
+            **keywords: options of `armlet.figures.animation.animate`: `fps`, `speed`, `size` and `view`.
+        """
         from ..figures.animation import animate
 
         animate(self, path, arm, **keywords)
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write the table of `to_pandas` with its index as CSV. Every number has enough digits to be read back exactly. pandas is not
-        required."""
+        """Write the table of `to_pandas` with its index as CSV. pandas is not required.
+
+        Args:
+            path: the file. Every number has enough digits to be read back exactly.
+        """
         to_csv({"t": self.t, **self._table()}, path)
 
     def to_parquet(self, path: str | PathLike[str]) -> None:
-        """Write the same table as Parquet. Needs pyarrow (`armlet[data]`)."""
+        """Write the table of `to_pandas` as Parquet. Needs pyarrow (`armlet[data]`).
+
+        Args:
+            path: the file.
+        """
         to_parquet({"t": self.t, **self._table()}, path)
 
     def to_xarray(self) -> xr.Dataset:
-        """A dataset over `t` and `joint` with units as attributes. Needs xarray (`armlet[data]`)."""
+        """The series of the run as a dataset of xarray. Needs xarray (`armlet[data]`).
+
+        Returns:
+            A dataset with the coordinates `t` (s) and `joint`; the attributes of each series have its unit.
+        """
         return to_xarray(self)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table with one row per recorded time (index `t`, s) and columns q1.., v1.., tau1.., and the monitors."""
+        """The series of the run as a table of pandas. Needs pandas (`armlet[data]`).
+
+        Returns:
+            A table with one row per recorded time (index `t`, s) and columns q1.., v1.., tau1.., and the monitors.
+        """
         pandas = pandas_for("Run.to_pandas")
         frame: pd.DataFrame = pandas.DataFrame(self._table(), index=pandas.Index(self.t, name="t"))
         return frame
@@ -183,7 +213,11 @@ class BatchRun(_Stored):
         return (self[i] for i in range(len(self)))
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table of all rows, indexed by (run, t)."""
+        """The series of all runs as one table of pandas. Needs pandas (`armlet[data]`).
+
+        Returns:
+            A table as of `Run.to_pandas`, indexed by (run, t).
+        """
         pandas = pandas_for("BatchRun.to_pandas")
         if self.q.ndim != 3:
             raise InputError('BatchRun.to_pandas: rows have no time axis: expected a batch run with keep="all"')

@@ -6,6 +6,19 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 /// The build of the extension, and its choices at run time: instruction set and threads.
+///
+/// Returns:
+///     A dict: `version`, `profile` of the build, `instruction_set` in use, `best_instruction_set` of the processor, `lanes` per register,
+///     `programs` ("machine" or "portable"), and `threads`.
+///
+/// Raises:
+///     (nothing): an unknown instruction set raises an error at import.
+///
+/// Source: docs/performance.md.
+///
+/// >>> import armlet as al
+/// >>> al.build_info()["lanes"] >= 1
+/// True
 #[entered]
 #[pyfunction]
 pub fn build_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {

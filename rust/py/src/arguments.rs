@@ -1,4 +1,4 @@
-//! What constructors of laws and plants are given: read once, kept for `repr` and pickling.
+//! The arguments of constructors of laws and plants: read once, and kept for `repr` and pickling.
 
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, require_finite, spread, text, vector};
@@ -17,7 +17,7 @@ const A_MOTION: &str = "a Motion such as Hold";
 pub struct Arguments<'py> {
     function: &'static str,
     pub arm: Bound<'py, Arm>,
-    /// All but the arm, as they are kept.
+    /// All arguments except the arm, as they are kept.
     pub arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
@@ -63,7 +63,7 @@ impl<'py> Arguments<'py> {
         }
     }
 
-    /// Numbers `(n,)` that may be given as one; `None` where there are none.
+    /// Numbers `(n,)`, or one number for all; `None` if the argument is missing.
     pub fn rows(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>, n: usize) -> Result<Option<Vec<f64>>, Failure> {
         let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
         let (shape, values) = numbers(self.function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
@@ -71,7 +71,7 @@ impl<'py> Arguments<'py> {
         Ok(Some(spread(&shape, values, n)?))
     }
 
-    /// The frame, the axes ("xyz" unless given) and how many rows they are.
+    /// The frame, the axes (default "xyz"), and their number of rows.
     pub fn frame_and_axes(
         &mut self,
         frame: &Bound<'py, PyAny>,
@@ -98,7 +98,7 @@ impl<'py> Arguments<'py> {
         Ok(x)
     }
 
-    /// A flag that is false unless given; kept where it is true.
+    /// A flag with the default False; kept if it is true.
     pub fn flag(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>) -> Result<bool, Failure> {
         let flag = flag_or_false(self.function, name, value)?;
         if flag {
@@ -112,7 +112,7 @@ impl<'py> Arguments<'py> {
         self.arguments.push((name, value.clone().unbind()));
     }
 
-    /// A copy of what the caller gave, so that changing it later changes nothing here.
+    /// Keep a copy of the caller's argument, so that later changes of it have no effect.
     pub fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
         let (shape, values) = numbers(self.function, name, value, &[WHATEVER])?;
         let copy = new_array(value.py(), &shape, |out| {
@@ -178,7 +178,7 @@ pub(crate) use {made_of_arguments, stands_on_arm};
 /// `Name(arm, argument=value, ..)`.
 pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
     let py = object.py();
-    // The table of an arm of links is for reading by itself: its first line names it.
+    // The text of an arm of links is a table; only its first line is used here.
     let mut parts = vec![arm.repr()?.to_string().lines().next().unwrap_or_default().to_string()];
     for (name, value) in arguments {
         let value = value.bind(py);
@@ -191,7 +191,7 @@ pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&
 /// The arguments of a call.
 pub type Call<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
 
-/// The call that makes the object anew, on its arm if it has one.
+/// The call that makes the object again, with its arm if it has one.
 pub fn call<'py>(py: Python<'py>, arm: Option<&Bound<'py, Arm>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<Call<'py>> {
     let keywords = PyDict::new(py);
     if let Some(arm) = arm {

@@ -1,4 +1,4 @@
-//! `_BatchStepper`: many arms of one kind under given inputs, for the environments of `armlet.gym`.
+//! `_BatchStepper`: many arms of one kind under inputs of the caller, for the environments of `armlet.gym`.
 
 use crate::arrays::{Axis, Form, count, items, number, numbers, object, owned, whole, written_array};
 use crate::errors::{Failure, entry, input_error};
@@ -11,7 +11,7 @@ use armlet_core::simulate::BatchStepper;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Rows of states side by side, advanced together: each row under its own input, held for some steps of the classical Runge-Kutta method.
+/// Rows of states that advance together. Each row has a separate input, which is held for some steps of the classical Runge-Kutta method.
 #[pyclass(module = "armlet._core")]
 pub struct _BatchStepper {
     stepper: BatchStepper,
@@ -65,7 +65,7 @@ impl _BatchStepper {
         })
     }
 
-    /// Put rows there: their numbers, and positions and velocities `(len(rows), n)`; positions and velocities of all rows.
+    /// Set rows, by their indices, to positions and velocities `(len(rows), n)`. Returns positions and velocities of all rows.
     fn put<'py>(
         &mut self,
         py: Python<'py>,

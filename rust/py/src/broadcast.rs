@@ -1,4 +1,4 @@
-//! Arguments that go together row by row: leading axes broadcast as numpy's do, and columns of numbers or arrays.
+//! Arguments that belong together row by row: leading axes broadcast as in numpy, and columns of numbers or arrays.
 
 use crate::arrays::{Axis, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
@@ -12,14 +12,14 @@ use pyo3::types::PyFloat;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Rows that are copied between two looks whether to stop.
+/// Rows that are copied between two checks for a stop.
 pub const LOOK: usize = 1 << 12;
 
 /// Arguments of a pure function, broadcast over their leading axes.
 pub struct Broadcast<'a, const K: usize> {
     /// The leading axes.
     pub shape: Vec<usize>,
-    /// How many rows they hold.
+    /// The number of rows.
     pub count: usize,
     rows: [(Cow<'a, [f64]>, usize); K],
 }
@@ -53,13 +53,13 @@ impl<'a, const K: usize> Broadcast<'a, K> {
         Ok(Broadcast { shape: self.shape, count: self.count, rows })
     }
 
-    /// The rows of argument `k` as they were given, copied.
+    /// The rows of argument `k` without broadcasting, copied.
     pub fn given(&self, k: usize) -> Result<Vec<f64>, Failure> {
         Ok(memory::copied(&self.rows[k].0)?)
     }
 }
 
-/// Refuse arguments that are not finite. Arrays of the wrong kind were refused by whoever read them first.
+/// Refuse arguments that are not finite. Arrays of the wrong kind were refused when they were read.
 pub fn require_all_finite<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<(), Failure> {
     for k in 0..K {
         let (shape, data) = numbers(function, names[k], values[k], &[WHATEVER])?;
@@ -69,7 +69,7 @@ pub fn require_all_finite<const K: usize>(function: &str, names: [&str; K], valu
 }
 
 /// Arguments `(..., n)` of a pure function: of the right width, broadcast like numpy does. Not checked for being finite:
-/// [`require_all_finite`] says which are not.
+/// [`require_all_finite`] finds those that are not.
 pub fn broadcast<'a, const K: usize>(
     function: &str,
     names: [&str; K],
@@ -101,7 +101,7 @@ pub fn broadcast<'a, const K: usize>(
     Ok(Broadcast { shape, count, rows })
 }
 
-/// The leading axes that arguments with these leading axes broadcast to; None where they do not.
+/// The leading axes that arguments with these leading axes broadcast to; None if they do not.
 pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
     let axes = shapes.iter().map(Vec::len).max().unwrap_or(0);
     let mut common = vec![1; axes];
@@ -157,7 +157,7 @@ pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> 
 pub struct Columns<const K: usize> {
     pub shape: Vec<usize>,
     pub count: usize,
-    /// Column after column, in one piece of memory: large pages, and fewer of them to touch.
+    /// Column after column, in one piece of memory, so that the system can use fewer, larger pages.
     numbers: Vec<f64>,
     places: [Range<usize>; K],
 }
@@ -182,11 +182,11 @@ impl<const K: usize> Columns<K> {
     }
 }
 
-/// What refuses numbers that a function does not take, by function, name and shape.
+/// A check that refuses invalid numbers, with function, name and shape.
 pub type Check = fn(Python<'_>, &str, &str, &[usize], &[f64]) -> Result<(), Failure>;
 
-/// Arguments of any shape that pass `check`, broadcast like numpy does, whose answers take `answer` bytes each. What cannot be held is
-/// refused before anything is copied.
+/// Arguments of any shape that pass `check`, broadcast like in numpy, for results of `answer` bytes each. Results that do not fit in memory
+/// are refused before anything is copied.
 pub fn columns<const K: usize>(
     function: &str,
     names: [&str; K],
@@ -210,7 +210,7 @@ pub fn columns<const K: usize>(
     for k in 0..K {
         let (py, start) = (values[k].py(), all.len());
         let read = Looked::at(function, names[k], values[k])?.append_to(&mut all)?;
-        // The caller's objects may answer differently when they are asked again.
+        // The caller's objects may return other values when they are read again.
         if read != shapes[k] {
             let problem = format!("changes its shape: expected {}, got {}", shown(&shapes[k]), shown(&read));
             return Err(input_error(py, function, names[k], problem).into());

@@ -20,7 +20,7 @@ use numpy::{Complex64, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// A limit less than this many sample times away deserves a word.
+/// The least ratio of limit and sample time without a warning.
 const COMFORTABLE: f64 = 3.0;
 
 /// Warn if the sample time comes close to the limit of the motor loop.
@@ -144,7 +144,7 @@ pub fn elastic_limits<'py>(
     })
 }
 
-/// Infinity is a limit that is not there.
+/// Infinity means no limit.
 fn require_no_nan(py: Python<'_>, function: &str, name: &str, _: &[usize], values: &[f64]) -> Result<(), Failure> {
     let place = long(py, || {
         Ok(values.chunks(LOOK).enumerate().find_map(|(piece, values)| {
@@ -186,13 +186,15 @@ fn each<'py, const K: usize>(
 ///     joint_stiffness: `K_J`, N m/rad, > 0.
 ///     sample_time: `dt`, s, > 0.
 ///     damping_ratio: `zeta`, > 0; 1 if None (keyword only).
-///     sensor_bandwidth: of a first-order torque sensor, rad/s; no lag if None (keyword only).
+///     sensor_bandwidth: bandwidth of a first-order torque sensor, rad/s; no lag if None (keyword only).
 ///
 /// Returns:
 ///     `B0`, kg m^2, of the common shape.
 ///
 /// Raises:
 ///     InputError: a number is not positive, shapes do not fit together.
+///
+/// Source: [Ott2008] for the reduction; docs/elastic.md.
 ///
 /// >>> import armlet as al
 /// >>> al.smallest_reduced_inertia(0.4, 800.0, [0.0005, 0.001, 0.002]).round(6)
@@ -237,6 +239,8 @@ pub fn smallest_reduced_inertia<'py>(
 /// Raises:
 ///     InputError: a number is of the wrong sign, shapes do not fit together.
 ///
+/// Source: [Ott2008] for the reduction; docs/elastic.md.
+///
 /// >>> import armlet as al
 /// >>> float(al.stiffness_limit(1.0, 800.0, 0.02, 20.0))
 /// 2660.0
@@ -255,7 +259,7 @@ pub fn stiffness_limit<'py>(
     entry(py, NAME, || {
         let critical = motor_damping.is_none();
         let names = ["mass", "joint_stiffness", "reduced_inertia", "damping", "motor_damping"];
-        // Without a damping of its own the fifth is a stand-in that is never read.
+        // Without `motor_damping` the fifth value is a placeholder that is never read.
         let values = [mass, joint_stiffness, reduced_inertia, damping, motor_damping.unwrap_or(mass)];
         each(py, NAME, names, values, |[m, k, b0, d, d0]| {
             let d0 = if critical { 2.0 * (b0 * k).sqrt() } else { d0 };
@@ -272,7 +276,7 @@ pub fn stiffness_limit<'py>(
 
 /// The damping that gives every mode of an inertia and a stiffness one ratio: `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`.
 ///
-/// It is the double diagonalisation rule: with `M = Q'Q`, `K = Q' diag(k) Q` it is `2 zeta Q' diag(k)^1/2 Q`.
+/// This is the double diagonalisation rule: with `M = Q'Q`, `K = Q' diag(k) Q` it is `2 zeta Q' diag(k)^1/2 Q`.
 ///
 /// Args:
 ///     inertia: `M`, positive definite, (n, n), such as `M_x` of a law's terms.

@@ -49,12 +49,12 @@ pub fn input_error(py: Python<'_>, function: &str, argument: &str, problem: impl
     raise(py, "InputError", (format!("{function}: {argument} {problem}"),))
 }
 
-/// A `FormatError`: stored data is not what it claims to be.
+/// A `FormatError`: stored data is not in its declared format.
 pub fn format_error(py: Python<'_>, message: &str) -> PyErr {
     raise(py, "FormatError", (message,))
 }
 
-/// A `SolveError` with what was reached.
+/// A `SolveError` with the partial result.
 pub fn solve_error(py: Python<'_>, message: String, status: Status, t: f64, partial: Py<PyAny>) -> PyErr {
     raise(py, "SolveError", (message, status.code(), t, partial))
 }
@@ -78,7 +78,7 @@ pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T,
     })
 }
 
-/// What an entry point may fail with.
+/// The errors of an entry point.
 pub enum Failure {
     Core(Error),
     Python(PyErr),

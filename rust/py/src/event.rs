@@ -1,4 +1,4 @@
-//! `simulate(events=..., dense=...)`: what a run is asked for besides its records, and what came of it.
+//! `simulate(events=..., dense=...)`: the requested events and polynomials of a run, and their results.
 
 use crate::arrays::{adopted, items, number, text, vector};
 use crate::errors::{Failure, input_error};
@@ -94,7 +94,7 @@ fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, r
     })
 }
 
-/// The keywords `events` and `dense`; `None` where nothing is asked for.
+/// The keywords `events` and `dense`; `None` without a request.
 pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<RunObserver>, Failure> {
     let mut observer = RunObserver { polynomials: dense.then(Polynomials::default), ..RunObserver::default() };
     let events =

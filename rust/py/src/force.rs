@@ -1,4 +1,4 @@
-//! External forces as Python gives them: None, a constant, `[(t_start, F), ...]` or `F(t)`.
+//! External forces as Python objects: None, a constant, `[(t_start, F), ...]` or `F(t)`.
 
 use crate::arrays::{Axis, Form, items, number, numbers, require_finite, text};
 use crate::errors::{Failure, input_error};
@@ -38,7 +38,7 @@ fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wr
     Ok(full)
 }
 
-/// The number of entries of a first sample decides between (3,) and (6,) where a frame is named.
+/// With `force_frame`, the number of entries of the first sample decides between (3,) and (6,).
 fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
     match law {
         Some(rows) => rows.to_vec(),
@@ -88,7 +88,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
     Ok(Force::steps(starts, values)?)
 }
 
-/// Keep the first thing that was raised.
+/// Keep the first exception.
 pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
     let error = match failure {
         Failure::Python(error) => error,

@@ -6,7 +6,7 @@ use armlet_core::error::Error;
 use armlet_core::plant::{FrictionCurve, JointFriction, LuGre, StickSlip};
 use pyo3::prelude::*;
 
-/// The friction that `value` states for `n` joints; `None` where it is something else.
+/// The friction of `value` for `n` joints; `None` for other values.
 pub fn friction(function: &'static str, n: usize, argument: &str, value: &Bound<'_, PyAny>) -> Result<Option<JointFriction>, Failure> {
     let known = value.py().import("armlet.friction_models")?;
     let bristles = value.is_instance(&known.getattr("LuGre")?)?;

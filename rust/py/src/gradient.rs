@@ -1,4 +1,4 @@
-//! Derivatives of runs: forward and by the adjoint, of numbers that a wrapper has named.
+//! Derivatives of runs, forward and by the adjoint, with respect to named numbers.
 
 use crate::arrays::{Axis, Form, adopted, count, numbers, written_array};
 use crate::errors::{Failure, entry, input_error};
@@ -17,7 +17,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The runs of each parameter: run 0 is the one to be differentiated, and those of parameter `p` follow in order, as many as it has weights.
+/// The runs of each parameter. Run 0 is the one to differentiate. The runs of the parameters follow in order, one per weight.
 fn parameters(function: &str, value: &Bound<'_, PyAny>, runs: usize) -> Result<Vec<Parameter>, Failure> {
     let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
     require_runs(function, value, 1 + shape[0] * shape[1], runs)?;
@@ -49,7 +49,7 @@ fn weighed(weights: &[f64], points: usize) -> armlet_core::error::Result<Vec<Par
     memory::collected(weights.chunks_exact(points.max(1)).enumerate().map(parameter))
 }
 
-/// How many of the parameters each name has.
+/// The number of parameters of each name.
 fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<Vec<usize>, Failure> {
     let sizes: Vec<usize> = value.extract()?;
     if sizes.iter().try_fold(0usize, |sum, &size| sum.checked_add(size)) != Some(parameters) {
@@ -58,7 +58,7 @@ fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<
     Ok(sizes)
 }
 
-/// Do something with the problem of these arguments.
+/// Call a function with the problem of these arguments.
 fn with_problem<'py, T>(
     function: &'static str,
     (plant, law, q0): (&Bound<'py, PyAny>, &Bound<'py, PyAny>, &Bound<'py, PyAny>),

@@ -24,12 +24,12 @@ pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send
     ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
 }
 
-/// As [`signalled`], of work that holds the GIL: whoever waits for it is handed it first.
+/// The same as [`signalled`] for work that holds the GIL: a waiting thread gets the GIL first.
 pub fn signalled_in_turn() -> bool {
     Python::attach(pause).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// As [`long`], of work that calls Python at every sample: it keeps the GIL, and hands it over every 20 ms, by [`signalled_in_turn`].
+/// The same as [`long`] for work that calls Python at every sample: it keeps the GIL, and offers it every 20 ms by [`signalled_in_turn`].
 ///
 /// If the GIL is released and taken at every call, a waiting thread wakes each time, finds it taken, and waits again.
 pub fn long_calling<T: Send>(work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
@@ -47,13 +47,13 @@ fn ended<T>(result: Result<CoreResult<T>, Interrupted>) -> Result<T, Failure> {
 /// The time from one break to the next.
 const BREAK: Duration = Duration::from_millis(10);
 
-/// Whoever waits for the GIL is handed it, and Ctrl-C is heard.
+/// Give the GIL to a waiting thread, and check for Ctrl-C.
 fn pause(py: Python<'_>) -> PyResult<()> {
     py.detach(|| ());
     py.check_signals()
 }
 
-/// For loops that require the GIL: every 10 ms other threads get it for a moment, and Ctrl-C is answered.
+/// For loops that require the GIL: every 10 ms other threads get it for a moment, and Ctrl-C is checked.
 ///
 /// Python hands the GIL over only to a thread that has already waited for its switch interval, 5 ms. More frequent breaks wake that
 /// thread and take the GIL away again. Then the thread waits until the loop ends.
@@ -81,7 +81,7 @@ thread_local! {
     static NEXT: Cell<Option<Instant>> = const { Cell::new(None) };
 }
 
-/// As [`Breaks::pause`], for calls that follow each other, each shorter than the time to a break: pieces that `pickle` asks for.
+/// The same as [`Breaks::pause`] for successive calls that are shorter than the time to a break, such as pieces for `pickle`.
 pub fn pause_in_turn(py: Python<'_>) -> PyResult<()> {
     if NEXT.get().is_none_or(|next| Instant::now() >= next) {
         pause(py)?;

@@ -1,4 +1,4 @@
-//! `armlet.inverse_kinematics` and its answer.
+//! `armlet.inverse_kinematics` and its result.
 
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, count, elements, flag, number, numbers, object, owned, shown, whole};
@@ -23,15 +23,15 @@ use pyo3::types::{PyList, PyTuple};
 /// The result of `inverse_kinematics`: joint positions, and the outcome of each task.
 ///
 /// `q`: joint positions, `(n,)`, rad or m. `errors`: the error of each task at `q`, `(rows_i,)` each, m or rad. `reached`: whether
-/// each task is reached. `iterations`: steps from all starts together. `restarts`: random starts used. `status`: `Status.SUCCESS`
-/// when every task is reached; `DEGRADED` when the first is and some lower one is not; `INFEASIBLE` when the first is not and
-/// the search came to rest; `MAX_STEPS` when it was still moving.
+/// each task is reached. `iterations`: steps from all starts together. `restarts`: random starts used. `status`: `Status.SUCCESS` if every
+/// task is reached, `DEGRADED` if the first one is, but not all. If the first task is not reached: `INFEASIBLE` without further progress,
+/// and `MAX_STEPS` if the search was still moving.
 ///
-/// Of a batch all fields are arrays: `q` `(..., n)`, `errors` a list of `(..., rows_i)`, and `(...)` each `reached` (every task of the
+/// In a batch all fields are arrays: `q` `(..., n)`, `errors` a list of `(..., rows_i)`, and `(...)` each `reached` (every task of the
 /// row is reached), `iterations`, `restarts` and `status` (integers, of `Status`). With `solutions=k`: `q` `(..., k, n)`, `errors`
 /// `(..., k, rows_i)`, `reached` and `status` `(..., k)`.
 ///
-/// It is true when every task of every target is reached; with `solutions=k`, by the best solution.
+/// It is true if every task of every target is reached; with `solutions=k`, by the best solution.
 #[pyclass(frozen, get_all, module = "armlet")]
 pub struct InverseKinematics {
     pub q: Py<PyAny>,
@@ -60,7 +60,7 @@ impl InverseKinematics {
         let Ok(axes) = reached.getattr("ndim") else {
             return reached.try_iter()?.try_fold(true, |all, one| Ok(all && one?.is_truthy()?));
         };
-        // Several solutions are an axis more than there are counts.
+        // Several solutions add an axis, which the counts do not have.
         let counts = py.import("numpy")?.call_method1("ndim", (self.iterations.bind(py),))?.extract::<usize>()?;
         let best = if axes.extract::<usize>()? > counts { reached.get_item((py.Ellipsis(), 0))? } else { reached.clone() };
         best.call_method0("all")?.is_truthy()
@@ -79,40 +79,40 @@ const NAME: &str = "inverse_kinematics";
 /// Joint positions at which tasks are reached, the highest first: damped Newton steps within the joint limits.
 ///
 /// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together. If these steps do not reach several tasks, `dq` solves
-/// `J_i dq = e_i` in priority. A lower task that conflicts with a higher one is reached as far as the map allows. Where a start leads nowhere,
-/// random ones within the limits follow, always the same for the same `seed`.
+/// `J_i dq = e_i` in priority. A lower task that conflicts with a higher one is reached as far as the map allows. If a start fails, random
+/// starts within the limits follow, the same for the same `seed`.
 ///
 /// Args:
 ///     arm: the arm, of links.
-///     tasks: `Task` and its kin with constant targets `(rows,)` or `(..., rows)`, the highest first; gains play no part.
-///     q0: where to start, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
-///     method: the map of every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all that follow). None: steps for all tasks
+///     tasks: `Task` and other tasks with constant targets `(rows,)` or `(..., rows)`, the highest first; gains are not used.
+///     q0: start of the search, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
+///     method: the map of every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below). None: steps for all tasks
 ///         together, and "clamp" for steps in priority.
 ///     eps: threshold on singular values of the map, one number or one per task. It selects steps by the map. None: 0.02 of each task's largest
 ///         row norm.
-///     tolerance: a task is reached when every entry of its error is at most this, m or rad.
-///     max_iterations: steps from each start.
-///     restarts: random starts after `q0`.
-///     seed: of the random starts.
+///     tolerance: a task is reached if every entry of its error is at most this, m or rad.
+///     max_iterations: largest number of steps from each start.
+///     restarts: largest number of random starts after `q0`.
+///     seed: seed of the random starts.
 ///     step_max: largest step of a joint, rad or m.
 ///     limits: keep to the arm's joint limits.
-///     check_limits: what to do with a start outside of these limits: None warns, True raises, False neither. With `limits=False` there is
-///         no check.
-///     solutions: so many different solutions of each target, from up to `restarts` random starts; None: one, without an axis for it.
-///         Best first: those that reach every task by their distance `|q - q0|`, then the others by the error of the first task in which
-///         they differ. Two are the same when no joint differs by more than 1e-3 rad or m. Whole turns are not counted where they move no body. Where fewer are
-///         found the rest is NaN, with the status `INFEASIBLE`.
-///     threads: of a batch; None: the environment's `ARMLET_NUM_THREADS`, else the cores.
+///     check_limits: action for a start outside of these limits: None warns, True raises, and False does neither. With `limits=False` there
+///         is no check.
+///     solutions: number of different solutions of each target, from up to `restarts` random starts; None: one, without an axis for it. The
+///         best are first: those that reach every task, ordered by their distance `|q - q0|`. The others follow, ordered by the error of
+///         the first task in which they differ. Two are the same if no joint differs by more than 1e-3 rad or m. Whole turns that move no
+///         body do not count. If fewer are found, the remaining rows are NaN, with the status `INFEASIBLE`.
+///     threads: number of threads for a batch; None: the environment's `ARMLET_NUM_THREADS`, else the cores.
 ///
 /// A batch is solved in threads; every row has the bits of a call for it alone, for any number of threads. A row whose start or target
-/// is not finite, or whose numbers overflow, is NaN with the status `DIVERGED`, and touches no other.
+/// is not finite, or whose numbers overflow, is NaN with the status `DIVERGED`. It does not affect other rows.
 ///
 /// Returns:
-///     An `InverseKinematics`; it is true when every task is reached. Never raises for a target out of reach: see its `status`.
+///     An `InverseKinematics`; it is true if every task is reached. An unreachable target is not an error: see its `status`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, leading axes do not broadcast, a number of a single call is not finite, a task has no constant
-///         target, the method is unknown, or a start is outside of the limits and `check_limits` is True.
+///     InputError: a shape is wrong, leading axes do not broadcast, a task has no constant target, or the method is unknown. Also for a
+///         number of a single call that is not finite, and with `check_limits=True` for a start outside of the limits.
 ///
 /// Warns:
 ///     UserWarning: a start is outside of the joint limits. The search begins at the nearest position inside.
@@ -165,7 +165,7 @@ pub fn inverse_kinematics<'py>(
         let tree = model.tree("arm")?;
         let (_, goals) = each(NAME, tasks, |task| task.goals(tree))?;
         let alone = solutions.is_none() && goals.iter().all(|goal| goal.lead.is_empty());
-        // A single call refuses what is not one vector by the words that it always had.
+        // A single call with a wrong shape has the message of a single vector.
         let wide = Looked::at(NAME, "q0", q0)?.shape.len() > 1;
         let form = if wide { Form(&[Axis::Leading, Axis::Is(model.n())]) } else { Form(&[Axis::Is(model.n())]) };
         let (mut lead, q0) = numbers(NAME, "q0", q0, &[form])?;

@@ -22,11 +22,11 @@ use std::sync::Arc;
 /// The most rows of a batch that a list gives one by one.
 pub const MOST_ROWS: usize = 1 << 28;
 const A_LAW: &str = "a law such as Adaptive";
-/// The error allowed per step of an adaptive method where the caller says nothing.
+/// The default error per step of an adaptive method.
 const RTOL: f64 = 1e-8;
 const ATOL: f64 = 1e-10;
 
-/// How to run it, as Python gives it: keyword by keyword.
+/// The keywords of a run, from Python.
 pub struct Keywords<'py> {
     pub function: &'static str,
     pub keywords: Bound<'py, PyDict>,
@@ -112,7 +112,7 @@ impl<'py> Keywords<'py> {
         })
     }
 
-    /// What runs are summed up by: the arguments of `armlet.metrics` that `metrics` holds.
+    /// The metrics of runs: the arguments of `armlet.metrics` in `metrics`.
     pub fn measures(&self, n: usize) -> Result<Measures, Failure> {
         let mut measures = Measures::default();
         let Some(given) = self.get("metrics")? else { return Ok(measures) };
@@ -135,7 +135,7 @@ impl<'py> Keywords<'py> {
         Ok(measures)
     }
 
-    /// What to do with starts and targets outside of joint limits.
+    /// The action for starts and targets outside of joint limits.
     pub fn limit_check(&self) -> Result<LimitCheck, Failure> {
         LimitCheck::of(self.function, self.get("check_limits")?.as_ref())
     }
@@ -144,7 +144,7 @@ impl<'py> Keywords<'py> {
         Ok(Method::from_name(&text(self.function, "method", &self.required("method")?)?)?)
     }
 
-    /// Refuse what the caller gave and the method would not look at.
+    /// Refuse arguments of the caller that the method does not use.
     fn require_unused(&self, method: Method) -> Result<(), Failure> {
         let (unused, steps): (&[&str], _) =
             if method.is_adaptive() { (&["dt"], "chooses its steps itself") } else { (&["rtol", "atol"], "takes fixed steps") };
@@ -208,7 +208,7 @@ impl<'py> Keywords<'py> {
         };
         let Some(value) = self.get("force")? else { return Ok((Vec::new(), frame)) };
         let rows = if frame.is_some() { None } else { law.coordinates().map(|coordinates| coordinates.rows.as_slice()) };
-        // A step is (t, F): the first thing in a list of lists of steps is no number.
+        // A step is (t, F): the first entry in a list of lists of steps is not a number.
         let inner = value.cast::<PyList>().ok().and_then(|list| list.get_item(0).ok()?.get_item(0).ok());
         let nested = inner.is_some_and(|first| first.is_instance_of::<PyTuple>() || first.is_instance_of::<PyList>());
         let each = if nested {
@@ -250,7 +250,7 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
     if let Ok(law) = law.cast::<Law>() {
         return Ok(law.get().spec.clone());
     }
-    // A motion can be called too, and so can a class: neither is a law.
+    // A motion and a class can be called too, but neither is a law.
     if !law.is_callable() || law.is_instance_of::<Motion>() || law.is_instance_of::<PyType>() {
         object::<Law>(function, "law", A_LAW, law)?;
     }

@@ -114,7 +114,7 @@ mod _core {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        // A request that can't be met is said once, at import, rather than silently replaced.
+        // An instruction set that is requested but not available raises an error at import.
         armlet_core::scalar::lanes::isa_request().map_err(pyo3::exceptions::PyImportError::new_err)?;
         let names = |adaptive: bool| Method::ALL.iter().filter(move |method| method.is_adaptive() || !adaptive).map(|method| method.name());
         module.add("METHODS", PyTuple::new(module.py(), names(false).collect::<Vec<_>>())?)?;

@@ -19,7 +19,7 @@ use pyo3::types::{PyFloat, PyInt};
 #[pyclass(frozen, subclass, module = "armlet", name = "Motion")]
 pub struct Motion {
     pub core: Core,
-    /// What the constructor was given, for `repr` and pickling.
+    /// The arguments of the constructor, for `repr` and pickling.
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
@@ -34,7 +34,7 @@ impl Motion {
 /// Positions, velocities and accelerations.
 pub type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// Rows between two looks whether to stop.
+/// Rows between two checks for a stop.
 const LOOK: usize = 1 << 8;
 
 /// What `write(x, row)` puts into rows of `3 n` for every number of `x`, as three arrays `(..., n)`.
@@ -122,7 +122,7 @@ impl Motion {
     }
 }
 
-/// Stay at `q`, `(n,)`.
+/// A motion at rest at `q`, `(n,)`, rad or m.
 ///
 /// >>> import armlet as al
 /// >>> al.Hold([1.0, 0.0])(2.0)[0]
@@ -143,7 +143,7 @@ impl Hold {
     }
 }
 
-/// `(n,)`, `(n, terms)` or a scalar, written out as `(n, terms)`.
+/// `(n,)`, `(n, terms)` or a scalar, broadcast to `(n, terms)`.
 fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<(usize, Vec<f64>), Failure> {
     let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Any("k")])];
     let (shape, values) = numbers(function, name, value, &forms)?;
@@ -154,9 +154,14 @@ fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Resu
 /// `offset + sum amplitude sin(frequency t + phase)`, per joint.
 ///
 /// Args:
-///     offset: `(n,)`, rad or m.
-///     amplitude, frequency, phase: `(n,)` or `(n, k)` for k terms per joint, or a scalar for all;
-///         frequency in rad/s, phase in rad. Zeros are allowed.
+///     offset: centre of the motion, `(n,)`, rad or m.
+///     amplitude, frequency, phase: rad or m, rad/s, and rad: `(n,)`, `(n, k)` for k terms per joint, or a scalar for all. Zeros are
+///         allowed.
+///
+/// Raises:
+///     InputError: a shape is wrong, or a number is not finite.
+///
+/// Source: docs/plants_and_laws.md.
 ///
 /// >>> import armlet as al
 /// >>> q_d, v_d, a_d = al.Sinusoid([0.0], [0.5], [2.0], [0.0])(0.0)
@@ -214,7 +219,16 @@ macro_rules! rest_to_rest {
         ///
         /// Args:
         ///     q0, q1: start and end, `(n,)`, rad or m.
-        ///     duration: s, > 0.
+        ///     duration: duration of the motion, s, > 0.
+        ///
+        /// Raises:
+        ///     InputError: a shape is wrong, a number is not finite, or `duration` is not positive.
+        ///
+        /// Source: [SicilianoEtAl2009], section 4.2.
+        ///
+        /// >>> import armlet as al
+        /// >>> al.Quintic([0.0], [1.0], 2.0)(1.0)[0], al.BangBang([0.0], [1.0], 2.0)(1.0)[0]
+        /// (array([0.5]), array([0.5]))
         #[pyclass(frozen, extends = Motion, module = "armlet")]
         pub struct $name;
 
@@ -239,15 +253,26 @@ macro_rules! rest_to_rest {
         }
     };
 }
-rest_to_rest!(Quintic, "Rest to rest with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / duration`.");
-rest_to_rest!(BangBang, "Rest to rest with the symmetric bang-bang acceleration `+-4 (q1 - q0) / duration^2`.");
+rest_to_rest!(Quintic, "Rest-to-rest motion with zero acceleration at its ends: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / duration`.");
+rest_to_rest!(BangBang, "Rest-to-rest motion with the symmetric bang-bang acceleration `+-4 (q1 - q0) / duration^2`.");
 
-/// A motion sampled every `dt` from time `start`: exact at its knots, quintic Hermite between, held outside.
+/// A motion from samples every `dt` from time `start` on. It is exact at these knots, a quintic Hermite polynomial between them, and at
+/// rest outside.
 ///
 /// Args:
-///     dt: s, > 0.
-///     q, v, a: `(K, n)` each.
+///     dt: time between knots, s, > 0.
+///     q, v, a: positions, velocities and accelerations at the knots, `(K, n)` each, rad or m, per s and per s^2.
 ///     start: time of the first knot, s; zero if None (keyword only).
+///
+/// Raises:
+///     InputError: `dt` is not positive, a shape is wrong, or a number is not finite.
+///
+/// Source: [SicilianoEtAl2009], section 4.2; docs/plants_and_laws.md.
+///
+/// >>> import armlet as al
+/// >>> table = al.Table(0.5, [[0.0], [1.0]], [[0.0], [0.0]], [[0.0], [0.0]])
+/// >>> table(0.25)[0]
+/// array([0.5])
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct Table;
 

@@ -20,18 +20,18 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 const NAME: &str = "MomentumObserver";
 
-/// The torque from outside, without accelerations: `r_dot = K (tau_ext - r)`, from positions, velocities and torques.
+/// An observer of the external torque, without accelerations: `r_dot = K (tau_ext - r)`, from positions, velocities and torques.
 ///
 /// With `p = M v` and Christoffel `C`, `r = K [p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds]`. A sample holds the integrand and solves for
-/// `r`: `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`. `q`, `v` and `tau` are `(n,)`, or `(B, n)` for
-/// arms that move side by side. Elastic joints: `tau` is the torque of the joints for the links.
+/// `r`: `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`. `q`, `v` and `tau` are `(n,)`, or `(B, n)`
+/// for B arms side by side. For elastic joints, `tau` is the torque of the joints on the links.
 ///
 /// Args:
 ///     arm: the model.
 ///     gain: `K`, 1/s, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     friction: subtract the model's viscous and Coulomb friction; otherwise `r` includes it. Not with `motor_inertia` (keyword only).
 ///     motor_inertia: observe the motors of elastic joints instead: `B`, kg m^2, scalar, `(n,)` or `(n, n)`. Then `q`, `v` are theirs, `tau` is
-///         `tau_m - tau_J`, and `r` goes to minus the friction of the motors (keyword only).
+///         `tau_m - tau_J`, and `r` converges to minus the friction of the motors (keyword only).
 ///     threshold: `|r_i|` above it is contact, N m or N, > 0: scalar or `(n,)`; see `calibrate` (keyword only).
 ///
 /// Raises:
@@ -51,7 +51,7 @@ const NAME: &str = "MomentumObserver";
 #[pyclass(frozen, module = "armlet")]
 pub struct MomentumObserver {
     observed: Mutex<Observed>,
-    /// The arm it was made for.
+    /// The arm of the observer.
     #[pyo3(get)]
     arm: Py<Arm>,
     arguments: Vec<(&'static str, Py<PyAny>)>,
@@ -64,12 +64,12 @@ struct Observed {
 }
 
 impl Observed {
-    /// The shape of so many numbers of each arm that is observed.
+    /// The shape of `width` numbers of each observed arm.
     fn shape(&self, width: usize) -> Vec<usize> {
         if self.batched { vec![self.core.rows(), width] } else { vec![width] }
     }
 
-    /// Refuse rows of another number than those of the samples before.
+    /// Refuse another number of rows than in the samples before.
     fn require_rows(&self, py: Python<'_>, function: &str, shape: &[usize]) -> Result<(), Failure> {
         let expected = self.shape(self.core.n());
         if self.core.rows() > 0 && shape != expected {
@@ -87,7 +87,7 @@ pub type Links = (Model, Gain, [Vec<f64>; 2]);
 type Rows = (Vec<usize>, Vec<f64>);
 
 impl MomentumObserver {
-    /// It waits without the interpreter lock: whoever holds this one may want that.
+    /// Wait without the interpreter lock, because the thread with the observer's lock may need it.
     fn observed(&self, py: Python<'_>) -> MutexGuard<'_, Observed> {
         self.observed.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
@@ -126,7 +126,7 @@ impl MomentumObserver {
         Ok(all)
     }
 
-    /// The wrenches and what they leave, each as an array.
+    /// The wrenches, and the residual without them, each as an array.
     fn wrench_and_rest<'py>(
         &self,
         function: &str,
@@ -210,7 +210,8 @@ impl MomentumObserver {
     /// Without `reset` the first sample starts, with `r = 0`.
     ///
     /// Raises:
-    ///     InputError: a shape is wrong, or a number is not finite or so large that `r` would not be; the observer stays as it was.
+    ///     InputError: a shape is wrong, or a number is not finite, or so large that `r` would not be finite. The observer then does not
+    ///         change.
     fn update<'py>(
         &self,
         py: Python<'py>,
@@ -243,7 +244,7 @@ impl MomentumObserver {
         })
     }
 
-    /// The thresholds of contact `(n,)`, N m or N; None where there are none.
+    /// The thresholds of contact `(n,)`, N m or N; None without thresholds.
     #[getter]
     fn threshold<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         entry(py, "MomentumObserver.threshold", || {
@@ -254,8 +255,8 @@ impl MomentumObserver {
 
     /// The wrench `[f; m]`, N and N m in world axes, at a frame that explains `r` best: `(6,)` or `(B, 6)`.
     ///
-    /// Least squares of `r = J' F`, of smallest norm; singular values of `J'` below `eps` are clamped, by default below 0.02 of its largest
-    /// row norm. `q` is that of the last sample.
+    /// Least squares solution of `r = J' F` with the smallest norm; singular values of `J'` below `eps` are raised to it. The default of
+    /// `eps` is 0.02 times the largest row norm of `J'`. `q` is that of the last sample.
     #[pyo3(signature = (q, frame, *, eps=None))]
     fn wrench<'py>(
         &self,
@@ -300,8 +301,8 @@ impl MomentumObserver {
 
     /// The joint of the touched link: its index, or -1 without contact; `(B,)` for rows.
     ///
-    /// It is the outermost joint with `|r_i|` above its threshold: what acts on a link loads no joint beyond it. Of several branches, the one
-    /// furthest above counts.
+    /// It is the outermost joint with `|r_i|` above its threshold: a force on a link loads no joint beyond it. Among several branches, the
+    /// joint furthest above its threshold counts.
     fn contact<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "MomentumObserver.contact", || {
             let observed = self.observed(py);
@@ -318,7 +319,7 @@ impl MomentumObserver {
         shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
     }
 
-    /// Made anew, with its thresholds and what it remembers.
+    /// Made again, with its thresholds and its state.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let (_, keywords) = call(py, Some(self.arm.bind(py)), &self.arguments)?;
         let observed = self.observed(py);
@@ -329,7 +330,7 @@ impl MomentumObserver {
     }
 }
 
-/// A pickled MomentumObserver: its arguments, what it remembers, its thresholds, and whether its samples were rows.
+/// A pickled MomentumObserver: its arguments, its state, its thresholds, and whether its samples were rows.
 #[entered]
 #[pyfunction]
 pub fn _restore_observer<'py>(

@@ -39,7 +39,7 @@ impl Plant {
     }
 }
 
-/// A wall that pushes back where a frame enters it: `f = n max(0, k d + c d_dot)` at depth `d > 0`; it never pulls.
+/// A compliant wall that a frame may touch. At depth `d > 0` the force is `f = n max(0, k d + c d_dot)`; the wall never pulls.
 ///
 /// Args:
 ///     frame: name of the frame that touches it.
@@ -50,6 +50,8 @@ impl Plant {
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite or of the wrong sign.
+///
+/// Source: docs/plants_and_laws.md.
 ///
 /// >>> import armlet as al
 /// >>> al.Wall("link2", [0.7, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=1e4, damping=10.0)
@@ -141,11 +143,16 @@ fn friction_or_flag<'py>(
 /// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`, `x = [q, v]`.
 ///
 /// Args:
-///     arm: the true arm; a law may be made for another one.
-///     friction: True adds the viscous and Coulomb friction of the model; a `StickSlip` or a `LuGre` gives the joints that
-///         friction instead (keyword only).
+///     arm: the arm of the plant; a law may be made for another one.
+///     friction: True adds the viscous and Coulomb friction of the model; a `StickSlip` or a `LuGre` is the friction of the joints instead
+///         (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the joints (keyword only).
+///
+/// Raises:
+///     InputError: an argument has the wrong type, a frame is unknown, or a number has the wrong sign or shape.
+///
+/// Source: [SicilianoEtAl2009], chapter 7; docs/plants_and_laws.md.
 ///
 /// >>> import armlet as al
 /// >>> al.RigidArm(al.planar_pr(2.0, 0.5, 0.5))
@@ -209,8 +216,8 @@ impl VelocityArm {
 ///     arm: the links.
 ///     stiffness: `K`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     motor_inertia: `B`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
-///     joint_damping: in parallel with the springs, N m s/rad, `(n,)`, >= 0 (keyword only).
-///     motor_friction: viscous, N m s/rad, `(n,)`, >= 0, or a `StickSlip` or a `LuGre` (keyword only).
+///     joint_damping: dampers in parallel with the springs, N m s/rad, `(n,)`, >= 0 (keyword only).
+///     motor_friction: viscous friction of the motors, N m s/rad, `(n,)`, >= 0, or a `StickSlip` or a `LuGre` (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the links (keyword only).
 ///

@@ -19,7 +19,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
 const A_PLANT: &str = "a plant such as RigidArm";
-/// The number of numbers up to which a copy into an array is faster than handing over their memory.
+/// The largest number of numbers for which a copy into an array is faster than a transfer of their memory.
 const FEW: usize = 1024;
 
 /// One object, or a list of them.
@@ -73,7 +73,7 @@ fn put_series(
 ) -> Result<(), Failure> {
     for (name, values) in series {
         let width = if name == "estimate" { p } else { n };
-        // A plant without motors has no theta, a law without state no estimate, a plant without dry friction none of its records.
+        // Without motors there is no theta, without a law's state no estimate, and without dry friction no record of it.
         let optional = !["q", "v", "tau", "estimate"].contains(&name);
         if (optional && values.is_empty() && k > 0) || width == 0 {
             continue;
@@ -251,7 +251,7 @@ pub fn simulate_batch<'py>(
     })
 }
 
-/// The check of starts `q0` `(B, n)` against joint limits, and of what the laws want of the joints, for a batch that runs in pieces.
+/// The check of starts `q0` `(B, n)` against joint limits, and of the joint references of the laws, for a batch that runs in pieces.
 #[entered]
 #[pyfunction]
 pub fn _check_starts(

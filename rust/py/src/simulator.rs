@@ -1,4 +1,4 @@
-//! `armlet.Simulator`: a loop stepped by hand, its state in arrays that stay the same objects.
+//! `armlet.Simulator`: a loop with one step per call. Its state is in arrays that remain the same objects.
 
 use crate::arrays::{new_array, object, of_shape, overwrite, vector};
 use crate::errors::{Failure, entry, input_error, solve_error};
@@ -40,6 +40,8 @@ use std::sync::{Mutex, PoisonError};
 ///     InputError: an argument has a wrong type, shape or value.
 ///     SolveError: a `step` diverges; `.partial` is the `state` before it.
 ///
+/// Source: [HairerNorsettWanner1993] for the methods; docs/plants_and_laws.md.
+///
 /// >>> import armlet as al
 /// >>> arm = al.pendulum(1.0, 5.0)
 /// >>> sim = al.Simulator(al.RigidArm(arm), None, [0.5], dt=1e-3)
@@ -49,7 +51,7 @@ use std::sync::{Mutex, PoisonError};
 /// (1.0, (1,))
 #[pyclass(module = "armlet")]
 pub struct Simulator {
-    /// Locked by nobody: the lock is what lets Python share the object.
+    /// Never contended: the lock only allows Python to share the object.
     stepping: Mutex<Box<dyn Stepping>>,
     plant: PlantSpec,
     law: LawSpec,
@@ -58,11 +60,11 @@ pub struct Simulator {
     raised: Raised,
     has_law: bool,
     check: LimitCheck,
-    /// Where a push of a step can act, if anywhere: the rows of the law's coordinates, or all of a frame's.
+    /// The rows of a force of a step, if there is a frame for it: those of the law's coordinates, or all of a frame's.
     pushed: Option<Option<Vec<usize>>>,
-    /// What it was made of: plant, law, q0 and the keywords.
+    /// The arguments of the constructor: plant, law, q0 and the keywords.
     made_of: Py<PyTuple>,
-    /// The state and the input as the core gives them.
+    /// The state and the input in the core's order.
     x: Vec<f64>,
     input: Vec<f64>,
     given: Vec<f64>,
@@ -135,7 +137,7 @@ impl Simulator {
         })
     }
 
-    /// How it fares: `Status.SUCCESS`, or `Status.DIVERGED` since a step that was not taken.
+    /// The status: `Status.SUCCESS`, or `Status.DIVERGED` after a step that diverged.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         status_member(py, self.stepping.lock().unwrap_or_else(PoisonError::into_inner).status())
@@ -150,7 +152,7 @@ impl Simulator {
     ///     bristles: deflections of the bristles of `LuGre` friction, `(n,)`, rad or m (keyword only). None: zeros.
     ///
     /// Raises:
-    ///     InputError: a shape is wrong, a number is not finite, or motors or bristles are given of a plant without them.
+    ///     InputError: a shape is wrong, a number is not finite, or the call has motors or bristles for a plant without them.
     #[pyo3(signature = (q, v, *, theta=None, theta_dot=None, bristles=None))]
     fn set_state(
         &mut self,
@@ -219,7 +221,7 @@ impl Simulator {
         Ok(format!("Simulator({law}, n={}, t={} s, dt={} s)", self.plant.n(), self.t()?, self.dt))
     }
 
-    /// Made anew and taken to where this one is.
+    /// Made again, and set to the state of this one.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         seal_call(py, "_restore_simulator", self.parts(py)?)
     }
@@ -228,14 +230,14 @@ impl Simulator {
         py.import("armlet._core")?.call_method1("_restore_simulator", self.parts(py)?)
     }
 
-    /// Not by way of a pickle: a law in Python need not have one.
+    /// Without a pickle: a law in Python may not support it.
     fn __deepcopy__<'py>(&self, py: Python<'py>, memo: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let parts = py.import("copy")?.call_method1("deepcopy", (self.parts(py)?, memo))?.cast_into::<PyTuple>()?;
         py.import("armlet._core")?.call_method1("_restore_simulator", parts)
     }
 }
 
-/// A pickled Simulator: what it was made of, its steps, state and input, and whether its last step diverged.
+/// A pickled Simulator: the arguments of the constructor, its steps, state and input, and whether its last step diverged.
 #[entered]
 #[pyfunction]
 #[pyo3(signature = (made_of, at, diverged=false))]
@@ -283,7 +285,7 @@ impl Simulator {
             };
             let given = Keywords { function: NAME, keywords };
             if !has_law {
-                // Nobody is asked: the clock of a law that is not there does not matter.
+                // There is no law, so its sample time has no effect.
                 given.keywords.set_item("sample_time", given.required("dt")?)?;
             }
             given.required("dt")?;
@@ -311,7 +313,7 @@ impl Simulator {
             told.then(|| check.problem(py, NAME, &problem, false)).transpose()?;
             let stepping = stepper(&problem)?;
             let start: Vec<f64> = problem.x0.iter().copied().chain(law.start(&problem.x0)).collect();
-            // Arrays of the caller's may change later.
+            // The caller may change its arrays later.
             let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
             let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
             let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
@@ -355,11 +357,11 @@ impl Simulator {
         (self.made_of.clone_ref(py), at, stepping.status() != Status::Success).into_pyobject(py)
     }
 
-    /// What a step that was not taken raises.
+    /// The error of a step that diverged.
     fn ended(&self, py: Python<'_>, status: Status) -> Result<Failure, Failure> {
         let t = self.t()?;
         let n = self.plant.n();
-        // The state before the step: what comes of it may be NaN throughout.
+        // The state before the step: the state after it may be NaN.
         let v = if self.plant.kind().has_speeds() { &self.x[n..2 * n] } else { &self.input };
         let message = format!("Simulator.step: the step from t = {t} s on diverges: {}{}", status.advice(), fastest(v));
         Ok(solve_error(py, message, status, t, self.state(py)?.into_any().unbind()).into())

@@ -1,4 +1,4 @@
-//! States that `Simulator.set_state` and `Simulator.reset` are given, and what is said of one that runs away.
+//! The states of `Simulator.set_state` and `Simulator.reset`, and the message about a state that diverges.
 
 use crate::arrays::{require_finite, vector};
 use crate::errors::{Failure, input_error};
@@ -15,7 +15,7 @@ pub fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: us
     Ok(values)
 }
 
-/// The same of motors, which only plants with elastic joints have.
+/// The same for motors, which only plants with elastic joints have.
 fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if !plant.kind().has_motors() {
@@ -25,7 +25,7 @@ fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant
     Ok(Some(finite_vector(function, name, value, plant.n())?))
 }
 
-/// The same of the bristles of friction, which only plants with them have.
+/// The same for the bristles of friction, if the plant has them.
 fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if plant.bristles() == 0 {
@@ -34,7 +34,7 @@ fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSp
     Ok(Some(finite_vector(function, "bristles", value, plant.n())?))
 }
 
-/// The state of a plant from what the caller gives of links, motors and bristles.
+/// The state of a plant from the caller's states of links, motors and bristles.
 pub fn state_of(
     function: &str,
     plant: &PlantSpec,
@@ -54,7 +54,7 @@ pub fn state_of(
     Ok(state)
 }
 
-/// The fastest joint of a state, in words.
+/// The text about the fastest joint of a state.
 pub fn fastest(v: &[f64]) -> String {
     let fastest = v.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     fastest.map_or(String::new(), |(i, v)| format!("; the fastest joint before it: v[{i}] = {v:.4}"))
@@ -64,7 +64,7 @@ pub fn fastest(v: &[f64]) -> String {
 const KNOWN: [&str; 11] =
     ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max", "state_limit", "check_limits"];
 
-/// Refuse keywords that a `Simulator` does not take, and put in those that it needs besides.
+/// Refuse keywords that a `Simulator` does not have, and add required ones.
 pub fn complete(function: &str, keywords: &Bound<'_, PyDict>) -> Result<(), Failure> {
     if let Some(key) = keywords.keys().iter().map(|key| key.to_string()).find(|key| !KNOWN.contains(&key.as_str())) {
         return Err(input_error(keywords.py(), function, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into());
@@ -79,7 +79,7 @@ pub fn complete(function: &str, keywords: &Bound<'_, PyDict>) -> Result<(), Fail
     Ok(())
 }
 
-/// The force of one step, where a push can act: see `Simulator::pushed`.
+/// The force of one step, if there is a frame for it: see `Simulator::pushed`.
 pub fn wrench(pushed: &Option<Option<Vec<usize>>>, force: &Bound<'_, PyAny>) -> Result<Wrench, Failure> {
     const NAME: &str = "Simulator.step";
     let Some(rows) = pushed else {

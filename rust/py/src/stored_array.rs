@@ -1,4 +1,4 @@
-//! Large arrays in pickles: numpy writes and reads one in a single stretch, in which no other thread runs and no signal is heard.
+//! Large arrays in pickles: numpy writes and reads an array as a whole, while no other thread runs and no signal is checked.
 //! A C-contiguous float64 array of more than one share is `_restore_array(shape, share, ..)` instead, little-endian.
 
 use crate::arrays::{copied_to_bytes, written_array};

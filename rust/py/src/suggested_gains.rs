@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 /// `kp`, `kd`: `(n,)`, of laws whose gains are torques, N m/rad and N m s/rad (N/m, N s/m): `PDGravity`, `PID`, `JointImpedance`, `Adaptive`.
 /// `computed_torque`: `kp` in 1/s^2 and `kd` in 1/s for `ComputedTorque`. `inertia`: `m` `(n,)`, kg m^2 or kg. `lightest`: the least
 /// eigenvalue of `diag(m)^-1 M(q)` at the samples. `limit` and `computed_torque_limit`: the bandwidth below which the sampled loop is
-/// stable, rad/s, for either kind of law; None without a sample time. `bandwidth`, `damping_ratio`, `sample_time`: as given.
+/// stable, rad/s, for both kinds of laws; None without a sample time. `bandwidth`, `damping_ratio`, `sample_time`: the arguments.
 #[pyclass(frozen, module = "armlet")]
 pub struct SuggestedGains {
     core: Core,

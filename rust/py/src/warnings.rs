@@ -1,4 +1,4 @@
-//! Warnings, at the line of the caller's that led to them, and positions outside of joint limits.
+//! Warnings with the caller's line, and positions outside of joint limits.
 
 use crate::arrays::flag;
 use crate::errors::{Failure, input_error};
@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 /// The number of frames that are searched for the first one outside of armlet.
 const MOST_FRAMES: usize = 64;
 
-/// Warn, as if the first frame outside of armlet did.
+/// Warn with the line of the first frame outside of armlet.
 pub fn warn(py: Python<'_>, text: String) -> PyResult<()> {
     let sys = py.import("sys")?;
     let mut level = 0;
@@ -60,7 +60,7 @@ impl LimitCheck {
         self.tell(py, function, found)
     }
 
-    /// One warning for all of `found`, or the refusal of the first.
+    /// One warning for all of `found`, or the error for the first one.
     pub fn tell(self, py: Python<'_>, function: &str, found: impl IntoIterator<Item = (String, Outside)>) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());

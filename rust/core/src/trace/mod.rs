@@ -1,5 +1,5 @@
-//! From a recorded computation to a program: a loop is recorded once with the number [`Sym`], simplified, lowered to straight-line
-//! instructions of one instruction set, and run for one run or for many lanes.
+//! From a recorded computation to a program. A loop is recorded once with the number [`Sym`], simplified, and lowered to straight-line
+//! instructions of one instruction set. It runs for one run or for many lanes.
 //!
 //! `sym`, `tape`, `memo`: recording and folding. `differentiate`, `tangents`, `adjoint`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
 //! `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without it. `frame`: the memory a program

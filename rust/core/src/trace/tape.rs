@@ -95,7 +95,7 @@ pub(super) struct Tape {
     pub values: Vec<f64>,
     /// What each of them is called.
     pub labels: Labels,
-    /// The entry of each number of the set-up: what tells structures apart.
+    /// The entry of each number of the set-up. These entries distinguish structures.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
@@ -107,8 +107,8 @@ pub(super) struct Tape {
 }
 
 impl Tape {
-    /// An empty tape: entries 0 to 2 are the constants 0, 1 and -1, so that a number of the set-up that is one of them never has the entry
-    /// that an input would have.
+    /// An empty tape. Entries 0 to 2 are the constants 0, 1 and -1. So a number of the set-up that is one of them has another entry than an
+    /// input.
     pub fn new() -> Self {
         Tape::that(true)
     }
@@ -163,7 +163,7 @@ impl Tape {
         self.push(Op::Input(self.inputs - 1))
     }
 
-    /// Whether the next number of the set-up is an input of its own.
+    /// Whether the next number of the set-up is a separate input.
     fn next_moves(&self) -> bool {
         match &self.moving {
             Moving::Nothing => false,

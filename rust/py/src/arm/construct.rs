@@ -29,6 +29,9 @@ use std::path::Path;
 ///
 /// Source: Robotics 2 exam, Sapienza, 10 June 2022, exercise 1. The arm has no frames.
 ///
+/// Returns:
+///     The arm, with two joints and no frames.
+///
 /// >>> import armlet as al
 /// >>> al.planar_pr(2.0, 0.5, 0.5).mass_matrix([0.0, 0.0])
 /// array([[2. , 0.5],
@@ -64,25 +67,30 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
 ///     path_or_xml: a path, `package://name/file`, or a string that holds the XML itself. A file that ends in `.xacro` is expanded by the
 ///         package `xacro`, which must be installed.
 ///     gravity: world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
-///     root, tip: links between which a sub-chain is taken (keyword only).
+///     root, tip: links at the ends of a sub-chain (keyword only).
 ///     mimic: "joined": a joint with `<mimic>` is one degree of freedom with its leader; "independent": a joint like the others
 ///         (keyword only).
 ///     search_path: folders that hold packages, or are packages, for `package://`; after them those of the environment's
 ///         `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH` are searched (keyword only).
 ///     xacro_arguments: arguments of a xacro file by name, as `<xacro:arg>` declares them (keyword only).
 ///
-/// A joint that follows another one, `q_joint = multiplier q_leader + offset`, keeps its body. `q` has no entry for it, and
+/// The body of a joint that follows another one, `q_joint = multiplier q_leader + offset`, remains in the arm. `q` has no entry for it, and
 /// `arm.file_positions(q)` has its position. Its limits of position and speed narrow the leader's. Its armature and damping count
-/// `multiplier**2` at the leader, its Coulomb friction `|multiplier|`. The effort limit is the leader's own: one motor moves them all.
-/// A leader that `root` and `tip` leave out is replaced by the first of its followers.
+/// `multiplier**2` at the leader, its Coulomb friction `|multiplier|`. The effort limit is that of the leader: one motor moves all of them.
+/// If `root` and `tip` exclude a leader, its first follower replaces it.
 ///
 /// The order of `q` is depth first, siblings in file order; frames are the link names. Meshes are never opened.
-/// `arm.report` lists odd values, parts that armlet does not use, and a mass matrix that is not positive definite.
+/// `arm.report` lists unusual values, parts that armlet does not use, and a mass matrix that is not positive definite.
 ///
 /// Raises:
 ///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` say where.
 ///     InputError: an argument is wrong, a package is not found, a file leads out of its package, or xacro refuses it.
 ///     ImportError: the file is xacro, and the package `xacro` is not installed.
+///
+/// Returns:
+///     The arm.
+///
+/// Source: docs/arms.md.
 ///
 /// >>> import armlet as al
 /// >>> al.load_urdf(al.example_urdf("planar_2r")).n
@@ -114,7 +122,7 @@ pub fn load_urdf(
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
         };
-        // A string with a bracket is no path. The XML parser reports errors of such a text.
+        // A string with a bracket is not a path. The XML parser reports errors of such a text.
         let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
         // Files of packages and of xacro are found and expanded in Python: the path, and the expanded text.
         let is_plain = is_xml || !(text.contains("://") || text.ends_with(".xacro"));
@@ -141,6 +149,21 @@ pub fn load_urdf(
 }
 
 /// The text of an example URDF of the package. The error of an unknown name lists the valid ones.
+///
+/// Args:
+///     name: name of the example, such as "six_axis".
+///
+/// Returns:
+///     The URDF as a string, for `load_urdf`.
+///
+/// Raises:
+///     InputError: the name is unknown.
+///
+/// Source: docs/arms.md.
+///
+/// >>> import armlet as al
+/// >>> al.load_urdf(al.example_urdf("seven_axis")).n
+/// 7
 #[entered]
 #[pyfunction]
 pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'static str> {
@@ -156,6 +179,14 @@ pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'stati
 ///     coms: centre of mass of each link from its joint, `(n,)`, m; half the length if None.
 ///     inertias: about the centre of mass, `(n,)`, kg m^2, not negative; that of a uniform rod if None.
 ///     gravity: in the plane, `(2,)`, m/s^2.
+///
+/// Returns:
+///     The arm.
+///
+/// Raises:
+///     InputError: a shape is wrong, or a number is not finite or negative.
+///
+/// Source: [SicilianoEtAl2009], section 7.3; docs/arms.md.
 ///
 /// >>> import armlet as al
 /// >>> al.planar_arm([1.0, 1.0]).position([0.0, 0.0], "link2")
@@ -192,6 +223,12 @@ pub fn planar_arm(
 ///     gravity_moment: mass times gravity times distance, N m.
 ///
 /// Source: Robotics 2 exam, Sapienza, 10 June 2022, exercise 4.
+///
+/// Returns:
+///     The arm, with one joint and no frames.
+///
+/// Raises:
+///     InputError: a number is not finite, or the inertia is not positive.
 ///
 /// >>> import armlet as al
 /// >>> float(al.pendulum(1.0, 2.0).gravity([1.5707963267948966])[0])

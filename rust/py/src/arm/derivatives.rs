@@ -76,7 +76,7 @@ impl Arm {
     ///
     /// Args:
     ///     q, v, tau: position, velocity, torque, `(..., n)`, broadcast over the leading axes.
-    ///     friction: the torque is less the joints' friction (keyword only).
+    ///     friction: subtract the joints' friction from the torque (keyword only).
     ///     out: a tuple of three arrays to write to (keyword only).
     ///
     /// Returns:
@@ -109,7 +109,7 @@ impl Arm {
     ///
     /// Args:
     ///     q, v, tau: position, velocity, torque, `(..., n)`, broadcast over the leading axes.
-    ///     friction: the torque is less the joints' friction (keyword only).
+    ///     friction: subtract the joints' friction from the torque (keyword only).
     ///     out: a tuple of two arrays to write to (keyword only).
     ///
     /// Returns:

@@ -33,10 +33,10 @@ impl Arm {
 
     /// The same arm with other rotors and friction; any finite numbers.
     ///
-    /// `M(q) + diag(armature)`; `tau = .. + damping v + friction sign(v)` where friction is asked for.
+    /// `M(q) + diag(armature)`; with friction `tau = .. + damping v + friction sign(v)`.
     ///
     /// Args:
-    ///     armature: rotor inertia seen at the joint, `(n,)`, kg m^2 (kg for a slide); that of the arm if None (keyword only).
+    ///     armature: rotor inertia, reduced to the joint, `(n,)`, kg m^2 (kg for a slide); that of the arm if None (keyword only).
     ///     damping: viscous friction, `(n,)`, N m s/rad (N s/m); that of the arm if None (keyword only).
     ///     friction: Coulomb friction, `(n,)`, N m (N); that of the arm if None (keyword only).
     ///
@@ -84,10 +84,10 @@ impl Arm {
         })
     }
 
-    /// The same arm with one frame more, fixed to a frame that it has: a tool.
+    /// The same arm with one more frame, such as that of a tool, fixed to one of its frames.
     ///
     /// Args:
-    ///     name: of the new frame.
+    ///     name: name of the new frame.
     ///     parent: name of the frame to which it is fixed.
     ///     xyz: its origin in the parent, `(3,)`, m; zero if None (keyword only).
     ///     rpy: its roll, pitch and yaw in the parent, `(3,)`, rad, `R = Rz(yaw) Ry(pitch) Rx(roll)`; zero if None (keyword only).
@@ -125,7 +125,8 @@ impl Arm {
     ///     inertia: about the centre of mass in the axes of the frame, `(3, 3)`, kg m^2; zero if None.
     ///
     /// Raises:
-    ///     InputError: the frame is unknown, a number is not finite, the inertia is not symmetric or no body's, or the arm has no links.
+    ///     InputError: the frame is unknown, a number is not finite, the inertia is not symmetric or physically impossible, or the arm has
+    ///         no links.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([1.0])

@@ -15,7 +15,7 @@ use pyo3::types::PyTuple;
 /// The time of work, in ns, above which the GIL is released. The arguments are then copied, and threads share the work.
 const LONG: f64 = 1e6;
 
-/// Joints up to which no configuration is that much work.
+/// The largest number of joints for which one configuration is never long work.
 const FEW: usize = 64;
 
 /// The time of one piece of a shared call, in ns. Between two pieces a thread checks for a stop.
@@ -71,7 +71,7 @@ impl Arm {
         broadcast(function, names, values, std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { self.model.n() }))
     }
 
-    /// One configuration in float64 vectors; None for anything else, errors included, which the general way words.
+    /// One configuration in float64 vectors. None for other arguments, and for errors, which the general path reports.
     fn single<'py, const K: usize>(
         &self,
         values: [&Bound<'py, PyAny>; K],
@@ -301,7 +301,7 @@ fn whose<const K: usize>(failure: Failure, function: &str, names: [&str; K], val
     }
 }
 
-/// Finite arguments can still overflow, or meet a mass matrix that has no inverse.
+/// With finite arguments the result may still overflow, or the mass matrix may be singular.
 fn not_finite<const K: usize>(py: Python<'_>, function: &str, names: [&str; K], shape: &[usize], k: usize, x: f64) -> Failure {
     let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(shape, k)) };
     let problem = format!("give a result that is not finite: expected finite numbers, got {x}{at}");

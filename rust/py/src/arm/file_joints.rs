@@ -1,4 +1,4 @@
-//! The joints of the model's file, those that follow others included.
+//! The joints of the model's file, including those that follow others.
 
 use super::Arm;
 use crate::arrays::{elements, written_array};
@@ -14,7 +14,7 @@ use pyo3::types::PyTuple;
 #[entered]
 #[pymethods]
 impl Arm {
-    /// Names of all joints, those that follow others included: `joint_names` for most arms.
+    /// Names of all joints, including those that follow others: `joint_names` for most arms.
     ///
     /// >>> import armlet as al
     /// >>> finger = {"type": "P", "axis": [1, 0, 0], "parent": None, "phi": [0.1] + 9 * [0]}
@@ -36,7 +36,7 @@ impl Arm {
         PyTuple::new(py, self.model.file_joint_parents())
     }
 
-    /// Of each frame of `frame_names`, the index in `file_joint_names` of the joint that moves it; -1 for a frame of the base.
+    /// For each frame of `frame_names`, the index in `file_joint_names` of the joint that moves it; -1 for a frame of the base.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([0.5, 0.4])
@@ -50,7 +50,7 @@ impl Arm {
     /// The pose of every joint, `(..., len(file_joint_names), 4, 4)`: a homogeneous transform per joint, lengths in m.
     ///
     /// The origin is a point of the joint axis. The axes are those of the body that the joint moves, after its motion. `file_joint_parents`
-    /// says which joint carries it, so that lines from parent to joint draw the arm.
+    /// has the joint that carries it, so that lines from parent to joint draw the arm.
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.

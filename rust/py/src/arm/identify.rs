@@ -39,8 +39,8 @@ fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: boo
 impl Arm {
     /// The base parameters: the fewest combinations of inertial parameters that determine the motion of the arm.
     ///
-    /// `Y pi = Y_b (P pi)` for every state, with the columns `Y_b` of `Y` independent. Decided by rank on regressors stacked over
-    /// seeded random states, column by column from base to tip, under the arm's own gravity.
+    /// `Y pi = Y_b (P pi)` for every state, with the columns `Y_b` of `Y` independent. The rank is decided column by column from base to
+    /// tip, on regressors stacked over random states with a fixed seed. They use the arm's gravity.
     ///
     /// Args:
     ///     armature: columns for the rotors' inertia too (keyword only).
@@ -50,7 +50,7 @@ impl Arm {
     ///     An `al.BaseParameters`: `.count`, `.projection` `(b, p)`, `.columns`, `.grouping`, `.values`, `.regressor(q, v, v_r, a_r)`.
     ///
     /// Raises:
-    ///     InputError: armature or friction of `planar_pr`, which has none.
+    ///     InputError: armature or friction for `planar_pr`, which has none.
     ///
     /// Source: Gautier 1991.
     ///
@@ -81,7 +81,8 @@ impl Arm {
     ///     pi: `(10 n,)`, in the order of `parameters`; those of the arm if None.
     ///
     /// Returns:
-    ///     An `al.ParameterReport`: true where all is possible, `.eigenvalues` `(n, 4)`, `.inconsistent`, and a line per bad body as text.
+    ///     An `al.ParameterReport`: true if all bodies are possible, with `.eigenvalues` `(n, 4)`, `.inconsistent`, and a text with a line
+    ///     per impossible body.
     ///
     /// Raises:
     ///     InputError: `pi` is not finite or has the wrong shape, or the arm has no links.
@@ -111,7 +112,7 @@ impl Arm {
         })
     }
 
-    /// The nearest physically possible parameters, as `al.project_parameters`, of a vector that must fit this arm, `(10 n,)`.
+    /// The nearest physically possible parameters, `(10 n,)`, as from `al.project_parameters`, for a vector of this arm's size.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.load_urdf(al.example_urdf("six_axis"))
@@ -215,11 +216,11 @@ impl Arm {
     }
 }
 
-/// Singular values below this, relative to the largest, are noise of the record rather than motion.
+/// Singular values below this, relative to the largest, count as noise of the record.
 const CUTOFF: f64 = 1e-6;
-/// Of the metric of `project_parameters`, m: about the size of a link.
+/// The length of the metric of `project_parameters`, m: about the size of a link.
 const LENGTH: f64 = 0.1;
-/// Of the eigenvalues of a projected body, relative to the largest of all.
+/// The least eigenvalue of a projected body, relative to the largest of all bodies.
 const FLOOR: f64 = 1e-6;
 
 fn positive(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, default: f64) -> Result<f64, Failure> {
@@ -253,12 +254,15 @@ fn projected<'py>(
 /// Args:
 ///     pi: `(10 n,)`, in the order of `Arm.parameters`.
 ///     length: `l`, m, which makes mass and moments comparable; 0.1 if None (keyword only).
-///     floor: of the eigenvalues of a projected body, relative to the largest of all bodies; 1e-6 if None (keyword only).
+///     floor: least eigenvalue of a projected body, relative to the largest of all bodies; 1e-6 if None (keyword only).
 ///
 /// Raises:
 ///     InputError: an argument is not finite or has the wrong shape, or no body has a positive eigenvalue.
 ///
 /// Source: Higham 1988; Wensing, Kim and Slotine 2018.
+///
+/// Returns:
+///     The parameters, `(10 n,)`, in the units of `pi`.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([1.0])

@@ -31,8 +31,8 @@ impl Arm {
 
     /// The pose of a frame as numbers, `(..., 6)`: its position in m, then its rotation vector `log R` in rad, both in world axes.
     ///
-    /// The rotation vector is the axis times the angle in [0, pi]; of a half turn either sign of the axis is right. Rows of it are a target of
-    /// `CartesianImpedance`: the pose at joint angles `q` is `arm.pose_vector(q, frame)` for the axes "xyz rx ry rz".
+    /// The rotation vector is the axis times the angle in [0, pi]; for half a turn both signs of the axis are valid. Its rows can be a
+    /// target of `CartesianImpedance`: the pose at joint angles `q` is `arm.pose_vector(q, frame)` for the axes "xyz rx ry rz".
     ///
     /// Args and errors: as for `pose`.
     ///
@@ -110,7 +110,7 @@ impl Arm {
         self.framed("jacobian_dot", ["q", "v"], [q, v], Quantity::JacobianDot, frame, out)
     }
 
-    /// The centre of mass of all that moves, in the world, `(..., 3)`, m.
+    /// The centre of mass of all moving bodies, in the world, `(..., 3)`, m.
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.

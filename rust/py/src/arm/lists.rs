@@ -41,7 +41,7 @@ fn scalar_of(function: &str, joint: &Bound<'_, PyDict>, (list, i): (&str, usize)
     joint.get_item(key)?.map_or(Ok(default), |value| number(function, &format!("{list}[{i}][{key:?}]"), &value))
 }
 
-/// Refuse a key that means nothing: a misspelt one would silently be its default.
+/// Refuse an unknown key: otherwise a misspelt key would silently have its default.
 fn known_keys(function: &str, given: &Bound<'_, PyDict>, (list, i): (&str, usize), known: &[&str]) -> Result<(), Failure> {
     for key in given.keys() {
         if !key.extract::<String>().is_ok_and(|key| known.contains(&key.as_str())) {

@@ -40,7 +40,7 @@ pub struct Arm {
 const MANY: usize = 1 << 10;
 
 impl Drop for Arm {
-    /// An arm of very many links is given back without the interpreter's lock.
+    /// The memory of an arm of very many links is freed without the interpreter lock.
     fn drop(&mut self) {
         if self.model.n() > MANY {
             let model = std::mem::replace(&mut self.model, ArmModel::nothing());
@@ -84,8 +84,8 @@ impl Arm {
 
     /// The frame at the tip; None for an arm without moving frames.
     ///
-    /// It is the moving frame with the longest way from the base: the sum of the lengths of the offsets of joints and frame, m. Of equally
-    /// long ways it is the last in the order of `frame_names`.
+    /// It is the moving frame with the longest path from the base: the sum of the lengths of the offsets of joints and frame, m. Among
+    /// equally long paths it is the last in the order of `frame_names`.
     ///
     /// >>> import armlet as al
     /// >>> al.load_urdf(al.example_urdf("six_axis")).tip_frame
@@ -128,7 +128,7 @@ impl Arm {
     }
 
     /// The joints' limits and drives by name, each `(n,)`: `q_min`, `q_max`, `v_max`, `effort`, `damping`,
-    /// `friction`, `armature`; infinite where the model gives no limit.
+    /// `friction`, `armature`; infinite where the model has no limit.
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         entry(py, "Arm.limits", || {

@@ -33,7 +33,7 @@ impl From<CoreArm> for super::Arm {
 }
 
 impl ArmModel {
-    /// The placeholder of a model that was taken out.
+    /// The placeholder of a model that was moved out.
     pub fn nothing() -> Self {
         ArmModel::PlanarPr(PlanarPr::with_parameters([0.0; 3]))
     }
@@ -49,7 +49,7 @@ impl ArmModel {
         }
     }
 
-    /// The model as loops and laws take it.
+    /// The model for loops and laws.
     pub fn core(&self) -> armlet_core::dynamics::Model {
         match self {
             ArmModel::PlanarPr(arm) => armlet_core::dynamics::Model::PlanarPr(*arm),
@@ -71,7 +71,7 @@ impl ArmModel {
         }
     }
 
-    /// Names of all joints, those that follow others included.
+    /// Names of all joints, including those that follow others.
     pub fn file_joint_names(&self) -> Vec<String> {
         match self {
             ArmModel::PlanarPr(_) => self.joint_names(),
@@ -213,7 +213,7 @@ impl ArmModel {
         matches!(self, ArmModel::Tree(tree) if tree.is_due(query, count))
     }
 
-    /// Make ready for `count` more rows of a query.
+    /// Prepare `count` more rows of a query.
     pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
         match self {
             ArmModel::PlanarPr(_) => Ok(()),
@@ -242,7 +242,7 @@ impl ArmModel {
         }
     }
 
-    /// How the arm reads: a table of its joints.
+    /// The text of the arm: a table of its joints.
     pub fn shown(&self) -> String {
         let tree = match self {
             ArmModel::PlanarPr(arm) => {

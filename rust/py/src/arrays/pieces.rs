@@ -1,5 +1,5 @@
-//! Large arrays in pieces: between two of them others get the interpreter lock, and Ctrl-C is heard. The first touch of a new page of
-//! memory takes a quarter of a microsecond and more, so that even a copy can take long.
+//! Large arrays in pieces: between two pieces other threads get the interpreter lock, and Ctrl-C is checked. The first touch of a new page
+//! of memory takes a quarter of a microsecond and more, so that even a copy can take long.
 
 use super::raw::in_place;
 use crate::errors::{Failure, input_error};
@@ -32,7 +32,8 @@ pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> R
     Ok(values)
 }
 
-/// The same to the end of a vector with the capacity for them. Each piece is looked up again: others may have run since the last one.
+/// The same to the end of a vector with the capacity for them. The memory of each piece is looked up again, because other threads may have
+/// run since the last one.
 pub fn append(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>, values: &mut Vec<f64>) -> Result<(), Failure> {
     let (py, count, start) = (array.py(), array.len(), values.len());
     let mut breaks = Breaks::new();
@@ -55,7 +56,7 @@ pub fn copied_to_bytes<'py>(array: &Bound<'py, PyArrayDyn<f64>>, range: Range<us
     let mut at = range.start;
     let bytes = PyBytes::new_with(py, range.len() * size_of::<f64>(), |out| {
         for out in out.as_chunks_mut::<8>().0.chunks_mut(PIECE) {
-            // Looked up again for each piece: others may have run since the last one.
+            // Looked up again for each piece, because other threads may have run since the last one.
             let values = in_place(array).and_then(|all| all.get(at..at + out.len())).ok_or_else(changed)?;
             out.iter_mut().zip(values).for_each(|(bytes, x)| *bytes = x.to_le_bytes());
             at += out.len();

@@ -153,14 +153,14 @@ pub fn made<'py, T: Bits>(
     Ok(array)
 }
 
-/// Memory that arrays of [`adopted`] are views of.
+/// The memory behind the views that [`adopted`] returns.
 #[pyclass(frozen, module = "armlet._core", name = "_Memory")]
 struct Memory {
     values: Option<Box<dyn Any + Send + Sync>>,
     bytes: usize,
 }
 
-/// Bytes beyond which memory is given back without the interpreter's lock: the system takes back some 10 GB/s.
+/// Bytes above which memory is freed without the interpreter lock: the system frees some 10 GB/s.
 const MANY: usize = 1 << 20;
 
 impl Drop for Memory {
@@ -202,7 +202,7 @@ pub fn overwrite(array: &Bound<'_, PyAny>, values: &[f64]) -> Result<(), Failure
     Ok(())
 }
 
-/// A vector of the extension's own that callables are given one after another: written anew only while nobody else can see it.
+/// A vector that is passed to callables repeatedly. Its memory is reused only if no callable has kept a reference.
 #[derive(Default)]
 pub struct Lent(Option<Py<PyArray1<f64>>>);
 
@@ -225,7 +225,7 @@ impl Lent {
     }
 }
 
-/// Whether an array of `n` numbers is as it was made and held by its owner alone.
+/// Whether an array of `n` numbers is unchanged, and only its owner has a reference.
 fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
     use npyffi::flags::{NPY_ARRAY_ALIGNED, NPY_ARRAY_C_CONTIGUOUS, NPY_ARRAY_OWNDATA, NPY_ARRAY_WRITEABLE};
     let wanted = NPY_ARRAY_C_CONTIGUOUS | NPY_ARRAY_ALIGNED | NPY_ARRAY_OWNDATA | NPY_ARRAY_WRITEABLE;

@@ -1,8 +1,8 @@
-//! The one way of an array argument into this crate: its kind, dimensions and shape are checked before anything is copied.
+//! The only path of an array argument into this crate. Its kind, dimensions and shape are checked before anything is copied.
 //!
 //! A C-contiguous, aligned float64 array is read in place. Lists, integers, float32, strided, reversed, Fortran and
 //! read-only arrays are copied. Masked, complex, object, boolean and string arrays are refused, and so are integers
-//! that float64 does not represent. Sequences are asked for their length first: see `sequence`.
+//! that float64 does not represent. The length of sequences is read first: see `sequence`.
 
 use super::pieces::{self, PIECE};
 use super::raw::in_place;
@@ -30,7 +30,7 @@ pub fn vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) ->
     finite(function, name, value, &[Form(&[Axis::Is(n)])])
 }
 
-/// Three finite numbers, zero where none are given.
+/// Three finite numbers; zeros if the argument is missing.
 pub fn three(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {
     let Some(value) = value else { return Ok([0.0; 3]) };
     let values = vector(function, name, value, 3)?;
@@ -48,7 +48,7 @@ fn finite(function: &str, name: &str, value: &Bound<'_, PyAny>, forms: &[Form<'_
     owned(values)
 }
 
-/// The numbers as a vector; what there is no memory for is an error.
+/// The numbers as a vector; an error without sufficient memory.
 pub fn owned(values: Cow<'_, [f64]>) -> Result<Vec<f64>, Failure> {
     match values {
         Cow::Borrowed(values) => Ok(memory::copied(values)?),
@@ -94,7 +94,7 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         input_error(self.value.py(), self.function, self.name, problem).into()
     }
 
-    /// Whether the argument is an array that can be read as it is.
+    /// Whether the argument is an array that can be read without conversion.
     pub fn is_in_place(&self) -> bool {
         matches!(self.source, Source::InPlace)
     }
@@ -120,7 +120,7 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         let values = match self.source {
             Source::Number(x) => Cow::Owned(vec![x]),
             Source::InPlace => match value.cast::<PyArrayDyn<f64>>() {
-                // Long arrays are for long work, which needs a copy of its own.
+                // Long arrays are for long work, which needs a separate copy.
                 Ok(array) if array.len() > PIECE => Cow::Owned(pieces::read(function, name, array)?),
                 array => Cow::Borrowed(array.ok().and_then(in_place).unwrap_or_default()),
             },
@@ -145,9 +145,9 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
     }
 }
 
-/// Why something is no array of numbers.
+/// Why a value is not an array of numbers.
 pub enum Wrong {
-    /// What was got.
+    /// The kind of the value.
     Kind(String),
     /// An integer between two numbers of float64.
     Inexact(String),
@@ -200,7 +200,7 @@ fn kind<'py>(value: &Bound<'py, PyAny>) -> Result<(Vec<usize>, Source<'py>), Wro
     Err(Wrong::Kind(object(value)))
 }
 
-/// A number of Python's own, or None of something else. Booleans, complex numbers and texts are refused.
+/// A Python number, or None for other values. Booleans, complex numbers and texts are refused.
 pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));
@@ -234,7 +234,7 @@ pub fn shape_of(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wr
     Err(Wrong::Kind(object(value)))
 }
 
-/// The array that something is or stands for, of integers or floating-point numbers; None of what is a list of Python objects.
+/// The array of integers or floating-point numbers that a value is or converts to; None for a list of Python objects.
 pub fn array_of<'py>(value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Wrong> {
     let py = value.py();
     if value.is_instance_of::<PyString>() || value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {
@@ -268,7 +268,7 @@ pub fn copy(array: &Bound<'_, PyAny>, out: &mut Vec<f64>) -> Result<(), (Wrong, 
     let shape: Vec<usize> = array.getattr("shape").and_then(|shape| shape.extract()).map_err(failed)?;
     let row = shape.iter().skip(1).product::<usize>().max(1);
     if shape.first().is_some_and(|&rows| rows.saturating_mul(row) > PIECE) {
-        // Row by row, or some rows at a time: numpy does not look for signals.
+        // Row by row, or some rows at a time, because numpy does not check for signals.
         let (start, mut breaks) = (out.len(), Breaks::new());
         for first in (0..shape[0]).step_by((PIECE / row).max(1)) {
             let last = (first + (PIECE / row).max(1)).min(shape[0]);
@@ -327,7 +327,7 @@ fn exact_unsigned(x: u64) -> Option<f64> {
     (y as i128 == i128::from(x)).then_some(y)
 }
 
-/// Refuse a masked array: its data mean nothing where it is masked.
+/// Refuse a masked array: its masked data have no meaning.
 pub fn require_unmasked(value: &Bound<'_, PyAny>) -> Result<(), Wrong> {
     static MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let py = value.py();
@@ -341,7 +341,7 @@ fn numpy_function<'py>(py: Python<'py>, name: &'static str) -> PyResult<Bound<'p
     numpy.bind(py).getattr(name)
 }
 
-/// What numpy would make of something that is no number, and its class.
+/// The description of a value that is not a number: what numpy would make of it, and its class.
 pub fn object(value: &Bound<'_, PyAny>) -> String {
     format!("object ({})", type_name(value))
 }

@@ -1,5 +1,5 @@
-//! Lists, tuples and what else has a length and entries. The length is asked first and no more entries are read than it says;
-//! Ctrl-C is answered between entries.
+//! Lists, tuples and other objects with a length and entries. The length is read first, and no more entries than this are read. Ctrl-C is
+//! checked between entries.
 
 use super::read::{Wrong, array_of, copy, object, real, shape_of};
 use super::shape::shown;
@@ -9,13 +9,13 @@ use armlet_core::memory;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyFloat, PyIterator, PyList, PyMapping, PyString, PyTuple};
 
-/// The longest sequence that makes its entries when it is asked for them. A list of that length exists already.
+/// The longest sequence that computes its entries on access. A list already has its entries in memory.
 const MOST: usize = 1 << 28;
-/// The most entries of what does not know its own length.
+/// The most entries of an iterable without a length.
 const MOST_UNSIZED: usize = 1 << 20;
 /// Levels of lists in lists.
 const DEEPEST: usize = 16;
-/// Entries between two looks for Ctrl-C.
+/// Entries between two checks for Ctrl-C.
 const POLL: usize = 1 << 12;
 
 /// Something with a length and entries by number, such as a list, a range or a deque.
@@ -50,7 +50,7 @@ fn entry<'py>(value: &Bound<'py, PyAny>, i: usize) -> Result<Bound<'py, PyAny>, 
     value.get_item(i).map_err(|error| absent(value, error))
 }
 
-/// A sequence may state too large a length, or a list be shortened by the code of its own entries.
+/// A sequence may report a length that is too large, and the code of its entries may shorten a list.
 fn absent(value: &Bound<'_, PyAny>, error: PyErr) -> Wrong {
     if error.is_instance_of::<pyo3::exceptions::PyLookupError>(value.py()) {
         return Wrong::Kind("a sequence with fewer entries than its length".into());

@@ -35,7 +35,7 @@ impl Form<'_> {
     }
 }
 
-/// How forms read: `a scalar, (3,) or (3, 3)`.
+/// The text of forms: `a scalar, (3,) or (3, 3)`.
 pub fn expected(forms: &[Form<'_>]) -> String {
     let words: Vec<String> = forms.iter().map(|form| form.to_string()).collect();
     match words.as_slice() {
@@ -110,7 +110,7 @@ pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize
     }
 }
 
-/// How a shape reads in Python: `(3,)`, `(2, 7)`.
+/// The text of a shape in Python: `(3,)`, `(2, 7)`.
 pub fn shown(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),

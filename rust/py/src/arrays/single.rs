@@ -46,7 +46,7 @@ fn integer(value: &Bound<'_, PyAny>) -> Option<usize> {
     value.extract::<usize>().ok().filter(|_| !value.is_instance_of::<PyBool>())
 }
 
-/// An integer, numpy's too; not a boolean. One beyond 64 bits is as far out as one can be.
+/// An integer, numpy's too; not a boolean. An integer beyond 64 bits becomes the largest or the smallest one.
 pub fn signed(value: &Bound<'_, PyAny>) -> Option<isize> {
     if value.is_instance_of::<PyBool>() {
         return None;
@@ -64,7 +64,7 @@ pub fn flag(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<bool
     Ok(value.extract::<bool>().map_err(refused)?)
 }
 
-/// True or False, numpy's too; False where none is given.
+/// True or False, numpy's too; False if the argument is missing.
 pub fn flag_or_false(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<bool, Failure> {
     value.map_or(Ok(false), |value| flag(function, name, value))
 }
@@ -77,7 +77,7 @@ pub fn text(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Stri
 /// A text, in place.
 pub fn name<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Result<&'a str, Failure> {
     match value.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
-        // Much that reads names ends them there: two names would be one.
+        // Many readers of names stop at NUL, so two names would become one.
         Some(text) if text.contains('\0') => {
             Err(input_error(value.py(), function, name, format!("holds the character NUL: expected a name, got {text:?}")).into())
         }

@@ -1,4 +1,4 @@
-//! Arrays out: new, C-contiguous and owned; those there is no memory for are a `MemoryError`.
+//! Output arrays: new, C-contiguous and owned; a `MemoryError` without sufficient memory.
 
 use super::pieces;
 use super::raw::{Bits, made, out_of_shape};

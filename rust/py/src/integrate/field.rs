@@ -10,11 +10,11 @@ pub struct Field {
     jacobian: Jacobian,
     /// Start and end of the span.
     span: (f64, f64),
-    /// The first so many components are positions and the next so many their velocities.
+    /// The number of positions, which are first; the same number of velocities follows.
     positions: usize,
-    /// Evaluations of the Jacobian; one that is constant takes none.
+    /// Evaluations of the Jacobian; zero for a constant one.
     pub jacobians: u64,
-    /// The evaluations of `f` that served differences.
+    /// The evaluations of `f` for differences.
     pub differenced: u64,
     down: Vec<f64>,
 }

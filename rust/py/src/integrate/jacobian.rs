@@ -18,10 +18,10 @@ pub enum Jacobian {
     Differences(Differences),
 }
 
-/// Forward differences where the method corrects itself (Newton, W-methods), central ones where its order rests on them.
+/// Forward differences for methods that tolerate their error (Newton, W-methods), and central ones for methods whose order depends on it.
 pub struct Differences {
     central: bool,
-    /// Columns that are stepped together, and the elements that may differ from zero: `None` for all.
+    /// Columns that are differenced together, and the elements that may differ from zero: `None` for all.
     groups: Vec<Vec<usize>>,
     pattern: Option<Vec<bool>>,
     /// Groups per call of `f`.
@@ -106,8 +106,8 @@ impl Differences {
             j.fill(0.0);
         }
         for (step, x) in self.steps.iter_mut().zip(x) {
-            // Rounding and curvature balance; numbers below 1e-5 count as that, and the forward step is longer for numbers
-            // below one, where the curvature is rarely on their scale (Hairer and Wanner's radau5.f).
+            // The step balances the errors by rounding and curvature. Numbers below 1e-5 count as 1e-5. The forward step is longer for
+            // numbers below one, because their size rarely is the scale of the curvature (Hairer and Wanner's radau5.f).
             let size = x.abs().max(1e-5);
             *step = if self.central { f64::EPSILON.cbrt() * size } else { f64::EPSILON.sqrt() * size.max(size.sqrt()) };
         }

@@ -44,7 +44,7 @@ fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direct
     Ok(times)
 }
 
-/// What a run handed out, on the caller's own time.
+/// The results of a run, in the caller's time.
 struct SolutionRecorder<'a, 'py> {
     py: Python<'py>,
     direction: f64,
@@ -91,7 +91,7 @@ impl<'a, 'py> SolutionRecorder<'a, 'py> {
         SolutionRecorder { py, direction, t, y, crossings: vec![Default::default(); events], nodes, ends, stop, full: Ok(()) }
     }
 
-    /// What was recorded of `n` states, as a dictionary; `degree`: of the dense output, if it was wanted.
+    /// The records of `n` states as a dictionary; `degree` is that of the dense output, if it was requested.
     fn answer(self, n: usize, degree: Option<usize>) -> Result<Bound<'py, PyDict>, Failure> {
         let SolutionRecorder { py, t, y, crossings, nodes, ends, full, .. } = self;
         full?;
@@ -115,7 +115,7 @@ impl<'a, 'py> SolutionRecorder<'a, 'py> {
     }
 }
 
-/// The functions of events, each with its direction and after how many crossings it ends the run.
+/// The functions of events, each with its direction and the number of crossings that ends the run.
 fn watched_events<'py>(events: &Bound<'py, PyAny>) -> Result<Vec<(Bound<'py, PyAny>, f64, usize)>, Failure> {
     let events = items(NAME, "events", "a list: expected tuples (g, direction, stop_after)", events, MOST_EVENTS)?;
     let of = |event: &Bound<'py, PyAny>| {
@@ -135,7 +135,7 @@ fn span_of(t0: &Bound<'_, PyAny>, t1: &Bound<'_, PyAny>, ends: bool) -> Result<[
     Ok(span)
 }
 
-/// How `f` takes its states.
+/// The form of the states for `f`.
 fn states_of(py: Python<'_>, lists: &Bound<'_, PyAny>, vectorized: &Bound<'_, PyAny>) -> Result<States, Failure> {
     match (flag(NAME, "lists", lists)?, flag(NAME, "vectorized", vectorized)?) {
         (true, true) => {

@@ -8,21 +8,21 @@ use armlet_core::integrate::{Adaptive, FixedStep, Kind, Method, Steps, Tolerance
 use armlet_core::memory;
 use pyo3::prelude::*;
 
-/// A method that steps a field, whichever it is.
+/// Any method that steps a field.
 pub type Stepping = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
 
-/// More steps than this is a mistake in the arguments, not a run.
+/// More steps than this indicate an error in the arguments.
 const MOST_STEPS: f64 = 1e12;
 /// Matrices of an implicit method: the Jacobian, and the largest decomposition, which is complex with its copies.
 const MATRICES: u128 = 8;
-/// Vectors of a method with the most stages: its own, those of the field, and those that Python is handed.
+/// Vectors of the method with the most stages, of the field, and of calls of Python.
 const VECTORS: u128 = 32;
-/// The same of the others.
+/// The same for the other methods.
 const FEW_VECTORS: u128 = 16;
 /// Matrices of states whose columns go to a vectorised `f` together, and of their slopes.
 const COLUMNS: u128 = 5;
 
-/// How a method is to run, as Python gives it.
+/// The settings of a method, from Python.
 pub struct Settings {
     method: Method,
     tolerances: Tolerances,
@@ -65,7 +65,7 @@ impl Settings {
         if let Some(h) = first_step.filter(|&h| h > span && adaptive) {
             return Err(refuse("first_step", format!("is longer than the span: expected at most {span}, got {h}")));
         }
-        // Below this the error of a step is rounding.
+        // Below this the error of a step is a rounding error.
         let least = 100.0 * f64::EPSILON;
         let rtol = of_each(function, "rtol", rtol, n)?;
         if let Some(i) = rtol.iter().position(|&x| !(x >= least)) {
@@ -139,7 +139,7 @@ impl Settings {
     }
 }
 
-/// A field that a method drives, in steps of this size where the method takes one.
+/// A field under a method, with this step size for fixed steps.
 struct Driven(f64);
 
 impl WithSteps<f64, Field> for Driven {

@@ -7,7 +7,7 @@ use crate::errors::{Failure, to_python};
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyList, PyTuple};
 
-/// How a state is handed to Python.
+/// The form of a state in calls of Python.
 #[derive(Clone, Copy, PartialEq)]
 pub enum States {
     /// `(n,)`
@@ -26,7 +26,7 @@ pub struct Slope {
     pub arguments: Option<Py<PyTuple>>,
     pub states: States,
     lent: Lent,
-    /// -1 where the span decreases: the method runs on `s = -t`, `dy/ds = -f(-s, y)`.
+    /// -1 if the span decreases: the method runs on `s = -t`, `dy/ds = -f(-s, y)`.
     pub direction: f64,
     pub error: Option<PyErr>,
     /// States at which `f` was evaluated.
@@ -66,7 +66,7 @@ impl Slope {
         }
     }
 
-    /// `callable(t, y, *arguments)` of one state, as Jacobians and events take it.
+    /// `callable(t, y, *arguments)` for one state, as in Jacobians and events.
     pub fn beside<'py>(&self, py: Python<'py>, callable: &Bound<'py, PyAny>, s: f64, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
         with(py, callable, self.arguments.as_ref(), self.states, self.direction * s, y)
     }
@@ -135,7 +135,7 @@ fn with_state<'py>(
     }
 }
 
-/// Anything that numpy takes for the numbers.
+/// Anything that numpy converts to the numbers.
 fn slow(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States, expected: [usize; 2], out: &mut [f64]) -> PyResult<()> {
     const WHAT: &str = "f(t, y)";
     let (one, columns) = (Form(&[Axis::Is(expected[0])]), Form(&[Axis::Is(expected[0]), Axis::Is(expected[1])]));

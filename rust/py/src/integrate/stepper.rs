@@ -12,7 +12,7 @@ use armlet_core::memory;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// An initial-value problem under way.
+/// An initial-value problem during its integration.
 #[pyclass(module = "armlet._core")]
 pub struct Stepper {
     field: Field,

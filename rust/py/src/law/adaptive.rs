@@ -13,16 +13,17 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
 ///
 /// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `s = v_r - v`, `Y` the arm's regressor. The error
-/// goes to zero from any initial state and any estimate; the estimate converges only under excitation. Rotors' inertia is
-/// known unless `armature=True`: `armature a_r` of the arm is added to the torque.
+/// goes to zero from any initial state and any estimate; the estimate converges only under excitation. Rotor inertia is known unless
+/// `armature=True`: the law adds `armature a_r` of the arm to the torque.
 ///
-/// The estimate holds the inertial parameters (or the base set), then, joint by joint each, what is asked for of: armature, `a_r`; damping,
+/// The estimate has the inertial parameters (or the base set). Then follow, joint by joint, the requested ones of armature, `a_r`; damping,
 /// `v_r`; Coulomb friction, `tanh(v_r / v_s)`; Stribeck friction, `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`. `parameter_names` lists them.
 /// With leakage `sigma` towards `a_0`, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`.
 ///
 /// With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)`, `e_W = tau_W - W a_hat`: `tau_W = W a` are the dynamics through `1/(p + lambda)`,
-/// without acceleration. The torque that is filtered is the law's own: nothing may saturate or act beside it. Filters `(n b + k + n,)` follow the estimate in
-/// the law's state: the columns of b inertial parameters, k entries of friction and rotors, and torques. `terms` has `W`, `tau_W` and `e_W`.
+/// without acceleration. The filtered torque is the output of the law: no saturation and no other torque is allowed. Filters
+/// `(n b + k + n,)` follow the estimate in the law's state: the columns of b inertial parameters, k entries of friction and rotors, and
+/// torques. `terms` has `W`, `tau_W` and `e_W`.
 ///
 /// Args:
 ///     arm: the arm whose regressor is used; its parameters are not.
@@ -31,18 +32,18 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`, p the size of the estimate.
 ///     estimate: initial estimate `(p,)`; zero if None (keyword only).
 ///     base: the result of `arm.base_parameters()`: the law estimates only this base set, and p is its size (keyword only).
-///     natural: adapt in the metric of the bodies' pseudo-inertias: the estimate stays physically possible for ever; it has
-///         to start so, and gamma is a scalar or one number per body, then one per further parameter (keyword only).
-///     projection: keep the estimate physically possible in the metric of gamma: the least body as a mass in kg (with a radius
-///         of gyration of 0.1 m), or the least bodies as parameters `(p,)`, which the true ones must exceed. A start outside is
-///         moved to the nearest inside. Friction and rotors are free (keyword only).
+///     natural: adapt in the metric of the bodies' pseudo-inertias. The estimate then stays physically possible, if its initial value is.
+///         gamma is a scalar, or one number per body and then one per further parameter (keyword only).
+///     projection: keep the estimate physically possible in the metric of gamma, above the least bodies. These are a mass in kg (with a
+///         radius of gyration of 0.1 m), or parameters `(p,)`; the true ones must exceed them. An initial estimate outside is moved to the
+///         nearest one inside. Friction and rotors have no bounds (keyword only).
 ///     friction: estimate friction: True for "viscous" and "coulomb", or names of these and "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
 ///     leakage: `sigma`, >= 0, in the inverse unit of gamma and time (keyword only).
 ///     leakage_form: "sigma" for a constant, "e" for `sigma |s|` (e-modification) (keyword only).
 ///     leakage_centre: `a_0`, `(p,)`; the initial estimate if None (keyword only).
-///     dead_zone: `s_0`, >= 0: the estimate rests while the norm of `s` is below it (keyword only).
+///     dead_zone: `s_0`, >= 0: rad/s: the estimate is constant while the norm of `s` is below it (keyword only).
 ///     composite: positive definite weight `R`, scalar, `(n,)` or `(n, n)`, of the error of the filtered dynamics; None without (keyword only).
 ///     composite_rate: `lambda` of the filter, 1/s, > 0 (keyword only).
 ///     concurrent: samples of an earlier record, from `al.select_samples` (keyword only). Concurrent learning adds `sum_j W_j' R e_j`,
@@ -52,12 +53,14 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite or negative, a gain is not positive definite, a name is unknown.
 ///
-/// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987; natural: Lee, Kwon and Park, A natural
-/// adaptive control law for robot manipulators, IROS 2018; projection: Pomet and Praly, Adaptive nonlinear regulation, IEEE TAC 37(6), 1992; leakage:
-/// Ioannou and Kokotovic, Instability analysis and improvement of robustness of adaptive control, Automatica 20(5), 1984; e-modification:
-/// Narendra and Annaswamy, A new adaptive law for robust adaptation without persistent excitation, IEEE TAC 32(2), 1987; composite:
-/// Slotine and Li, Composite adaptive control of robot manipulators, Automatica 25(4), 1989; concurrent learning: Chowdhary and Johnson,
-/// Concurrent learning for convergence in adaptive control without persistency of excitation, CDC 2010.
+/// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987.
+/// Natural metric: Lee, Kwon and Park, A natural adaptive control law for robot manipulators, IROS 2018.
+/// Projection: Pomet and Praly, Adaptive nonlinear regulation, IEEE TAC 37(6), 1992.
+/// Leakage: Ioannou and Kokotovic, Instability analysis and improvement of robustness of adaptive control, Automatica 20(5), 1984.
+/// E-modification: Narendra and Annaswamy, A new adaptive law for robust adaptation without persistent excitation, IEEE TAC 32(2), 1987.
+/// Composite: Slotine and Li, Composite adaptive control of robot manipulators, Automatica 25(4), 1989.
+/// Concurrent learning: Chowdhary and Johnson, Concurrent learning for convergence in adaptive control without persistency of excitation,
+/// CDC 2010.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_pr(2.0, 0.5, 0.5)
@@ -99,12 +102,12 @@ fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>,
     Ok(Projection::new(p, &given.vector("projection", projection, p)?)?)
 }
 
-/// What is given, `None` counting as nothing.
+/// The argument, unless it is missing or None.
 fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'py, PyAny>> {
     value.filter(|value| !value.is_none())
 }
 
-/// `v_s` where nothing is said, rad/s or m/s.
+/// The default `v_s`, rad/s or m/s.
 pub(super) const FRICTION_SPEED: f64 = 0.1;
 
 /// Kinds of friction by their names.
@@ -144,7 +147,7 @@ fn kinds_of(friction: &Bound<'_, PyAny>) -> Result<Vec<JointColumn>, Failure> {
     Ok(kinds)
 }
 
-/// The columns of joints that are asked for.
+/// The requested columns of joints.
 fn columns_of<'py>(
     given: &mut Arguments<'py>,
     n: usize,
@@ -200,10 +203,10 @@ fn restrained<'py>(
     Ok(spec.resting_below(s_0)?)
 }
 
-/// `lambda` of composite adaptation where nothing is said, 1/s.
+/// The default `lambda` of composite adaptation, 1/s.
 const COMPOSITE_RATE: f64 = 10.0;
 
-/// The law whose estimate follows the filtered dynamics too, where a weight is given.
+/// The law with composite adaptation, if it has a weight.
 fn filtered<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,
@@ -220,7 +223,7 @@ fn filtered<'py>(
     })
 }
 
-/// The law that learns from stored samples too, where there are some.
+/// The law with concurrent learning, if it has samples.
 fn remembering<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,

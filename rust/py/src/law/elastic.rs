@@ -64,10 +64,10 @@ fn cartesian<'py>(
 
 /// Cartesian impedance through elastic joints: motor-inertia reduction inside, a spring and a damper at the frame outside.
 ///
-/// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)`, `u = J'(K (x_d - x) - D J v) + g(q)`: motors of
-/// inertia `B` answer like `B0`. It comes to rest at `x_E = x_d + K^-1 F` with `tau_E = g(q_E) - J'F` where that pose is
-/// reachable, regular and stable: see `equilibrium`. The law has no inverse of `J`; `terms()` gives the target's mass and
-/// Coriolis matrices `M_x`, `S_x` for diagnosis, NaN where `J` loses rank.
+/// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)`, `u = J'(K (x_d - x) - D J v) + g(q)`: motors of inertia `B` behave
+/// like motors of inertia `B0`. The equilibrium is `x_E = x_d + K^-1 F` with `tau_E = g(q_E) - J'F` if that pose is reachable, regular and
+/// stable: see `equilibrium`. The law has no inverse of `J`; `terms()` gives the target's mass and Coriolis matrices `M_x`, `S_x` for
+///     diagnosis, NaN where `J` loses rank.
 ///
 /// Args:
 ///     arm: the model of the links: its kinematics and its gravity.
@@ -82,8 +82,8 @@ fn cartesian<'py>(
 ///     relative_damping: `D0` acts on `theta_dot - v`: the error to the rigid target is 10 to 20 times smaller (keyword only).
 ///     nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max: options of the outer loop, as for
 ///         `CartesianImpedance` (keyword only).
-///     tau_max: the largest motor torque that the law asks for, N m, scalar or `(n,)`; no limit if None. A row of the integral stops
-///         while a motor torque is beyond its limit and the row would take it further (keyword only).
+///     tau_max: the largest commanded motor torque, N m, scalar or `(n,)`; no limit if None. A row of the integral stops while a motor
+///         torque is beyond its limit and the row would move it further (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, a limit is
@@ -153,15 +153,18 @@ impl ElasticImpedance {
 
 /// Cartesian impedance through elastic joints about a moving target: an extension of `ElasticImpedance`.
 ///
-/// `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`; the inner loop is that of `ElasticImpedance`. The inertia of the arm is
-/// not fed forward, so an accelerating target is followed with an error.
+/// `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`; the inner loop is that of `ElasticImpedance`. The law has no feed-forward of the
+/// arm's inertia, so it follows an accelerating target with an error.
 ///
 /// Args:
 ///     target: the motion of the target, one coordinate per row, m or rad.
-///     (the rest): as for `ElasticImpedance`.
+///     arm, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, frame, axes, motor_damping, damping_ratio,
+///         relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
+///
+/// Source: [Ott2008]; docs/elastic.md.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([0.5, 0.4])
@@ -213,7 +216,7 @@ impl ElasticTracking {
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d`, `(n,)`, rad or m.
 ///     stiffness, damping: `K` and `D`, N m/rad and N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`.
-///     (the rest): as for `ElasticImpedance`.
+///     joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite.
@@ -268,15 +271,15 @@ impl JointImpedance {
 
 /// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
 ///
-/// `theta_d = q_d + K_J^-1 g(q_d)`; `g = g(q_d)`, or online `g(theta - K_J^-1 g(q_d))`. Both rest at `q_d`; the first needs
-/// stiffer gains than gravity's slope, the second is good on large moves too.
+/// `theta_d = q_d + K_J^-1 g(q_d)`; `g = g(q_d)`, or online `g(theta - K_J^-1 g(q_d))`. Both have the equilibrium `q_d`. The first requires
+/// gains above the slope of gravity. The second also suits large motions.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d` of the links, `(n,)`, rad or m.
 ///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
 ///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
-///     online: gravity follows the motors (keyword only).
+///     online: compute gravity from the motor positions (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.

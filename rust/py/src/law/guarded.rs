@@ -13,35 +13,35 @@ use pyo3::types::{PyDict, PyInt, PyTuple};
 use std::sync::Mutex;
 
 const NAME: &str = "Guarded";
-/// Speed of the fastest joint and duration of a retreat where nothing is said, rad/s or m/s, and s.
+/// Default speed of the fastest joint and duration of a retreat, rad/s or m/s, and s.
 const SPEED: f64 = 0.3;
 const DURATION: f64 = 0.5;
 
-/// A law under the eyes of a momentum observer, which reacts to contact.
+/// A law with a momentum observer, which detects contact and reacts to it.
 ///
 /// The observer's residual follows `r_dot = K (tau_ext - r)`, from what the law measures and commands. In a sampled loop it is that of
 /// `MomentumObserver`. Contact is the first sample at which some `|r_i|` is above its threshold. From that sample on
-/// `tau = g(q) + K_c (q_c - q) + D_c (q_c_dot - v)` replaces the law, whose state rests:
+/// `tau = g(q) + K_c (q_c - q) + D_c (q_c_dot - v)` replaces the law, whose state is then constant:
 ///
 /// - "stop": `q_c` is the position at contact;
 /// - "float": gravity is compensated, `K_c = 0`, and `D_c = damping` or zero;
 /// - "retract": `q_c` leaves that position along the residual at contact, for a time.
 ///
-/// Elastic joints: the observer reads the joint torque `K_J (theta - q)`, and the reaction takes the motors' `theta` for `q`.
-/// `run.residual`, `run.contact` and `run.touched` report what the observer saw.
+/// Elastic joints: the observer reads the joint torque `K_J (theta - q)`, and the reaction uses the motors' `theta` as `q`. `run.residual`,
+/// `run.contact` and `run.touched` report the results of the observer.
 ///
 /// Args:
-///     law: the law before contact, of a rigid or elastic arm; not one of velocities, and not a function.
+///     law: the law before contact, of a rigid or elastic arm; not a law of velocities or a function.
 ///     observer: a `MomentumObserver` of links: its model, gain, friction and thresholds. The law keeps a copy.
-///     reaction: "stop", "float" or "retract"; None observes alone. A reaction needs thresholds, and a run with a `sample_time`.
+///     reaction: "stop", "float" or "retract"; None: only the observer. A reaction needs thresholds, and a run with a `sample_time`.
 ///     stiffness: `K_c` of "stop" and "retract", N m/rad, positive definite: scalar, `(n,)` or `(n, n)` (keyword only).
 ///     damping: `D_c`, N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`; may be None for "float" (keyword only).
-///     speed: of the fastest joint during "retract", rad/s or m/s, > 0; 0.3 if None (keyword only).
+///     speed: speed of the fastest joint during "retract", rad/s or m/s, > 0; 0.3 if None (keyword only).
 ///     duration: how long `q_c` moves, s, > 0; 0.5 if None (keyword only).
 ///     joint_stiffness: `K_J`, N m/rad, for laws of elastic arms that do not know it (keyword only).
 ///
 /// The law's state, `run.estimate`, is that of `law`, then `w` with `r = K (M v - w)` and the integral of `r`, `(n,)` each. A
-/// reaction adds `2 + 2 n` numbers, which hold the time since contact and what was measured there.
+/// reaction adds `2 + 2 n` numbers: the time since contact, and the position and the residual at contact.
 ///
 /// Raises:
 ///     InputError: an argument is of the wrong type or shape, is missing or not used, or the observer has no thresholds.
@@ -62,7 +62,7 @@ pub struct Guarded {
     /// The law before contact.
     #[pyo3(get)]
     law: Py<PyAny>,
-    /// What the constructor was given beside it.
+    /// The other arguments of the constructor.
     others: Vec<(&'static str, Py<PyAny>)>,
 }
 
@@ -84,7 +84,7 @@ impl<'py> Given<'_, 'py> {
         }
     }
 
-    /// Refuse what the reaction does not use.
+    /// Refuse arguments that the reaction does not use.
     fn unused(&self, py: Python<'py>, names: &[&'static str], kind: &str) -> Result<(), Failure> {
         let all = [("stiffness", self.stiffness), ("damping", self.damping), ("speed", self.speed), ("duration", self.duration)];
         match all.into_iter().find(|(name, value)| names.contains(name) && value.is_some()) {

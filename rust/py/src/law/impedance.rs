@@ -112,7 +112,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 /// Cartesian impedance: a spring and a damper between a frame and its target, `tau = J'(K (x_d - x) + D (x_d' - J v)) + g(q)`.
 ///
 /// `axes` chooses the rows, in order: letters of "xyz" for position, "rx ry rz" for orientation (error `log(R_d R')`,
-/// `R_d` from the target's rotation vector). The law has no inverse of `J` and stays defined at singularities. With options,
+/// `R_d` from the target's rotation vector). The law has no inverse of `J` and is defined at singularities. With options,
 ///
 ///     F = K e + D (x_d' - J v) + F_ff + w,  w' = K_i e        within wrench_max
 ///     tau = J' F + N' tau_0 + g(q)                            within tau_max
@@ -137,11 +137,11 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///     eps: the clamp of `L` and of the null space, between 0 and 1; 0.02 if None (keyword only).
 ///     integral_gain: `K_i`, N/(m s) and N m/(rad s), at least zero: scalar, `(m,)`, or positive definite `(m, m)` (keyword only).
 ///     wrench_max: the largest `F` of each row, N and N m, scalar or `(m,)`; no limit if None (keyword only).
-///     tau_max: the largest torque that the law asks for, N m or N, scalar or `(n,)`; no limit if None (keyword only).
+///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown. Also a limit that
-///         is not positive, and a target `(4, 4)` that is no pose.
+///         is not positive, and a target `(4, 4)` that is not a pose.
 ///
 /// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985. Khatib, A unified approach for motion
 /// and force control of robot manipulators: the operational space formulation, IEEE J. Robotics and Automation 3(1), 1987.

@@ -35,7 +35,7 @@ pub struct Law {
     /// The arm the law was made for.
     #[pyo3(get)]
     arm: Py<Arm>,
-    /// What else the constructor was given, for `repr` and pickling.
+    /// The other arguments of the constructor, for `repr` and pickling.
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
@@ -136,7 +136,7 @@ impl Law {
                 new_vector(py, n, |tau| {
                     match self.evaluator.try_lock() {
                         Ok(mut evaluator) => evaluator.input(t, parts, z, tau),
-                        // Another thread is in the buffers: a set of one's own is the price.
+                        // Another thread uses the buffers: allocate separate ones.
                         Err(_) => LawEvaluator::new(&self.spec).input(t, parts, z, tau),
                     }
                     match tau.iter().position(|x| !x.is_finite()) {
@@ -148,7 +148,7 @@ impl Law {
                     }
                 })
             };
-            // The call of a control loop: arrays as they should be are read where they are.
+            // The fast path of a control loop: suitable arrays are read in place.
             if let (PlantKind::Rigid, None, None, None) = (self.spec.plant(), theta, theta_dot, state)
                 && let (Ok(time), Some(q), Some(v)) = (t.cast::<PyFloat>(), of_shape(q, &[n]), of_shape(v, &[n]))
                 && time.value().is_finite()

@@ -57,7 +57,7 @@ impl<'py> Arguments<'py> {
 
 /// Tasks in priority on an arm whose joint velocities are the input: `u` solves `J_i u = x_d,i' + K_i e_i`, the highest first.
 ///
-/// Closed-loop inverse kinematics: each error decays with its gain as long as the directions it needs are free. `terms` gives
+/// Closed-loop inverse kinematics: each error decays with its gain as long as higher tasks leave its directions free. `terms` gives
 /// `e`, `J`, `command` and `residuals` as lists with one entry per level, `ranks`, and `v`. Monitors: `error_i`, `residual_i`.
 ///
 /// Args:
@@ -68,8 +68,9 @@ impl<'py> Arguments<'py> {
 ///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: those of the arm (keyword only).
 ///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: those of the arm (keyword only). At every evaluation
 ///         they bound the velocity by `(q_max - q) / horizon`.
-///     a_max: deceleration with which "sns" brakes before a limit, `v <= sqrt(2 a_max (q_max - q))`; None: any (keyword only).
-///     horizon: time in which the way to a limit may be used up, s (0.1; keyword only): at least the step or the sample time.
+///     a_max: deceleration with which "sns" brakes before a limit, rad/s^2 or m/s^2, `v <= sqrt(2 a_max (q_max - q))`; None: unlimited
+///         (keyword only).
+///     horizon: least time in which a joint may reach its limit, s (0.1; keyword only): at least the step or the sample time.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a name is unknown, a task has no target, the method is unknown.
@@ -118,8 +119,8 @@ impl PriorityVelocity {
 
 /// Tasks in priority on a rigid arm: computed torque on prioritised accelerations.
 ///
-/// `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v`, the highest first, and `a = -c v` in the freedom
-/// that is left; `tau = M a + C v + g`. Gains of tasks are in 1/s^2, their `damping` in 1/s.
+/// `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v`, the highest first, and `a = -c v` in the remaining freedom;
+/// `tau = M a + C v + g`. Gains of tasks are in 1/s^2, their `damping` in 1/s.
 ///
 /// Args:
 ///     arm, tasks, eps: as for `PriorityVelocity`.
@@ -132,6 +133,8 @@ impl PriorityVelocity {
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a name is unknown, a task has no target, the method is unknown.
+///
+/// Source: [siciliano1991priority, nakanishi2008operational]; bounds: [flacco2015saturation].
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([0.5, 0.4, 0.3])

@@ -17,6 +17,8 @@ use pyo3::prelude::*;
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
 ///
+/// Source: [SicilianoEtAl2009], section 8.5.
+///
 /// >>> import armlet as al
 /// >>> law = al.ComputedTorque(al.planar_pr(2.0, 0.5, 0.5), al.Hold([1.0, 0.0]), kp=100.0, kd=20.0)
 /// >>> law(0.0, [0.0, 0.0], [0.0, 0.0])
@@ -48,7 +50,7 @@ impl ComputedTorque {
 
 /// PD control with gravity compensation: `tau = Kp (q_d - q) - Kd v + g(q)`.
 ///
-/// The arm comes to rest at the target from any state when `Kp` and `Kd` are positive definite.
+/// With positive definite `Kp` and `Kd` the arm converges to the target from every state.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
@@ -91,22 +93,23 @@ impl PDGravity {
 
 /// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w`, `w' = Ki (q_d - q)`, `tau` = `u` within `tau_max`.
 ///
-/// The integral torque `w` `(n,)`, N m or N, is the law's state: `run.estimate[:, :n]` records it, and it starts at zero. It leaves no error
-/// under a load that the model does not know. While `u_i` exceeds the limit of joint `i`, `w_i` does not grow in that direction.
-/// A target that moves adds `M(q) a_d`.
+/// The integral torque `w` `(n,)`, N m or N, is the law's state: `run.estimate[:, :n]` records it, and it starts at zero. With it, the
+/// error vanishes under a constant load that is not in the model. While `u_i` exceeds the limit of joint `i`, `w_i` does not grow in that
+/// direction. A moving target adds `M(q) a_d`.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d`, `(n,)`, rad or m, or a motion of the joints.
 ///     kp, ki, kd: positive definite gains, N m/rad, N m/(rad s) and N m s/rad: scalar, `(n,)` or `(n, n)`. The loop of a joint of inertia
-///         `m` is stable where `ki < kp kd / m`. `ki=None`: no integral.
-///     tau_max: the largest torque that the law asks for, N m or N, scalar or `(n,)`; no limit if None.
-///     derivative_filter: `N`, 1/s, scalar or `(n,)`: the law takes the filtered derivative of `q`, `v_f = N (q - y)` with `y' = v_f`, for `v`.
+///         `m` is stable if `ki < kp kd / m`. `ki=None`: no integral.
+///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None.
+///     derivative_filter: `N`, 1/s, scalar or `(n,)`: the law uses the filtered derivative of `q`, `v_f = N (q - y)` with `y' = v_f`, as
+///         `v`.
 ///         None: the measured velocity (keyword only).
 ///     friction: add the friction of the model at the desired velocity, `damping v_d + friction tanh(v_d / v_s)` (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0, scalar or `(n,)`; 0.1 if None (keyword only).
-///     observer_bandwidth: `h`, 1/s, scalar or `(n,)`: a disturbance observer finds `d = h/(p + h) (m a - (tau - g - f))` and takes it off `u`.
-///         `m a_d` then replaces `M a_d`. None: no observer (keyword only).
+///     observer_bandwidth: `h`, 1/s, scalar or `(n,)`: a disturbance observer estimates `d = h/(p + h) (m a - (tau - g - f))`, which is
+///         subtracted from `u`. `m a_d` then replaces `M a_d`. None: no observer (keyword only).
 ///     nominal_inertia: `m`, kg m^2 or kg, > 0, scalar or `(n,)`; the diagonal of `M` at the first desired position if None (keyword only).
 ///
 /// The states of the filter, `y`, and of the observer, `s` with `d = h (m v - s)`, follow `w` in `run.estimate`, in this order.

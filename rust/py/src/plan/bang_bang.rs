@@ -19,18 +19,18 @@ use pyo3::prelude::*;
 /// `A = 4 |thetaf - theta0| / T^2`, and `a = inertia * A`.
 ///
 /// Args:
-///     theta0, thetaf: start and end, rad from the downward vertical; nothing wraps.
-///     inertia: about the joint, kg m^2, > 0.
+///     theta0, thetaf: start and end, rad from the downward vertical, without wrapping.
+///     inertia: inertia about the joint, kg m^2, > 0.
 ///     gravity_moment: `m g0 d`, N m; negative measures from the upward vertical.
 ///     tau_max: largest torque, N m, >= 0.
 ///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
 ///
 /// Returns:
-///     A `BangBangReport` for numbers. Arrays broadcast, and give a `BangBangBatch` with arrays in its fields. No feasible duration is
-///     an answer, not an error: `feasible` is false, the durations are NaN, and `reason` says which limit, where, by how much.
+///     A `BangBangReport` for numbers. Arrays broadcast, and give a `BangBangBatch` with arrays in its fields. If no duration is feasible
+///     there is no error: `feasible` is false and the durations are NaN. `reason` then has the limit, its place and the missing torque.
 ///
 /// Raises:
-///     InputError: a number is not finite, the inertia not positive, or the limits do not hold 0 between them.
+///     InputError: a number is not finite, the inertia not positive, or 0 is not between the limits.
 ///
 /// Source: docs/minimum_time.md.
 ///
@@ -115,7 +115,7 @@ link_report!(BangBangReport);
 #[entered]
 #[pymethods]
 impl BangBangReport {
-    /// Least `inertia * acceleration` that the limits demand, N m.
+    /// Least `inertia * acceleration` that the limits require, N m.
     #[getter]
     fn a_min(&self) -> f64 {
         self.core.a_min
@@ -127,7 +127,7 @@ impl BangBangReport {
         self.core.a_max
     }
 
-    /// Why no duration works: the limits, where they bind, and the missing torque; empty if feasible.
+    /// Why no duration is feasible: the limits, their places, and the missing torque; empty if feasible.
     #[getter]
     fn reason(&self) -> String {
         self.why()
@@ -187,7 +187,7 @@ impl BangBangReport {
     }
 }
 
-/// A torque limit that decides a duration: which, in which phase, where and when.
+/// A torque limit that decides a duration: the limit, its phase, place and time.
 #[pyclass(frozen, module = "armlet._core", name = "Bind")]
 pub struct Bind {
     core: Core,
@@ -210,7 +210,7 @@ impl Bind {
         self.core.phase
     }
 
-    /// `"start"`, `"interior"`, `"switch"` or `"end"`: where in its phase.
+    /// The place in its phase: `"start"`, `"interior"`, `"switch"` or `"end"`.
     #[getter]
     fn place(&self) -> String {
         self.core.place.to_string()

@@ -36,13 +36,13 @@ pub struct BangBangBatch {
     solved: usize,
 }
 
-/// Problems solved between two looks at the keyboard: some milliseconds.
+/// Problems solved between two checks for Ctrl-C: some milliseconds.
 pub(super) const CHUNK: usize = 1 << 13;
 
-/// At most so many problems are not worth a thread.
+/// The largest number of problems for one thread.
 const FEW: usize = 2 * CHUNK;
 
-/// Bytes of an answer: four numbers, and three flags.
+/// Bytes of a result: four numbers, and three flags.
 pub(super) const ANSWER: usize = 4 * 8 + 3;
 
 /// The most axes of an index: those of numpy's arrays.
@@ -131,7 +131,7 @@ impl BangBangBatch {
         PyTuple::new(py, &self.problems.shape)
     }
 
-    /// Why no duration works, as in `BangBangReport.reason`: an array of strings, empty where feasible.
+    /// Why no duration is feasible, as in `BangBangReport.reason`: an array of strings, empty where feasible.
     #[getter]
     fn reason<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "BangBangBatch.reason", || {

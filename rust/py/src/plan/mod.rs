@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use torque::TorqueOptimum;
 
-/// What the reports of rest-to-rest profiles share: their field `core` says whether a duration exists, and which.
+/// The common properties of reports of rest-to-rest profiles, from their field `core`.
 macro_rules! link_report {
     ($report:ident) => {
         #[entered]
@@ -88,7 +88,7 @@ pub fn problem(
     Ok(Some(p))
 }
 
-/// `-tau_max`, or a refusal that names the argument that was given.
+/// `-tau_max`, or an error that names `tau_max`.
 fn symmetric(py: Python<'_>, function: &str, tau_max: f64) -> Result<f64, Failure> {
     if tau_max > 0.0 && tau_max.is_finite() {
         return Ok(-tau_max);
@@ -119,7 +119,7 @@ pub fn scalar(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f6
         .ok_or_else(|| input_error(value.py(), function, name, format!("is not a number: expected a number, got {}", got())).into())
 }
 
-/// How Python writes a float or a truth value.
+/// The Python text of a float or a truth value.
 pub fn float(x: f64) -> String {
     if x.is_nan() || x.is_infinite() { x.to_string().to_lowercase() } else { format!("{x:?}") }
 }
@@ -128,17 +128,17 @@ pub fn truth(x: bool) -> &'static str {
     if x { "True" } else { "False" }
 }
 
-/// A call again with the same numbers: how results are pickled.
+/// The pickled form of a result: the call with the same numbers.
 pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Sealed<'py>> {
     seal_call(py, "_restore_plan", (function, PyTuple::new(py, arguments)?).into_pyobject(py)?)
 }
 
-/// How a part of a result is pickled: the result, and the name of the part.
+/// The pickled form of a part of a result: the result, and the name of the part.
 pub fn part<'py, T>(py: Python<'py>, owner: &Py<T>, name: &str) -> PyResult<Sealed<'py>> {
     seal(&py.import("builtins")?.getattr("getattr")?, (owner.clone_ref(py).into_any(), name).into_pyobject(py)?, None)
 }
 
-/// A result again from the function that gave it and the numbers it was given.
+/// Make a result again, from its function and the numbers of the call.
 #[entered]
 #[pyfunction]
 pub fn _restore_plan<'py>(py: Python<'py>, function: &str, arguments: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {

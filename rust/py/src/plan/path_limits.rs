@@ -29,7 +29,7 @@ pub fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>,
 }
 
 impl Along<'_> {
-    /// Limits at the knots, `(P + 1, n)`, from those at the waypoints: of repeated waypoints the least.
+    /// Limits at the knots, `(P + 1, n)`, from those at the waypoints: for repeated waypoints the least.
     fn at_knots(&self, values: &[f64], n: usize) -> Vec<f64> {
         let mut limits = vec![f64::INFINITY; self.path.knots().len() * n];
         for (row, knot) in values.chunks_exact(n).zip(self.knot) {
@@ -61,7 +61,7 @@ impl Along<'_> {
         if shape.len() == 2 { Ok(self.at_knots(&values, n)) } else { spread(&shape, values, n) }
     }
 
-    /// Lower and upper limits from a scalar or `(n,)`, symmetric, from `(n, 2)`, or from what varies along the path.
+    /// Lower and upper limits from a scalar or `(n,)`, symmetric, from `(n, 2)`, or from limits that vary along the path.
     fn torque(&self, value: &Bound<'_, PyAny>, n: usize) -> Result<Range, Failure> {
         let py = value.py();
         let symmetric = |upper: Vec<f64>| (upper.iter().map(|x| -x).collect(), upper);
@@ -137,7 +137,7 @@ impl Along<'_> {
     }
 }
 
-/// `q_min` and `q_max`, infinite where there is none.
+/// `q_min` and `q_max`, infinite for missing limits.
 fn positions(range: [Given; 2], n: usize) -> Result<Option<Range>, Failure> {
     if range.iter().all(Option::is_none) {
         return Ok(None);

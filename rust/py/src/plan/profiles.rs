@@ -10,8 +10,8 @@ use pyo3::prelude::*;
 
 /// The shortest and the longest duration of the trapezoidal-speed motion, rest to rest, under torque limits.
 ///
-/// Acceleration for `ramp * T`, constant speed, braking for `ramp * T`; `ramp = 1/2` is the profile of `bang_bang_time`. While the
-/// speed is constant the torque carries gravity alone.
+/// Acceleration for `ramp * T`, constant speed, braking for `ramp * T`; `ramp = 1/2` is the profile of `bang_bang_time`. While the speed is
+/// constant, the torque balances gravity.
 ///
 /// Args:
 ///     theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: as in `bang_bang_time`; numbers only.
@@ -120,7 +120,7 @@ link_report!(ProfileReport);
 #[entered]
 #[pymethods]
 impl ProfileReport {
-    /// Least `inertia * |thetaf - theta0| / T^2` that the limits demand, N m.
+    /// Least `inertia * |thetaf - theta0| / T^2` that the limits require, N m.
     #[getter]
     fn k_min(&self) -> f64 {
         self.core.k_min
@@ -144,13 +144,13 @@ impl ProfileReport {
         self.core.theta_lower
     }
 
-    /// How much wider both limits must be, N m; 0 if feasible.
+    /// The torque by which both limits must widen, N m; 0 if feasible.
     #[getter]
     fn missing(&self) -> f64 {
         self.core.missing
     }
 
-    /// Why no duration works, with the missing torque; empty if feasible.
+    /// Why no duration is feasible, with the missing torque; empty if feasible.
     #[getter]
     fn reason(&self) -> String {
         self.why()

@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::Arc;
 
-/// Points at which a callable path is asked, unless told otherwise.
+/// The default number of samples of a callable path.
 const SAMPLES: usize = 201;
 const MOST_SAMPLES: usize = 1_000_000;
 
@@ -94,10 +94,10 @@ fn sampled(
     Ok(if parts == 3 { Path::table(&s, q, dq, ddq, n)? } else { Path::spline(&s, q, n, ends)? })
 }
 
-/// What a `CartesianPath` has for this function: its waypoints, and their path positions.
+/// The method of `CartesianPath` with its waypoints and their path positions.
 const JOINED: &str = "_waypoints_and_knots";
 
-/// The path of waypoints, of a `CartesianPath` or of a callable, and the knot of every waypoint. `within` looks at waypoints `(K, n)`.
+/// The path of waypoints, of a `CartesianPath` or of a callable, and the knot of every waypoint. `within` checks waypoints `(K, n)`.
 fn path_of(
     path: &Bound<'_, PyAny>,
     n: usize,
@@ -143,8 +143,8 @@ fn path_of(
 
 /// The fastest timing of a path of an arm under limits of torque, speed and acceleration.
 ///
-/// `q(s)`, `v = q' ds/dt`, `a = q' u + q'' (ds/dt)^2`, `tau = M a + C v + g`: reachability analysis on a grid of `s`, checked ten
-/// times finer and corrected until no limit is exceeded by more than 1e-9 of itself.
+/// `q(s)`, `v = q' ds/dt`, `a = q' u + q'' (ds/dt)^2`, `tau = M a + C v + g`: reachability analysis on a grid of `s`. The result is checked
+/// on a grid ten times finer, and corrected until no limit is exceeded by more than a relative 1e-9.
 ///
 /// Args:
 ///     arm: an arm of links, or `planar_pr`.
@@ -153,29 +153,30 @@ fn path_of(
 ///         replaced by the quintic Hermite path through them. The motion follows that spline.
 ///     tau_max: torque limit, N m or N: number or `(n,)` for both signs, or `(n, 2)` lower and upper (keyword only, as all below).
 ///     v_max, a_max: limits of joint speed and acceleration: number or `(n,)`. One of `tau_max`, `a_max` and `tip_acceleration` is required.
-///         `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs: `(K, n)` at the waypoints, or a
-///         callable `s -> (n,)` that is called at the path's knots; linear in `s` between them. A `tau_max` of shape `(n, 2)` is lower
-///         and upper.
+///         `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs. They are then `(K, n)` at the
+///         waypoints, or a callable `s -> (n,)` that is called at the path's knots, and linear in `s` between these. A `tau_max` of shape
+///         `(n, 2)` is lower and upper.
 ///     knots: path positions of the waypoints, `(K,)`, rising; distances between them, from 0 to 1, if None.
 ///     spline: ends of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
-///     stops: indices of waypoints where the arm stops on its way.
+///     stops: indices of waypoints where the arm stops.
 ///     start_speed, end_speed: path speeds ds/dt at the ends.
 ///     friction: True for the arm's own damping and Coulomb friction, or viscous coefficients, number or `(n,)`, N m s/rad.
-///     grid: number of grid points, the path's knots among them; if None, 201 and more where time is lost until the duration settles to 1e-4.
-///     refine: halve a given grid where it is too coarse for the limits, or loses time (default True).
-///     samples: how many points of a callable are asked for, 201.
-///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`; from rest to rest, without stops and Coulomb friction. The
-///         fastest timing is averaged over a window of time and slowed until it holds; not the fastest that does.
-///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite where a joint has none. The whole path is checked, between
-///         waypoints too, and a path that leaves them has no timing. None for both: `check_limits` alone.
+///     grid: number of grid points, including the path's knots. None: 201, and more where the grid costs time, until the duration changes
+///         by less than 1e-4.
+///     refine: halve the segments of a grid with `grid` points where it is too coarse for the limits, or costs time (default True).
+///     samples: number of samples of a callable, 201.
+///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`; from rest to rest, without stops and Coulomb friction. The fastest
+///         timing is averaged over a window of time, and slowed down until it satisfies this limit. The result is not the fastest one.
+///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite for joints without limits. The whole path is checked, also
+///         between waypoints, and a path that exceeds them has no timing. None for both: only `check_limits` applies.
 ///     tip_speed: largest speed of the origin of `frame`, m/s: a number, `(K,)` at the waypoints, or a callable `s -> number`.
 ///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2: in the same forms.
-///     frame: name of the frame that they limit.
+///     frame: name of the frame of these limits.
 ///     check_limits: action if a waypoint, or a sample of a callable, is outside of the arm's joint limits. None warns, True raises, and
 ///         False does neither. With `q_min` or `q_max` there is no check.
 ///
 /// Returns:
-///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False and `p.reason` says why.
+///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False, and `p.reason` has the reason.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite or out of range, or limits are missing. With `check_limits=True` also: a

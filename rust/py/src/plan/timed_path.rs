@@ -36,7 +36,7 @@ pub struct TimedPath {
 }
 
 impl TimedPath {
-    /// What the planner answered.
+    /// The result of the planner.
     pub fn answer(answer: TimePath) -> PyClassInitializer<Self> {
         let why = answer.reason.map(|reason| Why {
             text: reason.to_string(),
@@ -107,7 +107,7 @@ impl TimedPath {
         })
     }
 
-    /// Duration, s; NaN where there is no timing.
+    /// Duration, s; NaN without a timing.
     #[getter]
     fn duration(&self) -> f64 {
         self.core.duration()
@@ -187,7 +187,7 @@ impl TimedPath {
 
 type PickledReason = (String, Option<usize>, String, f64, String, f64, f64);
 
-/// A `TimedPath` from what its pickle holds.
+/// A `TimedPath` from the content of its pickle.
 #[entered]
 #[pyfunction]
 pub fn _restore_time_path<'py>(

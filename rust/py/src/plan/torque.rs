@@ -21,8 +21,8 @@ use std::sync::OnceLock;
 /// the motion. `best` is the fastest of that, the back-swing (-, +, -) and the overshoot (+, -, +).
 ///
 /// Args:
-///     theta0, thetaf: start and end, rad from the downward vertical; nothing wraps.
-///     inertia: about the joint, kg m^2, > 0.
+///     theta0, thetaf: start and end, rad from the downward vertical, without wrapping.
+///     inertia: inertia about the joint, kg m^2, > 0.
 ///     gravity_moment: `m g0 d`, N m; negative measures from the upward vertical.
 ///     tau_max: largest torque, N m, >= 0.
 ///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
@@ -74,7 +74,7 @@ pub struct TorqueOptimum {
     core: plan::TorqueOptimum,
     problem: LinkProblem,
     friction: [f64; 2],
-    /// Built when asked for: of the best family, of the monotone optimum.
+    /// The motions of the best family and of the monotone optimum, made on first use.
     profiles: [OnceLock<Option<TorqueProfile>>; 2],
 }
 
@@ -195,7 +195,7 @@ impl TorqueOptimum {
         entry(py, "TorqueOptimum.profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.profile", 0, t)?)?))
     }
 
-    /// As `profile`, for the monotone optimum.
+    /// The same as `profile` for the monotone optimum.
     fn monotone_profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
         entry(py, "TorqueOptimum.monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.monotone_profile", 1, t)?)?))
     }

@@ -104,7 +104,7 @@ impl ArmPrioritySolver {
         if list.len() != self.rows.len() || self.rows.len() > MOST {
             return None;
         }
-        // No vector of them, because it would take half of the time of the checks of the arguments.
+        // Without a vector, which would take half of the time of the checks of the arguments.
         let held: [Option<Bound<'py, PyAny>>; MOST] = std::array::from_fn(|i| if i < list.len() { list.get_item(i).ok() } else { None });
         let mut given: [&[f64]; MOST] = [&[]; MOST];
         for ((slot, velocity), &m) in given.iter_mut().zip(&held).zip(&self.rows) {
@@ -241,8 +241,8 @@ impl ArmPrioritySolver {
 impl ArmPrioritySolver {
     /// Joint velocities `(..., n)` at `q` `(..., n)` for one `(..., rows_i)` task velocity per level, written to `out` if given.
     ///
-    /// Leading axes make a batch, solved in lanes and threads with the bits of single solves; a row whose answer overflows is NaN. Residuals, ranks and status are those of
-    /// the last single solve.
+    /// Leading axes make a batch, solved in lanes and threads with the bits of single solves; a row whose result overflows is NaN.
+    /// Residuals, ranks and status are those of the last single solve.
     #[pyo3(signature = (q, velocities, *, out=None))]
     fn solve<'py>(
         &self,
@@ -292,7 +292,7 @@ impl ArmPrioritySolver {
         slf.py().import("armlet.priority")?.getattr("PriorityDiagnosis")?.call((), Some(&fields))
     }
 
-    /// The Jacobians at `q` `(n,)`, `(rows_i, n)` each, as the solver sees them.
+    /// The Jacobians at `q` `(n,)`, `(rows_i, n)` each, as the solver uses them.
     fn jacobians<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
         const NAME: &str = "ArmPrioritySolver.jacobians";
         entry(py, NAME, || {

@@ -69,13 +69,13 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
 ///
 /// Args:
 ///     q: joint positions, `(n,)`, rad or m.
-///     q_min, q_max: position limits, a number or `(n,)`; infinities are allowed.
+///     q_min, q_max: position limits, a number or `(n,)`, rad or m; infinities are allowed.
 ///     v_max: velocity limit, a number or `(n,)`, rad/s or m/s.
 ///     dt: the sample time, s.
-///     a_max: deceleration that brakes before a limit, a number or `(n,)`; None: no braking distance.
+///     a_max: deceleration before a limit, a number or `(n,)`, rad/s^2 or m/s^2; None: no braking distance.
 ///
 /// Returns:
-///     `(v_min, v_max)`, `(n,)` each, as "sns" takes them. Outside a limit the bound points back inside.
+///     `(v_min, v_max)`, `(n,)` each, for "sns". Outside a limit the bound points back inside.
 ///
 /// Raises:
 ///     InputError: limits out of order, a shape that does not fit, numbers that are not finite.

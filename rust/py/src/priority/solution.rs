@@ -1,4 +1,4 @@
-//! `armlet.solve_priority` and its answer, for one stack or for a batch of stacks.
+//! `armlet.solve_priority` and its result, for one stack or for a batch of stacks.
 
 use super::stack::{Keywords, Stack, items, method_name};
 use super::stacks;
@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// In a batch all have the leading axes in front: `ranks` and `scales` are `(..., levels)`, `status` holds integers of `Status`.
 #[pyclass(frozen, module = "armlet")]
 pub struct PrioritySolution {
-    /// What a single solve found: its objects are made when they are asked for.
+    /// The result of a single solve, whose Python objects are made on first use.
     found: Option<SingleSolution>,
     v: PyOnceLock<Py<PyAny>>,
     residuals: PyOnceLock<Py<PyAny>>,
@@ -32,7 +32,7 @@ pub struct PrioritySolution {
     status: PyOnceLock<Py<PyAny>>,
 }
 
-/// The answer of a single solve: `[v, residuals, scales, ranks]`, in one piece of memory.
+/// The result of a single solve: `[v, residuals, scales, ranks]`, in one piece of memory.
 struct SingleSolution {
     n: usize,
     rows: Arc<[usize]>,
@@ -135,7 +135,7 @@ pub fn residual_list<'py>(py: Python<'py>, rows: &[usize], stacked: &[f64]) -> R
     Ok(PyList::new(py, parts)?)
 }
 
-/// A solver without options of its own, and its levels for the answers.
+/// A solver without options, and the sizes of its levels for the solutions.
 struct Kept {
     solver: Core,
     rows: Arc<[usize]>,
@@ -182,17 +182,18 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 ///     method: "exact" (the equation), "clamp" (continuous and bounded, equal to it where all singular values reach `eps`),
 ///         "damped", "chiaverini", or "sns" (within `v_min`, `v_max`).
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 of each level's largest row norm.
-///     rounding: relative error of the entries of the Jacobians; None: 8 machine epsilons; `8 eps (1 + sum|q|)` where angles made them.
+///     rounding: relative error of the entries of the Jacobians; None: 8 machine epsilons; `8 eps (1 + sum|q|)` if they were computed from
+///         angles.
 ///     weight: joint metric `W`, `(n, n)`, symmetric positive definite: `v' W v` is minimised; None: the identity.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s; a single one holds for both signs.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s; a single one is valid for both signs.
 ///
 /// Returns:
-///     A `PrioritySolution`. Batches never raise for one bad row: `status` has one entry per row, and a row whose numbers are not
-///     finite, or whose answer overflows, is NaN with `Status.DIVERGED`.
+///     A `PrioritySolution`. Batches never raise for one bad row: `status` has one entry per row. A row whose numbers are not finite, or
+///     whose result overflows, is NaN with `Status.DIVERGED`.
 ///
 /// Raises:
 ///     InputError: shapes that do not fit, an empty stack, an unknown method; in one stack also numbers that are not finite.
-///     SolveError: the answer of one stack overflows.
+///     SolveError: the result of one stack overflows.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
 ///
@@ -232,7 +233,7 @@ pub fn solve_priority<'py>(
         if stack.lead.is_empty() {
             return single(py, solver, &stack, keywords.plain());
         }
-        // Stacks that take long are read anew, into memory of their own.
+        // Stacks that take long are read again, into separate memory.
         let copied = || Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities));
         stacks::solve(py, NAME, &solver, stack, copied)
     })
@@ -253,13 +254,13 @@ fn length(items: &Bound<'_, PyAny>) -> Option<usize> {
     items.cast_exact::<PyList>().map(|list| list.len()).or_else(|_| items.cast_exact::<PyTuple>().map(|tuple| tuple.len())).ok()
 }
 
-/// One stack of contiguous arrays of the sizes and with the method of the last call: solved without a look at anything else.
-/// None where that is not so, or where there is something to refuse; the full path then finds out what.
+/// One stack of contiguous arrays of the sizes and with the method of the last call: solved on a fast path. None for other stacks, and for
+/// errors, which the full path reports.
 fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
     if !keywords.plain() {
         return None;
     }
-    // No code of Python's runs in here.
+    // No Python code runs in here.
     LAST.with(|last| {
         let mut last = last.try_borrow_mut().ok()?;
         let Kept { solver, rows } = last.as_mut()?;
@@ -282,7 +283,7 @@ fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: 
     })
 }
 
-/// What the solver found last.
+/// The last result of the solver.
 fn answer(solver: &Core, rows: Arc<[usize]>) -> PrioritySolution {
     let mut numbers = Vec::with_capacity(solver.n() + solver.residuals().len() + 2 * rows.len());
     numbers.extend_from_slice(solver.v());

@@ -17,7 +17,7 @@ struct State {
     options: PriorityOptions,
 }
 
-/// Prioritised velocities for stacks of one size, solved again and again: the buffers are built once.
+/// A solver of prioritised velocities for stacks of one size, which keeps its buffers.
 ///
 /// Args:
 ///     n: number of joints.
@@ -26,6 +26,8 @@ struct State {
 ///
 /// Raises:
 ///     InputError: a size is not positive, a shape does not fit, the method is unknown.
+///
+/// Source: [siciliano1991priority]; docs/priority.md.
 ///
 /// >>> import armlet as al
 /// >>> solver = al.PrioritySolver(2, [1, 1], method="exact")
@@ -111,11 +113,11 @@ impl PrioritySolver {
         })
     }
 
-    /// A solver for tasks of an arm: `solve(q, velocities)` takes joint angles in place of Jacobians.
+    /// A solver for tasks of an arm: `solve(q, velocities)` has joint angles as arguments instead of Jacobians.
     ///
     /// Args:
     ///     arm: the arm, of links.
-    ///     tasks: `Task` and its kin, the highest first; their targets and gains play no part.
+    ///     tasks: `Task` and other tasks, the highest first; their targets and gains are not used.
     ///     method, eps, weight, v_min, v_max: as for `solve_priority`; keyword only. Bounds of "sns" default to the arm's own.
     ///
     /// >>> import armlet as al
@@ -193,7 +195,7 @@ impl PrioritySolver {
         })
     }
 
-    /// The relative error of the entries of the next Jacobians: `8 eps (1 + sum|q|)` where joint angles made them.
+    /// The relative error of the entries of the next Jacobians: `8 eps (1 + sum|q|)` if they were computed from joint angles.
     fn set_rounding(&self, py: Python<'_>, rounding: &Bound<'_, PyAny>) -> PyResult<()> {
         const NAME: &str = "PrioritySolver.set_rounding";
         entry(py, NAME, || {

@@ -9,7 +9,7 @@ use armlet_core::priority::{PriorityMethod, PriorityOptions};
 use pyo3::prelude::*;
 use std::borrow::Cow;
 
-/// Sizes of a solver are at most this: the buffers grow with `(n + rows)^2`.
+/// The largest sizes of a solver: the buffers grow with `(n + rows)^2`.
 pub const MOST_LEVELS: usize = 4096;
 
 /// The entries of a list, tuple or other iterable of arrays, one per level.
@@ -20,7 +20,7 @@ pub fn items<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Resu
 /// One array of one level: elements, leading axes, elements per row of the batch.
 struct Part<'a> {
     values: Cow<'a, [f64]>,
-    /// The array that holds the elements, where they are not here.
+    /// The array with the elements, if they are not stored here.
     lent: Option<&'a Bound<'a, PyAny>>,
     lead: Vec<usize>,
     shape: Vec<usize>,
@@ -40,7 +40,7 @@ impl Part<'_> {
 }
 
 impl<'a> Part<'a> {
-    /// `lend`: leave a long array with leading axes where it is.
+    /// With `lend`, a long array with leading axes is not copied.
     fn new(value: &'a Bound<'a, PyAny>, looked: Looked<'_, 'a, '_>, axes: usize, lend: bool) -> Result<Self, Failure> {
         let lent = lend && looked.is_in_place() && looked.shape.len() > axes && looked.shape.iter().product::<usize>() > PIECE;
         let (shape, values) = if lent { (looked.shape, Cow::Borrowed(&[][..])) } else { looked.values()? };
@@ -48,7 +48,7 @@ impl<'a> Part<'a> {
         Ok(Part { values, lent: lent.then_some(value), lead: lead.to_vec(), width: last.iter().product(), shape })
     }
 
-    /// The elements as they are now. None where the array has changed since its shape was read.
+    /// The present elements. None if the array has changed since its shape was read.
     fn elements(&self) -> Option<&[f64]> {
         self.lent.map_or(Some(&*self.values), |array| of_shape(array, &self.shape))
     }
@@ -84,7 +84,7 @@ impl<'a> Stack<'a> {
         Self::read_or_lend(py, function, names, jacobians, velocities, false)
     }
 
-    /// The same. `lend`: long arrays stay where they are, for [`Stack::piece`] alone.
+    /// The same. With `lend`, long arrays are not copied; only [`Stack::piece`] reads them.
     pub fn read_or_lend(
         py: Python<'_>,
         function: &str,
@@ -157,9 +157,9 @@ impl<'a> Stack<'a> {
         self.velocities[level].row(i)
     }
 
-    /// The Jacobians and the velocities of some rows, level by level; one of them alone where it is for all rows.
+    /// The Jacobians and the velocities of some rows, level by level; one of them if it is for all rows.
     ///
-    /// They are the caller's arrays: nobody may let go of the interpreter lock while they are read.
+    /// They are the caller's arrays: the interpreter lock must be held while they are read.
     pub fn piece(&self, py: Python<'_>, function: &str, first: usize, last: usize) -> Result<[Vec<&[f64]>; 2], Failure> {
         match (rows_of(&self.jacobians, first, last), rows_of(&self.velocities, first, last)) {
             (Some(jacobians), Some(velocities)) => Ok([jacobians, velocities]),
@@ -172,7 +172,7 @@ impl<'a> Stack<'a> {
         self.jacobians.iter().chain(&self.velocities).map(|part| part.width).sum()
     }
 
-    /// All Jacobians and all velocities of a level; one of them alone where it is for all rows.
+    /// All Jacobians and all velocities of a level; one of them if it is for all rows.
     pub fn level(&self, level: usize) -> (&[f64], &[f64]) {
         (&self.jacobians[level].values, &self.velocities[level].values)
     }
@@ -206,13 +206,13 @@ fn rows_of<'s>(parts: &'s [Part<'_>], first: usize, last: usize) -> Option<Vec<&
     parts.iter().map(|part| part.rows(first, last)).collect()
 }
 
-/// Others had the interpreter lock, and changed an array.
+/// Another thread had the interpreter lock, and changed an array.
 fn changed(py: Python<'_>, function: &str) -> Failure {
     let problem = "were changed while they were read: expected arrays that keep their size and layout";
     input_error(py, function, "jacobians, velocities", problem).into()
 }
 
-/// A transposed array must not ask for all the memory there is.
+/// Refuse sizes that would need too much memory, such as those of a transposed array.
 pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) -> Result<(), Failure> {
     let total = rows.iter().fold(0usize, |sum, m| sum.saturating_add(*m));
     for (name, size) in [("n", n), ("rows", total)] {
@@ -229,13 +229,13 @@ pub fn per_joint(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize)
     spread(&shape, values, n)
 }
 
-/// The name of the method, "clamp" where none is given.
+/// The name of the method, by default "clamp".
 #[inline]
 pub fn method_name<'a>(function: &str, given: Option<&'a Bound<'_, PyAny>>) -> Result<&'a str, Failure> {
     given.map_or(Ok("clamp"), |method| arrays::name(function, "method", method))
 }
 
-/// The keywords that every solver takes, as they come.
+/// The keywords of all solvers, unchanged.
 #[derive(Clone, Copy)]
 pub struct Keywords<'a, 'py> {
     pub method: &'a str,
@@ -247,7 +247,7 @@ pub struct Keywords<'a, 'py> {
 }
 
 impl Keywords<'_, '_> {
-    /// Whether only the method and the rounding are given.
+    /// Whether the caller set only the method and the rounding.
     pub fn plain(&self) -> bool {
         self.eps.is_none() && self.weight.is_none() && self.v_min.is_none() && self.v_max.is_none()
     }

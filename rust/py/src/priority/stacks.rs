@@ -1,7 +1,7 @@
 //! Batches of stacks for `armlet.solve_priority`.
 //!
-//! Rows that take microseconds at most are solved from the caller's arrays in place, piece by piece, without letting go of the interpreter
-//! lock: a copy takes longer than the solve. Others may have the lock between two pieces, after which the arrays are looked up again.
+//! Small problems (microseconds per row) are solved from the caller's arrays in place, piece by piece, under the interpreter lock. A copy
+//! would take longer than the solve. Between two pieces other threads may have the lock, so the arrays are then looked up again.
 
 use super::solution::PrioritySolution;
 use super::stack::Stack;

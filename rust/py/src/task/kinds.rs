@@ -1,4 +1,4 @@
-//! The tasks that control something else than a frame.
+//! The tasks that control other quantities than a frame.
 
 use super::{Blueprint, Common, Task, axes_of, names};
 use crate::arrays::{number, text, vector};
@@ -9,13 +9,19 @@ use armlet_macros::entered;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 
-/// Joints at a posture: `e = q_d - q`. Without `joints` all of them, in the order of `q`.
+/// Joints at a posture: `e = q_d - q`. Without `joints` these are all joints, in the order of `q`.
 ///
 /// Args:
-///     target: a `Motion` or a constant of one number per joint, rad or m; None where velocities are given in each call.
+///     target: a `Motion` or a constant of one number per joint, rad or m; None if each call has the velocities.
 ///     gain: as for `Task`.
+///     motion: the same argument as `target`.
 ///     joints: names of the joints; None: all (keyword only).
 ///     damping: as for `Task` (keyword only).
+///
+/// Raises:
+///     InputError: a name is unknown, a shape is wrong, a number is not finite, or a gain is negative.
+///
+/// Source: [SicilianoEtAl2009], section 3.5; docs/priority.md.
 ///
 /// >>> import armlet as al
 /// >>> al.PostureTask([0.0, 0.5], 1.0, joints=["joint1", "joint3"])
@@ -51,13 +57,19 @@ impl PostureTask {
     }
 }
 
-/// The centre of mass at a point: `e = c_d - c`, rows of world axes.
+/// The centre of mass at a point: `e = c_d - c`, in rows of world axes.
 ///
 /// Args:
 ///     axes: letters of "xyz".
-///     target: a `Motion` or a constant, m; None where velocities are given in each call.
+///     target: a `Motion` or a constant, m; None if each call has the velocities.
 ///     gain: as for `Task`.
+///     motion: the same argument as `target`.
 ///     damping: as for `Task` (keyword only).
+///
+/// Raises:
+///     InputError: a letter is unknown, a shape is wrong, a number is not finite, or a gain is negative.
+///
+/// Source: [SicilianoEtAl2009], section 3.5; docs/priority.md.
 ///
 /// >>> import armlet as al
 /// >>> al.CentreOfMassTask("xy", [0.5, 0.0], 2.0)
@@ -90,15 +102,21 @@ impl CentreOfMassTask {
 
 /// A direction of a frame shall point along a direction of the world. Rotation about it is free. Two rows.
 ///
-/// The error is the turn vector from the first to the second direction, in the frame's two directions across its axis. The velocity of the
-/// task is the frame's angular velocity about these two, rad/s.
+/// The error is the rotation vector from the first to the second direction, in the frame's two directions perpendicular to its axis. The
+/// velocity of the task is the frame's angular velocity about these two, rad/s.
 ///
 /// Args:
 ///     frame: name of the frame.
 ///     axis: the direction in the frame's axes, (3,), any length > 0.
-///     target: a `Motion` of 3 numbers or a constant `(3,)`, any length > 0; None where velocities are given in each call.
+///     target: a `Motion` of 3 numbers or a constant `(3,)`, any length > 0; None if each call has the velocities.
 ///     gain: as for `Task`; rows = 2.
+///     motion: the same argument as `target`.
 ///     damping: as for `Task` (keyword only).
+///
+/// Raises:
+///     InputError: a shape is wrong, a number is not finite, a direction has no length, or a gain is negative.
+///
+/// Source: [SicilianoEtAl2009], section 3.7; docs/priority.md.
 ///
 /// >>> import armlet as al
 /// >>> al.AxisTask("tool", [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], 5.0)
@@ -134,15 +152,21 @@ impl AxisTask {
     }
 }
 
-/// Rows of the pose of a frame as seen from another frame of the arm: `x = R_r'(p - p_r)`, `R = R_r' R_F`.
+/// Rows of the pose of a frame relative to another frame of the arm: `x = R_r'(p - p_r)`, `R = R_r' R_F`.
 ///
 /// Args:
 ///     frame: name of the frame.
-///     reference: name of the frame in whose axes it is seen.
+///     reference: name of this other frame, in whose axes the pose is.
 ///     axes: as for `Task`.
-///     target: a `Motion` or a constant, m and rad; None where velocities are given in each call.
+///     target: a `Motion` or a constant, m and rad; None if each call has the velocities.
 ///     gain: as for `Task`.
+///     motion: the same argument as `target`.
 ///     damping: as for `Task` (keyword only).
+///
+/// Raises:
+///     InputError: a letter is unknown, a shape is wrong, a number is not finite, or a gain is negative.
+///
+/// Source: [SicilianoEtAl2009], section 3.7; docs/priority.md.
 ///
 /// >>> import armlet as al
 /// >>> al.RelativeTask("left", "right", "xyz", [0.3, 0.0, 0.0], 5.0)
@@ -186,6 +210,11 @@ impl RelativeTask {
 ///     margin: the fraction of the range at each end that the joints shall avoid, 0 to 0.5; 0.5 centres the joints.
 ///     joints: names of the joints; None: all that have two finite limits (keyword only).
 ///     damping: as for `Task` (keyword only).
+///
+/// Raises:
+///     InputError: a name is unknown, `margin` is out of range, or a gain is negative.
+///
+/// Source: [SicilianoEtAl2009], section 3.5; docs/priority.md.
 ///
 /// >>> import armlet as al
 /// >>> al.JointLimitTask(2.0, 0.2)

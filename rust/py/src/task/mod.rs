@@ -1,4 +1,4 @@
-//! `armlet.Task` and its kin: what of an arm is to be controlled, before the arm is known.
+//! `armlet.Task` and other tasks: the controlled quantity, before the arm is known.
 
 pub mod kinds;
 
@@ -20,14 +20,14 @@ use pyo3::types::{PyString, PyTuple};
 /// The task function on an arm.
 type OnArm = Box<dyn Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync>;
 
-/// What a task controls, by the names in an arm.
+/// The controlled quantity of a task, with names of frames and joints.
 struct Blueprint {
     on: OnArm,
-    /// Numbers in a target, where they are known without the arm.
+    /// The number of numbers in a target, if it is known without the arm.
     target_size: Option<usize>,
 }
 
-/// Where a task goes.
+/// The target of a task.
 enum Aim {
     Motion(CoreMotion),
     /// A constant for each row of a batch: the leading axes, and numbers that need not be finite.
@@ -47,7 +47,7 @@ impl Blueprint {
     }
 }
 
-/// A gain as it was given.
+/// A gain as passed by the caller.
 #[derive(Clone)]
 struct Raw {
     shape: Vec<usize>,
@@ -61,14 +61,17 @@ struct Raw {
 /// Args:
 ///     frame: name of the frame.
 ///     axes: its controlled rows, such as "xyz", "xy", "rx ry rz" or "x y rz".
-///     target: a `Motion` of as many numbers as rows, or a constant `(rows,)`, m and rad (rotation vector); None where velocities are
-///         given in each call. `(..., rows)` is a batch of constants for `inverse_kinematics`, its rows not necessarily finite.
-///         `motion=` is the same argument by another name.
+///     target: a `Motion` of as many numbers as rows, or a constant `(rows,)`, m and rad (rotation vector); None if each call has the
+///         velocities. `(..., rows)` is a batch of constants for `inverse_kinematics`, whose rows may be not finite. `motion=` is another
+///         name of this argument.
 ///     gain: `K` in `v = x_d' + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative.
-///     damping: of the error's rate, 1/s, for `PriorityAcceleration`; None: `2 K^1/2`, critical (keyword only).
+///     motion: the same argument as `target`.
+///     damping: gain of the error's rate, 1/s, for `PriorityAcceleration`; None: `2 K^1/2`, critical (keyword only).
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a gain is negative.
+///
+/// Source: [SicilianoEtAl2009], section 3.7; docs/priority.md.
 ///
 /// >>> import armlet as al
 /// >>> al.Task("link4", "xy", [1.0, 0.5], 10.0)
@@ -79,7 +82,7 @@ pub struct Task {
     target: Option<Aim>,
     gain: Raw,
     damping: Option<Raw>,
-    /// As given, for `repr` and pickling.
+    /// The arguments, for `repr` and pickling.
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
@@ -131,7 +134,7 @@ fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 }
 
 impl Common<'_, '_> {
-    /// The task of this blueprint, whose own arguments are `arguments`.
+    /// The task of this blueprint with these additional arguments.
     fn task(self, blueprint: Blueprint, mut arguments: Vec<(&'static str, Py<PyAny>)>) -> Result<Task, Failure> {
         let given = match (self.target, self.motion) {
             (Some(target), Some(_)) => {
@@ -146,7 +149,7 @@ impl Common<'_, '_> {
                     Ok(motion) => Aim::Motion(motion.get().core.clone()),
                     Err(_) => {
                         let single = Form(&[Axis::Any("rows")]);
-                        // A batch is seen to be one of this task before it is read.
+                        // A batch must have the shape of this task before it is read.
                         let looked = Looked::at(self.name, "target", given)?;
                         let width = [Axis::Leading, blueprint.target_size.map_or(Axis::Any("rows"), Axis::Is)];
                         let forms = [single, Form(&width)];
@@ -161,7 +164,7 @@ impl Common<'_, '_> {
                         }
                     }
                 };
-                // Copied once its shape is known to be right; many rows stay an array.
+                // Copied after the check of its shape; many rows remain an array.
                 let kept = match &target {
                     Aim::Motion(_) => kept(given)?,
                     Aim::Rows(lead, values) => {
@@ -205,7 +208,7 @@ impl Task {
         if let Some(Aim::Rows(lead, values)) = &self.target {
             let (function, rows) = (self.function(arm)?, lead.iter().product::<usize>());
             let size = function.target_size();
-            // An empty batch has no numbers that could tell its width.
+            // An empty batch has no numbers that determine its width.
             if rows.checked_mul(size) != Some(values.len()) {
                 let got = shown(&[lead.as_slice(), &[values.len() / rows.max(1)]].concat());
                 return Err(Error::input("target", format!("has the wrong shape: expected (..., {size}), got {got}")));
@@ -240,7 +243,7 @@ impl Task {
 /// The most names of joints in a list.
 const MOST_NAMES: usize = 1 << 20;
 
-/// Read a list of tasks, and what `of` makes of each; problems name the task.
+/// Read a list of tasks, and apply `of` to each; errors name the task.
 pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> Result<T, Error>) -> Result<(Py<PyTuple>, Vec<T>), Failure> {
     let py = tasks.py();
     let refuse = |argument: &str, problem: String| -> Failure { input_error(py, function, argument, problem).into() };
@@ -310,7 +313,7 @@ impl Task {
         let of_frame = slf.get().arguments.get(1).is_some_and(|(name, _)| *name == "axes");
         for (i, (name, value)) in slf.get().arguments.iter().enumerate() {
             let shown = value.bind(py).repr()?.to_string();
-            // Positional as long as nothing was left out.
+            // Positional until the first missing argument.
             let plain = i < 2 || (i == 2 && *name == "target") || (i == 3 && *name == "gain" && slf.get().arguments[2].0 == "target");
             let keyword = !plain || *name == "damping" || !of_frame;
             parts.push(if keyword { format!("{name}={shown}") } else { shown });

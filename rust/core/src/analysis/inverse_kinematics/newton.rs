@@ -34,7 +34,7 @@ pub(super) struct Attempt {
     pub q: Vec<f64>,
     /// Largest error of each task, zero where it is reached.
     pub misses: Vec<f64>,
-    /// Whether it came to rest.
+    /// Whether the steps ended without progress.
     pub resting: bool,
 }
 
@@ -198,7 +198,7 @@ impl Newton {
         Ok(false)
     }
 
-    /// Whether it came to rest.
+    /// Take steps from `q`. Returns whether they ended without progress.
     fn descend_from(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         clip(q, &self.bounds);
         self.mark.fill(f64::INFINITY);

@@ -1,6 +1,6 @@
 //! The adjoint of a run: `l_k = Phi_x' l_(k+1) + loss_x(k)`, `grad = x0_p' l_0 + sum Phi_p' l_(k+1)`, operation by operation from the last to
-//! the first. Each operation is differentiated at the state before it: states are kept at checkpoints, and those of the operations after a
-//! checkpoint are computed again (Griewank and Walther 2008, chapter 12).
+//! the first. Each operation is differentiated at the state before it. States are kept at checkpoints, and the states after a checkpoint
+//! are computed again (Griewank and Walther 2008, chapter 12).
 
 use super::Prepared;
 use super::combine::add;

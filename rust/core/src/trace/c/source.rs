@@ -11,9 +11,12 @@ use std::fmt::Write;
 const LONGEST: usize = 40;
 
 /// Words that no prefix may be: those of C and C++, and the headers that are included.
-const TAKEN: &str = " auto break case char const continue default do double else enum extern float for goto if inline int long register restrict return short \
-signed sizeof static struct switch typedef union unsigned void volatile while bool class delete new private public this throw try catch \
-template namespace operator using virtual true false asm math string ";
+const TAKEN: &str = concat!(
+    " auto break case char const continue default do double else enum extern float for goto if inline ",
+    "int long register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while ",
+    "bool class delete new private public this throw try catch template namespace operator using virtual true false ",
+    "asm math string ",
+);
 
 /// Names that CMake reserves for its targets, and the library that the target links.
 const TARGETS: &str = " all ALL_BUILD help install INSTALL preinstall clean edit_cache rebuild_cache list_install_components depend ZERO_CHECK test RUN_TESTS \
