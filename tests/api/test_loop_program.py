@@ -127,13 +127,13 @@ def test_the_lines_of_every_stage_are_the_step(loop: str, method: str) -> None:
         return
     h = 0.01
     run = al.simulate(plant, law, t_end=h, dt=h, method=method, monitors=False, **start(plant))
-    inputs = state(run, 0) | desired(target, h) | {"h": h, "stands": 1.0, "largest_angle": 0.0}
+    inputs = state(run, 0) | desired(target, h) | {"h": h, "valid": 1.0, "largest_angle": 0.0}
     expected = state(run, 1)
     program = al.loop_program(plant, law, method=method)
     assert program.part == "step" and set(program.stages) >= {"simplified", "lowered", "machine"}
     for stage in program.stages:
         found = evaluate(program.at(stage), inputs)
-        assert set(expected) <= set(found) <= set(expected) | {"largest_angle", "stands"}
+        assert set(expected) <= set(found) <= set(expected) | {"largest_angle", "valid"}
         # The instructions are all there is: to the bit. Before them sines are those of another library.
         close = CLOSE if stage in ("recorded", "simplified") else {"rtol": 0.0, "atol": 0.0}
         np.testing.assert_allclose([found[name] for name in expected], list(expected.values()), **close, err_msg=stage)

@@ -158,8 +158,8 @@ impl ElasticImpedance {
 ///
 /// Args:
 ///     target: the motion of the target, one coordinate per row, m or rad.
-///     arm, stiffness, damping, joint_stiffness, motor_inertia, reduced_inertia, frame, axes, motor_damping, damping_ratio,
-///         relative_damping: as for `ElasticImpedance`.
+///     arm, stiffness, damping, joint_stiffness, frame, axes: as for `ElasticImpedance`.
+///     motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
