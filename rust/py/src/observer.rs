@@ -99,12 +99,12 @@ impl MomentumObserver {
         Some(((model.clone(), gain.clone(), friction.clone()), observed.core.thresholds().map(<[f64]>::to_vec)))
     }
 
-    /// The files of its C.
+    /// The C files of the observer.
     pub fn printed(&self, py: Python<'_>, options: &COptions) -> Result<Vec<CFile>, Failure> {
         self.detached(py, |observed| observed.core.export_c(options))
     }
 
-    /// The observer, and what `work` makes of it without the interpreter lock.
+    /// Call `work` on the observer without the interpreter lock.
     fn detached<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Observed) -> CoreResult<T> + Send) -> Result<T, Failure> {
         long(py, || work(&mut self.observed.lock().unwrap_or_else(PoisonError::into_inner)))
     }
