@@ -96,7 +96,8 @@ def export_c(
     """
     where = Path(file_path("export_c", folder, "folder"))
     instance("export_c", "overwrite", overwrite, (bool, np.bool_), "True or False")
-    of_law: dict[str, object] = {"dt": dt, "method": None if _is_default(method) else method, "sample_time": sample_time, "tau_max": tau_max}
+    of_law: dict[str, object] = {"dt": dt, "method": None if _is_default(method) else method, "sample_time": sample_time}
+    of_law["tau_max"] = tau_max
     of_arm: dict[str, object] = {"functions": functions, "friction": friction, "armature": armature}
     if isinstance(law, _core.Arm):
         _require_unused("an arm", of_law)

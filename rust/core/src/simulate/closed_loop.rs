@@ -245,7 +245,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.plant.hold(contacts);
     }
 
-    /// Depth and push of a contact of the plant at state `x`, after [`ClosedLoop::turn_to`].
+    /// Penetration depth and force of a contact of the plant at state `x`, after [`ClosedLoop::turn_to`].
     pub fn contact(&mut self, i: usize, x: &[S]) -> [S; 2] {
         self.plant.contact(i, &self.trig, &x[..self.states])
     }

@@ -34,7 +34,7 @@ pub struct Polynomials {
     pub nodes: Vec<f64>,
 }
 
-/// What ends a contact as it is: its depth or its push changes sign.
+/// The function whose change of sign changes the mode of a contact: its penetration depth or its force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
     /// The wall first, then the stops.
@@ -42,11 +42,11 @@ pub struct Guard {
     pub by_push: bool,
 }
 
-/// The contacts from an instant on.
+/// The modes of the contacts from the time `t` on.
 #[derive(Clone, Debug)]
 pub struct Switched {
     pub t: f64,
-    /// What changed sign; `None` where the contacts are taken as they are found.
+    /// The function that changed sign; `None` if the modes are those of the state at `t`.
     pub by: Option<Guard>,
     pub touches: Vec<Touch>,
 }
@@ -54,7 +54,7 @@ pub struct Switched {
 /// The requested events and polynomials of a run, and their results.
 #[derive(Default)]
 pub struct RunObserver {
-    /// The contacts at the start and after each change.
+    /// The modes of the contacts at the start and after each change.
     pub contacts: Option<Vec<Switched>>,
     pub events: Vec<Event>,
     pub crossings: Crossings,
@@ -64,7 +64,7 @@ pub struct RunObserver {
 }
 
 impl RunObserver {
-    /// Take down how the contacts are held from `t` on.
+    /// Store the modes of the contacts from `t` on.
     fn keep_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
         self.keep(|observer| {
             let Some(contacts) = &mut observer.contacts else { return Ok(()) };

@@ -78,7 +78,7 @@ impl Op {
     }
 }
 
-/// Which numbers of a set-up are inputs of their own, whatever their value.
+/// The numbers of a set-up that are separate inputs for every value.
 #[derive(Clone, Debug)]
 pub enum Moving {
     Nothing,
