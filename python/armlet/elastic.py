@@ -33,8 +33,10 @@ class Equilibrium:
         spurious: an equilibrium with an unbalanced spring: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD`
             and `StateFeedback` that know the plant: an equilibrium off the target, without force and contact.
         wall_force: of the plant's wall on its frame, (3,), world axes, N; None without a wall.
-        stable: whether no eigenvalue has a positive real part; free motions of a redundant arm have eigenvalues at zero.
+        stable: whether no eigenvalue has a positive real part, apart from those of free motions.
         eigenvalues: of the closed loop linearised at the equilibrium, complex, 1/s, sorted by real part.
+        free_motions: the number of free motions, along which nothing brings the loop back. Without a posture, the null motions of a
+            redundant arm are free. Bristles of friction at rest leave each joint free: it rests where it is. Their eigenvalues are zero.
     """
 
     q: Array
@@ -47,6 +49,7 @@ class Equilibrium:
     theta: Array | None = None
     wall_force: Array | None = None
     estimate: Array | None = None
+    free_motions: int = 0
 
 
 @bordered
@@ -81,6 +84,8 @@ def equilibrium(
     The equilibrium of an impedance law is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with an unbalanced
     spring, `spurious` is true. If the loop leaves the equilibrium, `stable` is false. A law with a null space, an integral or limits has
     no potential. The search then follows the loop without velocities, M q' = r(q).
+
+    A redundant arm without a posture can move without moving its frame. `free_motions` counts these motions, and `stable` leaves them out.
 
     Args:
         plant: `RigidArm` or `ElasticArm`, with its wall and its joint stops.

@@ -126,3 +126,55 @@ def test_bristles_without_a_load_leave_the_rest(plant: str) -> None:
     assert got.stable and got.eigenvalues.size == want.eigenvalues.size + 2
     # A bristle at rest is a spring beside the law: the sum of all eigenvalues loses its damping sigma_1 alone.
     assert got.eigenvalues.real.sum() < want.eigenvalues.real.sum()
+
+
+RAIL = [
+    {"type": "P", "axis": [1, 0, 0], "xyz": [0, 0, 0], "phi": [6, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]},
+    *(
+        {"type": "R", "axis": [0, 0, 1], "xyz": [length, 0, 0], "phi": [2, 0.4, 0, 0, 0.02, 0, 0.12, 0, 0, 0.12]}
+        for length in (0.0, 0.5, 0.4, 0.3)
+    ),
+]
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+@pytest.mark.parametrize("axes", ["x", "xy", "xy rz"])
+def test_null_motions_are_free_and_counted(axes: str, elastic: bool) -> None:
+    """n - m motions are free without a posture; damping alone leaves them free, and a spring binds them."""
+    arm = al.Arm.from_chain(RAIL, gravity=(0.0, -9.81, 0.0)).with_frame("tip", "link5", xyz=[0.2, 0.0, 0.0])
+    q0 = np.array([0.1, 0.3, 0.5, -0.4, 0.6])
+    rows = {"x": [0], "xy": [0, 1], "xy rz": [0, 1, 5]}[axes]
+    target = arm.pose_vector(q0, "tip")[rows]
+    share = np.array([1.0, 1.0, 0.05])[: len(rows)]  # of the gains: the last row turns
+    springs, motors = np.array([2e4, 900.0, 800.0, 700.0, 600.0]), np.array([3.0, 0.4, 0.3, 0.2, 0.1])
+
+    def rest(posture: al.NullSpace | None, kp: float = 300.0, **force: Any) -> al.Equilibrium:
+        more: dict[str, Any] = {"frame": "tip", "axes": axes, "nullspace": posture}
+        if elastic:
+            law: al.Law = al.ElasticImpedance(arm, target, kp * share, 40.0 * share, springs, motors, motors / 5.0, **more)
+            return al.equilibrium(al.ElasticArm(arm, springs, motors), law, q0=q0, **force)
+        return al.equilibrium(al.RigidArm(arm), al.CartesianImpedance(arm, target, kp * share, 40.0 * share, **more), q0=q0, **force)
+
+    free, states = 5 - len(rows), 20 if elastic else 10
+    still = np.zeros(5)
+    for found in (rest(None), rest(None, force=np.full(len(rows), 4.0)), rest(al.NullSpace(q0, still, still)), rest(None, kp=3.0)):
+        assert found.stable and found.free_motions == free
+        # Without any damping a free motion has two zeros; motors always have some.
+        zeros = int((np.abs(found.eigenvalues) < 1e-9 * np.abs(found.eigenvalues).max()).sum())
+        assert zeros == (free if elastic else 2 * free) and found.eigenvalues.shape == (states,)
+    damped = rest(al.NullSpace(q0, still, 5.0))
+    assert damped.stable and damped.free_motions == free
+    bound = rest(al.NullSpace(q0 + 0.1, 20.0, 5.0))
+    assert bound.stable and bound.free_motions == 0 and bound.eigenvalues.real.max() < -1e-2
+
+
+def test_free_motions_do_not_hide_what_is_unstable() -> None:
+    """A stretched arm of three joints short of its target: it leaves that pose, whatever its null motion does."""
+    arm = al.planar_arm([0.5, 0.4, 0.3], gravity=(0.0, 0.0))
+    law = al.CartesianImpedance(arm, [0.9], 300.0, 40.0, frame="link3", axes="x")
+    stretched = al.equilibrium(al.RigidArm(arm), law, q0=[0.0, 0.0, 0.0])
+    assert not stretched.stable and stretched.spurious and stretched.eigenvalues.real.max() > 1.0
+    bent = al.equilibrium(al.RigidArm(arm), law, q0=[0.2, 0.5, 0.4])
+    assert bent.stable and bent.free_motions == 2
+    # A pose of joints has no free motion.
+    assert al.equilibrium(al.RigidArm(arm), al.PDGravity(arm, [0.1, 0.2, 0.3], 50.0, 8.0), q0=[0.0, 0.0, 0.0]).free_motions == 0

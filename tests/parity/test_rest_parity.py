@@ -118,3 +118,30 @@ def test_damping_from_ratio(n: int) -> None:
     halves = rng.standard_normal((2, n, n))
     M, S = halves @ halves.transpose(0, 2, 1) / n + 0.2 * np.eye(n)
     close(al.damping_from_ratio(M, 50.0 * S, 0.7), reference.damping_from_ratio(M, 50.0 * S, 0.7), 1e-12)
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+@pytest.mark.parametrize("axes", ["x", "xy"])
+def test_free_motions(axes: str, elastic: bool) -> None:
+    """Without a posture: the free motions are counted alike, and so are the eigenvalues beside their zeros."""
+    found = []
+    for kit in (al, reference):
+        arm = kit.planar_arm([0.5, 0.4, 0.3])
+        given = (arm, [0.5, 0.3][: len(axes)], 300.0, 10.0 if elastic else 60.0)
+        law = (
+            kit.ElasticImpedance(*given, 800.0, 0.3, 0.05, frame="link3", axes=axes)
+            if elastic
+            else kit.CartesianImpedance(*given, frame="link3", axes=axes)
+        )
+        plant = kit.ElasticArm(arm, np.full(3, 800.0), np.full(3, 0.3)) if elastic else kit.RigidArm(arm)
+        found.append(kit.equilibrium(plant, law, [6.0, -3.0][: len(axes)], q0=[0.2, 0.5, 0.4]))
+    ours, theirs = found
+    assert ours.free_motions == theirs.free_motions == 3 - len(axes) and ours.stable and theirs.stable
+    # Two descents end at two of the poses that null motions connect: the tip is the same, and the modes are those of their pose.
+    close(ours.x, theirs.x, 1e-8)
+    again = reference.equilibrium(plant, law, [6.0, -3.0][: len(axes)], q0=ours.q)
+    close(again.q, ours.q, 1e-7)
+    scale = np.abs(ours.eigenvalues).max()
+    np.testing.assert_allclose(
+        np.sort_complex(np.round(ours.eigenvalues / scale, 7)), np.sort_complex(np.round(again.eigenvalues / scale, 7)), atol=1e-6
+    )

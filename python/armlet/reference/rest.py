@@ -34,6 +34,7 @@ class Equilibrium(NamedTuple):
     stable: bool
     eigenvalues: Analytic
     estimate: Array | None = None
+    free_motions: int = 0
 
 
 def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int = 6) -> Array:
@@ -117,9 +118,9 @@ def equilibrium(
         # A law of motors that knows the plant, away from its target with nothing that pushes.
         away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
         spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm
-    values = eigenvalues(plant, law, push, load, q, theta, w)
-    fastest = float(np.abs(values).max())
-    return Equilibrium(q, theta, tau, x, reachable, spurious, bool(values.real.max() < 1e-7 * fastest), values, w if w.size else None)
+    values, free = eigenvalues(plant, law, push, load, q, theta, w)
+    stable = bool(values.real.max() < 1e-7 * float(np.abs(values).max()))
+    return Equilibrium(q, theta, tau, x, reachable, spurious, stable, values, w if w.size else None, free)
 
 
 def _reaches(task: Any, goal: Array, q0: Array) -> bool:
@@ -145,8 +146,11 @@ def eigenvalues(
     theta: Array | None,
     w: Array,
     columns: int = 6,
-) -> Analytic:
-    """Eigenvalues of the closed loop linearised at the equilibrium, with the law's state w, sorted by real part."""
+) -> tuple[Analytic, int]:
+    """Eigenvalues of the closed loop linearised at the equilibrium, with the law's state w, sorted by real part; the number of free motions.
+
+    A free motion, A N = 0, may be a defective zero, which rounding splits. So the others are those of P A P with P = I - N N#.
+    """
     loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
     still = np.zeros(plant.arm.n)
     rest = np.concatenate([q, still] if theta is None else [q, still, theta, still])
@@ -158,5 +162,18 @@ def eigenvalues(
         y[rest.size : whole.size] = x[rest.size :]
         return loop(0.0, y)[: whole.size]
 
-    values = np.linalg.eigvals(slope(field, whole, columns=columns))
-    return np.asarray(values[np.argsort(values.real)])
+    A = slope(field, whole, columns=columns)
+    fastest = float(np.abs(np.linalg.eigvals(A)).max())
+    speeds = np.arange(whole.size) // plant.arm.n % 2 * (np.arange(whole.size) < rest.size)
+    unit = np.where(speeds == 1, fastest, 1.0)
+    scaled = A * unit / unit[:, None] / fastest
+    for k in range(rest.size, whole.size):
+        row, column = np.abs(scaled[k]).max(), np.abs(scaled[:, k]).max()
+        if row > 0.0 and column > 0.0:
+            scaled[k] *= np.sqrt(column / row)
+            scaled[:, k] *= np.sqrt(row / column)
+    _, sizes, rows = np.linalg.svd(scaled)
+    N = rows[sizes <= 1e-8 * sizes[0]]
+    P = np.eye(whole.size) - N.T @ N
+    values = fastest * np.linalg.eigvals(P @ scaled @ P)
+    return np.asarray(values[np.argsort(values.real)]), len(N)

@@ -103,6 +103,7 @@ pub fn equilibrium<'py>(
             put(&fields, "wall_force", &found.wall_force)?;
         }
         fields.set_item("stable", found.stable)?;
+        fields.set_item("free_motions", found.free_motions)?;
         put_eigenvalues(&fields, &found.eigenvalues)?;
         Ok(fields)
     })

@@ -7,7 +7,7 @@
 //! A null space adds `N' tau_0`, an integral its wrench `w` with `K_i e = 0`; limits of the law may hold the arm back.
 //! A wall and joint stops add their forces. A law of motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
 
-use super::loop_slope::loop_eigenvalues;
+use super::loop_slope::{Modes, loop_modes};
 use super::rest::Rest;
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
@@ -37,9 +37,11 @@ pub struct Equilibrium {
     pub spurious: bool,
     /// The wall's force on its frame, `(3,)`, world axes.
     pub wall_force: [f64; 3],
-    /// No eigenvalue has a positive real part; free motions of a redundant arm have eigenvalues at zero.
+    /// No eigenvalue has a positive real part, apart from those of free motions.
     pub stable: bool,
-    /// Of the linearised closed loop, by real part.
+    /// The number of free motions, along which nothing brings the loop back: the null motions of a redundant arm without a posture.
+    pub free_motions: usize,
+    /// Of the linearised closed loop, by real part; zeros of free motions.
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
@@ -258,8 +260,6 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         let away = q.iter().zip(&target).any(|(q, target)| (q - target).abs() > 1e-6 * (1.0 + target.abs()));
         spurious = knows && !pressed && wrench.iter().all(|&w| w == 0.0) && away;
     }
-    let eigenvalues = loop_eigenvalues(plant, law, &state, &integral, wrench, force_frame)?;
-    let fastest = eigenvalues.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
-    let stable = eigenvalues.iter().all(|(re, _)| *re < 1e-9 * fastest);
-    Ok(Equilibrium { q, theta, tau, x, integral, reachable, spurious, wall_force, stable, eigenvalues })
+    let Modes { free: free_motions, eigenvalues, stable } = loop_modes(plant, law, &state, &integral, wrench, force_frame)?;
+    Ok(Equilibrium { q, theta, tau, x, integral, reachable, spurious, wall_force, stable, free_motions, eigenvalues })
 }

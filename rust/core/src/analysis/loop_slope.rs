@@ -3,7 +3,9 @@
 
 use crate::error::Result;
 use crate::law::LawSpec;
+use crate::linalg::dot;
 use crate::linalg::eigenvalues::eigenvalues;
+use crate::linalg::svd::Svd;
 use crate::plant::PlantSpec;
 use crate::scalar::{Dual, Real};
 
@@ -41,14 +43,65 @@ pub fn loop_slope(
     slope
 }
 
-/// `(real, imaginary)` of the eigenvalues of [`loop_slope`], by real part, ascending.
-pub fn loop_eigenvalues(
-    plant: &PlantSpec,
-    law: &LawSpec,
-    x: &[f64],
-    z: &[f64],
-    wrench: &[f64; 6],
-    force_frame: Option<usize>,
-) -> Result<Vec<(f64, f64)>> {
-    eigenvalues(&loop_slope(plant, law, 0.0, x, z, wrench, force_frame), x.len() + z.len())
+/// The modes of a loop about an equilibrium.
+pub struct Modes {
+    /// The number of free motions: directions of `A d x = 0`, along which nothing brings the loop back.
+    pub free: usize,
+    /// `(real, imaginary)` of the eigenvalues of `A`, by real part, ascending. Free motions have zeros.
+    pub eigenvalues: Vec<(f64, f64)>,
+    /// Whether no other eigenvalue lies to the right.
+    pub stable: bool,
+}
+
+/// The modes of [`loop_slope`] at time zero.
+///
+/// A free motion without damping is a Jordan block, `d q' = d v`, `d v' = 0`. Rounding of `A` splits its eigenvalues by the root of that
+/// rounding, to both sides. So the free motions `N`, `A N = 0`, are taken out first: the other eigenvalues are those of `Q' A Q`, with
+/// `[N Q]` orthogonal. Singular values up to `FREE` of the largest count as zero, with times in units of the fastest mode.
+pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> Result<Modes> {
+    const FREE: f64 = 1e-10;
+    /// Real parts up to this, in units of the fastest mode, are rounding.
+    const RIGHT: f64 = 1e-9;
+    let (n, s) = (plant.n(), x.len() + z.len());
+    let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame);
+    let whole = eigenvalues(&slope, s)?;
+    let fastest = whole.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
+    let left = |modes: &[(f64, f64)]| modes.iter().all(|(re, _)| *re < RIGHT * fastest);
+    let scaled = in_units(&slope, x.len(), n, fastest);
+    let mut svd = Svd::new(s, s);
+    if fastest > 0.0 {
+        svd.decompose(&scaled, s, s)?;
+    }
+    let kept = if fastest > 0.0 { svd.rank(FREE * svd.s()[0]) } else { 0 };
+    if kept == s {
+        return Ok(Modes { free: 0, stable: left(&whole), eigenvalues: whole });
+    }
+    let mut quotient = vec![0.0; kept * kept];
+    for j in 0..kept {
+        let image: Vec<f64> = scaled.chunks_exact(s).map(|row| dot(row, svd.v(j))).collect();
+        for i in 0..kept {
+            quotient[i * kept + j] = fastest * dot(svd.v(i), &image);
+        }
+    }
+    let mut found = if kept == 0 { Vec::new() } else { eigenvalues(&quotient, kept)? };
+    let stable = left(&found);
+    found.resize(s, (0.0, 0.0));
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    Ok(Modes { free: s - kept, eigenvalues: found, stable })
+}
+
+/// `A` with times in units of `1 / fastest`, and with the law's states in units in which their rows and columns are of one size.
+fn in_units(slope: &[f64], states: usize, n: usize, fastest: f64) -> Vec<f64> {
+    let s = slope.len().isqrt();
+    // Positions and speeds of links, then of motors.
+    let mut unit: Vec<f64> = (0..s).map(|i| if i < states && (i / n) % 2 == 1 { fastest } else { 1.0 }).collect();
+    for k in states..s {
+        let most = |entry: &dyn Fn(usize) -> f64| (0..states).fold(0.0f64, |most, i| most.max(entry(i).abs()));
+        let row = most(&|i| slope[k * s + i] * unit[i]);
+        let column = most(&|i| slope[i * s + k] / unit[i]);
+        if row > 0.0 && column > 0.0 {
+            unit[k] = (row / column).sqrt();
+        }
+    }
+    (0..s * s).map(|at| slope[at] * unit[at % s] / (unit[at / s] * fastest)).collect()
 }
