@@ -268,6 +268,39 @@ class TestSimulator:
         with pytest.raises(al.InputError, match=r"^Simulator.set_state: theta is not used: expected None for"):
             al.Simulator(PLANT, LAW, [0.0, 0.0], dt=1e-3).set_state([0.0, 0.0], [0.0, 0.0], theta=[0.0, 0.0])
 
+    def test_the_state_of_the_law_is_set_too(self) -> None:
+        """A loop that is taken up by another one goes on with the same bits: integral, estimate with its filters, observer and contact."""
+        watch = al.MomentumObserver(ARM, 50.0, threshold=0.5)
+        retract = {"stiffness": 100.0, "damping": 20.0, "speed": 0.3, "duration": 0.5}
+        inner = al.PID(ARM, [0.4, 0.1], 60.0, 30.0, 10.0, derivative_filter=200.0, observer_bandwidth=10.0)
+        laws: list[Any] = [
+            inner,
+            al.Adaptive(ARM, al.Hold([0.4, 0.1]), 60.0, 20.0, 1.0, composite=1.0),
+            al.Guarded(inner, watch, "retract", **retract),
+        ]
+        for law in laws:
+            options: dict[str, Any] = {"dt": 1e-3, "sample_time": 1e-3, "force": [8.0, -9.0, 0.0], "force_frame": "link2"}
+            first = al.Simulator(PLANT, law, [0.3, 0.5], **options)
+            for _ in range(60):
+                first.step()
+            second = al.Simulator(PLANT, law, [0.0, 0.0], **options)
+            second.set_state(first.q, first.v, estimate=first.estimate)
+            assert np.array_equal(second.estimate, first.estimate)  # type: ignore[arg-type]
+            for sim in (first, second):
+                for _ in range(40):
+                    sim.step()
+            assert np.array_equal(first.q, second.q) and np.array_equal(first.estimate, second.estimate)  # type: ignore[arg-type]
+            # A law that starts anew asks for another torque.
+            second.reset(first.q, first.v)
+            second.step()
+            first.step()
+            assert np.abs(first.q - second.q).max() > 1e-9
+            for bad, problem in ([[0.0]], "has the wrong shape"), (np.full(first.estimate.shape, np.nan), "is not finite"):  # type: ignore[union-attr]
+                with pytest.raises(al.InputError, match=f"^Simulator.set_state: estimate {problem}"):
+                    second.set_state(first.q, first.v, estimate=bad)
+        with pytest.raises(al.InputError, match=r"^Simulator.set_state: estimate is not used: expected None for a law without a state"):
+            al.Simulator(PLANT, LAW, [0.0, 0.0], dt=1e-3).set_state([0.0, 0.0], [0.0, 0.0], estimate=[0.0])
+
     def test_the_fastest_joint_is_named(self) -> None:
         options: dict[str, Any] = {"dt": 1e-2, "v0": [0.0, 2.0], "state_limit": 2.5}
         with pytest.raises(al.SolveError, match=r"the fastest joint before it: v\[[01]\] = ") as caught:

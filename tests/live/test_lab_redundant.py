@@ -7,6 +7,7 @@ import numpy as np
 import armlet as al
 from armlet.live.model import FRAME, WINDOW, Lab
 from armlet.live.systems import Observer, Redundant
+from armlet.live.systems.observer import START
 
 
 def run(lab: Lab, seconds: float) -> None:
@@ -83,3 +84,41 @@ def test_the_observer_takes_a_payload_for_a_push() -> None:
     unknown = arm.gravity(lab.q) - arm.with_payload("tcp", 1.0).gravity(lab.q)
     np.testing.assert_allclose(r, unknown[[0, 1, 3]], atol=1e-2)
     assert np.abs(r).max() > 2.0
+
+
+def test_the_arm_reacts_to_a_push() -> None:
+    """Each reaction is that of `al.Guarded`: the note reports it, a moved slider keeps it, and a reset ends it."""
+    moved = {}
+    for reaction in ("stop", "float", "retract"):
+        lab = Lab([Observer()])
+        lab.set("reaction", reaction)
+        run(lab, 0.5)
+        assert lab.message == "" and not np.any(lab.panels()[2][2])
+        lab.set("push", 12.0)
+        run(lab, 0.5)
+        told = lab.message
+        assert told.startswith("contact at t = 0.5") and reaction in told and lab.panels()[2][2][-1] == 1.0
+        lab.set("threshold", 4.0)  # another loop: the arm still reacts, since the same time
+        lab.set("push", 0.0)
+        run(lab, 2.0)
+        assert lab.message == told and lab.panels()[2][2][-1] == 1.0
+        moved[reaction] = float(lab.system.arm.position(lab.q, "tcp")[1] - lab.system.arm.position(START, "tcp")[1])
+        lab.reset()
+        lab.set("push", 0.0)
+        run(lab, 0.5)
+        assert lab.message == "" and lab.panels()[2][2][-1] == 0.0 and np.abs(lab.q - START).max() < 1e-9
+    # Retract leaves along the push, float is pushed away while it lasts, and stop holds the place of contact.
+    assert abs(moved["stop"]) < 1e-3 < 1e-2 < min(moved["retract"], moved["float"])
+
+
+def test_another_reaction_starts_from_no_contact() -> None:
+    lab = Lab([Observer()])
+    lab.set("reaction", "float")
+    lab.set("push", 12.0)
+    run(lab, 0.3)
+    assert lab.message.startswith("contact")
+    lab.set("push", 0.0)
+    run(lab, 0.5)
+    lab.set("reaction", "stop")
+    run(lab, 0.5)
+    assert lab.message == "" and lab.panels()[2][2][-1] == 0.0

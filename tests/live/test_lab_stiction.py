@@ -50,3 +50,25 @@ def test_the_bristles_stay_bent_when_a_slider_moves() -> None:
     run(lab, 0.5)
     # Bristles that start straight would let the link go by F / stiffness, 1e-4 rad and more.
     np.testing.assert_allclose(lab.q, at_rest, atol=2e-6)
+
+
+def test_the_integral_goes_on_when_a_slider_moves() -> None:
+    lab = Lab([Stiction()])
+    lab.set("friction", "none")
+    lab.set("ki", 30.0)
+    run(lab, 1.0)
+    before = lab.panels()[1][1][-1]
+    lab.set("coulomb", 2.0)  # of a friction that is off: nothing changes but the loop
+    lab.advance(1e-3)
+    after = lab.panels()[1][1][-1]
+    _, angle, goal = lab.panels()[0]
+    integral = 30.0 * np.trapezoid(goal - angle, dx=FRAME)  # N m
+    # The torque changes by a step of 1 ms. Without the integral it would fall by more than 1 N m.
+    assert abs(after - before) < 0.1 and abs(integral) > 1.0
+    # Without K_i there is no integral. It starts at zero when K_i comes back.
+    lab.set("ki", 0.0)
+    run(lab, 5.0)
+    assert abs(lab.panels()[1][1][-1]) < 1e-2 and abs(lab.panels()[0][1][-1] - lab.panels()[0][2][-1]) < 1e-3
+    lab.set("ki", 30.0)
+    run(lab, 1.0)
+    assert abs(lab.panels()[1][1][-1]) < 1e-2

@@ -7,7 +7,7 @@ use crate::keywords::{Keywords, law_of};
 use crate::plant::Plant;
 use crate::priority::status_member;
 use crate::seal::{Sealed, seal_call};
-use crate::simulator_state::{complete, fastest, finite_vector, state_of, wrench};
+use crate::simulator_state::{complete, fastest, finite_vector, law_state, state_of, wrench};
 use crate::warnings::LimitCheck;
 use armlet_core::law::{ExternalSpec, LawSpec};
 use armlet_core::plant::PlantSpec;
@@ -143,17 +143,19 @@ impl Simulator {
         status_member(py, self.stepping.lock().unwrap_or_else(PoisonError::into_inner).status())
     }
 
-    /// Continue from `q` and `v`, `(n,)`, at the present time. The state of the law does not change.
+    /// Continue from `q` and `v`, `(n,)`, at the present time. The state of the law does not change, unless it is given.
     ///
     /// Args:
     ///     q, v: position and velocity of the links, `(n,)`, rad or m and per second.
     ///     theta, theta_dot: the same of the motors of elastic arms (keyword only). None: the springs carry gravity, and the motors move with
     ///         the links, as at the start of `simulate`.
     ///     bristles: deflections of the bristles of `LuGre` friction, `(n,)`, rad or m (keyword only). None: zeros.
+    ///     estimate: state of the law, as `estimate` of a simulator or of a run has it (keyword only). It is the integral of a `PID`, the estimate
+    ///         of `Adaptive`, or the observer and the contact of `Guarded`. None: no change, but filters and observers start from `q` and `v`.
     ///
     /// Raises:
-    ///     InputError: a shape is wrong, a number is not finite, or the call has motors or bristles for a plant without them.
-    #[pyo3(signature = (q, v, *, theta=None, theta_dot=None, bristles=None))]
+    ///     InputError: a shape is wrong, or a number is not finite. Also for motors, bristles or a state of the law where there are none.
+    #[pyo3(signature = (q, v, *, theta=None, theta_dot=None, bristles=None, estimate=None))]
     fn set_state(
         &mut self,
         py: Python<'_>,
@@ -162,12 +164,18 @@ impl Simulator {
         theta: Option<&Bound<'_, PyAny>>,
         theta_dot: Option<&Bound<'_, PyAny>>,
         bristles: Option<&Bound<'_, PyAny>>,
+        estimate: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        entry(py, "Simulator.set_state", || {
-            let state = state_of("Simulator.set_state", &self.plant, (q, v), (theta, theta_dot), bristles)?;
+        const NAME: &str = "Simulator.set_state";
+        entry(py, NAME, || {
+            let state = state_of(NAME, &self.plant, (q, v), (theta, theta_dot), bristles)?;
             let mut x = self.x.clone();
-            x[..state.len()].copy_from_slice(&state);
-            self.law.restart(&state, &mut x[state.len()..]);
+            let (plant, law) = x.split_at_mut(state.len());
+            plant.copy_from_slice(&state);
+            match estimate {
+                None => self.law.restart(&state, law),
+                Some(estimate) => law.copy_from_slice(&law_state(NAME, estimate, law.len())?),
+            }
             self.stepping().put(&x);
             self.show(py)
         })

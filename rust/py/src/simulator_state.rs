@@ -34,6 +34,14 @@ fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSp
     Ok(Some(finite_vector(function, "bristles", value, plant.n())?))
 }
 
+/// The state of a law with `size` numbers.
+pub fn law_state(function: &str, value: &Bound<'_, PyAny>, size: usize) -> Result<Vec<f64>, Failure> {
+    if size == 0 {
+        return Err(input_error(value.py(), function, "estimate", "is not used: expected None for a law without a state").into());
+    }
+    finite_vector(function, "estimate", value, size)
+}
+
 /// The state of a plant from the caller's states of links, motors and bristles.
 pub fn state_of(
     function: &str,

@@ -1,19 +1,23 @@
 """A seven-axis arm with a momentum observer, which estimates the torque of a push without a force sensor. Pull any link.
 
     r' = K_O (tau_ext - r),   contact where |r_i| is above the threshold of joint i
+    reaction from contact on:   tau = g + K_c (q_c - q) + D_c (q_c' - v)
 
 The force of the slider acts along y at the tip, the force of the mouse at its grip point. The curves show `r` and J'F, which the observer
-does not know.
+does not know. A reaction replaces the law at contact, until a reset or another choice of reaction.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 import armlet as al
 
+from ...run.guards import contact_states
 from ..urdf import read_shapes
-from .system import DT, Array, Force, Plot, Slider, State, System, Targets, Values, number
+from .system import DT, Array, Choice, Force, Plot, Slider, State, System, Targets, Values, number
 
 __all__ = ["Observer"]
 
@@ -32,6 +36,10 @@ class Observer(System):
         Slider("threshold", "threshold of contact (N m)", 0.05, 5.0, 0.5),
         Slider("push", "push at the tip along y (N)", -20.0, 20.0, 0.0),
         Slider("payload", "payload (kg), unknown to law and observer", 0.0, 2.0, 0.0),
+        Choice("reaction", "reaction to contact", ("none", "stop", "float", "retract"), "none"),
+        Slider("reaction_omega", "bandwidth of stop and retract (rad/s)", 1.0, 30.0, 10.0),
+        Slider("float_damping", "damping of float, per inertia (1/s)", 0.1, 20.0, 2.0),
+        Slider("speed", "speed of retract (rad/s)", 0.05, 1.0, 0.3),
         Slider("omega", "bandwidth of the law w (rad/s)", 1.0, 30.0, 6.0),
     )
     plots = (
@@ -41,7 +49,7 @@ class Observer(System):
             len(SHOWN),
         ),
         Plot("largest residual and threshold (N m)", ("largest |r|", "threshold"), 1),
-        Plot("touched link, 0 for none", ("link",)),
+        Plot("touched link, 0 for none, and whether the arm reacts (1)", ("link", "reacts")),
     )
     planar = False
 
@@ -55,15 +63,47 @@ class Observer(System):
 
     def forget(self) -> None:
         self.observer: al.MomentumObserver | None = None
+        self.guarded: al.Guarded | None = None
         self.gain = 0.0
         self.force: Force | None = None
+        self.note = ""
 
     def start(self) -> State:
         self.forget()
         return super().start()
 
+    def law(self, values: Values) -> al.PDGravity | al.Guarded:
+        """The law that holds the arm, with its reaction to contact if one is chosen."""
+        omega = number(values, "omega")
+        hold = al.PDGravity(self.arm, START, omega**2 * self.inertia, 2.0 * omega * self.inertia)
+        reaction, omega = values["reaction"], number(values, "reaction_omega")
+        if reaction == "none":
+            return hold
+        observer = al.MomentumObserver(self.arm, number(values, "gain"), threshold=number(values, "threshold"))
+        if reaction == "float":
+            return al.Guarded(hold, observer, "float", damping=number(values, "float_damping") * self.inertia)
+        impedance: dict[str, Any] = {"stiffness": omega**2 * self.inertia, "damping": 2.0 * omega * self.inertia}
+        if reaction == "stop":
+            return al.Guarded(hold, observer, "stop", **impedance)
+        return al.Guarded(hold, observer, "retract", **impedance, speed=number(values, "speed"))
+
+    def contact(self, state: State) -> float | None:
+        """Since when the reaction has replaced the law, s; None before contact."""
+        if self.guarded is None or state.estimate is None:
+            return None
+        found = contact_states([self.guarded], np.array([state.t]), state.estimate[None], False)
+        return None if found is None or np.isnan(found[0]) else float(found[0])
+
+    def due(self, state: State, values: Values, targets: Targets) -> bool:
+        # Another loop, so that the page shows the note.
+        return not self.note and self.contact(state) is not None
+
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
-        gain, kp = number(values, "gain"), number(values, "omega") ** 2 * self.inertia
+        gain, law = number(values, "gain"), self.law(values)
+        guarded = law if isinstance(law, al.Guarded) else None
+        reaction, before = (None if each is None else each.reaction for each in (guarded, self.guarded))
+        # What the observer knows, and the contact, belong to a gain and a reaction.
+        estimate = state.estimate if gain == self.gain and reaction == before else None
         if self.observer is None or gain != self.gain:
             self.observer, self.gain = al.MomentumObserver(self.arm, gain), gain
             self.observer.reset(state.q, state.v)
@@ -72,10 +112,15 @@ class Observer(System):
         self.force = force
         payload = number(values, "payload")
         plant = al.RigidArm(self.arm.with_payload(self.frame, payload) if payload > 0.0 else self.arm)
-        law = al.PDGravity(self.arm, START, kp, 2.0 * kp / number(values, "omega"))
         # The torque is held for a step, as the observer takes it.
         options = {} if force is None else {"force": force.wrench, "force_frame": force.frame}
-        return al.Simulator(plant, law, state.q, v0=state.v, dt=DT, sample_time=DT, check_limits=False, **options)
+        sim = al.Simulator(plant, law, state.q, v0=state.v, dt=DT, sample_time=DT, check_limits=False, **options)
+        if guarded is not None and estimate is not None:
+            sim.set_state(state.q, state.v, estimate=estimate)
+        self.guarded = guarded
+        contact = self.contact(State.of(sim, state.t))
+        self.note = "" if contact is None else f"contact at t = {contact:.2f} s, reaction {reaction}: reset to return to the law"
+        return sim
 
     def step(self, sim: al.Simulator) -> None:
         sim.step()
@@ -95,4 +140,4 @@ class Observer(System):
         beyond = np.flatnonzero(np.abs(r) > threshold)
         # What acts on a link loads no joint beyond it.
         link = int(beyond[-1]) + 1 if beyond.size else 0
-        return [[*r[[*SHOWN]], *true[[*SHOWN]]], [float(np.abs(r).max()), threshold], [float(link)]]
+        return [[*r[[*SHOWN]], *true[[*SHOWN]]], [float(np.abs(r).max()), threshold], [float(link), float(self.contact(state) is not None)]]

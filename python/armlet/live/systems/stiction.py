@@ -3,8 +3,7 @@
     I theta_ddot = tau - tau_f,   tau = K_p e + K_i int e - K_d theta_dot,   F_s the breakaway torque, F_c that of motion
 
 With PD the link stops short of its target. With PID the integral grows until the link breaks away, passes the target, and sticks again: a
-limit cycle. The integral restarts at zero when a slider moves or the mouse pulls. Compare stick-slip with LuGre friction, whose bristles
-deflect before the link breaks away.
+limit cycle. Compare stick-slip with LuGre friction, whose bristles deflect before the link breaks away.
 """
 
 from __future__ import annotations
@@ -73,8 +72,10 @@ class Stiction(System):
         friction = self.friction(values)
         given: dict[str, Any] = {"v0": state.v, "dt": DT, "method": "ros2" if isinstance(friction, al.LuGre) else "rk4"}
         sim = al.Simulator(al.RigidArm(self.arm, friction=friction), law, state.q, **given, **pushed(force))
-        if state.bristles is not None and isinstance(friction, al.LuGre):
-            sim.set_state(state.q, state.v, bristles=state.bristles)
+        bristles = state.bristles if isinstance(friction, al.LuGre) else None
+        # Without K_i the law has no integral: it starts at zero when K_i comes back.
+        integral = state.estimate if ki > 0.0 else None
+        sim.set_state(state.q, state.v, bristles=bristles, estimate=integral)
         return sim
 
     def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
