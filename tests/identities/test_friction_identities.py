@@ -168,3 +168,29 @@ def test_a_law_that_switches_does_not_hang(method: str) -> None:
         plant, al.PDGravity(ARM, [0.5, 0.5, 0.5], 400.0, 40.0), [0.0] * 3, t_end=3.0, tau_max=[30.0, 12.0, 3.0], method=method, throw=False
     )
     assert run.status in (al.Status.SUCCESS, al.Status.STALLED)
+
+
+@pytest.mark.parametrize("t_eval", [None, np.linspace(0.0, 20.0, 401)])
+@pytest.mark.parametrize("method", ["radau5", "rodas4", "dopri5"])
+def test_a_stuck_joint_is_exactly_at_rest_under_every_adaptive_method(method: str, t_eval: Any) -> None:
+    """Implicit methods leave rounding in a velocity that is held, 1e-41 rad/s. Its sign once decided the friction of the record."""
+    bodies = (
+        [5, 1.0, 0, 0.1, 0.1, 0, 0.3, 0, 0, 0.3],
+        [3, 0.5, 0, 0, 0.03, 0, 0.15, 0, 0, 0.15],
+        [1.5, 0, 0, -0.3, 0.08, 0, 0.08, 0, 0, 0.01],
+    )
+    joints = zip("RRP", ([0, 0, 0.4], [0.4, 0, 0], [0.3, 0, 0]), bodies, strict=True)
+    arm = al.Arm.from_chain([{"type": kind, "axis": [0, 0, 1], "xyz": xyz, "phi": phi} for kind, xyz, phi in joints])
+    goal, kp, static = np.array([0.4, 0.7, -0.02]), np.array([230.0, 170.0, 950.0]), np.array([4.0, 3.0, 12.0])
+    law = al.PDGravity(arm, goal, kp, [60.0, 40.0, 100.0])
+    friction = al.StickSlip(coulomb=[3.0, 2.0, 8.0], static=static, stribeck_speed=0.03, viscous=[1.0, 1.0, 5.0])
+    run = al.simulate(al.RigidArm(arm, friction=friction), law, [0.3, 0.8, -0.05], t_end=20.0, method=method, t_eval=t_eval)
+    # The slide reaches its place first, and is held there while the others still creep towards theirs.
+    stuck = run.v[:, 2] == 0.0
+    first = int(np.argmax(np.abs(run.v[:, 2]) > 0.0)) if run.v[0, 2] == 0.0 else 0
+    arrives = first + int(np.argmax(stuck[first:]))
+    assert arrives > first and run.t[arrives] < 1.0 and stuck[arrives:].all()
+    # At rest friction balances the spring of the law; gravity is compensated. What it held, rounds to 1e-9 N.
+    held = run.t > run.t[arrives] + 10.0
+    np.testing.assert_allclose(run.friction[held, 2], kp[2] * (goal - run.q[held])[:, 2], atol=1e-6)
+    assert np.all(np.abs(run.friction[held, 2]) < static[2])

@@ -79,6 +79,9 @@ where
         self.twin.follow(self.system.sides());
         switches
     }
+    fn still(&mut self, x: &mut [S]) {
+        self.system.still(x);
+    }
     fn sides(&mut self) -> &[i8] {
         self.system.sides()
     }

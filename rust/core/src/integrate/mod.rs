@@ -77,6 +77,8 @@ pub trait System<S: Real> {
     fn leave_step(&mut self, _x: &mut [S]) -> bool {
         false
     }
+    /// Put what the system holds at rest exactly there, in a state that an adaptive method has computed.
+    fn still(&mut self, _x: &mut [S]) {}
     /// The states of the system's switches, for the same system on dual numbers.
     fn sides(&mut self) -> &[i8] {
         &[]

@@ -160,6 +160,7 @@ impl Due<'_> {
                 }
                 if step.ends {
                     method.interpolate(system, step.reached, at);
+                    system.still(at.as_mut());
                     record(step.reached, system, at);
                 } else {
                     record(step.reached, system, method.x());
@@ -169,6 +170,7 @@ impl Due<'_> {
                 while self.wanted < t_eval.len() && t_eval[self.wanted] <= step.reached {
                     let t = t_eval[self.wanted];
                     method.interpolate(system, t, at);
+                    system.still(at.as_mut());
                     // The input recorded is that from this instant on.
                     if step.sample == Some(t) {
                         system.sample(t, at.as_ref());
@@ -283,6 +285,7 @@ where
             if !ends && !segments.bound.holds(method.x().as_ref()) {
                 return outcome(Status::Diverged, reached, method);
             }
+            system.still(method.x_mut().as_mut());
             if watch.active() {
                 watch.keep(system, method, reached);
             }

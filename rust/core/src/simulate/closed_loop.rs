@@ -349,6 +349,10 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         self.arrest(x)
     }
 
+    fn still(&mut self, x: &mut [S]) {
+        ClosedLoop::still(self, x);
+    }
+
     fn sides(&mut self) -> &[i8] {
         ClosedLoop::sides(self)
     }

@@ -55,6 +55,17 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.arrest(&mut x[first..first + n]))
     }
 
+    /// Put the velocities of stuck joints to zero, of which implicit methods leave their rounding.
+    pub fn still(&mut self, x: &mut [S]) {
+        if let Some((friction, first)) = self.plant_mut().stick_slip() {
+            for (side, v) in friction.sides().iter().zip(&mut x[first..]) {
+                if *side == 0 {
+                    *v = S::zero();
+                }
+            }
+        }
+    }
+
     /// The directions in which joints slide, zero for a stuck one; empty without stick-slip friction.
     pub fn sides(&mut self) -> &[i8] {
         self.plant_mut().stick_slip().map_or(&[], |(friction, _)| friction.sides())

@@ -168,6 +168,9 @@ impl<S: Real, D: Watched<S>> System<S> for RatesLoop<'_, S, D> {
     fn leave_step(&mut self, x: &mut [S]) -> bool {
         self.direct.leave_step(x)
     }
+    fn still(&mut self, x: &mut [S]) {
+        self.direct.still(x);
+    }
     fn sides(&mut self) -> &[i8] {
         self.direct.sides()
     }

@@ -328,6 +328,7 @@ impl<S: Real, F: Watched<S>, M: Adaptive<S, F, Vec<S>>> Watcher<F, Vec<S>, M> fo
             memory::append(&mut polynomials.ends, &[t])?;
             for k in 0..=degree {
                 method.interpolate(system, if k == degree { t } else { t0 + node(k, degree) * (t - t0) }, at);
+                system.still(at);
                 for x in at.iter().take(width) {
                     memory::append(&mut polynomials.nodes, &[x.lane(0)])?;
                 }
