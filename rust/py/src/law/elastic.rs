@@ -76,7 +76,7 @@ fn cartesian<'py>(
 ///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     motor_inertia, reduced_inertia: `B` and `B0`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     frame: name of the controlled frame (keyword only).
-///     axes: the rows, such as "xyz", "xy" or "xyz rx ry rz" (keyword only).
+///     axes: the rows, such as "xy" or "xyz rx ry rz"; "xyz" if None, for a pose `(4, 4)` too (keyword only).
 ///     motor_damping: `D0`, N m s/rad, positive definite; by `damping_ratio` if None (keyword only).
 ///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2` (keyword only).
 ///     relative_damping: `D0` acts on `theta_dot - v`: the error to the rigid target is 10 to 20 times smaller (keyword only).

@@ -130,7 +130,7 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 ///         `arm.pose_vector(q, frame)` is the pose at joint angles, for the axes "xyz rx ry rz".
 ///     stiffness, damping: positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
 ///     frame: name of the controlled frame (keyword only).
-///     axes: the rows, such as "xyz", "xy" or "xyz rx ry rz" (keyword only).
+///     axes: the rows, such as "xy" or "xyz rx ry rz"; "xyz" if None, for a pose `(4, 4)` too (keyword only).
 ///     nullspace: a `NullSpace`, for arms of more joints than rows (keyword only).
 ///     feedforward: `F_ff`, a wrench in the law's rows `(m,)`, N and N m (keyword only).
 ///     compensate_coupling: compensate the coupling of the null motion and the frame (keyword only).
