@@ -16,6 +16,9 @@
 //!
 //! `Y_M = Y(q, 0, 0, v) - Y_g` and `Y_g = Y(q, 0, 0, 0)`; row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
 //!
+//! Many entries of `Y_M` and `Y_D` are zero at every state: a joint does not carry the bodies before it, and a planar arm shows four of the ten
+//! parameters of a body. Their `X` stays zero, so nothing is computed of them.
+//!
 //! The law's state is the estimate, then `X` of the bodies `(n, b)`, of the columns of joints, and `X_tau` `(n,)`.
 
 use super::adaptive::AdaptiveSpec;
@@ -33,6 +36,8 @@ pub struct Composite {
     pub rate: f64,
     /// `R`, of the size of the joints.
     pub weight: Gain,
+    /// Which entries of `Y_M` or `Y_D` are not zero at every state, `(n, bodies)`: by the geometry of the arm alone.
+    present: Vec<bool>,
 }
 
 impl AdaptiveSpec {
@@ -40,9 +45,28 @@ impl AdaptiveSpec {
     pub fn composite(mut self, rate: f64, weight: Gain) -> Result<Self> {
         positive("composite_rate", rate)?;
         require_size("composite", &weight, self.model.n())?;
-        self.composite = Some(Composite { rate, weight });
+        self.composite = Some(Composite { rate, weight, present: self.present() });
         self.lengthen();
         Ok(self)
+    }
+
+    /// Entries of `Y_M` and `Y_D` that are zero at generic states are zero at all: both are analytic.
+    fn present(&self) -> Vec<bool> {
+        const STATES: u32 = 3;
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let (n, mut lanes) = (self.model.n(), LaneComposite::<f64>::from_lanes(|_| self));
+        let (arm, joints) = (AnyArm::from_lanes(|_| &self.model), LaneColumns::from_lanes(|_| &self.columns));
+        let mut workspace = arm.workspace();
+        let mut found = vec![false; n * lanes.bodies];
+        for state in 0..STATES {
+            let x: Vec<f64> = (1..=2 * n as u32).map(|k| 0.3 + (f64::from(k + 2 * n as u32 * state) * GOLDEN).fract()).collect();
+            let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
+            lanes.look(&arm, &mut workspace, &joints, &trig, &x);
+            for (found, (y_m, y_d)) in found.iter_mut().zip(lanes.momentum_and_drift()) {
+                *found |= y_m != 0.0 || y_d != 0.0;
+            }
+        }
+        found
     }
 
     /// The state at the start of a run from rest: the estimate, and filters that are empty.
@@ -83,6 +107,8 @@ pub(super) struct LaneComposite<S> {
     rotors: usize,
     /// Known rotors `(n,)`.
     armature: Vec<S>,
+    /// Which entries of `W` of the bodies there are.
+    present: Vec<bool>,
     /// All of `Y_M`, `Y_g` and one row of `Y_D`.
     momentum: Vec<S>,
     gravity: Vec<S>,
@@ -110,7 +136,7 @@ impl<S: Real> LaneComposite<S> {
         let (n, all, beside) = (first.model.n(), first.model.parameter_count(), first.columns.count());
         let bodies = first.estimate.len() - beside;
         let zeros = |k: usize| vec![S::zero(); k];
-        let idle = Composite { rate: f64::NAN, weight: Gain::unchecked(1, vec![1.0]) };
+        let idle = Composite { rate: f64::NAN, weight: Gain::unchecked(1, vec![1.0]), present: vec![true; n * bodies] };
         let own = |lane: usize| of(lane).composite.as_ref();
         let estimated = first.columns.has(JointColumn::Armature);
         LaneComposite {
@@ -119,6 +145,7 @@ impl<S: Real> LaneComposite<S> {
             columns: first.base.as_ref().map_or((0..all).collect(), |base| base.columns.clone()),
             bodies,
             rotors: if estimated { n } else { 0 },
+            present: own(0).unwrap_or(&idle).present.clone(),
             armature: if estimated { zeros(n) } else { first.model.armature().into_iter().map(S::fixed).collect() },
             momentum: zeros(n * all),
             gravity: zeros(n * all),
@@ -149,6 +176,9 @@ impl<S: Real> LaneComposite<S> {
             arm.regressor_products(ws, trig, q, v, &self.unit, zero, &self.nothing, v, &mut self.unused, &mut self.row);
             self.unit[i] = S::zero();
             for (k, &column) in self.columns.iter().enumerate() {
+                if !self.present[i * self.bodies + k] {
+                    continue;
+                }
                 let own = self.gravity[i * all + column];
                 let weighed = (0..n).fold(S::zero(), |sum, j| v[j].mul_add(self.gravity[j * all + column], sum));
                 self.y_m[i * self.bodies + k] = self.momentum[i * all + column] - own;
@@ -188,8 +218,8 @@ impl<S: Real> LaneComposite<S> {
         let (n, bodies) = (self.zeros.len(), self.bodies);
         let (of_bodies, rest) = x.split_at(self.y_m.len());
         let (beside, of_tau) = rest.split_at(self.entries.len());
-        for ((w, &y), &x) in self.w.iter_mut().zip(&self.y_m).zip(of_bodies) {
-            *w = y + x;
+        for (k, w) in self.w.iter_mut().enumerate() {
+            *w = if self.present[k] { self.y_m[k] + of_bodies[k] } else { S::zero() };
         }
         self.beside.copy_from_slice(beside);
         for (w, &entry) in self.beside[..self.rotors].iter_mut().zip(&self.entries) {
@@ -221,8 +251,8 @@ impl<S: Real> LaneComposite<S> {
         }
         let (of_bodies, rest) = dx.split_at_mut(self.w.len());
         let (beside, of_tau) = rest.split_at_mut(self.beside.len());
-        for ((dx, &w), &drift) in of_bodies.iter_mut().zip(&self.w).zip(&self.y_d) {
-            *dx = self.rate.neg_mul_add(w, drift);
+        for (k, dx) in of_bodies.iter_mut().enumerate() {
+            *dx = if self.present[k] { self.rate.neg_mul_add(self.w[k], self.y_d[k]) } else { S::zero() };
         }
         for (k, dx) in beside.iter_mut().enumerate() {
             let drift = if k < self.rotors { S::zero() } else { self.entries[k] };
