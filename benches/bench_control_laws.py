@@ -1,6 +1,7 @@
 """ratio = time of armlet / time of generated straight-line C, of the laws of `control_cases.py`: equal answers are asserted first.
 
-The C is made and timed as in `bench_generated_c.py`, with the comparisons and roots that these laws need.
+The C is made and timed as in `bench_generated_c.py`, with the comparisons and roots that these laws need. Stick-slip friction and reactions
+to contact are timed beside the same loop of armlet without them: the first runs without a program.
 
     python -P benches/bench_control_laws.py                     every law
     python -P benches/bench_control_laws.py --laws composite    one of them
@@ -10,7 +11,9 @@ The C is made and timed as in `bench_generated_c.py`, with the comparisons and r
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
 
@@ -19,11 +22,33 @@ import casadi
 import control_cases
 import reporting
 import timing
-from generated_cases import BATCHES, Row, loop_row
+from generated_cases import BATCHES, CHECKED, H, Row, loop_row, require_equal
+
+import armlet as al
 
 # Every law on arms that have room for it; the filters of composite adaptation grow with the square of the joints.
 ARMS = {law: ("planar 2R", "planar 4R") if law == "composite" else ("planar 4R", "seven axes") for law in control_cases.CONTROL}
 GOAL = generated.BATCH
+BESIDE = 1000  # steps of the loops with an option, and without it
+
+
+def beside(name: str, steps: int) -> list[tuple[str, str, timing.Case, timing.Case]]:
+    """Of each option: the arm, the option, one run with it and one without it, after equal answers."""
+    laws, found = control_cases.ControlLaws(generated.ARMS[name](), steps), []
+    for option, (with_it, without, more) in control_cases.beside(laws.arm, laws.motion).items():
+        given: dict[str, Any] = {"q0": laws.rest, "dt": H, "monitors": False, "throw": True, **more}
+
+        def run(loop: tuple[Any, Any], count: int, given: dict[str, Any] = given) -> Any:
+            return al.simulate(*loop, **given, t_end=count * H, record_every=count)
+
+        ours, theirs = (run(loop, CHECKED).q[-1] for loop in (with_it, without))
+        require_equal(f"{name}, {option}", ours, theirs)
+        pair = (
+            timing.Case("beside", f"{word}, {name}, {option}", partial(run, loop, steps), steps)
+            for word, loop in zip(("with", "without"), (with_it, without), strict=True)
+        )
+        found.append((name, option, *pair))
+    return found
 
 
 def verdicts(rows: list[Row]) -> list[reporting.Verdict]:
@@ -46,12 +71,18 @@ def main() -> None:
             arm = generated.ARMS[name]()
             steps = generated.steps_of(arm) if law != "composite" else 1000
             rows.append(loop_row(name, control_cases.ControlLaws(arm, steps), law, steps))
+    options_of = [found for name in ("planar 4R", "seven axes") for found in beside(name, BESIDE)]
     cases = [case for row in rows for pair in row.pairs.values() for case in (pair.ours, pair.theirs)]
+    cases += [case for _, _, *pair in options_of for case in pair]
     timing.measure(cases, options.rounds, options.core, generated.say)
     head = reporting.heading(cases, share) + f" CasADi {casadi.CasadiMeta.version()}, g++ {generated.compiler()}."
     text = [head, "", *reporting.target_table(verdicts(rows)), "", *generated.loop_table(rows)]
     if any(generated.TWO in row.pairs for row in rows):
         text += ["", "**Two threads: ns per run and step**", "", *generated.threads_table(rows)]
+    text += ["", "**Options of plants and laws beside the loop without them, one run: ns per step**", ""]
+    text += ["| arm | option | with it | without it | ratio |", "|---|---|---:|---:|---:|"]
+    for name, option, ours, theirs in options_of:
+        text.append(f"| {name} | {option} | {ours.median:,.0f} | {theirs.median:,.0f} | {timing.ratio(ours, theirs):.2f} |")
     reporting.finish("control_laws", "\n".join(text), options.readme)
 
 

@@ -1,7 +1,9 @@
 """The laws of control that `bench_control_laws.py` times, for armlet and as CasADi expressions.
 
-They are null spaces, PID with all options, and adaptation with more terms. Where a law has a choice of algorithms, the C has armlet's: the
-clamped inverse by sweeps of Jacobi's method, and the hyperbolic tangent by doublings.
+They are null spaces, PID with all options, adaptation with more terms, an observer beside a law, and a plant with LuGre friction. Where
+there is a choice of algorithms, the C has armlet's: the clamped inverse by sweeps of Jacobi's method, and hyperbolic tangent and
+exponential by doublings. Filters of composite adaptation that are always zero are left out of both. `beside` has loops with an option,
+and the same loops without it.
 """
 
 from __future__ import annotations
@@ -9,14 +11,26 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
 from generated_c import Array
 from generated_cases import Laws
 from generated_model import Expressions
 
 import armlet as al
 
-CONTROL = ("null space", "static null space", "compensated coupling", "PID, all options", "adaptive, friction", "composite")
+CONTROL = (
+    "null space",
+    "static null space",
+    "compensated coupling",
+    "PID, all options",
+    "adaptive, friction",
+    "composite",
+    "guarded",
+    "LuGre",
+)
 EPS, SLOW, FILTER, WATCH, RATE = 0.02, 0.1, 200.0, 20.0, 10.0
+# Per inertia of a joint: Coulomb and static friction, stiffness, damping and viscous friction of bristles. The step resolves them.
+COULOMB, STATIC, BRISTLES, DAMPED, VISCOUS = 0.5, 0.8, 50.0, 5.0, 0.2
 SWEEPS = (0, 0, 1, 4, 5, 6, 7)
 SHARE, DOUBLINGS = 1.0 / 64.0, 6
 
@@ -25,14 +39,27 @@ def larger(a: Any, b: Any) -> Any:
     return ca.fmax(a, b)
 
 
+def near_zero(x: Any) -> Any:
+    """tanh(x) by a fraction."""
+    z = x * x
+    return x * (((z + 378.0) * z + 17325.0) * z + 135135.0) / (((28.0 * z + 3150.0) * z + 62370.0) * z + 135135.0)
+
+
 def tanh(x: Any) -> Any:
     """By a fraction near zero and doublings, as armlet has it: lanes have no tangent of the C library."""
-    x = ca.fmin(ca.fmax(x, -20.0), 20.0) * SHARE
-    z = x * x
-    t = x * (((z + 378.0) * z + 17325.0) * z + 135135.0) / (((28.0 * z + 3150.0) * z + 62370.0) * z + 135135.0)
+    t = near_zero(ca.fmin(ca.fmax(x, -20.0), 20.0) * SHARE)
     for _ in range(DOUBLINGS):
         t = (t + t) / (t * t + 1.0)
     return t
+
+
+def decay(x: Any) -> Any:
+    """exp(-x) of x >= 0 in the same way."""
+    t = near_zero(ca.fmin(x, 40.0) * (0.5 * SHARE))
+    u = (t + t) / (1.0 + t)
+    for _ in range(DOUBLINGS):
+        u = u * (2.0 - u)
+    return 1.0 - u
 
 
 def clamped_inverse(a: Any, floor: float) -> Any:
@@ -112,6 +139,9 @@ class ControlLaws(Laws):
         if law in ("adaptive, friction", "composite"):
             more = {"friction": True, "friction_speed": SLOW} if law != "composite" else {"composite": self.gamma, "composite_rate": RATE}
             return al.Adaptive(arm, self.motion, kp=self.kp, kd=self.kd, gamma=self.gamma, **more)
+        if law in ("guarded", "LuGre"):
+            tracking = al.ComputedTorque(arm, self.motion, kp=50.0, kd=10.0)
+            return tracking if law == "LuGre" else al.Guarded(tracking, al.MomentumObserver(arm, WATCH))
         names = "".join("xyz"[k] for k in self.axes)
         null_space = al.NullSpace(self.posture, self.kp, self.kd, projection="static" if law.startswith("static") else "consistent")
         return al.CartesianImpedance(
@@ -120,7 +150,11 @@ class ControlLaws(Laws):
         )  # fmt: skip
 
     def plant(self, law: str) -> Any:
-        return al.RigidArm(self.arm)
+        if law != "LuGre":
+            return al.RigidArm(self.arm)
+        inertia = self.kp / 50.0
+        curve = {"coulomb": COULOMB * inertia, "static": STATIC * inertia, "stribeck_speed": SLOW, "viscous": VISCOUS * inertia}
+        return al.RigidArm(self.arm, friction=al.LuGre(**curve, stiffness=BRISTLES * inertia, damping=DAMPED * inertia))
 
     def fill(self, law: str, found: Array) -> None:
         if law == "PID, all options":
@@ -128,17 +162,47 @@ class ControlLaws(Laws):
 
     def expressions(self, law: str) -> tuple[Any, Any, Any]:
         n = self.n
-        sizes = {"PID, all options": 5 * n, "adaptive, friction": 14 * n, "composite": 13 * n + 10 * n * n}
+        sizes = {
+            "PID, all options": 5 * n,
+            "adaptive, friction": 14 * n,
+            "composite": 13 * n + 10 * n * n,
+            "guarded": 4 * n,
+            "LuGre": 3 * n,
+        }
         x, u = ca.SX.sym("x", sizes.get(law, 2 * n)), ca.SX.sym("u", 3 * n)
         q, v, z, motion = x[:n], x[n : 2 * n], x[2 * n :], ca.vertsplit(u, n)
         arm = Expressions(self.tree, q)
-        if law == "PID, all options":
+        drag: Any = 0
+        if law in ("guarded", "LuGre"):
+            q_d, v_d, a_d = motion
+            tau = arm.inverse_dynamics(v, a_d + 50.0 * (q_d - q) + 10.0 * (v_d - v))
+            if law == "guarded":
+                rate = self._observer(arm, q, v, z[:n], tau)
+            else:
+                drag, rate = self._bristles(v, z)
+        elif law == "PID, all options":
             tau, rate = self._pid(arm, q, v, z, motion)
         elif law in ("adaptive, friction", "composite"):
             tau, rate = self._adaptive(arm, q, v, z, motion, law)
         else:
             tau, rate = self._impedance(arm, q, v, law), z
-        return x, u, ca.vertcat(v, arm.forward_dynamics(v, tau), rate)
+        return x, u, ca.vertcat(v, arm.forward_dynamics(v, tau - drag), rate)
+
+    def _observer(self, arm: Expressions, q: Any, v: Any, w: Any, tau: Any) -> Any:
+        """[w', r]: p = M v, and C'v is the gradient of the kinetic energy."""
+        still = ca.SX(self.n, 1)
+        gravity = arm.inverse_dynamics(still, still)
+        momentum = arm.inverse_dynamics(still, v) - gravity
+        r = WATCH * (momentum - w)
+        return ca.vertcat(tau + ca.gradient(0.5 * ca.dot(v, momentum), q) - gravity + r, r)
+
+    def _bristles(self, v: Any, z: Any) -> tuple[Any, Any]:
+        """tau_f and z'."""
+        inertia = self.kp / 50.0
+        level = ca.vertcat(*(inertia[i] * (COULOMB + (STATIC - COULOMB) * decay((v[i] / SLOW) ** 2)) for i in range(self.n)))
+        spring = ca.DM(BRISTLES * inertia) * z
+        slips = v - ca.fabs(v) * spring / level
+        return spring + ca.DM(DAMPED * inertia) * slips + ca.DM(VISCOUS * inertia) * v, slips
 
     def _impedance(self, arm: Expressions, q: Any, v: Any, law: str) -> Any:
         still, rows = ca.SX(self.n, 1), self.axes.tolist()
@@ -200,7 +264,26 @@ class ControlLaws(Laws):
         units = (ca.DM.eye(n)[:, i] for i in range(n))
         drift = ca.vertcat(*(resting[i, :] - v.T @ (regressor(v, ca.SX(e_i), still) - resting) for i, e_i in enumerate(units)))
         kept, torque = ca.reshape(z[10 * n : -n], 10 * n, n).T, z[-n:]
-        seen = momentum + kept
+        # The filters of entries that are zero at every state stay zero.
+        seen = momentum + ca.project(kept, (momentum + drift).sparsity())
         error = torque - armature * v - seen @ estimate
         rates = self.gamma * (follows + seen.T @ (self.gamma * error))
         return tau, ca.vertcat(rates, ca.vec((drift - RATE * seen).T), tau - RATE * torque + RATE * armature * v)
+
+
+def beside(arm: al.Arm, motion: Any) -> dict[str, tuple[tuple[Any, Any], tuple[Any, Any], dict[str, Any]]]:
+    """Loops with an option of their plant or their law, the same loops without it, and the keywords of both.
+
+    Their answers are equal: the friction is too small to be seen, and nothing touches the arm.
+    """
+    tracking = al.ComputedTorque(arm, motion, kp=50.0, kd=10.0)
+    watch = al.MomentumObserver(arm, WATCH, threshold=1e6)
+    smooth, inertia = al.RigidArm(arm), np.diag(arm.mass_matrix(np.zeros(arm.n)))
+    rubbing = al.RigidArm(arm, friction=al.StickSlip(coulomb=1e-12 * inertia, static=2e-12 * inertia, stribeck_speed=SLOW))
+    reacts = {"stiffness": 50.0 * inertia, "damping": 10.0 * inertia}
+    sampled = {"sample_time": 1e-3}
+    return {
+        "stick-slip": ((rubbing, tracking), (smooth, tracking), {}),
+        "guarded, stop": ((smooth, al.Guarded(tracking, watch, "stop", **reacts)), (smooth, tracking), sampled),
+        "guarded, retract": ((smooth, al.Guarded(tracking, watch, "retract", **reacts)), (smooth, tracking), sampled),
+    }

@@ -16,8 +16,8 @@
 //!
 //! `Y_M = Y(q, 0, 0, v) - Y_g` and `Y_g = Y(q, 0, 0, 0)`; row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
 //!
-//! Many entries of `Y_M` and `Y_D` are zero at every state: a joint does not carry the bodies before it, and a planar arm shows four of the ten
-//! parameters of a body. Their `X` stays zero, so nothing is computed of them.
+//! Many entries of `Y_M` and `Y_D` are zero at every state. A joint does not carry the bodies before it, and a planar arm shows four of the ten
+//! parameters of a body. The `X` of these entries stays zero, and is not computed.
 //!
 //! The law's state is the estimate, then `X` of the bodies `(n, b)`, of the columns of joints, and `X_tau` `(n,)`.
 
