@@ -147,7 +147,7 @@ def eigenvalues(
     w: Array,
     columns: int = 6,
 ) -> tuple[Analytic, int]:
-    """Eigenvalues of the closed loop linearised at the equilibrium, with the law's state w, sorted by real part; the number of free motions.
+    """Eigenvalues of the closed loop linearised at the equilibrium, with the law's state w, by real part; the number of free motions.
 
     A free motion, A N = 0, may be a defective zero, which rounding splits. So the others are those of P A P with P = I - N N#.
     """

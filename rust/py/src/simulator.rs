@@ -169,14 +169,12 @@ impl Simulator {
         const NAME: &str = "Simulator.set_state";
         entry(py, NAME, || {
             let state = state_of(NAME, &self.plant, (q, v), (theta, theta_dot), bristles)?;
-            let mut x = self.x.clone();
-            let (plant, law) = x.split_at_mut(state.len());
-            plant.copy_from_slice(&state);
+            let mut law = self.x[state.len()..].to_vec();
             match estimate {
-                None => self.law.restart(&state, law),
-                Some(estimate) => law.copy_from_slice(&law_state(NAME, estimate, law.len())?),
+                None => self.law.restart(&state, &mut law),
+                Some(estimate) => law = law_state(NAME, estimate, law.len())?,
             }
-            self.stepping().put(&x);
+            self.stepping().put(&[state, law].concat());
             self.show(py)
         })
     }

@@ -344,23 +344,18 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
     fn enter_step(&mut self, t: f64, x: &[S]) -> bool {
         self.settle(t, x, None)
     }
-
     fn leave_step(&mut self, x: &mut [S]) -> bool {
         self.arrest(x)
     }
-
     fn still(&mut self, x: &mut [S]) {
         ClosedLoop::still(self, x);
     }
-
     fn sides(&mut self) -> &[i8] {
         ClosedLoop::sides(self)
     }
-
     fn held(&self) -> Option<(&[S], &[S])> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
-
     fn pairs(&self) -> Pairs {
         // [q, v] or [q, v, theta, theta_dot]; [q] alone has no rates.
         let n = self.tau.len();
