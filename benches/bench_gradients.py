@@ -24,6 +24,9 @@ ARM = al.load_urdf(al.example_urdf("seven_axis"))
 LAW = al.Adaptive(ARM, al.Quintic(np.zeros(7), np.full(7, 0.5), 1.0), np.full(7, 40.0), np.full(7, 20.0), np.full(70, 0.2))
 PLANT, Q0 = al.RigidArm(ARM), np.zeros(7)
 OPTIONS: dict[str, Any] = {"t_end": 2.0, "dt": 1e-3, "monitors": False}
+#: Of a batch: 16 starts, one thread, every hundredth record.
+STARTS = np.random.default_rng(0).uniform(-0.3, 0.3, (16, 7))
+ROWS: dict[str, Any] = OPTIONS | {"threads": 1, "check_limits": False, "record_every": 100}
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -55,6 +58,12 @@ def main() -> None:
         took = seconds(work)
         lines.append(f"| {name} | {1e3 * took:.1f} ms | {took / run:.1f} |")
         print(lines[-1], flush=True)
+    rows = seconds(lambda: al.simulate_batch(PLANT, LAW, STARTS, **ROWS))
+    lines.append(f"| batch of 16 runs, one thread | {1e3 * rows:.1f} ms | 1 batch |")
+    took = seconds(lambda: al.simulate_batch(PLANT, LAW, STARTS, sensitivity="law.kp", **ROWS))
+    batches = took / rows
+    lines.append(f"| its tangents, 7 parameters (kp) | {1e3 * took:.1f} ms | {batches:.1f} batches, {batches / 7:.1f} per parameter |")
+    print("\n".join(lines[-2:]), flush=True)
     machine = timing.machine()
     head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; others took {share:.0%} of them at first. Least of five."
     reporting.finish("gradients", "\n".join([head, "", *lines]), options.readme)
