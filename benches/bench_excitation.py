@@ -71,7 +71,7 @@ def main() -> None:
         print(lines[-1], flush=True)
     machine = timing.machine()
     head = (
-        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; others took {share:.0%} of them at first. One search each."
+        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs used {share:.0%} of them. One search each."
     )
     reporting.finish("excitation", "\n".join([head, "", *lines]), options.readme)
 

@@ -65,7 +65,7 @@ def main() -> None:
     lines.append(f"| its tangents, 7 parameters (kp) | {1e3 * took:.1f} ms | {batches:.1f} batches, {batches / 7:.1f} per parameter |")
     print("\n".join(lines[-2:]), flush=True)
     machine = timing.machine()
-    head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; others took {share:.0%} of them at first. Least of five."
+    head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs used {share:.0%} of them. Minimum of 5 rounds."
     reporting.finish("gradients", "\n".join([head, "", *lines]), options.readme)
 
 

@@ -68,7 +68,7 @@ def main() -> None:
         f"An evaluation along the gradient takes {each:.1f} runs: as good after one {part:.0f}th of the runs of differential evolution.",
     ]
     machine = timing.machine()
-    head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; others took {share:.0%} of them at first."
+    head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs used {share:.0%} of them at the start."
     reporting.finish("tune", "\n".join([head, "", *lines]), options.readme)
 
 

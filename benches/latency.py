@@ -139,7 +139,7 @@ def main() -> int:
     busy = timing.busy()
     lines = [
         f"{machine['cpu']}, {machine['cores']} cores; armlet {info['version']}, {info['profile']} build. "
-        f"{options.trials} signals per call, sizes times {options.scale:g}; other programs took {busy:.0%} of the machine at the start.",
+        f"{options.trials} signals per call, sizes times {options.scale:g}; other programs used {busy:.0%} of the machine at the start.",
         "",
         ROW.format("call", "one call", "Ctrl-C 50", "Ctrl-C 99", "gap", ""),
         "|---|---:|---:|---:|---:|---|",

@@ -35,7 +35,7 @@ def heading(cases: list[Case], busy: float) -> str:
     machine, info = timing.machine(), al.build_info()
     rounds = max(len(case.wall) for case in cases)
     return (
-        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs took {busy:.0%} of them at the start. "
+        f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs used {busy:.0%} of them at the start. "
         f"armlet {info['version']}, {info['profile']} build. Medians of up to {rounds} interleaved rounds."
     )
 

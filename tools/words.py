@@ -106,7 +106,8 @@ def faults(path: Path) -> tuple[list[str], list[str]]:
 
 def read(root: Path) -> dict[str, tuple[int, int]]:
     """How many faults of both kinds each file has."""
-    paths = [root / "README.md", root / "CONTRIBUTING.md", *(root / "docs").rglob("*.md")]
+    names = ("README", "CONTRIBUTING", "CHANGELOG", "RELEASING", "SECURITY", "benches/README")
+    paths = [*(root / f"{name}.md" for name in names), *(root / "docs").rglob("*.md")]
     paths += [
         *(root / "python/armlet").rglob("*.py"),
         *(path for top in ("core", "py", "macros") for path in (root / "rust" / top / "src").rglob("*.rs")),
