@@ -35,6 +35,7 @@ SCENARIO = al.Scenario(TABLES)
 TABLE = al.sweep(SCENARIO, {"law.kp": [50.0, 100.0]})
 METRICS = al.metrics(RUN)
 SPAN: dict[str, Any] = {"t_end": 0.002, "dt": 1e-3}
+FEW: dict[str, Any] = {"vary": {"law.kp": {"uniform": [1.0, 2.0]}}, "cost": "error_rms1", "candidates": 5, "generations": 0}
 
 
 class Shrinking:
@@ -185,9 +186,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "tune(vary)": lambda x: al.tune(SCENARIO, x, "error_rms1"),
     "tune(cost)": lambda x: al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, x, candidates=5, generations=0),
     "tune(by)": lambda x: al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", by=x, candidates=5, generations=0),
-    "tune(tolerance)": lambda x: al.tune(
-        SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", tolerance=x, candidates=5, generations=0
-    ),
+    "tune(tolerance)": lambda x: al.tune(SCENARIO, tolerance=x, **FEW),
     "verify(samples)": lambda x: al.verify(PR, against=None, samples=x),
     "to_control(x0)": lambda x: al.to_control(PLANT, LAW, x),
     "to_control(t)": lambda x: al.to_control(PLANT, LAW, [0.0, 0.0], t=x),
@@ -218,14 +217,8 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "integrate(throw)": lambda x: al.integrate(lambda t, y: -y, (0.0, 1e-3), [1.0], throw=x),
     "sweep(progress)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, progress=x) if x is not len else None,
     "sweep(threads)": lambda x: al.sweep(SCENARIO, {"law.kp": [1.0]}, threads=x),
-    "tune(progress)": lambda x: (
-        al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", progress=x, candidates=5, generations=0)
-        if x is not len
-        else None
-    ),
-    "tune(threads)": lambda x: al.tune(
-        SCENARIO, {"law.kp": {"uniform": [1.0, 2.0]}}, "error_rms1", threads=x, candidates=5, generations=0
-    ),
+    "tune(progress)": lambda x: al.tune(SCENARIO, progress=x, **FEW) if x is not len else None,
+    "tune(threads)": lambda x: al.tune(SCENARIO, threads=x, **FEW),
     "gym.Reach(axes)": lambda x: gym.Reach(axes=x),
     "gym.Reach(frame)": lambda x: gym.ArmVectorEnv(2, task=gym.Reach(x)),
     "gym.Reach(reach)": lambda x: gym.ArmVectorEnv(2, task=gym.Reach(reach=x)).reset(),
