@@ -22,7 +22,7 @@ rich = al.Sinusoid([0.1, 0.2], [[0.5, 0.3], [0.6, 0.3]], [[1.1, 3.1], [1.7, 4.3]
 poor = al.Quintic([0.1, 0.2], [0.8, -0.5], 3.0)
 motions = {"sum of sines": rich, "quintic and hold": poor}
 
-# Rotors and links that turn about one axis cannot be told apart: rotors are known here, and the base set has every parameter that shows.
+# Rotors and links that turn about one axis cannot be distinguished: rotors are known here, and the base set has every parameter that shows.
 base = arm.base_parameters()
 viscous = {"friction": ("viscous",)}
 

@@ -1,4 +1,4 @@
-"""Robot-arm control loops closed natively: arm x plant x law x motion x method, run in Rust, audited by theory.
+"""Simulation, control and planning of robot arms, computed in Rust. Every run records identities of the theory as checks.
 
 >>> import armlet as al
 >>> arm = al.planar_pr(2.0, 0.5, 0.5)

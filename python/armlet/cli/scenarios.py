@@ -31,7 +31,7 @@ __all__ = ["register"]
 def _run(args: argparse.Namespace) -> int:
     scenario = Scenario.load(args.scenario)
     _prepare(args)
-    with _told_warnings():
+    with _warnings_on_lines():
         run = scenario.run()
     print(one_line(scenario.data.get("title", args.scenario.stem)))
     print(run)
@@ -48,7 +48,7 @@ def _run(args: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _told_warnings() -> Iterator[None]:
+def _warnings_on_lines() -> Iterator[None]:
     """Print each warning as one line."""
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
@@ -103,7 +103,7 @@ def _check(args: argparse.Namespace) -> int:
     if not problems:
         scenario = Scenario.load(args.scenario)
         try:
-            with _told_warnings():
+            with _warnings_on_lines():
                 scenario.check()
             if "sweep" in scenario.data:
                 planned = cells_of(scenario)

@@ -17,7 +17,7 @@ __all__ = ["plot"]
 
 #: Rows of the figure: series and their labels.
 ROWS = (("q", "position"), ("v", "velocity"), ("tau", "input"))
-# More lines cannot be told apart.
+# More lines cannot be distinguished.
 MOST = len(COLOURS)
 
 

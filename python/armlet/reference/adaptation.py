@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from .inertia import PSEUDO, parameters_of
 from .lagrange import Array, solve
 
-LAYER = 0.5  # thickness of the layer in which the rate is bent, relative to the least bodies
+LAYER = 0.5  # thickness of the layer in which the rate is projected, relative to the least bodies
 PULL = 10.0  # how fast what is outside returns, 1/s
 GYRATION = 0.1  # radius of gyration of a least body that is given by its mass, m
 PR = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
@@ -87,7 +87,7 @@ def nearest_start(estimate: Array, least: Array) -> Array:
     return np.concatenate(kept)
 
 
-def bent_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
+def projected_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
     """The projected rate Gamma (y - c g). It keeps an estimate above half of the least bodies if it starts above them."""
     beside = np.zeros(y.size - least.size)
     estimate = estimate[: least.size]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .adaptation import bent_rate, divergence, least_bodies, natural_rate, nearest_start
+from .adaptation import divergence, least_bodies, natural_rate, nearest_start, projected_rate
 from .identification import BaseParameters
 from .lagrange import Array, Mechanism, solve
 from .law import Law, Terms, gain
@@ -141,7 +141,7 @@ class Adaptive(Law):
         if self.natural:
             speed = np.diag(self.gamma)
             return np.concatenate([natural_rate(estimate[:own], w[:own], speed[: own // 10]), speed[own // 10 :] * w[own:]])
-        return bent_rate(self.gamma, estimate, w, self.least) if self.least is not None else self.gamma @ w
+        return projected_rate(self.gamma, estimate, w, self.least) if self.least is not None else self.gamma @ w
 
     def truth(self, plant: Any) -> Array:
         """The plant's true values of the estimated parameters."""

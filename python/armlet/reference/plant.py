@@ -59,8 +59,8 @@ class RigidArm:
     def energy(self, y: Array) -> float:
         q, v, _, _ = self.split(y)
         kinetic, potential = self.arm.energy(q, v)
-        bent = 0.0 if self.dry is None else self.dry.energy(y[2 * self.arm.n :])
-        return float(kinetic + potential) + pushes(self.contacts, q, v)[1] + bent
+        bristles = 0.0 if self.dry is None else self.dry.energy(y[2 * self.arm.n :])
+        return float(kinetic + potential) + pushes(self.contacts, q, v)[1] + bristles
 
     def power(self, y: Array, tau: Array, load: Array) -> float:
         q, v, _, _ = self.split(y)

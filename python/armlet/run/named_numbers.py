@@ -212,7 +212,7 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
 
 
 def varied_rows(function: str, loops: Sequence[Loop], names: Sequence[str]) -> Varied:
-    """The same of the rows of a batch, row by row; weights (B, P, 4), and the values of the first row.
+    """The loops of the rows of a batch in which the numbers of these names differ; weights (B, P, 4), values of the first row.
 
     Raises:
         InputError: a name is not one of all loops, or its number has another shape in one of them; a number cannot be varied.

@@ -39,7 +39,7 @@ class Priority(System):
         Plot("det J = l1 l2 l3 l4 sin q2 sin q4 (m^4)", ("det J",)),
     )
     rotation = UPRIGHT
-    takes_force = False  # a velocity-controlled arm goes where it is told
+    takes_force = False  # external forces do not move a velocity-controlled arm
 
     def __init__(self) -> None:
         self.targets = {"tip": np.array([1.7, 0.9, 0.0]), "elbow": np.array([1.5, 0.6, 0.0])}
