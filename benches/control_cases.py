@@ -201,7 +201,7 @@ class ControlLaws(Laws):
         inertia = self.kp / 50.0
         level = ca.vertcat(*(inertia[i] * (COULOMB + (STATIC - COULOMB) * decay((v[i] / SLOW) ** 2)) for i in range(self.n)))
         spring = ca.DM(BRISTLES * inertia) * z
-        slips = v - ca.fabs(v) * spring / level
+        slips = v - larger(v, -v) * spring / level
         return spring + ca.DM(DAMPED * inertia) * slips + ca.DM(VISCOUS * inertia) * v, slips
 
     def _impedance(self, arm: Expressions, q: Any, v: Any, law: str) -> Any:
