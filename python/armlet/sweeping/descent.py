@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import groupby
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,6 +30,8 @@ __all__ = ["Descent"]
 Array: TypeAlias = NDArray[np.float64]
 Row: TypeAlias = dict[str, Any]
 
+#: A number of the loop, and an entry of it.
+ENTRY = re.compile(r"(law\.[A-Za-z_]+|run\.(?:q0|v0))(?:\[(\d+)\])?")
 #: Bytes for the states that an adjoint keeps.
 MEMORY = 1 << 26
 
@@ -102,12 +105,12 @@ class Descent:
         loop = _loop(built)
         known = named_numbers(*loop)
         variants = [self._variants(scenario, loop, known, path, values[path]) for path in self.space]
-        loops: Varied = stacked(loop, [NamedNumber(path, np.zeros(1)) for path in self.space], variants)
+        loops: Varied = stacked(loop, _names(self.space), variants)
         q0 = keywords.pop("q0")
         return of_loops("tune", self.loss, (built.plant, built.law, q0), loops, keywords, MEMORY)
 
     def _variants(self, scenario: Scenario, loop: Loop, known: Mapping[str, Array], path: str, value: float) -> Variants:
-        found = re.fullmatch(r"(law\.[A-Za-z_]+|run\.(?:q0|v0))(?:\[(\d+)\])?", path)
+        found = ENTRY.fullmatch(path)
         name = found[1].removeprefix("run.") if found else ""
         if found and name in known:
             index = () if found[2] is None else (int(found[2]),)
@@ -115,6 +118,15 @@ class Descent:
             if number.ndim == len(index) and (not index or index[0] < len(number)) and number[index] == value:
                 return entry_variants(loop, name, number, index)
         return _built(scenario, path, value)
+
+
+def _names(paths: Iterable[str]) -> list[NamedNumber]:
+    """A name for each path. Neighbouring entries of one array share a name, as they enter the programs of a loop alike."""
+    names = []
+    for array, group in groupby(paths, lambda path: found[1] if (found := ENTRY.fullmatch(path)) else path):
+        entries = list(group)
+        names.append(NamedNumber(entries[0] if len(entries) == 1 else array, np.zeros(len(entries))))
+    return names
 
 
 def _loop(built: Any) -> Loop:
