@@ -48,7 +48,7 @@ if len(sys.argv) > 1:
             errors.plot(each.t, target[k] - each.q[:, k], style, color=color, linewidth=1.4, label=f"joint {k + 1}, {label}")
     errors.set(xlabel="time (s)", ylabel="error (rad)", title="error of the joints")
     descent.plot(np.arange(len(values)), values, "o-", color="#009E73", markersize=3)
-    descent.set(xlabel="iteration", ylabel="loss (rad^2)", title="descent along the gradient")
+    descent.set(xlabel="iteration", ylabel="loss (rad\u00b2)", title="descent along the gradient")
     errors.legend(fontsize=8)
     for ax in (errors, descent):
         ax.grid(alpha=0.3)

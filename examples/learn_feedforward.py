@@ -59,10 +59,11 @@ if len(sys.argv) > 1:
     before = run_of(loop(np.array([0.2, 0.4]), np.zeros((2, 3)), np.zeros((2, 3))))
     figure = plt.figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for each, label, style in ((before, "before", ":"), (run, "learned", "-")):
+    # Both errors are near zero at the end: dashes show the line below.
+    for each, label, styles in ((before, "before", (":", ":")), (run, "learned", ("-", "--"))):
         for k in range(2):
             color = ("#0072B2", "#D55E00")[k]
-            left.plot(each.t, 1e3 * (each.q - desired)[:, k], style, color=color, linewidth=1.4, label=f"joint {k + 1}, {label}")
+            left.plot(each.t, 1e3 * (each.q - desired)[:, k], styles[k], color=color, linewidth=1.4, label=f"joint {k + 1}, {label}")
     left.set(xlabel="time (s)", ylabel="error (mrad)", title="error of the joints")
     right.semilogy(np.arange(len(errors)), 1e3 * np.array(errors), "o-", color="#009E73", markersize=4)
     right.set(xlabel="runs", ylabel="rms error (mrad)", title="learning", xticks=range(len(errors)))

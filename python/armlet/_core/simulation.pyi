@@ -17,14 +17,19 @@ def simulate(plant: Plant, law: Law | Callable[..., ArrayLike], q0: ArrayLike, k
 def simulate_batch(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, keywords: dict[str, Any]) -> dict[str, Any]: ...
 def _check_starts(plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, keywords: dict[str, Any]) -> None: ...
 def _sensitivities(
-    plant: Plant | Sequence[Plant], law: Law | Sequence[Law], q0: ArrayLike, weights: ArrayLike, names: list[int], keywords: dict[str, Any]
+    plant: Plant | Sequence[Plant],
+    law: Law | Sequence[Law],
+    q0: ArrayLike,
+    weights: ArrayLike,
+    names: list[int | tuple[int, list[int]]],
+    keywords: dict[str, Any],
 ) -> dict[str, _Array]: ...
 def _adjoint(
     plant: Plant | Sequence[Plant],
     law: Law | Sequence[Law],
     q0: ArrayLike,
     weights: ArrayLike,
-    names: list[int],
+    names: list[int | tuple[int, list[int]]],
     slopes: dict[str, Any],
     bytes: int,
     keywords: dict[str, Any],
@@ -34,7 +39,7 @@ def _sensitivities_of_rows(
     law: Law | Sequence[Law],
     q0: ArrayLike,
     weights: ArrayLike,
-    names: list[int],
+    names: list[int | tuple[int, list[int]]],
     threads: int | None,
     keywords: dict[str, Any],
 ) -> dict[str, _Array]: ...
@@ -43,7 +48,7 @@ def _adjoint_of_rows(
     law: Law | Sequence[Law],
     q0: ArrayLike,
     weights: ArrayLike,
-    names: list[int],
+    names: list[int | tuple[int, list[int]]],
     slopes: dict[str, Any],
     bytes: int,
     threads: int | None,

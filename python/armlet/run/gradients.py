@@ -17,7 +17,7 @@ from ..status import Status, having
 from .losses import Loss, along_tangents, evaluated
 from .named_numbers import Varied
 from .recorded import Array
-from .sensitivity import naming, require_names, run_keywords, split, vary, vary_rows
+from .sensitivity import derived, naming, require_names, run_keywords, split, vary, vary_rows
 from .simulation import simulate, simulate_batch
 
 __all__ = ["gradient", "of_loops", "require_still_reference"]
@@ -109,12 +109,15 @@ def of_loops(
     """The value of a loss of the loop (plant, law, q0), and its derivatives with respect to the numbers that differ in `loops`, (P,)."""
     run = simulate(*loop, **keywords)
     value, slopes = evaluated(loss, run)
-    given = run_keywords({**DEFAULTS, **keywords}, loops, run.t)
-    with naming(function, loops):
-        if slopes is not None:
-            return value, _core._adjoint(*loops.runs, slopes, memory, given)
-        assert callable(loss), "a loss without slopes is a function"
-        return value, along_tangents(loss, run, _core._sensitivities(*loops.runs, given))
+
+    def given(loops: Varied) -> dict[str, Any]:
+        return run_keywords({**DEFAULTS, **keywords}, loops, run.t)
+
+    if slopes is not None:
+        return value, derived(function, loops, lambda loops: _core._adjoint(*loops.runs, slopes, memory, given(loops)))
+    assert callable(loss), "a loss without slopes is a function"
+    rates = derived(function, loops, lambda loops: _core._sensitivities(*loops.runs, given(loops)))
+    return value, along_tangents(loss, run, rates)
 
 
 def _of_batch(

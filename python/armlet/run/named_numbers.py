@@ -12,8 +12,9 @@ set-up copies it.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
@@ -31,12 +32,14 @@ __all__ = [
     "STEP",
     "Loop",
     "NamedNumber",
+    "Together",
     "Variants",
     "Varied",
     "entry_variants",
     "loop_with",
     "named_numbers",
     "stacked",
+    "together",
     "varied",
     "varied_rows",
 ]
@@ -51,6 +54,10 @@ RULES = (
     ((-1.0, -2.0, -3.0, -4.0), (-4.0, 3.0, -4 / 3, 1 / 4)),
 )
 STEP = 2.0**-10
+#: Entries that have their own loops each: fewer loops than those of entries that move together.
+FEW = 4
+#: The golden ratio less one.
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 #: Plant, law and start.
 Loop: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
@@ -76,6 +83,8 @@ class Varied:
         weights: weights of the differences between the four runs and run 0, (P, 4). Those of a batch are (B, P, 4), and its rows follow
             one another.
         names: the names, with their values, in the order of the P numbers.
+        codes: for each name, the `codes` of `Together`, or None if each entry has its own four loops. Empty: None for all.
+        apart: makes the same with own loops for each entry. None if no entries move together.
     """
 
     plants: Any
@@ -83,11 +92,31 @@ class Varied:
     start: dict[str, Array | None]
     weights: Array
     names: tuple[NamedNumber, ...]
+    codes: tuple[list[int] | None, ...] = ()
+    apart: Callable[[], Varied] | None = None
 
     @property
-    def runs(self) -> tuple[Any, Any, Any, Array, list[int]]:
+    def runs(self) -> tuple[Any, Any, Any, Array, list[int | tuple[int, list[int]]]]:
         """The first arguments of the core's functions."""
-        return self.plants, self.laws, self.start["q0"], self.weights, [named.value.size for named in self.names]
+        sizes = [named.value.size for named in self.names]
+        codes = self.codes or [None] * len(sizes)
+        parts = [size if code is None else (size, code) for size, code in zip(sizes, codes, strict=True)]
+        return self.plants, self.laws, self.start["q0"], self.weights, parts
+
+
+@dataclass(frozen=True)
+class Together:
+    """Loops in which entries of a number move together. The core finds the inputs of the programs that each entry moves.
+
+    Attributes:
+        loops: the probes, in each of which half of the entries move, then four loops in which all entries move.
+        weights: weights of the four for each entry.
+        codes: for each entry, the probes in which it moves, as bits. All codes have equally many bits.
+    """
+
+    loops: list[Loop]
+    weights: list[list[float]]
+    codes: list[int]
 
 
 def named_numbers(plant: Any, law: Any, start: Mapping[str, Array | None]) -> dict[str, Array]:
@@ -208,7 +237,11 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
         InputError: a name is not one of the loop, or occurs twice; a number cannot be varied.
     """
     loop, chosen = (plant, law, start), chosen_numbers(function, named_numbers(plant, law, start), names)
-    return stacked(loop, chosen, [_variants(loop, named, index) for named in chosen for index in np.ndindex(named.value.shape)])
+
+    def alone(k: int) -> list[Variants]:
+        return [_variants(loop, chosen[k], index) for index in np.ndindex(chosen[k].value.shape)]
+
+    return stacked(loop, chosen, [together(loop, named, list(np.ndindex(named.value.shape))) for named in chosen], alone)
 
 
 def varied_rows(function: str, loops: Sequence[Loop], names: Sequence[str]) -> Varied:
@@ -238,7 +271,7 @@ def varied_rows(function: str, loops: Sequence[Loop], names: Sequence[str]) -> V
                     entries[place] = _variants((plant, law, start), named, index)
                 others, weights = entries[place]
                 variants.append(([(other, control, start) for other, control, _ in others], weights))
-        rows.append(stacked((plant, law, start), own, variants))
+        rows.append(_stacked((plant, law, start), own, variants))
     return _joined(rows)
 
 
@@ -276,12 +309,60 @@ def entry_variants(loop: Loop, name: str, value: Array, index: tuple[int, ...]) 
     return _variants(loop, NamedNumber(name, value), index)
 
 
-def stacked(loop: Loop, names: Sequence[NamedNumber], variants: Sequence[Variants]) -> Varied:
-    """The loop, and behind it the four loops of each entry of the names."""
+def together(loop: Loop, named: NamedNumber, indices: Sequence[tuple[int, ...]]) -> Together | None:
+    """Loops in which these entries move together; None for few entries, matrices, motions and the start, and if one cannot be varied."""
+    name, value = named.name, named.value
+    moving = name in START or any(part in name for part in ("motion.", "target", "tasks."))
+    if moving or len(indices) < FEW or (value.ndim > 1 and value.shape[0] == value.shape[-1]):
+        return None
+    bits = next(bits for bits in itertools.count(2) if math.comb(bits, bits // 2) >= len(indices))
+    chosen = itertools.islice(itertools.combinations(range(bits), bits // 2), len(indices))
+    codes = [sum(1 << bit for bit in code) for code in chosen]
+    steps = [STEP * 2.0 ** math.floor(math.log2(_scale(name, value, index))) for index in indices]
+
+    def moved(by: Iterable[float]) -> Loop:
+        other = value.copy()
+        for index, each in zip(indices, by, strict=True):
+            other[index] += each
+        return loop_with(*loop, name, other)
+
+    # Probes move entries by different parts of their steps, so that no two of them cancel.
+    parts = [(1.0 + math.modf((i + 1) * GOLDEN)[0]) * step for i, step in enumerate(steps)]
+    offsets, weights = RULES[0]
+    try:
+        probes = [moved(part if code >> bit & 1 else 0.0 for part, code in zip(parts, codes, strict=True)) for bit in range(bits)]
+        four = [moved(offset * step for step in steps) for offset in offsets]
+    except InputError:
+        return None
+    return Together([*probes, *four], [[weight / step for weight in weights] for step in steps], codes)
+
+
+def stacked(
+    loop: Loop,
+    names: Sequence[NamedNumber],
+    shared: Sequence[Together | None],
+    alone: Callable[[int], Sequence[Variants]],
+) -> Varied:
+    """The loop, and behind it the loops of each name `k`: of entries that move together, or `alone(k)`, four for each entry."""
+
+    def apart() -> Varied:
+        return _stacked(loop, names, [variant for k in range(len(names)) for variant in alone(k)])
+
+    if not any(shared):
+        return apart()
+    variants: list[Variants | Together] = []
+    for k, group in enumerate(shared):
+        variants.extend(alone(k) if group is None else [group])
+    codes = tuple(None if group is None else group.codes for group in shared)
+    return replace(_stacked(loop, names, variants), codes=codes, apart=apart)
+
+
+def _stacked(loop: Loop, names: Sequence[NamedNumber], variants: Sequence[Variants | Together]) -> Varied:
     plant, law, start = loop
     plants, laws, starts, weights = [plant], [law], [dict(start)], []
-    for loops, own in variants:
-        weights.append(own)
+    for variant in variants:
+        loops, own = (variant.loops, variant.weights) if isinstance(variant, Together) else (variant[0], [variant[1]])
+        weights.extend(own)
         for other, control, begun in loops:
             plants.append(other)
             laws.append(control)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from .recorded import Array
 
 __all__ = [
     "Sensitivity",
+    "derived",
     "naming",
     "of_row",
     "of_rows",
@@ -32,6 +33,8 @@ __all__ = [
     "vary",
     "vary_rows",
 ]
+
+T = TypeVar("T")
 
 
 @bordered
@@ -158,8 +161,7 @@ def run_keywords(keywords: Mapping[str, Any], loops: Varied, t: Array) -> dict[s
 
 def of_run(loops: Varied, keywords: Mapping[str, Any], t: Array) -> dict[str, Sensitivity]:
     """The derivatives of the run of these arguments at its records, by name."""
-    with naming("simulate", loops):
-        rates = _core._sensitivities(*loops.runs, run_keywords(keywords, loops, t))
+    rates = derived("simulate", loops, lambda loops: _core._sensitivities(*loops.runs, run_keywords(keywords, loops, t)))
     parts = split(loops.names)
     return {named.name: Sensitivity(named.name, named.value.shape, t, **_columns(rates, part)) for named, part in parts}
 
@@ -183,6 +185,17 @@ def series_of(one: Sensitivity) -> dict[str, Array]:
     """The derivatives that are there, by series."""
     values = {name: getattr(one, name) for name in ("q", "v", "tau", "estimate", "theta", "theta_dot", "bristles")}
     return {name: value for name, value in values.items() if value is not None}
+
+
+def derived(function: str, loops: Varied, work: Callable[[Varied], T]) -> T:
+    """The result of `work` on the loops. If the core refuses loops in which entries move together, each entry gets its own loops."""
+    if loops.apart is not None:
+        try:
+            return work(loops)
+        except InputError:
+            loops = loops.apart()
+    with naming(function, loops):
+        return work(loops)
 
 
 @contextmanager

@@ -21,7 +21,20 @@ from ..arguments import shown
 from ..errors import InputError, SolveError
 from ..run.gradients import of_loops, require_still_reference
 from ..run.losses import TERMS
-from ..run.named_numbers import RULES, START, STEP, Loop, NamedNumber, Variants, Varied, entry_variants, named_numbers, stacked
+from ..run.named_numbers import (
+    RULES,
+    START,
+    STEP,
+    Loop,
+    NamedNumber,
+    Together,
+    Variants,
+    Varied,
+    entry_variants,
+    named_numbers,
+    stacked,
+    together,
+)
 from ..scenario import Scenario
 from .parameter_space import drawn
 
@@ -104,29 +117,54 @@ class Descent:
         keywords.pop("sensitivity", None)
         loop = _loop(built)
         known = named_numbers(*loop)
-        variants = [self._variants(scenario, loop, known, path, values[path]) for path in self.space]
-        loops: Varied = stacked(loop, _names(self.space), variants)
+        names = _names(self.space)
+
+        def alone(k: int) -> list[Variants]:
+            return [self._variants(scenario, loop, known, path, values[path]) for path in names[k][1]]
+
+        shared = [_together(loop, known, values, own) for _, own in names]
+        loops: Varied = stacked(loop, [named for named, _ in names], shared, alone)
         q0 = keywords.pop("q0")
         return of_loops("tune", self.loss, (built.plant, built.law, q0), loops, keywords, MEMORY)
 
     def _variants(self, scenario: Scenario, loop: Loop, known: Mapping[str, Array], path: str, value: float) -> Variants:
-        found = ENTRY.fullmatch(path)
-        name = found[1].removeprefix("run.") if found else ""
-        if found and name in known:
-            index = () if found[2] is None else (int(found[2]),)
-            number = known[name]
-            if number.ndim == len(index) and (not index or index[0] < len(number)) and number[index] == value:
-                return entry_variants(loop, name, number, index)
-        return _built(scenario, path, value)
+        found = _entry(known, path, value)
+        if found is None:
+            return _built(scenario, path, value)
+        name, index = found
+        return entry_variants(loop, name, known[name], index)
 
 
-def _names(paths: Iterable[str]) -> list[NamedNumber]:
-    """A name for each path. Neighbouring entries of one array share a name, as they enter the programs of a loop alike."""
+def _entry(known: Mapping[str, Array], path: str, value: float) -> tuple[str, tuple[int, ...]] | None:
+    """The named number and the index of a path; None if it is not an entry of this value."""
+    found = ENTRY.fullmatch(path)
+    name = found[1].removeprefix("run.") if found else ""
+    if not found or name not in known:
+        return None
+    index = () if found[2] is None else (int(found[2]),)
+    number = known[name]
+    if number.ndim == len(index) and (not index or index[0] < len(number)) and number[index] == value:
+        return name, index
+    return None
+
+
+def _names(paths: Iterable[str]) -> list[tuple[NamedNumber, list[str]]]:
+    """A name for each path, with its paths. Neighbouring entries of one array share a name, as they enter the programs of a loop alike."""
     names = []
     for array, group in groupby(paths, lambda path: found[1] if (found := ENTRY.fullmatch(path)) else path):
         entries = list(group)
-        names.append(NamedNumber(entries[0] if len(entries) == 1 else array, np.zeros(len(entries))))
+        names.append((NamedNumber(entries[0] if len(entries) == 1 else array, np.zeros(len(entries))), entries))
     return names
+
+
+def _together(loop: Loop, known: Mapping[str, Array], values: Row, paths: Sequence[str]) -> Together | None:
+    """Loops in which the entries of these paths move together; None if they are not entries of one number."""
+    found = [_entry(known, path, values[path]) for path in paths]
+    names = {each[0] for each in found if each is not None}
+    if None in found or len(names) != 1:
+        return None
+    name = names.pop()
+    return together(loop, NamedNumber(name, known[name]), [each[1] for each in found if each is not None])
 
 
 def _loop(built: Any) -> Loop:

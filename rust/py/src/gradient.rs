@@ -12,19 +12,68 @@ use armlet_core::law::LawSpec;
 use armlet_core::memory;
 use armlet_core::parallel;
 use armlet_core::plant::PlantSpec;
-use armlet_core::simulate::{self as core, Parameter, Parameters, Problem, Rows, record_parts};
+use armlet_core::simulate::{self as core, Parameter, Parameters, Problem, Rows, Shared, record_parts};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The runs of each parameter. Run 0 is the one to differentiate. The runs of the parameters follow in order, one per weight.
-fn parameters(function: &str, value: &Bound<'_, PyAny>, runs: usize) -> Result<Vec<Parameter>, Failure> {
-    let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
-    require_runs(function, value, 1 + shape[0] * shape[1], runs)?;
-    Ok(weighed(&weights, shape[1])?)
+/// Parameters, how many each name has, and those that move together.
+struct Named {
+    all: Vec<Parameter>,
+    sizes: Vec<usize>,
+    shared: Vec<Shared>,
 }
 
-/// The same of each row, `(B, P, W)`.
+/// A name: how many parameters it has; with their codes, if they move together.
+#[derive(FromPyObject)]
+enum Name {
+    Apart(usize),
+    Together(usize, Vec<u64>),
+}
+
+impl Named {
+    /// Run 0 is the one to differentiate. The runs of each name follow. Parameters that move alone have one run per weight each. Those that
+    /// move together have their probes, and then one run per weight.
+    fn of(function: &str, value: &Bound<'_, PyAny>, names: &Bound<'_, PyAny>, runs: usize) -> Result<Self, Failure> {
+        let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
+        let (names, points): (Vec<Name>, usize) = (names.extract()?, shape[1]);
+        let (mut named, mut run) = (Named { all: memory::reserved(shape[0])?, sizes: Vec::new(), shared: Vec::new() }, 1);
+        let mut rows = weights.chunks_exact(points.max(1));
+        for name in names {
+            let first = named.all.len();
+            let (size, step) = match name {
+                Name::Apart(size) => (size, points),
+                Name::Together(size, codes) if codes.len() == size => {
+                    let probes = codes.iter().map(|code| code.checked_ilog2().map_or(0, |bit| bit as usize + 1)).max().unwrap_or(0);
+                    named.shared.push(Shared { first, probes: run..run + probes, codes });
+                    run += probes;
+                    (size, 0)
+                }
+                Name::Together(size, codes) => {
+                    let problem = format!("has the wrong number of codes: expected {size}, got {}", codes.len());
+                    return Err(input_error(value.py(), function, "names", problem).into());
+                }
+            };
+            for row in rows.by_ref().take(size) {
+                named.all.push(row.iter().enumerate().map(|(j, &weight)| (run + j, weight)).collect());
+                run += step;
+            }
+            run += points - step;
+            named.sizes.push(size);
+        }
+        if named.all.len() != shape[0] || named.sizes.iter().fold(0, |sum: usize, &size| sum.saturating_add(size)) != shape[0] {
+            return Err(input_error(value.py(), function, "sizes", format!("do not add up: expected {} in all", shape[0])).into());
+        }
+        require_runs(function, value, run, runs)?;
+        Ok(named)
+    }
+
+    fn parameters(&self) -> Parameters<'_> {
+        Parameters { all: &self.all, sizes: &self.sizes, shared: &self.shared }
+    }
+}
+
+/// The runs of the parameters of each row, in order, one per weight, `(B, P, W)`.
 fn parameters_of_rows(function: &str, value: &Bound<'_, PyAny>, runs: usize) -> Result<Vec<Vec<Parameter>>, Failure> {
     let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("B"), Axis::Any("P"), Axis::Any("W")])])?;
     let [rows, count, points] = [shape[0], shape[1], shape[2]];
@@ -120,12 +169,11 @@ pub fn _sensitivities<'py>(
     const NAME: &str = "simulate";
     entry(py, NAME, || {
         with_problem(NAME, (plant, law, q0), keywords, |problem, rows, raised| {
-            let parameters = parameters(NAME, weights, rows)?;
-            let sizes = sizes(NAME, names, parameters.len())?;
-            let all = Parameters { all: &parameters, sizes: &sizes };
+            let named = Named::of(NAME, weights, names, rows)?;
+            let all = named.parameters();
             let mut poll = || force::failed(raised) || signalled();
             let rates = long(py, || core::sensitivities(problem, all, &core::Poller::new(&mut poll)))?;
-            let (fields, directions) = (PyDict::new(py), parameters.len());
+            let (fields, directions) = (PyDict::new(py), named.all.len());
             for ((name, part), values) in record_parts(problem).0.into_iter().zip(rates) {
                 let records = values.len() / (part.len() * directions).max(1);
                 fields.set_item(name, adopted(py, &[records, part.len(), directions], values)?)?;
@@ -152,9 +200,8 @@ pub fn _adjoint<'py>(
     const NAME: &str = "gradient";
     entry(py, NAME, || {
         with_problem(NAME, (plant, law, q0), keywords, |problem, rows, raised| {
-            let parameters = parameters(NAME, weights, rows)?;
-            let sizes = sizes(NAME, names, parameters.len())?;
-            let all = Parameters { all: &parameters, sizes: &sizes };
+            let named = Named::of(NAME, weights, names, rows)?;
+            let all = named.parameters();
             let bytes = count(NAME, "memory", bytes)?;
             let weighed = slopes_of(NAME, problem, slopes, 1)?;
             let mut poll = || force::failed(raised) || signalled();
@@ -163,7 +210,7 @@ pub fn _adjoint<'py>(
                 out.copy_from_slice(&gradient);
                 Ok(())
             };
-            written_array(py, &[parameters.len()], own)
+            written_array(py, &[named.all.len()], own)
         })
     })
 }

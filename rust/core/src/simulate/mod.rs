@@ -69,7 +69,7 @@ pub use bound::DEFAULT_STATE_LIMIT;
 pub use event::{Crossings, Event, EventFunction, Signal};
 pub use force::{Force, Wrench};
 pub use gradient::{
-    Parameter, Parameters, RecordParts, Rows, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
+    Parameter, Parameters, RecordParts, Rows, Shared, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
 };
 pub use listed::{Listed, list_loop, watch_steps};
 pub use measures::Measures;

@@ -1,6 +1,7 @@
 //! What moves with each parameter: numbers of the set-up, the state at the start, and desired motions.
 
-use super::Parameter;
+use super::Parameters;
+use super::shared::{entangled, is_shared};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory;
@@ -48,11 +49,14 @@ fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
 }
 
 /// The rates of the state at the start, `(states, count)`.
-pub fn start_rates(problem: &Problem, parameters: &[Parameter]) -> Result<Vec<f64>> {
-    let (count, starts) = (parameters.len(), |run: usize| start::<f64>(problem, |_| run));
+pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>> {
+    let (count, starts) = (parameters.all.len(), |run: usize| start::<f64>(problem, |_| run));
     let first = starts(0);
     let mut rates = memory::zeros(first.len().saturating_mul(count))?;
-    for (p, parameter) in parameters.iter().enumerate() {
+    for group in parameters.shared {
+        group.rates(&first, parameters.all, |run| Ok(starts(run)), |k, p, rate| rates[k * count + p] = rate)?;
+    }
+    for (p, parameter) in parameters.all.iter().enumerate().filter(|&(p, _)| !is_shared(parameters.shared, p)) {
         look();
         let others: Vec<(Vec<f64>, f64)> = parameter.iter().map(|&(run, weight)| (starts(run), weight)).collect();
         let others: Vec<(&[f64], f64)> = others.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
@@ -62,16 +66,23 @@ pub fn start_rates(problem: &Problem, parameters: &[Parameter]) -> Result<Vec<f6
 }
 
 impl<'a> Directions<'a> {
-    /// `sizes`: how many parameters each name has, one name after another. The numbers of a name enter a program alike, so that only the
-    /// recordings of its first and its last one are compared.
-    pub fn of(problem: &'a Problem<'a>, parameters: &[Parameter], sizes: &[usize]) -> Result<Self> {
+    /// The numbers of a name enter a program alike, so that only the recordings of its first and its last one are compared.
+    pub fn of(problem: &'a Problem<'a>, Parameters { all: parameters, sizes, shared }: Parameters) -> Result<Self> {
         let base = numbers(problem, 0);
         let count = parameters.len();
         let own = |run: usize| std::ptr::eq(problem.plant(run), problem.plant(0)) && std::ptr::eq(problem.law(run), problem.law(0));
         let mut rates = memory::zeros(base.len().saturating_mul(count))?;
         let (motions, breaks) = (problem.law(0).motions(), problem.law(0).breaks());
         let mut drives = Vec::new();
-        for (p, parameter) in parameters.iter().enumerate() {
+        let moves = |run: usize| problem.law(run).motions().iter().zip(&motions).any(|(motion, of)| !motion.is_same(of));
+        for group in shared {
+            let of = |run: usize| {
+                let values = numbers(problem, run);
+                if values.len() == base.len() && !moves(run) && problem.law(run).breaks() == breaks { Ok(values) } else { Err(entangled()) }
+            };
+            group.rates(&base, parameters, of, |k, p, rate| rates[k * count + p] = rate)?;
+        }
+        for (p, parameter) in parameters.iter().enumerate().filter(|&(p, _)| !is_shared(shared, p)) {
             let other_breaks = |run: usize| problem.law(run).breaks() != breaks;
             if parameter.iter().any(|&(run, _)| other_breaks(run)) {
                 return Err(refused(p, "moves an instant at which the motion jumps"));
@@ -83,7 +94,6 @@ impl<'a> Directions<'a> {
             }
             let differ: Vec<(&[f64], f64)> = differ.iter().map(|(values, weight)| (values.as_slice(), *weight)).collect();
             combined(&base, &differ, |k, rate| rates[k * count + p] = rate);
-            let moves = |run: usize| problem.law(run).motions().iter().zip(&motions).any(|(motion, of)| !motion.is_same(of));
             if parameter.iter().any(|&(run, _)| moves(run)) {
                 let worlds = parameter.iter().map(|&(run, weight)| (world(problem, 1, |_| run), weight)).collect();
                 drives.push(Drive { parameter: p, worlds });

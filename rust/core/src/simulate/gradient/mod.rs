@@ -16,6 +16,7 @@ mod forward;
 mod functions;
 mod rows;
 mod series;
+mod shared;
 mod switch;
 mod timeline;
 mod walk;
@@ -30,6 +31,7 @@ use directions::{Directions, start_rates};
 use functions::LoopFunctions;
 pub use rows::{Rows, adjoint_of_rows, sensitivities_of_rows};
 use series::Series;
+pub use shared::Shared;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 use timeline::{Contacts, Timeline};
@@ -44,6 +46,8 @@ pub struct Parameters<'a> {
     pub all: &'a [Parameter],
     /// How many each name has.
     pub sizes: &'a [usize],
+    /// Those that move together.
+    pub shared: &'a [Shared],
 }
 
 /// The names of the series of a record, and where they are in it.
@@ -115,12 +119,12 @@ impl<'a> Loop<'a> {
         if problem.plants.iter().any(|plant| plant.sticks()) {
             return refused("plant", "a plant without stick-slip friction", "one with it");
         }
-        let directions = Arc::new(Directions::of(problem, parameters.all, parameters.sizes)?);
+        let directions = Arc::new(Directions::of(problem, parameters)?);
         Ok(Loop { tableau, directions, known: Mutex::default() })
     }
 
     /// Run 0 of a problem of this loop.
-    fn prepare(&self, problem: &Problem<'a>, parameters: &[Parameter], stop: &dyn Stop) -> Result<Prepared<'a>> {
+    fn prepare(&self, problem: &Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
         let (single, start) = (single(problem), start_rates(problem, parameters)?);
         let timeline = Timeline::of(&single, stop)?;
         let functions = self.functions(problem, &timeline.contacts)?;
@@ -139,7 +143,7 @@ impl<'a> Loop<'a> {
 }
 
 fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
-    Loop::of(problem, parameters)?.prepare(problem, parameters.all, stop)
+    Loop::of(problem, parameters)?.prepare(problem, parameters, stop)
 }
 
 /// The derivatives of the records of run 0 of `problem`, at the times of its options: `(records, numbers, parameters)` of each part that

@@ -66,7 +66,7 @@ impl<'a> Rows<'a> {
     }
 
     fn parameters(&self, row: usize) -> Parameters<'_> {
-        Parameters { all: &self.parameters[row], sizes: self.sizes }
+        Parameters { all: &self.parameters[row], sizes: self.sizes, shared: &[] }
     }
 
     /// Work on each row with its part of what is written. Rows that have no derivative are NaN: those that do not reach their end.
@@ -84,8 +84,8 @@ impl<'a> Rows<'a> {
             let (problem, parameters) = (&self.problems[r], self.parameters(r));
             problem.validate()?;
             let prepared = match &shared {
-                Some(shared) => shared.prepare(problem, parameters.all, &never),
-                None => Loop::of(problem, parameters).and_then(|own| own.prepare(problem, parameters.all, &never)),
+                Some(shared) => shared.prepare(problem, parameters, &never),
+                None => Loop::of(problem, parameters).and_then(|own| own.prepare(problem, parameters, &never)),
             };
             match prepared.and_then(|prepared| work(&prepared, r, &mut out)) {
                 Err(Error::Solve { .. }) => {

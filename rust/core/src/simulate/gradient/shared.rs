@@ -1,0 +1,91 @@
+//! Numbers of a name that move together in a few runs, instead of each one in its own runs.
+//!
+//! Most inputs of a program depend on one number of a name: on `kp_i`, such as `kp_i / kd_i`. So all numbers of the name may move in the same
+//! runs. Probes are runs in which half of the numbers move. The bits of a number's code are the probes in which it moves. The probes that
+//! change an input give the code of the number that the input depends on. All codes have equally many ones, so that two codes together have
+//! more ones. An input that depends on several numbers therefore has a code that no number has, and is refused.
+
+use super::Parameter;
+use crate::error::{Error, Result};
+use std::ops::Range;
+
+/// Parameters that move together: as many as there are codes, from `first` on, in the runs that each of them names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shared {
+    /// The first parameter.
+    pub first: usize,
+    /// The probes, runs of the problem.
+    pub probes: Range<usize>,
+    /// Of each parameter: bit `b` is set if it moves in probe `b`.
+    pub codes: Vec<u64>,
+}
+
+/// Whether parameter `p` is one of these.
+pub fn is_shared(shared: &[Shared], p: usize) -> bool {
+    shared.iter().any(|group| (group.first..group.first + group.codes.len()).contains(&p))
+}
+
+/// The refusal of numbers that do not come apart: the binding then moves each one in its own runs.
+pub fn entangled() -> Error {
+    Error::input("shared", "has numbers that act together: expected parameters that move in different runs")
+}
+
+impl Shared {
+    /// The rates of all numbers `of(run)`: `put(number, parameter, rate)` for those that move; `base` are the numbers of run 0.
+    pub fn rates(
+        &self,
+        base: &[f64],
+        parameters: &[Parameter],
+        mut of: impl FnMut(usize) -> Result<Vec<f64>>,
+        mut put: impl FnMut(usize, usize, f64),
+    ) -> Result<()> {
+        let own = self.first..self.first + self.codes.len();
+        let Some(weights) = parameters.get(own.clone()).filter(|own| !own.is_empty()) else { return Err(entangled()) };
+        let probes: Vec<Vec<f64>> = self.probes.clone().map(&mut of).collect::<Result<_>>()?;
+        let moved: Vec<Vec<f64>> = weights[0].iter().map(|&(run, _)| of(run)).collect::<Result<_>>()?;
+        for (k, &x) in base.iter().enumerate() {
+            let differs = |values: &Vec<f64>| values[k].to_bits() != x.to_bits();
+            let code = probes.iter().enumerate().fold(0, |code, (bit, values)| code | u64::from(differs(values)) << bit);
+            if code == 0 && !moved.iter().any(differs) {
+                continue;
+            }
+            let Some(i) = self.codes.iter().position(|&known| known == code) else { return Err(entangled()) };
+            let rate = weights[i].iter().zip(&moved).map(|(&(_, weight), values)| weight * (values[k] - x)).sum();
+            put(k, self.first + i, rate);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers of a program, from three numbers of a name: some of one, some of two.
+    fn rates(f: impl Fn([f64; 3]) -> Vec<f64>) -> Option<Vec<(usize, usize, f64)>> {
+        let (p, codes) = ([2.0, 3.0, 5.0], [0b011, 0b101, 0b110]);
+        let probe =
+            |bit: usize| std::array::from_fn(|i| if codes[i] >> bit & 1 == 1 { p[i] + 1e-3 * (1.0 + 0.2 * i as f64) } else { p[i] });
+        let offsets = [-2.0, -1.0, 1.0, 2.0];
+        let of = |run: usize| Ok(f(if run < 4 { probe(run - 1) } else { p.map(|x| x + 1e-3 * offsets[run - 4]) }));
+        let weights = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
+        let parameter: Parameter = weights.iter().enumerate().map(|(j, weight)| (4 + j, weight / 1e-3)).collect();
+        let mut found = Vec::new();
+        let shared = Shared { first: 0, probes: 1..4, codes: codes.to_vec() };
+        shared.rates(&f(p), &vec![parameter; 3], of, |k, p, rate| found.push((k, p, rate))).ok()?;
+        Some(found)
+    }
+
+    #[test]
+    fn numbers_of_one_parameter_come_apart_and_others_are_refused() {
+        let found = rates(|p| vec![p[0] * p[0], 7.0, p[2] / 4.0, p[1], p[0]]).expect("each depends on one");
+        let expected = [(0, 0, 4.0), (2, 2, 0.25), (3, 1, 1.0), (4, 0, 1.0)];
+        assert_eq!(found.len(), expected.len());
+        for ((k, p, rate), (number, parameter, slope)) in found.into_iter().zip(expected) {
+            assert_eq!((k, p), (number, parameter));
+            assert!((rate - slope).abs() < 1e-11, "four differences of numbers near 5 over 1e-3");
+        }
+        let several: [fn([f64; 3]) -> Vec<f64>; 3] = [|p| vec![p[0] + p[1]], |p| vec![p[0] - p[1]], |p| vec![p[0] * p[1] * p[2]]];
+        assert!(several.into_iter().all(|of| rates(of).is_none()));
+    }
+}
