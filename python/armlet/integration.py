@@ -152,8 +152,8 @@ def integrate(
 
     Args:
         f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the fastest for a few states).
-        t_span: start and end. The end may be infinite where a terminal event ends the run and the method is adaptive.
-        y0: initial state, (n,).
+        t_span: start and end, in the unit of `t`. The end may be infinite if a terminal event ends the run and the method is adaptive.
+        y0: initial state, (n,), in the units of `f`.
         method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5"
             and "rodas4" for stiff problems.
         rtol, atol: relative and absolute error allowed per step, each a number or (n,); rtol >= 2.22e-14.

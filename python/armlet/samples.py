@@ -80,7 +80,7 @@ def select_samples(
 
     Args:
         law: the `Adaptive` law that will learn from the samples. It determines the parameters: its base set, friction and rotors.
-        q, v, tau: positions, velocities and torques of the record, (K, n).
+        q, v, tau: positions, velocities and torques of the record, (K, n), rad or m, rad/s or m/s, N m or N.
         count: how many samples to choose.
         a: accelerations of the record, (K, n) (keyword only).
         t: times of the record, (K,), evenly spaced, s; needed without `a` (keyword only).
