@@ -32,11 +32,8 @@ demo: $(BUILD)/installed ## build armlet, run the demonstration: a table of chec
 	@$(PY) -m armlet demo --out "$(OUT)"
 
 test: $(BUILD)/installed $(BUILD)/requirements ## everything: formatting, lints, types, Rust and Python tests on the built wheel
-	@$(MAKE) --no-print-directory lint
-	@# Units unoptimised, with their assertions and checks of overflow; the suite on the core that the wheel was made of.
-	cd $(BUILD)/sdist/armlet-* && cargo test --locked --package armlet-core --lib
-	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --test suite
-	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --doc
+	@# Compilers and type checkers use one core for much of their time.
+	+@sh tools/beside.sh "$(MAKE) --no-print-directory rust-tests" "$(MAKE) --no-print-directory lint"
 	@rm -rf $(BUILD)/elsewhere && mkdir -p $(BUILD)/elsewhere
 	cd $(BUILD)/elsewhere && ARMLET_MAKE_TEST=1 ARMLET_SDIST="$$(cat $(BUILD)/sdist.path)" ARMLET_WHEEL="$$(cat $(BUILD)/wheel.path)" \
 		sh $(ROOT)/tools/pytest.sh $(ROOT) $(VENV)/bin/python $(PYTEST)
@@ -119,7 +116,13 @@ lock: tools ## rewrite requirements/test.txt from what resolves today
 clean: ## remove what make built (the downloaded packages too)
 	rm -rf $(BUILD) $(VENV) target
 
-.PHONY: lint
+# The suite on the core that the wheel was made of; units unoptimised, with their assertions and checks of overflow.
+.PHONY: rust-tests lint
+rust-tests:
+	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --test suite
+	cd $(BUILD)/sdist/armlet-* && cargo test --locked --package armlet-core --lib
+	cd $(BUILD)/sdist/armlet-* && cargo test --release --locked --package armlet-core --doc
+
 lint:
 	@sh tools/lint.sh "$(LINT)" $(PY)
 

@@ -139,3 +139,11 @@ def test_a_failure_of_either_half_fails(interface: int, others: int, expected: i
     assert done.returncode == expected, done.stderr
     assert [line.partition(":")[0] for line in done.stdout.splitlines()] == ["half 2", "half 1"]
     assert all("-k a or b" in line and "-P -m pytest" in line for line in done.stdout.splitlines())
+
+
+@pytest.mark.parametrize(("first", "second", "expected"), [(0, 0, 0), (3, 0, 3), (0, 4, 4), (3, 4, 3)])
+def test_two_commands_fail_if_one_does(first: int, second: int, expected: int) -> None:
+    command = ["sh", str(TOOLS / "beside.sh"), f"sleep 0.2; echo first; exit {first}", f"echo second; exit {second}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == expected, done.stderr
+    assert done.stdout.split() == ["first", "second"]
