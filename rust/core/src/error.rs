@@ -1,10 +1,9 @@
-//! What a caller did wrong, or what a solver could not do. Outcomes of a run are data: see `status`.
+//! Errors: a wrong argument, model or file, or a solver without a solution. The outcome of a run is data: see `status`.
 
 use crate::interrupt::look;
 use crate::status::Status;
 
-/// The errors of the core. The binding maps each variant to its Python class and puts the name of the
-/// called function before the message.
+/// The errors of the core. The binding maps each variant to its Python class and puts the name of the called function before the message.
 ///
 /// ```
 /// use armlet_core::arm::{Arm, STANDARD_GRAVITY};
@@ -20,53 +19,53 @@ use crate::status::Status;
 /// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// An argument is not what the function takes: `argument problem: expected .., got .. (first bad index ..)`.
+    /// An argument is invalid: `argument problem: expected .., got .. (first bad index ..)`.
     #[error("{argument} {problem}{}", at_index(index))]
     Input {
         /// Name of the argument.
         argument: String,
         /// What is wrong with it.
         problem: String,
-        /// Where: the first bad index, one number per axis; empty where the whole argument is wrong.
+        /// The first bad index, one number per axis; empty if the whole argument is wrong.
         index: Box<[usize]>,
     },
-    /// An argument has another shape, or another number of something, than the function takes.
+    /// An argument has the wrong shape, or the wrong number of something.
     #[error("{argument} has the wrong {what}: expected {expected}, got {got}{}", at_index(index))]
     WrongShape {
         /// Name of the argument.
         argument: String,
-        /// What of it is wrong, such as "shape" or "number of joints".
+        /// The property that is wrong, such as "shape" or "number of joints".
         what: &'static str,
-        /// What the function takes.
+        /// The value that the function requires.
         expected: Box<str>,
-        /// What it was given.
+        /// The value of the argument.
         got: Box<str>,
-        /// Which part of the argument, as in `Input`.
+        /// The wrong part of the argument, as in `Input`.
         index: Box<[usize]>,
     },
-    /// A name is none of those that there are.
+    /// A name is unknown.
     #[error("{argument} is unknown: expected one of {}{}, got {got}", of_kind(kind), listed(available))]
     Unknown {
         /// Name of the argument.
         argument: String,
-        /// What is named, such as "frames"; empty where the argument says it.
+        /// What is named, such as "frames"; empty if the name of the argument contains it.
         kind: &'static str,
-        /// The names that there are.
+        /// The available names.
         available: Vec<String>,
-        /// The name that was given.
+        /// The unknown name.
         got: String,
     },
-    /// A robot model is not well formed; `line` is 1-based in `file`.
+    /// A robot model is invalid. `line` counts the lines of `file` from 1.
     #[error("{file}:{line}: {problem}")]
     Model {
         /// Name of the file.
         file: String,
-        /// Line, from 1 on.
+        /// Line, counted from 1.
         line: u32,
         /// What is wrong there.
         problem: String,
     },
-    /// A solver ended without an answer, at time (or iteration) `t`.
+    /// A solver ended without a solution, at time (or iteration) `t`.
     #[error("{problem}")]
     Solve {
         /// How it ended.
@@ -91,23 +90,23 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// `argument problem`, the form of most refusals of an argument.
+    /// The form `argument problem`, which most errors about an argument have.
     pub fn input(argument: impl Into<String>, problem: impl Into<String>) -> Self {
         Error::Input { argument: argument.into(), problem: problem.into(), index: Box::default() }
     }
 
-    /// An argument of the wrong `what`.
+    /// An argument with the wrong `what`.
     pub fn wrong(argument: impl Into<String>, what: &'static str, expected: impl ToString, got: impl ToString) -> Self {
         let (expected, got) = (expected.to_string().into(), got.to_string().into());
         Error::WrongShape { argument: argument.into(), what, expected, got, index: Box::default() }
     }
 
-    /// An array of the wrong shape.
+    /// An array with the wrong shape.
     pub fn wrong_shape(argument: impl Into<String>, expected: &[usize], got: &[usize]) -> Self {
         Error::wrong(argument, "shape", tuple(expected), tuple(got))
     }
 
-    /// A name that is none of the `kind`'s.
+    /// A name that is none of the `available` names of this `kind`.
     pub fn unknown<T: Into<String>>(
         argument: impl Into<String>,
         kind: &'static str,
@@ -118,7 +117,7 @@ impl Error {
         Error::Unknown { argument: argument.into(), kind, available, got: got.into() }
     }
 
-    /// The same refusal, which is about the entry at this index.
+    /// The same error, for the entry at this index.
     pub fn at(mut self, at: impl Into<Vec<usize>>) -> Self {
         if let Error::Input { index, .. } | Error::WrongShape { index, .. } = &mut self {
             *index = at.into().into_boxed_slice();
@@ -126,7 +125,7 @@ impl Error {
         self
     }
 
-    /// The same refusal under the name that the argument has for the caller.
+    /// The same error, with the name that the caller uses for the argument.
     pub fn of_argument(mut self, name: impl Into<String>) -> Self {
         if let Error::Input { argument, .. } | Error::WrongShape { argument, .. } | Error::Unknown { argument, .. } = &mut self {
             *argument = name.into();
@@ -134,14 +133,14 @@ impl Error {
         self
     }
 
-    /// What is wrong with the argument that was refused: the message between its name and its index.
+    /// The problem with the wrong argument: the message between its name and its index.
     pub fn problem(&self) -> Option<String> {
         let text = self.to_string();
         let end = text.len() - at_index(self.index()).len();
         self.argument().map(|argument| text[argument.len() + 1..end].to_string())
     }
 
-    /// The argument that was refused.
+    /// The wrong argument.
     pub fn argument(&self) -> Option<&str> {
         match self {
             Error::Input { argument, .. } | Error::WrongShape { argument, .. } | Error::Unknown { argument, .. } => Some(argument),
@@ -149,7 +148,7 @@ impl Error {
         }
     }
 
-    /// The first bad index of the argument that was refused, one number per axis; empty where there is none.
+    /// The first bad index of the wrong argument, one number per axis; empty if there is none.
     pub fn index(&self) -> &[usize] {
         match self {
             Error::Input { index, .. } | Error::WrongShape { index, .. } => index,
@@ -157,13 +156,13 @@ impl Error {
         }
     }
 
-    /// The names that there are, where one was unknown.
+    /// The available names, if the error is an unknown name.
     pub fn available(&self) -> &[String] {
         if let Error::Unknown { available, .. } = self { available } else { &[] }
     }
 }
 
-/// `(first bad index ..)`, or nothing.
+/// `(first bad index ..)`, or an empty text.
 fn at_index(index: &[usize]) -> String {
     match index {
         [] => String::new(),
@@ -172,7 +171,7 @@ fn at_index(index: &[usize]) -> String {
     }
 }
 
-/// As Python writes a tuple.
+/// The notation of a tuple in Python.
 fn tuple(numbers: &[usize]) -> String {
     match numbers {
         [one] => format!("({one},)"),
@@ -184,19 +183,19 @@ fn of_kind(kind: &str) -> String {
     if kind.is_empty() { String::new() } else { format!("the {kind} ") }
 }
 
-/// A long list is cut: a message is for reading.
+/// The number of names of a long list that a message shows.
 const NAMES_SHOWN: usize = 20;
 
-/// The first names, and how many more there are.
+/// The first names, and the number of the others.
 pub(crate) fn listed<T: AsRef<str>>(names: &[T]) -> String {
     let shown = names.iter().take(NAMES_SHOWN).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
     if names.len() > NAMES_SHOWN { format!("{shown} and {} more", names.len() - NAMES_SHOWN) } else { shown }
 }
 
-/// Numbers that are read between two looks whether to stop.
+/// The number of values that are read between two checks for a stop request.
 const PIECE: usize = 1 << 16;
 
-/// Whether all are finite.
+/// Whether all values are finite.
 pub fn all_finite(values: &[f64]) -> bool {
     if values.len() <= PIECE {
         return few_finite(values);
@@ -207,9 +206,9 @@ pub fn all_finite(values: &[f64]) -> bool {
     })
 }
 
-/// Without a branch per number.
+/// [`all_finite`] for a few values, without a branch per value.
 fn few_finite(values: &[f64]) -> bool {
-    // Zero, or NaN once a number was not finite; apart, so that no sum waits for another.
+    // Zero, or NaN after a value that is not finite. Eight independent sums, so that none waits for another.
     let mut zeros = [0.0; 8];
     let (blocks, rest) = values.as_chunks::<8>();
     for block in blocks {
@@ -220,7 +219,7 @@ fn few_finite(values: &[f64]) -> bool {
     zeros.iter().chain(rest).all(|x| x.is_finite())
 }
 
-/// Refuse a value that is not finite, naming the first bad index.
+/// Refuse a value that is not finite. The error has the first bad index.
 pub fn finite(argument: &str, values: &[f64]) -> Result<()> {
     if all_finite(values) {
         return Ok(());

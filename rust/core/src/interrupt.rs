@@ -56,10 +56,10 @@ pub fn look() {
     }
 }
 
-/// Rows of a matrix up to which [`look_at_row`] does nothing: those of the largest arm whose joints may follow others.
+/// The number of rows up to which [`look_at_row`] does nothing: that of the largest arm with mimic joints.
 const FEW: usize = 256;
 
-/// [`look`] at every 64th row of a large matrix, for loops over rows that are short where there are few of them.
+/// [`look`] at every 64th row of a large matrix. It serves loops over rows that take little time in small matrices.
 #[inline(always)]
 pub fn look_at_row(row: usize) {
     if row >= FEW && row.is_multiple_of(64) {
@@ -108,7 +108,7 @@ mod tests {
         };
         assert_eq!(interruptible(Watch::Flag(stop.clone()), work), Err(Interrupted));
         assert_eq!(looked, 500);
-        // Nobody is asked any more.
+        // After the interruption, `look` checks no request.
         (0..100).for_each(|_| look());
         assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(false))), || (0..100).for_each(|_| look())), Ok(()));
     }

@@ -1,11 +1,11 @@
-//! Memory of a size that a caller decides: what cannot be had is an error, never the end of the process.
+//! Memory of a size that the caller decides. If it cannot be allocated, the result is an error and the process continues.
 
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 
-/// Elements that are written between two looks whether to stop: the first touch of a page takes long.
+/// The number of elements written between two checks for a stop request. The first write to a page takes long.
 pub const PIECE: usize = 1 << 14;
-/// The same of elements that own memory.
+/// The same number for elements that own memory.
 const SMALL_PIECE: usize = 1 << 10;
 
 /// An empty vector with capacity for `n` elements.
@@ -44,7 +44,7 @@ fn extend<T: Clone>(out: &mut Vec<T>, n: usize, value: &T) {
     }
 }
 
-/// `n` copies of `value`, where there is memory for them: [`require`] has said so of the whole that they belong to.
+/// `n` copies of `value`. The caller has checked with [`require`] that the memory for the whole structure is available.
 pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     let mut out = Vec::with_capacity(n);
     while out.len() < n {
@@ -55,7 +55,7 @@ pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     out
 }
 
-/// As [`copied`], for what takes its time to clone, and where there is memory for it.
+/// As [`copied`], for elements that take long to clone. The caller has checked that the memory is available.
 pub fn cloned<T: Clone>(values: &[T]) -> Vec<T> {
     let mut out = Vec::with_capacity(values.len());
     for piece in values.chunks(SMALL_PIECE) {
@@ -65,7 +65,7 @@ pub fn cloned<T: Clone>(values: &[T]) -> Vec<T> {
     out
 }
 
-/// `from` into `to`, of the same length. No look up to one piece.
+/// Copy `from` to `to`, of the same length. Up to one piece, there is no check for a stop request.
 pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     for (k, (from, to)) in from.chunks(PIECE).zip(to.chunks_mut(PIECE)).enumerate() {
         if k > 0 {
@@ -75,7 +75,7 @@ pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     }
 }
 
-/// Every element set to `value`. No look up to one piece: steps of loops call this.
+/// Set every element to `value`. Up to one piece, there is no check for a stop request, because steps of loops call this.
 pub fn set<T: Copy>(out: &mut [T], value: T) {
     for (k, piece) in out.chunks_mut(PIECE).enumerate() {
         if k > 0 {
@@ -90,7 +90,7 @@ pub fn zeros(n: usize) -> Result<Vec<f64>> {
     filled(n, 0.0)
 }
 
-/// `n` zeros, of which the system hands out pages as they are touched where there are many.
+/// `n` zeros. For large `n`, the system provides each page at its first use.
 pub fn untouched<T: Clone + Default>(n: usize) -> Result<Vec<T>> {
     reserved::<T>(n)?;
     Ok(vec![T::default(); n])
@@ -106,7 +106,7 @@ pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
     Ok(out)
 }
 
-/// The elements of an iterator that knows how many it has.
+/// The elements of an iterator with a known length.
 pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> {
     let mut out = reserved(values.len())?;
     for (k, value) in values.enumerate() {
@@ -118,12 +118,12 @@ pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> 
     Ok(out)
 }
 
-/// Memory for `n` more elements, if there is not enough.
+/// Reserve memory for `n` more elements, if the capacity is too small.
 pub fn ensure<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
     if out.capacity() - out.len() < n { more(out, n) } else { Ok(()) }
 }
 
-/// Append, growing by half: for what becomes long record by record.
+/// Append. The capacity grows by half, because such vectors become long record by record.
 pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
     if out.capacity() - out.len() < values.len() {
         more(out, values.len().max(out.len() / 2))?;
@@ -132,7 +132,7 @@ pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
     Ok(())
 }
 
-/// Refuse what needs more than can be had just now. For structures of many small parts: `bytes` is an estimate of their sum.
+/// Refuse a size that cannot be allocated now. For structures of many small parts, `bytes` estimates their sum.
 pub fn require(bytes: usize) -> Result<()> {
     reserved::<u8>(bytes).map(drop)
 }
@@ -167,7 +167,7 @@ mod tests {
         assert!(!asked(&mut || copy(&from[1..], &mut small)) && asked(&mut || copy(&from, &mut large)));
         assert!(asked(&mut || drop(copies(1, 0.0))) && asked(&mut || drop(cloned(&names))));
         assert!(asked(&mut || assert!(enlarge(&mut small, PIECE + 1, 0.0).is_ok())));
-        // And nothing is lost where nobody asks.
+        // Without a source of requests, the work is completed.
         set(&mut large, 2.0);
         assert_eq!((large.as_slice(), copies(PIECE + 1, 2.0)), ([2.0; PIECE + 1].as_slice(), vec![2.0; PIECE + 1]));
         copy(&from, &mut large);

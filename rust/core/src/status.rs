@@ -1,6 +1,6 @@
 //! The outcome of a run. A status is data: a run that diverges is a result with a time, not a misuse.
 
-/// The outcome of a run or a solve; the numbers are stable, and Python has the same ones.
+/// The outcome of a run or a solve. The numbers are stable, and Python uses the same ones.
 ///
 /// ```
 /// use armlet_core::status::Status;

@@ -70,9 +70,9 @@ fn place<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], bodies: &mut [Articulat
     }
 }
 
-/// Inwards: the articulated inertia of each subtree, seen from its joint.
+/// Inwards: the articulated inertia of each subtree, about its joint.
 fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], tau: &[S]) {
-    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
+    // The sum of the last subtree stays in registers if its parent is next. Lanes have no registers for it.
     let (mut carried, mut carried_to) = (Handle::default(), BASE);
     for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];
@@ -117,7 +117,7 @@ fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<
     }
 }
 
-/// Outwards: the acceleration of each joint, given those of the joints that carry it.
+/// Outwards: the acceleration of each joint, from those of the joints that carry it.
 fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], a: &mut [S]) {
     let ground = || (-tree.gravity.lift::<S>(), Vector3::zero());
     let mut last = ground();
@@ -135,7 +135,7 @@ fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articula
     }
 }
 
-/// Blocks of an articulated inertia about the point from which its old origin is seen at `p`:
+/// Blocks of an articulated inertia about a new point; `p` is the old point relative to the new one:
 /// `H' = H - M [p]x`, `I' = I - H' [p]x + [p]x H'` with the first `H` transposed.
 fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3<S>) -> (Matrix3<S>, Sym3<S>) {
     let [x, y, z] = p.array();

@@ -25,7 +25,7 @@ impl Model {
 }
 
 impl<S: Real> ArmAt<S> {
-    /// The arms `of(lane)`, of one geometry, to be moved to a configuration.
+    /// Arms of one geometry, `of(lane)` in each lane. [`ArmAt::move_to`] sets the configuration.
     pub fn of_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
         let n = of(0).n();
         let arm = AnyArm::from_lanes(of);

@@ -42,7 +42,7 @@ impl PlanarPr<f64> {
 }
 
 impl Model {
-    /// Regressors `(count, n, p)` as `query` asks for them, at `q, v, v_r, a_r`, each `(count, n)`.
+    /// Regressors `(count, n, p)` with the columns that `query` selects, at `q, v, v_r, a_r`, each `(count, n)`.
     pub fn regressors(&self, query: &Query, states: [&[f64]; 4], out: &mut [f64]) -> Result<()> {
         match self {
             Model::PlanarPr(arm) => {

@@ -28,7 +28,7 @@ fn trace<S: Real>(k: &Matrix3<S>) -> S {
     k[(0, 0)] + k[(1, 1)] + k[(2, 2)]
 }
 
-/// Outwards: poses, velocities, the columns of the joints, and what each body adds to its subtree.
+/// Outwards: poses, velocities, the columns of the joints, and the contribution of each body to its subtree.
 fn place<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -72,7 +72,7 @@ pub fn coriolis_matrix<S: Real>(
     place(tree, poses, composites, columns, (trig, q), v);
     let n = tree.bodies.len();
     set(c, S::zero());
-    // The subtree just finished, while its parent is next in line; lanes have no registers to spare for it.
+    // The sum of the last subtree stays in registers if its parent is next. Lanes have no registers for it.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
         look_at_row(j);
@@ -86,7 +86,7 @@ pub fn coriolis_matrix<S: Real>(
         let origin = poses[j].origin;
         let z = poses[j].z();
         let tr = trace(&k);
-        // Column j: the force (f, about_joint) on the subtree. Row j: what (alpha, angular, gamma) of another joint does.
+        // Column j: the force (f, about_joint) on the subtree. Row j: the coefficients of (alpha, angular, gamma) of another joint.
         let (f, about_joint, by_alpha, by_angular, by_gamma) = if body.revolute {
             let f = me.alpha.cross_add(moment, z.cross(momentum));
             let about_joint = inertia.apply_add(me.alpha, z.scale(tr) - k.apply(z));

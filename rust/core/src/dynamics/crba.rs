@@ -28,7 +28,7 @@ impl<S: Real> Moments<S> {
     fn plus(&self, b: &Self) -> Self {
         Moments { mass: self.mass + b.mass, first: self.first + b.first, second: self.second.plus(&b.second) }
     }
-    /// About the point from which the old one is seen at `p`.
+    /// The moments about a new point; `p` is the old point relative to the new one.
     fn shifted(&self, p: Vector3<S>) -> Self {
         let (h, moved) = (self.first, p.scale_add(self.mass, self.first));
         let [xx, xy, yy, xz, yz, zz] = self.second.0;
@@ -48,9 +48,9 @@ pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (Vector3<
 #[derive(Clone, Debug)]
 pub struct Composites<S: Real> {
     moments: Vec<Moments<S>>,
-    /// The momentum `[f; n]` of every joint's subtree per unit rate, on its way to the base.
+    /// The momentum `[f; n]` of every joint's subtree per unit rate. The recursion carries it towards the base.
     momenta: Vec<Spatial<S>>,
-    /// Rotations of joints that have to be multiplied out.
+    /// Rotations of the joints whose placement is not a quarter turn.
     rotations: Vec<Matrix3<S>>,
 }
 
@@ -65,7 +65,7 @@ pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig
     mass_matrix_on_zeros(tree, composites, trig, q, m);
 }
 
-/// As [`mass_matrix`], where `m` holds zeros or an earlier `M` of this tree: what vanishes is the same in every state.
+/// As [`mass_matrix`], if `m` holds zeros or an earlier `M` of this tree. The same entries vanish in every state.
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.bodies.len();
     let m = &mut m[..n * n];
@@ -87,7 +87,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
     let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
-    // The subtree just finished, while its first body is next in line; lanes have no registers to spare for it.
+    // The sum of the last subtree stays in registers if its first body is next. Lanes have no registers for it.
     let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
         look_at_row(i);
@@ -121,7 +121,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
             rotations[i] = rotation(body, trig[i]);
         }
         let (e, turn) = (&rotations[i], trig[i]);
-        // Asked once and not for every column.
+        // The branch is outside the loop over columns.
         macro_rules! carry {
             ($($quarter:pat => $known:expr),+) => {
                 match body.quarter {
@@ -143,7 +143,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
         if !body.concentric {
             moved = moved.shifted(p);
         }
-        // The last of a body's branches is the first to come here.
+        // The loop runs from the tips to the base, so a body's last branch comes first.
         let up = &bodies[parent];
         let sum = if body.end == up.end { Moments::of(up) } else { moments[parent] }.plus(&moved);
         if S::LANES == 1 && parent + 1 == i {

@@ -1,4 +1,4 @@
-//! Whether the mass matrix of a model is positive definite, without forming it.
+//! Check that the mass matrix of a model is positive definite, without forming it.
 //!
 //! `M = (1 + K) D (1 + K)'` with `K` strictly triangular and `D` the articulated inertias `D_i = S_i' IA_i S_i + armature_i`
 //! (Jain 2011, section 7.5). So `M > 0` if all `D_i > 0`, at a cost linear in the number of joints. Rounding errors scale with the
@@ -10,14 +10,14 @@ use crate::error::listed;
 use crate::spatial::Inertia;
 use std::f64::consts::PI;
 
-/// Configurations that are looked at: zero, and others drawn inside the limits.
+/// Number of sampled configurations: zero, and others drawn inside the limits.
 const SAMPLES: usize = 8;
-/// Joints times configurations that may be looked at, so that a chain of thousands of links loads no slower for it.
+/// Largest product of joints and sampled configurations. It bounds the time to load a chain of thousands of links.
 const WORK: usize = 20_000;
-/// `D_i` below this share of its scale is what rounding leaves of zero.
+/// A `D_i` below this fraction of its scale is zero up to rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// A line for the arm's report where its mass matrix is not positive definite at sampled configurations.
+/// A line for the arm's report, if its mass matrix is not positive definite at sampled configurations.
 pub fn indefinite(arm: &Arm) -> Option<String> {
     let tree = Tree::<f64>::new(arm);
     let mut ws = Workspace::new(&tree);
@@ -37,20 +37,20 @@ pub fn indefinite(arm: &Arm) -> Option<String> {
     (count > 0).then(|| format!("mass matrix not positive definite at {count} of {samples} sampled configurations: joints {joints}"))
 }
 
-/// The joints that move no inertia, those that they carry being free.
+/// The joints that move no inertia while the joints that they carry are free.
 fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool> {
     let n = tree.bodies.len();
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
     let (zero, mut a) = (vec![0.0; n], vec![0.0; n]);
     aba::forward_dynamics(tree, &mut ws.poses, &mut ws.articulated, &trig, q, &zero, &zero, &mut a);
-    // Of the subtree as one rigid body, about the joint's origin, in world axes.
+    // The subtree as one rigid body, about the joint's origin, in world axes.
     let mut rigid: Vec<Inertia<f64>> = tree.bodies.iter().zip(&ws.poses).map(|(b, pose)| b.inertia.rotated(pose.rotation)).collect();
     let mut free = vec![false; n];
     for i in (0..n).rev() {
         let body = &tree.bodies[i];
         let [xx, _, yy, _, _, zz] = rigid[i].inertia.0;
         let scale = if body.revolute { xx + yy + zz } else { rigid[i].mass } + body.armature;
-        // Also where the inverse is not a number.
+        // Also true if the inverse is NaN.
         free[i] = !(ws.articulated[i].inverse.recip() > ROUNDING * scale.abs());
         if body.parent != BASE {
             rigid[body.parent] = rigid[body.parent].plus(&rigid[i].shifted(ws.articulated[i].p));
@@ -59,7 +59,7 @@ fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool
     free
 }
 
-/// The coordinates of joints that others follow where `M` has no pivot, from its factors.
+/// For arms with mimic joints: the coordinates without a positive pivot in the elimination of `M`.
 fn free_coordinates(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool> {
     let n = tree.n();
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
@@ -85,7 +85,7 @@ fn drawn(joint: &Joint, i: usize, sample: usize) -> f64 {
     let far = if joint.kind == JointKind::Prismatic { 1.0 } else { PI };
     let within = |x: f64, other: f64| if x.is_finite() && x.abs() < 1e3 { x } else { other };
     let (low, high) = (within(joint.limits.lower, -far), within(joint.limits.upper, far));
-    // Multiples of the golden ratio are spread evenly; each joint starts elsewhere.
+    // Multiples of the golden ratio are spread evenly. Each joint has another start.
     let share = (0.618_033_988_749_895 * (sample * (i + 1)) as f64 + 0.13 * i as f64).fract();
     if sample == 0 { 0.0 } else { low + share * (high - low) }
 }
@@ -125,19 +125,19 @@ mod tests {
 
     #[test]
     fn joints_without_inertia_are_named() {
-        // No mass beyond j2; two axes in one line, of which only the sum moves the body.
+        // No mass beyond j2; and two coaxial joints, of which only the sum moves the body.
         let line = |names: &str| Some(format!("mass matrix not positive definite at 8 of 8 sampled configurations: joints {names}"));
         assert_eq!(indefinite(&two(["0 0 1", "0 1 0"], "0", "0", "0")), line("j1, j2"));
         assert_eq!(indefinite(&two(["0 0 1", "0 0 1"], "1", "0.1", "0")), line("j1"));
         assert_eq!(indefinite(&two(["0 0 1", "0 0 1"], "1", "0.1", "0.01")), None);
         assert_eq!(indefinite(&two(["0 0 1", "0 1 0"], "1", "0.1", "0")), None);
-        // A point mass, 0.3 m from both axes, in line with neither.
+        // A point mass, 0.3 m from both axes, and on neither.
         assert_eq!(indefinite(&two(["0 0 1", "0 1 0"], "1", "0", "0")), None);
     }
 
     #[test]
     fn some_configurations_can_be_worse_than_others() {
-        // A point mass on x of j2: about z it has no inertia where j2 has turned it up, which no sample does to the bit.
+        // A point mass on the x axis of j2. At j2 = 90 degrees it is on the axis of j1. No sample has exactly this angle.
         let arm = two(["0 0 1", "0 1 0"], "1", "0", "0");
         let tree = Tree::<f64>::new(&arm);
         let mut ws = Workspace::new(&tree);

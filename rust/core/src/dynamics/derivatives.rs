@@ -1,7 +1,7 @@
-//! Exact derivatives of inverse and forward dynamics in O(n d) (after Carpentier and Mansard 2018; Singh, Russell and
-//! Wensing 2022), in the notation of `coriolis`.
+//! Exact derivatives of inverse and forward dynamics in O(n d) (after Carpentier and Mansard 2018; Singh, Russell and Wensing 2022), in the
+//! notation of `coriolis`.
 //!
-//! Turning joint `j` moves its subtree as a rigid body, and what does not move with it changes by
+//! Joint `j` moves its subtree as a rigid body. Besides this motion, velocities and accelerations in the subtree change by
 //!
 //! ```text
 //! psi_j = V_p x S_j,   phi_j = A_p x S_j + V_p x psi_j          (p the parent body, at the joint)
@@ -24,7 +24,7 @@ use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Vector, Vector3};
 
-/// What one joint needs: its column, the motion of its body, `phi` and `psi`, and the wrench on its subtree.
+/// The data of one joint: its column, the motion of its body, `phi` and `psi`, and the wrench on its subtree.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slope<S: Real> {
     linear: Vector3<S>,
@@ -49,7 +49,7 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
     }
 }
 
-/// Outwards: poses, velocities and accelerations, and how each joint changes those of the bodies that it carries.
+/// Outwards: poses, velocities and accelerations, and their change by each joint that carries the body.
 fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S, S)], &[S]), v: &[S], a: &[S]) {
     let Workspace { poses, composites, slopes, .. } = ws;
     let ground = Slope { a: -tree.gravity.lift::<S>(), ..Slope::default() };
@@ -61,7 +61,7 @@ fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S
         let (p, z) = (pose.origin - parent.origin, pose.z());
         let (w_p, wd_p) = (up.w, up.wd);
         let swept = w_p.cross_add(p, up.v);
-        // Of the point of the parent body at the joint.
+        // The acceleration of the point of the parent body at the joint.
         let point = w_p.cross_add(w_p.cross(p), wd_p.cross_add(p, up.a));
         let wz = w_p.cross(z);
         let mut me = Slope { w: w_p, v: swept, a: point, wd: wd_p, ..Slope::default() };
@@ -91,7 +91,7 @@ fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S
     }
 }
 
-/// The same in the coordinates of the bodies' own joints.
+/// [`inverse_dynamics_by_q`] in the coordinates of all joints, followers included.
 pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
     place_slopes(tree, ws, (trig, q), v, a);
     let n = tree.bodies.len();
@@ -108,7 +108,7 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
         let mut f = me.phi_w.cross_add(moment, two_psi.cross_add(momentum, me.phi_v.scale(mass)));
         let turned = inertia.apply_add(me.phi_w, two_psi.scale(tr) - k.apply(two_psi));
         let mut about_joint = moment.cross_add(me.phi_v, turned);
-        // Momentum of the subtree per unit rate, and what psi of a carrying joint does to this one.
+        // Momentum of the subtree per unit rate, and the effect of `psi` of a carrying joint on this one.
         let (unit_f, unit_n, by_psi) = if body.revolute {
             f = z.cross_add(me.f, f);
             about_joint = z.cross_add(me.n, about_joint);

@@ -73,7 +73,7 @@ pub fn add_friction<S: Real>(tree: &Tree<S>, v: &[S], tau: &mut [S]) {
     }
 }
 
-/// `tau += sign J' F` for a wrench `[f; n]` in world axes at the origin of `frame`; `poses` must be current.
+/// `tau += factor J' F` for a wrench `[f; n]` in world axes at the origin of `frame`; `poses` must be current.
 pub fn add_wrench<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize, wrench: [S; 6], factor: S, tau: &mut [S]) {
     let f = Vector3::from([wrench[0], wrench[1], wrench[2]]).scale(factor);
     let moment = Vector3::from([wrench[3], wrench[4], wrench[5]]).scale(factor);

@@ -1,5 +1,5 @@
-//! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another.
-//! What a binding needs, and no more: shapes are checked here once, outputs are the caller's.
+//! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another. This is the interface for
+//! bindings: it checks shapes once, and the caller provides the outputs.
 
 use super::quantities::{self, Compute};
 use super::{Quantity, Query, Size, Workspace};
@@ -10,7 +10,8 @@ use crate::scalar::rows::read_one;
 use crate::scalar::{Float, Real};
 use crate::spatial::PARAMETERS;
 
-/// The size of the results of an arm up to which their memory is allocated at once, in numbers (8 MB). Beyond, it is allocated on request.
+/// Largest size of an arm's results, in numbers (8 MB), for which memory is allocated in advance. Larger results are allocated at the first
+/// query.
 const EAGER: usize = 1 << 20;
 
 /// Buffers of one number type.
@@ -22,11 +23,11 @@ pub(super) struct Engine<S: Real> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
-    /// What `out` holds an answer to: where that vanishes in every state it need not be zeroed again.
+    /// The query whose result `out` holds. The same entries vanish in every state, so the same query needs no zeroing.
     answered: Option<Query>,
 }
 
-/// `$each` with the type of the quantity of `$query`.
+/// `$each`, in which `$name` is the type that computes the quantity of `$query`.
 macro_rules! with_quantity {
     ($query:expr, $name:ident => $each:expr) => {
         with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Christoffel Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose PoseVector
@@ -43,7 +44,7 @@ macro_rules! with_quantity {
 }
 
 impl<S: Real> Engine<S> {
-    /// With memory for every result. Without `eager`, an arm of very many joints has no memory yet.
+    /// With `eager`, memory for every result is allocated. Otherwise this holds only for arms of at most `EAGER` numbers.
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
@@ -69,9 +70,10 @@ impl<S: Real> Engine<S> {
         memory::enlarge(&mut self.square, square, S::zero())
     }
 
-    /// One configuration. Whether the arguments are what is asked for, and every number of them and of the answer finite.
+    /// Compute one configuration. The result is true if the arguments have the sizes of the query, and all arguments and results are
+    /// finite.
     fn one<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {
-        // Known here while compiling, so that what depends on it is decided then.
+        // The quantity is a constant here, so the compiler resolves the branches on it.
         let query = &Query { quantity: Q::QUANTITY, ..*query };
         let n = self.tree.n();
         let mut sound = query.fits(inputs, 1, self.tree.size(), self.tree.frames.len(), out.len());
@@ -108,7 +110,7 @@ impl<S: Real> Engine<S> {
         with_quantity!(query, Q => self.one::<Q>(query, inputs, out))
     }
 
-    /// The answer at inputs that are there.
+    /// The result for the inputs in the buffers.
     pub(super) fn answer(&mut self, query: &Query) -> Result<&[S]> {
         self.grow(query)?;
         self.make_room_for(query);
@@ -118,7 +120,7 @@ impl<S: Real> Engine<S> {
     }
 }
 
-/// One configuration after another, without allocating for arms of up to two hundred joints.
+/// Evaluates one configuration after another, without allocating for arms of up to two hundred joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     engine: Box<Engine<Float>>,
@@ -132,13 +134,13 @@ impl Evaluator {
         Evaluator::sized(arm, true)
     }
 
-    /// The same for an arm of any size: an error where its buffers do not fit in memory.
+    /// The same for an arm of any size. It returns an error if the buffers do not fit in memory.
     pub(super) fn large(arm: &Arm) -> Result<Self> {
         require_memory(arm.joints.len())?;
         Ok(Evaluator::new(arm))
     }
 
-    /// `eager`: with memory for every result.
+    /// With `eager`, memory for every result is allocated.
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
         Evaluator { engine: Box::new(Engine::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
     }
@@ -148,13 +150,13 @@ impl Evaluator {
         self.size.n
     }
 
-    /// How many coordinates and bodies there are.
+    /// The numbers of coordinates and bodies.
     pub fn size(&self) -> Size {
         self.size
     }
 
-    /// One configuration. Inputs as [`Query::inputs`] names them, `out` of [`Query::shape`], row-major. The result is true if every
-    /// number is finite. It is false for a singular mass matrix and after an overflow.
+    /// Compute one configuration. [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major. The result is
+    /// true if every number is finite. It is false for a singular mass matrix and after an overflow.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         self.engine.grow(query)?;
         let sound = self.engine.dispatch(query, inputs, out);

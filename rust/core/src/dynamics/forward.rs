@@ -51,7 +51,7 @@ mod tests {
     use super::*;
     use crate::arm::{Arm, STANDARD_GRAVITY};
 
-    /// A tree of `branches` with `n` joints each, slides among them, with rotors, at quarter turns or at any angles.
+    /// A tree of `branches`, each with `n` joints. Some joints are slides, all have rotors; placements are quarter turns or any angles.
     fn tree(branches: usize, n: usize, quarters: bool) -> Tree<f64> {
         let mut text = String::from("<robot name='t'><link name='base'/>");
         for branch in 0..branches {
@@ -85,14 +85,14 @@ mod tests {
             let (q, v, tau) = (wave(0.4, 1.5), wave(1.0, 2.0), wave(2.0, 30.0));
             let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
             let (mut a, mut other) = (vec![0.0; n], vec![0.0; n]);
-            // Twice: nothing of the first must be left in the buffers.
+            // Twice, because the buffers must not keep values of the first evaluation.
             for _ in 0..2 {
                 forward_dynamics(&tree, &mut ws, &trig, &q, &v, &tau, &mut a);
             }
             aba::forward_dynamics(&tree, &mut ws.poses, &mut ws.articulated, &trig, &q, &v, &tau, &mut other);
             let largest = other.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             for i in 0..n {
-                // Rounding by the condition of the mass matrix.
+                // The rounding error grows with the condition number of the mass matrix.
                 assert!((a[i] - other[i]).abs() < 1e-10 * largest, "{branches} x {n}, joint {i}: {} {}", a[i], other[i]);
             }
         }

@@ -1,4 +1,4 @@
-//! The functions of an arm, for any number of threads: at first directly, then by the program of the function.
+//! The functions of an arm, for any number of threads: first evaluated directly, then by the program of the function.
 //!
 //! Both have the same bits and differ only in time. Making a program takes about 1 ms, so it is made after a query has occurred
 //! often enough.
@@ -24,28 +24,28 @@ const KEPT: usize = 64;
 /// Operations beyond which a program would take more than a second to make.
 const LONG: f64 = 600_000.0;
 
-/// A query, and how it is answered for many rows.
+/// A query, and its evaluation for many rows.
 struct Known {
     query: Query,
-    /// Rows that were asked for before the program was there.
+    /// Rows evaluated before the program existed.
     rows: usize,
     function: Option<Arc<ArmFunction>>,
 }
 
-/// A query, and how one configuration of it is answered.
+/// A query, and its evaluation for one configuration.
 struct CachedQuery {
     query: Query,
-    /// Calls before the program was there.
+    /// Calls before the program existed.
     calls: usize,
     program: Option<ArmCall>,
 }
 
-/// Joints of the largest arm whose buffers are made with it: of larger ones they take longer than the arm itself.
+/// Largest number of joints for which the buffers are made with the arm. For more joints, they take longer than the arm itself.
 const FEW_JOINTS: usize = 1024;
 
 /// Single calls.
 struct Single {
-    /// Of a very large arm made at the first call.
+    /// For a very large arm, it is made at the first call.
     evaluator: Option<Evaluator>,
     cached: Vec<CachedQuery>,
 }
@@ -67,7 +67,7 @@ impl Single {
         self.direct(arm, found, query, inputs, out)
     }
 
-    /// Without a program: the query `found` of those that have occurred.
+    /// Evaluate without a program. `found` is the index of the query among the cached ones.
     #[inline(never)]
     fn direct(&mut self, arm: &Arm, found: Option<usize>, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         let at = found.unwrap_or_else(|| {
@@ -115,7 +115,7 @@ impl Functions {
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match free(&self.single) {
             Some(mut single) => single.one(&self.arm, query, inputs, out),
-            // Another thread is in the buffers: a set of one's own is the price.
+            // Another thread uses the buffers, so this call makes new ones.
             None => Evaluator::large(&self.arm)?.one(query, inputs, out),
         }
     }
@@ -128,7 +128,7 @@ impl Functions {
         rows < usize::MAX && rows + count >= WORTH && query.operations(self.arm.size()) <= LONG
     }
 
-    /// Make ready for `count` more rows: the program of the query, where it is repaid.
+    /// Prepare for `count` more rows: make the program of the query if it saves time.
     pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
         let due = self.is_due(query, count);
         let function = if due { Some(Arc::new(ArmFunction::new(&self.arm, query)?)) } else { None };
@@ -146,8 +146,8 @@ impl Functions {
         Ok(())
     }
 
-    /// Every configuration of the inputs, written out in full, to the rows of `out`. Whether every number of the answer is finite. How
-    /// rows are divided into calls does not change their bits.
+    /// Evaluate every configuration of the inputs, all of which have `count` rows, and write the rows of `out`. The result is true if every
+    /// number is finite. The division of rows into calls does not change their bits.
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         let (n, length) = (self.arm.n(), query.length(self.arm.size()));
         check(query, inputs, count, self.arm.size(), self.arm.frames.len(), out.len())?;

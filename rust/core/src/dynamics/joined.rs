@@ -1,7 +1,7 @@
-//! The dynamics of an arm some joints of which follow others, `q_b = G q + c` with a constant `G`: those of its bodies, projected.
+//! The dynamics of an arm with joints that follow others, `q_b = G q + c` with a constant `G`: the projected dynamics of its bodies.
 //!
-//! `M = G' M_b G`, `C = G' C_b G` (still of Christoffel, since `G` is constant), `g = G' g_b`, `Y = G' Y_b`; forward dynamics by a
-//! Cholesky factor of `M`.
+//! `M = G' M_b G`, `C = G' C_b G` (again the Christoffel matrix, because `G` is constant), `g = G' g_b`, `Y = G' Y_b`. Forward dynamics
+//! uses a Cholesky factor of `M`.
 
 use super::{Workspace, coriolis, crba, derivatives, energy, newton_euler, regressor};
 use crate::arm::Tree;
@@ -18,7 +18,7 @@ pub struct Spread<S: Real> {
     q: Vec<S>,
     /// Rates and accelerations of every joint.
     rates: [Vec<S>; 4],
-    /// An answer before it is projected: up to ten columns per body.
+    /// A result before its projection: up to ten columns per body.
     answer: Vec<S>,
     /// `M` and its factor, in coordinates.
     mass: Vec<S>,
@@ -26,7 +26,7 @@ pub struct Spread<S: Real> {
 }
 
 impl<S: Real> Spread<S> {
-    /// Buffers for the arms with joints that follow others; none for the rest.
+    /// Buffers for arms with joints that follow others; empty for other arms.
     pub fn new(tree: &Tree<S>) -> Self {
         if tree.joining.is_none() {
             return Spread::default();
@@ -44,20 +44,20 @@ impl<S: Real> Spread<S> {
     }
 }
 
-/// How an answer is projected, and added to the caller's.
+/// The projection of a result. The projected result is added to the caller's array.
 #[derive(Clone, Copy)]
 enum Form {
     /// `G' x`.
     Vector,
     /// `G' X G`.
     Square,
-    /// `G' X`, for rows of so many numbers into rows of so many.
+    /// `G' X`. The two numbers are the row lengths of `X` and of the result.
     Rows(usize, usize),
-    /// Nothing: the answer does not depend on the coordinates.
+    /// No projection: the result does not depend on the coordinates.
     Scalar,
 }
 
-/// A tree some joints of which follow others.
+/// A tree with joints that follow others.
 #[derive(Clone, Copy)]
 pub struct Joined<'a, S: Real> {
     tree: &'a Tree<S>,
@@ -67,13 +67,13 @@ pub struct Joined<'a, S: Real> {
 type Place<'a, S> = (&'a [(S, S)], &'a [S]);
 
 impl<'a, S: Real> Joined<'a, S> {
-    /// The view of a tree; `None` where no joint follows another.
+    /// The view of a tree; `None` if no joint follows another.
     #[inline]
     pub fn of(tree: &'a Tree<S>) -> Option<Self> {
         tree.joining.is_some().then_some(Joined { tree })
     }
 
-    /// What `compute` answers in the coordinates of the bodies' joints, projected and added to `out`.
+    /// The result of `compute` in the coordinates of all joints, projected and added to `out`.
     fn project<const K: usize>(
         self,
         ws: &mut Workspace<S>,
@@ -84,7 +84,7 @@ impl<'a, S: Real> Joined<'a, S> {
         compute: impl FnOnce(&mut Workspace<S>, Place<S>, [&[S]; K], &mut [S]),
     ) {
         let (n, bodies) = (self.tree.n(), self.tree.bodies.len());
-        // Out of the workspace, which the algorithms write to.
+        // Taken out of the workspace, because the algorithms write to the workspace.
         let mut spread = std::mem::take(&mut ws.spread);
         for i in 0..bodies {
             (spread.trig[i], spread.q[i]) = self.tree.position(i, trig, q);
@@ -137,7 +137,7 @@ impl<'a, S: Real> Joined<'a, S> {
         });
     }
 
-    /// `a` is left out where it is `None`.
+    /// Without `a`, the acceleration is zero.
     pub fn inverse_dynamics(self, ws: &mut Workspace<S>, at: Place<S>, v: &[S], a: Option<&[S]>, tau: &mut [S]) {
         tau.fill(S::zero());
         self.project(ws, at, [v, a.unwrap_or(v)], Form::Vector, tau, |ws, (trig, q), [v, own], tau| {
@@ -157,7 +157,7 @@ impl<'a, S: Real> Joined<'a, S> {
         (ws.spread.mass, ws.spread.factor) = (mass, factor);
     }
 
-    /// Into rows of `width` numbers.
+    /// `Y`, in rows of `width` numbers.
     pub fn regressor(self, ws: &mut Workspace<S>, at: Place<S>, rates: [&[S]; 3], width: usize, y: &mut [S]) {
         let columns = PARAMETERS * self.tree.bodies.len();
         y.fill(S::zero());

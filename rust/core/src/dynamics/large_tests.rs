@@ -7,7 +7,7 @@ use crate::interrupt::{Interrupted, Watch, interruptible};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// More joints than rows without a look, and fewer than those of a program.
+/// More joints than the rows without a check for a stop, and fewer than the joints of a program.
 const JOINTS: usize = 330;
 
 fn with_stop_requested<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {

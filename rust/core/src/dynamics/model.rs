@@ -1,6 +1,6 @@
-//! Any arm, chosen at run time: the closed-form PR or a tree of bodies.
+//! Any arm, chosen at run time: the planar PR arm in closed form, or a tree of bodies.
 //!
-//! Each quantity is a separate function. So laws and plants share one copy of the code, at the cost of a call.
+//! Each quantity is a separate function. So laws and plants share one copy of the code, and each use costs a call.
 
 use super::workspace::Workspace;
 use super::{Dynamics, PlanarPr, Size};
@@ -35,7 +35,7 @@ impl Model {
         }
     }
 
-    /// How many coordinates and bodies there are.
+    /// The numbers of coordinates and bodies.
     pub fn size(&self) -> Size {
         match self {
             Model::PlanarPr(_) => Size { n: 2, bodies: 2 },
@@ -72,7 +72,7 @@ impl Model {
         }
     }
 
-    /// Viscous and Coulomb friction of the joints, `(n,)` each; zero where it does not act.
+    /// Viscous and Coulomb friction of the joints, `(n,)` each; zero unless the friction `acts`.
     pub fn friction(&self, acts: bool) -> [Vec<f64>; 2] {
         let of = |get: fn(&Joint) -> f64| match self {
             Model::Tree(arm) if acts => arm.independent().map(get).collect(),
@@ -81,7 +81,7 @@ impl Model {
         [of(|joint| joint.damping), of(|joint| joint.friction)]
     }
 
-    /// Names of the columns of the regressor: inertial, then armature, then friction where asked for.
+    /// Names of the columns of the regressor: inertial, then those of `armature`, then those of `friction`.
     pub fn column_names(&self, armature: bool, friction: bool) -> Vec<String> {
         let Model::Tree(arm) = self else { return ["A", "B", "C"].map(String::from).to_vec() };
         let of_joints = |what: &'static str| arm.joint_names().map(move |joint| format!("{what}[{joint}]"));
@@ -126,7 +126,7 @@ impl Model {
     }
 }
 
-/// A model made to run on `S`; its inertial parameters may differ from lane to lane.
+/// A model on the number type `S`; its inertial parameters may differ from lane to lane.
 #[derive(Clone, Debug)]
 pub enum AnyArm<S: Real> {
     /// In closed form.
@@ -150,7 +150,7 @@ impl<S: Real> AnyArm<S> {
         }
     }
 
-    /// The tree; `None` for an arm that is given by its dynamics alone.
+    /// The tree; `None` for the planar PR arm in closed form.
     pub fn tree(&self) -> Option<&Tree<S>> {
         match self {
             AnyArm::PlanarPr(_) => None,
@@ -159,7 +159,7 @@ impl<S: Real> AnyArm<S> {
     }
 }
 
-/// A quantity out of line: `$name(ws, trig, inputs.., outputs..)`.
+/// A quantity as a function that is not inlined: `$name(ws, trig, inputs.., outputs..)`.
 macro_rules! apart {
     ($name:ident, [$($input:ident),*], [$($output:ident),+]) => {
         #[inline(never)]

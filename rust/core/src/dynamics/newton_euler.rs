@@ -47,7 +47,7 @@ pub(crate) fn moment_of<S: Real>(u: Matrix3<S>, second: &Sym3<S>, c: Vector3<S>)
     ])
 }
 
-/// The motion of a body in its own axes from that of its parent; the joint's rotation and reach go to `link`.
+/// The motion of a body in its own axes from that of its parent. `link` receives the joint's rotation and the joint origin.
 pub(crate) fn outwards<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     body: &Body<S>,
@@ -102,7 +102,7 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
     BodyMotion { w, wr, wd, a, u: acceleration_matrix::<S, POLAR>(w, wr, wd) }
 }
 
-/// From `f` and `n` of every body in its own axes, which are in `links`, the joint forces `S_i . F_i`, `F_i` summed over the subtree.
+/// The joint forces `S_i . F_i` from `f` and `n` of every body (in `links`, body axes). `F_i` is summed over the subtree.
 pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, S)], mut tau: impl FnMut(usize, S)) {
     for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];

@@ -14,7 +14,7 @@ pub struct PlanarPr<S> {
     a: S,
     b: S,
     c: S,
-    /// `A C`, of which the determinant `A C - (B cos q2)^2` starts.
+    /// `A C`, the first term of the determinant `A C - (B cos q2)^2`.
     ac: S,
 }
 
@@ -33,7 +33,7 @@ impl PlanarPr<f64> {
         Ok(PlanarPr { a, b, c, ac: a * c })
     }
 
-    /// Any finite parameters: an estimate need not be a possible robot.
+    /// Any finite parameters, because an estimate need not be physically possible.
     pub fn with_parameters(pi: [f64; 3]) -> Self {
         PlanarPr { a: pi[0], b: pi[1], c: pi[2], ac: pi[0] * pi[2] }
     }
@@ -43,7 +43,7 @@ impl PlanarPr<f64> {
         [self.a, self.b, self.c]
     }
 
-    /// The Christoffel symbols `(2, 2, 2)`, of which one is not zero: `c[0, 1, 1] = -B sin q2`.
+    /// The Christoffel symbols `(2, 2, 2)`. Only one is not zero: `c[0, 1, 1] = -B sin q2`.
     pub fn christoffel(&self, (sin, _): (f64, f64), c: &mut [f64]) {
         c.fill(0.0);
         c[3] = -(self.b * sin);
@@ -149,7 +149,7 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         yt_s: &mut [S],
     ) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
-        // Here and below, values that are known last are used last, because a run waits for its longest chain of operations.
+        // Here and below, the latest values are used last. This shortens the longest chain of dependent operations.
         y_pi[0] = y12.mul_add(pi[1], a_r[0].mul_add(pi[0], y_pi[0]));
         y_pi[1] = y22.mul_add(pi[1], a_r[1].mul_add(pi[2], y_pi[1]));
         yt_s[0] = a_r[0] * s[0];

@@ -1,4 +1,4 @@
-//! Functions of an arm as C: each quantity recorded once and printed, [`crate::trace::c`]. The C gives the bits of [`super::Evaluator`].
+//! Functions of an arm as C. [`crate::trace::c`] records each quantity once and prints it. The C has the bits of [`super::Evaluator`].
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
@@ -8,20 +8,20 @@ use crate::trace::c::{CFile, COptions, CSource, Routine, comment, require_names}
 use crate::trace::function::{Recorded, recorded};
 use crate::trace::{Sym, sym};
 
-/// Operations beyond which a function is too long to be printed.
+/// Number of operations beyond which a function is not printed.
 const LONGEST: f64 = 600_000.0;
 
 /// A function of an arm, to be printed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CFunction {
-    /// Its name in C, behind the prefix.
+    /// Its name in C, after the prefix.
     pub name: String,
     /// The quantity of the function.
     pub query: Query,
 }
 
 impl Quantity {
-    /// Those that can be printed, with the names of the arm's functions.
+    /// The quantities that can be printed, with the names of the arm's functions.
     pub const PRINTED: [(&'static str, Quantity); 18] = [
         ("mass_matrix", Quantity::MassMatrix),
         ("coriolis_matrix", Quantity::CoriolisMatrix),
@@ -190,12 +190,12 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
     }
 }
 
-/// The numbers of the inputs of a recording, of those of the set-up.
+/// The values of the inputs of a recording: numbers of the set-up are known, the other inputs are not.
 pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
     recorded.values.iter().map(|&x| Some(x)).chain((0..recorded.inputs).map(|_| None)).collect()
 }
 
-/// A query of the planar PR arm, recorded as it is answered: without fused products.
+/// A query of the planar PR arm, recorded like its evaluation: without fused products.
 fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
     if query.friction || query.armature {
         return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));
@@ -227,7 +227,7 @@ fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
     }
 }
 
-/// The code that returns a result: numbers, or none.
+/// The C code that returns the numbers of a result, or NaN and a status.
 fn answer(prefix: &str, upper: &str) -> String {
     format!(
         "static int {prefix}_refuse(int status, int count, double *out)\n{{\n    int k;\n    for (k = 0; k < count; k++)\n        \

@@ -1,4 +1,4 @@
-//! What each quantity of [`super::Evaluator`] computes: one type per quantity.
+//! The computation of each quantity of [`super::Evaluator`]: one type per quantity.
 
 use super::energy::{add_friction, add_wrench};
 use super::evaluate::Engine;
@@ -12,18 +12,18 @@ use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
 use crate::spatial::{Lift, Matrix, Matrix3, PARAMETERS, Vector, Vector3, rotation_log};
 
-/// How a quantity is computed from the buffers of an engine, trigonometry done.
+/// Computes a quantity from the buffers of an engine. The sines and cosines are already there.
 pub trait Compute {
     const QUANTITY: Quantity;
     fn compute<S: Real>(engine: &mut Engine<S>, query: &Query);
-    /// The same to numbers of the caller's; whether all of them are finite.
+    /// The same, written to `out`. The result is true if all numbers are finite.
     fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
         Self::compute(engine, query);
         write(&engine.out[..out.len()], out)
     }
 }
 
-/// As [`write_one`]; a row of very many numbers in pieces.
+/// As [`write_one`]; a long row is written in pieces.
 #[inline(always)]
 fn write<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     if out.len() <= memory::PIECE { write_one(values, out) } else { write_many(values, out) }
@@ -39,7 +39,7 @@ fn write_many<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     finite
 }
 
-/// What friction leaves of a torque.
+/// Subtract the joint friction from a torque.
 fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S]) {
     if query.friction {
         for i in 0..tree.n() {
@@ -86,10 +86,10 @@ impl Compute for MassMatrix {
             let n = engine.tree.n();
             return joined.mass_matrix(&mut engine.ws, (&engine.trig, &engine.inputs[0]), &mut engine.out[..n * n]);
         }
-        // Zeroed before the first of many, as for the Jacobian.
+        // `out` is zeroed only before the first of many evaluations, as for the Jacobian.
         crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
     }
-    /// Entry by entry: four at once would have to wait for the last one by one.
+    /// Writes entry by entry. A read of four entries at once would wait for the last single store.
     fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
         let n = engine.tree.n();
         if engine.tree.joining.is_some() {
@@ -99,11 +99,11 @@ impl Compute for MassMatrix {
         if engine.tree.bodies.iter().any(|body| body.end < n) {
             memory::set(out, 0.0);
         }
-        // NaN once a number was not finite.
+        // NaN after a number that is not finite.
         let mut zero = S::zero();
         crba::mass_matrix_entries(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], |i, j, x| {
             zero = x.mul_add(S::zero(), zero);
-            // No zero is negative, as in `write_one`.
+            // The sum with zero removes the sign of a zero, as in `write_one`.
             out[i * n + j] = x.lane(0) + 0.0;
             out[j * n + i] = x.lane(0) + 0.0;
         });

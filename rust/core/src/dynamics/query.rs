@@ -43,8 +43,8 @@ pub enum Quantity {
     ComJacobian,
     /// `q, v, a -> (3 n, n)`: `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
     InverseDynamicsDerivatives,
-    /// `q, v, a -> (3, n)`: `M v`, `M a + C v` and `g`, the dynamics along a path of slope `v` and curvature `a`. Gravity is left out of
-    /// the first two, so that a short move does not drown in the weight of the arm.
+    /// `q, v, a -> (3, n)`: `M v`, `M a + C v` and `g`, the dynamics along a path of slope `v` and curvature `a`. The first two exclude
+    /// gravity, because a short move needs torques far below the weight of the arm.
     PathDynamics,
     /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
     ForwardDynamicsDerivatives,
@@ -55,12 +55,12 @@ pub enum Quantity {
 pub struct Size {
     /// Coordinates.
     pub n: usize,
-    /// Bodies: as many, and one for each joint that follows another.
+    /// Bodies: one per coordinate, and one for each joint that follows another.
     pub bodies: usize,
 }
 
 impl Arm {
-    /// How many coordinates and bodies there are.
+    /// The numbers of coordinates and bodies.
     #[inline]
     pub fn size(&self) -> Size {
         Size { n: self.n(), bodies: self.joints.len() }
@@ -68,7 +68,7 @@ impl Arm {
 }
 
 impl<S: Real> Tree<S> {
-    /// How many coordinates and bodies there are.
+    /// The numbers of coordinates and bodies.
     #[inline]
     pub fn size(&self) -> Size {
         Size { n: self.n(), bodies: self.bodies.len() }
@@ -80,7 +80,7 @@ impl<S: Real> Tree<S> {
 pub struct Query {
     /// The quantity.
     pub quantity: Quantity,
-    /// Of pose, position, Jacobian and its rate.
+    /// The frame of pose, position, Jacobian and its rate.
     pub frame: usize,
     /// The frame of the wrench `[f; n]` (world axes, at the frame origin) of inverse and forward dynamics.
     pub wrench: Option<usize>,
@@ -152,7 +152,7 @@ impl Query {
         matches!(self.quantity, Quantity::Pose | Quantity::PoseVector | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
     }
 
-    /// Whether inputs and output have the right sizes. `check` reports the wrong one.
+    /// Whether inputs and output have the right sizes. `check` reports which one is wrong.
     pub(super) fn fits(&self, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> bool {
         let expected = self.inputs().len();
         let mut fits = inputs.len() == expected && out == count * self.length(size);
@@ -162,7 +162,7 @@ impl Query {
         fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }
 
-    /// About how many operations one configuration takes, zeros and common terms aside.
+    /// Approximate number of operations for one configuration. It ignores vanishing and common terms.
     pub(crate) fn operations(&self, Size { n, bodies }: Size) -> f64 {
         use Quantity::*;
         let joint = match self.quantity {
@@ -182,12 +182,12 @@ impl Query {
         // Christoffel symbols are a Coriolis matrix per joint.
         let times = if self.quantity == Christoffel { n as f64 } else { 1.0 };
         let (n, bodies) = (n as f64, bodies as f64);
-        // A projected mass matrix has no zeros.
+        // A projected mass matrix has no vanishing entries.
         let joined = if bodies > n && matches!(self.quantity, ForwardDynamics | ForwardDynamicsDerivatives) { n * n * n } else { 0.0 };
         times * (bodies * (joint + bodies * pair) + n * n * n * solved + joined)
     }
 
-    /// About how long one of many configurations takes on this machine, ns: good enough to choose how to run them.
+    /// Approximate time for one of many configurations on this machine, ns. It serves to choose how to run them.
     pub fn nanoseconds(&self, size: Size) -> f64 {
         let slower = match isa() {
             Isa::Baseline => 4.0,

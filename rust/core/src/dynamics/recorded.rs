@@ -1,4 +1,4 @@
-//! A quantity of an arm as a recorded function: from configurations in lanes to answers in lanes, for any number of threads.
+//! A quantity of an arm as a recorded function: from configurations in lanes to results in lanes, for any number of threads.
 //!
 //! Arms with the same placements, and the same zeros and ones among their inertial parameters, share its program.
 
@@ -13,7 +13,7 @@ use crate::trace::cache::free;
 use crate::trace::function::{self, Evaluation, Recorded, record};
 use std::sync::Mutex;
 
-/// Groups of lanes after which is seen whether all their rows were answered.
+/// Number of lane groups after which the program's results are checked.
 const BLOCK: usize = 16;
 
 pub(super) struct ArmFunction {
@@ -21,7 +21,7 @@ pub(super) struct ArmFunction {
     widths: Vec<usize>,
     length: usize,
     first: Evaluation,
-    /// Those that no thread uses now.
+    /// The evaluations that no thread uses now.
     others: Mutex<Vec<Evaluation>>,
 }
 
@@ -29,7 +29,7 @@ fn widths(query: &Query, n: usize) -> Vec<usize> {
     (0..query.inputs().len()).map(|k| query.input_length(k, n)).collect()
 }
 
-/// A query as code that takes inputs one after another, and may fail.
+/// The code of a query, which reads its inputs one after another and may fail.
 fn answer_of<S: Real>(mut engine: Engine<S>, mut inputs: &[S], query: &Query, widths: &[usize]) -> Result<Vec<S>> {
     for (input, &width) in engine.inputs.iter_mut().zip(widths) {
         let (own, rest) = inputs.split_at(width);
@@ -39,19 +39,19 @@ fn answer_of<S: Real>(mut engine: Engine<S>, mut inputs: &[S], query: &Query, wi
     engine.answer(query).map(<[_]>::to_vec)
 }
 
-/// A query, recorded: its operations.
+/// The recorded operations of a query.
 pub(super) fn recording(arm: &Arm, query: &Query) -> Result<Recorded> {
     let widths = widths(query, arm.n());
     recorded_by(arm, query, &widths, |inputs, set_up, answer| function::recorded(inputs, set_up, answer))
 }
 
-/// A query, recorded now, its program made where its structure is new: for one configuration or for lanes.
+/// Record a query, for one configuration or for lanes. A new structure needs a new program.
 pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluation> {
     let widths = widths(query, arm.n());
     recorded_by(arm, query, &widths, |inputs, set_up, answer| record(lanes, inputs, set_up, answer))
 }
 
-/// Record `record` with so many inputs and the set-up.
+/// Call `record` with the number of inputs and the set-up.
 fn recorded_by<T>(
     arm: &Arm,
     query: &Query,
@@ -133,7 +133,7 @@ impl ArmFunction {
             if sound && (0..lanes).all(|lane| evaluation.is_near(lane)) {
                 continue;
             }
-            // Group by group: the rows that the program does not compute.
+            // Find the rows that the program does not compute, group by group.
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
                 let at = start + group * lanes;
                 read(&mut evaluation, at);

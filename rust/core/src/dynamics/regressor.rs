@@ -38,11 +38,11 @@ impl<S: Real> Field<S> {
         Field { a, u, d, off, differences: Vector3::from([x[0] - y[1], z[2] - x[0], y[1] - z[2]]) }
     }
 
-    /// `tau` per unit parameter, SPEC order, under the motion `(v, w)`.
+    /// `tau` per unit parameter, in SPEC order, under the motion `(v, w)`.
     fn coefficients(&self, v: Vector3<S>, w: Vector3<S>) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
         let h = a.cross_add(w, u.apply_transposed(v));
-        // <sym([w]x' U), tr(I)/2 - I>, sorted by the components of w.
+        // <sym([w]x' U), tr(I)/2 - I>, ordered by the components of w.
         let [ux, uy, uz] = u.axes();
         let [xy, xz, yz] = off.array();
         let three = |x: S, y: S, z: S| w[0].mul_add(x, w[1].mul_add(y, w[2] * z));
@@ -60,14 +60,14 @@ impl<S: Real> Field<S> {
         ]
     }
 
-    /// The same under the unit turn about the z axis at the origin.
+    /// The same under the unit rotation about the z axis at the origin.
     fn about_z(&self) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
         let zero = S::zero();
         [zero, a[1], -a[0], zero, -off[0], differences[0], off[0], -u[(1, 2)], u[(0, 2)], d[2]]
     }
 
-    /// The same under the motion `v` without a turn.
+    /// The same under the translation `v`.
     fn along(&self, v: Vector3<S>) -> [S; PARAMETERS] {
         let (h, zero) = (self.u.apply_transposed(v), S::zero());
         [v.dot(self.a), h[0], h[1], h[2], zero, zero, zero, zero, zero, zero]
@@ -88,15 +88,16 @@ fn unit<S: Real>(revolute: bool) -> Spatial<S> {
     if revolute { Spatial { linear: still, angular: along } } else { Spatial { linear: along, angular: still } }
 }
 
-/// A motion of the parent, of a point at its origin, as one of the body.
+/// Convert a motion of the parent, at the parent's origin, to the motion of the body at the body's origin.
 fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>) -> Spatial<S> {
     let at_joint = if body.concentric { t.linear } else { t.angular.cross_add(link.p, t.linear) };
     let [linear, angular] = to_body(body, &link.e, trig, [at_joint, t.angular]);
     Spatial { linear, angular }
 }
 
-/// `Y`, `(n, width)` row-major with `width >= 10 n`, into `y` that holds zeros or an earlier `Y` of this tree: what vanishes is the same in
-/// every state. Columns beyond the inertial parameters are left alone. Joint by joint, each from its own body outwards.
+/// Write `Y`, `(n, width)` row-major with `width >= 10 n`, to `y`, which holds zeros or an earlier `Y` of this tree. The same entries
+/// vanish in every state. Columns beyond the inertial parameters remain unchanged. The outer loop is over joints, the inner one over the
+/// bodies outwards.
 pub fn regressor<S: Real>(
     tree: &Tree<S>,
     width: usize,

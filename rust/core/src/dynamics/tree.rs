@@ -1,4 +1,5 @@
-//! A tree of bodies as [`Dynamics`]: each quantity by its recursion, projected where joints follow others.
+//! A tree of bodies as [`Dynamics`]. A recursion computes each quantity, and the result is projected if
+//! joints follow others.
 
 use super::joined::Joined;
 use super::workspace::Workspace;

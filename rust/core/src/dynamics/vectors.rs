@@ -53,7 +53,7 @@ impl Evaluator {
         self.answer(Quantity::MassMatrix, &[q])
     }
 
-    /// `C(q, v)` of Christoffel, `(n, n)`.
+    /// The Christoffel matrix `C(q, v)`, `(n, n)`.
     pub fn coriolis_matrix(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<DMatrix<f64>> {
         self.answer(Quantity::CoriolisMatrix, &[q, v])
     }

@@ -23,13 +23,13 @@ pub struct BodyMotion<S: Real> {
 /// The memory of one body in the Newton-Euler recursions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Link<S: Real> {
-    /// Rotation to the parent's axes where it is not a quarter turn and `Rz`, and the joint origin in them.
+    /// Rotation to the parent's axes unless it is a quarter turn and `Rz`, and the joint origin in the parent's axes.
     pub e: Matrix3<S>,
     pub p: Vector3<S>,
     pub motion: BodyMotion<S>,
     pub f: Vector3<S>,
     pub n: Vector3<S>,
-    /// Its motion under given joint rates.
+    /// Its motion under joint rates `s`.
     pub twist: Spatial<S>,
 }
 
@@ -84,7 +84,7 @@ pub struct Articulated<S: Real> {
     pub wd: Vector3<S>,
 }
 
-/// A joint's share of motion at the world origin: `[v; w]` per unit rate, and its rate of change.
+/// The contribution of a joint to the motion at the world origin: `[v; w]` per unit rate, and its rate of change.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Column<S: Real> {
     pub linear: Vector3<S>,
