@@ -63,7 +63,7 @@ pub struct ChainJoint {
 }
 
 impl ChainJoint {
-    /// A joint without limits, rotor and friction, carried by the previous one of the list.
+    /// A joint without limits, rotor and friction. The previous joint of the list carries it.
     pub fn new(kind: JointType, axis: [f64; 3], rpy: [f64; 3], xyz: [f64; 3], phi: [f64; 10]) -> Self {
         let limits = Limits::default();
         ChainJoint { name: None, kind, axis, rpy, xyz, phi, parent: None, limits, armature: 0.0, damping: 0.0, friction: 0.0, mimic: None }
@@ -73,14 +73,14 @@ impl ChainJoint {
 /// The approximate memory of a joint in an arm and in its model, names included.
 const BYTES_PER_JOINT: usize = 4096;
 
-/// Refuse more joints than memory holds, before the first of their many small parts is made.
+/// Refuse more joints than fit in memory, before allocation begins.
 pub(crate) fn require_memory(joints: usize) -> Result<()> {
     memory::require(joints.saturating_mul(BYTES_PER_JOINT))
 }
 
 impl Arm {
-    /// An arm from a list of joints. Frames `"link1"`.. are the body frames (one per list entry, fixed ones
-    /// included). `q` is in list order made depth first.
+    /// An arm from a list of joints. Frames `"link1"`.. are the body frames (one per list entry, fixed ones included). `q` has the order of
+    /// the list, rearranged depth first.
     pub fn from_chain(list: &[ChainJoint], gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if list.is_empty() {
@@ -89,7 +89,7 @@ impl Arm {
         require_memory(list.len())?;
         let parents = parents_of(list)?;
         let mut arm = Arm { name: "chain".into(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
-        // Of each list entry: the joint that carries it and its placement in that joint's body frame.
+        // For each list entry: the joint that carries it, and its placement in that joint's body frame.
         let mut place: Vec<(Option<usize>, Placement)> = vec![(None, Placement::IDENTITY); list.len()];
         let mut names = HashSet::new();
         let mut index = vec![None; list.len()];
@@ -136,14 +136,14 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The same with joints that follow others: of every joint its leader, multiplier and offset.
+    /// The same with joints that follow others. `given` has the leader, multiplier and offset of each follower.
     pub fn following(mut self, given: &[Option<Follows>]) -> Result<Arm> {
         let index: Vec<Option<usize>> = (0..self.joints.len()).map(Some).collect();
         self.follow(given, &index)?;
         Ok(self)
     }
 
-    /// Join the joints of a list with those that they follow; `index`: where the entries of the list are in the arm.
+    /// Join the joints of a list with their leaders. `index` maps entries of the list to joints of the arm.
     fn follow(&mut self, given: &[Option<Follows>], index: &[Option<usize>]) -> Result<()> {
         for (i, follows) in given.iter().enumerate() {
             let Some((leader, multiplier, offset)) = *follows else { continue };
@@ -223,9 +223,9 @@ pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
     if largest == 0.0 {
         return Err(Error::input(argument, "is zero: expected a vector with a direction, got (0, 0, 0)"));
     }
-    // Twice: `largest` may be subnormal, whose reciprocal is infinite.
+    // Normalised twice, because `largest` may be subnormal, and then its reciprocal is infinite.
     let scaled = Vector3::from(axis.map(|x| x / largest));
     let unit = Vector3::from(scaled.array().map(|x| x / scaled.norm()));
-    // A vector that is already a unit vector to rounding keeps its bits: one made by this function is, when it is read again.
+    // A vector that is a unit vector up to rounding keeps its bits. So a result of this function does not change when it is read again.
     if (Vector3::from(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.array()) }
 }

@@ -1,4 +1,4 @@
-//! Arms of the textbooks: Denavit-Hartenberg rows, planar arms, the pendulum.
+//! The arms of textbooks: Denavit-Hartenberg rows, planar arms, the pendulum.
 //!
 //! Standard: `T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)`; modified (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)`.
 //! `q` is added to `theta` of a revolute row and to `d` of a prismatic one.
@@ -100,7 +100,7 @@ impl Arm {
                 return Err(Error::wrong(what, "length", format!("{} (one per link)", lengths.len()), values.len()));
             }
             finite(what, values)?;
-            // A link of length zero puts two axes on one another, and is welcome.
+            // A link of length zero makes two axes coincide, which is allowed.
             if let (Some(k), true) = (values.iter().position(|&x| x < 0.0), what != "coms") {
                 return Err(Error::input(what, format!("is negative: expected >= 0, got {}", values[k])).at([k]));
             }
@@ -117,7 +117,7 @@ impl Arm {
             let com = given(coms, i, 0.5 * length);
             let inertia = given(inertias, i, mass * length * length / 12.0);
             let at_joint = inertia + mass * com * com;
-            // Thin in y and z: the moment about x vanishes, that about y equals that about z.
+            // Thin in y and z: the moment about x vanishes, and the moments about y and z are equal.
             let phi = [mass, mass * com, 0.0, 0.0, 0.0, 0.0, at_joint, 0.0, 0.0, at_joint];
             let xyz = if i == 0 { [0.0; 3] } else { [lengths[i - 1], 0.0, 0.0] };
             list.push(ChainJoint::new(JointType::Moving(JointKind::Revolute), [0.0, 0.0, 1.0], [0.0; 3], xyz, phi));

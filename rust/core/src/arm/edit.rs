@@ -48,7 +48,7 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The arm with joints held at values: they leave `q`, their bodies join their parents.
+    /// The arm with joints locked at values. They are removed from `q`, and their bodies are merged with their parents.
     pub fn locked(&self, joints: &[(&str, f64)]) -> Result<Arm> {
         let (mut held, indices) = (vec![None; self.joints.len()], self.independent_indices());
         for (name, value) in joints {
@@ -59,7 +59,7 @@ impl Arm {
             held[mimic.joint] = held[mimic.leader].map(|x| mimic.multiplier * x + mimic.offset);
         }
         let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), mimics: Vec::new(), ..self.clone() };
-        // Of each old body: the body that carries it now, and where.
+        // For each old body: the body that carries it now, and the placement there.
         let mut moved: Vec<(Option<usize>, Placement)> = Vec::with_capacity(self.joints.len());
         let mut index = vec![None; self.joints.len()];
         for (i, (joint, held)) in self.joints.iter().zip(held).enumerate() {
@@ -84,7 +84,7 @@ impl Arm {
         for frame in &self.frames {
             let (body, place) = frame.body.map_or((None, Placement::IDENTITY), |b| moved[b]);
             let locked = frame.body.is_some_and(|b| moved[b].0.is_none() || moved[b].1 != Placement::IDENTITY);
-            // What hung on a locked joint is now held by a fixed one of the same name.
+            // A frame on a locked joint is now on a fixed joint of the same name.
             let name = frame.body.filter(|_| locked && frame.joint.is_none()).map(|b| self.joints[b].name.clone());
             arm.frames.push(Frame { body, placement: place.then(&frame.placement), joint: name.or(frame.joint.clone()), ..frame.clone() });
         }
@@ -101,7 +101,7 @@ impl Arm {
         let (root, tip) = (find("root", root)?, find("tip", tip)?);
         let base = root.and_then(|f| self.frames[f].body);
         let back = root.map_or(Placement::IDENTITY, |f| self.frames[f].placement.inverse());
-        // Which bodies hang on the base, in one pass since parents come first.
+        // The bodies below `root`, in one pass because parents come first.
         let mut below = vec![false; self.joints.len()];
         for (i, joint) in self.joints.iter().enumerate() {
             below[i] = joint.parent == base || joint.parent.is_some_and(|p| below[p]);
@@ -142,7 +142,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Give a part of this arm the joints that follow others: `index(i)` is joint `i` there, `None` where it is gone.
+    /// Set the joints that follow others in a part of this arm. `index(i)` is the index of joint `i` in the part, or `None` if the part
+    /// lacks it.
     fn mimics_of(&self, part: &mut Arm, index: impl Fn(usize) -> Option<usize>) -> Result<()> {
         let leader = |mimic: &Mimic| {
             let (Mimic { multiplier, offset, .. }, of) = (*mimic, &self.joints[mimic.leader]);

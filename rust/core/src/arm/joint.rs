@@ -28,7 +28,7 @@ impl JointKind {
     }
 }
 
-/// Bounds of a joint; infinite where the model gives none. Units: rad or m, per second, N m or N.
+/// Bounds of a joint; infinite if the model has none. Units: rad or m, rad/s or m/s, N m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Least position, rad or m.
@@ -56,7 +56,7 @@ pub struct Joint {
     pub kind: JointKind,
     /// Index of the joint that carries the parent body, `None` for the base.
     pub parent: Option<usize>,
-    /// Of the joint frame in the parent's body frame at `q = 0`.
+    /// Placement of the joint frame in the parent's body frame at `q = 0`.
     pub placement: Placement,
     /// Unit vector in the joint frame.
     pub axis: [f64; 3],
@@ -68,7 +68,7 @@ pub struct Joint {
     pub damping: f64,
     /// Coulomb friction, N m (N).
     pub friction: f64,
-    /// The ten inertial parameters of the body (with everything fixed to it), SPEC order.
+    /// The ten inertial parameters of the body, with everything fixed to it, in SPEC order.
     pub parameters: [f64; 10],
 }
 

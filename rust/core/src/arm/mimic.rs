@@ -1,4 +1,4 @@
-//! Joints that follow another one, `q_follower = multiplier q_leader + offset`: one degree of freedom with their leader.
+//! Joints that follow another one (mimic joints), `q_follower = multiplier q_leader + offset`: one degree of freedom with their leader.
 //!
 //! A follower keeps its body. Its drive and its limits are added to those of the leader, by `tau = G' tau_joints` with
 //! `q_joints = G q + c`. The leader gets `multiplier^2` of the follower's rotor inertia and viscous friction, and `|multiplier|` of its
@@ -14,31 +14,31 @@ use crate::interrupt::look;
 pub struct Mimic {
     /// Index of the joint that follows.
     pub joint: usize,
-    /// Index of the joint that it follows, which follows none.
+    /// Index of its leader, a joint that follows none.
     pub leader: usize,
     /// Its rate per unit rate of the leader.
     pub multiplier: f64,
-    /// Its position where the leader's is zero, rad or m.
+    /// Its position at leader position zero, rad or m.
     pub offset: f64,
 }
 
-/// Of an arm with joints that follow others: `q_joints = G q + c`.
+/// The map from coordinates to joints in an arm with joints that follow others: `q_joints = G q + c`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joining {
-    /// Of every joint the coordinate that moves it, with multiplier and offset.
+    /// For every joint: the coordinate that moves it, multiplier and offset.
     pub rows: Vec<Follows>,
-    /// Of every coordinate the index of its joint.
+    /// For every coordinate: the index of its joint.
     pub leaders: Vec<usize>,
 }
 
-/// Bodies of the largest arm with joints that follow: the matrices of its joints are formed and projected.
+/// Largest number of bodies of an arm with joints that follow others, because the matrices of all its joints are formed and projected.
 pub const MOST_BODIES: usize = 256;
 
-/// Which joint another one follows, with multiplier and offset, before chains of followers are resolved.
+/// The leader of a joint, multiplier and offset, before chains of followers are resolved.
 pub type Follows = (usize, f64, f64);
 
-/// Of every joint the free joint that it follows, through chains of followers; `None` for free ones. Errors: the index of a joint that
-/// follows itself, directly or by way of others.
+/// For every joint: the free joint that it follows through chains of followers; `None` for free joints. The error is the index of a joint
+/// that follows itself, directly or through others.
 pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Follows>>, usize> {
     let (mut out, mut known) = (given.to_vec(), vec![false; given.len()]);
     let mut way = Vec::new();
@@ -46,7 +46,7 @@ pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Fol
         look();
         let mut i = start;
         while let (false, Some((leader, ..))) = (known[i], given[i]) {
-            // On the way already: `known` is set below, so that a cycle is as long as the list at most.
+            // A cycle. `known` is set below, so the path of a cycle grows beyond the list.
             if way.len() > given.len() {
                 return Err(start);
             }
@@ -64,7 +64,7 @@ pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Fol
     Ok(out)
 }
 
-/// What moves with a coordinate: limits and drive.
+/// Limits and drive of a joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Moved {
     pub limits: Limits,
@@ -97,7 +97,7 @@ impl Moved {
         (out, empty)
     }
 
-    /// The same coordinate counted in the positions of a follower.
+    /// The limits and drive of the leader, converted to the position of a follower.
     fn counted_by(&self, multiplier: f64, offset: f64) -> Moved {
         let ends = [self.limits.lower, self.limits.upper].map(|end| multiplier * end + offset);
         let size = multiplier.abs();
@@ -108,12 +108,12 @@ impl Moved {
 }
 
 impl Joint {
-    /// Its limits and drive.
+    /// The limits and drive of the joint.
     pub(super) fn moved(&self) -> Moved {
         Moved { limits: self.limits, armature: self.armature, damping: self.damping, friction: self.friction }
     }
 
-    /// Take its drive away, which is its leader's.
+    /// Remove the drive, which is now part of the leader's.
     pub(super) fn undriven(&mut self) {
         (self.armature, self.damping, self.friction) = (0.0, 0.0, 0.0);
     }
@@ -124,13 +124,13 @@ impl Joint {
     }
 }
 
-/// The line of a report about limits that allow no motion.
+/// A line for the report: limits that allow no motion.
 pub fn no_room(follower: &str, leader: &str) -> String {
     format!("limits of {follower}, which follows {leader}, leave {leader} no range: left out")
 }
 
 impl Arm {
-    /// The joints that follow no other one: those of the coordinates, in the order of `q`.
+    /// The joints that follow no other one, in the order of `q`.
     pub fn independent(&self) -> impl Iterator<Item = &Joint> {
         let mut followers = self.mimics.iter().map(|mimic| mimic.joint).peekable();
         self.joints.iter().enumerate().filter(move |(i, _)| followers.next_if_eq(i).is_none()).map(|(_, joint)| joint)
@@ -142,7 +142,7 @@ impl Arm {
         (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
     }
 
-    /// Of every coordinate whether a whole turn of it leaves all bodies where they are: the multipliers of its followers are integers.
+    /// Whether a full turn of each coordinate returns all bodies to their places. Then the multipliers of its followers are integers.
     pub fn turns(&self) -> Vec<bool> {
         let mut turns: Vec<bool> = self.joints.iter().map(|joint| joint.kind.is_angle()).collect();
         for mimic in &self.mimics {
@@ -152,7 +152,7 @@ impl Arm {
         self.independent_indices().into_iter().map(|i| turns[i]).collect()
     }
 
-    /// The positions of all joints, those that follow included, at `q` `(n,)`: `G q + c` into `out`.
+    /// Write the positions `G q + c` of all joints, followers included, at `q` `(n,)`, to `out`.
     pub fn joint_positions(&self, q: &[f64], out: &mut [f64]) {
         match self.joining() {
             None => out.copy_from_slice(q),
@@ -162,7 +162,7 @@ impl Arm {
         }
     }
 
-    /// Whether `mimics` are what readers make: in order, finite, of joints that are there and lead no other one.
+    /// Whether `mimics` are as readers make them: in order, finite, and about existing joints that lead no other one.
     pub fn mimics_are_sound(&self) -> bool {
         let mut follows = vec![false; self.joints.len()];
         for mimic in &self.mimics {
@@ -176,7 +176,7 @@ impl Arm {
         ordered && self.mimics.iter().all(sound) && (self.mimics.is_empty() || self.joints.len() <= MOST_BODIES)
     }
 
-    /// Of every coordinate the next one inwards, `None` at the base.
+    /// For every coordinate the next one towards the base; `None` at the base.
     pub fn parents(&self) -> Vec<Option<usize>> {
         let joining = self.joining();
         let coordinate = |i: usize| joining.as_ref().map_or(i, |joining| joining.rows[i].0);
@@ -190,7 +190,7 @@ impl Arm {
         self.independent_indices().into_iter().enumerate().map(inwards).collect()
     }
 
-    /// Which coordinates move the joints, where some follow others.
+    /// The map from coordinates to joints; `None` if no joint follows another.
     pub fn joining(&self) -> Option<Joining> {
         if self.mimics.is_empty() {
             return None;
@@ -206,7 +206,8 @@ impl Arm {
         Some(Joining { rows, leaders })
     }
 
-    /// Set who follows whom: pairs of a joint and what it follows. Of the followers of a joint that is no part of the arm the first leads.
+    /// Set the leaders of followers: pairs of a joint and its leader. If the leader is no part of the arm, its first follower becomes the
+    /// leader.
     pub(super) fn set_mimics(&mut self, mut followers: Vec<(usize, Leader)>) -> Result<()> {
         followers.sort_by_key(|(joint, _)| *joint);
         let (mut first, mut mimics): (Vec<&(usize, Leader)>, _) = (Vec::new(), Vec::new());
@@ -237,7 +238,7 @@ impl Arm {
         Ok(())
     }
 
-    /// A line of the report: who follows whom.
+    /// Add a line to the report: the followers and their leaders.
     pub(super) fn report_mimics(&mut self) {
         let told = |m: &Mimic| format!("{} = {} {} + {}", self.joints[m.joint].name, m.multiplier, self.joints[m.leader].name, m.offset);
         let lines: Vec<String> = self.mimics.iter().map(told).collect();
@@ -247,7 +248,7 @@ impl Arm {
     }
 }
 
-/// The leader of a joint: its index in the arm, or `None` for a joint outside of it, whose limits and drive are `moved`.
+/// The leader of a joint: its index in the arm, or `None` for a joint that is no part of the arm. `moved` has its limits and drive.
 pub struct Leader {
     pub at: Option<usize>,
     pub name: String,

@@ -1,6 +1,6 @@
-//! Arms: trees of revolute, continuous, prismatic and fixed joints. [`Arm`] is the model as the user sees it,
-//! [`Tree`] its compiled form. Fixed joints are merged into bodies when a model is read; the links that
-//! hung on them stay as frames. Joints that follow another one (mimic joints) are one degree of freedom with it.
+//! Arms: trees of revolute, continuous, prismatic and fixed joints. [`Arm`] is the model as the user sees it, [`Tree`] its compiled form.
+//! Readers merge fixed joints into bodies, and keep their links as frames. Joints that follow another one (mimic joints) are one degree of
+//! freedom with it.
 
 mod build;
 mod classic;
@@ -33,8 +33,8 @@ use crate::spatial::PARAMETERS;
 /// Gravity on Earth along `-z`, m/s^2.
 pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
-/// The model of an arm. Joint order is that of `q`: depth first, siblings in the order given. Two arms are equal where all but their
-/// reports is: what was dropped on the way in does not make another arm.
+/// The model of an arm. Joint order is that of `q`: depth first, siblings in the order of the description. Arms are equal if everything
+/// except `report` is equal, because the report does not change the arm.
 ///
 /// ```
 /// use armlet_core::arm::{Arm, ChainJoint, Convention, DhRow, JointKind, JointType, STANDARD_GRAVITY};
@@ -57,7 +57,7 @@ pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 pub struct Arm {
     /// Name of the robot.
     pub name: String,
-    /// Joints, depth first; parents come before children. Those that follow no other one are in the order of `q`.
+    /// Joints, depth first; parents come before children. The joints that follow no other one are in the order of `q`.
     pub joints: Vec<Joint>,
     /// Joints that follow another one, in the order of `joints`.
     pub mimics: Vec<Mimic>,
@@ -65,12 +65,12 @@ pub struct Arm {
     pub frames: Vec<Frame>,
     /// Gravity in world axes, m/s^2.
     pub gravity: [f64; 3],
-    /// What was noticed and what was dropped on the way in.
+    /// Remarks of the reader, and what it dropped.
     pub report: Vec<String>,
 }
 
 impl Clone for Arm {
-    /// An arm of very many joints takes long: [`look`] runs on the way.
+    /// A clone of a large arm takes long, so it calls [`look`].
     fn clone(&self) -> Self {
         Arm {
             name: self.name.clone(),
@@ -91,7 +91,7 @@ impl PartialEq for Arm {
 }
 
 impl Arm {
-    /// Number of joints that move independently: of coordinates.
+    /// Number of coordinates, which is the number of joints that move independently.
     pub fn n(&self) -> usize {
         self.joints.len() - self.mimics.len()
     }
@@ -118,7 +118,7 @@ impl Arm {
         moving.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
     }
 
-    /// Inertial parameters `(10,)` of the body of every joint, SPEC order, in the body frames.
+    /// Inertial parameters `(10,)` of the body of every joint, in SPEC order, in the body frames.
     pub fn parameters(&self) -> Vec<f64> {
         self.joints.iter().flat_map(|joint| joint.parameters).collect()
     }
@@ -137,7 +137,7 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The arm with other rotors and friction, `(n,)` each, any finite numbers; `None` keeps what there is.
+    /// The arm with other rotors and friction, `(n,)` each, any finite numbers; `None` keeps the present values.
     pub fn with_drives(&self, armature: Option<&[f64]>, damping: Option<&[f64]>, friction: Option<&[f64]>) -> Result<Arm> {
         type Part = fn(&mut Joint) -> &mut f64;
         let parts: [(_, _, Part); 3] = [
@@ -165,18 +165,18 @@ impl Arm {
         Ok(Arm { gravity, ..self.clone() })
     }
 
-    /// Index of a frame; a wrong name is answered with the names there are.
+    /// Index of a frame. The error for an unknown name lists the available ones.
     pub fn frame_index(&self, name: &str) -> Result<usize> {
         index_of(self.frame_names(), name).ok_or_else(|| Error::unknown("frame", "frames", self.frame_names(), name))
     }
 
-    /// Index of a joint; a wrong name is answered with the names there are.
+    /// Index of a joint. The error for an unknown name lists the available ones.
     pub fn joint_index(&self, name: &str) -> Result<usize> {
         index_of(self.joint_names(), name).ok_or_else(|| Error::unknown("joint", "joints", self.joint_names(), name))
     }
 }
 
-/// Refuse a new name that no file can hold: XML has no control characters, and much that reads names ends them at NUL.
+/// Refuse a new name that a file cannot hold. XML has no control characters, and many readers end a name at NUL.
 pub(crate) fn writable(argument: &str, name: &str) -> Result<()> {
     let bad = |c: char| (c < ' ' && !matches!(c, '\t' | '\n' | '\r')) || matches!(c, '\u{fffe}' | '\u{ffff}');
     match name.chars().find(|c| bad(*c)) {

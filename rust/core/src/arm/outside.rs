@@ -29,7 +29,7 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// The first of `rows`, pairs of an arm and a position `(n,)`, that is outside. NaN is not.
+    /// The first row that is outside, of `rows`: pairs of an arm and a position `(n,)`. NaN is not outside.
     pub fn first<'a>(rows: impl IntoIterator<Item = (&'a Arm, &'a [f64])>) -> Option<Outside> {
         let (mut found, mut of): (Option<Outside>, usize) = (None, 0);
         for (row, (arm, q)) in rows.into_iter().enumerate() {
@@ -54,18 +54,18 @@ impl Outside {
         found
     }
 
-    /// Whether a value may be an angle in degrees: more than a turn as radians, and within the limits as degrees.
+    /// Whether the value may be an angle in degrees: as radians it exceeds a turn, and as degrees it is within the limits.
     fn degrees(&self) -> bool {
         let [lower, upper] = self.limits;
         self.angle && self.value.abs() > TAU && (lower..=upper).contains(&self.value.to_radians())
     }
 
-    /// The index of the position: of its row and joint in an array of rows, else of its joint.
+    /// The index of the position: row and joint in an array of rows, otherwise the joint.
     pub fn index(&self, of_rows: bool) -> String {
         if of_rows { format!("[{}, {}]", self.row, self.joint) } else { format!("[{}]", self.joint) }
     }
 
-    /// The problem in words: `= -57 rad is outside [-3.1, 3.1]: degrees?`.
+    /// The problem as text: `= -57 rad is outside [-3.1, 3.1]: degrees?`.
     pub fn problem(&self) -> String {
         let ([lower, upper], unit) = (self.limits.map(short), if self.angle { "rad" } else { "m" });
         let mut text = format!("= {} {unit} is outside [{lower}, {upper}]", short(self.value));

@@ -1,8 +1,8 @@
 //! The compiled form of an arm, on which the algorithms run.
 //!
 //! Every body has an internal frame: origin on the joint, z along the joint axis. So the motion subspace is `e_z`, and a joint rotation
-//! changes two columns. `turn` is the rotation to the body frame of the model. The geometry is the same in all lanes. Inertial parameters
-//! may differ between lanes.
+//! changes two columns. `turn` is the rotation from the internal frame to the body frame of the model. The geometry is the same in all
+//! lanes. Inertial parameters may differ between lanes.
 
 use super::{Arm, Joining};
 use crate::interrupt::look;
@@ -11,7 +11,7 @@ use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
 use std::sync::Arc;
 
-/// The name of the parameters of a body in recordings, besides its mass `m`.
+/// The names of the first moment of a body in recordings. Its mass is `m`.
 const MOMENT: [&str; 3] = ["mx", "my", "mz"];
 const INERTIA: [&str; 6] = ["Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
 const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
@@ -23,31 +23,31 @@ pub const BASE: usize = usize::MAX;
 pub struct Body<S: Real> {
     /// Index of the parent body, [`BASE`] for the base; parents come before children.
     pub parent: usize,
-    /// One beyond the last body that it carries: the bodies from the next one to there, since their order is depth first.
+    /// One beyond the last body that it carries. These are the bodies from the next one to `end`, because the order is depth first.
     pub end: usize,
-    /// Another body than the next one is its child, so its values must be stored.
+    /// Whether a body that is not the next one is its child, so that its values must be stored.
     pub forks: bool,
-    /// Turns about its axis; slides along it otherwise.
+    /// True if the body turns about its axis, false if it slides along it.
     pub revolute: bool,
     /// Placement of the joint in the parent's compiled frame at `q = 0`.
     pub rotation: Matrix3<f64>,
-    /// The kind of `rotation`, if it is one of these.
+    /// The kind of quarter turn of `rotation`, if it is one.
     pub quarter: Option<QuarterTurn>,
     pub translation: Vector3<f64>,
-    /// Whether the joint's origin is the parent's in every state, as in a wrist: moments go from one to the other as they are.
+    /// Whether the joint's origin equals the parent's in every state, as in a wrist. Then moments need no shift.
     pub concentric: bool,
     /// In compiled axes, about the joint origin.
     pub inertia: Inertia<S>,
     /// `integral of r r' dm = tr(I)/2 - I`.
     pub second_moment: Sym3<S>,
-    /// `x_body = turn x_compiled`; `None` where the two frames are one.
+    /// `x_body = turn x_compiled`; `None` if the two frames are the same.
     pub turn: Option<Matrix3<f64>>,
     pub armature: S,
     pub damping: S,
     pub friction: S,
 }
 
-/// A frame fixed to a body, in its compiled axes; to the base where `body` is [`BASE`].
+/// A frame fixed to a body, in the body's compiled axes; to the base if `body` is [`BASE`].
 #[derive(Clone, Debug)]
 pub struct TreeFrame {
     pub body: usize,
@@ -59,17 +59,17 @@ pub struct Tree<S: Real> {
     pub bodies: Vec<Body<S>>,
     pub frames: Vec<TreeFrame>,
     pub gravity: Vector3<f64>,
-    /// Which coordinates move the bodies, where the joints of some follow others.
+    /// The map from coordinates to bodies, if some joints follow others.
     pub joining: Option<Joining>,
-    /// Whether its branches are so short that forward dynamics takes less time by the mass matrix than by articulated bodies.
+    /// Whether the branches are short, so that forward dynamics is faster by the mass matrix than by articulated bodies.
     pub is_shallow: bool,
 }
 
-/// The mean number of joints that carry a body up to which forward dynamics takes less time by the mass matrix (`docs/adr/0008`).
+/// Up to this mean number of joints that carry a body, forward dynamics is faster by the mass matrix (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
 /// The additional cost of a joint whose placement is no quarter turn.
 const GENERAL: f64 = 1.25;
-/// Joints of the largest arm whose mass matrix a workspace keeps: 0.5 MB.
+/// Number of joints up to which a workspace has memory for the mass matrix: 0.5 MB.
 const MOST_JOINTS: usize = 256;
 
 /// See [`Tree::is_shallow`]
@@ -140,12 +140,12 @@ impl Tree<f64> {
         tree
     }
 
-    /// The same in every lane.
+    /// The same tree in every lane.
     pub fn lift<S: Real>(&self) -> Tree<S> {
         Tree::lanes(std::slice::from_ref(self))
     }
 
-    /// Tree `of[i]` in lane `i`, or the only one in every lane: they differ in their inertial parameters alone.
+    /// Tree `of[i]` in lane `i`, or the only one in every lane. The trees differ only in their inertial parameters.
     fn lanes<S: Real>(of: &[Self]) -> Tree<S> {
         let first = &of[0];
         let number = |name, i: usize, f: &dyn Fn(&Self) -> f64| {
@@ -190,7 +190,7 @@ impl Tree<f64> {
 }
 
 impl<S: Real> Tree<S> {
-    /// The arm with the same parameters in every lane. Compiled in `f64`, so that every number starts from the same bits.
+    /// The arm with the same parameters in every lane. It is compiled in `f64`, so every number type starts from the same bits.
     pub fn new(arm: &Arm) -> Self {
         Tree::compile(arm).lift()
     }
@@ -202,7 +202,7 @@ impl<S: Real> Tree<S> {
         Tree::lanes(&compiled)
     }
 
-    /// Inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.
+    /// Set the inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.
     pub fn set_parameters(&mut self, pi: &[S]) {
         for (body, p) in self.bodies.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
             look();
@@ -226,13 +226,13 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    /// Number of coordinates: of bodies, less those whose joints follow others.
+    /// Number of coordinates: the bodies, without those whose joints follow others.
     #[inline]
     pub fn n(&self) -> usize {
         self.joining.as_ref().map_or(self.bodies.len(), |joining| joining.leaders.len())
     }
 
-    /// The coordinate that moves a body, and the rate of its joint per unit rate of that.
+    /// The coordinate that moves a body, and the rate of its joint per unit rate of the coordinate.
     #[inline]
     pub fn mover(&self, body: usize) -> (usize, f64) {
         self.joining.as_ref().map_or((body, 1.0), |joining| (joining.rows[body].0, joining.rows[body].1))
@@ -256,7 +256,7 @@ impl<S: Real> Tree<S> {
         (position.sin_cos(), position)
     }
 
-    /// Rate of the joint of a body from those of the coordinates.
+    /// Rate of the joint of a body, from the rates of the coordinates.
     #[inline]
     pub fn rate(&self, body: usize, v: &[S]) -> S {
         let Some(joining) = &self.joining else { return v[body] };

@@ -135,7 +135,8 @@ fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articula
     }
 }
 
-/// Blocks of an articulated inertia about a new point; `p` is the old point relative to the new one:
+/// Blocks of an articulated inertia about a new point; `p` is the old point relative to the new one.
+///
 /// `H' = H - M [p]x`, `I' = I - H' [p]x + [p]x H'` with the first `H` transposed.
 fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3<S>) -> (Matrix3<S>, Sym3<S>) {
     let [x, y, z] = p.array();

@@ -1,6 +1,6 @@
-//! The bodies of an arm at one state, or at one state per lane, as its tasks read them.
+//! The bodies of an arm at one state, or at one state per lane, as tasks read them.
 //!
-//! Column of a turning joint `[z x (p - o); z]`, its rate `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`.
+//! The column of a revolute joint is `[z x (p - o); z]`, its rate `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`.
 
 use super::jacobian::of_frame;
 use super::{Pose, from_parent, place_body};
@@ -12,7 +12,7 @@ use crate::spatial::{Matrix, Matrix3, Vector, Vector3};
 #[derive(Clone, Debug)]
 pub struct Bodies<S: Real = f64> {
     pub(super) tree: Tree<S>,
-    /// Bodies that are placed, from the first on.
+    /// Number of leading bodies that are placed.
     needed: usize,
     trig: Vec<(S, S)>,
     pub(super) q: Vec<S>,
@@ -34,7 +34,7 @@ pub(super) struct Moving<S: Real> {
 
 /// The column of one joint: linear and angular part, and the rates of both.
 pub(super) struct Column<S: Real> {
-    /// The coordinate that moves it, and its rate per unit rate of that.
+    /// The coordinate that moves the joint, and the rate of the joint per unit rate of the coordinate.
     pub joint: usize,
     pub multiplier: f64,
     pub linear: Vector3<S>,
@@ -44,7 +44,7 @@ pub(super) struct Column<S: Real> {
 }
 
 impl<S: Real> Bodies<S> {
-    /// Those of a tree of which the first `needed` are placed.
+    /// The bodies of a tree, of which the first `needed` are placed.
     pub(super) fn new(tree: Tree<S>, needed: usize) -> Self {
         let (n, bodies) = (tree.n(), tree.bodies.len());
         Bodies {
@@ -62,14 +62,14 @@ impl<S: Real> Bodies<S> {
         self.q.len()
     }
 
-    /// How many bodies, from the first on, have to be placed for a frame.
+    /// Number of leading bodies that must be placed for a frame.
     pub(super) fn below(tree: &Tree<S>, frame: usize) -> usize {
         tree.frames.get(frame).map_or(0, |at| if at.body == BASE { 0 } else { at.body + 1 })
     }
 
     /// Place the bodies at `q` `(n,)`.
     pub(super) fn place(&mut self, q: &[S]) {
-        // A body that is needed may follow any coordinate.
+        // The joint of a needed body may follow any coordinate.
         let needed = if self.tree.joining.is_some() { q.len() } else { self.needed };
         for i in 0..needed {
             if self.tree.leader(i).revolute {
@@ -84,13 +84,13 @@ impl<S: Real> Bodies<S> {
         super::place(&self.tree, &self.trig, q, &mut self.poses[..self.needed]);
     }
 
-    /// As [`Bodies::place`] with the (sin, cos) of the joints known.
+    /// As [`Bodies::place`], with the known (sin, cos) of the coordinates.
     pub(super) fn place_at(&mut self, q: &[S], trig: &[(S, S)]) {
         self.trig.copy_from_slice(trig);
         self.place_known(q);
     }
 
-    /// How the bodies of the last placement move at joint rates `v` `(n,)`.
+    /// Compute the velocities of the bodies, as last placed, at joint rates `v` `(n,)`.
     pub(super) fn set_moving(&mut self, v: &[S]) {
         let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
         let mut last = base();
@@ -106,7 +106,7 @@ impl<S: Real> Bodies<S> {
         }
     }
 
-    /// The placement of a frame, and on request its velocity.
+    /// The placement of a frame, and its velocity if it is `moving`.
     pub(super) fn frame(&self, frame: usize, moving: bool) -> Moving<S> {
         let (r, p) = of_frame(&self.tree, &self.poses, frame);
         let body = self.tree.frames[frame].body;
@@ -137,7 +137,7 @@ impl<S: Real> Bodies<S> {
         }
     }
 
-    /// Mass, first moment and, where `rate` asks for it, momentum of each subtree.
+    /// Compute mass and first moment of each subtree, and with `rate` its momentum.
     pub(super) fn gather_subtrees(&mut self, rate: bool) {
         for (i, body) in self.tree.bodies.iter().enumerate() {
             let m = body.inertia.mass;

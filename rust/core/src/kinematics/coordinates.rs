@@ -12,7 +12,7 @@ use crate::spatial::{Matrix, Matrix3, Vector, Vector3, rotation_exp, rotation_lo
 /// Names of the rows.
 pub const LETTERS: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// A frame of an arm and the rows of `[p; r]` that are controlled, in the order asked for.
+/// A frame of an arm and its controlled rows of `[p; r]`, in the order of the caller.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coordinates {
     /// Index of the frame.
@@ -37,13 +37,13 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
     if rows.is_empty() { Err(refused()) } else { Ok(rows) }
 }
 
-/// The rows of a pose, a homogeneous transform `(4, 4)`, row-major: its position and its rotation vector.
+/// The rows of a pose, a homogeneous transform `(4, 4)`, row-major: of its position and its rotation vector.
 ///
-/// Errors: it is no pose, or it turns about an axis that the rows leave out while they have others of orientation.
+/// Errors: the matrix is not a pose; or the rows contain some but not all components of orientation, and an omitted component is not zero.
 pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
     /// The largest accepted deviation of a rotation from orthogonality.
     const ORTHOGONAL: f64 = 1e-6;
-    /// Angles below it are rounding.
+    /// Smaller angles are rounding errors.
     const STRAIGHT: f64 = 1e-9;
     let at = |i: usize, j: usize| pose[4 * i + j];
     let columns = [0, 1, 2].map(|j| Vector3::from([at(0, j), at(1, j), at(2, j)]));
@@ -65,7 +65,7 @@ pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
 }
 
 impl Coordinates {
-    /// Rows `axes`, such as `"xy"` or `"xyz rx ry rz"`, of a frame of this name.
+    /// The rows `axes` of the frame with this name, such as `"xy"` or `"xyz rx ry rz"`.
     pub fn new(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(Coordinates { frame: arm.frame_index(frame)?, rows: parse_axes(axes)? })
     }
@@ -75,7 +75,7 @@ impl Coordinates {
         self.rows.len()
     }
 
-    /// Whether a row speaks of orientation.
+    /// Whether a row is a component of orientation.
     pub fn turns(&self) -> bool {
         self.rows.iter().any(|&row| row > 2)
     }

@@ -34,7 +34,7 @@ pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)],
     jacobian_on_zeros(tree, poses, trig, q, frame, j)
 }
 
-/// As [`jacobian`], where `j` holds zeros or an earlier Jacobian of this frame: what vanishes is the same in every state.
+/// As [`jacobian`], if `j` holds zeros or an earlier Jacobian of this frame. The same entries vanish in every state.
 pub fn jacobian_on_zeros<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -57,7 +57,7 @@ pub fn jacobian_on_zeros<S: Real>(
     p
 }
 
-/// The column of a body, into zeros or what other joints of its coordinate left.
+/// Write the column of a body, where `j` holds zeros or the columns of other joints of its coordinate.
 fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, angular: Vector3<S>) {
     let (n, (i, multiplier)) = (tree.n(), tree.mover(body));
     for k in 0..3 {
@@ -66,7 +66,7 @@ fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, 
     }
 }
 
-/// An entry of a column: added, where joints follow others.
+/// Write an entry of a column; add it if joints follow others.
 #[inline]
 pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value: S) {
     *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };

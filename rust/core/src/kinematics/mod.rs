@@ -1,4 +1,4 @@
-//! Where bodies and frames are, and how they move with the joints.
+//! Placements of bodies and frames, and their motion with the joints.
 //!
 //! `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0` (a slide: `R_i = R_p R_0`, `o_i = o_p + R_p p_0 + z_i q`),
 //! from the base outwards; `z_i` is the third column of `R_i`.
@@ -41,10 +41,10 @@ impl<S: Real> Pose<S> {
     }
 }
 
-/// One step of the recursion. The joint's own rotation comes first: only one product then waits for the parent.
+/// One step of the recursion. The joint's rotation is applied first, so that only one product waits for the parent.
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
     if body.parent == BASE {
-        // Nothing to multiply by.
+        // The base has no rotation.
         let (rotation, origin) = (body.rotation.lift::<S>(), body.translation.lift::<S>());
         return if body.revolute {
             Pose { rotation: rotation.rotate_z(trig), origin }
@@ -68,10 +68,10 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
     }
 }
 
-/// The value of the parent of body `i` in a pass outwards. Along a chain it stays in registers (`last`), so that the code does not
-/// wait for a recent store.
+/// The value of the parent of body `i` in a pass outwards. Along a chain it stays in registers (`last`), so that the code does not wait for
+/// a recent store.
 pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
-    // The first body of the first tree: BASE is one before 0, and `last` starts as the base.
+    // The first body of a tree too: for i = 0, i - 1 wraps to BASE, and `last` starts with the value of the base.
     if parent == i.wrapping_sub(1) {
         last
     } else if parent == BASE {

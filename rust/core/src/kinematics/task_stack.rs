@@ -1,4 +1,4 @@
-//! A stack of tasks evaluated at one state, or at one state per lane: bodies are placed once, then every task writes its rows.
+//! A stack of tasks at one state, or at one state per lane. The bodies are placed once, then every task writes its rows.
 
 use super::Bodies;
 use super::task::{TaskFunction, TaskKind};
@@ -39,7 +39,7 @@ impl<S: Real> TaskStack<S> {
     /// Relative error of the entries of Jacobians at the last `q`: `8 eps (1 + sum|q|)`.
     pub fn rounding(&self) -> S {
         let turned = self.bodies.q.iter().fold(S::splat(1.0), |sum, q| sum + q.abs());
-        // Beyond 1 nothing is known of the entries, and no rank can be decided.
+        // Above 1 the entries are unknown, and no rank can be decided.
         let (relative, most) = (S::splat(8.0 * f64::EPSILON) * turned, S::splat(0.5));
         S::select(relative.lt(most), relative, most)
     }
@@ -49,18 +49,18 @@ impl<S: Real> TaskStack<S> {
         self.bodies.place(q);
     }
 
-    /// As [`TaskStack::place`] with the (sin, cos) of the joints known.
+    /// As [`TaskStack::place`], with the known (sin, cos) of the coordinates.
     pub fn place_at(&mut self, q: &[S], trig: &[(S, S)]) {
         self.bodies.place_at(q, trig);
     }
 
-    /// How the bodies of the last placement move at joint rates `v` `(n,)`.
+    /// Compute the velocities of the bodies, as last placed, at joint rates `v` `(n,)`.
     pub fn set_moving(&mut self, v: &[S]) {
         self.bodies.set_moving(v);
     }
 
-    /// Error `e` and feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `[x_d, x_d', x_d'']`; the feed-forward
-    /// acceleration into `a` where it is asked for.
+    /// Error `e` and feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `[x_d, x_d', x_d'']`; if requested also the
+    /// feed-forward acceleration `a`.
     pub fn error(&mut self, k: usize, desired: &[S], e: &mut [S], w: &mut [S], a: Option<&mut [S]>) {
         let function = &self.functions[k];
         let (target, rest) = desired.split_at(function.target_size());
@@ -91,7 +91,7 @@ impl<S: Real> TaskStack<S> {
 }
 
 impl TaskStack {
-    /// The same tasks on another number.
+    /// The same tasks on another number type.
     pub fn lift<S: Real>(&self) -> TaskStack<S> {
         TaskStack::of_tree(self.bodies.tree.lift(), self.functions.clone())
     }

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
-/// Largest asymmetry, relative to the largest entry, that rounding explains.
+/// Largest asymmetry, relative to the largest entry, that is accepted as rounding.
 const SYMMETRY: f64 = 1e-12;
 
 /// The lower factor of a symmetric positive definite matrix, zeros above the diagonal; `None` if it is not
@@ -13,7 +13,8 @@ pub fn factor(n: usize, a: &[f64]) -> Option<Vec<f64>> {
     (factor_into(n, a, &mut l) == 1.0).then_some(l)
 }
 
-/// The lower factor into the lower triangle of `l`, of which the rest stays; one where `a` is positive definite, else zero.
+/// Write the lower factor to the lower triangle of `l`; the rest of `l` is unchanged. The result is one if `a` is positive definite, else
+/// zero.
 pub fn factor_into<S: Real>(n: usize, a: &[S], l: &mut [S]) -> S {
     let (zero, infinity, mut definite) = (S::zero(), S::splat(f64::INFINITY), S::splat(1.0));
     for i in 0..n {

@@ -34,7 +34,7 @@ mod tests {
     #[test]
     fn continuous_at_the_threshold_and_zero_at_zero() {
         let eps = 0.02f64;
-        // One unit in the last place below eps the gain may differ by rounding only.
+        // One unit in the last place below eps, the gain differs only by rounding.
         let below = f64::from_bits(eps.to_bits() - 1);
         assert!((clamp_gain(below, eps) - clamp_gain(eps, eps)).abs() < 1e-13 * clamp_gain(eps, eps));
         assert_eq!(clamp_remainder(eps, eps), 0.0);
@@ -49,7 +49,7 @@ mod tests {
     fn bounded_by_one_over_eps() {
         for i in 0..1000 {
             let sigma = 10f64.powf(-20.0 + 0.021 * i as f64);
-            // 2 ulp of slack for the division.
+            // 2 ulp of tolerance for the division.
             assert!(clamp_gain(sigma, 0.02) <= 50.0 * (1.0 + 4e-16));
         }
     }

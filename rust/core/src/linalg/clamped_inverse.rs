@@ -1,16 +1,17 @@
 //! `f(A) = max(A, c)^-1` of a symmetric positive semidefinite matrix: its eigenvalues are raised to at least `c`.
 //!
-//! There is no branch on the data, but a fixed number of sweeps of Jacobi's method (Golub and Van Loan, Matrix Computations, 8.5).
+//! The code does not branch on the data. It does a fixed number of sweeps of Jacobi's method (Golub and Van Loan, Matrix Computations,
+//! 8.5).
 //!
 //! With `A = G G'` and `c = eps^2`, `G' f(A)` is the pseudo-inverse of `G` with the spectral clamp `sigma / max(sigma, eps)^2`.
 //!
-//! With `B = V' A V` nearly diagonal, `f(A) = V F V'`, `F_ii = f(B_ii)` and `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` (Daleckii and
-//! Krein). So the entries beside the diagonal count to first order, and the rates of `V` cancel in those of the result.
+//! Let `B = V' A V` be nearly diagonal. Then `f(A) = V F V'`, `F_ii = f(B_ii)` and `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)`
+//! (Daleckii and Krein). So the result includes off-diagonal entries to first order, and the rates of `V` cancel in those of the result.
 
 use super::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 
-/// Sweeps after which the entries beside the diagonal are below 1e-7 of the largest eigenvalue, by number of rows. They count squared.
+/// By number of rows: sweeps after which off-diagonal entries are below 1e-7 of the largest eigenvalue. Their error is of second order.
 const SWEEPS: [usize; 7] = [0, 0, 1, 4, 5, 6, 7];
 
 /// The inverse of matrices of one size, with its buffers.
@@ -24,13 +25,13 @@ pub struct ClampedInverse<S> {
 }
 
 impl<S: Real> ClampedInverse<S> {
-    /// For matrices `(m, m)`, `m` at most six: the rows of a frame.
+    /// For matrices `(m, m)`, `m` at most six, which are the rows of a frame.
     pub fn new(m: usize) -> Self {
         let zeros = |k: usize| vec![S::zero(); k];
         ClampedInverse { m, b: zeros(m * m), v: zeros(m * m), f: zeros(m * m), row: zeros(m) }
     }
 
-    /// `f(a)` into `out`, `(m, m)`; the smallest eigenvalue of `a`.
+    /// Write `f(a)`, `(m, m)`, to `out`. The result is the smallest eigenvalue of `a`.
     pub fn compute(&mut self, a: &[S], floor: S, out: &mut [S]) -> S {
         let m = self.m;
         self.b.copy_from_slice(a);
@@ -58,7 +59,7 @@ impl<S: Real> ClampedInverse<S> {
         (1..m).fold(self.b[0], |least, i| least.min(self.b[i * m + i]))
     }
 
-    /// Turn the axes `p` and `q` so that nothing is left between them; `least`: see [`least_to_turn`].
+    /// Rotate the axes `p` and `q` so that their off-diagonal entry vanishes; `least`: see [`least_to_turn`].
     fn turn(&mut self, p: usize, q: usize, least: S) {
         let m = self.m;
         let (b, v) = (&mut self.b, &mut self.v);
@@ -87,7 +88,7 @@ impl<S: Real> ClampedInverse<S> {
                 let other = self.b[j * m + j];
                 let (low, high) = (own.min(other), own.max(other));
                 let (some, both) = (low.lt(floor), high.lt(floor));
-                // Of one side: 1 or 0, whatever the distance is.
+                // Both eigenvalues on one side of the floor: `share` is 1 or 0, and `apart` has no effect.
                 let apart = S::select(both, one, S::select(some, high - low, one));
                 let share = S::select(both, zero, S::select(some, (high - floor) / apart, one));
                 let entry = -(share * self.b[i * m + j] * self.f[i * m + i] * self.f[j * m + j]);
@@ -103,7 +104,7 @@ mod tests {
     use crate::linalg::symmetric_eigen;
     use crate::scalar::Dual;
 
-    /// A positive semidefinite matrix with entries of random size, of a rank up to `m`.
+    /// A positive semidefinite matrix with entries of random size, and rank up to `m`.
     fn matrix(m: usize, seed: u64) -> Vec<f64> {
         let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
         let mut next = || {
@@ -114,7 +115,7 @@ mod tests {
         };
         let n = 7;
         let mut g: Vec<f64> = (0..m * n).map(|_| next()).collect();
-        // Rows that are almost or wholly the same.
+        // Rows that are equal or almost equal.
         if seed.is_multiple_of(3) && m > 1 {
             let near = 10f64.powf(20.0 * next() - 10.0) * f64::from(u8::from(seed.is_multiple_of(2)));
             for k in 0..n {
@@ -137,7 +138,7 @@ mod tests {
                 for i in 0..m {
                     for j in 0..m {
                         let want: f64 = (0..m).map(|k| vectors[k * m + i] * vectors[k * m + j] / values[k].max(floor)).sum();
-                        // Rounding of the eigenvalues by the bound 1/c^2 of the slope.
+                        // Rounding of the eigenvalues times the bound 1/c^2 of the slope.
                         assert!((got[i * m + j] - want).abs() < 1e-8, "{m} {seed}: {} against {want}", got[i * m + j]);
                     }
                 }
@@ -163,12 +164,12 @@ mod tests {
                 let (ahead, behind) = (at(1e-5), at(-1e-5));
                 for k in 0..m * m {
                     let slope = (ahead[k] - behind[k]) / 2e-5;
-                    // Differences: h^2 of the third derivative, 1e4 of numbers up to 1/c = 20.
+                    // The error of differences is h^2 times the third derivative, 1e4 for numbers up to 1/c = 20.
                     assert!((out[k].rate - slope).abs() < 1e-4 * (1.0 + slope.abs()), "{m} {seed}: {} against {slope}", out[k].rate);
                 }
             }
         }
-        // Equal eigenvalues: the rate of 1/A at A = 1 is minus that of A.
+        // Equal eigenvalues: the rate of 1/A at A = 1 is minus the rate of A.
         let moving = [Dual::new(1.0, 0.3), Dual::new(0.0, 0.2), Dual::new(0.0, 0.2), Dual::new(1.0, -0.1)];
         let mut out = [Dual::default(); 4];
         ClampedInverse::new(2).compute(&moving, Dual::new(1e-4, 0.0), &mut out);

@@ -27,7 +27,7 @@ pub fn spectral_radius(a: &[f64], n: usize) -> Result<f64> {
     Ok(eigenvalues(a, n)?.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im))))
 }
 
-/// Scale by powers of two until rows and columns are of one size.
+/// Scale by powers of two until rows and columns have similar sizes.
 fn balance(a: &mut [f64], n: usize) {
     const SWEEPS: usize = 20;
     for _ in 0..SWEEPS {
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn knows_oscillators() {
-        // x'' + 2 zeta w x' + w^2 x = 0 twice, far apart in frequency, mixed by a similarity of size 1.
+        // x'' + 2 zeta w x' + w^2 x = 0 twice, with very different frequencies, mixed by a similarity transform of size 1.
         let (slow, fast) = ((0.5, 1.0), (0.1, 1e4));
         let block = |(zeta, w): (f64, f64)| [0.0, 1.0, -w * w, -2.0 * zeta * w];
         let (s, f) = (block(slow), block(fast));
@@ -71,11 +71,11 @@ mod tests {
                 a[(i + 2) * 4 + j + 2] = f[i * 2 + j];
             }
         }
-        a[2] = 3.0; // block triangular: the eigenvalues stay
+        a[2] = 3.0; // block triangular: the eigenvalues do not change
         let got = eigenvalues(&a, 4).expect("finite");
         let root = |(zeta, w): (f64, f64)| (-zeta * w, w * f64::sqrt(1.0 - zeta * zeta));
         for (value, want) in got.iter().zip([root(fast), root(fast), root(slow), root(slow)]) {
-            // A backward stable method errs by 1e-16 of the balanced norm, 1e4.
+            // A backward stable method has an error of 1e-16 of the balanced norm, 1e4.
             assert!((value.0 - want.0).abs() < 1e-10 && (value.1.abs() - want.1).abs() < 1e-10, "{value:?} {want:?}");
         }
         assert!((spectral_radius(&a, 4).expect("finite") - 1e4).abs() < 1e-9);

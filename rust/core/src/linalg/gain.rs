@@ -64,7 +64,7 @@ impl Gain {
         DMatrix::from_row_slice(self.n, self.n, &self.matrix())
     }
 
-    /// A diagonal that may hold zeros: the gain of a task that is only fed forward.
+    /// A diagonal that may have zeros: the gain of a task with feed-forward only.
     pub fn not_negative(argument: &str, values: Vec<f64>) -> Result<Self> {
         finite(argument, &values)?;
         if let Some(i) = values.iter().position(|&k| k < 0.0) {
@@ -136,7 +136,7 @@ impl Gain {
         self.solve(&Gain::unchecked(self.n, vec![1.0; self.n]))
     }
 
-    /// `self other`, diagonal where both are.
+    /// `self other`, diagonal if both are.
     pub fn product(&self, other: &Gain) -> Gain {
         let n = self.n;
         if self.is_diagonal() && other.is_diagonal() {
@@ -146,7 +146,7 @@ impl Gain {
         Gain::unchecked(n, (0..n * n).map(entry).collect())
     }
 
-    /// `self^-1 other`, diagonal where both are.
+    /// `self^-1 other`, diagonal if both are.
     pub fn solve(&self, other: &Gain) -> Gain {
         let n = self.n;
         if self.is_diagonal() && other.is_diagonal() {
@@ -168,7 +168,7 @@ impl Gain {
     }
 }
 
-/// A gain in a step: what it does to a vector.
+/// A gain in a step: its products with vectors.
 pub trait Multiply<S: Real> {
     /// `y = K x`.
     fn multiply(&self, x: &[S], y: &mut [S]);
@@ -248,7 +248,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
     }
 }
 
-/// A gain whose form is known at run time, one per lane.
+/// A gain whose form, diagonal or full, is known at run time; one per lane.
 #[derive(Clone, Debug)]
 pub enum AnyGain<S> {
     Diagonal(Diagonal<Vec<S>>),
@@ -256,7 +256,7 @@ pub enum AnyGain<S> {
 }
 
 impl<S: Real> AnyGain<S> {
-    /// Gain `of(i)` in lane `i`, called `name` in recordings.
+    /// Gain `of(i)` in lane `i`, with the name `name` in recordings.
     pub fn labelled<'a>(name: &'static str, of: impl Fn(usize) -> &'a Gain) -> Self {
         S::labelled(name, 1, || Self::from_lanes(of))
     }

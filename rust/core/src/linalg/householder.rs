@@ -5,7 +5,7 @@
 
 use super::{axpy, dot};
 
-/// Below this the square of a tail has underflowed; the entries dropped are under 1e-145 of a matrix scaled to 1.
+/// Below this, the square of a tail has underflowed. The dropped entries are below 1e-145 for a matrix scaled to 1.
 pub const TAIL: f64 = 1e-290;
 
 /// Overwrite `x` by `w`; return `(alpha, beta)`. A tail of zeros gives `beta = 0`, the identity.

@@ -4,27 +4,28 @@
 
 use crate::scalar::Real;
 
-/// Eigenvalues that differ by less than this share of the matrix count as one and are not turned. Rounding of the rates is 1e-16 over this.
+/// Eigenvalues that differ by less than this fraction of the matrix are treated as equal and not rotated. The rounding error of rates is
+/// 1e-16 over this.
 const SAME: f64 = 1e-7;
 
 /// A rotation of two axes.
 pub struct JacobiRotation<S: Real> {
-    /// Whether the axes are turned.
+    /// Whether the axes are rotated.
     pub there: S::Mask,
-    /// The tangent, zero where nothing is turned.
+    /// The tangent; zero without a rotation.
     pub t: S,
     c: S,
     s: S,
 }
 
-/// The least `d^2 + 4 a_pq^2` of axes that are turned, for a matrix of these entries.
+/// The least `d^2 + 4 a_pq^2` of axes that are rotated, for a matrix with these entries.
 pub fn least_to_turn<'a, S: Real>(entries: impl IntoIterator<Item = &'a S>) -> S {
     let size = entries.into_iter().fold(S::zero(), |sum, &x| x.mul_add(x, sum));
     size.mul_add(S::splat(SAME * SAME), S::splat(f64::MIN_POSITIVE))
 }
 
 impl<S: Real> JacobiRotation<S> {
-    /// The rotation that makes two axes with `a_pp`, `a_qq` and `a_pq` independent; `least`: see [`least_to_turn`].
+    /// The rotation that makes the off-diagonal entry `a_pq` of two axes vanish; `least`: see [`least_to_turn`].
     pub fn new(a_pp: S, a_qq: S, a_pq: S, least: S) -> Self {
         let (zero, one) = (S::zero(), S::splat(1.0));
         let (twice, d) = (a_pq + a_pq, a_qq - a_pp);
@@ -36,7 +37,7 @@ impl<S: Real> JacobiRotation<S> {
         JacobiRotation { there, t, c, s: t * c }
     }
 
-    /// The entries `x`, `y` of the two axes, turned.
+    /// The entries `x`, `y` of the two axes, rotated.
     pub fn turn(&self, x: S, y: S) -> (S, S) {
         (self.s.neg_mul_add(y, self.c * x), self.s.mul_add(x, self.c * y))
     }

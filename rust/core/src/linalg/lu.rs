@@ -2,7 +2,7 @@
 //!
 //! `L` is below the diagonal, with ones on its diagonal. `U` is above, and the inverse of its diagonal is on the diagonal.
 //!
-//! Complex systems are the same with entries `(re, im)`. They occur in the transformed Newton systems of implicit Runge-Kutta
+//! Complex systems use the same method with entries `(re, im)`. They occur in the transformed Newton systems of implicit Runge-Kutta
 //! methods.
 
 use crate::scalar::Real;
@@ -60,7 +60,7 @@ impl<S: Real> Entry for Complex<S> {
     }
     #[inline]
     fn inverse(self) -> Self {
-        // Smith's division: no square to overflow.
+        // Smith's division has no square that could overflow.
         if self.0.lane(0).abs() >= self.1.lane(0).abs() {
             let r = self.1 / self.0;
             let d = S::splat(1.0) / r.mul_add(self.1, self.0);
@@ -81,7 +81,7 @@ impl<S: Real> Entry for Complex<S> {
     }
 }
 
-/// Rows from which a decomposition takes milliseconds.
+/// From this number of rows on, a decomposition takes milliseconds.
 const LONG: usize = 200;
 
 /// Decompose `a`, `(n, n)`, in place; `pivots[k]` is the row exchanged with row `k`.

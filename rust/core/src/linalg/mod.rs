@@ -1,4 +1,4 @@
-//! Small dense linear algebra on row-major slices: decompositions that end on every input.
+//! Small dense linear algebra on row-major slices. Every decomposition terminates on every input.
 //!
 //! Every routine refuses numbers that are not finite, caps its iterations and keeps its buffers, so that a
 //! control step neither hangs nor allocates. Matrices are row-major slices with their sizes beside them.

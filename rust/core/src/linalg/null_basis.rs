@@ -1,6 +1,7 @@
-//! Orthonormal null basis `A N = 0`, `N'N = I`: the right singular vectors that the rank does not count.
+//! Orthonormal null basis `A N = 0`, `N'N = I`: the right singular vectors beyond the rank.
 //!
-//! Never `I - A'(A A')^-1 A`: that squares the condition number, and with it the error of the projector.
+//! The formula `I - A'(A A')^-1 A` is not used, because it squares the condition number and thereby the
+//! error of the projector.
 
 use super::svd::Svd;
 use crate::error::Result;

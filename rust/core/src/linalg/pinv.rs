@@ -1,6 +1,6 @@
-//! Moore-Penrose inverse `A# = V diag(1/s) U'` with a cut-off that the caller states in the unit of `A`.
+//! Moore-Penrose inverse `A# = V diag(1/s) U'` with a cut-off from the caller, in the unit of `A`.
 //!
-//! There is no default cut-off relative to `A`: for a projected Jacobian that scale is the wrong one (see `priority`).
+//! There is no default cut-off relative to `A`, because for a projected Jacobian that scale is wrong (see `priority`).
 
 use super::axpy;
 use super::svd::Svd;

@@ -1,6 +1,6 @@
-//! `(s I - J) u = b` where `J` is the derivative of a mechanical system: `x = [x_1, x_1', x_2, x_2', ..., rest]` in blocks of `n`
-//! components, so that the row of a position is `s u_p - u_r = b_p`. Positions are eliminated, which leaves half as many
-//! equations, `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`, to be decomposed.
+//! `(s I - J) u = b`, where `J` is the derivative of a mechanical system `x = [x_1, x_1', x_2, x_2', ..., rest]` in blocks of `n`
+//! components. So the row of a position is `s u_p - u_r = b_p`. The positions are eliminated. This leaves half as many equations to
+//! decompose: `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`.
 
 use super::lu::{self, Entry};
 use crate::scalar::Real;
@@ -13,7 +13,7 @@ pub struct Pairs {
 }
 
 impl Pairs {
-    /// How many positions there are.
+    /// Number of positions.
     #[inline]
     fn positions(self) -> usize {
         self.joints * self.count
@@ -24,7 +24,7 @@ impl Pairs {
         (i < 2 * self.positions() && (i / self.joints).is_multiple_of(2)).then_some(i + self.joints)
     }
 
-    /// `each(k, i)` for every component `i` of `n` that is no position, `k` counting them.
+    /// Call `each(k, i)` for every component `i` of `n` that is no position; `k` counts them.
     #[inline]
     fn kept(self, n: usize, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
@@ -37,7 +37,7 @@ impl Pairs {
         }
     }
 
-    /// `each(k, i)` for every position `i`, `k` counting them: the rate of the `k`-th is the `k`-th that is kept.
+    /// Call `each(k, i)` for every position `i`; `k` counts them. The rate of the `k`-th position is the `k`-th component that remains.
     #[inline]
     fn positions_each(self, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
@@ -47,8 +47,8 @@ impl Pairs {
         }
     }
 
-    /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`; real or complex as `s` is. `false` where it is singular or not
-    /// finite, or where a long decomposition is `stopped`.
+    /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`; real or complex like `s`. The result is `false` if it is singular or
+    /// not finite, or if a long decomposition is `stopped`.
     #[inline]
     pub fn decompose<E: Entry>(
         self,
@@ -70,11 +70,11 @@ impl Pairs {
         lu::decompose(m, lu, &mut pivots[..m], stopped)
     }
 
-    /// Solve in place from that decomposition; `work` is memory for `n` numbers.
+    /// Solve in place with that decomposition; `work` is memory for `n` numbers.
     #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
-        // With the minus sign, so that every sum is a difference.
+        // The sign is negative, so that every sum is a difference.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
         self.positions_each(|_, column| b[column] = b[column].times(inverse));
         self.kept(n, |r, row| {
@@ -94,7 +94,7 @@ mod tests {
     use super::super::lu::Complex;
     use super::*;
 
-    /// `|(s I - J) u - b|` in units of `(|J| + |s|) (|u| + |b / s|)`, which is what an LU decomposition leaves of either form.
+    /// `|(s I - J) u - b|` in units of `(|J| + |s|) (|u| + |b / s|)`. An LU decomposition of either form has this residual.
     fn residual<E: Entry<Real = f64>>(pairs: Pairs, n: usize, s: E, j: &[f64], b: Vec<E>) -> f64 {
         let (mut lu, mut pivots, mut work, mut u) = (b.repeat(n), vec![0; n], b.clone(), b.clone());
         assert!(pairs.decompose(n, s, j, &mut lu, &mut pivots, || false));
@@ -104,7 +104,7 @@ mod tests {
         largest(&left) / ((1e6 + s.magnitude()) * (largest(&u) + largest(&b) / s.magnitude()))
     }
 
-    /// A dozen roundings of entries up to 1e6 and of `s` on either side of them.
+    /// A dozen roundings, of entries up to 1e6 and of values of `s` above and below them.
     #[test]
     fn with_positions_eliminated_the_solution_solves_the_whole_system() {
         for (joints, count, rest) in [(2, 2, 0), (2, 2, 2), (3, 1, 4), (1, 1, 0), (0, 0, 5)] {

@@ -12,7 +12,7 @@ use super::{axpy, dot, largest};
 use crate::error::{Error, Result, finite};
 use crate::status::Status;
 
-/// Quadratic convergence ends in 5 to 10 sweeps; more means that something is broken.
+/// Quadratic convergence ends within 5 to 10 sweeps. More sweeps mean a bug.
 const MAX_SWEEPS: usize = 60;
 
 /// Workspace and result of a decomposition; `new` allocates, `decompose` does not.
@@ -79,7 +79,7 @@ impl Svd {
             finite("matrix", a)?;
         }
         (self.m, self.k, self.p) = (m, k, p);
-        // Squares of entries must neither overflow nor underflow; a power of two changes no digit.
+        // Squares of entries must neither overflow nor underflow. A power of two changes no digit.
         let scale = if biggest == 0.0 || (1e-60..1e60).contains(&biggest) {
             1.0
         } else {
@@ -91,7 +91,7 @@ impl Svd {
                 *w = a * scale;
             }
             self.triangle(m, k);
-            // Q = H_m .. H_1 applied to the identity from the right; row r is touched by H_j with j <= r only.
+            // Q = H_m .. H_1 applied to the identity from the right. Only H_j with j <= r changes row r.
             for j in (0..m).rev() {
                 let w = &self.work[j * k + j..(j + 1) * k];
                 for r in j..k {
@@ -132,7 +132,8 @@ impl Svd {
         }
     }
 
-    /// Reduce the `p` rows of length `len` of the work array to a triangle; its diagonal goes to `s`, the reflectors stay in place.
+    /// Reduce the `p` rows of length `len` of the work array to a triangle. The diagonal is written to `s`, and the reflectors remain in
+    /// place.
     fn triangle(&mut self, p: usize, len: usize) {
         for j in 0..p {
             let (head, below) = self.work[..p * len].split_at_mut((j + 1) * len);
@@ -146,10 +147,10 @@ impl Svd {
         }
     }
 
-    /// Sweeps of plane rotations over the rows of `g`, repeated on the rows of `vt`, until all pairs are orthogonal.
+    /// Sweeps of plane rotations over the rows of `g`, repeated on the rows of `vt`, until all pairs of rows of `g` are orthogonal.
     fn rotate(&mut self) -> Result<()> {
         let (p, k) = (self.p, self.k);
-        // A computed product of two p-vectors is itself uncertain by p ulp of their norms.
+        // The computed product of two p-vectors has an error of p ulp of their norms.
         let tol = f64::EPSILON * (p.max(4) as f64);
         for _ in 0..MAX_SWEEPS {
             let mut quiet = true;
@@ -180,7 +181,7 @@ impl Svd {
         })
     }
 
-    /// Norms, descending order, left vectors.
+    /// Norms, descending order, left singular vectors.
     fn finish(&mut self, scale: f64) {
         let (m, k, p) = (self.m, self.k, self.p);
         for j in 0..p {

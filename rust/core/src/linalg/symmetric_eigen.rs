@@ -33,7 +33,7 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> Result<(Vec<f64>, Vec<f64>)> {
             look();
             for q in p + 1..n {
                 let (app, aqq, apq) = (s[p * n + p], s[q * n + q], s[p * n + q]);
-                // Small against both diagonal entries (relative accuracy of graded matrices) or against the rounding of the whole.
+                // Small against both diagonal entries (relative accuracy of graded matrices), or against the rounding error of the matrix.
                 if apq.abs() <= f64::EPSILON * (app.abs() * aqq.abs()).sqrt() || apq.abs() <= 1e-3 * f64::EPSILON * size {
                     continue;
                 }

@@ -1,4 +1,5 @@
-//! Desired motions `t -> (q_d, v_d, a_d)`. Each holds its end, and its start before time zero.
+//! Desired motions `t -> (q_d, v_d, a_d)`. Before time zero each motion holds its start, and after its duration its
+//! end.
 
 mod path;
 mod printed;
@@ -20,8 +21,8 @@ use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use nalgebra::DVector;
 
-/// A desired motion of `n` joints. An enum, so that loops are composed without a virtual call or a copy of
-/// their code per motion.
+/// A desired motion of `n` joints. It is an enum, so that loops need neither virtual calls nor a copy of their code
+/// per motion.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Motion {
     /// `q_d` constant.
@@ -49,7 +50,7 @@ impl Motion {
         Ok(Motion::Hold(q))
     }
 
-    /// Whether it is the same motion, for sure: large ones are compared by where their numbers are.
+    /// Whether both are certainly the same motion. Large ones are compared by the addresses of their numbers.
     pub fn is_same(&self, other: &Motion) -> bool {
         match (self, other) {
             (Motion::Table(a), Motion::Table(b)) => a.is_same(b),
@@ -58,7 +59,7 @@ impl Motion {
         }
     }
 
-    /// Numbers that it holds, about.
+    /// Approximate number of numbers that the motion stores.
     pub fn numbers(&self) -> usize {
         match self {
             Motion::Table(table) => table.numbers(),
@@ -98,7 +99,8 @@ impl Motion {
         }
     }
 
-    /// `[q_d, v_d, a_d]` at each of `times`, of the same bits as one by one: rows in `out`, `stride` numbers apart.
+    /// `[q_d, v_d, a_d]` at each of `times`, with the bits of single samples. The rows in `out` are `stride`
+    /// numbers apart.
     pub fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         #[inline(always)]
         fn each(times: &[f64], rows: std::slice::ChunksMut<f64>, sample: impl Fn(f64, &mut [f64])) {
@@ -113,7 +115,7 @@ impl Motion {
         }
     }
 
-    /// Times at which a derivative of the motion jumps, increasing: integrators restart there.
+    /// Times at which a derivative of the motion jumps, increasing. Integrators restart there.
     pub fn breaks(&self) -> Vec<f64> {
         match self {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),
@@ -124,7 +126,7 @@ impl Motion {
     }
 }
 
-/// `[x_d, x_d', x_d'']` of each motion at time `t`, one after another, as laws read them.
+/// `[x_d, x_d', x_d'']` of each motion at time `t`, one after another, in the order that laws read.
 pub fn sample_all<'a, S: Real>(motions: impl IntoIterator<Item = &'a Motion>, t: f64, out: &mut [S]) {
     let mut at = 0;
     for motion in motions {

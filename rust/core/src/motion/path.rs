@@ -1,4 +1,4 @@
-//! A path `s -> q(s)` of `n` joints, without time: a polynomial of degree five per piece, joined twice differentiably.
+//! A path `s -> q(s)` of `n` joints, without time: one polynomial of degree five per piece, twice continuously differentiable.
 //!
 //! ```text
 //! q(s) = sum_k c_k x^k,   x = (s - s_p) / h_p in piece p,   s_p <= s <= s_p + h_p
@@ -6,23 +6,23 @@
 //!   h_k d_(k-1) + 2 (h_(k-1) + h_k) d_k + h_(k-1) d_(k+1) = 3 (h_k D_(k-1)/h_(k-1) + h_(k-1) D_k/h_k),   D_k = q_(k+1) - q_k
 //! ```
 //!
-//! with natural ends (`q'' = 0`), clamped ends (`q' = 0`) or the not-a-knot condition (`q'''` continuous at the second and the
-//! last but one waypoint). A table of `q, q', q''` is joined by the quintic that takes all three at both ends of a piece.
+//! with natural ends (`q'' = 0`), clamped ends (`q' = 0`) or the not-a-knot condition (`q'''` continuous at the second and the last but one
+//! waypoint). A table of `q, q', q''` is interpolated by the quintic that has all three values at both ends of a piece.
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::memory;
 
-/// Knots between two looks whether to stop.
+/// Number of knots between two checks for a stop request.
 const LOOK: usize = 1 << 10;
 
 /// Coefficients per piece and joint.
 pub const TERMS: usize = 6;
 
-/// Waypoints nearer to the one before than this part of the path's length are the same point.
+/// Waypoints closer together than this fraction of the path's length are the same point.
 const SAME: f64 = 1e-12;
 
-/// What a spline does at its ends.
+/// The end conditions of a spline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ends {
     /// Zero second derivative at both ends.
@@ -197,7 +197,7 @@ impl Path {
             if distance(kept[kept.len() - 1], k) > SAME * total {
                 kept.push(k);
             } else if k == count - 1 && kept.len() > 1 {
-                // The end is kept to the last bit.
+                // The last waypoint replaces the one before, so that the end is exact.
                 let last = kept.len() - 1;
                 kept[last] = k;
             }
@@ -217,7 +217,7 @@ impl Path {
         Ok((Path::spline(&at, &chosen, n, ends)?, knot))
     }
 
-    /// The quintic Hermite path that takes `q, q', q''`, `(K, n)` each, at `s` `(K,)`.
+    /// The quintic Hermite path with the values `q, q', q''`, `(K, n)` each, at `s` `(K,)`.
     pub fn table(s: &[f64], q: &[f64], dq: &[f64], ddq: &[f64], n: usize) -> Result<Path> {
         increasing(s)?;
         for values in [q, dq, ddq] {
@@ -232,7 +232,7 @@ impl Path {
             for j in 0..n {
                 let (i, k) = (p * n + j, (p + 1) * n + j);
                 let (c0, c1, c2) = (q[i], h * dq[i], 0.5 * h * h * ddq[i]);
-                // What is left of the end's values after the quadratic fixed at the start.
+                // The end values minus those of the quadratic that the start determines.
                 let (r0, r1, r2) = ((q[k] - c0) - c1 - c2, h * dq[k] - c1 - 2.0 * c2, h * h * ddq[k] - 2.0 * c2);
                 let terms = [c0, c1, c2, 10.0 * r0 - 4.0 * r1 + 0.5 * r2, -15.0 * r0 + 7.0 * r1 - r2, 6.0 * r0 - 3.0 * r1 + 0.5 * r2];
                 for (k, term) in terms.into_iter().enumerate() {
@@ -244,7 +244,7 @@ impl Path {
         Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
     }
 
-    /// The path again from its parts: `knots` `(P + 1,)`, `coefficients` `(P, TERMS, n)`, its `end` `(n,)`.
+    /// The path from its parts: `knots` `(P + 1,)`, `coefficients` `(P, TERMS, n)`, its `end` `(n,)`.
     pub fn from_parts(knots: Vec<f64>, coefficients: Vec<f64>, end: Vec<f64>) -> Result<Path> {
         let n = end.len();
         increasing(&knots)?;
@@ -284,7 +284,7 @@ impl Path {
             .all(|(k, c)| if k % TERMS == 0 { c == &self.ends[0][..] } else { c.iter().all(|x| *x == 0.0) })
     }
 
-    /// The piece that holds `s`; the later one at a knot.
+    /// The piece that contains `s`; at a knot the later one.
     pub fn piece(&self, s: f64) -> usize {
         self.knots.partition_point(|&knot| knot <= s).clamp(1, self.knots.len() - 1) - 1
     }

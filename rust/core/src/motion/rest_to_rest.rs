@@ -10,7 +10,7 @@ use std::marker::PhantomData;
 
 /// `s(t)`.
 pub trait Timing {
-    /// `s`, its rate and its acceleration at `t` of a motion that takes `duration`.
+    /// `s`, its rate and its acceleration at `t`, for a motion of length `duration`.
     fn at(t: f64, duration: f64) -> [f64; 3];
 }
 
@@ -20,7 +20,7 @@ pub struct QuinticTiming;
 #[derive(Clone, Debug, PartialEq)]
 pub struct BangBangTiming;
 
-/// The quintic of zero velocity and acceleration at both ends.
+/// The quintic with zero velocity and acceleration at both ends.
 pub type Quintic = RestToRest<QuinticTiming>;
 /// Full acceleration for half of the duration, then full deceleration.
 pub type BangBang = RestToRest<BangBangTiming>;
@@ -43,7 +43,7 @@ impl Timing for QuinticTiming {
         } else {
             let x = t * rate;
             let y = 1.0 - x;
-            // s' = 30 x^2 (1-x)^2 and s'' = 60 x (1-x)(1-2x): factored, they vanish exactly at the ends.
+            // s' = 30 x^2 (1-x)^2 and s'' = 60 x (1-x)(1-2x). In this factored form they vanish exactly at the ends.
             [x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (x * y) * (x * y) * rate, 60.0 * x * y * (y - x) * rate * rate]
         }
     }

@@ -1,4 +1,4 @@
-//! Motions on nalgebra's types: from a kind of motion to [`Motion`], and its values at one time.
+//! Motions on nalgebra's types: conversions to [`Motion`], and its values at one time.
 
 use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use nalgebra::DVector;

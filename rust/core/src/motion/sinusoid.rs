@@ -52,7 +52,7 @@ impl Sinusoid {
         (&self.offset, [&self.amplitude, &self.frequency, &self.phase])
     }
 
-    /// Never fused: every loop, and a motion by itself, has the same bits.
+    /// Products are never fused, so every loop and a single sample have the same bits.
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {
@@ -74,7 +74,7 @@ impl Sinusoid {
         [q, v, a]
     }
 
-    /// As [`super::Motion::sample_each`]: eight instants side by side, never fused, as one by one.
+    /// As [`super::Motion::sample_each`], for eight instants at once. Products are not fused, as in single samples.
     pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         let n = self.dof();
         for (times, rows) in times.chunks(8).zip(out.chunks_mut(8 * stride)) {

@@ -1,6 +1,6 @@
 //! A motion sampled at `start + k dt`: exact at its knots, quintic Hermite between them, held outside.
 //!
-//! On a knot interval with `x = (t - t_k)/dt`, the quintic that takes `q, v, a` at both ends.
+//! Between two knots, with `x = (t - t_k)/dt`, it is the quintic with the values `q, v, a` at both ends.
 
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
@@ -8,9 +8,9 @@ use crate::memory;
 use crate::scalar::Real;
 use std::sync::Arc;
 
-/// Knots that are read between two looks whether to stop.
+/// Number of knots that are read between two checks for a stop request.
 const LOOK: usize = 1 << 10;
-/// A time this close to a knot, in intervals, is that knot.
+/// A time this close to a knot, in intervals, is treated as that knot.
 const ON_KNOT: f64 = 1e-9;
 
 /// A motion sampled at equal intervals.
@@ -30,7 +30,7 @@ pub struct Table {
     rate: f64,
     dof: usize,
     knots: usize,
-    /// One row `[q, v, a]` per knot; shared, since every law and loop has a copy of its motion.
+    /// One row `[q, v, a]` per knot. The rows are shared, because every law and loop has a copy of its motion.
     rows: Arc<Vec<f64>>,
 }
 
@@ -107,11 +107,11 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
-    /// Where in `rows` those at `times` start, where these are knots one after another.
+    /// If `times` are consecutive knots, the index in `rows` of the first.
     pub fn along(&self, times: &[f64]) -> Option<usize> {
         let at = |t: f64| (t - self.start) * self.rate;
         let first = at(*times.first()?).round();
-        // NaN passes no bound.
+        // NaN fails the comparison.
         let on = times.iter().enumerate().fold(true, |on, (k, &t)| on & ((at(t) - (first + k as f64)).abs() < ON_KNOT));
         let inside = first >= 0.0 && first + times.len() as f64 <= self.knots as f64;
         (on && inside).then(|| 3 * self.dof * first as usize)
@@ -121,7 +121,7 @@ impl Table {
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let u = (t - self.start) * self.rate;
         let last = self.knots - 1;
-        // A cast saturates, so NaN, negative and huge times land on a knot and never out of bounds.
+        // A cast saturates, so NaN, negative and huge times give the index of a knot, never one out of bounds.
         let k = ((u + 0.5) as usize).min(last);
         let off = u - k as f64;
         if off.abs() < ON_KNOT {
@@ -149,7 +149,7 @@ impl Table {
         let (x, h, rate) = (u - k as f64, self.dt, self.rate);
         for i in 0..n {
             let (c0, c1, c2) = (p[i], h * p[n + i], 0.5 * h * h * p[2 * n + i]);
-            // What is left of the end's q, v, a after the quadratic fixed at the start.
+            // The end values q, v, a minus those of the quadratic that the start determines.
             let dq = r[i] - c0 - c1 - c2;
             let dv = h * r[n + i] - c1 - 2.0 * c2;
             let da = h * h * r[2 * n + i] - 2.0 * c2;

@@ -1,4 +1,4 @@
-//! Motions: derivatives against differences, ends held, a table exact on its knots.
+//! Motions: derivatives against differences, constant ends, and a table that is exact on its knots.
 
 use super::*;
 
@@ -29,7 +29,7 @@ fn rates_are_derivatives() {
             let (before, now, after) = (at(&m, t - h), at(&m, t), at(&m, t + h));
             for i in 0..4 {
                 let slope = (after[i] - before[i]) / (2.0 * h);
-                // Central differences: h^2 times third derivatives below 10, and rounding 1e-16 / h.
+                // The error of central differences: h^2 times third derivatives below 10, and rounding 1e-16 / h.
                 assert!((slope - now[i + 2]).abs() < 5e-9, "{m:?} {t} {i}: {slope} {}", now[i + 2]);
             }
         }
@@ -61,7 +61,7 @@ fn a_table_is_its_motion() {
     for k in 0..400 {
         let t = 0.01 * k as f64;
         let error = (at(&m[4], t)[0] - at(&m[1], t)[0]).abs();
-        // Quintic Hermite: dt^6 / 46080 times the sixth derivative, here below 45.
+        // The error of quintic Hermite interpolation: dt^6 / 46080 times the sixth derivative, here below 45.
         assert!(error < 1e-9, "{t} {error}");
     }
 }
@@ -97,7 +97,7 @@ fn knots_in_a_row_are_found_or_there_are_none() {
     for (k, times) in [(0, &[1.0][..]), (1, &[1.5, 2.0 + 1e-10]), (0, &[1.0, 1.5, 2.0, 2.5, 3.0]), (4, &[3.0])] {
         assert_eq!(table.along(times), Some(3 * k));
     }
-    // None, between knots, a knot left out, backwards, twice the same, beyond the last, before the first.
+    // No time, between knots, a skipped knot, decreasing, a repeated knot, beyond the last, before the first.
     for times in [&[][..], &[1.2], &[1.0, 1.5 + 1e-8], &[1.0, 2.0], &[2.0, 1.5], &[2.0, 2.0], &[3.0, 3.5], &[0.5, 1.0]] {
         assert_eq!(table.along(times), None, "{times:?}");
     }

@@ -7,8 +7,8 @@
 //! v = q' r,   a = q' u + q'' r^2
 //! ```
 //!
-//! In `TimedPath::cubic`, `u` is linear in time between the points, and `s(t)` is a C2 cubic. The acceleration is right-continuous. The motion
-//! holds the start before time zero, and the end after `duration`. At `duration` itself it has its end speed.
+//! In `TimedPath::cubic`, `u` is linear in time between the points, and `s(t)` is a C2 cubic. The acceleration is right-continuous. The
+//! motion holds the start before time zero, and the end after `duration`. At `duration` it has its end speed.
 
 use super::Path;
 use crate::error::{Error, Result, finite};
@@ -24,17 +24,17 @@ pub struct TimedPath {
     s: Arc<Vec<f64>>,
     x: Arc<Vec<f64>>,
     t: Arc<Vec<f64>>,
-    /// `(N,)`: `b` of each segment.
+    /// `(N,)`: the slope `b` of `u` in each segment.
     u_slope: Arc<Vec<f64>>,
-    /// The piece of the path that each segment lies in.
+    /// The piece of the path that contains each segment.
     piece: Arc<Vec<usize>>,
-    /// `(N + 1,)`: `u` at the points where it is linear in time; else empty.
+    /// `(N + 1,)`: `u` at the points if it is linear in time; otherwise empty.
     u: Arc<Vec<f64>>,
 }
 
 impl PartialEq for TimedPath {
     fn eq(&self, other: &Self) -> bool {
-        // Without a timing x is NaN, which equals nothing; the bits do.
+        // Without a timing, x is NaN, which does not equal itself. So bits are compared.
         let same = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
         self.path == other.path
             && same(&self.s, &other.s)
@@ -48,7 +48,7 @@ impl PartialEq for TimedPath {
 /// `atanh(w)/w` with `w^2 = z`, `atan(w)/w` with `w^2 = -z`.
 fn arc(z: f64) -> f64 {
     if z.abs() < 1e-3 {
-        // To z^6/13, which is below one unit in the last place.
+        // The first omitted term, z^6/13, is below one unit in the last place.
         1.0 + z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * (1.0 / 9.0 + z / 11.0))))
     } else if z > 0.0 {
         z.sqrt().atanh() / z.sqrt()
@@ -81,8 +81,8 @@ impl TimedPath {
         10 * self.x.len()
     }
 
-    /// `x = (ds/dt)^2` at the path positions `s`, both `(N + 1,)`, and the slopes `b` of `u`, `(N,)`; every knot of the path is one
-    /// of the positions.
+    /// `x = (ds/dt)^2` at the path positions `s`, both `(N + 1,)`, and the slopes `b` of `u`, `(N,)`. Every knot of the path must be one of
+    /// the positions.
     pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, u_slope: Vec<f64>) -> Result<Self> {
         finite("s", &s)?;
         finite("u_slope", &u_slope)?;
@@ -98,7 +98,7 @@ impl TimedPath {
         Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), u_slope: u_slope.into(), piece: piece.into(), u: Arc::default() })
     }
 
-    /// The same where `u` is linear in time between the times `t`: `s`, the squared speeds and `u` there, `(N + 1,)` each.
+    /// The same for `u` that is linear in time between the times `t`. There, `s`, the squared speeds `x` and `u` are `(N + 1,)` each.
     pub fn cubic(path: Arc<Path>, t: Vec<f64>, s: Vec<f64>, x: Vec<f64>, u: Vec<f64>) -> Result<Self> {
         for (name, values) in [("t", &t), ("s", &s), ("x", &x), ("u", &u)] {
             finite(name, values)?;
@@ -123,7 +123,7 @@ impl TimedPath {
         &self.path
     }
 
-    /// A motion that takes no time: it stays where the path is.
+    /// A motion of duration zero, which holds the position of the path.
     pub fn still(path: Arc<Path>) -> Self {
         let ends = vec![path.knots()[0], path.knots()[path.knots().len() - 1]];
         let piece = vec![0].into();
@@ -165,7 +165,7 @@ impl TimedPath {
         (mean - turn, mean + turn)
     }
 
-    /// Where the motion is at `t`: segment, path position, path speed, path acceleration; None where it holds an end.
+    /// The state at `t`: segment, path position, path speed, path acceleration; `None` if the motion holds an end.
     pub fn phase(&self, t: f64) -> Option<(usize, f64, f64, f64)> {
         let last = self.s.len() - 1;
         if !(t >= 0.0 && t <= self.t[last]) || self.t[last] == 0.0 {
@@ -213,7 +213,7 @@ impl TimedPath {
         }
     }
 
-    /// Times where the acceleration jumps by more than a hundredth of its largest value, ends included.
+    /// Times at which the acceleration jumps by more than a hundredth of its largest value, ends included.
     pub fn breaks(&self) -> Vec<f64> {
         let last = self.s.len() - 1;
         if !self.u.is_empty() {
@@ -225,17 +225,17 @@ impl TimedPath {
         std::iter::once(0.0).chain(inner).chain([self.t[last]]).filter(|t| t.is_finite()).collect()
     }
 
-    /// `b` of each segment, `(N,)`.
+    /// The slope `b` of `u` in each segment, `(N,)`.
     pub fn acceleration_slopes(&self) -> &[f64] {
         &self.u_slope
     }
 
-    /// The piece of the path that each segment lies in; empty where it is looked up.
+    /// The piece of the path that contains each segment; empty if it is searched for.
     pub(super) fn pieces(&self) -> &[usize] {
         &self.piece
     }
 
-    /// `u` at the points where it is linear in time, `(N + 1,)`; else empty.
+    /// `u` at the points if it is linear in time, `(N + 1,)`; otherwise empty.
     pub fn node_accelerations(&self) -> &[f64] {
         &self.u
     }

@@ -23,7 +23,7 @@ pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<A
         Arm { name: robot.name.clone(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: robot.report.clone() };
     let mut index = vec![None; robot.joints.len()];
     let (mut cut, mut on_base) = (Vec::new(), Vec::new());
-    // The link, the joint that leads to it, the moving body that carries that joint, and the placement of its parent link there.
+    // A link, the joint that leads to it, the moving body that carries that joint, and the placement of the parent link in that body.
     let mut stack: Vec<(usize, Option<usize>, Option<usize>, Placement)> = vec![(base, None, None, Placement::IDENTITY)];
     while let Some((link, through, carrier, parent)) = stack.pop() {
         look();
@@ -91,7 +91,7 @@ struct LinkTree<'r> {
     children: Vec<Vec<usize>>,
     /// The joint that leads to a link.
     joint_of: Vec<Option<usize>>,
-    /// The link that a joint leads to, and the one it comes from.
+    /// For each joint: the link that it leads to, and the link that it starts from.
     child: Vec<usize>,
     parent: Vec<usize>,
 }
@@ -135,8 +135,8 @@ impl<'r> LinkTree<'r> {
         Ok(tree)
     }
 
-    /// The one link without a parent. Every other link has one parent, so a link that the root does not reach
-    /// lies on a cycle or hangs on one.
+    /// The only link without a parent. Every other link has one parent. So a link that is not reached from the root is on a cycle, or a
+    /// cycle carries it.
     fn single_root(&self, source: &Source, robot: &Robot) -> Result<usize> {
         let roots: Vec<usize> = (0..robot.links.len()).filter(|&k| self.joint_of[k].is_none()).collect();
         if robot.links.is_empty() {
@@ -162,7 +162,7 @@ impl<'r> LinkTree<'r> {
         }
     }
 
-    /// Which links lie on the way from `base` to `tip`.
+    /// For each link, whether it is on the path from `base` to `tip`.
     fn path(&self, robot: &Robot, base: usize, tip: usize) -> Result<Vec<bool>> {
         let mut on = vec![false; self.joint_of.len()];
         let mut link = tip;

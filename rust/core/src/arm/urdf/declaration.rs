@@ -1,9 +1,9 @@
-//! Files that are not well-formed and that other readers of URDF take. An XML declaration follows a blank line or a comment. Or a name has a
-//! prefix without a declaration, such as `drake:acceleration`.
+//! Files that are not well-formed, but that other readers of URDF accept. In some, an XML declaration follows a blank line or a comment. In
+//! others, a name has an undeclared prefix, such as `drake:acceleration`.
 
 use std::borrow::Cow;
 
-/// The text with such a declaration turned into blanks, which keeps every line and column.
+/// The text with such a declaration replaced by blanks. Every line and column is kept.
 pub fn forgiven(text: &str) -> Cow<'_, str> {
     let Some(start) = late(text) else { return Cow::Borrowed(text) };
     let Some(length) = text[start..].find("?>") else { return Cow::Borrowed(text) };
@@ -12,7 +12,7 @@ pub fn forgiven(text: &str) -> Cow<'_, str> {
     Cow::Owned([&text[..start], &blank, &text[end..]].concat())
 }
 
-/// The position of a declaration with only blanks or comments before it.
+/// The position of a declaration after blanks or comments.
 fn late(text: &str) -> Option<usize> {
     let mut rest = text.trim_start_matches('\u{feff}');
     let first = text.len() - rest.len();
@@ -28,8 +28,8 @@ fn late(text: &str) -> Option<usize> {
     }
 }
 
-/// The text with `.` for `:` in the names of elements and attributes with this prefix, which keeps every line and column. Such names are
-/// no part of URDF, before and after.
+/// The text with `.` instead of `:` in the names of elements and attributes with this prefix. Every line and column is kept. Such names are
+/// not part of URDF in either form.
 pub fn without_prefix(text: &str, prefix: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut rest = text;
@@ -53,7 +53,7 @@ pub fn without_prefix(text: &str, prefix: &str) -> String {
 fn tag(markup: &str, prefix: &str, plain: &mut String) -> usize {
     let (mut quote, mut name, mut colon) = (None, false, usize::MAX);
     for (at, c) in markup.char_indices() {
-        // A name begins behind `<`, `/` or a blank.
+        // A name begins after `<`, `/` or a blank.
         if name && quote.is_none() && markup[at..].strip_prefix(prefix).is_some_and(|after| after.starts_with(':')) {
             colon = at + prefix.len();
         }

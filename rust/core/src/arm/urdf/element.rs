@@ -55,7 +55,7 @@ const TRIANGLE: f64 = 1e-6;
 struct Reader<'a> {
     source: &'a Source<'a>,
     report: Vec<String>,
-    /// Elements that are not kept: parent and own name, count, first line.
+    /// Dropped elements: names of parent and element, count, first line.
     dropped: BTreeMap<String, (usize, u32)>,
 }
 
@@ -160,8 +160,8 @@ impl Reader<'_> {
         Ok(placement)
     }
 
-    /// Exact numbers that the writer adds, because the standard ones are rounded. They are used if both agree relative to `scales`. The
-    /// tolerance is the rounding error of the angles of a rotation where pitch is a right angle.
+    /// Exact numbers that the writer adds, because the standard ones are rounded. They are used if they agree with the rounded ones
+    /// relative to `scales`. The tolerance is the rounding error of the angles of a rotation at a pitch of 90 degrees.
     fn exact<const N: usize>(
         &mut self,
         node: Node,
@@ -179,7 +179,7 @@ impl Reader<'_> {
         Ok(None)
     }
 
-    /// The children of a node: those asked for, once each; the others are counted as dropped.
+    /// The children of a node with these names, each at most once. The others are counted as dropped.
     fn children<'a, 'i, const N: usize>(&mut self, node: Node<'a, 'i>, names: [&str; N]) -> Result<[Option<Node<'a, 'i>>; N]> {
         let mut found = [None; N];
         for child in node.children().filter(Node::is_element) {
@@ -244,7 +244,7 @@ impl Reader<'_> {
                 ),
             );
         }
-        // Written at the centre of mass, in axes turned by rpy.
+        // The file has the moments about the centre of mass, in axes rotated by rpy.
         let turned = Inertia { mass, moment: Vector3::zero(), inertia: moments };
         let mut inertia = turned.placed(&placement);
         let mut rounded = [0.0; PARAMETERS];
@@ -356,7 +356,7 @@ impl Reader<'_> {
     }
 }
 
-/// Whether a text holds an expression that xacro would have replaced.
+/// Whether a text has an expression that xacro should have replaced.
 fn left_over(text: &str) -> bool {
     text.contains("${") || text.contains("$(")
 }

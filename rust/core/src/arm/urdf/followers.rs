@@ -13,12 +13,12 @@ pub enum MimicMode {
     /// One degree of freedom with their leader.
     #[default]
     Joined,
-    /// Joints like the others.
+    /// Every joint moves independently.
     Independent,
 }
 
 impl MimicMode {
-    /// The mode of this name.
+    /// The mode with this name.
     pub fn parse(name: &str) -> Result<Self> {
         match name {
             "joined" => Ok(MimicMode::Joined),
@@ -34,7 +34,7 @@ impl UrdfJoint {
     }
 }
 
-/// Of every joint of the file the free joint that it follows; drives and limits of followers become those of their leaders.
+/// For every joint of the file the free joint that it follows. Drives and limits of followers are added to those of their leaders.
 pub fn join(source: &Source, robot: &mut Robot, mode: MimicMode) -> Result<Vec<Option<Follows>>> {
     let index: HashMap<&str, usize> = robot.joints.iter().enumerate().map(|(i, joint)| (joint.name.as_str(), i)).collect();
     let mut given = vec![None; robot.joints.len()];
@@ -71,7 +71,7 @@ pub fn join(source: &Source, robot: &mut Robot, mode: MimicMode) -> Result<Vec<O
     Ok(followed)
 }
 
-/// The followers among the joints of an arm; `index`: where joints of the file are there.
+/// Set the joints of an arm that follow others. `index` maps joints of the file to joints of the arm.
 pub fn set(arm: &mut Arm, robot: &Robot, followed: &[Option<Follows>], index: &[Option<usize>]) -> Result<()> {
     let pair = |(follows, joint): (&Option<Follows>, &Option<usize>)| {
         let ((leader, multiplier, offset), joint) = ((*follows)?, (*joint)?);

@@ -4,11 +4,11 @@
 //! It uses damping, Coulomb friction, and the rotor inertia `armature` of `<dynamics>`, an extension of URDF. The report counts everything
 //! else. Meshes are never opened.
 //!
-//! An arm has a rotation and ten parameters per body. Angles and centres of mass in a file round them. If they do, the writer adds the
+//! An arm has a rotation and ten parameters per body. Angles and centres of mass in a file may round them. Then the writer adds the
 //! attributes `rotation` of `<origin>` and `parameters` of `<inertial>`, two more extensions. The reader uses them if they agree with the
 //! rounded numbers. So an arm that is written and read again has the same bits, and a number changed by hand is effective.
 //!
-//! Numbers that no machine has are refused (`plausible`), because rounding errors would dominate the dynamics of such an arm.
+//! Implausible numbers are refused (`plausible`), because rounding errors would dominate the dynamics of such an arm.
 
 #[cfg(feature = "urdf")]
 mod assemble;
@@ -16,7 +16,7 @@ mod assemble;
 mod declaration;
 #[cfg(feature = "urdf")]
 mod element;
-// Without the reader, only the writer uses some of its bounds.
+// Without the reader, the writer uses only some of the bounds.
 #[cfg(feature = "urdf")]
 mod followers;
 #[cfg_attr(not(feature = "urdf"), allow(dead_code))]

@@ -1,12 +1,12 @@
-//! Bounds on the numbers of a robot's file. A number beyond them is an error, such as a lost exponent or a wrong unit, and rounding errors
-//! dominate the dynamics. Every machine is within the bounds: a crane, a ship, a gantry whose model is in millimetres.
+//! Bounds on the numbers of a robot's file. A number beyond them has a cause such as a lost exponent or a wrong unit, and rounding errors
+//! dominate the dynamics. Every machine is within the bounds: a crane, a ship, a gantry with a model in millimetres.
 
 use crate::spatial::{Sym3, Vector, Vector3};
 
-/// Principal moments negative by more than this share of the largest entry are not rounding,
+/// Negative principal moments down to this fraction of the largest entry are rounding errors.
 const NEGATIVE: f64 = 1e-9;
-/// nor by more than this, kg m^2: files print seven or eight decimals (an antenna of one milligram in a public robot
-/// has -3.5e-8). Smaller violations give a warning about the triangle inequality.
+/// So are those down to this value, kg m^2, because files print seven or eight decimals. (An antenna of one milligram in a public robot has
+/// -3.5e-8.) Smaller violations give a warning about the triangle inequality.
 const DIGITS: f64 = 1e-7;
 
 /// The kind of a number, and its largest magnitude.
@@ -22,18 +22,18 @@ pub const MASS: Bound = Bound { most: 1e9, unit: "kg" };
 pub const INERTIA: Bound = Bound { most: 1e15, unit: "kg m^2" };
 /// Armature, damping and Coulomb friction.
 pub const DRIVE: Bound = Bound { most: 1e15, unit: "in SI units" };
-/// Shortest and longest vector that names an axis.
+/// Shortest and longest vector that is accepted as an axis.
 pub const AXIS: [f64; 2] = [1e-6, 1e6];
 
 impl Bound {
-    /// The problem of the first value beyond the bound.
+    /// The problem with the first value beyond the bound.
     pub fn problem(&self, values: &[f64]) -> Option<String> {
         let beyond = values.iter().find(|x| !(x.abs() <= self.most))?;
         Some(format!("is implausible: expected at most {:e} {}, got {beyond:e}", self.most, self.unit))
     }
 }
 
-/// The problem of the length of an axis. Its entries have no bounds.
+/// The problem with the length of an axis. Its entries have no bounds.
 pub fn axis_problem(axis: &[f64; 3]) -> Option<String> {
     let length = axis.iter().fold(0.0, |sum: f64, x| sum.hypot(*x));
     let [least, most] = AXIS;
@@ -43,7 +43,7 @@ pub fn axis_problem(axis: &[f64; 3]) -> Option<String> {
     Some(format!("is implausible: expected a vector of a length from {least:e} to {most:e}, got {length:e}"))
 }
 
-/// The least principal moment about the centre of mass, if it is negative by more than rounding.
+/// The least principal moment about the centre of mass, if it is more negative than rounding errors explain.
 ///
 /// The digits of the file are rounded, and so is the inertia of a body at `com` after its shift to the centre of mass.
 pub fn negative_moment(moments: &Sym3<f64>, mass: f64, com: Vector3<f64>) -> Option<f64> {

@@ -1,4 +1,4 @@
-//! The entry of the reader: size, encoding, nesting; then XML, elements (`element`) and the arm (`assemble`).
+//! The entry of the reader. It checks size, encoding and nesting, then reads XML, elements (`element`) and the arm (`assemble`).
 //!
 //! Reading is linear in the size of the file, and never recurses. Before parsing, a scan of the text refuses everything that makes the
 //! XML parser slow: many attributes in one tag, many namespaces, deep nesting.
@@ -16,15 +16,15 @@ use std::path::Path;
 pub const MAX_BYTES: usize = 16 << 20;
 /// Deepest nesting of elements.
 pub const MAX_DEPTH: usize = 100;
-/// What an element takes in the document, in the model read from it and in the arm, about.
+/// The approximate memory of an element: in the document, in the model read from it, and in the arm.
 const BYTES_PER_ELEMENT: usize = 1 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_NAMESPACES: usize = 64;
 const MAX_NODES: u32 = 1_000_000;
-/// Prefixes of names that a text may use without declaring them.
+/// Number of prefixes that a text may use without a declaration.
 const MAX_UNDECLARED: usize = 8;
 
-/// Where a text came from, for errors: file name and line starts.
+/// The origin of a text, for errors: file name and line starts.
 pub struct Source<'a> {
     file: &'a str,
     starts: Vec<usize>,
@@ -44,8 +44,8 @@ impl<'a> Source<'a> {
     }
 }
 
-/// How a URDF is read. `root` and `tip` are link names: `root` becomes the fixed base (gravity is then in its axes), `tip` keeps only the
-/// joints between the two.
+/// Options of the URDF reader. `root` and `tip` are link names. `root` becomes the fixed base (gravity is then in its axes). With `tip`,
+/// only the joints between the two remain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UrdfOptions<'a> {
     /// World axes, m/s^2.
@@ -54,7 +54,7 @@ pub struct UrdfOptions<'a> {
     pub root: Option<&'a str>,
     /// The end of the chain; the whole tree if `None`.
     pub tip: Option<&'a str>,
-    /// What becomes of joints that follow others.
+    /// The treatment of joints that follow others.
     pub mimic: MimicMode,
 }
 
@@ -65,13 +65,13 @@ impl Default for UrdfOptions<'_> {
 }
 
 impl Arm {
-    /// Read a URDF text, as [`Arm::read_urdf`] does. `file` names it in errors. `root` and `tip` are link names: `root` becomes the fixed
-    /// base (gravity is then in its axes), `tip` keeps only the joints between the two.
+    /// Read a URDF text, as [`Arm::read_urdf`] does. `file` is the name in errors. `root` and `tip` are link names. `root` becomes the
+    /// fixed base (gravity is then in its axes). With `tip`, only the joints between the two remain.
     pub fn from_urdf(text: &str, file: &str, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         Arm::read_urdf(text, file, &UrdfOptions { gravity, root, tip, ..Default::default() })
     }
 
-    /// Read a URDF text. `file` names it in errors.
+    /// Read a URDF text. `file` is its name in errors.
     pub fn read_urdf(text: &str, file: &str, options: &UrdfOptions) -> Result<Arm> {
         crate::error::finite("gravity", &options.gravity)?;
         if text.len() > MAX_BYTES {
@@ -94,7 +94,7 @@ impl Arm {
         file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
         let text = match std::str::from_utf8(&bytes) {
             Ok(text) => text,
-            // A character that is cut at the largest size is an error of the size, not of the encoding.
+            // A character that is cut at the size limit is an error of the size, not of the encoding.
             Err(_) if bytes.len() > MAX_BYTES => return Err(Source::new(&name, "").error(1, too_large())),
             Err(e) => {
                 let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u32;
@@ -107,7 +107,7 @@ impl Arm {
 
 pub(super) const XACRO: &str = "; this is a xacro file: load_urdf expands *.xacro, or run `xacro robot.xacro > robot.urdf`";
 
-/// The elements of a text, after `undeclared` more prefixes of names without a declaration.
+/// The elements of a text. It may use up to `undeclared` more prefixes without a declaration.
 fn robot(source: &Source, text: &str, undeclared: usize) -> Result<element::Robot> {
     let parsing = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
     match roxmltree::Document::parse_with_options(text, parsing) {
@@ -126,8 +126,8 @@ fn too_large() -> String {
     format!("is too large: expected at most {MAX_BYTES} bytes")
 }
 
-/// Sizes that a robot never needs and a parser suffers from. Counts without understanding: comments and quoted
-/// text are skipped, anything malformed is left to the parser.
+/// Refuse sizes that no robot needs and that slow the parser. The scan skips comments and quoted text, and leaves malformed text to the
+/// parser.
 fn scan(source: &Source, text: &str) -> Result<()> {
     if let Some((at, _)) = text.match_indices("xmlns").nth(MAX_NAMESPACES) {
         return Err(source.error(source.line(at), format!("declares too many namespaces: expected at most {MAX_NAMESPACES}")));
@@ -171,7 +171,7 @@ fn find(bytes: &[u8], from: usize, what: u8) -> Option<usize> {
     bytes.get(from..)?.iter().position(|b| *b == what).map(|k| from + k)
 }
 
-/// The closing bracket of the tag opened at `open`, and how many attributes it has.
+/// The closing bracket of the tag opened at `open`, and the number of its attributes.
 fn tag(bytes: &[u8], open: usize) -> (usize, usize) {
     let (mut quote, mut attributes) = (None, 0);
     for (k, &b) in bytes.iter().enumerate().skip(open + 1) {

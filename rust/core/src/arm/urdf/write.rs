@@ -1,4 +1,4 @@
-//! An arm as URDF. Reading it back gives the same arm to the bit: where `c = h / m` or the angles round, what they stand for is added.
+//! An arm as URDF. An arm that is read back has the same bits. If `c = h / m` or the angles are rounded, the exact numbers are added.
 
 use super::plausible::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
@@ -9,7 +9,7 @@ use crate::spatial::{Inertia, PARAMETERS, Placement, RotationMatrix, Vector, Vec
 use std::collections::HashSet;
 use std::fmt::Write;
 
-/// The text, and what URDF has no place for.
+/// The URDF text, and a report of what URDF cannot hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
     /// The URDF text.
@@ -33,7 +33,7 @@ impl Arm {
             }
             name
         };
-        // Links that stand for the base and for every body: a frame that coincides, else one made up here.
+        // A link for the base and for every body: a frame at the same place, otherwise a new one.
         let mut own: Vec<Option<usize>> = vec![None; self.joints.len() + 1];
         let slot = |body: Option<usize>| body.map_or(0, |b| b + 1);
         for (k, frame) in self.frames.iter().enumerate() {
@@ -88,7 +88,7 @@ impl Arm {
         Written { text: out, report }
     }
 
-    /// A joint that moves, and who it follows.
+    /// A moving joint, with its leader if it follows one.
     fn moving(&self, out: &mut String, i: usize, child: &str, names: &[String], report: &mut Vec<String>) {
         let joint = &self.joints[i];
         let parent = &names[joint.parent.map_or(0, |p| p + 1)];
@@ -116,7 +116,7 @@ impl Arm {
     }
 }
 
-/// Say of an origin that a reader would refuse.
+/// Report an origin that a reader would refuse.
 fn far(joint: &str, placement: &Placement, report: &mut Vec<String>) {
     if LENGTH.problem(&placement.translation.array()).is_some() {
         report.push(format!("joint {joint} is implausibly far away: armlet refuses its origin"));
@@ -138,7 +138,7 @@ fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str, report: &mut
 }
 
 fn ends(out: &mut String, parent: &str, child: &str, placement: &Placement) {
-    // In text, zero is never negative.
+    // The sum with zero removes the sign of a zero.
     let rpy = placement.rotation.to_rpy().map(|angle| angle + 0.0);
     let rounded = Placement::from_rpy(rpy, placement.translation.array()).rotation;
     let rows: [f64; 9] = std::array::from_fn(|k| placement.rotation[(k / 3, k % 3)]);
@@ -185,12 +185,12 @@ fn numbers(x: &[f64]) -> String {
     x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ")
 }
 
-/// The attribute that keeps what the standard ones round; none where they do not.
+/// The attribute with exact numbers; empty if the standard attributes keep them.
 fn exact(attribute: &str, x: &[f64], kept: bool) -> String {
     if kept { String::new() } else { format!(" {attribute}=\"{}\"", numbers(x)) }
 }
 
-/// Text inside a quoted attribute; line breaks and tabs as references, since a parser turns bare ones into spaces.
+/// Text inside a quoted attribute. Line breaks and tabs become references, because a parser replaces bare ones by spaces.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! Own robot models inside the library: plausible numbers, no one's product.
+//! Robot models in the library, with plausible numbers. They are not models of products.
 
 use crate::error::{Error, Result};
 

@@ -1,5 +1,5 @@
-//! A direction `a` of a frame shall point along a direction `a_d` of the world. The error is the turn vector from `a` to `a_d`, in the
-//! frame's two directions across `a`. The Jacobian has the same rows of `R' J_w`.
+//! Task: a direction `a` of a frame points along a direction `a_d` of the world. The error is the rotation vector from `a` to `a_d`, in the
+//! frame's two directions perpendicular to `a`. The Jacobian has the same rows of `R' J_w`.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
@@ -54,7 +54,7 @@ impl TaskKind for Axis {
         e.iter_mut().zip(world).for_each(|(e, b)| *e = b.dot(turn));
     }
 
-    /// The direction turns at `d x d' / |d|^2`.
+    /// The desired direction rotates at `d x d' / |d|^2`.
     fn feedforward<S: Real>(&self, at: &Bodies<S>, desired: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
         let r = at.frame(self.frame, false).r;
         let world = self.across.map(|b| r.apply(b.lift()));
@@ -87,7 +87,7 @@ fn three<S: Real>(x: &[S]) -> Vector3<S> {
 /// A unit vector along `x`.
 fn direction(argument: &str, x: [f64; 3]) -> Result<Vector3<f64>> {
     finite(argument, &x)?;
-    // Scaled first: squares of extreme entries would overflow or vanish.
+    // Scaled first, because squares of extreme entries would overflow or vanish.
     let most = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
     if most == 0.0 {
         return Err(Error::input(argument, "has no direction: expected a vector of length > 0, got zeros"));
@@ -96,7 +96,7 @@ fn direction(argument: &str, x: [f64; 3]) -> Result<Vector3<f64>> {
     Ok(v.scale(1.0 / v.norm()))
 }
 
-/// The turn vector that takes the unit vector `a` to `d` the short way; `across` chooses the way from opposite to aligned.
+/// The shortest rotation vector that takes the unit vector `a` to `d`. If they are opposite, the axis of rotation is `across`.
 fn turn_between<S: Real>(a: Vector3<S>, d: Vector3<S>, across: Vector3<S>) -> Vector3<S> {
     let (axis, cosine) = (a.cross(d), a.dot(d));
     let sine = axis.dot(axis).sqrt();

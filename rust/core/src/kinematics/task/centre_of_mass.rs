@@ -1,6 +1,7 @@
 //! Rows of the centre of mass: `c_d - c`, `sum m_b J_b / m`.
 //!
-//! Column of a turning joint `z x (H - m o) / m_total` with the mass `m` and the first moment `H` of the subtree about the world origin.
+//! The column of a revolute joint is `z x (H - m o) / m_total`, with the mass `m` and the first moment `H` of the subtree about the world
+//! origin.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, BASE, Tree};

@@ -41,7 +41,7 @@ impl TaskKind for Coordinates {
     }
 }
 
-/// The error to a target of the rows of the pose `r`, `p`.
+/// The error of the pose `r`, `p` to a target of these rows.
 pub(super) fn pose_error<S: Real>(rows: &[usize], r: Matrix3<S>, p: Vector3<S>, target: &[S], e: &mut [S]) {
     let turns = rows.iter().any(|&row| row > 2);
     let turn = if turns { rotation_log(&desired_rotation(rows, target).times(r.transpose())) } else { Vector3::zero() };
@@ -50,7 +50,7 @@ pub(super) fn pose_error<S: Real>(rows: &[usize], r: Matrix3<S>, p: Vector3<S>, 
     }
 }
 
-/// The rotation whose vector has these rows, and zeros elsewhere.
+/// The rotation whose rotation vector has these rows, and zeros elsewhere.
 fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> Matrix3<S> {
     let mut vector = [S::zero(); 3];
     for (&row, &x) in rows.iter().zip(target) {

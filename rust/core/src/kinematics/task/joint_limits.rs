@@ -1,4 +1,5 @@
-//! Chosen joints stay within narrowed limits: the way back out of the margin, zero inside, rows of the identity.
+//! Chosen joints stay within narrowed limits. The error leads back into these limits and is zero inside; the Jacobian has rows of the
+//! identity.
 
 use super::posture::identity_rows;
 use super::{TaskFunction, TaskKind, chosen};
@@ -19,7 +20,7 @@ pub struct JointLimits {
 }
 
 impl TaskFunction {
-    /// All joints that have limits; `margin` is the part of the range at either end that is to be left, 0 to 0.5 (centring).
+    /// All joints that have limits. `margin`, 0 to 0.5, is the fraction of the range that is excluded at either end; 0.5 centres the joint.
     pub fn joint_limits(arm: &Arm, joints: Option<&[String]>, margin: f64) -> Result<Self> {
         if !(0.0..=0.5).contains(&margin) {
             return Err(Error::input("margin", format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}")));

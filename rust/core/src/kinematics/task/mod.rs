@@ -8,9 +8,9 @@
 //! | frame | `x_d - p`, `log(R_d R')` | rows of the geometric one |
 //! | posture | `q_d - q` of chosen joints | rows of the identity |
 //! | centre of mass | `c_d - c` | `sum m_b J_b / m` |
-//! | axis | turn vector from `a` to `a_d`, in the frame's two directions across `a` | the same rows of `R' J_w` |
+//! | axis | rotation vector from `a` to `a_d`, in the frame's two directions perpendicular to `a` | the same rows of `R' J_w` |
 //! | relative | `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
-//! | joint limits | way back out of the margin, zero inside | rows of the identity |
+//! | joint limits | back into the narrowed limits, zero inside | rows of the identity |
 
 mod axis;
 mod centre_of_mass;
@@ -34,26 +34,26 @@ use crate::scalar::Real;
 
 /// A kind of task on an arm.
 pub trait TaskKind {
-    /// Number of rows of its Jacobian.
+    /// Number of rows of the task's Jacobian.
     fn rows(&self) -> usize;
 
-    /// Numbers in its target.
+    /// Number of entries of the task's target.
     fn target_size(&self) -> usize {
         self.rows()
     }
 
-    /// Refuse a constant target of the right size that the task cannot have.
+    /// Refuse an invalid constant target that has the right size.
     fn require(&self, _target: &[f64]) -> Result<()> {
         Ok(())
     }
 
-    /// How many bodies have to be placed for it, from the first on.
+    /// Number of leading bodies that must be placed for the task.
     fn bodies<S: Real>(&self, tree: &Tree<S>) -> usize;
 
     /// The error `e` `(rows,)` to a target.
     fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]);
 
-    /// The feed-forward velocity `w` of a target `[x_d, x_d', x_d'']`, and the acceleration into `a` where it is asked for.
+    /// The feed-forward velocity `w` of a target `[x_d, x_d', x_d'']`, and if requested the feed-forward acceleration `a`.
     fn feedforward<S: Real>(&self, _at: &Bodies<S>, [_, rate, acceleration]: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
         w.copy_from_slice(rate);
         if let Some(a) = a {
@@ -61,14 +61,14 @@ pub trait TaskKind {
         }
     }
 
-    /// The Jacobian `(rows, n)`, row-major, or its `rate` `dJ/dt`, into zeros.
+    /// Write the Jacobian `(rows, n)`, row-major, or with `rate` its derivative `dJ/dt`, to `j`, which holds zeros.
     fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]);
 }
 
 /// The kinds of tasks: the enum, and the functions of each.
 macro_rules! tasks {
     ($($(#[$doc:meta])* $kind:ident($definition:ty),)*) => {
-        /// What of an arm is controlled.
+        /// The controlled quantity of an arm.
         #[derive(Clone, Debug, PartialEq)]
         pub enum TaskFunction {
             $($(#[$doc])* $kind($definition),)*
@@ -136,17 +136,17 @@ tasks! {
 }
 
 impl TaskFunction {
-    /// Number of rows of its Jacobian.
+    /// Number of rows of the task's Jacobian.
     pub fn rows(&self) -> usize {
         TaskKind::rows(self)
     }
 
-    /// Numbers in its target: the rows, but a direction `(3,)` of an axis, and none where the limits are the target.
+    /// Number of entries of the target: the rows, but `(3,)` for the direction of an axis, and none if the limits are the target.
     pub fn target_size(&self) -> usize {
         TaskKind::target_size(self)
     }
 
-    /// Refuse a constant target that the task cannot have.
+    /// Refuse an invalid constant target.
     pub fn require_target(&self, target: &[f64]) -> Result<()> {
         finite("target", target)?;
         if target.len() != self.target_size() {
@@ -156,12 +156,12 @@ impl TaskFunction {
     }
 }
 
-/// The index of a frame that an argument names.
+/// The index of the frame that an argument names.
 fn frame_of(arm: &Arm, argument: &str, name: &str) -> Result<usize> {
     arm.frame_index(name).map_err(|error| error.of_argument(argument))
 }
 
-/// Indices of joints by name, each once.
+/// Indices of joints by name. A repeated name is an error.
 fn chosen(arm: &Arm, names: &[String]) -> Result<Vec<usize>> {
     let mut joints = Vec::with_capacity(names.len());
     for name in names {

@@ -5,7 +5,7 @@ use crate::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use crate::kinematics::{Pose, TaskStack, frame_pose};
 use crate::spatial::{Matrix, Vector};
 
-/// Central differences err by h^2/6 of a third derivative, at most 10 here, and by rounding over h.
+/// Central differences have the error h^2/6 times a third derivative, at most 10 here, and rounding over h.
 const STEP: f64 = 1e-5;
 const CLOSE: f64 = 1e-8;
 
@@ -13,7 +13,7 @@ fn arm(name: &str) -> Arm {
     Arm::from_urdf(example_urdf(name).unwrap(), name, STANDARD_GRAVITY, None, None).unwrap()
 }
 
-/// Every kind of task; frames on different branches where the arm has them.
+/// Every kind of task, with frames on different branches if the arm has them.
 fn functions(arm: &Arm) -> Vec<TaskFunction> {
     let names: Vec<&str> = arm.frame_names().collect();
     let (last, middle) = (names[names.len() - 1], names[names.len() / 2]);
@@ -35,7 +35,7 @@ fn state(n: usize) -> (Vec<f64>, Vec<f64>) {
     (q, v)
 }
 
-/// Targets that are met at `q`, with rates of zero: the log of a small rotation has the identity for its derivative.
+/// Targets that are reached at `q`, with rates of zero. The log has the identity as its derivative at a small rotation.
 fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
     stack.place(q);
     let functions = stack.functions().to_vec();
@@ -130,7 +130,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     let last = arm.frame_names().last().unwrap().to_string();
     let mut stack = TaskStack::new(&arm, vec![TaskFunction::axis(&arm, &last, [0.0, 0.0, 1.0]).unwrap()]);
     let mut desired = targets_at(&arm, &mut stack, &q).remove(0);
-    // d(t) = (2 + t) exp(t [w]) d: the length plays no part. Its derivatives at t = 0:
+    // d(t) = (2 + t) exp(t [w]) d: the length has no effect. Its derivatives at t = 0:
     let (d, w) = (crate::spatial::Vector3::from([desired[0], desired[1], desired[2]]), crate::spatial::Vector3::from([0.3, -0.7, 0.2]));
     let (turn, twice) = (w.cross(d), w.cross(w.cross(d)));
     for k in 0..3 {
@@ -143,13 +143,13 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     stack.error(0, &desired, &mut e, &mut v, Some(&mut a));
     let TaskFunction::Axis(Axis { frame, across, .. }) = stack.functions()[0].clone() else { panic!("an axis") };
     let r = arm_pose(&arm, &q, frame);
-    // Across d the spin w has the components of w itself; its rate there is that of w less its part along d, -(w.d) w x d.
+    // Perpendicular to d, the spin equals w. Its rate there is that of w minus the component along d: -(w.d) w x d.
     let spin_dot = turn.scale(-w.dot(d));
     for k in 0..2 {
         let b = r.apply(across[k]);
         assert!(e[k].abs() < 1e-15 && (v[k] - b.dot(w)).abs() < 1e-15 && (a[k] - b.dot(spin_dot)).abs() < 1e-15, "{v:?} {a:?}");
     }
-    // Opposite: half a turn, decided.
+    // Opposite directions: half a turn about a fixed choice of axis.
     (0..3).for_each(|k| desired[k] = -desired[k]);
     stack.error(0, &desired, &mut e, &mut v, None);
     assert!((e[0] - std::f64::consts::PI).abs() < 1e-7 && e[1].abs() < 1e-7, "{e:?}");
