@@ -1,7 +1,7 @@
-//! Worker threads: a pool that is made on first use, and again in a forked child. The caller remains responsive
-//! while they work. Work on rows is divided at places that do not depend on the number of threads.
+//! Worker threads: a pool that is made at the first use, and again in a forked child. The caller remains responsive during the work. The
+//! division of rows among workers does not depend on the number of threads.
 //!
-//! `pool` has the threads. Without the feature `parallel`, `serial` takes its place: one worker, the same results.
+//! `pool` has the threads. Without the feature `parallel`, `serial` replaces it: one worker, the same results.
 
 #[cfg(feature = "parallel")]
 mod pool;
@@ -17,16 +17,16 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
-/// More threads than this are refused.
+/// The largest accepted number of threads.
 pub const MOST_THREADS: usize = 1024;
 
-/// `ARMLET_NUM_THREADS` if it is a positive integer, else the cores; at most [`MOST_THREADS`].
+/// `ARMLET_NUM_THREADS` if it is a positive integer, otherwise the number of cores; at most [`MOST_THREADS`].
 pub fn default_threads() -> usize {
     let requested = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
     requested.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())).min(MOST_THREADS)
 }
 
-/// `threads` as a caller asked for it, or an error where it is zero or more than [`MOST_THREADS`].
+/// The argument `threads`, or an error if it is zero or more than [`MOST_THREADS`].
 pub fn require_threads(threads: usize) -> Result<usize> {
     if (1..=MOST_THREADS).contains(&threads) {
         return Ok(threads);
@@ -34,21 +34,21 @@ pub fn require_threads(threads: usize) -> Result<usize> {
     Err(Error::input("threads", format!("is out of range: expected 1 to {MOST_THREADS}, got {threads}")))
 }
 
-/// Run `work(stop)` on a separate thread, so that the caller remains responsive. `poll` is called every 20 ms.
-/// If no thread can start, the work is done here.
+/// Run `work(stop)` on a separate thread, so that the caller remains responsive. `poll` is called every 20 ms. If no thread can start, the
+/// calling thread does the work.
 pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     let stop = Arc::new(AtomicBool::new(false));
     let (todo, result) = (Mutex::new(Some(work)), Mutex::new(None));
     let once = || {
         let work = lock(&todo).take();
-        // A panic is carried to the caller, with its message.
+        // A panic is passed on to the caller, with its message.
         let ended = work.map(|work| catch_unwind(AssertUnwindSafe(|| work(&stop))));
         *lock(&result) = ended;
     };
     let spawned = std::thread::scope(|scope| {
         let (done, finished) = mpsc::channel::<()>();
         let task = || {
-            // Dropped at the end, which ends the wait.
+            // Dropped when the task ends, which ends the wait.
             let _done = done;
             once();
         };

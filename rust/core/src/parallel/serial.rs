@@ -9,7 +9,7 @@ pub fn run<R: Send>(_: usize, _: usize, poll: &mut dyn FnMut() -> bool, work: im
     on_worker(poll, work)
 }
 
-/// `work` on each part; the results in order.
+/// Run `work` on each part. The results are in order.
 pub(super) fn map<P, R, C: FromIterator<R>>(parts: Vec<P>, work: impl Fn(P) -> R) -> C {
     parts.into_iter().map(work).collect()
 }
@@ -19,7 +19,7 @@ pub fn any<P>(parts: &mut [P], work: impl Fn(usize, &mut P) -> bool) -> bool {
     parts.iter_mut().enumerate().fold(false, |any, (i, part)| any | work(i, part))
 }
 
-/// `work` on each part with one state.
+/// Run `work` on each part with one state.
 pub fn each_with<P, L>(parts: Vec<P>, state: impl Fn() -> L, work: impl Fn(&mut L, P)) {
     let mut state = state();
     parts.into_iter().for_each(|part| work(&mut state, part));

@@ -21,7 +21,8 @@ impl<S: Real> Dual<S> {
     }
 }
 
-/// `along` where `rate` is not zero: zero rates stay zero where a slope is infinite, as a derivative along nothing must.
+/// `along` if `rate` is not zero. A zero rate gives zero also where the slope is infinite, because the derivative along no direction is
+/// zero.
 #[inline(always)]
 fn unless_still<S: Real>(rate: S, along: S) -> S {
     S::select(rate.lt(S::zero()), along, S::select(S::zero().lt(rate), along, rate))

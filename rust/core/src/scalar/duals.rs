@@ -1,7 +1,7 @@
 //! Dual numbers with several rates, `a + sum b_k eps_k`, `eps_i eps_k = 0`: the exact derivatives along several
 //! directions at once, so that a Jacobian of `n` columns takes `ceil(n / RATES)` evaluations.
 //!
-//! The rates are lanes: they vectorise wherever the lanes do, with one value for all of them.
+//! The rates are lanes, which the compiler vectorises. They share one value.
 
 use super::lanes::Array8;
 use super::{Kernel, Real};
@@ -16,7 +16,7 @@ pub struct Duals<V: Real> {
     pub rates: V,
 }
 
-/// Eight rates for any machine.
+/// Eight rates, for any machine.
 pub type Dual8 = Duals<Array8>;
 
 impl<V: Real> Duals<V> {
@@ -29,7 +29,7 @@ impl<V: Real> Duals<V> {
         Duals { value, rates }
     }
 
-    /// The number `value`, moving at rate 1 along direction `slot`.
+    /// The number `value` with rate 1 along direction `slot`.
     #[inline(always)]
     pub fn seed(value: V::One, slot: usize) -> Self {
         Duals { value, rates: V::from_lanes(|k| if k == slot { 1.0 } else { 0.0 }) }
@@ -139,7 +139,7 @@ impl<V: Real> Real for Duals<V> {
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         let slope = V::One::splat(0.5) / root;
-        // Zero rates stay zero where the slope is infinite, as a derivative along nothing must.
+        // Zero rates stay zero where the slope is infinite, because the derivative along no direction is zero.
         let nothing = self.rates.abs().lt(V::splat(f64::MIN_POSITIVE));
         Duals::new(root, V::select(nothing, V::zero(), self.rates * Self::spread(slope)))
     }
@@ -164,7 +164,7 @@ impl<V: Real> Real for Duals<V> {
     fn atan2(self, x: Self) -> Self {
         let square = x.value.mul_add(x.value, self.value * self.value);
         let across = x.rates.neg_mul_add(Self::spread(self.value), self.rates * Self::spread(x.value));
-        // At the origin the angle has no slope; along nothing it does not move even there.
+        // At the origin the angle has no slope. A zero rate gives zero even there.
         let nothing = across.abs().lt(V::splat(f64::MIN_POSITIVE));
         Duals::new(self.value.atan2(x.value), V::select(nothing, V::zero(), across / Self::spread(square)))
     }
@@ -204,7 +204,7 @@ mod tests {
         y + (x[0] * x[2]).atan2(x[1])
     }
 
-    /// Every rate is the single dual's along that direction, to rounding of a dozen operations.
+    /// Every rate equals that of a single dual along its direction, up to the rounding of a dozen operations.
     #[test]
     fn rates_are_those_of_single_duals() {
         let at = [0.7, -1.3, 2.1];

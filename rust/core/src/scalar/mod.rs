@@ -49,7 +49,7 @@ pub trait Real:
 {
     /// One truth value per lane.
     type Mask: Copy;
-    /// The single number of the same instruction set.
+    /// The number for a single run on the same instruction set.
     type One: Real;
     /// How many independent runs the number carries.
     const LANES: usize;
@@ -58,17 +58,17 @@ pub trait Real:
     fn splat(x: f64) -> Self;
     /// `f(i)` in lane `i`.
     fn from_lanes(f: impl FnMut(usize) -> f64) -> Self;
-    /// A number of an arm in lane `i`, of which a loop may hold several copies: in its plant and in its law.
+    /// A number of an arm, `f(i)` in lane `i`. A loop may hold several copies of it, in its plant and in its law.
     #[inline(always)]
     fn parameter(f: impl FnMut(usize) -> f64) -> Self {
         Self::from_lanes(f)
     }
-    /// A number of the set-up that is a constant of recordings, unless its derivative is asked for.
+    /// A number of the set-up. It is a constant of recordings, unless its derivative is required.
     #[inline(always)]
     fn fixed(x: f64) -> Self {
         Self::splat(x)
     }
-    /// Call the numbers that `f` makes `name` with numbers from `first` on: in recordings, for their readers.
+    /// Label the numbers that `f` makes with `name` and indices from `first` on. Readers of recordings see these labels.
     #[inline(always)]
     fn labelled<T>(_name: &'static str, _first: u32, f: impl FnOnce() -> T) -> T {
         f()
@@ -81,7 +81,7 @@ pub trait Real:
     fn load(from: &[f64]) -> Self {
         Self::from_lanes(|lane| from[lane])
     }
-    /// The lanes to the first numbers of a slice.
+    /// Write the lanes to the first numbers of a slice.
     #[inline(always)]
     fn store(self, to: &mut [f64]) {
         for lane in 0..Self::LANES {
@@ -89,9 +89,9 @@ pub trait Real:
         }
     }
 
-    /// `self * b + c`, fused where the instruction set has it.
+    /// `self * b + c`, fused if the instruction set has it.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// `c - self * b`, fused where the instruction set has it.
+    /// `c - self * b`, fused if the instruction set has it.
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
     /// `1 / self` to 1 ulp, for normal numbers.
     fn recip(self) -> Self;
@@ -105,19 +105,19 @@ pub trait Real:
     fn min(self, other: Self) -> Self;
     /// Sine and cosine to 1 ulp for every finite argument.
     fn sin_cos(self) -> (Self, Self);
-    /// The same below [`trig::REDUCTION_LIMIT`], without a look whether it is.
+    /// The same below [`trig::REDUCTION_LIMIT`], without a check of that limit.
     #[inline(always)]
     fn sin_cos_near(self) -> (Self, Self) {
         self.sin_cos()
     }
 
-    /// The angle of the point `(x, self)` to 1 ulp or so.
+    /// The angle of the point `(x, self)` to about 1 ulp.
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         atan::atan2(self, x)
     }
 
-    /// `self < other`, lane by lane; false where either is NaN.
+    /// `self < other`, lane by lane; false if either is NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask holds, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
@@ -135,14 +135,14 @@ pub trait Real:
         Self::splat(0.0)
     }
 
-    /// Into `[low, high]`, lane by lane; NaN stays NaN, which `min` and `max` would hide.
+    /// The number limited to `[low, high]`, lane by lane. NaN stays NaN; `min` and `max` alone would replace it.
     #[inline(always)]
     fn clamped(self, low: Self, high: Self) -> Self {
         Self::select(high.lt(self), high, Self::select(self.lt(low), low, self))
     }
 }
 
-/// Work to be done inside the instruction-set region of a known [`Real`]. `run` must be `#[inline(always)]`.
+/// Work inside the instruction-set region of a known [`Real`]. `run` must be `#[inline(always)]`.
 pub trait Kernel {
     /// The type of the result.
     type Output;
@@ -150,14 +150,14 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
-/// `sign(x)`, zero at zero and of NaN.
+/// `sign(x)`; zero at zero and for NaN.
 #[inline(always)]
 pub fn sign<S: Real>(x: S) -> S {
     let (zero, one) = (S::zero(), S::splat(1.0));
     S::select(zero.lt(x), one, S::select(x.lt(zero), -one, zero))
 }
 
-/// Work that can be done on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
+/// Work on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
 pub trait GenericKernel {
     /// The type of the result.
     type Output;
@@ -165,7 +165,7 @@ pub trait GenericKernel {
     fn run<S: Real>(self) -> Self::Output;
 }
 
-/// A task on a chosen number.
+/// A task on a chosen number type.
 struct On<S, T>(T, std::marker::PhantomData<S>);
 
 impl<S: Real, T: GenericKernel> Kernel for On<S, T> {
@@ -181,7 +181,7 @@ fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
-/// Run `task` on lanes, by the best route of this machine: one register of them, two where registers are short.
+/// Run `task` on lanes, as suits this machine: one register of them, or two where registers are short.
 #[cfg(target_arch = "x86_64")]
 pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
     match isa() {
@@ -191,7 +191,7 @@ pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
     }
 }
 
-/// Run `task` on eight lanes left to the compiler's vectoriser.
+/// Run `task` on eight lanes, which the compiler vectorises.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
     on::<Array8, T>(task)

@@ -2,16 +2,16 @@
 
 use crate::scalar::Real;
 
-/// The exponent of numbers that are not finite.
+/// The exponent bits of numbers that are not finite.
 const INFINITE: u64 = 0x7ff << 52;
 
-/// One if not finite, without a branch.
+/// One if `x` is not finite, otherwise zero, without a branch.
 #[inline(always)]
 fn infinite(x: f64) -> u64 {
     u64::from(x.to_bits() & INFINITE == INFINITE)
 }
 
-/// One row into single numbers. The result is true if all are finite. Groups of four are sufficient, because rows are short.
+/// Read one row into single numbers. The result is true if all are finite. Groups of four are sufficient, because rows are short.
 #[inline(always)]
 pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (given.as_chunks::<4>(), to.as_chunks_mut::<4>());
@@ -29,7 +29,7 @@ pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     bad == [0; 4]
 }
 
-/// Single numbers as one row, of as many; whether all of them are finite. No zero is negative: programs keep no signs of zeros.
+/// Write single numbers as one row. The result is true if all are finite. No zero is negative, because programs do not keep signs of zeros.
 #[inline(always)]
 pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (values.as_chunks::<4>(), out.as_chunks_mut::<4>());

@@ -4,20 +4,20 @@ use super::lanes::fuses;
 use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// An `f64` that direct evaluation runs on: its products are fused with sums where those of programs are, see [`fuses`].
+/// The `f64` of direct evaluation. It fuses products with sums where programs do, see [`fuses`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[repr(transparent)]
 pub struct Float(pub f64);
 
 impl Float {
-    /// The same numbers.
+    /// The same numbers, as a slice of this type.
     #[inline]
     pub fn of(x: &[f64]) -> &[Float] {
         // SAFETY: a `Float` is an `f64` and nothing else (`repr(transparent)`).
         unsafe { std::slice::from_raw_parts(x.as_ptr().cast(), x.len()) }
     }
 
-    /// The same numbers.
+    /// The same numbers, as a slice of this type.
     #[inline]
     pub fn of_mut(x: &mut [f64]) -> &mut [Float] {
         // SAFETY: as in `of`; the slice is borrowed from the only one that may change it.

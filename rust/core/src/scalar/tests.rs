@@ -1,8 +1,8 @@
-//! Every number against `f64`: the trigonometric functions in and out of range, select, and the fused operations.
+//! Every number type against `f64`: the trigonometric functions inside and outside their range, select, and the fused operations.
 
 use super::*;
 
-/// Angles where a reduction goes wrong: zero, the quadrant edges, large, beyond the range, not finite.
+/// Difficult angles for a reduction: zero, the quadrant edges, large, beyond the range, not finite.
 const ANGLES: [f64; 16] = [
     0.0,
     -0.0,
@@ -35,7 +35,7 @@ impl GenericKernel for SinCos {
     type Output = ();
     fn run<S: Real>(self) {
         for (k, &x) in ANGLES.iter().enumerate() {
-            // The angle under test stands among others: no lane may disturb its neighbours.
+            // The tested angle is among others, because no lane may disturb its neighbours.
             let lanes = S::from_lanes(|i| ANGLES[(k + i) % ANGLES.len()]);
             let (s, c) = lanes.sin_cos();
             let alone = S::splat(x).sin_cos();
@@ -73,7 +73,7 @@ impl GenericKernel for Arithmetic {
             assert_eq!(chosen.lane(i), if y < -1.0 { x } else { 0.3 });
         }
         assert!(!S::any(S::splat(f64::NAN).lt(a)) && S::any(c.lt(a)));
-        // One lane that differs decides.
+        // One different lane decides the result.
         let last = S::from_lanes(|i| if i + 1 == S::LANES { 2.0 } else { 0.0 });
         assert!(S::any(S::splat(1.0).lt(last)) && S::all(last.lt(S::splat(3.0))));
         assert!(!S::all(last.lt(S::splat(1.0))) && !S::any(last.lt(S::zero())));
@@ -122,7 +122,7 @@ fn duals_differentiate() {
         let got = (x * x * sin / root).rate;
         let r = (1.0 + x0.abs()).sqrt();
         let want = (2.0 * x0 * x0.sin() + x0 * x0 * x0.cos()) / r - x0 * x0 * x0.sin() * 0.5 * x0.signum() / (r * r * r);
-        // A dozen roundings of numbers near 1.
+        // The rounding of a dozen operations on numbers near 1.
         assert!((got - want).abs() < 1e-14, "{got} {want}");
     }
     assert_eq!(Dual::new(0.0, 0.0).sqrt().rate, 0.0);

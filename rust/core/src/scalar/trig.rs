@@ -4,7 +4,7 @@
 //! exact for `|k| < 2^20`. Minimax polynomials on `|r| <= pi/4` follow (fdlibm's coefficients). Beyond that range, the library function
 //! is used lane by lane.
 
-/// Largest |x| for which the three-part reduction is exact enough.
+/// Largest |x| for which the three-part reduction is sufficiently exact.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
 pub(crate) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
@@ -28,7 +28,7 @@ pub(crate) const COS: [f64; 6] = [
     4.166_666_666_666_660_190_37e-2,
 ];
 
-/// `a b + c`, fused or not. Fused only where [`fuses`](super::fuses): code for x86-64 in general would call the C library for it.
+/// `a b + c`, fused or not. It is fused only if [`fuses`](super::fuses), because generic code for x86-64 would call the C library.
 #[inline(always)]
 pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if !FUSED {
@@ -54,7 +54,7 @@ pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
     let (quadrant, k) = (rounded.to_bits(), rounded - ROUND);
     let r = fma::<FUSED>(-k, PIO2[2], fma::<FUSED>(-k, PIO2[1], fma::<FUSED>(-k, PIO2[0], x)));
     let (z, zz) = (r * r, (r * r) * (r * r));
-    // Two coefficients at a time: fewer operations that wait for one another (Estrin).
+    // Two coefficients at a time, so that fewer operations wait for one another (Estrin).
     let pair = |a: [f64; 6], k: usize| fma::<FUSED>(a[k], z, a[k + 1]);
     let polynomial = |a| fma::<FUSED>(fma::<FUSED>(pair(a, 0), zz, pair(a, 2)), zz, pair(a, 4));
     let sin = fma::<FUSED>(r * z, polynomial(SIN), r).to_bits();

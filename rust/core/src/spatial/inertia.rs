@@ -2,8 +2,8 @@
 //!
 //! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`  (a: acceleration of the origin).
 //!
-//! A shift of the reference point by `-p` puts the old origin at `p`. Then `h' = h + m p` and
-//! `I' = I + (h.p + p.h') 1 - (p h' + h p')`, symmetrised (Huygens-Steiner).
+//! A shift of the reference point by `-p` moves the old origin to `p` relative to the new one. Then `h' = h + m p` and `I' = I + (h.p +
+//! p.h') 1 - (p h' + h p')`, symmetrised (Huygens-Steiner).
 
 use super::{Matrix, Matrix3, Placement, Sym3, Vector, Vector3};
 use crate::scalar::Real;
@@ -31,7 +31,7 @@ impl<S: Real> Inertia<S> {
     pub fn zero() -> Self {
         Inertia { mass: S::zero(), moment: Vector3::zero(), inertia: Sym3::zero() }
     }
-    /// From ten numbers in SPEC order.
+    /// The inertia from ten numbers in SPEC order.
     #[inline]
     pub fn from_parameters(p: &[S]) -> Self {
         Inertia { mass: p[0], moment: Vector3::from([p[1], p[2], p[3]]), inertia: Sym3([p[4], p[5], p[6], p[7], p[8], p[9]]) }
@@ -46,12 +46,12 @@ impl<S: Real> Inertia<S> {
     pub fn plus(&self, b: &Inertia<S>) -> Inertia<S> {
         Inertia { mass: self.mass + b.mass, moment: self.moment + b.moment, inertia: self.inertia.plus(&b.inertia) }
     }
-    /// The same body seen in axes turned by `r` (`x_new = r x_old`), about the same point.
+    /// The same body in axes rotated by `r` (`x_new = r x_old`), about the same point.
     #[inline]
     pub fn rotated(&self, r: Matrix3<S>) -> Inertia<S> {
         Inertia { mass: self.mass, moment: r.apply(self.moment), inertia: self.inertia.rotated(r) }
     }
-    /// The same body about the point from which its old origin is seen at `p`.
+    /// The same body about a new point; `p` is the old origin relative to the new one.
     #[inline]
     pub fn shifted(&self, p: Vector3<S>) -> Inertia<S> {
         let h = self.moment;
@@ -66,15 +66,15 @@ impl<S: Real> Inertia<S> {
 }
 
 impl Inertia<f64> {
-    /// From mass, centre of mass and inertia about the centre of mass, all in the body's axes.
+    /// The inertia from mass, centre of mass and inertia about the centre of mass, all in the body's axes.
     pub fn about_com(mass: f64, com: Vector3<f64>, inertia: Sym3<f64>) -> Self {
         Inertia { mass, moment: Vector3::zero(), inertia }.shifted(com)
     }
-    /// The same body in the frame that it is placed in.
+    /// The same body in the frame in which it is placed.
     pub fn placed(&self, x: &Placement) -> Self {
         self.rotated(x.rotation).shifted(x.translation)
     }
-    /// Centre of mass and inertia about it; a body without mass has none, and keeps its inertia about the origin.
+    /// Centre of mass, and the inertia about it. For a body without mass, `None` and the inertia about the origin.
     pub fn com(&self) -> (Option<Vector3<f64>>, Sym3<f64>) {
         // Divided entry by entry: the reciprocal of a subnormal mass is infinite.
         let com = Vector3::from(self.moment.array().map(|h| h / self.mass));

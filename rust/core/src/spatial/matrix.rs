@@ -4,13 +4,13 @@ use super::{Lift, Vector, Vector3};
 use crate::scalar::Real;
 use nalgebra::Matrix3;
 
-/// Rotation matrices from and to other descriptions.
+/// Conversions between rotation matrices and other descriptions.
 pub trait RotationMatrix: Sized {
     const IDENTITY: Self;
-    /// `Rz(yaw) Ry(pitch) Rx(roll)`. Sines and cosines at multiples of a right angle, as decimal angles mean
-    /// them, come out exact: a placement that is a permutation stays one.
+    /// `Rz(yaw) Ry(pitch) Rx(roll)`. If an angle is a multiple of a right angle up to decimal rounding, its sine and cosine are exact. So a
+    /// placement that is a permutation remains one.
     fn from_rpy(rpy: [f64; 3]) -> Self;
-    /// Angles whose [`RotationMatrix::from_rpy`] is this rotation.
+    /// Angles for which [`RotationMatrix::from_rpy`] gives this rotation.
     fn to_rpy(self) -> [f64; 3];
     /// The rotation by `angle` about the unit vector `axis` (Rodrigues).
     fn from_axis_angle(axis: Vector3<f64>, angle: f64) -> Self;
@@ -33,7 +33,7 @@ impl RotationMatrix for Matrix3<f64> {
     fn to_rpy(self) -> [f64; 3] {
         let m = |r: usize, c: usize| self[(r, c)];
         let cp = m(0, 0).hypot(m(1, 0));
-        // Near the singularity of the convention only roll -+ yaw is defined: yaw is set to zero.
+        // Near the singularity of the convention only roll -+ yaw is defined, so yaw is set to zero.
         if cp < 1e-12 {
             [(-m(1, 2)).atan2(m(1, 1)), (-m(2, 0)).atan2(cp), 0.0]
         } else {
@@ -53,7 +53,7 @@ impl RotationMatrix for Matrix3<f64> {
     }
 
     fn taking_z_to(axis: Vector3<f64>) -> Self {
-        // The least component of the axis gives the best conditioned second direction.
+        // The coordinate axis with the least component gives the best conditioned second direction.
         let least = (0..3).min_by(|&i, &j| axis[i].abs().total_cmp(&axis[j].abs())).unwrap_or(0);
         if axis == Vector3::from([0.0, 0.0, 1.0]) {
             return Matrix3::IDENTITY;
@@ -74,7 +74,7 @@ impl Lift for Matrix3<f64> {
     }
 }
 
-/// An angle within 1e-15 relative of a multiple of pi/2 is meant to be that multiple.
+/// An angle within 1e-15 relative of a multiple of pi/2 is treated as that multiple.
 fn exact_sin_cos(angle: f64) -> (f64, f64) {
     let quarter = (angle / std::f64::consts::FRAC_PI_2).round();
     if quarter.abs() < 1e6 && (angle - quarter * std::f64::consts::FRAC_PI_2).abs() <= 1e-15 * (1.0 + angle.abs()) {
@@ -213,7 +213,7 @@ impl<S: Real> Sym3<S> {
 }
 
 impl Sym3<f64> {
-    /// The eigenvalues in increasing order, by cyclic Jacobi rotations: six sweeps reach rounding for 3 x 3.
+    /// The eigenvalues in increasing order, by cyclic Jacobi rotations. Six sweeps reach rounding errors for 3 x 3.
     pub fn principal(&self) -> [f64; 3] {
         let largest = self.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         if !(largest > 0.0 && largest.is_finite()) {
@@ -224,7 +224,7 @@ impl Sym3<f64> {
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
                 let off = a[(q, p)];
                 if off != 0.0 {
-                    // The smaller root of t^2 + 2 theta t - 1 = 0, the tangent of the angle that clears the entry.
+                    // The smaller root of t^2 + 2 theta t - 1 = 0, which is the tangent of the angle that makes the entry zero.
                     let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * off);
                     let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
                     let c = 1.0 / t.hypot(1.0);

@@ -1,4 +1,4 @@
-//! Vectors, rotations, placements and inertias over one number or one number per lane.
+//! Vectors, rotations, placements and inertias over one number, or one number per lane.
 //!
 //! Spatial vectors are linear first, `[v; w]` and `[f; n]`. The ten inertial parameters of a body are
 //! `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` with the inertia about the body-frame origin
@@ -26,9 +26,9 @@ pub use vector::{Lift, Vector};
 
 use crate::scalar::Real;
 
-/// First row of the linear and of the angular part of a spatial vector.
+/// First row of the linear part of a spatial vector.
 pub const LINEAR: usize = 0;
-/// First row of the angular part.
+/// First row of the angular part of a spatial vector.
 pub const ANGULAR: usize = 3;
 
 /// `x_A = rotation x_B + translation`: the placement of frame B in frame A.
@@ -41,7 +41,7 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// No motion.
+    /// The placement of a frame in itself.
     pub const IDENTITY: Placement = Placement { rotation: Matrix3::IDENTITY, translation: Vector3::new(0.0, 0.0, 0.0) };
 
     /// `Rz(yaw) Ry(pitch) Rx(roll)` and a translation, the convention of URDF.
@@ -49,7 +49,7 @@ impl Placement {
         Placement { rotation: Matrix3::from_rpy(rpy), translation: Vector3::from(xyz) }
     }
 
-    /// The placement of C in A from that of B in A (`self`) and of C in B.
+    /// The placement of C in A, from the placement of B in A (`self`) and of C in B.
     pub fn then(&self, other: &Placement) -> Placement {
         Placement { rotation: self.rotation.times(other.rotation), translation: self.rotation.apply(other.translation) + self.translation }
     }

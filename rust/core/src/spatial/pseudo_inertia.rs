@@ -6,22 +6,22 @@
 //! d(P || Q) = log(|Q| / |P|) + tr(Q^-1 P) - 4 >= 0
 //! ```
 //!
-//! A body is physically possible if and only if `P > 0`: its mass has one sign everywhere, and is not all on one plane. Let `L` be the dual
-//! of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. Then the law `P_hat' = gamma P_hat L P_hat` gives
-//! `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires this property of an adaptation law. `P_hat` remains
-//! positive definite.
+//! A body is physically possible if and only if `P > 0`. Then its mass has one sign everywhere, and not all of it is on one plane. Let `L`
+//! be the dual of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. Then the law `P_hat' = gamma P_hat L P_hat` gives `d/dt d(P ||
+//! P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires this property of an adaptation law. `P_hat` remains positive
+//! definite.
 
 use super::{PARAMETERS, parameter::INERTIA};
 use crate::scalar::Real;
 use crate::scalar::log::ln;
 
-/// Symmetric, rows by columns; the last row and column belong to mass and first moment.
+/// Symmetric, an array of rows. The last row and column have the mass and the first moment.
 pub type Pseudo<S> = [[S; 4]; 4];
 
 /// Row and column of the six inertia entries, in the order of the parameters.
 const ENTRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)];
 
-/// `P` of ten parameters in SPEC order.
+/// `P` from ten parameters in SPEC order.
 #[inline]
 pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
     let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *pi;
@@ -29,7 +29,7 @@ pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
     [[half - xx, -xy, -xz, hx], [-xy, half - yy, -yz, hy], [-xz, -yz, half - zz, hz], [hx, hy, hz, m]]
 }
 
-/// The ten parameters of `P`, of which the upper triangle is read.
+/// The ten parameters of `P`, from its upper triangle.
 #[inline]
 pub fn parameters_of<S: Real>(p: &Pseudo<S>) -> [S; PARAMETERS] {
     let (x, y, z) = (p[0][0], p[1][1], p[2][2]);
@@ -57,7 +57,7 @@ pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     l
 }
 
-/// `g` with `g . pi = tr(W P(pi))` for every `pi`, of a symmetric `W`: the inverse of [`dual`].
+/// `g` with `g . pi = tr(W P(pi))` for every `pi`, for a symmetric `W`: the inverse of [`dual`].
 #[inline]
 pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     let half = S::splat(0.5);
@@ -87,7 +87,7 @@ pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], 
     parameters_of(&rate)
 }
 
-/// `L` of `P = L L'`, its diagonal in place; and one where `P` is positive definite, else zero.
+/// `L` of `P = L L'`, with its diagonal in place; and one if `P` is positive definite, else zero.
 #[inline(always)]
 pub fn factor<S: Real>(p: &Pseudo<S>) -> (Pseudo<S>, S) {
     let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
@@ -111,11 +111,11 @@ pub fn is_positive_definite(pi: &[f64; PARAMETERS]) -> bool {
     factor(&pseudo_inertia(pi)).1 == 1.0
 }
 
-/// The Bregman divergence `d(P || P_hat)` of `-log det`; infinite where either is not positive definite.
+/// The Bregman divergence `d(P || P_hat)` of `-log det`; infinite if either is not positive definite.
 #[inline(always)]
 pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S {
     let ((l, possible), (hat, possible_hat)) = (factor(&pseudo_inertia(pi)), factor(&pseudo_inertia(pi_hat)));
-    // X = hat^-1 l, tr(P_hat^-1 P) = |X|^2; the logarithms of the diagonal of X, near one for near bodies, do not cancel.
+    // X = hat^-1 l, tr(P_hat^-1 P) = |X|^2. For similar bodies the diagonal of X is near one, and its logarithms do not cancel.
     let mut x = [[S::zero(); 4]; 4];
     let mut sum = S::zero();
     for i in 0..4 {
@@ -132,7 +132,7 @@ pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S 
 fn excess<S: Real>(x: S) -> S {
     let k = S::splat;
     let d = x - k(1.0);
-    // 2 (d - log(1 + d)) + d^2; d^2/2 - d^3/3 + ..: eight terms leave 1e-2^10.
+    // 2 (d - log(1 + d)) + d^2; d^2/2 - d^3/3 + ..: after eight terms the error is 1e-2^10.
     let term = |i: u32| k(if i.is_multiple_of(2) { 1.0 } else { -1.0 } / f64::from(i));
     let near = (2..10).rev().fold(S::zero(), |sum, i| d * sum + term(i)) * d * d;
     let difference = S::select(d.abs().lt(k(1e-2)), near, d - ln(x));
@@ -175,12 +175,12 @@ mod tests {
             let moved = std::array::from_fn(|k| OTHER[k] + h * rate[k]);
             divergence(&BODY, &moved)
         };
-        // Central differences extrapolated once: the error of h^4 and the rounding of one over a step.
+        // Central differences with one extrapolation: an error of h^4, and the rounding error of one over the step.
         let (coarse, fine) = ((at(4e-4) - at(-4e-4)) / 8e-4, (at(2e-4) - at(-2e-4)) / 4e-4);
         let slope = (4.0 * fine - coarse) / 3.0;
         let want = 2.0 * (dot(&OTHER, &y) - dot(&BODY, &y));
         assert!((slope - want).abs() < 1e-8 * want.abs(), "{slope} {want}");
-        // The rate is P L P, also for one lane of eight.
+        // The rate is P L P, also in one lane of eight.
         use crate::scalar::Array8;
         let lift = |x: &[f64; 10]| x.map(Array8::splat);
         let lanes = natural_rate(&lift(&OTHER), &lift(&y), Array8::splat(2.0));
@@ -191,14 +191,14 @@ mod tests {
     fn the_divergence_is_one() {
         assert_eq!(divergence(&BODY, &BODY), 0.0);
         assert!(divergence(&BODY, &OTHER) > 0.1 && divergence(&OTHER, &BODY) > 0.1);
-        // Near a body it is half the natural metric, on both sides of the switch of `excess`.
+        // Near a body the divergence is half the natural metric, on both sides of the switch in `excess`.
         for h in [1e-6, 4e-3, 5e-3, 6e-3] {
             let scaled = BODY.map(|x| x * (1.0 + h));
             let x: f64 = 1.0 / (1.0 + h);
             let want = 4.0 * (x - 1.0 - x.ln());
             assert!((divergence(&BODY, &scaled) - want).abs() < 1e-15 + 1e-13 * want, "{h}");
         }
-        // Invariant under scaling of both.
+        // The divergence does not change if both are scaled.
         let (a, b) = (BODY.map(|x| 7.0 * x), OTHER.map(|x| 7.0 * x));
         assert!((divergence(&a, &b) - divergence(&BODY, &OTHER)).abs() < 1e-13);
         let mut flat = BODY;

@@ -1,5 +1,5 @@
-//! Rotations by quarter turns about x or y. Most robots' joint placements are one of these once z is the joint axis, and it
-//! costs no product: components change places and signs. The code below is for `R = Rx(90)`, and similar for the others:
+//! Rotations by quarter turns about x or y. With z along the joint axis, the joint placements of most robots are of this kind. They cost no
+//! product, because components only change places and signs. The code below is for `R = Rx(90)`, and similar for the others:
 //!
 //! `R (x, y, z) = (x, -z, y)`,  `M R` has the columns `(m_x, m_z, -m_y)`.
 
@@ -20,7 +20,7 @@ impl QuarterTurn {
     pub const ALL: [QuarterTurn; 6] =
         [QuarterTurn::None, QuarterTurn::X90, QuarterTurn::X180, QuarterTurn::X270, QuarterTurn::Y90, QuarterTurn::Y270];
 
-    /// The one that `r` is, to the last bit.
+    /// The quarter turn that equals `r` exactly.
     pub fn of(r: &Matrix3<f64>) -> Option<QuarterTurn> {
         QuarterTurn::ALL.into_iter().find(|turn| turn.after(Matrix3::IDENTITY) == *r)
     }

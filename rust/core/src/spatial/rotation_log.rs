@@ -1,12 +1,12 @@
 //! The rotation vector of a rotation matrix: `log R`, axis times angle in [0, pi].
 //!
-//! The unit quaternion `(w, u)` comes from the one of four formulas with the largest root (Shepperd 1978). Then `log R =
-//! 2 atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity the quotient is `2 / w (1 - |u|^2/(3 w^2))`.
+//! The unit quaternion `(w, u)` is computed by the one of four formulas that has the largest square root (Shepperd 1978). Then `log R = 2
+//! atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity the quotient is `2 / w (1 - |u|^2/(3 w^2))`.
 
 use super::{Matrix3, Vector3};
 use crate::scalar::Real;
 
-/// Below this |u|^2 the series is exact to rounding: the next term is `|u|^4 / 5`.
+/// Below this |u|^2 the series is exact up to rounding: the next term is `|u|^4 / 5`.
 const SMALL: f64 = 1e-8;
 
 /// `log R` for `R` by columns.
@@ -15,13 +15,13 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     let at = |row: usize, column: usize| r[(row, column)];
     let one = S::splat(1.0);
     let (x, y, z) = (at(0, 0), at(1, 1), at(2, 2));
-    // Four times the squares of w, x, y, z; the largest is at least 1.
+    // Four times the squares of w, x, y, z. The largest is at least 1.
     let squares = [one + x + y + z, one + x - y - z, one - x + y - z, one - x - y + z];
     let differences = [at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1)];
     let sums = [at(0, 1) + at(1, 0), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1)];
     let [dx, dy, dz] = differences;
     let [xy, xz, yz] = sums;
-    // Each candidate is (w, x, y, z) times twice the root of its square.
+    // Each candidate is (w, x, y, z), times twice the square root of its own square above.
     let candidates = [[squares[0], dx, dy, dz], [dx, squares[1], xy, xz], [dy, xy, squares[2], yz], [dz, xz, yz, squares[3]]];
     let (mut best, mut quaternion) = (squares[0], candidates[0]);
     for k in 1..4 {
@@ -81,12 +81,12 @@ mod tests {
         for angle in [0.0, 1e-12, 1e-5, 9.9e-5, 2e-4, 1e-2, 1.0, 2.0, 3.0, pi - 1e-4, pi - 1e-9] {
             let vector = axis.map(|a| a * angle);
             let back = rotation_log(&rotation_exp(vector));
-            // The matrix itself is exact to 2e-16, and near pi an angle is found from it to that.
+            // The matrix has an error of 2e-16, and near pi the angle has the same error.
             for k in 0..3 {
                 assert!((back[k] - vector[k]).abs() < 5e-16 * (1.0 + angle), "{angle}: {:?} against {vector:?}", back.array());
             }
         }
-        // At pi either sign of the axis is right.
+        // At pi both signs of the axis are correct.
         let half_turn = rotation_log(&rotation_exp([pi, 0.0, 0.0])).array();
         assert!((half_turn[0].abs() - pi).abs() < 1e-15 && half_turn[1].abs() < 1e-15 && half_turn[2].abs() < 1e-15);
     }
@@ -112,7 +112,7 @@ mod tests {
                 for k in 0..3 {
                     let got = turned[(k, column)];
                     assert_eq!(got.value, plain.axis(column)[k]);
-                    // Near its start the series loses `t^4`, the closed form 1e-16 / t^2 of a number of size t^2.
+                    // Near its threshold the series has an error of `t^4`; the closed form has 1e-16 / t^2 of a number of size t^2.
                     assert!((got.rate - expected[k]).abs() < 1e-12, "{angle}: {} against {}", got.rate, expected[k]);
                 }
             }

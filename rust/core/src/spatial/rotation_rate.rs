@@ -1,15 +1,15 @@
-//! The angular velocity of a rotation `exp(r)` whose rotation vector `r` moves, and its rate.
+//! The angular velocity of a rotation `exp(r)` with a changing rotation vector `r`, and the derivative of that velocity.
 //!
-//! `w = r' + b r x r' + c r x (r x r')`, with `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3` and `t = |r|` of the left Jacobian.
+//! `w = r' + b r x r' + c r x (r x r')`, with `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3` and `t = |r|`, from the left Jacobian.
 //! See Chirikjian, Stochastic Models, Information Theory, and Lie Groups, volume 2, 10.86.
 
 use super::{Vector, Vector3};
 use crate::scalar::Real;
 
-/// Terms of the series below an angle of one: the next is `1 / 18!`.
+/// Number of terms of the series, which is used for angles below one. The next term is `1 / 18!`.
 const TERMS: usize = 8;
 
-/// `sum (-s)^k / (2 k + first)!` and its slope by `s`.
+/// `sum (-s)^k / (2 k + first)!` and its derivative with respect to `s`.
 fn series<S: Real>(s: S, first: usize) -> (S, S) {
     let mut factorial: f64 = (1..=first).map(|k| k as f64).product();
     let mut coefficients = [0.0; TERMS];
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
     use crate::scalar::Dual;
 
-    /// Against duals of `exp`, and the acceleration against duals of the velocity, on both sides of the threshold.
+    /// Against duals of `exp`; the acceleration is compared with duals of the velocity, on both sides of the threshold.
     #[test]
     fn it_is_the_rate_of_the_rotation() {
         let (axis, rate, acceleration) = ([2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0], [0.3, -0.2, 0.5], [-1.0, 0.4, 0.7]);
@@ -66,7 +66,7 @@ mod tests {
             for column in 0..3 {
                 let expected = w.cross(plain.axis(column));
                 for k in 0..3 {
-                    // The slopes of `exp` lose `t^4` below its own threshold of 1e-4, and 1e-16 / t^2 above it.
+                    // The derivatives of `exp` have an error of `t^4` below its threshold of 1e-4, and of 1e-16 / t^2 above it.
                     assert!((turned[(k, column)].rate - expected[k]).abs() < 2e-8, "{angle}");
                 }
             }

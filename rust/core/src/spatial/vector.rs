@@ -1,7 +1,7 @@
-//! Three-vectors, nalgebra's: `a . b`, `a x b`, and sums with a fused multiply-add per term.
+//! Three-vectors, of nalgebra's type: `a . b`, `a x b`, and sums with a fused multiply-add per term.
 //!
-//! [`Vector`] has the products whose order of operations and whose fusing are part of the results. By value they come before the methods
-//! of the same name that nalgebra has by reference.
+//! [`Vector`] has the products whose bits depend on the order of operations and on fusing. They take arguments by value, so they precede
+//! nalgebra's methods of the same names, which take references.
 
 use crate::scalar::Real;
 use nalgebra::Vector3;
@@ -59,7 +59,7 @@ impl<S: Real> Vector<S> for Vector3<S> {
     }
 }
 
-/// Vectors and matrices of `f64` on another number.
+/// Vectors and matrices of `f64` on another number type.
 pub trait Lift {
     type Of<S: Real>;
     /// The same numbers as constants of `S`.

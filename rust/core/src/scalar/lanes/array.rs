@@ -1,4 +1,4 @@
-//! Eight lanes as a plain array, left to the compiler's vectoriser; never fused.
+//! Eight lanes as a plain array, which the compiler vectorises. Products are never fused with sums.
 
 use super::super::{Kernel, Real, trig};
 use std::array::from_fn;
@@ -69,7 +69,7 @@ impl Array8 {
 }
 
 impl Real for Array8 {
-    /// All bits set where true: selecting is then bit logic, which vectorises.
+    /// All bits set where true. So a selection is bit logic, which vectorises.
     type Mask = [u64; 8];
     type One = f64;
     const LANES: usize = 8;

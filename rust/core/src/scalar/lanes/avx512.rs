@@ -1,7 +1,7 @@
 //! Explicit AVX-512: eight lanes in a register.
 //!
-//! Every intrinsic below needs AVX-512 F (and DQ for bit logic). Values of this type are only computed with
-//! inside [`Real::enter`], which checks for both.
+//! Every intrinsic below needs AVX-512 F, and DQ for bit logic. Code computes with values of this type only inside [`Real::enter`], which
+//! checks for both.
 //!
 //! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the processor has
 //! them because `enter` refused to run otherwise.
@@ -41,7 +41,8 @@ fn fnma(a: __m512d, b: __m512d, c: __m512d) -> __m512d {
     unsafe { _mm512_fnmadd_pd(a, b, c) }
 }
 
-/// The divider works beside the two ports of everything else: one instruction for six (an estimate and two Newton steps).
+/// A division, because the divider works beside the two ports of other instructions: one instruction replaces six (an estimate and two
+/// Newton steps).
 #[inline(always)]
 fn recip(x: __m512d) -> __m512d {
     unsafe { _mm512_div_pd(_mm512_set1_pd(1.0), x) }
@@ -68,13 +69,13 @@ fn swap(quadrant: __m512d) -> u8 {
     unsafe { _mm512_test_epi64_mask(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(1)) }
 }
 
-/// Bit 1 moved to the sign.
+/// Bit 1, moved to the sign bit.
 #[inline(always)]
 fn sign_of_bit_1(quadrant: __m512d) -> __m512d {
     unsafe { _mm512_castsi512_pd(_mm512_slli_epi64::<62>(_mm512_and_si512(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(2)))) }
 }
 
-/// The bits plus one.
+/// The bits, as an integer, plus one.
 #[inline(always)]
 fn next(quadrant: __m512d) -> __m512d {
     unsafe { _mm512_castsi512_pd(_mm512_add_epi64(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(1))) }

@@ -25,7 +25,7 @@ pub use sse2::Sse2;
 use super::Kernel;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// The instruction set that code is chosen for, in increasing order.
+/// The instruction set for which code is chosen, in increasing order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Isa {
@@ -75,13 +75,13 @@ pub fn isa() -> Isa {
     }
 }
 
-/// Whether `fma` of the source fuses a product with a sum. Direct evaluation and programs agree on it.
+/// Whether `fma` in the source fuses a product with a sum. It is the same for direct evaluation and programs.
 #[inline(always)]
 pub fn fuses() -> bool {
     cfg!(target_arch = "aarch64") || CHOSEN.load(Ordering::Relaxed) >= Isa::Avx2 as u8 || fuses_after_all()
 }
 
-/// The same before the first choice. Direct evaluation calls it for every product, so it is short.
+/// The same before the first choice. Direct evaluation calls `fuses` for every product, so `fuses` is short.
 #[cold]
 #[inline(never)]
 fn fuses_after_all() -> bool {
@@ -95,7 +95,7 @@ fn choose() -> Isa {
     isa
 }
 
-/// What `ARMLET_ISA` asks for; an error where it names no instruction set or one that this machine lacks.
+/// The value of `ARMLET_ISA`; an error if it is no instruction set, or one that this machine lacks.
 pub fn isa_request() -> Result<Option<Isa>, String> {
     let Ok(name) = std::env::var("ARMLET_ISA") else { return Ok(None) };
     let best = Isa::best();
@@ -119,14 +119,14 @@ pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
     unsafe { region(kernel) }
 }
 
-/// Run `kernel`: every processor of the target fuses.
+/// Run `kernel`. Every processor of this target fuses.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
 pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
-/// Run `kernel` compiled for vectors as long as AVX2 has them, where the machine has AVX2: for loops over plain numbers.
+/// Run `kernel` compiled for vectors of the length of AVX2, if the machine has AVX2. It serves loops over plain numbers.
 #[inline]
 pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
     if isa() >= Isa::Avx2 { enter_avx2(kernel) } else { kernel.run() }

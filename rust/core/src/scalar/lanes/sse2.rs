@@ -46,7 +46,7 @@ fn lt(a: __m128d, b: __m128d) -> __m128d {
     unsafe { _mm_cmplt_pd(a, b) }
 }
 
-/// By all bits of the mask.
+/// Select by all bits of the mask.
 #[inline(always)]
 fn select(mask: __m128d, yes: __m128d, no: __m128d) -> __m128d {
     unsafe { _mm_or_pd(_mm_and_pd(mask, yes), _mm_andnot_pd(mask, no)) }
@@ -57,19 +57,19 @@ fn bits(mask: __m128d) -> u32 {
     unsafe { _mm_movemask_pd(mask) as u32 }
 }
 
-/// All bits set where bit 0 is.
+/// All bits set if bit 0 is set.
 #[inline(always)]
 fn swap(quadrant: __m128d) -> __m128d {
     unsafe { _mm_castsi128_pd(_mm_sub_epi64(_mm_setzero_si128(), _mm_and_si128(_mm_castpd_si128(quadrant), _mm_set1_epi64x(1)))) }
 }
 
-/// Bit 1 moved to the sign.
+/// Bit 1, moved to the sign bit.
 #[inline(always)]
 fn sign_of_bit_1(quadrant: __m128d) -> __m128d {
     unsafe { _mm_castsi128_pd(_mm_slli_epi64::<62>(_mm_and_si128(_mm_castpd_si128(quadrant), _mm_set1_epi64x(2)))) }
 }
 
-/// The bits plus one.
+/// The bits, as an integer, plus one.
 #[inline(always)]
 fn next(quadrant: __m128d) -> __m128d {
     unsafe { _mm_castsi128_pd(_mm_add_epi64(_mm_castpd_si128(quadrant), _mm_set1_epi64x(1))) }

@@ -57,7 +57,7 @@ macro_rules! vector {
             unsafe { std::mem::transmute(x) }
         }
 
-        /// The lanes beyond the range of the reduction, one by one.
+        /// Compute the lanes beyond the range of the reduction one by one.
         #[cold]
         #[inline(never)]
         fn far_lanes(x: $name, s: $name, c: $name) -> ($name, $name) {
@@ -125,7 +125,7 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                // The second where either is NaN.
+                // The result is the second operand if either is NaN.
                 $name(unsafe { $max(other.0, self.0) })
             }
             #[inline(always)]
