@@ -4,31 +4,31 @@
 //!
 //! An instruction is a word of 32 bits. It is a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and
 //! `m` in 16 to 20. Only loads and stores access memory, so operands in memory pass through a scratch register.
-//! x0 points to the frame, x1 to the constants and x2 to the stream. x3 is the number of remaining turns. In scalar code, bits beyond the
-//! first number are undefined.
+//! x0 points to the frame, x1 to the constants and x2 to the stream. x3 is the number of remaining iterations. In scalar code, bits beyond
+//! the first number are undefined.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
-/// Machine code in the making.
+/// Machine code under construction.
 pub struct Assembler {
     form: Form,
     bytes: Vec<u8>,
 }
 
-/// Scratch for a mask or a sum, and for an operand that comes from memory.
+/// Scratch registers: for a mask or a sum, and for an operand from memory.
 const SCRATCH: u8 = 30;
 const FETCHED: u8 = 31;
-/// The register x9 holds offsets that fit no instruction.
+/// The register x9 holds offsets that do not fit in an instruction.
 const OFFSET: u8 = 9;
 const STACK: u8 = 31;
 
-// Instructions on numbers: packed, scalar.
+// Instructions on numbers: packed form, scalar form.
 const FADD: [u32; 2] = [0x4E60_D400, 0x1E60_2800];
 const FSUB: [u32; 2] = [0x4EE0_D400, 0x1E60_3800];
 const FMUL: [u32; 2] = [0x6E60_DC00, 0x1E60_0800];
 const FDIV: [u32; 2] = [0x6E60_FC00, 0x1E60_1800];
 const FSQRT: [u32; 2] = [0x6EE1_F800, 0x1E61_C000];
-/// `n > m`: all ones, else zeros.
+/// `n > m`: all ones where true, else zeros.
 const FCMGT: [u32; 2] = [0x6EE0_E400, 0x7EE0_E400];
 
 // Packed only: `-n`, `d + n m`, `d - n m`.
@@ -42,8 +42,8 @@ const FMSUB: u32 = 0x1F40_8000;
 const FNMADD: u32 = 0x1F60_0000;
 const FNMSUB: u32 = 0x1F60_8000;
 
-// On all bits of a register. BIC is `n & !m`. By the bits of `d`: BSL takes `n` or `m`. By the bits of `m`: BIT takes
-// `n` where they are one, BIF where they are zero; other bits of `d` stay.
+// On all bits of a register. BIC is `n & !m`. BSL takes `n` or `m` by the bits of `d`. By the bits of `m`, BIT takes `n` where they are
+// one, and BIF where they are zero; the other bits of `d` do not change.
 const AND: u32 = 0x4E20_1C00;
 const BIC: u32 = 0x4E60_1C00;
 const ORR: u32 = 0x4EA0_1C00;
@@ -55,7 +55,7 @@ const BIF: u32 = 0x6EE0_1C00;
 const CMLT: u32 = 0x4EE0_A800;
 /// `n << s`, with `64 + s` in bits 16 to 22.
 const SHL: u32 = 0x4F00_5400;
-/// The first lane in both lanes.
+/// Copy the first lane to both lanes.
 const DUP: u32 = 0x4E08_0400;
 
 /// A load and a store, of 16 or of 8 bytes. The offset is in operands (bits 10 to 21), in bytes (bits 12 to 20), or in a register
@@ -97,7 +97,7 @@ impl Assemble for Assembler {
             Binary::AndNot => self.word(BIC, dst, b, a),
             Binary::Or => self.word(ORR, dst, a, b),
             Binary::Xor => self.word(EOR, dst, a, b),
-            // The instructions FMIN and FMAX treat NaN and zeros otherwise.
+            // The instructions FMIN and FMAX treat NaN and zeros differently.
             Binary::Min => self.choose(dst, a, b, [b, a]),
             Binary::Max => self.choose(dst, a, b, [a, b]),
         }
@@ -125,7 +125,7 @@ impl Assemble for Assembler {
             Product::NegAdd => (FMLS, false),
             Product::NegSub => (FMLS, true),
         };
-        // The sum grows in place, unless `dst` is a factor that would be overwritten first.
+        // The sum is formed in `dst`, unless `dst` is also a factor, which would be overwritten first.
         let sum = match z {
             _ if dst == z && !(negative && (dst == x || dst == y)) => dst,
             FETCHED => FETCHED,
@@ -187,7 +187,7 @@ impl Assemble for Assembler {
         self.word(SHL | u32::from(64 + bits) << 16, dst, a, 0);
     }
 
-    /// The low halves of v8 to v15 belong to the caller, on every system.
+    /// On every system, the function must preserve the low halves of v8 to v15.
     fn enter(&mut self, _: Convention) {
         // stp d8, d9, [sp, -64]!; stp d10, d11, [sp, 16]; ..
         self.pair(0x6D80_0000, 8, -8);
@@ -247,7 +247,7 @@ impl Assembler {
         self.select(dst, mask, a, b);
     }
 
-    /// The register of an operand; one that comes from memory is loaded.
+    /// The register of an operand. An operand in memory is loaded.
     fn fetch(&mut self, source: Source) -> u8 {
         if let Source::Register(register) = source {
             return register;
@@ -256,7 +256,7 @@ impl Assembler {
         FETCHED
     }
 
-    /// Load or store with the shortest form that holds the offset.
+    /// Load or store with the shortest form in which the offset fits.
     fn access(&mut self, access: &Access, register: u8, base: Base, offset: i32) {
         let base = match base {
             Base::Frame => 0,
@@ -269,7 +269,7 @@ impl Assembler {
             self.word(access.unscaled | (offset as u32 & 0x1FF) << 12, register, base, 0);
         } else {
             let [low, high] = [offset as u32 & 0xFFFF, offset as u32 >> 16];
-            // movz: the low half, zeros above. movn: the same with ones above. movk: the next half, others stay.
+            // movz: the low half, zeros above. movn: the same with ones above. movk: the next half; the others do not change.
             let (start, rest) = if offset < 0 { (0x9280_0000 | (!low & 0xFFFF) << 5, 0xFFFF) } else { (0xD280_0000 | low << 5, 0) };
             self.word(start, OFFSET, 0, 0);
             if high != rest {

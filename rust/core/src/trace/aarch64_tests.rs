@@ -5,7 +5,7 @@ use super::super::harness;
 use super::super::trials::trials;
 use super::*;
 
-/// Around the limits of offsets: nine signed bits, 4095 operands of 8 and 16 bytes, 16 and 32 bits.
+/// Offsets near the limits: nine signed bits, 4095 operands of 8 and 16 bytes, 16 and 32 bits.
 const OFFSETS: [i32; 22] = [
     0,
     8,
@@ -42,7 +42,7 @@ fn sources() -> Vec<Source> {
     REGISTERS.into_iter().map(Source::Register).chain(memory).collect()
 }
 
-/// Every operation with every alias of its registers; operands in memory with every offset.
+/// Every operation with every alias of its registers, and operands in memory with every offset.
 fn operations() -> Vec<Operation> {
     let mut all = Vec::new();
     for dst in REGISTERS {
@@ -218,7 +218,7 @@ fn assembled(form: Form, fill: impl FnOnce(&mut Assembler)) -> Vec<u8> {
     code.finish()
 }
 
-/// Text and bytes of all operations, of prologue and epilogue, and of the return.
+/// Text and bytes of all operations, of prologue and epilogue, and of the return instruction.
 fn encoded() -> (Vec<String>, Vec<u8>) {
     let (mut lines, mut bytes) = (Vec::new(), Vec::new());
     for form in forms() {
@@ -242,7 +242,7 @@ fn encoded() -> (Vec<String>, Vec<u8>) {
     (lines, bytes)
 }
 
-/// Every instruction once, with the word that the GNU assembler writes. `make test-aarch64` compares all.
+/// Every instruction once, with the word from the GNU assembler. `make test-aarch64` compares all of them.
 #[test]
 fn words_are_those_of_the_assembler() {
     let known: [(&str, u32); 53] = [
@@ -314,7 +314,7 @@ fn words_are_those_of_the_assembler() {
     harness::write("encoded.bin", &bytes);
 }
 
-/// Cases for the emulator; on aarch64 they run here.
+/// Cases for the emulator. On aarch64 they also run in this test.
 #[test]
 fn operations_agree_with_rust() {
     let mut cases = harness::Cases::default();

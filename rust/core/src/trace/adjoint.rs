@@ -1,9 +1,9 @@
 //! The adjoint of a recorded computation (reverse mode, Griewank and Walther 2008, section 3.2).
 //!
-//! From `y = f(x)` and the weights `y_bar` of its outputs, `x_bar = f'(x)' y_bar`. The operations of `x_bar` follow those of `y`. Entries
-//! without an effect on an output, and entries that do not depend on a moving input, add no operation.
-//! At a corner the derivative is that of the branch taken. The branch that is not taken has the weight zero; its numbers may be infinite, and
-//! zero times infinity must not reach the result. So its products are taken only where the weight is not zero.
+//! From `y = f(x)` and the weights `y_bar` of its outputs, it computes `x_bar = f'(x)' y_bar`. The operations of `x_bar` follow those of
+//! `y`. Entries without an effect on an output add no operation; neither do entries that do not depend on a moving input. At a corner the
+//! derivative is that of the branch taken. The other branch has the weight zero. Its numbers may be infinite, and zero times infinity must
+//! not affect the result. So its products are computed only where the weight is not zero.
 
 use super::tape::{Op, Tape};
 
@@ -15,8 +15,8 @@ struct Reversal {
     moves: Vec<bool>,
 }
 
-/// The recording `ops` with `inputs` inputs, continued by its adjoint: the new inputs, in the order of `outputs`, are their weights. The
-/// entries are the weights of the inputs `moving`.
+/// The recording `ops` with `inputs` inputs, followed by its adjoint. The new inputs are the weights of `outputs`, in this order. The
+/// returned entries are the weights of the inputs `moving`.
 pub fn adjoint(ops: Vec<Op>, inputs: usize, outputs: &[u32], moving: &[u32]) -> (Vec<Op>, Vec<u32>) {
     let length = ops.len();
     let (moves, finite) = (moves(&ops, moving), finite(&ops, outputs));
@@ -45,7 +45,7 @@ fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     for (i, op) in ops.iter().enumerate() {
         moves[i] = match op {
             Op::Input(k) => inputs.contains(k),
-            // A mask does not move.
+            // A mask has no derivative.
             Op::Less(..) => false,
             _ => op.operands().any(|a| moves[a as usize]),
         };
@@ -70,14 +70,14 @@ fn finite(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
 }
 
 impl Reversal {
-    /// The weight of entry `a` grows by `bar`.
+    /// Add `bar` to the weight of entry `a`.
     fn add(&mut self, a: u32, bar: u32) {
         if self.moves[a as usize] {
             self.bars[a as usize] = self.tape.add(self.bars[a as usize], bar);
         }
     }
 
-    /// The same by `factor bar`.
+    /// Add `factor bar` to the weight of entry `a`.
     fn add_product(&mut self, a: u32, factor: u32, bar: u32, finite: bool) {
         if !self.moves[a as usize] {
             return;
@@ -91,14 +91,14 @@ impl Reversal {
         }
     }
 
-    /// `then` where `bar` is not zero, else zero.
+    /// `then` where `bar` is not zero, otherwise zero.
     fn unless_zero(&mut self, bar: u32, then: u32) -> u32 {
         let (least, size) = (self.tape.constant(f64::MIN_POSITIVE), self.tape.unary(bar, f64::abs, Op::Abs));
         let nothing = self.tape.less(size, least);
         self.tape.select(nothing, 0, then)
     }
 
-    /// The weight of entry `i` to its operands.
+    /// Pass the weight of entry `i` on to its operands.
     fn pass_on(&mut self, i: u32, finite: bool) {
         let bar = self.bars[i as usize];
         match self.tape.ops[i as usize] {
@@ -140,8 +140,8 @@ impl Reversal {
                 self.add_product(b, i, quotient, finite);
             }
             Op::Sqrt(a) => {
-                // An infinite derivative occurs at the root of a zero sum of squares. The derivative of the sum is zero, so that of the root is
-                // set to zero.
+                // The square root of a zero sum of squares has an infinite derivative. The derivative of the sum is zero, so that of the
+                // root is set to zero.
                 let (half, least) = (self.tape.constant(0.5), self.tape.constant(f64::MIN_POSITIVE));
                 let (slope, nothing) = (self.tape.div(half, i), self.tape.less(i, least));
                 let slope = self.tape.select(nothing, 0, slope);
@@ -172,7 +172,7 @@ impl Reversal {
         }
     }
 
-    /// The weight to `yes` where the mask holds, else to `no`.
+    /// Add the weight to `yes` where the mask holds, otherwise to `no`.
     fn choose(&mut self, mask: u32, yes: u32, no: u32, bar: u32) {
         let (to_yes, to_no) = (self.tape.select(mask, bar, 0), self.tape.select(mask, 0, bar));
         self.add(yes, to_yes);

@@ -1,13 +1,13 @@
-//! A store of the programs made from recordings, for the next recording with the same structure.
+//! A store of programs made from recordings. A later recording with the same structure uses them.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// Entries of every kind that are kept at most.
+/// Largest number of stored entries of each kind.
 pub const KEPT: usize = 64;
 
-/// The content of a lock, if no other thread holds it. It never waits. Otherwise a process could wait for ever, if it was forked while
-/// another thread of its parent held the lock.
+/// The content of a lock, if no other thread holds it. The function never waits. A forked process could wait for ever, because a thread of
+/// its parent may have held the lock during the fork.
 pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Some(guard),
@@ -39,7 +39,7 @@ impl<T: Clone> Cache<T> {
         Some(entry)
     }
 
-    /// Keep an entry; the oldest ones go until there are few and they fit.
+    /// Store an entry. The oldest ones are removed until the entries are few and fit.
     pub fn keep(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
         let Some(mut entries) = free(&self.0) else { return };
         entries.push_back(entry);
@@ -48,7 +48,7 @@ impl<T: Clone> Cache<T> {
         }
     }
 
-    /// How many there are.
+    /// Number of entries.
     #[cfg(test)]
     pub fn count(&self) -> usize {
         free(&self.0).map_or(0, |entries| entries.len())

@@ -1,4 +1,4 @@
-//! Checks of the encoders: the same operations in plain Rust, on a file of registers.
+//! Checks of the encoders: the same operations in plain Rust, on a register file.
 
 use super::instruction::{Assemble, Base, Binary, Form, Order, Product, Set, Source};
 
@@ -20,7 +20,7 @@ pub const BINARIES: [Binary; 10] =
     [Binary::Add, Binary::Sub, Binary::Mul, Binary::Div, Binary::Min, Binary::Max, Binary::And, Binary::AndNot, Binary::Or, Binary::Xor];
 pub const PRODUCTS: [Product; 4] = [Product::Add, Product::Sub, Product::NegAdd, Product::NegSub];
 pub const ORDERS: [Order; 3] = [Order::P231, Order::P213, Order::P132];
-/// Numbers that rounding, signs and comparisons treat apart.
+/// Numbers that are special for rounding, signs and comparisons.
 pub const SPECIAL: [f64; 12] =
     [0.0, -0.0, 1.0, -1.0, 1.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -f64::NAN, f64::MIN_POSITIVE, 5e-324, f64::MAX];
 
@@ -52,7 +52,7 @@ impl Random {
         all[self.below(all.len())]
     }
 
-    /// An operation that the form has, on registers below `registers` and on slots of a frame and constants of that many.
+    /// An operation that is available in this form, on registers below `registers`, and on `slots` slots of a frame and of constants.
     pub fn operation(&mut self, form: Form, registers: usize, slots: usize) -> Operation {
         let Form { set, packed } = form;
         let (two, spreads) = (set == Set::Sse2, set >= Set::Avx512 || !packed);
@@ -90,7 +90,7 @@ impl Random {
 }
 
 impl Operation {
-    /// The number of its variant.
+    /// The index of its variant.
     pub fn kind(self) -> usize {
         match self {
             Operation::Binary(..) => 0,
@@ -120,7 +120,7 @@ impl Operation {
     }
 }
 
-/// Registers and memory of the operations in plain Rust.
+/// Registers and memory for the operations in plain Rust.
 pub struct Machine {
     pub form: Form,
     pub registers: Vec<[f64; 8]>,
@@ -169,7 +169,7 @@ impl Machine {
                 let merge = |mask: u64, yes: f64, no: f64| f64::from_bits(mask & yes.to_bits() | !mask & no.to_bits());
                 (dst, std::array::from_fn(|lane| merge(bits(mask[lane]), yes[lane], no[lane])))
             }
-            // The bits of a mask besides its sign depend on the form.
+            // Only the sign bit of a mask is the same in all forms.
             Operation::SignMask(dst, a) if self.form.selects_bits() => {
                 (dst, register(a).map(|a| f64::from_bits((a.to_bits() as i64 >> 63) as u64)))
             }

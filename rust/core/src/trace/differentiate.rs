@@ -1,8 +1,8 @@
 //! Derivatives of a recorded computation along one direction (forward mode, Griewank and Walther 2008, section 3.1).
 //!
-//! From `y = f(x)` and the direction `x_dot` of its inputs, `y_dot = f'(x) x_dot`. The operations of `y_dot` follow those of `y`. What
-//! does not depend on a direction has the derivative zero, and folding removes all operations on it.
-//! At a corner the derivative is that of the branch taken, as of `scalar::Dual`.
+//! From `y = f(x)` and the direction `x_dot` of its inputs, it computes `y_dot = f'(x) x_dot`. The operations of `y_dot` follow those of
+//! `y`. An entry that does not depend on a direction has the derivative zero, and folding removes all operations on it. At a corner the
+//! derivative is that of the branch taken, as for `scalar::Dual`.
 
 use super::tape::{Op, Tape};
 
@@ -14,13 +14,13 @@ pub struct Differentiation {
 }
 
 impl Differentiation {
-    /// Of a recording with `inputs` inputs.
+    /// Begin with a recording of `inputs` inputs.
     pub fn new(ops: Vec<Op>, inputs: usize) -> Self {
         Differentiation { length: ops.len(), tape: Tape::resume(ops, inputs as u32) }
     }
 
-    /// The derivatives of the entries `outputs` along a direction: new inputs, in the order of `moving`, are the rates of the inputs
-    /// `moving`. The rates of all other inputs are zero.
+    /// The derivatives of the entries `outputs` along a direction. The new inputs are the rates of the inputs `moving`, in this order. The
+    /// rates of all other inputs are zero.
     pub fn along(&mut self, moving: &[u32], outputs: &[u32]) -> Vec<u32> {
         let mut rates = vec![0; self.length];
         for &input in moving {
@@ -45,13 +45,13 @@ impl Differentiation {
         self.tape.ops.len() as u32
     }
 
-    /// The recording and what was added to it.
+    /// The recording with the added operations.
     pub fn finish(self) -> Vec<Op> {
         self.tape.ops
     }
 }
 
-/// Which of the entries `outputs` depend on.
+/// The entries on which `outputs` depend.
 pub(super) fn needed(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
     let mut needed = vec![false; ops.len()];
     outputs.iter().for_each(|&output| needed[output as usize] = true);
@@ -69,7 +69,7 @@ pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> 
         return 0;
     }
     match op {
-        // A mask does not move.
+        // A mask has no derivative.
         Op::Const(_) | Op::Input(_) | Op::Less(..) => 0,
         Op::Add(a, b) => tape.add(at(a), at(b)),
         Op::Sub(a, b) => tape.sub(at(a), at(b)),

@@ -98,13 +98,13 @@ fn corners_are_those_of_dual_numbers() {
     assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [0.0, 1.0]), 0.0, "the root of zero does not move along nothing");
     assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [1.0, 0.0]), f64::INFINITY);
     assert_eq!(same(|a, _| a.abs(), [0.0, 0.0], [1.0, 0.0]), 1.0);
-    // The first one where both are the same.
+    // The first one if both are equal.
     assert_eq!(same(|a, b| a.max(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
     assert_eq!(same(|a, b| a.min(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
     assert_eq!(same(|a, b| Sym::select(a.lt(b), a, b), [1.0, 1.0], [2.0, 3.0]), 3.0);
 }
 
-/// A random recording with three inputs, in which no number grows far.
+/// A random recording with three inputs, in which all numbers remain of moderate size.
 fn random(random: &mut Random) -> (Vec<Op>, Vec<u32>) {
     let mut tape = Tape::new();
     tape.set_up = false;
@@ -156,7 +156,7 @@ fn derivatives_of_random_recordings_are_those_of_dual_numbers() {
         let (x, x_dot) = (three(), three());
         for (k, (got, expected)) in both(&ops, &outputs, &x, &x_dot).into_iter().enumerate() {
             most = most.max(expected.rate.abs());
-            // Rounding of some hundred operations, of numbers that may cancel.
+            // The rounding of some hundred operations, on numbers that may cancel.
             assert!((got - expected.rate).abs() <= 1e-11 * (1.0 + expected.rate.abs()), "{trial} {k}: {got} {}", expected.rate);
         }
     }
@@ -170,7 +170,7 @@ fn tangents_along_several_directions_are_those_along_each_alone() {
         let (ops, outputs) = random(&mut numbers);
         let mut some = |count: usize| (0..count).map(|_| numbers.number()).collect::<Vec<f64>>();
         let x = some(3);
-        // Of the inputs 2 and 0; the rates of input 1 are zero.
+        // Along the inputs 2 and 0; the rates of input 1 are zero.
         let given = some(6);
         let Tangents { ops: all, values: entries, rates } = tangents(&ops, 3, &outputs, 4, &[2, 0], 3);
         let got = values(&all, &[x.clone(), given.clone()].concat());
@@ -180,7 +180,7 @@ fn tangents_along_several_directions_are_those_along_each_alone() {
         for (rates, along) in rates.chunks_exact(4).zip(given.chunks_exact(2)) {
             for (&rate, (_, expected)) in rates.iter().zip(both(&ops, &outputs, &x, &[along[1], 0.0, along[0]])) {
                 most = most.max(expected.rate.abs());
-                // Rounding of some hundred operations, of numbers that may cancel.
+                // The rounding of some hundred operations, on numbers that may cancel.
                 assert!((got[rate as usize] - expected.rate).abs() <= 1e-11 * (1.0 + expected.rate.abs()), "{trial}");
             }
         }
@@ -199,11 +199,11 @@ fn what_does_not_move_costs_nothing() {
     let mut differentiation = Differentiation::new(ops.clone(), 2);
     let rates = differentiation.along(&[1], &[y.index(), still.index()]);
     assert_eq!(rates[1], 0);
-    // The rate of b and one product.
+    // Only the rate of b and one product are added.
     assert_eq!(differentiation.length() as usize, ops.len() + 2);
 }
 
-/// The derivatives of `outputs` at `x` along `x_dot`, weighed by `y_bar`: by the adjoint, and by differentiation.
+/// The derivatives of `outputs` at `x` along `x_dot`, weighted by `y_bar`: by the adjoint, and by differentiation.
 fn weighed(ops: &[Op], outputs: &[u32], (x, x_dot, y_bar): (&[f64], &[f64], &[f64])) -> (f64, f64) {
     let moving: Vec<u32> = (0..x.len() as u32).collect();
     let (all, bars) = adjoint(ops.to_vec(), x.len(), outputs, &moving);
@@ -222,7 +222,7 @@ fn the_adjoint_of_random_recordings_is_that_of_their_derivatives() {
         let (x, x_dot, y_bar) = (some(3), some(3), some(outputs.len()));
         let (got, expected) = weighed(&ops, &outputs, (&x, &x_dot, &y_bar));
         most = most.max(expected.abs());
-        // Rounding of some hundred operations, of numbers that may cancel.
+        // The rounding of some hundred operations, on numbers that may cancel.
         assert!((got - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "{trial}: {got} {expected}");
     }
     assert!(most > 1.0, "the outputs move: {most}");
@@ -230,7 +230,7 @@ fn the_adjoint_of_random_recordings_is_that_of_their_derivatives() {
 
 #[test]
 fn the_branch_that_is_not_taken_has_no_part_in_the_adjoint() {
-    // Where a < 1 it is a b; else it divides by a - 1/2, takes a root and multiplies.
+    // If a < 1 the result is a b. Otherwise it divides by a - 1/2, takes a root and multiplies.
     sym::begin();
     sym::end_set_up();
     let (a, b) = (sym::input(), sym::input());

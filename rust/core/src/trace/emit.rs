@@ -1,7 +1,7 @@
 //! From a straight-line program to machine code: registers by furthest next use (Belady 1966), one instruction after another.
 //!
-//! A value without a register moves to a slot of the frame behind those of the program. Inputs and constants are read from
-//! memory if the instruction allows it and the value is not read again soon.
+//! A value without a register is stored in a slot of the frame after those of the program. Inputs and constants are read from memory if the
+//! instruction allows it and the value is not read again soon.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 use super::lifetimes::{Lifetimes, NEVER};
@@ -13,21 +13,21 @@ const SOON: u32 = 24;
 /// Machine code with its constants.
 pub struct Emitted {
     pub bytes: Vec<u8>,
-    /// The numbers that the code reads behind its second argument.
+    /// The numbers that the code reads through its second argument.
     pub constants: Vec<f64>,
-    /// Slots of a frame that it runs on.
+    /// Number of slots of a frame for the code.
     pub slots: usize,
-    /// How often a value left the registers for memory.
+    /// Number of times that a value moved from a register to memory.
     pub spilled: usize,
 }
 
-/// Emit `program` for `form`; values that leave the registers go to slots from `first` on.
+/// Emit `program` for `form`. Values without a register are stored in slots from `first` on.
 pub fn emit<A: Assemble>(program: &Straight, form: Form, first: usize) -> Emitted {
     let (assembler, emitted) = assemble::<A>(program, form, first);
     Emitted { bytes: assembler.finish(), ..emitted }
 }
 
-/// The same without the bytes, which are still in the assembler.
+/// The same, with the bytes still in the assembler.
 pub(super) fn assemble<A: Assemble>(program: &Straight, form: Form, first: usize) -> (A, Emitted) {
     let lifetimes = Lifetimes::of(program);
     let values = program.instructions.len();
@@ -63,14 +63,14 @@ struct Emitter<'a, A> {
     /// The value in each register.
     holder: Vec<Option<u32>>,
     free_slots: Vec<u32>,
-    /// Slots that are free once the instruction is there, which may still read them.
+    /// Slots that are free after the present instruction, which may still read them.
     leaving: Vec<u32>,
     slots: u32,
     spilled: usize,
-    /// The place of each constant that is used, in numbers.
+    /// The place of each used constant, counted in numbers.
     constant: Vec<Option<u32>>,
     constants: Vec<f64>,
-    /// The position of the instruction that is emitted.
+    /// The position of the present instruction.
     at: u32,
 }
 
@@ -111,7 +111,7 @@ impl<A: Assemble> Emitter<'_, A> {
         self.lifetimes.next_read(value, self.at + 1) == NEVER
     }
 
-    /// Free the registers and slots of values that are read for the last time.
+    /// Free the registers and slots of values that this instruction reads for the last time.
     fn release(&mut self, values: [u32; 3]) {
         for value in values {
             if self.dies(value) {
@@ -146,7 +146,7 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// Whether an instruction spreads one number over the lanes as it reads it: AVX-512, and code of one lane.
+    /// Whether an instruction can broadcast one number to all lanes as it reads it: AVX-512, and code for one lane.
     fn spreads(&self) -> bool {
         !self.form.packed || self.form.set == Set::Avx512
     }
@@ -163,7 +163,7 @@ impl<A: Assemble> Emitter<'_, A> {
         if spreads { Source::Spread(Base::Constants, 8 * place as i32) } else { Source::Slot(Base::Constants, 8 * place as i32) }
     }
 
-    /// A register for a new value; `keep` are the values that have to stay in theirs.
+    /// A register for a new value. The values `keep` must stay in their registers.
     fn take(&mut self, keep: [u32; 3]) -> u8 {
         if let Some(free) = self.holder.iter().position(Option::is_none) {
             return free as u8;
@@ -171,7 +171,7 @@ impl<A: Assemble> Emitter<'_, A> {
         let (mut furthest, mut best) = (0, 0);
         for (register, holder) in self.holder.iter().enumerate() {
             let Some(value) = holder.filter(|value| !keep.contains(value)) else { continue };
-            // Of two that are read equally late, the one that needs no store.
+            // Of two values with the same next read, the one that needs no store.
             let in_memory = self.spill[value as usize].is_some() || self.program.instructions[value as usize].is_leaf();
             let score = 2 * u64::from(self.lifetimes.next_read(value, self.at)) + u64::from(in_memory) + 1;
             if score > furthest {
@@ -191,7 +191,7 @@ impl<A: Assemble> Emitter<'_, A> {
         best as u8
     }
 
-    /// The value in a register.
+    /// The register of the value, which is loaded if necessary.
     fn obtain(&mut self, value: u32, keep: [u32; 3]) -> u8 {
         if let Some(register) = self.register[value as usize] {
             return register;
@@ -204,7 +204,7 @@ impl<A: Assemble> Emitter<'_, A> {
         register
     }
 
-    /// The value as the last operand of an instruction: from memory, unless it should be in a register.
+    /// The value as the last operand of an instruction: in memory, unless it should be in a register.
     fn operand(&mut self, value: u32, keep: [u32; 3]) -> Source {
         if self.register[value as usize].is_none() {
             let next = self.lifetimes.next_read(value, self.at + 1);
@@ -218,8 +218,8 @@ impl<A: Assemble> Emitter<'_, A> {
         Source::Register(self.obtain(value, keep))
     }
 
-    /// The register of the result of an instruction whose first operand is `a`, in `from`, and whose operands are `keep`. SSE2 works
-    /// on its first operand, which is copied unless it dies.
+    /// The register for the result of an instruction with the operands `keep`. The first operand is `a`, in `from`. SSE2 overwrites its
+    /// first operand, so that is copied unless it is read for the last time.
     fn result(&mut self, a: u32, from: u8, keep: [u32; 3]) -> u8 {
         if self.form.set > Set::Sse2 {
             self.release(keep);
@@ -246,7 +246,7 @@ impl<A: Assemble> Emitter<'_, A> {
             Sub(a, b) => self.binary(Binary::Sub, a, b),
             Div(a, b) => self.binary(Binary::Div, a, b),
             AndNot(a, b) => self.binary(Binary::AndNot, a, b),
-            // The instruction gives its second operand unless the first one is beyond it.
+            // The instruction returns its second operand unless the first is the larger or the smaller one.
             Max(a, b) => self.binary(Binary::Max, b, a),
             Min(a, b) => self.binary(Binary::Min, b, a),
             Fma(a, b, c) => self.fused(Product::Add, a, b, c),
@@ -290,11 +290,11 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// The operands of an instruction: the first in a register.
+    /// The operands of an instruction. The first is in a register.
     fn pair(&mut self, a: u32, b: u32, logic: bool) -> (u8, Source) {
         let keep = [a, b, b];
         let from = self.obtain(a, keep);
-        // Logic on single numbers has no operand in memory of their size.
+        // Logic on single numbers has no memory operand of their size.
         let source = if logic && !self.form.packed { Source::Register(self.obtain(b, keep)) } else { self.operand(b, keep) };
         (from, source)
     }
@@ -311,7 +311,7 @@ impl<A: Assemble> Emitter<'_, A> {
         if swap { self.binary(op, b, a) } else { self.binary(op, a, b) }
     }
 
-    /// `a b` and `c`: into the register of an operand that dies, if there is one.
+    /// `a b` and `c`, written to the register of an operand that is read for the last time, if there is one.
     fn fused(&mut self, product: Product, a: u32, b: u32, c: u32) -> u8 {
         let keep = [a, b, c];
         let ends = |this: &Self, value: u32| {
@@ -349,7 +349,7 @@ impl<A: Assemble> Emitter<'_, A> {
     }
 }
 
-/// The first operand's register: SSE2 has it in the result's.
+/// The first operand's register. In SSE2 it is the register of the result.
 fn from_or(to: u8, from: u8, form: Form) -> u8 {
     if form.set == Set::Sse2 { to } else { from }
 }

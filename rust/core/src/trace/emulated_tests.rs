@@ -8,7 +8,7 @@ use super::instruction::{Form, Set};
 use super::portable::Portable;
 use super::tests::{Random, forget_stream, random_program, random_stream};
 
-/// Portable evaluation gives the numbers that the emulator must find.
+/// Portable evaluation gives the numbers that the emulator must reproduce.
 #[test]
 fn neon_programs_are_written_for_the_emulator() {
     let mut random = Random(0xfedc_ba98_7654_3211);

@@ -1,6 +1,6 @@
 //! The memory of a program: slots of one number per lane, side by side.
 
-/// One cache line, so that every slot of lanes is aligned.
+/// One cache line, so that the slots of every number of lanes are aligned.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Line([f64; 8]);
@@ -22,7 +22,7 @@ impl Frame {
         self.lanes
     }
 
-    /// All numbers; those of slot `s` begin at `s` times the number of lanes.
+    /// All numbers. Those of slot `s` begin at `s` times the number of lanes.
     pub fn numbers(&self) -> &[f64] {
         // SAFETY: a line is eight numbers without padding.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), 8 * self.lines.len()) }
@@ -39,7 +39,7 @@ impl Frame {
         &mut self.numbers_mut()[slot * lanes..(slot + 1) * lanes]
     }
 
-    /// The same number in all lanes of a slot.
+    /// Write the same number to all lanes of a slot.
     pub fn fill(&mut self, slot: usize, x: f64) {
         self.slot_mut(slot).fill(x);
     }

@@ -1,7 +1,7 @@
-//! A recorded function of numbers: a program that is made once per structure and kept.
+//! A recorded function of numbers. Its program is made once per structure and stored.
 //!
-//! Its frame holds, slot after slot: the numbers of the set-up, the inputs, the largest angle that was turned by, and the answer. The
-//! program rounds as direct evaluation does: both give the same bits.
+//! Its frame holds, slot after slot: the numbers of the set-up, the inputs, the largest angle of the run, and the result. The program
+//! rounds like direct evaluation, so both give the same bits.
 
 use super::cache::Cache;
 use super::frame::Frame;
@@ -14,13 +14,13 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Calls for one configuration after which a function's program is made.
+/// Number of calls for one configuration after which a function's program is made.
 pub const CALLS: usize = 16;
 
-/// Operations of all functions that are kept.
+/// Largest number of operations of all stored functions.
 const KEPT_OPERATIONS: usize = 1 << 20;
 
-/// One structure.
+/// A function for all recordings of one structure.
 struct Function {
     ops: Vec<Op>,
     answer: Vec<u32>,
@@ -44,7 +44,7 @@ impl Layout {
     }
 }
 
-/// A function with the numbers of its set-up, on a separate frame: for one run, or for one run per lane.
+/// A function with the numbers of its set-up, on a separate frame, for one run or for one run per lane.
 #[derive(Clone)]
 pub struct Evaluation {
     function: Arc<Function>,
@@ -57,7 +57,8 @@ impl std::fmt::Debug for Evaluation {
     }
 }
 
-/// A recorded function: its operations, the numbers of its set-up (the first inputs), the number of further inputs, and the entries of its result.
+/// A recorded function: its operations, the numbers of its set-up (the first inputs), the number of other inputs, and the entries of its
+/// result.
 pub struct Recorded {
     pub ops: Vec<Op>,
     pub values: Vec<f64>,
@@ -65,7 +66,7 @@ pub struct Recorded {
     pub answer: Vec<u32>,
 }
 
-/// Record `answer` of the set-up and of so many inputs; `None` if the code branches on data.
+/// Record `answer` as a function of the set-up and of `inputs` inputs; `None` if the code branches on data.
 pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Recorded> {
     sym::begin();
     let made = set_up();
@@ -76,7 +77,7 @@ pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnc
     (!recording.failed).then_some(Recorded { ops: recording.ops, values: recording.values, inputs, answer })
 }
 
-/// The same as a program, for one run or for lanes.
+/// Record and make the program, for one run or for lanes.
 pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Evaluation> {
     recorded(inputs, set_up, answer).map(|recorded| recorded.program(lanes))
 }
@@ -98,7 +99,7 @@ impl Evaluation {
         for (slot, &x) in given.iter().enumerate() {
             frame.fill(slot, x);
         }
-        // A known number is no output of the program.
+        // A known number is not an output of the program.
         for (k, &entry) in answer.iter().enumerate() {
             if let Op::Const(bits) = ops[entry as usize] {
                 frame.fill(layout.answer() + k, f64::from_bits(bits));
@@ -116,7 +117,7 @@ impl Evaluation {
         self.function.program.operations()
     }
 
-    /// Rows `at..` of `given` to the inputs from `first` on, a row per lane; lanes beyond the last row repeat it.
+    /// Write rows `at..` of `given` to the inputs from `first` on, one row per lane. Lanes beyond the last row repeat it.
     pub fn read(&mut self, first: usize, given: &[f64], width: usize, at: usize) {
         rows::read(&mut self.frame, self.function.layout.given + first, given, width, at);
     }
@@ -141,13 +142,13 @@ impl Evaluation {
         self.run_on();
     }
 
-    /// The same, and the largest angle is that of all runs since [`Evaluation::forget`].
+    /// The same. The largest angle is then that of all runs since [`Evaluation::forget`].
     #[inline]
     pub fn run_on(&mut self) {
         self.function.program.run(&mut self.frame);
     }
 
-    /// Forget the largest angle.
+    /// Reset the largest angle.
     #[inline]
     pub fn forget(&mut self) {
         if self.function.program.turns() {
@@ -166,13 +167,13 @@ impl Evaluation {
         &self.frame.numbers()[slot * lanes..(slot + count) * lanes]
     }
 
-    /// `length` numbers of the answer from `first` on as rows of `out`: of at most as many as there are lanes. Whether
+    /// Write `length` numbers of the result, from `first` on, as rows of `out`, which has at most one row per lane. The result is true if
     /// every number is finite.
     pub fn write(&self, first: usize, length: usize, out: &mut [f64]) -> bool {
         length == 0 || rows::write(&self.frame, self.function.layout.answer() + first, length, out)
     }
 
-    /// Whether lane `lane` turned by angles for which there are sines.
+    /// Whether the angles of lane `lane` are in the range of the sines.
     pub fn is_near(&self, lane: usize) -> bool {
         let at = self.function.layout.reach() * self.lanes() + lane;
         self.frame.numbers()[at] < REDUCTION_LIMIT
@@ -182,7 +183,7 @@ impl Evaluation {
 static KNOWN: Cache<Arc<Function>> = Cache::new();
 
 impl Function {
-    /// The function of a recording: one that is there, or a new one. Those used last are kept.
+    /// The function of a recording: a stored one, or a new one. The functions used last are stored.
     fn of(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Arc<Function> {
         if let Some(found) = KNOWN.find(|known| known.layout == layout && known.answer == answer && known.ops == ops) {
             return found;

@@ -2,14 +2,14 @@
 
 use std::fmt::Write;
 
-/// Write a file into the folder that `ARMLET_HARNESS` names; nothing without it.
+/// Write a file to the folder in `ARMLET_HARNESS`. Without this variable nothing is written.
 pub fn write(name: &str, content: &(impl AsRef<[u8]> + ?Sized)) {
     if let Some(folder) = std::env::var_os("ARMLET_HARNESS") {
         std::fs::write(std::path::Path::new(&folder).join(name), content).unwrap();
     }
 }
 
-/// Assembler text of cases: functions in `.text`, numbers in `.data`, and the table `cases` of what belongs together.
+/// Assembler text of cases: functions in `.text`, numbers in `.data`, and a table `cases` that connects them.
 #[derive(Default)]
 pub struct Cases {
     code: String,
@@ -23,8 +23,8 @@ impl Cases {
         self.len
     }
 
-    /// A function, its memory, its turns along the stream, and the expected values at the start of the frame.
-    /// They are the same bits, or any NaN for NaN.
+    /// Add a function, its memory, its iterations along the stream, and the expected values at the start of the frame. The bits must be the
+    /// same, but every NaN equals every other.
     pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], (stream, turns): (&[f64], usize), expected: &[f64]) {
         assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());
         let i = self.len;

@@ -1,7 +1,7 @@
 //! The operations of straight-line machine code and their operands, for every instruction set.
 //!
-//! A register holds one *slot*: one number per lane. Code reads and writes slots relative to addresses, its first
-//! arguments: the frame (inputs, outputs, spilled registers), the constants, and the stream of a program that repeats itself.
+//! A register holds one *slot*: one number per lane. Code reads and writes slots relative to addresses, which are its first arguments. They
+//! are the frame (inputs, outputs, spilled registers), the constants, and the stream of a program that repeats.
 
 /// An instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -44,12 +44,12 @@ impl Form {
         }
     }
 
-    /// Whether it has products and sums with one rounding.
+    /// Whether the set has products and sums with one rounding.
     pub fn has_fused(self) -> bool {
         self.set > Set::Sse2
     }
 
-    /// Whether [`Assemble::select`] takes bits by the bits of its mask, not lanes by the sign bit.
+    /// Whether [`Assemble::select`] selects bits by the bits of its mask, instead of lanes by the sign bit.
     pub fn selects_bits(self) -> bool {
         matches!(self.set, Set::Sse2 | Set::Neon)
     }
@@ -60,14 +60,14 @@ impl Form {
     }
 }
 
-/// An address that the code gets as an argument.
+/// An address that the code receives as an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
     /// The first argument: inputs, outputs and spilled registers.
     Frame,
     /// The second argument.
     Constants,
-    /// The third argument, which moves on from turn to turn: the fourth is the number of turns.
+    /// The third argument, which advances in each iteration. The fourth argument is the number of iterations.
     Stream,
 }
 
@@ -88,9 +88,9 @@ pub enum Binary {
     Sub,
     Mul,
     Div,
-    /// `if a < b { a } else { b }`: `b` where one is NaN, and where both are zero.
+    /// `if a < b { a } else { b }`: `b` if one is NaN, and if both are zero.
     Min,
-    /// `if a > b { a } else { b }`: `b` where one is NaN, and where both are zero.
+    /// `if a > b { a } else { b }`: `b` if one is NaN, and if both are zero.
     Max,
     And,
     /// `!a & b`.
@@ -119,10 +119,10 @@ pub enum Product {
     NegSub,
 }
 
-/// Which of the operands `dst`, `a`, `b` are `x y, z` of a [`Product`].
+/// The roles of the operands `dst`, `a`, `b` as `x y, z` of a [`Product`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// `dst = a b, dst`: the sum grows in place.
+    /// `dst = a b, dst`: the sum is formed in place.
     P231,
     /// `dst = a dst, b`.
     P213,
@@ -130,7 +130,7 @@ pub enum Order {
     P132,
 }
 
-/// How a caller passes arguments, and which registers it expects to find unchanged.
+/// How a caller passes arguments, and the registers that it expects to remain unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
     SystemV,
@@ -142,7 +142,7 @@ impl Convention {
     pub const HERE: Convention = if cfg!(windows) { Convention::Win64 } else { Convention::SystemV };
 }
 
-/// An encoder of machine code. A method appends the instructions of one operation; registers may be the same.
+/// An encoder of machine code. A method appends the instructions of one operation. Its registers may be equal.
 pub trait Assemble {
     fn new(form: Form) -> Self;
 
@@ -152,7 +152,7 @@ pub trait Assemble {
     /// and `op` is logic. No such instruction reads a number of eight bytes, so `b` is loaded into `dst` first.
     fn binary(&mut self, op: Binary, dst: u8, a: u8, b: Source);
 
-    /// `dst` = the product and sum of `dst, a, b` in the roles of `order`, with one rounding. Not on SSE2.
+    /// `dst` = the product and sum of `dst, a, b` in the roles of `order`, with one rounding. Not available in SSE2.
     fn fused(&mut self, product: Product, order: Order, dst: u8, a: u8, b: Source);
 
     /// `dst` = the square root of `a`.
@@ -161,32 +161,32 @@ pub trait Assemble {
     /// `dst = from`: move a register, load a slot, or load one number into every lane.
     fn load(&mut self, dst: u8, from: Source);
 
-    /// The slot at `base + offset` bytes becomes `from`.
+    /// Store `from` in the slot at `base + offset` bytes.
     fn store(&mut self, base: Base, offset: i32, from: u8);
 
-    /// All bits of `dst` are ones in lanes where `a < b`, else zeros; zeros where one is NaN. SSE2 requires `dst == a`.
+    /// All bits of `dst` are ones in lanes where `a < b`, else zeros; zeros if one is NaN. SSE2 requires `dst == a`.
     fn less(&mut self, dst: u8, a: u8, b: Source);
 
     /// `dst = yes` in lanes where the sign bit of `mask` is set, else `no`.
     /// SSE2 and NEON require full masks: all ones or zeros.
     fn select(&mut self, dst: u8, mask: u8, yes: u8, no: u8);
 
-    /// `dst` = a mask for [`select`](Self::select) that is set where the sign bit of `a` is.
+    /// `dst` = a mask for [`select`](Self::select), set in lanes where the sign bit of `a` is set.
     fn sign_mask(&mut self, dst: u8, a: u8);
 
     /// `dst = a << bits` in lanes of 64 bits. SSE2 requires `dst == a`.
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8);
 
-    /// The prologue: move the arguments to their registers, and save the caller's registers.
+    /// The prologue: move the arguments to the registers of the code, and save the caller's registers.
     fn enter(&mut self, convention: Convention);
 
     /// The place of the next instruction, for [`again`](Self::again).
     fn here(&self) -> usize;
 
-    /// Move the stream on by `advance` bytes, and go back to `start` unless this was the last turn.
+    /// Advance the stream by `advance` bytes, and jump to `start` unless this was the last iteration.
     fn again(&mut self, start: usize, advance: u32);
 
-    /// Just before [`ret`](Self::ret): restore the registers that [`enter`](Self::enter) saved.
+    /// Restore the registers that [`enter`](Self::enter) saved, just before [`ret`](Self::ret).
     fn leave(&mut self, convention: Convention);
 
     /// Return to the caller.

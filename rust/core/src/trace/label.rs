@@ -1,6 +1,6 @@
-//! Names of the numbers of a set-up: the name of a scope and the place in it.
+//! Names of the numbers of a set-up: the name of a scope, and the index in it.
 
-/// A name with its number. Both may be missing: a name without a label, and a number 0.
+/// A name with its number. Without a label the name is empty. Without an index the number is 0.
 pub type Label = (&'static str, u32);
 
 /// The labels of all inputs of a set-up, and the next one.
@@ -11,12 +11,12 @@ pub(super) struct Labels {
 }
 
 impl Labels {
-    /// Name the following numbers `name`, with indices from `first` on. The result is the label before.
+    /// Name the next numbers `name`, with indices from `first` on. The result is the previous label.
     pub fn begin(&mut self, name: &'static str, first: u32) -> Label {
         std::mem::replace(&mut self.scope, (name, first))
     }
 
-    /// Restore the label from before.
+    /// Restore the previous label.
     pub fn end(&mut self, before: Label) {
         self.scope = before;
     }

@@ -1,17 +1,17 @@
-//! When each value of a program is read for the last time, and when its outputs are stored.
+//! The last read of each value of a program, and the time at which its outputs are stored.
 
 use super::straight::{Instruction, Straight};
 use std::collections::HashSet;
 
-/// The instructions that are computed, in order, with the positions at which their results are read.
+/// The computed instructions, in order, with the positions at which their results are read.
 pub(super) struct Lifetimes {
-    /// The indices of the instructions that are computed.
+    /// The indices of the computed instructions.
     pub order: Vec<u32>,
-    /// The positions in `order` at which each value is read, increasing; the position past the end is the final stores'.
+    /// The positions in `order` at which each value is read, increasing. The position past the end belongs to the final stores.
     reads: Vec<Vec<u32>>,
-    /// Outputs that are stored as soon as they are computed: `(position, slot)`, in order of positions.
+    /// Outputs that are stored immediately after their computation: `(position, slot)`, in order of positions.
     pub early: Vec<(u32, u32)>,
-    /// Outputs that are stored at the end, because the slot is an input too or the value is a leaf: `(slot, value)`, leaves first.
+    /// Outputs that are stored at the end, because the slot is also an input or the value is a leaf: `(slot, value)`, leaves first.
     pub late: Vec<(u32, u32)>,
 }
 
@@ -51,7 +51,7 @@ impl Lifetimes {
         Lifetimes { order, reads, early, late: copies }
     }
 
-    /// The first position from `at` on at which `value` is read; [`NEVER`] without one.
+    /// The first position, from `at` on, at which `value` is read; [`NEVER`] if there is none.
     pub fn next_read(&self, value: u32, at: u32) -> u32 {
         let reads = &self.reads[value as usize];
         reads.get(reads.partition_point(|&read| read < at)).copied().unwrap_or(NEVER)

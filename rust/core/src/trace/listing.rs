@@ -1,4 +1,4 @@
-//! A program as its readers see it: the operations of a recording, its instructions, and its machine code, one line each.
+//! A program as text for readers: the operations of a recording, its instructions, and its machine code, one line each.
 //!
 //! Every line is `to = kind(operands)`. An operand is the result of an earlier line, an input, or a number.
 
@@ -8,7 +8,7 @@ use super::program::Scratch;
 use super::straight::{Instruction, Part, Straight, Stream};
 use super::tape::Op;
 
-/// One line. Numbers are written such that they can be read back.
+/// One line. Numbers are written so that a reader gets the same bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     pub to: String,
@@ -20,7 +20,7 @@ pub struct Line {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Listing {
     pub lines: Vec<Line>,
-    /// `(output, its value)`
+    /// `(output, value)`
     pub outputs: Vec<(String, String)>,
 }
 
@@ -30,7 +30,7 @@ pub type Names<'a> = &'a dyn Fn(u32) -> String;
 /// A part as instructions.
 pub struct Lowered {
     pub straight: Straight,
-    /// Slots that it reads.
+    /// Slots that the part reads.
     pub inputs: Vec<u32>,
 }
 
@@ -43,7 +43,7 @@ impl Lowered {
         Lowered { straight, inputs }
     }
 
-    /// Its instructions.
+    /// The instructions of the part.
     pub fn listing(&self, names: Names) -> Listing {
         let (mut values, mut lines) = (Vec::<String>::new(), Vec::new());
         for &instruction in &self.straight.instructions {
@@ -83,14 +83,14 @@ pub fn recorded(part: Part, names: Names) -> Listing {
     Listing { lines, outputs }
 }
 
-/// One more line; the name of its result.
+/// Add a line. The result is the name of its result.
 fn line(lines: &mut Vec<Line>, kind: &'static str, operands: impl Iterator<Item = String>, bits: Option<u8>) -> String {
     let to = format!("t{}", lines.len());
     lines.push(Line { to: to.clone(), kind, operands: operands.chain(bits.map(|bits| bits.to_string())).collect() });
     to
 }
 
-/// A number as it is read back to the same bits.
+/// A number in a notation from which a reader gets the same bits.
 pub(super) fn number(x: f64) -> String {
     format!("{x:?}")
 }

@@ -1,7 +1,7 @@
 //! Machine code as text: one line per operation of the emitter, for any instruction set.
 //!
-//! Registers are `r0`, `r1`, .. and a value that left them is `spill0`, `spill1`, .. An operand that is an input or a number is in
-//! memory. An operation that takes several instructions is one line.
+//! The names of registers are `r0`, `r1`, .. and those of values that moved to memory `spill0`, `spill1`, .. An operand that is an input or
+//! a number is in memory. An operation of several instructions is one line.
 
 use super::emit::assemble;
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Source};
@@ -10,7 +10,7 @@ use super::listing::{Line, Listing, Lowered, Names, number};
 #[derive(Clone, Copy)]
 enum Place {
     Register(u8),
-    /// Bytes from a base on.
+    /// An offset in bytes from a base.
     Memory(Base, i32),
     Bits(u8),
 }
@@ -19,7 +19,7 @@ enum Place {
 struct Writer(Vec<(Place, &'static str, Vec<Place>)>);
 
 impl Lowered {
-    /// The machine code as the emitter makes it for `form`; spilled values are in slots from `free` on.
+    /// The machine code from the emitter for `form`. Spilled values are in slots from `free` on.
     pub fn code(&self, form: Form, free: usize, names: Names) -> Listing {
         let (writer, emitted) = assemble::<Writer>(&self.straight, form, free);
         let stream = self.straight.stream;
@@ -73,7 +73,7 @@ impl Assemble for Writer {
             Binary::Sub => ("sub", [a, b]),
             Binary::Mul => ("mul", [a, b]),
             Binary::Div => ("div", [a, b]),
-            // As those of instructions, which give the first operand unless the second is beyond it.
+            // As in instructions, which give the first operand unless the second is the smaller or larger one.
             Binary::Min => ("min", [b, a]),
             Binary::Max => ("max", [b, a]),
             Binary::And => ("and", [a, b]),

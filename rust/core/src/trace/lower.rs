@@ -1,16 +1,17 @@
 //! From a recording to the instructions of one instruction set.
 //!
 //! Lowering removes entries without an effect on an output. It expands sine and cosine into the polynomials of `scalar::trig`, and turns
-//! negation and absolute value into bit operations. A fused product is one instruction where the target has it, elsewhere a product and a sum. Nothing
-//! else is fused and nothing is reordered, so the bits are those of direct evaluation on the same instruction set, signs of zeros aside.
+//! negation and absolute value into bit operations. A fused product is one instruction if the target has it, otherwise a product and a sum.
+//! Nothing else is fused and nothing is reordered. So the bits are those of direct evaluation on the same instruction set, except for the
+//! signs of zeros.
 
 use super::memo::Memo;
 use super::straight::{Instruction, Part, Straight};
 use super::tape::Op;
 use crate::scalar::trig;
 
-/// Lower a part of a recording; `fused`: the target has fused multiply-add. Input `k` is in slot `k`.
-/// If there are angles, `reach_slot` receives the largest magnitude of them and of its content.
+/// Lower a part of a recording. `fused`: the target has fused multiply-add. Input `k` is in slot `k`. If there are angles, `reach_slot`
+/// receives the largest magnitude among them and its previous content.
 pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
     let Part { ops, outputs, .. } = part;
     let mut lowering = Lowering {
@@ -43,9 +44,9 @@ pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
 struct Lowering<'a> {
     part: Part<'a>,
     ops: &'a [Op],
-    /// The value of each entry of the tape, once it is lowered.
+    /// The value of each entry that is lowered already.
     known: Vec<Option<u32>>,
-    /// The angles whose sine and cosine are there.
+    /// The angles whose sine and cosine are computed already.
     turns: Vec<u32>,
     constants: Memo<u64>,
     fused: bool,
@@ -71,8 +72,8 @@ impl Lowering<'_> {
         })
     }
 
-    /// Lower the entries that the outputs require, in the order of the recording. Lifetimes are shorter than in depth-first order, and an
-    /// operation depends less often on the one just before.
+    /// Lower the entries that the outputs require, in the order of the recording. Lifetimes are shorter than in depth-first order.
+    /// Operations depend less often on the one just before.
     fn entries(&mut self) {
         let mut needed = vec![false; self.ops.len()];
         self.part.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);
@@ -93,7 +94,7 @@ impl Lowering<'_> {
         }
     }
 
-    /// `x` where entry `c` is `-x` and the target adds and subtracts alike in a fused product.
+    /// `x` if entry `c` is `-x` and the target can both add and subtract in a fused product.
     fn negated(&self, c: u32) -> Option<u32> {
         match self.ops[c as usize] {
             Op::Neg(x) if self.fused && !self.part.is_before(c) => Some(x),
@@ -101,7 +102,7 @@ impl Lowering<'_> {
         }
     }
 
-    /// The entries whose values `op` reads once it is lowered.
+    /// The entries whose values the lowered `op` reads.
     fn reads(&self, op: Op) -> [Option<u32>; 3] {
         if let Op::Fma(a, b, c) | Op::Fnma(a, b, c) = op
             && let Some(x) = self.negated(c)
@@ -167,8 +168,8 @@ impl Lowering<'_> {
         self.push(Instruction::Sub(c, product))
     }
 
-    /// Sine and cosine of entry `a`, the `pair`, as `scalar::trig::sin_cos_near` computes them; the value of entry `top`, which is one of
-    /// them.
+    /// Sine and cosine of entry `a`, computed as in `scalar::trig::sin_cos_near`. `pair` are their operations. The result is the value of
+    /// entry `top`, which is one of them.
     fn turn(&mut self, top: u32, a: u32, pair: (Op, Op)) -> u32 {
         use Instruction as I;
         let x = self.at(a);
@@ -191,7 +192,7 @@ impl Lowering<'_> {
         let (half, one) = (self.constant(-0.5), self.constant(1.0));
         let near_one = self.fma(half, z, one);
         let cos = self.fma(zz, cos, near_one);
-        // Bit 0 of the quadrant swaps the two, bit 1 turns the sign of the sine, bit 0 xor bit 1 that of the cosine.
+        // Bit 0 of the quadrant swaps the two. Bit 1 changes the sign of the sine, and bit 0 xor bit 1 that of the cosine.
         let odd = self.push(I::Shift(rounded, 63));
         let swap = self.push(I::Signs(odd));
         let upper = self.push(I::Shift(rounded, 62));
@@ -201,7 +202,7 @@ impl Lowering<'_> {
         let swapped = (self.push(I::Select(swap, cos, sin)), self.push(I::Select(swap, sin, cos)));
         let sin = self.push(I::Xor(swapped.0, sin_sign));
         let cos = self.push(I::Xor(swapped.1, cos_sign));
-        // Both entries of the pair are known from here on.
+        // Now the values of both entries of the pair are known.
         for (entry, op) in [(pair.0, sin), (pair.1, cos)] {
             if let Some(at) = self.twin(top, entry) {
                 self.known[at] = Some(op);
@@ -210,13 +211,13 @@ impl Lowering<'_> {
         self.known[top as usize].unwrap_or_default()
     }
 
-    /// The entry of the pair of sine and cosine next to `top`: they are recorded one after the other.
+    /// The other entry of the pair of sine and cosine, next to `top`. Both are recorded one after the other.
     fn twin(&self, top: u32, wanted: Op) -> Option<usize> {
         let top = top as usize;
         [Some(top), top.checked_sub(1), Some(top + 1)].into_iter().flatten().find(|&i| self.ops.get(i) == Some(&wanted))
     }
 
-    /// Two coefficients at a time (Estrin), as `sin_cos_near`.
+    /// Two coefficients at a time (Estrin), as in `sin_cos_near`.
     fn polynomial(&mut self, a: [f64; 6], z: u32, zz: u32) -> u32 {
         let mut pair = |k: usize| {
             let (first, second) = (self.constant(a[k]), self.constant(a[k + 1]));

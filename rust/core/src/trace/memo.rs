@@ -1,9 +1,9 @@
-//! Where an entry is, by its key.
+//! The index of an entry, by its key.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// A multiplicative hash (Knuth): the keys are small and not from an adversary.
+/// A multiplicative hash (Knuth), because the keys are small and do not come from an adversary.
 #[derive(Default)]
 pub struct Multiplicative(u64);
 
@@ -27,5 +27,5 @@ impl Hasher for Multiplicative {
     }
 }
 
-/// The index of a key that is there already.
+/// The index of each known key.
 pub type Memo<K> = HashMap<K, u32, BuildHasherDefault<Multiplicative>>;

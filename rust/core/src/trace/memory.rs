@@ -1,4 +1,4 @@
-//! Executable memory: pages are written first and made executable then, never both at once.
+//! Executable memory. Pages are first written and then made executable. They are never writable and executable at the same time.
 //!
 //! Systems and their rules:
 //! - Linux, Windows, the BSDs, macOS on Intel: an anonymous mapping changes from writable to executable (mprotect,
@@ -15,7 +15,7 @@
 //!
 //! No test compiles the parts for Apple silicon and for Windows on aarch64.
 //!
-//! On aarch64 the instruction cache does not follow writes, so that it is flushed before the first run.
+//! On aarch64, the instruction cache does not follow writes. So it is flushed before the first run.
 
 use std::io::{Error, ErrorKind, Result};
 
@@ -48,7 +48,7 @@ impl Code {
     /// Copy machine code into memory that is executable afterwards.
     ///
     /// # Errors
-    /// Empty code, no memory left, or a system that refuses executable pages.
+    /// Empty code, insufficient memory, or a system that refuses executable pages.
     pub fn new(bytes: &[u8]) -> Result<Code> {
         if bytes.is_empty() {
             return Err(Error::new(ErrorKind::InvalidInput, "no machine code"));
@@ -153,8 +153,8 @@ mod tests {
         assert_eq!(Code::new(&[]).err().unwrap().kind(), ErrorKind::InvalidInput);
     }
 
-    /// A child process gives up the right to make pages executable (Linux 6.3), as a hardened system does.
-    /// Not on aarch64: there the right would be that of an emulator, which cannot do without it.
+    /// A child process gives up its right to make pages executable (Linux 6.3), as on a hardened system. The test does not run on aarch64,
+    /// because an emulator there needs this right itself.
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
     #[test]
     fn returns_the_refusal_of_the_system() {
@@ -167,7 +167,7 @@ mod tests {
         if std::env::var_os(CHILD).is_some() {
             // SAFETY: this changes permissions of this process, and no memory.
             let given_up = unsafe { prctl(PR_SET_MDWE, 1, 0, 0, 0) } == 0;
-            // A kernel without this right cannot refuse.
+            // A kernel without this call cannot refuse.
             assert_eq!(Code::new(&SUM).is_err(), given_up);
             return;
         }

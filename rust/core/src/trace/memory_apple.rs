@@ -8,7 +8,7 @@ use std::ptr::null_mut;
 unsafe extern "C" {
     fn mmap(address: *mut c_void, bytes: usize, protection: c_int, flags: c_int, file: c_int, offset: i64) -> *mut c_void;
     fn munmap(address: *mut c_void, bytes: usize) -> c_int;
-    /// Zero: this thread writes mappings with MAP_JIT. One: it executes them.
+    /// Zero: this thread may write mappings with MAP_JIT. One: it may execute them.
     fn pthread_jit_write_protect_np(executes: c_int);
 }
 

@@ -1,10 +1,10 @@
-//! From a recorded computation to a program. A loop is recorded once with the number [`Sym`], simplified, and lowered to straight-line
-//! instructions of one instruction set. It runs for one run or for many lanes.
+//! From a recorded computation to a program. A loop is recorded once with the number [`Sym`] and simplified. Then it is lowered to
+//! straight-line instructions of one instruction set, for one run or for many lanes.
 //!
-//! `sym`, `tape`, `memo`: recording and folding. `differentiate`, `tangents`, `adjoint`: derivatives of a recording. `straight`, `lower`: straight-line instructions.
-//! `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without it. `frame`: the memory a program
-//! runs on; `pages`: large memory; `rows`: the caller's rows to it and back. `function`: functions of numbers that are kept.
-//! `program`: all of it behind one door. `label`, `listing`: what a reader sees of it.
+//! `sym`, `tape`, `memo`: recording and folding. `differentiate`, `tangents`, `adjoint`: derivatives of a recording. `straight`, `lower`:
+//! straight-line instructions. `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without machine
+//! code. `frame`: the memory of a running program; `pages`: large memory; `rows`: copies between the caller's rows and a frame. `function`:
+//! stored functions of numbers. `program`: the common interface. `label`, `listing`: text for readers.
 
 pub mod aarch64;
 pub mod adjoint;

@@ -9,7 +9,7 @@ pub enum Prefix {
     F2,
 }
 
-/// The opcode's table.
+/// The table of the opcode.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Map {
     M0F = 1,
@@ -22,13 +22,13 @@ pub struct Opcode {
     pub prefix: Prefix,
     pub map: Map,
     pub byte: u8,
-    /// The W bit in VEX. In EVEX it is always one here: elements of 64 bits.
+    /// The W bit in VEX. In EVEX it is always one, because elements have 64 bits.
     pub wide: bool,
-    /// EVEX: required (true), impossible (false), or taken where it is needed or shorter.
+    /// EVEX: required (true), impossible (false), or used if it is needed or shorter.
     pub evex: Option<bool>,
-    /// Whether lanes are taken by the mask register k1.
+    /// Whether the mask register k1 selects lanes.
     pub blend: bool,
-    /// Whether the instruction reads one number for all lanes by its nature.
+    /// Whether the instruction always reads one number for all lanes.
     pub broadcast: bool,
     /// A byte after the displacement.
     pub immediate: Option<u8>,
@@ -51,7 +51,7 @@ impl Opcode {
         Opcode { immediate: Some(immediate), ..self }
     }
 
-    /// An instruction of AVX-512 alone, in the table 0F38.
+    /// An instruction that only AVX-512 has, in the table 0F38.
     pub const fn masked(prefix: Prefix, byte: u8) -> Self {
         Opcode { evex: Some(true), ..opcode(prefix, Map::M0F38, byte) }
     }

@@ -1,11 +1,12 @@
-//! Large memory in large pages, which Linux gives on request (`madvise`).
+//! Large memory in large pages, which Linux provides on request (`madvise`).
 //!
-//! The first touch of a page takes longer than writing it. A number of a new array takes 4.7 ns with pages of 4 KiB, and 1 ns with pages of 2 MiB.
+//! The first access to a page takes longer than writing it. A number of a new array takes 4.7 ns with pages of 4 KiB, and 1 ns with pages
+//! of 2 MiB.
 
-/// Bytes from which pages of 2 MiB are asked for, as numpy does.
+/// Size in bytes from which pages of 2 MiB are requested, as in numpy.
 const LARGE: usize = 1 << 22;
 
-/// The same memory. Its pages that nobody has touched yet will be large ones, if there is much of it.
+/// The same memory. If it is large, its untouched pages will be large pages.
 pub fn in_large_pages<T>(memory: Vec<T>) -> Vec<T> {
     let bytes = memory.capacity() * size_of::<T>();
     if bytes >= LARGE {
@@ -26,7 +27,7 @@ mod system {
     const HUGE: c_int = 14;
     const PAGE: usize = 4096;
 
-    /// Ask for the whole pages within some memory. What the system answers changes no number.
+    /// Request large pages for the whole pages within this memory. The answer of the system changes no number.
     pub fn ask(start: usize, bytes: usize) {
         let first = start.next_multiple_of(PAGE);
         // SAFETY: this advice changes no byte; of what is not mapped the system says that.

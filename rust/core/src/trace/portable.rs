@@ -1,14 +1,14 @@
 //! A program without machine code: one loop over its instructions, each on all lanes of the frame.
 //!
-//! It gives the same bits as the emitted code of the same instruction set. It checks that code, and runs where the system refuses executable
-//! memory. Values are in slots behind those of the program. A slot is used again when its value is dead.
+//! It gives the same bits as the emitted code of the same instruction set. It serves to check that code, and runs where the system refuses
+//! executable memory. Values are in slots after those of the program. A slot is reused after the last read of its value.
 
 use super::frame::Frame;
 use super::lifetimes::{Lifetimes, NEVER};
 use super::straight::{Instruction, Straight, Stream};
 use crate::scalar::lanes::{Isa, isa};
 
-/// An instruction on slots; `what` is its kind, with values as indices.
+/// An instruction on slots. `what` is its kind, with slots as operands.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     what: Instruction,
@@ -19,7 +19,7 @@ struct Step {
 #[derive(Clone, Debug)]
 pub struct Portable {
     steps: Vec<Step>,
-    /// `(from, to)`, at the end, in order.
+    /// `(from, to)`, done at the end, in order.
     copies: Vec<(u32, u32)>,
     /// `(slot, number)`
     constants: Vec<(u32, f64)>,
@@ -28,7 +28,7 @@ pub struct Portable {
 }
 
 impl Portable {
-    /// Give the values of `program` slots from `first` on.
+    /// Assign slots, from `first` on, to the values of `program`.
     pub fn new(program: &Straight, first: usize) -> Self {
         let lifetimes = Lifetimes::of(program);
         let (mut place, mut free, mut next) = (vec![0u32; program.instructions.len()], Vec::new(), first as u32);
@@ -53,7 +53,7 @@ impl Portable {
             place[i as usize] = to;
             steps.push(Step { what: instruction.on(|a| place[a as usize]), to });
             while let Some((_, slot)) = early.next_if(|(position, _)| *position == at) {
-                // A select whose mask is the value itself: a copy.
+                // A select whose mask is the value itself is a copy.
                 steps.push(Step { what: Instruction::Select(to, to, to), to: *slot });
             }
             let mut dead: Vec<u32> = instruction.operands().chain([i]).collect();
@@ -70,7 +70,7 @@ impl Portable {
         Portable { steps, copies, constants, stream: program.stream, slots: next as usize }
     }
 
-    /// Slots of a frame that it runs on.
+    /// Number of slots of a frame for the program.
     pub fn slots(&self) -> usize {
         self.slots
     }
@@ -82,7 +82,7 @@ impl Portable {
         }
     }
 
-    /// Run on a frame that was prepared, `turns` times along the stream.
+    /// Run on a prepared frame, with `turns` iterations along the stream.
     pub fn run(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
         assert!(frame.numbers().len() >= self.slots * frame.lanes(), "the frame has too few slots");
         for turn in 0..turns {

@@ -1,4 +1,4 @@
-//! A program: a recorded computation that runs on frames, as machine code where the system allows it.
+//! A program: a recorded computation that runs on frames, as machine code if the system allows it.
 //!
 //! Otherwise it runs without machine code, with the same bits. `ARMLET_PROGRAMS=portable` selects this.
 
@@ -19,7 +19,7 @@ use std::sync::OnceLock;
 /// Whether machine code for this processor can be emitted.
 const HAS_EMITTER: bool = cfg!(any(target_arch = "x86_64", target_arch = "aarch64"));
 
-/// How programs run here.
+/// How programs run in this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Engine {
     /// As machine code.
@@ -37,7 +37,7 @@ impl Engine {
     }
 }
 
-/// How programs run in this process: read once from the environment and the system.
+/// The engine of this process, which is read once from the environment and the system.
 pub fn engine() -> Engine {
     static ENGINE: OnceLock<Engine> = OnceLock::new();
     *ENGINE.get_or_init(|| {
@@ -61,9 +61,9 @@ pub fn form(packed: bool) -> Form {
 /// The memory of a program in a frame.
 #[derive(Clone, Copy)]
 pub struct Scratch {
-    /// The slot for the largest angle of all runs of the program.
+    /// The slot for the largest angle in all runs of the program.
     pub reach: u32,
-    /// The first slot that nothing else uses.
+    /// The first unused slot.
     pub free: usize,
 }
 
@@ -83,13 +83,13 @@ pub struct Program {
 }
 
 impl Program {
-    /// The program of a part of a recording, whose input `k` is in slot `k` unless it comes along a stream.
+    /// The program of a part of a recording. Input `k` is in slot `k`, unless it is in the stream.
     pub fn new(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form, engine: Engine) -> Self {
         let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
         Program::of(&straight, scratch.free, form, engine)
     }
 
-    /// The program of instructions that are lowered for the set of `form`; its own values are in slots from `free` on.
+    /// The program of instructions lowered for the set of `form`. Its internal values are in slots from `free` on.
     pub fn of(straight: &Straight, free: usize, form: Form, engine: Engine) -> Self {
         let (operations, turns, stream) = (straight.operations(), straight.reach.is_some(), straight.stream);
         if let Some((code, constants, slots)) = machine(straight, free, form, engine) {
@@ -99,22 +99,22 @@ impl Program {
         Program { slots: portable.slots(), backend: Backend::Portable(portable), form, operations, turns, stream }
     }
 
-    /// Slots of a frame that it runs on.
+    /// Number of slots of a frame for the program.
     pub fn slots(&self) -> usize {
         self.slots
     }
 
-    /// Operations of one run of it.
+    /// Number of operations of one run.
     pub fn operations(&self) -> usize {
         self.operations
     }
 
-    /// Whether it takes sines: then its results are valid while the reach is below the limit of `scalar::trig`.
+    /// Whether it computes sines. If so, its results are valid while the reach is below the limit of `scalar::trig`.
     pub fn turns(&self) -> bool {
         self.turns
     }
 
-    /// How it runs.
+    /// The engine that runs the program.
     pub fn engine(&self) -> Engine {
         match self.backend {
             Backend::Machine { .. } => Engine::Machine,
@@ -129,14 +129,14 @@ impl Program {
         }
     }
 
-    /// Run once on a frame that was prepared.
+    /// Run once on a prepared frame.
     #[inline]
     pub fn run(&self, frame: &mut Frame) {
         assert!(self.stream.is_none(), "the program has a stream");
         self.repeat(frame, &[], 1);
     }
 
-    /// Run `turns` times along its stream: slot after slot as in a frame, of one number each where that is spread over the lanes.
+    /// Run `turns` iterations along the stream. The stream has slots as in a frame, or single numbers if they are broadcast to the lanes.
     pub fn run_along(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
         let Some(inputs) = self.stream else { unreachable!("the program has no stream") };
         let lanes = if inputs.spread { 1 } else { self.form.lanes() };
@@ -170,7 +170,7 @@ pub fn size(straight: &Straight, free: usize, form: Form) -> Option<(usize, usiz
     Some((emitted.bytes.len(), emitted.spilled))
 }
 
-/// Machine code with its constants and slots; `None` where the system refuses it or it is not asked for.
+/// Machine code with its constants and slots; `None` if the system refuses it or the engine is another one.
 fn machine(straight: &Straight, free: usize, form: Form, engine: Engine) -> Option<(Code, Frame, usize)> {
     if engine == Engine::Portable || !HAS_EMITTER {
         return None;

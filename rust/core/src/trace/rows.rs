@@ -1,10 +1,11 @@
-//! Rows of the caller's arrays, one run each, to the lanes of a frame and back: transposes, four by four where the processor has AVX2.
+//! Copies between rows of the caller's arrays, one run each, and lanes of a frame. They are transposes, four by four if the processor has
+//! AVX2.
 
 use super::frame::Frame;
 use crate::scalar::lanes::{Isa, isa};
 use std::ops::Range;
 
-/// Rows `at..` of `given`, `width` numbers each, to the slots from `first` on, a row per lane; lanes beyond the last row repeat it.
+/// Write rows `at..` of `given`, `width` numbers each, to the slots from `first` on, one row per lane. Lanes beyond the last row repeat it.
 pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: usize) {
     if width == 0 {
         return;
@@ -27,7 +28,8 @@ pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: us
     }
 }
 
-/// The `length` slots from `first` on as rows of `out`, up to its size. The result is true if every number is finite. No zero is negative.
+/// Write the `length` slots from `first` on as rows of `out`, up to its size. The result is true if every number is finite. No zero is
+/// negative.
 pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> bool {
     let lanes = frame.lanes();
     let from = &frame.numbers()[first * lanes..(first + length) * lanes];
@@ -49,7 +51,7 @@ pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> boo
     sound
 }
 
-/// Records one after another, `record` numbers each of all `lanes`.
+/// A series of records. Each has `record` numbers of all `lanes`.
 pub struct Series<'a> {
     pub numbers: &'a [f64],
     pub lanes: usize,
@@ -58,7 +60,8 @@ pub struct Series<'a> {
 }
 
 impl Series<'_> {
-    /// The numbers `which` of every record as a row of `out` for each lane from `lane` on; whether all are finite. No zero is negative.
+    /// Write the numbers `which` of every record as a row of `out`, for each lane from `lane` on. The result is true if all are finite. No
+    /// zero is negative.
     pub fn write(&self, which: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
         let Series { numbers, lanes, record, count } = *self;
         let length = which.len() * count;
@@ -98,7 +101,7 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::Range;
 
-    /// Two numbers at `low`, and two at `high` above them.
+    /// Two numbers at `low`, and above them two at `high`.
     ///
     /// # Safety
     /// They can be read.
@@ -127,7 +130,7 @@ mod avx2 {
         ]
     }
 
-    /// The columns of four rows of fewer numbers; zeros behind them.
+    /// The columns of four rows of fewer than four numbers, followed by zeros.
     ///
     /// # Safety
     /// So many numbers of each row can be read.
@@ -154,7 +157,7 @@ mod avx2 {
         ]
     }
 
-    /// Four rows of `width` numbers, one after another, to lanes `lane..lane + 4` of slots of `lanes`.
+    /// Write four consecutive rows of `width` numbers to lanes `lane..lane + 4` of slots of `lanes`.
     #[target_feature(enable = "avx2")]
     pub fn read_four(rows: &[f64], width: usize, lane: usize, lanes: usize, to: &mut [f64]) {
         assert!(rows.len() == 4 * width && lane + 4 <= lanes && to.len() == width * lanes);
@@ -170,7 +173,7 @@ mod avx2 {
                 return;
             }
             for k in (0..width).step_by(4) {
-                // The last block overlaps the one before.
+                // The last block overlaps the previous one.
                 let k = k.min(width - 4);
                 for (i, column) in columns([row(0, k), row(1, k), row(2, k), row(3, k)]).into_iter().enumerate() {
                     _mm256_storeu_pd(slot.add((k + i) * lanes), column);
@@ -179,7 +182,7 @@ mod avx2 {
         }
     }
 
-    /// As [`Series::write`], four lanes of at least four numbers in all.
+    /// As [`Series::write`], for four lanes with at least four numbers in total.
     #[target_feature(enable = "avx2")]
     pub fn write_series(series: &Series, which: Range<usize>, lane: usize, out: [&mut [f64]; 4]) -> bool {
         let &Series { numbers, lanes, record, count } = series;
@@ -187,7 +190,7 @@ mod avx2 {
         assert!(lane + 4 <= lanes && which.end <= record && numbers.len() >= record * lanes * count);
         assert!(length >= 4 && out.iter().all(|row| row.len() == length));
         let zero = _mm256_setzero_pd();
-        // Zero, or NaN once a number was not finite.
+        // Zero, or NaN after a number that is not finite.
         let mut zeros = [zero; 4];
         let gap = (record - which.len()) * lanes;
         let (mut place, mut number) = (which.start * lanes + lane, 0);
@@ -215,7 +218,7 @@ mod avx2 {
             if left == 0 {
                 break;
             }
-            // The last block overlaps the one before.
+            // The last block overlaps the previous one.
             let step = left.min(4);
             places.rotate_left(step);
             for place in &mut places[4 - step..] {
@@ -227,12 +230,12 @@ mod avx2 {
         _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_EQ_OQ>(all, zero)) == 15
     }
 
-    /// Lanes `lane..lane + 4` of some slots to four rows; whether every number is finite.
+    /// Write lanes `lane..lane + 4` of some slots to four rows. The result is true if every number is finite.
     #[target_feature(enable = "avx2")]
     pub fn write_four(from: &[f64], lane: usize, lanes: usize, length: usize, out: &mut [f64]) -> bool {
         assert!(length > 0 && lane + 4 <= lanes && from.len() == length * lanes && out.len() == 4 * length);
         let zero = _mm256_setzero_pd();
-        // Zero, or NaN once a number was not finite.
+        // Zero, or NaN after a number that is not finite.
         let mut zeros = [zero; 4];
         if length < 4 {
             let mut slots = [zero; 4];
@@ -255,7 +258,7 @@ mod avx2 {
             }
         }
         for k in (0..length).step_by(4).filter(|_| length >= 4) {
-            // The last block overlaps the one before.
+            // The last block overlaps the previous one.
             let k = k.min(length - 4);
             // SAFETY: four lanes of the slots from `k` on, and four numbers of each row from `k` on.
             unsafe {
@@ -304,7 +307,7 @@ mod tests {
 
     #[test]
     fn rows_pass_through_frames() {
-        // Fewer rows than lanes, rests, rows shorter than a block.
+        // Fewer rows than lanes, remainders, and rows shorter than a block.
         for lanes in [1, 2, 4, 8] {
             for (width, count) in [(1, 9), (1, 16), (2, 17), (3, 8), (4, 7), (5, 1), (7, 12), (8, 16), (49, 5)] {
                 for bad in [None, Some(0), Some(count * width - 1)] {

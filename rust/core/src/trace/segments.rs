@@ -1,6 +1,6 @@
-//! A recording in segments. A long computation is cut where a part repeats, and this part becomes a separate program.
+//! A recording in segments. A long computation is cut at a part that repeats. This part becomes a separate program.
 //!
-//! A value that a later segment reads goes to a slot of the frame.
+//! A value that a later segment reads is stored in a slot of the frame.
 
 use super::straight::{Part, SlotTable};
 use super::tape::Op;
@@ -13,8 +13,8 @@ pub struct Cut {
     pub outputs: Vec<(u32, u32)>,
 }
 
-/// Give each value that crosses a cut a slot, from `free` on, and add it to the outputs of its segment. The slots, and the first one
-/// behind them.
+/// Assign a slot, from `free` on, to each value that crosses a cut, and add the value to the outputs of its segment. The result is the
+/// slots, and the first slot after them.
 pub fn join(ops: &[Op], cuts: &mut [Cut], free: u32) -> (SlotTable, u32) {
     let (mut places, mut next) = (SlotTable::default(), free);
     for k in (0..cuts.len()).rev() {

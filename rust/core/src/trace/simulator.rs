@@ -1,8 +1,8 @@
-//! An interpreter of the x86-64 instructions that the encoder emits, bit by bit as processors run them.
+//! An interpreter of the x86-64 instructions from the encoder, with the bits of processors.
 //!
-//! It runs AVX-512 code on processors without AVX-512. It follows the conventions of programs: frame in rdi, constants
-//! in rsi, stream in rdx, turns in rcx, return at the end. It accesses no other memory, and panics at any other instruction.
-//! The result of NaN operands follows Intel's manual, volume 1, 4.8.3.5: the first operand that is NaN, made quiet.
+//! It runs AVX-512 code on processors without AVX-512. It follows the conventions of programs: frame in rdi, constants in rsi, stream in
+//! rdx, iterations in rcx, return at the end. It accesses no other memory, and panics at any other instruction. The result of NaN operands
+//! follows Intel's manual, volume 1, 4.8.3.5: the first operand that is NaN, made quiet.
 
 use super::instruction::Base;
 use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
@@ -16,7 +16,7 @@ struct Machine<'a> {
     k1: u8,
     frame: &'a mut [f64],
     constants: &'a [f64],
-    /// The remaining stream, and the remaining turns.
+    /// The remaining stream, and the remaining iterations.
     stream: &'a [f64],
     turns: usize,
 }
@@ -25,7 +25,7 @@ struct Machine<'a> {
 ///
 /// # Panics
 /// It panics on an instruction that the encoder does not emit, and at the end of code that does not return. It also panics on a slot that
-/// is outside of the frame and the constants, or not aligned.
+/// is not aligned, or outside of the frame and the constants.
 pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
     // Registers have arbitrary contents at the start.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
@@ -57,7 +57,7 @@ impl Machine<'_> {
     fn run(&mut self, i: &Instruction) {
         use Mnemonic::{Add, Mov, Pop, Push, Sub};
         if matches!(i.mnemonic(), Push | Pop | Mov | Add | Sub) || i.memory_base() == Register::RSP {
-            // Win64 code keeps the caller's registers. There is no caller here.
+            // Win64 code preserves the caller's registers. There is no caller here.
             return;
         }
         let name = format!("{:?}", i.mnemonic()).to_lowercase();
@@ -68,7 +68,7 @@ impl Machine<'_> {
         let scalar = name.ends_with("sd") && name != "broadcastsd";
         let operands = i.op_count() - u32::from(i.op_kind(i.op_count() - 1) == OpKind::Immediate8);
         let first = i.op_register(0);
-        // Instructions to and from k1 have their width in the other register.
+        // For instructions with k1, the other register has the width.
         let wide = if first == Register::None || first == Register::K1 { i.op_register(1) } else { first };
         let lanes = if scalar { 1 } else { wide.size() / 8 };
         if first == Register::None {
@@ -124,7 +124,7 @@ impl Machine<'_> {
         self.write(i, first, vex, scalar, lanes, value);
     }
 
-    /// The lanes of an operand; zeros for k1, which is read by name. Lanes that the instruction does not read are zero.
+    /// The lanes of an operand; zeros for k1, which is read separately. Lanes that the instruction does not read are zero.
     fn read(&self, i: &Instruction, operand: u32, lanes: usize) -> Lanes {
         if i.op_kind(operand) == OpKind::Register && i.op_register(operand) == Register::K1 {
             return [0; LANES];
@@ -154,8 +154,8 @@ impl Machine<'_> {
         to.iter_mut().zip(from).for_each(|(to, from)| *to = f64::from_bits(from));
     }
 
-    /// The rest of a register. Legacy code keeps it, and AVX code clears the part beyond its width. Scalar code takes
-    /// the second number from its first operand, but a load clears it.
+    /// Write the result, and the rest of the register. Legacy code keeps the rest, and AVX code clears the part beyond its width. Scalar
+    /// code takes the second number from its first operand, but a load clears it.
     fn write(&mut self, i: &Instruction, to: Register, vex: bool, scalar: bool, lanes: usize, value: Lanes) {
         let second = self.registers[number(if vex && i.op_count() > 2 { i.op_register(1) } else { to })][1];
         let register = &mut self.registers[number(to)];
@@ -175,7 +175,7 @@ fn number(register: Register) -> usize {
     register.number()
 }
 
-/// The base of an operand, and its index there.
+/// The base of an operand in memory, and its index there.
 fn place(i: &Instruction, lanes: usize) -> (Base, usize) {
     let base = match i.memory_base() {
         Register::RDI => Base::Frame,
@@ -193,7 +193,7 @@ fn zip(a: Lanes, b: Lanes, f: impl Fn(u64, u64) -> u64) -> Lanes {
     std::array::from_fn(|lane| f(a[lane], b[lane]))
 }
 
-/// The bits of a result: of the first operand that is NaN, else of the standard NaN of x86-64, which is negative.
+/// The bits of a result: those of the first operand that is NaN, otherwise of the standard NaN of x86-64, which is negative.
 fn chosen(result: f64, operands: &[u64]) -> u64 {
     const QUIET: u64 = 1 << 51;
     match operands.iter().find(|&&x| f64::from_bits(x).is_nan()) {
@@ -219,7 +219,7 @@ fn arithmetic(name: &str, x: u64, y: u64) -> u64 {
     chosen(result, &[x, y])
 }
 
-/// `name` is a name as `fnmadd213`; the digits name the operands that are factors, and the one that is added.
+/// `name` is a name such as `fnmadd213`. Its digits select the two factors and the addend among the operands.
 fn fused(name: &str, d: u64, a: u64, b: u64) -> u64 {
     let digits = &name[name.len() - 3..];
     let [x, y, z] = match digits {
@@ -239,7 +239,7 @@ fn fused(name: &str, d: u64, a: u64, b: u64) -> u64 {
     chosen(result, &[x, y, z])
 }
 
-/// Halves of a number of 128 bits permuted alike in both numbers: each takes its upper half twice.
+/// PSHUFD permutes the 32-bit quarters of 128 bits. Here, both halves of each number become its upper half.
 fn quads(number: u64, order: u8) -> u64 {
     assert_eq!(order, 0xF5);
     number >> 32 << 32 | number >> 32

@@ -3,7 +3,7 @@
 use super::memo::Memo;
 use super::tape::Op;
 
-/// An instruction on the values of earlier ones, by index.
+/// An instruction on the values of earlier instructions, by index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
     /// The number in a slot of the frame.
@@ -14,9 +14,9 @@ pub enum Instruction {
     Sub(u32, u32),
     Mul(u32, u32),
     Div(u32, u32),
-    /// `b` where `a < b`, else `a`.
+    /// `b` if `a < b`, otherwise `a`.
     Max(u32, u32),
-    /// `b` where `b < a`, else `a`.
+    /// `b` if `b < a`, otherwise `a`.
     Min(u32, u32),
     And(u32, u32),
     /// `!a & b`
@@ -31,18 +31,18 @@ pub enum Instruction {
     /// `-a b - c`
     Fnms(u32, u32, u32),
     Sqrt(u32),
-    /// All bits where `a < b`, else none.
+    /// All bits set if `a < b`, otherwise none.
     Less(u32, u32),
-    /// All bits if the sign bit is set, else none. An instruction set may keep the value unchanged.
+    /// All bits set if the sign bit is set, otherwise none. An instruction set may keep the value unchanged.
     Signs(u32),
-    /// The second where the sign bit of the first is set, else the third.
+    /// The second if the sign bit of the first is set, otherwise the third.
     Select(u32, u32, u32),
-    /// The bits moved up.
+    /// The bits shifted left.
     Shift(u32, u8),
 }
 
 impl Instruction {
-    /// The values that it reads.
+    /// The values that the instruction reads.
     pub fn operands(self) -> impl Iterator<Item = u32> {
         use Instruction::*;
         let (count, all) = match self {
@@ -55,7 +55,7 @@ impl Instruction {
         all.into_iter().take(count)
     }
 
-    /// The same instruction on `f` of its operands.
+    /// The same instruction with `f` applied to its operands.
     pub fn on(self, f: impl Fn(u32) -> u32) -> Self {
         use Instruction::*;
         match self {
@@ -81,28 +81,29 @@ impl Instruction {
         }
     }
 
-    /// Whether it is there before the program runs.
+    /// Whether the value exists before the program runs.
     pub fn is_leaf(self) -> bool {
         matches!(self, Instruction::Input(_) | Instruction::Const(_))
     }
 }
 
-/// Instructions in the order in which they run, and where the results go.
+/// Instructions in the order in which they run, and the slots of the results.
 #[derive(Clone, Debug, Default)]
 pub struct Straight {
     pub instructions: Vec<Instruction>,
     /// `(slot, value)`
     pub outputs: Vec<(u32, u32)>,
-    /// The largest magnitude of all angles whose sine is taken; beyond [`REDUCTION_LIMIT`](crate::scalar::trig::REDUCTION_LIMIT) the results are not valid.
+    /// The largest magnitude of all angles whose sine is computed. Beyond [`REDUCTION_LIMIT`](crate::scalar::trig::REDUCTION_LIMIT) the
+    /// results are not valid.
     pub reach: Option<u32>,
-    /// The inputs that change with every turn of a program that repeats itself.
+    /// The inputs that change in every iteration of a program that repeats.
     pub stream: Option<Stream>,
 }
 
-/// Inputs that are not in the frame: every turn reads them `advance` slots further on.
+/// Inputs that are not in the frame. Each iteration reads them `advance` slots further on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
-    /// The first of their slots, and how many there are.
+    /// The first of their slots, and the number of slots.
     pub first: u32,
     pub count: u32,
     pub advance: u32,
@@ -111,19 +112,19 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// The place of an input in the stream, if it is there.
+    /// The index of an input in the stream, if it is part of the stream.
     pub fn place(&self, slot: u32) -> Option<u32> {
         slot.checked_sub(self.first).filter(|&k| k < self.count)
     }
 
-    /// Slots of so many turns.
+    /// Number of slots for `turns` iterations.
     pub fn slots(&self, turns: usize) -> usize {
         self.advance as usize * turns.saturating_sub(1) + self.count as usize
     }
 }
 
 impl Straight {
-    /// Operations that are computed.
+    /// Number of computed operations.
     pub fn operations(&self) -> usize {
         self.instructions.iter().filter(|i| !i.is_leaf()).count()
     }
@@ -135,7 +136,7 @@ pub struct Part<'a> {
     pub ops: &'a [Op],
     pub start: u32,
     pub outputs: &'a [(u32, u32)],
-    /// The slots of earlier entries that it reads. Leaves have no slots.
+    /// The slots of earlier entries that the part reads. Leaves have no slots.
     pub places: &'a SlotTable,
 }
 
@@ -143,12 +144,12 @@ pub struct Part<'a> {
 pub type SlotTable = Memo<u32>;
 
 impl Part<'_> {
-    /// Whether an entry is there before the part runs, and not computed by it.
+    /// Whether an earlier part computes this entry.
     pub(super) fn is_before(&self, entry: u32) -> bool {
         entry < self.start && !matches!(self.ops[entry as usize], Op::Const(_) | Op::Input(_))
     }
 
-    /// The entries that it reads and that earlier parts have to compute.
+    /// The entries that the part reads and that earlier parts must compute.
     pub fn before(&self) -> Vec<u32> {
         let (mut needed, mut before) = (vec![false; self.ops.len()], Vec::new());
         self.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);

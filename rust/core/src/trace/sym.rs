@@ -1,11 +1,11 @@
-//! The number that records: an implementation of [`Real`] that writes down what is computed with it.
+//! The number type for recording: an implementation of [`Real`] that records the operations on it.
 //!
-//! A computation has two phases. In the *set-up*, plants, laws and arms are built. Every number that may differ between
-//! runs comes through [`Real::from_lanes`] and becomes an input. Only 0, 1 and -1 belong to the structure, and are
-//! folded. In the *evaluation*, [`input`] declares the inputs, and a number from [`Real::splat`] is a constant.
+//! A computation has two phases. In the *set-up*, plants, laws and arms are built. Every number that may differ between runs comes through
+//! [`Real::from_lanes`] and becomes an input. Only 0, 1 and -1 are part of the structure, and are folded. In the *evaluation*, [`input`]
+//! declares the inputs, and a number from [`Real::splat`] is a constant.
 //!
-//! `Sym` reports two lanes, so that code for one lane, which may branch on its value, is not taken. Code that still reads the value
-//! of a lane fails the recording: [`Recording::failed`].
+//! `Sym` reports two lanes, so that code for one lane, which may branch on its value, is not used. If code still reads the value of a lane,
+//! the recording fails: [`Recording::failed`].
 
 use super::label::Label;
 use super::tape::{Moving, Op, Tape};
@@ -25,14 +25,14 @@ fn on_tape<T>(f: impl FnOnce(&mut Tape) -> T) -> T {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sym(u32);
 
-/// What one recording left behind.
+/// The result of one recording.
 pub struct Recording {
     pub ops: Vec<Op>,
     /// The values of the inputs that the set-up declared, which come first.
     pub values: Vec<f64>,
-    /// What they are called.
+    /// The labels of these inputs.
     pub labels: Vec<Label>,
-    /// The entries of all numbers of the set-up: runs that share them, and all that is not a number, share the program.
+    /// The entries of all numbers of the set-up. Runs with the same entries, and the same data other than numbers, share the program.
     pub structure: Vec<u32>,
     /// Whether the code read or branched on a value, so that the recording is not valid.
     pub failed: bool,
@@ -43,18 +43,18 @@ pub fn begin() {
     begin_that(true);
 }
 
-/// The same, which `folds` or keeps every operation.
+/// The same. The recording either `folds` or keeps every operation.
 pub fn begin_that(folds: bool) {
     on_tape(|tape| *tape = Tape::that(folds));
 }
 
-/// Start a new recording, in whose set-up the numbers `moving` are separate inputs for every value.
+/// Start a new recording. In its set-up, the numbers `moving` are separate inputs, also if they have equal values.
 pub fn begin_moving(moving: Moving) {
     begin();
     on_tape(|tape| tape.moving = moving);
 }
 
-/// End the set-up; how many inputs it declared.
+/// End the set-up. The result is the number of inputs that it declared.
 pub fn end_set_up() -> usize {
     on_tape(|tape| {
         tape.set_up = false;
@@ -78,12 +78,12 @@ pub fn finish() -> Recording {
     Recording { ops: tape.ops, values: tape.values, labels: tape.labels.all, structure: tape.structure, failed: tape.failed }
 }
 
-/// Record what `f` computes as plain `f64` rounds it: no product is fused with a sum, within sines and cosines neither.
+/// Record `f` with the rounding of plain `f64`: no product is fused with a sum, also within sines and cosines.
 pub fn unfused<T>(f: impl FnOnce() -> T) -> T {
     rounded(true, f)
 }
 
-/// Record what `f` computes as direct evaluation rounds it, also within [`unfused`].
+/// Record `f` with the rounding of direct evaluation, also within [`unfused`].
 pub fn fused<T>(f: impl FnOnce() -> T) -> T {
     rounded(false, f)
 }
@@ -102,7 +102,7 @@ impl Sym {
     }
 }
 
-// What generic callers reach is compiled once, here.
+// These functions are compiled once, here, for all generic callers.
 
 #[inline(never)]
 fn of_lanes(x: f64, y: f64) -> Sym {
@@ -226,11 +226,11 @@ impl Real for Sym {
     fn select(mask: Sym, yes: Sym, no: Sym) -> Sym {
         on_tape(|tape| Sym(tape.select(mask.0, yes.0, no.0)))
     }
-    /// What is not known may hold in some lane.
+    /// An unknown mask may hold in some lane.
     fn any(mask: Sym) -> bool {
         on_tape(|tape| tape.value(mask.0).is_none_or(|x| x != 0.0))
     }
-    /// What is not known may fail in some lane.
+    /// An unknown mask may fail in some lane.
     fn all(mask: Sym) -> bool {
         on_tape(|tape| tape.value(mask.0).is_some_and(|x| x != 0.0))
     }

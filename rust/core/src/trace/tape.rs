@@ -1,7 +1,7 @@
-//! A tape of operations that simplifies while it is written: constants, zeros and ones are folded, equal operations are one.
+//! A tape of operations that simplifies as it is written. Constants, zeros and ones are folded, and equal operations share an entry.
 //!
-//! Folding keeps the value of a finite computation: `0 x`, `1 x`, `x + 0`, `-(-x)`, `a + (-b)`; nothing is reassociated. A tape that does not
-//! fold keeps every operation of the source, for readers who compare.
+//! Folding keeps the value of a finite computation: `0 x`, `1 x`, `x + 0`, `-(-x)`, `a + (-b)`; nothing is reassociated. A tape that does
+//! not fold keeps every operation of the source, so that readers can compare both.
 
 use super::label::Labels;
 use super::memo::Memo;
@@ -23,23 +23,23 @@ pub enum Op {
     Fnma(u32, u32, u32),
     Sqrt(u32),
     Abs(u32),
-    /// `b` where `a < b`, else `a`.
+    /// `b` if `a < b`, otherwise `a`.
     Max(u32, u32),
-    /// `b` where `b < a`, else `a`.
+    /// `b` if `b < a`, otherwise `a`.
     Min(u32, u32),
     Sin(u32),
     Cos(u32),
-    /// The same with every product rounded before it is added.
+    /// The same, with every product rounded before it is added.
     UnfusedSin(u32),
     UnfusedCos(u32),
     /// A mask: `a < b`.
     Less(u32, u32),
-    /// The second where the mask, the first, holds; else the third.
+    /// The second if the first, a mask, holds; otherwise the third.
     Select(u32, u32, u32),
 }
 
 impl Op {
-    /// The entries that it reads.
+    /// The entries that the operation reads.
     pub fn operands(self) -> impl Iterator<Item = u32> {
         let (count, all) = match self {
             Op::Const(_) | Op::Input(_) => (0, [0; 3]),
@@ -53,7 +53,7 @@ impl Op {
         all.into_iter().take(count)
     }
 
-    /// The same operation on `f` of its operands.
+    /// The same operation with `f` applied to its operands.
     pub fn on(self, f: impl Fn(u32) -> u32) -> Self {
         match self {
             Op::Const(_) | Op::Input(_) => self,
@@ -78,37 +78,37 @@ impl Op {
     }
 }
 
-/// The numbers of a set-up that are separate inputs for every value.
+/// The numbers of a set-up that are separate inputs, also if they have equal values.
 #[derive(Clone, Debug)]
 pub enum Moving {
     Nothing,
     All,
-    /// By their order.
+    /// These numbers, by their order.
     These(Vec<bool>),
 }
 
 pub(super) struct Tape {
     pub ops: Vec<Op>,
     memo: Memo<Op>,
-    /// The inputs of the set-up by value, where they may be shared.
+    /// The shared inputs of the set-up, by value.
     by_value: Memo<u64>,
     pub values: Vec<f64>,
-    /// What each of them is called.
+    /// The labels of the inputs of the set-up.
     pub labels: Labels,
     /// The entry of each number of the set-up. These entries distinguish structures.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
     pub failed: bool,
-    /// Products are rounded before they are added.
+    /// Whether products are rounded before they are added.
     pub unfused: bool,
     pub moving: Moving,
     folds: bool,
 }
 
 impl Tape {
-    /// An empty tape. Entries 0 to 2 are the constants 0, 1 and -1. So a number of the set-up that is one of them has another entry than an
-    /// input.
+    /// An empty tape. Entries 0 to 2 are the constants 0, 1 and -1. So a number of the set-up with one of these values has another entry
+    /// than an input.
     pub fn new() -> Self {
         Tape::that(true)
     }
@@ -135,7 +135,7 @@ impl Tape {
         tape
     }
 
-    /// The tape of a recording, to be continued after its set-up.
+    /// Continue the tape of a recording after its set-up.
     pub fn resume(ops: Vec<Op>, inputs: u32) -> Self {
         let memo = ops.iter().enumerate().map(|(i, &op)| (op, i as u32)).collect();
         Tape { ops, memo, inputs, set_up: false, ..Tape::new() }
@@ -153,7 +153,7 @@ impl Tape {
         })
     }
 
-    /// A constant; both zeros are one.
+    /// A constant; both zeros have the same entry.
     pub fn constant(&mut self, x: f64) -> u32 {
         self.push(Op::Const(if x == 0.0 { 0 } else { x.to_bits() }))
     }
@@ -186,7 +186,7 @@ impl Tape {
         entry
     }
 
-    /// A number of the set-up that is the same input wherever it has the same value.
+    /// A number of the set-up. Equal numbers of this kind are the same input.
     pub fn shared(&mut self, x: f64) -> u32 {
         if self.next_moves() {
             return self.given(x);
@@ -201,7 +201,8 @@ impl Tape {
         new
     }
 
-    /// A number of the set-up that is a constant unless it moves. Only recordings in which numbers move count it among their numbers.
+    /// A number of the set-up that is a constant unless it moves. It counts among the numbers of the set-up only if the recording has
+    /// moving numbers.
     pub fn fixed(&mut self, x: f64) -> u32 {
         if self.set_up && self.next_moves() {
             return self.given(x);
@@ -218,7 +219,7 @@ impl Tape {
         if let Op::Const(bits) = self.ops[a as usize] { Some(f64::from_bits(bits)) } else { None }
     }
 
-    /// The same where it may be folded.
+    /// The value of a constant, if the tape folds.
     pub fn known(&self, a: u32) -> Option<f64> {
         self.value(a).filter(|_| self.folds)
     }
@@ -277,7 +278,7 @@ impl Tape {
         self.push(Op::Sub(a, b))
     }
 
-    /// The product where a factor is 0, 1 or -1, or both are known.
+    /// The product, if a factor is 0, 1 or -1 or both are known.
     fn trivial_product(&mut self, a: u32, b: u32) -> Option<u32> {
         match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => Some(self.constant(x * y)),
@@ -290,7 +291,7 @@ impl Tape {
         }
     }
 
-    /// As `trivial_product`, where a sum with it rounds as the fused operation does.
+    /// As `trivial_product`, if its sum rounds like the fused operation.
     fn exact_product(&mut self, a: u32, b: u32) -> Option<u32> {
         match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) if x.mul_add(y, -(x * y)) != 0.0 => None,
@@ -351,7 +352,7 @@ impl Tape {
         }
     }
 
-    /// Sine and cosine.
+    /// The entries of sine and cosine.
     pub fn turn(&mut self, a: u32) -> (u32, u32) {
         let (sin, cos) = if self.unfused { (Op::UnfusedSin(a), Op::UnfusedCos(a)) } else { (Op::Sin(a), Op::Cos(a)) };
         (self.push(sin), self.push(cos))

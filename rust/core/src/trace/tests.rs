@@ -1,4 +1,4 @@
-//! Random programs: machine code and portable evaluation give the same bits, and both the value of the computation.
+//! Random programs. Machine code and portable evaluation give the same bits, and both give the value of the computation.
 
 use super::emit::emit;
 use super::frame::Frame;
@@ -25,7 +25,7 @@ impl Random {
     }
 }
 
-/// The forms of code that this machine runs.
+/// The forms of code that run on this machine.
 fn forms() -> Vec<Form> {
     let sets: &[Set] = match isa() {
         _ if cfg!(target_arch = "aarch64") => &[Set::Neon],
@@ -36,7 +36,7 @@ fn forms() -> Vec<Form> {
     sets.iter().flat_map(|&set| [true, false].map(|packed| Form { set, packed })).collect()
 }
 
-/// In half of all programs, some inputs from the third on come along a stream. The stream has so many turns, in lines of a cache.
+/// In half of all programs, some inputs from the third on are in a stream. The stream has `turns` iterations, in cache lines.
 pub fn random_stream(random: &mut Random, program: &mut Straight, inputs: usize, lanes: usize, turns: usize) -> Frame {
     if inputs < 4 || random.below(2) == 0 {
         return Frame::new(0, 1);
@@ -59,21 +59,21 @@ fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
     }
 }
 
-/// The slots of a stream in the frame are nobody's: only portable evaluation writes them.
+/// The program does not use the slots of the stream in the frame. Only portable evaluation writes them.
 pub fn forget_stream(stream: Option<Stream>, frame: &mut Frame) {
     if let Some(Stream { first, count, .. }) = stream {
         (first..first + count).for_each(|slot| frame.fill(slot as usize, 0.0));
     }
 }
 
-/// A program of `length` instructions that reach back at most `back` values, with `inputs` inputs.
+/// A program of `length` instructions with `inputs` inputs. Operands are at most `back` values old.
 pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: usize, fused: bool) -> Straight {
     use Instruction::*;
     let mut instructions: Vec<Instruction> = (0..inputs as u32).map(Input).collect();
-    // The last two limit the results: the sign and the payload of a NaN are those of one operand or of the other.
+    // The last two limit the results. The sign and the payload of a NaN are those of either operand.
     instructions.extend([1.5f64, -0.25, -0.0, 2.0, -2.0, 0.5].map(|x| Const(x.to_bits())));
     let (sign, most, least, half) = (inputs as u32 + 2, inputs as u32 + 3, inputs as u32 + 4, inputs as u32 + 5);
-    // Masks are apart from numbers: SSE2 selects by whole masks.
+    // Masks are separate from numbers, because SSE2 selects by whole masks.
     let mut masks = Vec::new();
     let mut numbers: Vec<u32> = (0..instructions.len() as u32).collect();
     while instructions.len() < length {
@@ -109,7 +109,7 @@ pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: u
             }
             14 if mask.is_some() => instructions.push(Select(mask.unwrap(), a, b)),
             15 => {
-                // Not negative.
+                // A number that is not negative.
                 instructions.push(AndNot(sign, a));
                 instructions.push(Sqrt(i));
                 numbers.push(i);
@@ -124,7 +124,7 @@ pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: u
         instructions.push(Max(last + 1, least));
         numbers.push(last + 2);
     }
-    // The last values go to slots of their own and over inputs.
+    // The last values are written to separate slots and over inputs.
     let tail: Vec<u32> = numbers.iter().rev().take(6).copied().collect();
     let mut outputs: Vec<(u32, u32)> = tail.iter().enumerate().map(|(k, &value)| (inputs as u32 + k as u32, value)).collect();
     outputs.extend([(0, tail[0]), (1, tail[2]), (inputs as u32 + 6, 2), (inputs as u32 + 7, inputs as u32)]);
@@ -154,7 +154,7 @@ fn machine_code_and_portable_evaluation_give_the_same_bits() {
             });
             let portable = results[1].clone();
             assert_eq!(results[0], portable, "{form:?}, trial {trial}");
-            // The check can fail: one bit is seen.
+            // The comparison detects a change of one bit.
             results[0][0] ^= 1;
             assert_ne!(results[0], portable);
         }
@@ -189,7 +189,7 @@ fn interpreted_machine_code_gives_the_bits_of_portable_evaluation() {
     }
 }
 
-/// A computation with all that `Real` offers.
+/// A computation with all operations of `Real`.
 fn computation<S: Real>(x: &[S], gain: S) -> [S; 5] {
     let (s, c) = (x[0] * x[1]).sin_cos();
     let far = S::select(x[2].lt(x[3]), s, c.neg_mul_add(x[1], s));

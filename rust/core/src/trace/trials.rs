@@ -3,9 +3,9 @@
 use super::checks::{Machine, Operation, Random};
 use super::instruction::{Assemble, Base, Convention, Form, Set, Source};
 
-/// Slots that operations name, of the frame and of the constants.
+/// Number of slots, of the frame and of the constants, that operations use.
 pub const SLOTS: usize = 32;
-/// Numbers of a memory: slots of operations, registers after the operations, registers before them.
+/// Size of a memory: slots of operations, registers after the operations, registers before them.
 pub const SIZE: usize = 3 * PART;
 const PART: usize = 8 * SLOTS;
 
@@ -18,12 +18,12 @@ pub struct Trial {
     pub code: Vec<u8>,
     pub frame: [f64; SIZE],
     pub constants: [f64; SIZE],
-    /// The frame afterwards.
+    /// The frame after the run.
     pub expected: [f64; SIZE],
 }
 
 impl Trial {
-    /// Compare the frame after the code ran; any NaN is as good as another.
+    /// Compare the frame after the run. Every NaN equals every other.
     pub fn check(&self, frame: &[f64]) {
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
         let wrong = frame.iter().zip(&self.expected).position(|pair| !same(pair));

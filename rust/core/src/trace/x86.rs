@@ -1,15 +1,15 @@
 //! Encoder of x86-64 machine code for straight-line programs of numbers: SSE2 (legacy encoding), AVX2 + FMA (VEX)
 //! and AVX-512 (EVEX). Source: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, chapter 2.
 //!
-//! An instruction is a prefix, an opcode, a ModRM byte (`mode reg rm`) and, for memory, a displacement. The prefix
-//! extends registers beyond 8 and names the first operand of three. Of several encodings the shortest is taken.
-//! The frame is in rdi, the constants are in rsi, the stream is in rdx, the turns left are in rcx.
+//! An instruction is a prefix, an opcode, a ModRM byte (`mode reg rm`) and, for memory, a displacement. The prefix extends registers beyond
+//! 8 and contains the first of three operands. The shortest of several encodings is used. The frame is in rdi, the constants are in rsi,
+//! the stream is in rdx, the remaining iterations are in rcx.
 
 use super::opcode::{Map, Opcode, Operand, Prefix, opcode};
 
 pub use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
-/// Machine code in the making.
+/// Machine code under construction.
 pub struct Assembler {
     form: Form,
     bytes: Vec<u8>,
@@ -23,7 +23,7 @@ const RDI: u8 = 7;
 const K1: u8 = 1;
 /// The scratch register of SSE2 code.
 const SCRATCH: u8 = 15;
-/// Win64: xmm6 to xmm15 belong to the caller. Two pushes and 8 bytes more align the stack.
+/// Win64: the function must preserve xmm6 to xmm15. Two pushes and 8 bytes more align the stack.
 const SAVED: [u8; 10] = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 const STACK: i32 = 16 * SAVED.len() as i32 + 8;
 
@@ -89,7 +89,7 @@ impl Assemble for Assembler {
     }
 
     fn sqrt(&mut self, dst: u8, a: Source) {
-        // A scalar root copies the upper half of a second operand: one that is read anyway.
+        // A scalar root copies the upper half of a second operand. That is one which is read anyway.
         let second = match a {
             _ if self.form.packed => 0,
             Source::Register(a) => a,
@@ -104,7 +104,7 @@ impl Assemble for Assembler {
         let scalar = opcode(Prefix::F2, Map::M0F, 0x10);
         let operand = self.operand(from);
         match (from, self.form) {
-            // The store form has the registers exchanged, and a shorter prefix where only the source is a high one.
+            // The store form has the registers exchanged. Its prefix is shorter if only the source is a high register.
             (Source::Register(from), Form { set: Set::Avx2, .. }) if from >= 8 && dst < 8 => {
                 self.encode(opcode(self.bits(), Map::M0F, 0x29), from, 0, Operand::Register(dst));
             }
@@ -124,7 +124,7 @@ impl Assemble for Assembler {
     }
 
     fn less(&mut self, dst: u8, a: u8, b: Source) {
-        // SSE2 has the signalling predicate alone. It differs in an exception flag that nothing reads.
+        // SSE2 has only the signalling predicate. It differs in an exception flag that nothing reads.
         let compare = opcode(self.number(), Map::M0F, 0xC2).with(if self.form.set == Set::Sse2 { 0x01 } else { 0x11 });
         let registers = [dst, a, if let Source::Register(b) = b { b } else { 0 }];
         if self.form.set < Set::Avx512 || !self.form.packed && registers.iter().all(|&r| r < 16) {
@@ -150,7 +150,7 @@ impl Assemble for Assembler {
 
     fn sign_mask(&mut self, dst: u8, a: u8) {
         if self.form.set == Set::Sse2 {
-            // Both halves of a lane become its upper half, then all bits become the sign.
+            // Both halves of a lane become its upper half. Then all bits become the sign bit.
             self.encode(opcode(Prefix::P66, Map::M0F, 0x70).with(0xF5), dst, 0, Operand::Register(a));
             self.encode(opcode(Prefix::P66, Map::M0F, 0x72).with(31), 4, 0, Operand::Register(dst));
         } else if dst != a {
@@ -160,7 +160,7 @@ impl Assemble for Assembler {
 
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8) {
         debug_assert!(bits < 64 && (self.form.set != Set::Sse2 || dst == a));
-        // The destination is the operand of the prefix.
+        // The prefix contains the destination.
         self.encode(opcode(Prefix::P66, Map::M0F, 0x73).with(bits), 6, dst, Operand::Register(a));
     }
 
@@ -208,7 +208,7 @@ impl Assemble for Assembler {
 impl Assembler {
     /// `no ^ (mask & (yes ^ no))`, for any registers that are the same.
     fn select_bits(&mut self, dst: u8, mask: u8, yes: u8, no: u8) {
-        // The difference grows in `dst` unless `dst` is read after that.
+        // The difference is formed in `dst`, unless `dst` is read later.
         let difference = if dst == no || dst == mask { SCRATCH } else { dst };
         if difference != yes {
             self.load(difference, Source::Register(yes));
@@ -239,7 +239,7 @@ impl Assembler {
         if self.form.packed { Prefix::P66 } else { Prefix::F2 }
     }
 
-    /// The prefix of instructions on bits: without prefix, legacy code is a byte shorter and does the same.
+    /// The prefix of instructions on bits. Without a prefix, legacy code is one byte shorter and has the same effect.
     fn bits(&self) -> Prefix {
         if self.form.set == Set::Sse2 { Prefix::None } else { Prefix::P66 }
     }
@@ -248,12 +248,12 @@ impl Assembler {
         match source {
             Source::Register(register) => Operand::Register(register),
             Source::Slot(base, offset) => Operand::Memory(address(base), offset, false),
-            // The slot of one number is that number.
+            // A slot of one number is that number.
             Source::Spread(base, offset) => Operand::Memory(address(base), offset, self.form.packed),
         }
     }
 
-    /// An instruction of three operands, of two in legacy code.
+    /// An instruction of three operands, or of two in legacy code.
     fn three(&mut self, opcode: Opcode, dst: u8, a: u8, b: Source) {
         debug_assert!(self.form.set != Set::Sse2 || dst == a, "SSE2 requires dst == a, got {dst} and {a}");
         let embedded = self.form == Form { set: Set::Avx512, packed: true };
@@ -262,11 +262,11 @@ impl Assembler {
         self.encode(opcode, dst, a, b);
     }
 
-    /// One instruction with the operands `reg`, `second` (in VEX and EVEX; 0 where there is none) and `rm`.
+    /// One instruction with the operands `reg`, `second` (in VEX and EVEX; 0 if there is none) and `rm`.
     fn encode(&mut self, opcode: Opcode, reg: u8, second: u8, rm: Operand) {
         let high = if let Operand::Register(rm) = rm { rm } else { 0 };
         debug_assert!((reg | second | high) < if self.form.set == Set::Avx512 { 32 } else { 16 });
-        // EVEX counts displacements of one byte in operands.
+        // EVEX counts displacements of one byte in units of the operand.
         let mut unit = 1;
         if self.form.set == Set::Sse2 {
             self.legacy(opcode, reg, high);
@@ -319,7 +319,7 @@ impl Assembler {
         self.bytes.extend([0x62, registers | opcode.map as u8, middle, last]);
     }
 
-    /// ModRM, and the displacement in as few bytes as hold it.
+    /// ModRM and the displacement, in the fewest bytes.
     fn address(&mut self, reg: u8, rm: Operand, unit: i32) {
         let reg = (reg & 7) << 3;
         let (base, offset) = match rm {

@@ -29,7 +29,7 @@ fn native(code: &[u8], frame: &mut [f64], constants: &[f64]) {
     unsafe { code.run(frame.as_mut_ptr(), constants.as_ptr(), std::ptr::null(), 1) };
 }
 
-/// Single operations change the registers and the frame as plain Rust does, and nothing else.
+/// Single operations change registers and frame exactly like plain Rust.
 fn agrees_with_rust(form: Form, run: impl Fn(&[u8], &mut [f64], &[f64])) {
     for trial in trials::<Assembler>(form, 2_000, 1) {
         let (mut frame, constants) = (Memory(trial.frame), Memory(trial.constants));
@@ -48,7 +48,7 @@ fn simulated_operations_agree_with_rust() {
     forms().for_each(|form| agrees_with_rust(form, |code, frame, constants| simulate(code, frame, constants, &[], 1)));
 }
 
-/// Same bits after long sequences, NaN included.
+/// Long sequences give the same bits, NaN included.
 #[test]
 fn simulator_agrees_with_this_processor() {
     let mut random = Random(2);
@@ -80,7 +80,7 @@ fn simulator_refuses_code_without_end() {
     simulate(&[], &mut [], &[], &[], 1);
 }
 
-/// Code for Win64 that overwrites every register, called by that convention: the compiler relies on xmm6 to xmm15.
+/// Code for Win64 overwrites every register and is called by that convention. The compiler relies on xmm6 to xmm15.
 #[test]
 fn win64_code_keeps_the_callers_registers() {
     for form in available() {
@@ -103,7 +103,7 @@ fn win64_code_keeps_the_callers_registers() {
         let function: Windows = unsafe { std::mem::transmute(code.address()) };
         let kept = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr(), stream.0.as_ptr());
         assert_eq!(kept, [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from), "{form:?}");
-        // Two turns: constants are added, then the inputs of the stream for each.
+        // Two iterations: constants are added, then the inputs of the stream for each iteration.
         assert_eq!(frame.0[..form.lanes()], [2.0 + 2.0 * 3.0 + 10.0 + 20.0; 8][..form.lanes()]);
         assert!(frame.0[form.lanes()..].iter().all(|&x| x == 2.0));
     }
@@ -111,7 +111,7 @@ fn win64_code_keeps_the_callers_registers() {
 
 type Windows = extern "win64" fn(*mut f64, *const f64, *const f64, usize);
 
-/// Fill xmm6 to xmm15, call with two turns, and read them.
+/// Fill xmm6 to xmm15, call with two iterations, and read the registers.
 fn calls(function: Windows, frame: *mut f64, constants: *const f64, stream: *const f64) -> [f64; 10] {
     let values = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from);
     let mut kept = [0.0; 10];

@@ -1,8 +1,9 @@
-//! Text from outside, such as names in files, that is safe within a comment of C.
+//! External text, such as names in files, made safe for a comment of C.
 
-/// The text on one line, for a comment: none of its characters ends the comment, begins another one or continues it in the next line.
+/// The text on one line, for a comment. None of its characters ends the comment, begins another one or continues it in the next line.
 ///
-/// A space parts `*/`, `/*` and `??`. A question mark replaces a backslash and everything except letters, digits, signs of ASCII and spaces.
+/// A space separates the characters of `*/`, `/*` and `??`. A question mark replaces a backslash, and everything except letters, digits,
+/// ASCII signs and spaces.
 pub fn comment(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     let mut last = ' ';

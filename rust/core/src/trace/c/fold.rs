@@ -1,16 +1,16 @@
-//! Constant folding: operations on numbers of the set-up, computed once before a routine runs, with the rounding of the program.
+//! Constant folding: operations on known numbers of the set-up are computed once before a routine runs, with the rounding of the program.
 
 use super::super::tape::Op;
 
-/// Entries of a recording that are numbers, and entries that are the same as others.
+/// The entries with known values, and the entries that are equal to others.
 pub struct Folded {
     pub value: Vec<Option<f64>>,
-    /// The entry that stands for each one.
+    /// For each entry, the entry that replaces it.
     pub same: Vec<u32>,
 }
 
 impl Folded {
-    /// `given[k]` is the number of input `k` where that is known; `fused`: products are fused with sums as recorded.
+    /// `given[k]` is the number of input `k`, if it is known. `fused`: products are fused with sums as recorded.
     pub fn of(ops: &[Op], given: &[Option<f64>], fused: bool) -> Self {
         let mut folded = Folded { value: vec![None; ops.len()], same: (0..ops.len() as u32).collect() };
         for (i, &op) in ops.iter().enumerate() {
@@ -21,7 +21,7 @@ impl Folded {
                 folded.value[i] = folded.at(folded.same[i]);
                 continue;
             }
-            // A result that is not finite is not folded: at run time the routine reports it.
+            // NaN is not folded, so that the routine reports it at run time.
             folded.value[i] = folded.compute(op, given, fused).filter(|x| !x.is_nan());
         }
         folded
@@ -54,7 +54,7 @@ impl Folded {
     }
 }
 
-/// The second where the comparison holds, else the first.
+/// The second number if the comparison holds, otherwise the first.
 fn pick(a: f64, b: f64, second: impl Fn(f64, f64) -> bool) -> f64 {
     if second(a, b) { b } else { a }
 }

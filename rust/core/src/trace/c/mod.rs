@@ -1,7 +1,7 @@
 //! Programs as C: the text of routines, the functions that they share, headers and CMake files.
 //!
-//! The text is C99. It uses only `math.h` and `string.h`, allocates nothing and does not recurse. It gives the bits of the engine, if the
-//! compiler fuses no other products with sums than those of `fma()`: `-ffp-contract=off`.
+//! The text is C99. It uses only `math.h` and `string.h`, allocates nothing and does not recurse. It gives the bits of the engine if the
+//! compiler fuses only the products and sums of `fma()`: `-ffp-contract=off`.
 
 mod comment;
 mod fold;

@@ -1,7 +1,7 @@
 //! A recording as C: one statement per operation, in the order of the recording, in functions of limited length.
 //!
-//! Inputs are in an array `x`, results in an array `y`, and values from one function to a later one in an array `w`. The statements round like
-//! the program of the recording. `fma` is written where the engine fuses, and the compiler must not fuse elsewhere.
+//! Inputs are in an array `x` and results in an array `y`. Values from one function to a later one are in an array `w`. The statements
+//! round like the program of the recording. `fma` is written where the engine fuses, and the compiler must not fuse elsewhere.
 
 use super::super::tape::Op;
 use super::fold::Folded;
@@ -10,7 +10,7 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::HashMap;
 use std::fmt::Write;
 
-/// Statements of one function: compilers take long over longer ones.
+/// Number of statements in one function. Compilers take long over longer functions.
 const LENGTH: usize = 2000;
 
 const NONE: usize = usize::MAX;
@@ -18,56 +18,57 @@ const NONE: usize = usize::MAX;
 /// A recorded computation, to be printed.
 pub struct Routine<'a> {
     pub ops: &'a [Op],
-    /// The number of each input where it is known; the others are `x[0]`, `x[1]`, .. in their order.
+    /// The number of each input, if it is known. The other inputs are `x[0]`, `x[1]`, .. in their order.
     pub given: &'a [Option<f64>],
     /// The entries of the result, `y[0]`, `y[1]`, ..
     pub answer: &'a [u32],
-    /// Products are fused with sums where they were recorded so.
+    /// Whether products are fused with sums as recorded.
     pub fused: bool,
 }
 
 /// A routine as text.
 pub struct Printed {
-    /// The functions that it consists of, each `static`.
+    /// The functions of the routine, each `static`.
     pub functions: String,
-    /// The calls that run them one after another, on the arrays `x`, `w` and `y`. Each returns whether all angles were in the range of the sines.
+    /// The calls that run the functions in order, on the arrays `x`, `w` and `y`. Each returns true if all angles are in the range of the
+    /// sines.
     pub calls: Vec<String>,
-    /// Numbers that `w` holds; without any there is no `w`.
+    /// Size of `w`; if it is zero, there is no `w`.
     pub room: usize,
-    /// Statements.
+    /// Number of statements.
     pub statements: usize,
 }
 
-/// One statement: a call that takes a sine and a cosine makes two entries.
+/// One statement. A call for sine and cosine computes two entries.
 struct Statement {
     makes: Vec<u32>,
     reads: Vec<u32>,
 }
 
-/// The place where an entry is computed, and the last place where it is read.
+/// The part that computes an entry, and the last part that reads it.
 #[derive(Clone, Copy)]
 struct Life {
     part: usize,
     last: usize,
-    /// Its place in `w`.
+    /// Its index in `w`.
     slot: usize,
 }
 
 struct Printer<'a> {
     routine: &'a Routine<'a>,
     folded: Folded,
-    /// The place of each input in `x`.
+    /// The index of each input in `x`.
     inputs: Vec<usize>,
     statements: Vec<Statement>,
-    /// Statements of each part.
+    /// Number of statements of each part.
     length: usize,
     lives: Vec<Life>,
-    /// The places in `y` that each entry goes to.
+    /// The indices in `y` of each entry.
     answers: HashMap<u32, Vec<usize>>,
 }
 
 impl Routine<'_> {
-    /// The functions of this routine, whose names begin with `name`; sines are taken by functions whose names begin with `prefix`.
+    /// The functions of this routine. Their names begin with `name`, and the names of the sine functions with `prefix`.
     pub fn print(&self, name: &str, prefix: &str) -> Printed {
         let mut next = 0;
         let place = |given: &Option<f64>| {
@@ -105,7 +106,7 @@ impl Printer<'_> {
         self.folded.value[entry as usize].is_none() && !matches!(self.op(entry), Op::Const(_) | Op::Input(_))
     }
 
-    /// The entries whose values the statement of `entry` reads: a choice compares by itself.
+    /// The entries whose values the statement of `entry` reads. A choice includes its comparison.
     fn reads(&self, entry: u32) -> Vec<u32> {
         let same = |entry: u32| self.folded.same[entry as usize];
         let of = |op: Op| op.operands().map(same).collect::<Vec<u32>>();
@@ -150,7 +151,8 @@ impl Printer<'_> {
         }
     }
 
-    /// Divide the statements into parts of equal length; the numbers that parts leave to later ones.
+    /// Divide the statements into parts of equal length, and give places to the numbers that later parts read. The result is the size of
+    /// `w`.
     fn divide(&mut self) -> usize {
         let parts = self.statements.len().div_ceil(LENGTH).max(1);
         self.length = self.statements.len().div_ceil(parts).max(1);
@@ -166,7 +168,7 @@ impl Printer<'_> {
                 if life.last == life.part {
                     continue;
                 }
-                // A place is free in the part after the one that reads it last.
+                // A place is free in the part after the last part that reads it.
                 let at = free.iter().position(|&(last, _)| last < k / self.length);
                 life.slot = at.map_or(room, |at| free.swap_remove(at).1);
                 room = room.max(life.slot + 1);
@@ -214,7 +216,7 @@ impl Printer<'_> {
         )
     }
 
-    /// The results without a statement.
+    /// Write the results that need no statement.
     fn leaves(&self, used: &mut Used) {
         for (k, &entry) in self.routine.answer.iter().enumerate() {
             let entry = self.folded.same[entry as usize];
@@ -224,7 +226,7 @@ impl Printer<'_> {
         }
     }
 
-    /// An entry as it is read.
+    /// The text that reads an entry.
     fn operand(&self, entry: u32) -> String {
         let entry = self.folded.same[entry as usize];
         match (self.folded.value[entry as usize], self.op(entry)) {
@@ -268,7 +270,7 @@ impl Printer<'_> {
         used.line(format_args!("const double t{entry} = {value};"));
     }
 
-    /// Sine and cosine of an angle.
+    /// Write the sine and cosine of an angle.
     fn turn(&self, statement: &Statement, angle: &str, prefix: &str, used: &mut Used) {
         let first = statement.makes[0];
         let unfused = !self.routine.fused || matches!(self.op(first), Op::UnfusedSin(_) | Op::UnfusedCos(_));
@@ -285,7 +287,7 @@ impl Printer<'_> {
     }
 }
 
-/// The text of a function, and whether it returns a check.
+/// The text of a function, and whether the function returns a check.
 struct Used<'a> {
     turns: bool,
     text: &'a mut String,
@@ -293,7 +295,7 @@ struct Used<'a> {
 
 impl Used<'_> {
     fn line(&mut self, line: std::fmt::Arguments) {
-        // Text has room for more.
+        // Writing to a string does not fail.
         let _ = writeln!(self.text, "    {line}");
     }
 }

@@ -1,4 +1,4 @@
-//! The files of an export: a header, a source file and a CMake file, put together from routines.
+//! The files of an export: a header, a source file and a CMake file, composed of routines.
 
 use super::comment::comment;
 use super::routine::{Printed, Routine};
@@ -10,7 +10,7 @@ use std::fmt::Write;
 /// The longest prefix of the names.
 const LONGEST: usize = 40;
 
-/// Words that no prefix may be: those of C and C++, and the headers that are included.
+/// Words that are not accepted as a prefix: those of C and C++, and the included headers.
 const TAKEN: &str = concat!(
     " auto break case char const continue default do double else enum extern float for goto if inline ",
     "int long register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while ",
@@ -27,26 +27,26 @@ package PACKAGE package_source m ";
 pub struct CFile {
     /// Its name in the folder.
     pub name: String,
-    /// All of it.
+    /// Its content.
     pub text: String,
 }
 
-/// How C is written.
+/// Options of the C code.
 #[derive(Clone, Debug, PartialEq)]
 pub struct COptions {
     /// The prefix of all names and files.
     pub prefix: String,
-    /// Whether products are fused with sums by `fma`, where the engine does so. Otherwise every product is rounded.
+    /// Whether products are fused with sums by `fma`, where the engine fuses. Otherwise every product is rounded.
     pub fused: bool,
 }
 
 impl COptions {
-    /// With this prefix, and as the engine of this machine rounds.
+    /// Options with this prefix and the rounding of the engine on this machine.
     pub fn new(prefix: impl Into<String>) -> Self {
         COptions { prefix: prefix.into(), fused: crate::scalar::fuses() }
     }
 
-    /// Refuse a prefix that is no identifier of C, or no name for a target of CMake.
+    /// Refuse a prefix that is no identifier of C or no name for a CMake target.
     pub fn validate(&self) -> Result<()> {
         let prefix = self.prefix.as_str();
         if is_identifier(prefix) && prefix.len() <= LONGEST && !TAKEN.contains(&format!(" {prefix} ")) {
@@ -61,15 +61,15 @@ impl COptions {
     }
 }
 
-/// Names behind the prefix that every source file has for itself.
+/// Names after the prefix that every source file uses itself.
 const OWN: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
 
-/// Whether this is a letter, then letters, digits and `_`.
+/// Whether the name is a letter, then letters, digits and `_`.
 fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Refuse names of functions that are no identifiers of C, that occur twice, or that the file has for itself.
+/// Refuse names of functions that are no identifiers of C, that are repeated, or that the file uses itself.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let mut known = HashSet::new();
     for (i, name) in names.enumerate() {
@@ -80,7 +80,7 @@ pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -
         if OWN.contains(&name) {
             return refused("is a name that the file has for itself: expected another one");
         }
-        // The parts of a long function have its name and a number.
+        // The parts of a long function have its name with a number.
         let whole = name.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix('_').filter(|whole| known.contains(whole));
         if whole.is_some() || !known.insert(name) {
             return refused("is a name that is there already: expected another one");
@@ -99,7 +99,7 @@ pub const STATUSES: [(&str, u32, &str); 6] = [
     ("TIME", 5, "the time is before that of the last call"),
 ];
 
-/// A header and a source file in the making.
+/// A header and a source file under construction.
 pub struct CSource {
     options: COptions,
     upper: String,
@@ -109,7 +109,7 @@ pub struct CSource {
 }
 
 impl CSource {
-    /// Nothing yet.
+    /// Empty files.
     pub fn new(options: &COptions) -> Result<Self> {
         options.validate()?;
         let upper = options.prefix.to_ascii_uppercase();
@@ -121,7 +121,7 @@ impl CSource {
         &self.options.prefix
     }
 
-    /// The same of constants.
+    /// The prefix of constants.
     pub fn upper(&self) -> &str {
         &self.upper
     }
@@ -131,7 +131,7 @@ impl CSource {
         self.options.fused
     }
 
-    /// A constant of the header.
+    /// Add a constant to the header.
     pub fn define(&mut self, name: &str, value: impl std::fmt::Display, comment: &str) {
         let upper = &self.upper;
         self.declare(&format!(
@@ -140,17 +140,17 @@ impl CSource {
         ));
     }
 
-    /// Text of the header.
+    /// Add text to the header.
     pub fn declare(&mut self, text: &str) {
         self.declarations += text;
     }
 
-    /// Text of the source file.
+    /// Add text to the source file.
     pub fn write(&mut self, text: &str) {
         self.body += text;
     }
 
-    /// The functions of a routine, the lines that run it, and the memory that it takes.
+    /// Add the functions of a routine. The result is the lines that call it, and the size of its memory.
     pub fn routine(&mut self, routine: &Routine, name: &str) -> (String, usize) {
         let Printed { functions, calls, room, statements } =
             routine.print(&format!("{}_{name}", self.options.prefix), &self.options.prefix);
@@ -159,7 +159,7 @@ impl CSource {
         (calls.into_iter().map(|call| format!("    sound &= {call};\n")).collect(), room)
     }
 
-    /// The files, whose comments begin with `about`.
+    /// The files. Their comments begin with `about`.
     pub fn files(self, about: &str) -> Vec<CFile> {
         let CSource { options, upper, declarations, body, statements } = self;
         let COptions { prefix, fused } = options;
@@ -173,7 +173,7 @@ impl CSource {
         };
         let mut statuses = String::new();
         for (name, code, meaning) in STATUSES {
-            // Text has room for more.
+            // Writing to a string does not fail.
             let _ = writeln!(statuses, "    {upper}_{name} = {code}{} /* {meaning} */", if code == 5 { "" } else { "," });
         }
         let header = format!(
@@ -196,7 +196,7 @@ impl CSource {
     }
 }
 
-/// The begin of a source file: the required rounding, and the test for finite numbers.
+/// The beginning of a source file: the required rounding, and the test for finite numbers.
 fn prologue(prefix: &str) -> String {
     format!(
         "#include \"{prefix}.h\"\n#include <math.h>\n#include <string.h>\n\n\
