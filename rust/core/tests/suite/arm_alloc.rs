@@ -1,4 +1,4 @@
-//! Nothing allocates between the making of an evaluator and its end.
+//! An evaluator allocates nothing after its construction.
 
 use crate::arm_common::{Rng, random_tree};
 use crate::arm_functions::ALL;

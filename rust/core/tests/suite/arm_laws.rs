@@ -7,11 +7,11 @@ use armlet_core::kinematics;
 use armlet_core::scalar::{GenericKernel, Real};
 use armlet_core::spatial::{Matrix, Vector, Vector3};
 
-/// Rounding of recursions over up to 30 bodies, relative to the largest entry of the result.
+/// The rounding error of recursions over up to 30 bodies, relative to the largest entry of the result.
 const EXACT: f64 = 1e-12;
 const SIZES: [usize; 10] = [1, 2, 3, 4, 5, 7, 9, 14, 21, 30];
 
-/// All quantities of one arm on one number, read back from lane `lane`.
+/// All quantities of one arm on one number type, read back from lane `lane`.
 struct Run<S: Real> {
     tree: Tree<S>,
     ws: Workspace<S>,
@@ -55,7 +55,7 @@ fn lane<S: Real>(x: &[S], k: usize) -> Vec<f64> {
     x.iter().map(|x| x.lane(k)).collect()
 }
 
-/// Another random vector in every lane.
+/// A different random vector in every lane.
 fn random<S: Real>(rng: &mut Rng, n: usize, scale: f64) -> Vec<S> {
     (0..n).map(|_| S::from_lanes(|_| scale * rng.unit())).collect()
 }
@@ -96,7 +96,7 @@ impl GenericKernel for Laws {
             let mut forward = zero.clone();
             run.tree.forward_dynamics(&mut run.ws, &trig, &q, &v, &tau, &mut forward);
             let back = run.inverse(&q, &v, &forward);
-            // As a residual: the accelerations themselves carry the condition of M.
+            // Compared as a residual, because the error of the accelerations grows with the condition number of M.
             same("RNEA after ABA", &back, &tau, 1e-10);
 
             let mut y = vec![S::splat(f64::NAN); n * 10 * n];
@@ -154,8 +154,8 @@ fn recursions_agree() {
     }
 }
 
-/// Central difference of `f` along `v`, extrapolated once: error `h^4` (1e-12 at h = 1e-3) plus rounding `eps / h` (2e-13),
-/// both multiplied by the growth of fourth derivatives over long chains.
+/// Central difference of `f` along `v`, with one extrapolation: error `h^4` (1e-12 at h = 1e-3) plus rounding `eps / h` (2e-13), both
+/// multiplied by the growth of fourth derivatives over long chains.
 fn slope(f: &mut dyn FnMut(f64) -> Vec<f64>) -> Vec<f64> {
     let h = 1e-3;
     let at: Vec<Vec<f64>> = [-h, h, -2.0 * h, 2.0 * h].into_iter().map(f).collect();
@@ -235,7 +235,7 @@ fn jacobians_agree_with_differences() {
             });
             close("dJ/dt", &j_dot, &rate, DIFFERENCE, 1.0);
 
-            // Virtual power of a wrench: the torque is J' F, at the poses of the Jacobian just made.
+            // Virtual power of a wrench: the torque is J' F, at the poses of the previous Jacobian.
             let wrench: [f64; 6] = std::array::from_fn(|_| rng.unit());
             let want: Vec<f64> = (0..n).map(|k| 0.25 - 2.0 * (0..6).map(|r| j[r * n + k] * wrench[r]).sum::<f64>()).collect();
             let mut tau = vec![0.25; n];
@@ -304,7 +304,7 @@ fn derivatives_agree_with_differences() {
             (Quantity::ForwardDynamics, Quantity::ForwardDynamicsDerivatives),
         ] {
             let mut evaluator = Evaluator::new(&arm);
-            // Coulomb friction jumps at rest: no velocity here is near zero.
+            // Coulomb friction jumps at zero velocity. No velocity here is near zero.
             let with = |quantity: Quantity| Query { friction: true, ..quantity.into() };
             let blocks = slopes_shape(slopes, n);
             let mut got = vec![f64::NAN; blocks * n * n];
@@ -313,7 +313,7 @@ fn derivatives_agree_with_differences() {
                 for j in 0..n {
                     let rate = slope(&mut |h| {
                         let mut at = [q.clone(), v.clone(), x.clone()];
-                        // Derivatives by friction-free directions only: v stays on its side of zero.
+                        // The step keeps the sign of v, because friction jumps at zero.
                         at[block][j] += if block == 1 { h * v[j].abs().min(1.0) } else { h };
                         let mut out = vec![0.0; n];
                         evaluator.one(&with(value), &[&at[0], &at[1], &at[2]], &mut out).unwrap();
@@ -321,7 +321,7 @@ fn derivatives_agree_with_differences() {
                     });
                     let scale = if block == 1 { v[j].abs().min(1.0) } else { 1.0 };
                     let column: Vec<f64> = (0..n).map(|i| scale * got[(block * n + i) * n + j]).collect();
-                    // Forward: relative to accelerations that a light last link makes large.
+                    // Forward dynamics: relative to the accelerations, which a light last link makes large.
                     close(&format!("{slopes:?} {block} by {j}"), &column, &rate, 10.0 * DIFFERENCE, largest(&column).max(1.0));
                 }
             }

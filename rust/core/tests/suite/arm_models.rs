@@ -1,4 +1,4 @@
-//! Textbook arms, arms made from arms, and the evaluator on `f64` arrays, against closed forms and each other.
+//! Textbook arms, arms made from arms, and the evaluator on `f64` arrays, against closed forms and against each other.
 
 use crate::arm_common;
 
@@ -62,7 +62,7 @@ fn planar_arms() {
     refused(Arm::planar(&[1.0], None, None, Some(&[f64::INFINITY]), [0.0; 2]), "inertias", "not finite");
 }
 
-/// `Rz(theta) Tz(d) Tx(a) Rx(alpha)` and Craig's order, multiplied out.
+/// `Rz(theta) Tz(d) Tx(a) Rx(alpha)` and Craig's order, as products of matrices.
 fn dh_by_hand(rows: &[DhRow], q: &[f64], convention: Convention) -> [[f64; 4]; 4] {
     let mul = |a: [[f64; 4]; 4], b: [[f64; 4]; 4]| -> [[f64; 4]; 4] {
         std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
@@ -101,7 +101,7 @@ fn denavit_hartenberg_rows() {
             let pose = at(&arm, Quantity::Pose, &format!("link{k}"), &q);
             close("pose", &pose, dh_by_hand(&rows[..k], &q, convention).as_flattened(), 1e-14, 1.0);
         }
-        // Parameters are given in the Denavit-Hartenberg frame: the centre of mass of the last body is h / m there.
+        // Parameters are about the Denavit-Hartenberg frame, so the centre of mass of the last body is h / m in it.
         let mut only = rows.clone();
         for row in &mut only[..4] {
             row.phi = [0.0; 10];
@@ -169,7 +169,7 @@ fn chains_refuse_what_they_cannot_use() {
     let named = ChainJoint { name: Some("a".into()), ..joint([0.0, 0.0, 1.0]) };
     refused(build(&[named.clone(), named]), "joints[1].name", "duplicate");
     refused(Arm::from_chain(&[], [0.0, 0.0, f64::INFINITY]), "gravity", "not finite");
-    // Axes of any length are directions.
+    // An axis of any length is a direction.
     for scale in [5e-324, 1e-200, 1e300] {
         assert_eq!(build(&[joint([0.0, -scale, 0.0])]).unwrap().joints[0].axis, [0.0, -1.0, 0.0]);
     }
@@ -202,7 +202,7 @@ fn evaluator_options() {
     pi.extend(arm.joints.iter().map(|j| j.friction));
     let y_pi: Vec<f64> = (0..n).map(|i| (0..pi.len()).map(|k| y[i * pi.len() + k] * pi[k]).sum()).collect();
     close("Y pi", &y_pi, &with, 1e-13, 1.0);
-    // A wrench and its torque J' F, both ways.
+    // A wrench and its torque J' F, in both dynamics.
     let frame = arm.frames.len() - 1;
     let wrench = rng.vector(6, 2.0);
     let pushed = Query { wrench: Some(frame), ..Quantity::InverseDynamics.into() };

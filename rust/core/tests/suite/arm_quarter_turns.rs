@@ -1,4 +1,4 @@
-//! Joint placements by quarter turns have special code, with the results of the full products.
+//! Quarter turns as joint placements have special code. Its results are those of the full products.
 
 use crate::arm_common::{Rng, close, lift, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType, Tree};
@@ -7,7 +7,7 @@ use armlet_core::kinematics;
 use armlet_core::scalar::{GenericKernel, Real};
 use armlet_core::spatial::QuarterTurn;
 
-/// Everything that goes over the joints of a tree, one after the other.
+/// Every algorithm that transforms over joints, one after the other.
 fn answers<S: Real>(tree: &Tree<S>, [q, v, x, a]: &[Vec<S>; 4]) -> Vec<f64> {
     let n = tree.n();
     let (ws, trig, mut all) = (&mut Workspace::new(tree), sin_cos(q), Vec::new());
@@ -46,10 +46,10 @@ impl GenericKernel for Shortcuts {
             let given = std::array::from_fn(|_| lift::<S>(&rng.vector(n, 1.5)));
             let short = answers(&tree, &given);
             tree.bodies.iter_mut().for_each(|body| body.quarter = None);
-            // The same sums in another order.
+            // The same sums in a different order.
             close("quarter turns", &short, &answers(&tree, &given), 1e-13, 1.0);
         }
-        // Some of them, and some that are multiplied out.
+        // Some placements are quarter turns, and some are not.
         assert!(met[1..6].iter().sum::<i32>() > 3 && met[6] > 0, "{met:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! The URDF reader on files that nobody would write by hand: mutants, and chains of many links.
+//! The URDF reader on unusual files: mutants, and chains of many links.
 
 use crate::arm_common::Rng;
 use crate::arm_urdf::{dynamics, joint, read};
@@ -6,7 +6,7 @@ use armlet_core::arm::EXAMPLES;
 use armlet_core::error::Error;
 use std::time::{Duration, Instant};
 
-/// A robot of `n` links in a row.
+/// A robot with a chain of `n` links.
 fn chain(kind: &str, n: usize) -> String {
     let mut text = String::from("<robot name='long'>\n<link name='l0'/>\n");
     for k in 1..n {
@@ -16,8 +16,8 @@ fn chain(kind: &str, n: usize) -> String {
     text + "</robot>"
 }
 
-/// Sixteen times the links take 16 times as long where each link costs the same, and some 100 times where each looks at all others.
-/// The least of some trials of both is compared: no clock decides, nor what else the machine does.
+/// A chain of 16 times as many links takes 16 times as long if each link costs the same. It takes some 100 times as long if each link
+/// searches all others. The least times of several trials are compared, so other work on the machine has little effect.
 #[test]
 fn long_chains_take_time_in_proportion() {
     const SIZES: [usize; 2] = [2_500, 40_000];
@@ -43,10 +43,10 @@ fn long_chains_take_time_in_proportion() {
     }
 }
 
-/// Bytes changed, cut, doubled, and words swapped for awkward ones: an arm or a `ModelError` comes back, soon.
+/// Bytes are changed, cut or doubled, and words replaced by difficult ones. The reader soon returns an arm or a `ModelError`.
 #[test]
 fn mutants_do_no_harm() {
-    // Optimised, as in `make test`: 100,000; ARMLET_URDF_MUTANTS asks for more.
+    // With optimisation, as in `make test`: 100,000. ARMLET_URDF_MUTANTS sets another number.
     let usual = if cfg!(debug_assertions) { 5_000 } else { 100_000 };
     let count: usize = std::env::var("ARMLET_URDF_MUTANTS").ok().and_then(|n| n.parse().ok()).unwrap_or(usual);
     const SHARES: usize = 4;
@@ -57,11 +57,11 @@ fn mutants_do_no_harm() {
     let read_well: usize = shares.iter().map(|share| share.0).sum();
     let slowest = shares.iter().map(|share| share.1).max().unwrap();
     assert!(slowest < Duration::from_secs(1), "{slowest:?}");
-    // Both outcomes must occur, or the mutator tests nothing.
+    // Both outcomes must occur. Otherwise the mutator tests nothing.
     assert!(read_well > count / 20 && read_well < count - count / 20, "{read_well} of {count}");
 }
 
-/// How many of these mutants were read as arms, and the longest that one took.
+/// The number of mutants that were read as arms, and the longest time for one mutant.
 fn mutants(seed: u64, count: usize) -> (usize, Duration) {
     const WORDS: [&str; 18] = [
         "nan",
@@ -94,7 +94,7 @@ fn mutants(seed: u64, count: usize) -> (usize, Duration) {
         match read(&text) {
             Ok(arm) => {
                 read_well += 1;
-                // Whatever was read can be used and written.
+                // An arm that was read can be used and written.
                 let (m, _) = dynamics(&arm, &vec![0.3; arm.n()]);
                 assert_eq!(m.len(), arm.n() * arm.n());
                 let written = arm.to_urdf();
@@ -118,7 +118,7 @@ fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
         at
     };
     match rng.below(8) {
-        // A quoted value replaced.
+        // Replace a quoted value.
         0 | 1 => {
             let quotes: Vec<usize> = text.match_indices('"').map(|(at, _)| at).collect();
             if quotes.len() > 1 {
@@ -136,7 +136,7 @@ fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
             text.replace_range(first..last, "");
         }
         4..=6 => {
-            // One digit changed: mostly another good robot.
+            // Change one digit, which usually gives another valid robot.
             let digits: Vec<usize> = text.bytes().enumerate().filter(|(_, b)| b.is_ascii_digit()).map(|(at, _)| at).collect();
             if !digits.is_empty() {
                 let at = digits[rng.below(digits.len())];
@@ -144,7 +144,7 @@ fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
             }
         }
         _ => {
-            // A line doubled: duplicates and second elements.
+            // Double a line, which gives duplicates and second elements.
             let lines: Vec<&str> = text.lines().collect();
             if !lines.is_empty() {
                 let k = rng.below(lines.len());

@@ -24,7 +24,7 @@ fn stiff(relative: bool) -> (PlantSpec, LawSpec) {
     (PlantSpec::Elastic(plant), LawSpec::ElasticImpedance(ElasticImpedanceSpec { outer, inner }))
 }
 
-/// 0.3 s from a moving start; `steps`: a force in steps, which a program takes, else the same as a function of time.
+/// 0.3 s from a moving start. With `steps` the force is piecewise constant, which a program can read. Otherwise it is a function of time.
 fn run(relative: bool, method: Method, monitors: bool, steps: bool) -> Run {
     let (plant, law) = stiff(relative);
     let force = if steps { Force::steps(vec![0.0], vec![WRENCH]).unwrap() } else { Force::Signal(Arc::new(|_| Some(WRENCH))) };
@@ -54,13 +54,14 @@ fn differ(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs() / size))
 }
 
-/// Rounding of a monitor: positions to 1e-10 times 1e5 N m/rad for torques, energies of 20 J to 1e-8 J.
+/// The rounding error of a monitor: 1e-10 of positions times 1e5 N m/rad for torques; 1e-8 J for energies of 20 J.
 fn rounding(monitor: &str) -> f64 {
     if monitor == "torque_error" { 1e-5 } else { 1e-8 }
 }
 
-/// A wrong derivative moves a run of a Rosenbrock method by its tolerance of 1e-6; right ones leave rounding, which 500 steps at
-/// 1e5 N m/rad raise to 1e-10, of rates to 1e-8. The law multiplies that of springs by B/B0 = 5000: 1e-5 of the torque.
+/// A wrong derivative changes a run of a Rosenbrock method by its tolerance of 1e-6. With correct ones only rounding remains: 500 steps at
+/// 1e5 N m/rad raise it to 1e-10, and for rates to 1e-8. The law multiplies the rounding of spring torques by B/B0 = 5000, which gives 1e-5
+/// of the torque.
 #[test]
 fn forces_in_steps_and_as_functions_give_the_same_steps() {
     for relative in [false, true] {
@@ -87,7 +88,7 @@ fn forces_in_steps_and_as_functions_give_the_same_steps() {
     }
 }
 
-/// The motion does not depend on the monitors or the step control, and the energy balance closes within the error of the method.
+/// The motion does not depend on the monitors or the step control. The energy balance holds within the error of the method.
 #[test]
 fn monitors_do_not_disturb_a_run() {
     let plain = run(false, Method::Dop853, false, true);
@@ -95,8 +96,8 @@ fn monitors_do_not_disturb_a_run() {
     assert_eq!((plain.steps, plain.rejections), (watched.steps, watched.rejections));
     assert!(differ(&plain.q, &watched.q) < 1e-13);
     let general = run(false, Method::Dop853, true, false);
-    // An explicit method keeps its steps at the limit of stability, where rounding changes their lengths: the two loops agree to what
-    // rtol 1e-6 leaves of 20 J, and of torques that are springs times B/B0 = 5000.
+    // The steps of an explicit method remain at the limit of stability, where rounding changes their lengths. So the two loops agree only
+    // to rtol 1e-6 of 20 J. Torque errors are those of springs times B/B0 = 5000.
     for ((name, a), (_, b)) in watched.monitors.iter().zip(&general.monitors) {
         let tolerance = if *name == "torque_error" { 2e-2 } else { 1e-6 };
         assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < tolerance), "{name}: {a:?} {b:?}");
@@ -106,7 +107,7 @@ fn monitors_do_not_disturb_a_run() {
     assert!(balance.iter().all(|b| b.abs() < 1e-5), "{balance:?}");
 }
 
-/// A row of a monitored batch is the monitored run.
+/// A row of a monitored batch equals the monitored run.
 #[test]
 fn batches_are_monitored_in_lanes() {
     let (plant, law) = stiff(true);
@@ -143,6 +144,6 @@ fn batches_are_monitored_in_lanes() {
             assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < rounding(name)), "{name}: {series:?} {row:?}");
         }
     }
-    // Motors at 3e4 rad/s in steps of 2 us: the error of order 4 in 20 J.
+    // Motors at 3e4 rad/s in steps of 2 us: the error of order 4, relative to 20 J.
     assert!(one.monitors[2].1.iter().all(|b| b.abs() < 1e-6), "{:?}", one.monitors[2]);
 }

@@ -18,7 +18,7 @@ use armlet_core::trace::{Engine, Frame, Part, Program, Scratch};
 use std::sync::Arc;
 
 const STEP: f64 = 1e-3;
-/// Steps along a stream.
+/// Number of iterations along a stream.
 const TURNS: usize = 3;
 
 fn gain(n: usize, k: f64) -> Gain {
@@ -40,7 +40,7 @@ fn adaptive(model: &Model) -> LawSpec {
     LawSpec::Adaptive(AdaptiveSpec::new(model.clone(), motion, gain(n, 40.0), gain(n, 20.0), gamma, None, None).unwrap())
 }
 
-/// An impedance of the tip's position.
+/// A Cartesian impedance of the tip's position.
 fn impedance(model: &Model, frame: &str) -> CartesianImpedanceSpec {
     let target = Motion::hold(vec![0.4, 0.2, 0.5]).unwrap();
     CartesianImpedanceSpec::new(model.clone(), target, gain(3, 300.0), gain(3, 60.0), frame, "xyz").unwrap()
@@ -82,12 +82,12 @@ fn options() -> Options {
     }
 }
 
-/// Numbers of order one, none of them a zero or a one.
+/// Numbers of order one. None of them is zero or one.
 fn number(k: usize) -> f64 {
     (0.7 * k as f64 + 0.3).sin()
 }
 
-/// A program on a frame that starts with the numbers of `inputs`: the emulator must find what portable evaluation gives.
+/// A program on a frame that starts with the numbers of `inputs`. The emulator must reproduce the result of portable evaluation.
 fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, inputs: &[f64]) {
     let (emitted, portable) = (emit::<Assembler>(program, form, scratch.free), Program::of(program, scratch.free, form, Engine::Portable));
     let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots.max(scratch.free), form.lanes()));

@@ -1,4 +1,4 @@
-//! The examples with an arm run to their end and find what they assert.
+//! The examples with an arm complete, and their assertions hold.
 
 #[path = "../../examples/computed_torque.rs"]
 mod computed_torque;

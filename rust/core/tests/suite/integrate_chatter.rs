@@ -1,4 +1,5 @@
-//! Chattering ends a run within its budget; smooth but steep slopes, rounding errors and single jumps do not.
+//! Chattering ends a run within its budget. Smooth but steep slopes, rounding errors and single jumps do not
+//! end it.
 
 use crate::integrate_support::*;
 use armlet_core::scalar::{Real, sign};
@@ -22,7 +23,7 @@ impl Problem for Switch {
     }
 }
 
-/// The sign function in a layer of width 1e-5: an explicit method crawls along it.
+/// The sign function with a layer of width 1e-5, in which an explicit method needs tiny steps.
 struct Steep;
 impl Problem for Steep {
     const N: usize = 1;
@@ -37,7 +38,7 @@ impl Problem for Steep {
     }
 }
 
-/// `x = cos t`, held by a stiffness at which the rounding error of `x` alone changes the slope by 2e-4.
+/// `x = cos t` with such a high stiffness that the rounding error of `x` changes the slope by 2e-4.
 struct Noisy;
 impl Problem for Noisy {
     const N: usize = 1;
@@ -76,7 +77,7 @@ fn a_slide_along_a_jump_ends_within_the_budget() {
             let mut method = adaptive::<Switch>(name, rtol, atol);
             let status = run(&mut method, 0.0, 10.0);
             assert!(matches!(status, Err(Status::Stalled | Status::StepUnderflow)), "{name} {rtol}: {status:?}");
-            // The way to the jump takes less than a thousand attempts.
+            // The run takes less than a thousand attempts before the jump.
             let work = method.work();
             assert!(work.steps + work.rejections < BUDGET + 1_000, "{name} {rtol}: {work:?}");
         }

@@ -4,7 +4,7 @@ use crate::integrate_support::*;
 use armlet_core::integrate::*;
 use armlet_core::status::Status;
 
-/// Slope of the last two errors as steps halve.
+/// The observed order: the slope of the last two errors as steps are halved.
 fn order(error: impl Fn(f64) -> f64, h: f64) -> f64 {
     (error(h) / error(h / 2.0)).log2()
 }
@@ -19,7 +19,7 @@ fn fixed_error<P: Exact>(name: &str, t_end: f64, h: f64) -> f64 {
     distance(&x, &P::exact(t_end))
 }
 
-/// The largest error at the ends of steps of `h`, and that of the dense output.
+/// The largest error at the ends of steps of length `h`, and the largest error of the dense output.
 fn adaptive_errors<P: Exact + 'static>(name: &str, t_end: f64, h: f64) -> (f64, f64) {
     let mut method = adaptive::<P>(name, 1e6, 1e6);
     let mut system = twin::<P>();
@@ -43,8 +43,8 @@ fn adaptive_errors<P: Exact + 'static>(name: &str, t_end: f64, h: f64) -> (f64, 
     (ends, dense)
 }
 
-// The steps are those where the leading term of the error stands clear both of the next one and of rounding; 0.1 is the
-// width that the project asks for.
+// At these step lengths the leading term of the error dominates both the next term and rounding. The tolerance 0.1 is a requirement of the
+// project.
 #[test]
 fn methods_have_their_order() {
     for (name, expected, h) in
@@ -65,8 +65,8 @@ fn methods_have_their_order() {
     }
 }
 
-/// The polynomial of degree d follows the solution to order d + 1 locally: the largest error falls as h^(d + 1), the method
-/// permitting.
+/// The polynomial of degree d has a local error of order d + 1. So the largest error decreases as h^(d + 1), if the method is accurate
+/// enough.
 #[test]
 fn dense_outputs_have_their_order() {
     for (name, expected, h) in [("dopri5", 5.0, 1.0 / 16.0), ("dop853", 8.0, 0.25), ("rodas4", 4.0, 1.0 / 64.0)] {
@@ -84,7 +84,7 @@ fn errors_fall_with_the_tolerance() {
             let mut method = adaptive::<Circle>(name, rtol, rtol);
             run(&mut method, 0.0, 10.0).unwrap();
             let error = distance(method.x(), &Circle::exact(10.0));
-            // The global error is a modest multiple of the tolerance on this neutral problem.
+            // On this neutrally stable problem the global error is a moderate multiple of the tolerance.
             assert!(error < 100.0 * rtol && error < last / 10.0, "{name} {rtol:e}: {error:e}");
             last = error;
         }
@@ -100,7 +100,7 @@ fn symplectic_euler_keeps_its_invariant() {
     for k in 0..10_000 {
         method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
     }
-    // Rounding of 1e4 steps.
+    // The rounding error of 1e4 steps.
     assert!((invariant(&x) - before).abs() < 1e-11);
     assert!(SemiImplicit::new::<f64, _>(&twin::<Circle>(), Circle::start(), 0.0).is_err());
 }
@@ -123,7 +123,7 @@ fn jacobians_by_duals_match_central_differences() {
         down[k] -= eps;
         let (up, down) = (f(t, &up), f(t, &down));
         for i in 0..10 {
-            // Rounding over eps: 1e-16 / 1e-6.
+            // The rounding error over eps: 1e-16 / 1e-6.
             assert!((j[i * 10 + k] - (up[i] - down[i]) / (2.0 * eps)).abs() < 1e-8, "{i} {k}");
         }
     }
@@ -133,7 +133,8 @@ fn jacobians_by_duals_match_central_differences() {
     }
 }
 
-/// `x' = -1e6 (x - cos t)` at h = 1 ms: a pole of h lambda = -1000 is gone in a few steps, and the slow solution stays.
+/// `x' = -1e6 (x - cos t)` at h = 1 ms: the transient of a pole with h lambda = -1000 vanishes in a few steps, and the slow solution
+/// remains.
 struct Stiff;
 impl Problem for Stiff {
     const N: usize = 1;
@@ -152,11 +153,11 @@ fn ros2_damps_what_it_cannot_resolve() {
     for k in 0..1000 {
         method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
     }
-    // The slow manifold is cos t + O(1e-6); the method adds O(h^2) = 1e-6.
+    // The slow manifold is cos t + O(1e-6). The method adds an error O(h^2) = 1e-6.
     assert!((x[0] - 1f64.cos()).abs() < 1e-5, "{}", x[0] - 1f64.cos());
 }
 
-/// A right-hand side that is not finite from some time on, or where the state is large.
+/// A right-hand side that is not finite after some time, or where the state is large.
 struct Bad<const KIND: u8>;
 impl<const KIND: u8> Problem for Bad<KIND> {
     const N: usize = 2;
@@ -198,14 +199,14 @@ fn what_is_not_finite_ends_with_a_status() {
         let mut method = adaptive::<Oscillator>(name, 1e-8, 1e-10);
         method.x_mut()[0] = f64::NAN;
         assert_eq!(run(&mut method, 0.0, 1.0), Err(Status::Diverged), "{name}");
-        // No span is no step.
+        // A span of zero has no step.
         let mut method = adaptive::<Oscillator>(name, 1e-8, 1e-10);
         assert_eq!(run(&mut method, 1.0, 1.0), Ok(()), "{name}");
         assert_eq!((method.work().steps, method.x()[0]), (0, 1.0));
     }
 }
 
-/// Free fall onto a floor that reflects: events stop the run, the state jumps, and the run continues.
+/// Free fall onto an elastic floor. Events stop the run, the state jumps, and the run continues.
 struct Fall;
 impl Problem for Fall {
     const N: usize = 2;
@@ -226,7 +227,8 @@ fn events_stop_and_runs_go_on_after_jumps() {
         let mut method = adaptive::<Fall>(name, 1e-10, 1e-12);
         let mut height = |_: usize, _: f64, x: &[f64]| x[0];
         let (mut t, mut at, g) = (0.0, Fall::start(), 9.81f64);
-        // It bounces with the speed it arrives with, so that the period is constant: first after a fall, then after 2 falls.
+        // The speed after a bounce equals the speed before it, so the period is constant: one fall before the first bounce, then 2 falls
+        // each.
         let fall = (2.0 / g).sqrt();
         for k in 0..5 {
             let mut watch = Watch::new(vec![Event { direction: -1.0, stop_after: 1 }], Fall::start());
@@ -240,18 +242,19 @@ fn events_stop_and_runs_go_on_after_jumps() {
                 assert!(!done, "{name} misses the floor");
             };
             let expected = fall * (2 * k + 1) as f64;
-            // The parabola is exact for every method, so that rounding is left, magnified by the few steps of each flight.
+            // The parabola is exact for every method. Only rounding remains, magnified by the few steps of each flight.
             assert!((hit - expected).abs() < 1e-12 * (k + 1) as f64, "{name} {k}: {:e}", hit - expected);
             method.interpolate(&mut system, hit, &mut at);
             assert!(at[0] <= 0.0 && at[0] > -1e-13, "{name}: {:e}", at[0]);
-            // On the far side by rounding: the watch that begins here has no sign, or the old one, until the height is positive.
+            // Rounding may leave the state beyond the floor. So the new monitor keeps no sign, or the old one, until the height is
+            // positive.
             method.x_mut().copy_from_slice(&[0.0, -at[1]]);
             t = hit;
         }
     }
 }
 
-/// A link on an elastic joint under motor-inertia reduction, K = 1e6 N m/rad, B0 = 1e-5: poles at 3e5 rad/s beside an outer loop at 10.
+/// A link on an elastic joint under motor-inertia reduction, K = 1e6 N m/rad, B0 = 1e-5: poles at 3e5 rad/s, and an outer loop at 10 rad/s.
 struct Elastic;
 impl Problem for Elastic {
     const N: usize = 4;
@@ -283,7 +286,7 @@ fn ros2_takes_elastic_joints_at_a_millisecond() {
         distance(&x[..2], &exact.x()[..2])
     };
     let errors = [1e-3, 5e-4, 2.5e-4].map(error);
-    // The swing has 1 rad and 5 rad/s; (10 h)^2 of that at 1 ms, falling at order 2 or nearly so past the fast poles.
+    // The motion has 1 rad and 5 rad/s. At 1 ms the error is (10 h)^2 of that. It decreases almost with order 2 beyond the fast poles.
     assert!(errors[0] < 5e-4, "{errors:?}");
     assert!((errors[0] / errors[2]).log2() > 3.0, "{errors:?}");
 }

@@ -1,4 +1,4 @@
-//! Inverse kinematics from random starts, and its report about poses out of reach.
+//! Inverse kinematics from random starts, and its report about unreachable poses.
 
 use crate::arm_common::Rng;
 use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinematics};
@@ -11,7 +11,7 @@ fn arm(name: &str) -> Arm {
     Arm::from_urdf(example_urdf(name).unwrap(), name, STANDARD_GRAVITY, None, None).unwrap()
 }
 
-/// The pose of the last frame at `q`, as the goal that it reaches.
+/// The pose of the last frame at `q`, as a goal that is reachable.
 fn goal_at(arm: &Arm, q: &[f64], axes: &str) -> Goal {
     let last = arm.frame_names().last().unwrap().to_string();
     let function = TaskFunction::frame(arm, &last, axes).unwrap();
@@ -50,7 +50,7 @@ fn reachable_poses_are_reached_within_the_limits() {
                 reached += 1;
             }
         }
-        // 50 random starts: a pose that one start in eight reaches is missed once in 900.
+        // 50 random starts. If one start in eight reaches a pose, all starts miss it once in 900.
         assert!(reached == 60, "{name}: {reached} of 60");
     }
 }

@@ -1,4 +1,4 @@
-//! A step of a closed loop allocates nothing: runs of more steps make no more allocations.
+//! A step of a closed loop allocates nothing: a run of more steps does not make more allocations.
 
 use crate::counting::counted;
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -19,7 +19,7 @@ fn sinusoid(n: usize) -> Motion {
     Motion::Sinusoid(Sinusoid::new(vec![0.1; n], 1, vec![0.3; n], vec![1.5; n], vec![0.0; n]).unwrap())
 }
 
-/// Allocations of a run of `steps` steps of 1 ms that records its end alone, or every step.
+/// The allocations of a run of `steps` steps of 1 ms, which records only its end, or every step.
 fn allocations(
     plant: &PlantSpec,
     law: &LawSpec,
@@ -60,7 +60,7 @@ fn allocations(
     count
 }
 
-/// Adaptive control with diagonal gains of adaptation, or others.
+/// Adaptive control with diagonal or full adaptation gains.
 fn adaptive(model: &Model, diagonal: bool) -> LawSpec {
     let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
     let (n, p) = (model.n(), model.parameter_count());
@@ -88,7 +88,7 @@ fn steps_allocate_nothing() {
     let impedance = CartesianImpedanceSpec::new(two.clone(), target, gain(2, 200.0), gain(2, 30.0), &frame, "xy").unwrap();
     let impedance = LawSpec::CartesianImpedance(impedance);
     let push = Force::steps(vec![0.01], vec![[5.0, 0.0, 0.0, 0.0, 0.0, 0.0]]).unwrap();
-    // Both routes of the solver: the target of the second level is at a singularity of the arm.
+    // Both methods of the solver occur, because the target of the second level is at a singularity of the arm.
     let arm = six.tree("arm").unwrap();
     let names: Vec<&str> = arm.frame_names().collect();
     let level = |function: TaskFunction, target: Vec<f64>| {
@@ -120,26 +120,28 @@ fn steps_allocate_nothing() {
         ("impedance under a force", rigid(&two), impedance, Some(&push)),
     ];
     for (what, plant, law, force) in &cases {
-        // Targets out of reach keep these switching between maps: an adaptive method would chase every switch.
+        // Unreachable targets make these laws switch between maps. An adaptive method would locate every switch.
         let methods: &[Method] = if what.ends_with("in priority") { &[Method::Rk4] } else { &[Method::Rk4, Method::Dop853] };
         for &method in methods {
-            // Records of accepted steps make their arrays longer as they come.
+            // Records of accepted steps enlarge their arrays, so they are excluded.
             let ways: &[_] = if method == Method::Rk4 {
                 &[(None, false), (None, true), (Some(0.002), false), (Some(0.002), true)]
             } else {
                 &[(None, false), (Some(0.002), false)]
             };
             for &(sample, every) in ways {
-                // Accelerations held for 2 ms before a target out of reach end far away sooner or later: rounding decides when.
+                // With an unreachable target, accelerations held for 2 ms make the arm diverge. Rounding decides when, so the runs are
+                // short.
                 let steps = match method {
                     _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
-                    // Both take programs on their way.
+                    // Both runs are long enough to use programs.
                     Method::Dop853 => [4000, 6000],
                     _ => [100, 1000],
                 };
                 // The first run makes the programs of the loop.
                 allocations(plant, law, *force, method, (sample, every), steps[1]);
-                // Tests beside this one fill the store of programs. A run that has to make its program again is not counted.
+                // Other tests fill the store of programs at the same time. The least of three runs excludes runs that make their program
+                // again.
                 let least = |steps| (0..3).map(|_| allocations(plant, law, *force, method, (sample, every), steps)).min();
                 let [few, many] = steps.map(least);
                 assert_eq!(few, many, "{what}, {method:?}, sampled at {sample:?}, every step recorded: {every}");
@@ -150,7 +152,7 @@ fn steps_allocate_nothing() {
     elastic_steps_allocate_nothing(two);
 }
 
-/// Elastic joints, their torques sensed where the loop is sampled, run into a stop.
+/// Elastic joints with torque sensors at the sampling times, moving into a stop.
 fn elastic_steps_allocate_nothing(two: Model) {
     let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
     let stops = Stops::new(vec![-3.0; 2], vec![0.21, 3.0], vec![1e3; 2], vec![10.0; 2]).unwrap();

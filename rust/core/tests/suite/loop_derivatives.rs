@@ -1,4 +1,4 @@
-//! The derivatives of every closed loop, as programs and by dual numbers, against central differences of order 6 of its rates.
+//! The derivatives of every closed loop, by programs and by dual numbers, against central differences of order 6 of its rates.
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::Model;
@@ -19,18 +19,18 @@ const N: usize = 6;
 const FRAME: &str = "flange";
 /// The instant at which the derivatives are taken, s.
 const T: f64 = 0.3;
-/// Steps of the differences in a state or in time. Their truncation is some 1e-17 of a seventh derivative, their rounding 2e-16 / H.
+/// Step of the differences in a state or in time. The truncation error is some 1e-17 of a seventh derivative, the rounding error 2e-16 / H.
 const H: f64 = 2e-3;
-/// In a parameter: the rate of an estimate is bent at a boundary that a longer step may cross, and is a polynomial of low degree.
+/// Step in a parameter. The rate of an estimate has a kink at a boundary, which a longer step may cross, and is a polynomial of low degree.
 const H_PARAMETER: f64 = 1e-5;
-/// In a parameter below the least bodies, of which the lightest has 1e-5 kg m^2: rounding is then 2e-16 / H of a row.
+/// Step in a parameter below the least bodies. The lightest has 1e-5 kg m^2; the rounding error is then 2e-16 / H of a row.
 const H_BELOW: f64 = 1e-8;
 
 fn six_axis() -> Model {
     Model::Tree(Arc::new(Arm::from_urdf(example_urdf("six_axis").unwrap(), "six_axis", STANDARD_GRAVITY, None, None).unwrap()))
 }
 
-/// Spread over its range, the same every time.
+/// Numbers spread over a range, the same in every run.
 fn numbers(n: usize, offset: f64, scale: f64) -> Vec<f64> {
     (0..n).map(|i| offset + scale * (1.0 + 2.3 * i as f64).sin()).collect()
 }
@@ -39,7 +39,7 @@ fn gain(n: usize, scale: f64) -> Gain {
     Gain::diagonal("gain", (0..n).map(|i| scale * (1.0 + 0.1 * i as f64)).collect()).unwrap()
 }
 
-/// Not diagonal.
+/// A gain that is not diagonal.
 fn full(n: usize, scale: f64) -> Gain {
     Gain::full("gain", n, (0..n * n).map(|k| if k / n == k % n { scale } else { 0.05 * scale }).collect()).unwrap()
 }
@@ -49,10 +49,10 @@ fn moving(offset: Vec<f64>) -> Motion {
     Motion::Sinusoid(Sinusoid::new(offset, 1, vec![0.2; n], numbers(n, 1.5, 0.5), numbers(n, 0.0, 1.0)).unwrap())
 }
 
-/// Rows of the flange's pose at `q`: `[p; log R]`, turned by `turn` in world axes.
+/// Rows of the flange's pose at `q`: `[p; log R]`, rotated by `turn` in world axes.
 fn pose(model: &Model, q: &[f64], turn: [f64; 3]) -> Vec<f64> {
     let coordinates = Coordinates::new(model.tree("arm").unwrap(), FRAME, "xyz rx ry rz").unwrap();
-    // The error to the base's own pose is the pose itself, backwards.
+    // The error of the flange relative to the base frame is the negative pose.
     let (mut e, mut j) = (vec![0.0; N], vec![0.0; N * N]);
     model.at(q).error_and_jacobian(&coordinates, &[0.0; N], &mut e, &mut j);
     let vector = rotation_log(&rotation_exp(turn).times(rotation_exp([-e[3], -e[4], -e[5]])));
@@ -65,7 +65,7 @@ struct Case {
     law: LawSpec,
     force: Option<Force>,
     tau_max: Option<Vec<f64>>,
-    /// The law's state at which the derivatives are taken; none: that of the start.
+    /// The law's state at which the derivatives are taken; `None` for its initial state.
     estimate: Option<Vec<f64>>,
 }
 
@@ -78,15 +78,15 @@ fn cartesian(model: &Model, target: Motion, axes: &str) -> CartesianImpedanceSpe
     CartesianImpedanceSpec::new(model.clone(), target, full(m, 400.0), full(m, 40.0), FRAME, axes).unwrap()
 }
 
-/// A law of every kind that has derivatives, and every part of a plant; `at`: where the arm is.
-// Long: a list of loops.
+/// A law of every kind that has derivatives, and every part of a plant. `at` is the position of the arm.
+// The function is long because it is a list of loops.
 fn cases(at: &[f64]) -> Vec<Case> {
     let model = six_axis();
     let rigid = || PlantSpec::Rigid(RigidSpec::new(model.clone()));
     let q_d = numbers(N, 0.1, 0.4);
     let mut all = Vec::new();
 
-    // Orientation: no error, less than the series of the logarithm takes, and every size up to nearly half a turn.
+    // Orientation errors: zero, below the threshold of the logarithm's series, and every size up to nearly half a turn.
     for angle in [0.0, 1e-9, 1e-5, 1e-3, 0.1, 1.0, 3.0] {
         let target = Motion::Hold(pose(&model, at, [0.36 * angle, -0.48 * angle, 0.8 * angle]));
         all.push(case(
@@ -130,7 +130,8 @@ fn cases(at: &[f64]) -> Vec<Case> {
     ] {
         all.push(case(name, rigid(), LawSpec::from(law)));
     }
-    // The filtered velocity is 10 rad/s: differences over `H` do not cross a limit of the torque then, as they do from the start.
+    // The filtered velocity is 10 rad/s. Then differences over `H` do not cross a limit of the torque, as they would from the initial
+    // state.
     let behind = at.iter().map(|q| q - 10.0 / 150.0);
     let state = [0.0; N].into_iter().chain(behind).chain([0.0; N]).collect();
     let law = LawSpec::from(pid(moving(q_d.clone()), true, all_of_it()));
@@ -151,7 +152,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("Adaptive, natural", rigid(), LawSpec::Adaptive(adaptive(natural, Some(estimate.clone())))));
     let least: Vec<f64> = truth.iter().map(|x| 0.2 * x).collect();
     let kinds = [JointColumn::Armature, JointColumn::Viscous, JointColumn::Coulomb, JointColumn::Stribeck];
-    // A friction that bends over 0.4 rad/s has a seventh derivative 1e4 times larger, and a truncation of 5e-9.
+    // A Stribeck friction that varies over 0.4 rad/s would have a seventh derivative 1e4 times larger, and a truncation error of 5e-9.
     let columns = JointColumns::new(N, &kinds, vec![1.5; N]).unwrap();
     let (beside, wide) = ([estimate.clone(), vec![0.3; 4 * N]].concat(), Adaptation::Euclidean(gain(p + 4 * N, 0.5)));
     let gains = [gain(N, 60.0), full(N, 20.0)];
@@ -162,7 +163,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     }
     let projected = adaptive(euclidean(), Some(estimate)).projected(Projection::new(p, &least).unwrap()).unwrap();
     all.push(case("Adaptive, projected", rigid(), LawSpec::Adaptive(projected.clone())));
-    // Below the least bodies: eigenvalues of one size and all different, and parameters that are no body.
+    // Below the least bodies: equal eigenvalues, different eigenvalues, and parameters that are not physical.
     let scaled = |by: &dyn Fn(usize) -> f64| Some(truth.iter().enumerate().map(|(k, x)| by(k) * x).collect::<Vec<f64>>());
     for (what, estimate) in [
         ("equal", scaled(&|_| 0.1)),
@@ -174,7 +175,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
         all.push(Case { estimate, ..below });
     }
 
-    // A wall a hand's breadth above the flange, stops on either side of the joints, friction.
+    // A wall 0.1 m above the flange, stops on alternating sides of the joints, and friction.
     let frame = model.tree("arm").unwrap().frame_index(FRAME).unwrap();
     let wall = Wall::new(frame, [pose[0], pose[1], pose[2] + 0.1], [0.1, 0.0, 1.0], 5e3, 30.0).unwrap();
     let bound = |by: f64| at.iter().enumerate().map(|(i, q)| q + by * if i % 2 == 0 { 1.0 } else { -1.0 }).collect::<Vec<f64>>();
@@ -210,7 +211,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("JointImpedance", PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
     for online in [false, true] {
         let law = MotorPdSpec::new(model.clone(), &q_d, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
-        // Without its load: differences would turn the springs' torque over, where its size has no derivative.
+        // Without a load. Otherwise differences could change the sign of the spring torque, whose magnitude has no derivative at zero.
         let rubbing = elastic().with_friction(lugre(None)).unwrap();
         all.push(case(&format!("MotorPD, LuGre friction, {online}"), PlantSpec::Elastic(rubbing), LawSpec::MotorPd(law.clone())));
         all.push(case(&format!("MotorPD, {online}"), PlantSpec::Elastic(elastic()), LawSpec::MotorPd(law)));
@@ -221,7 +222,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all
 }
 
-/// The largest part of a row's error in the size of the row, of `df/dx` and of `df/dt`.
+/// The largest error of a row, relative to the size of the row: of `df/dx` and of `df/dt`.
 fn worst(
     loops: &mut impl Differentiable<f64, Input = Exogenous<f64>>,
     instant: Exogenous<f64>,
@@ -270,8 +271,8 @@ fn worst(
     (in_state, in_time)
 }
 
-/// Rounding of the differences is 1e-13 of a row, and cancellation in a loop may raise it a hundredfold; a lost term is 1e-3 or more. A
-/// desired acceleration moves at a rate that the loop itself differences, to 1e-6.
+/// The rounding error of the differences is 1e-13 of a row. Cancellation in a loop may raise it a hundredfold. A missing term is 1e-3 or
+/// more. The rate of a desired acceleration is a difference in the loop itself, accurate to 1e-6.
 #[test]
 fn programs_and_duals_are_the_derivatives_of_every_loop() {
     let at = numbers(N, 0.2, 0.7);
@@ -286,9 +287,9 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             LawSpec::JointImpedance(_) => 5,
             LawSpec::MotorPd(_) => 6,
             LawSpec::StateFeedback(_) => 7,
-            // Without derivatives: implicit methods refuse them.
+            // These laws have no derivatives, so implicit methods refuse them.
             LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) | LawSpec::External(_) => 8,
-            // A reaction needs samples, which implicit methods hold.
+            // A reaction needs sampling, where implicit methods hold the input.
             LawSpec::Guarded(_) => 8,
             LawSpec::Pid(_) => 9,
         };
@@ -300,7 +301,7 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
                 x0.extend(at.iter().zip(numbers(N, 0.0, 1e-3)).map(|(q, d)| q + d).chain(rates(0.4)));
             }
             x0.extend(numbers(plant.bristles(), 0.7, 1e-3));
-            // Friction has no derivative at rest, and a contact that is left none where it lets go.
+            // Friction has no derivative at rest, and a contact has none where it separates.
             if still && (name.contains("contact") || name.contains("friction")) {
                 continue;
             }
@@ -315,14 +316,14 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
                 x[states..states + estimate.len()].copy_from_slice(estimate);
             }
             let instant = closed.instant();
-            // A contact that is held is not recorded.
+            // A loop with a contact that is held is not recorded.
             assert_eq!(closed.is_running(), plant.is_free(), "{name}");
             let below = kind == 0 && estimate.is_some();
             let (h, most) = if below { (H_BELOW, 1e-5) } else { (H_PARAMETER, 1e-10) };
             let found =
                 [worst(&mut closed, instant.clone(), &x, plant.states(), h), worst(&mut closed.direct, instant, &x, plant.states(), h)];
             for ((in_state, in_time), way) in found.into_iter().zip(["program", "duals"]) {
-                // NaN is wrong as well.
+                // NaN is also wrong.
                 if !(in_state < most && in_time < 1e-6) {
                     wrong.push(format!("{name}, {way}, still: {still}: df/dx by {in_state:.1e}, df/dt by {in_time:.1e}"));
                 }
@@ -348,7 +349,7 @@ fn rodas4(tau_max: Option<Vec<f64>>, monitors: bool) -> Options {
     }
 }
 
-/// Both the rates and the derivatives leave the programs where an angle is not for their sines, and are those of the loop itself.
+/// Beyond the range of the programs' sines, rates and derivatives are evaluated directly. They are those of the loop itself.
 #[test]
 fn a_loop_that_turns_far_goes_on_directly() {
     let model = six_axis();

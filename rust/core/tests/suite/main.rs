@@ -1,4 +1,4 @@
-//! One binary of all integration tests, so that they are linked once.
+//! One binary with all integration tests, so that they are linked once.
 
 mod adaptive_ndof;
 mod adaptive_pr;
@@ -16,7 +16,7 @@ mod elastic_loops;
 mod elastic_oracle;
 mod emulated_loops;
 mod examples;
-// The format of the cases is that of the unit tests.
+// The unit tests use the same format of cases.
 #[path = "../../src/trace/harness.rs"]
 mod harness;
 mod integrate_alloc;

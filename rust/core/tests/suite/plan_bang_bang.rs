@@ -1,4 +1,4 @@
-//! The bang-bang profile: the public oracle, an independent sampling checker on random problems, symmetry laws, refusals.
+//! The bang-bang profile: the public oracle, an independent checker by sampling on random problems, symmetries, errors.
 
 use crate::plan_support::{Problem, Random, cases, expression, near, number, random_count};
 use armlet_core::plan::{BangBangReport, BangBangTimes, Limit, Place, Reason, bang_bang_time, bang_bang_times};
@@ -44,14 +44,14 @@ fn public_oracle() {
 
 #[test]
 fn infeasible_motions_say_what_is_missing() {
-    // G = 2.5, tau_max = 1: the exam motion needs tau_max = G/2, so 0.25 is missing on both limits.
+    // G = 2.5, tau_max = 1: the exam motion needs tau_max = G/2 = 1.25, so 0.25 is missing on both limits.
     let half = std::f64::consts::FRAC_PI_2;
     let r = bang_bang_time(-half, half, 1.0, 2.5, -1.0, 1.0).unwrap();
     let Reason::Conflict { upper, lower, missing } = r.reason() else { panic!("{:?}", r.reason()) };
     assert!((missing - 0.25).abs() < 1e-15);
     assert_eq!((upper.limit, upper.place, lower.limit, lower.place), (Limit::TauMax, Place::Switch, Limit::TauMin, Place::Start));
     assert!(r.reason().to_string().contains("tau_max at theta = 0.000000 rad (phase1:switch)"), "{}", r.reason());
-    // The named amount is the exact threshold: a little less fails, a little more succeeds.
+    // The reported amount is the exact threshold: slightly less fails, slightly more succeeds.
     let mut random = Random::new(3);
     let mut checked = 0;
     for _ in 0..20_000 {
@@ -68,7 +68,7 @@ fn infeasible_motions_say_what_is_missing() {
     assert!(checked > 2_000, "{checked}");
 }
 
-/// Largest excess over the torque bounds of the motion of duration t, sampled on its own.
+/// Largest excess over the torque bounds for the motion of duration t, by independent sampling.
 fn excess(p: &Problem, t: f64) -> f64 {
     let acceleration = 4.0 * (p.thetaf - p.theta0) / (t * t);
     let middle = 0.5 * (p.theta0 + p.thetaf);
@@ -100,12 +100,12 @@ fn random_problems_against_a_sampling_checker() {
         if r.feasible {
             feasible += 1;
             assert!(r.t_min.is_finite() && r.t_min > 0.0 && r.t_max >= r.t_min, "{p:?} {r:?}");
-            // 1e-9 of the torques: t^2 and the sines round, and the slack is 1e-12 of the bound.
+            // 1e-9 of the torques, for the rounding of t^2 and of the sines. The tolerance of the planner is 1e-12 of the bound.
             assert!(excess(&p, r.t_min) <= 1e-9 * scale, "{p:?} {r:?} {}", excess(&p, r.t_min));
             if r.t_max.is_finite() {
                 assert!(excess(&p, r.t_max) <= 1e-9 * scale, "{p:?} {r:?}");
             }
-            // The limit binds where the report says: any faster motion breaks it.
+            // The limit is active where the report states it. Any faster motion violates it.
             let bind = r.active_upper();
             let sign = if (bind.phase == 1) == (p.thetaf > p.theta0) { 1.0 } else { -1.0 };
             let tau = sign * r.a_max + p.gravity * bind.theta.sin();
@@ -114,7 +114,7 @@ fn random_problems_against_a_sampling_checker() {
             assert!((0.0..=r.t_min * (1.0 + 1e-12)).contains(&bind.time), "{p:?} {bind:?}");
         } else {
             infeasible += 1;
-            // No false infeasible: every duration of a wide scan breaks a limit.
+            // Infeasible is never wrong: every duration of a wide scan violates a limit.
             let base = (p.inertia * (p.thetaf - p.theta0).abs() / scale).sqrt();
             for j in 0..60 {
                 assert!(excess(&p, base * 10f64.powf(-1.0 + j as f64 * 0.1)) > 0.0, "{p:?} {r:?} {j}");
@@ -131,7 +131,7 @@ fn mirror_reversal_and_shift_laws() {
     for k in 0..5_000 {
         let p = Problem::stratum(&mut random, k);
         let r = report(&p);
-        // theta -> -theta swaps the bounds; running backwards in time swaps the ends only.
+        // theta -> -theta swaps the bounds. Reversal of time swaps only the ends.
         let mirrored = report(&Problem { theta0: -p.theta0, thetaf: -p.thetaf, tau_min: -p.tau_max, tau_max: -p.tau_min, ..p });
         let reversed = report(&Problem { theta0: p.thetaf, thetaf: p.theta0, ..p });
         for other in [mirrored, reversed] {
@@ -140,7 +140,7 @@ fn mirror_reversal_and_shift_laws() {
             assert_eq!(r.t_min.to_bits(), other.t_min.to_bits(), "{p:?}");
         }
         assert_eq!((r.hold_start, r.hold_end), (reversed.hold_end, reversed.hold_start));
-        // G -> -G measures theta from the upward vertical: shift by pi. Rounding of the shifted angle only.
+        // G -> -G measures theta from the upward vertical, a shift by pi. Only the shifted angle is rounded.
         let pi = std::f64::consts::PI;
         let up = report(&Problem { theta0: p.theta0 + pi, thetaf: p.thetaf + pi, gravity: -p.gravity, ..p });
         let scale = 1e-13 * (p.tau_max - p.tau_min + p.gravity.abs()) * (1.0 + p.theta0.abs() + p.thetaf.abs());
@@ -156,15 +156,15 @@ fn zero_moves_and_asymmetric_bounds() {
     let falling = bang_bang_time(half, half, 1.0, 1.5, -1.0, 1.0).unwrap();
     assert!(!falling.feasible && falling.t_min.is_nan());
     assert_eq!(falling.reason(), Reason::CannotHold { limit: Limit::TauMax, theta: half, missing: 0.5 });
-    // The smallest representable move on either side of zero.
+    // The smallest representable motion on either side of zero.
     for end in [f64::from_bits(half.to_bits() + 1), f64::from_bits(half.to_bits() - 1)] {
         let tiny = bang_bang_time(half, end, 1.0, 0.5, -1.0, 1.0).unwrap();
         assert!(tiny.feasible && near(tiny.t_min, 2.0 * ((end - half).abs() / 0.5).sqrt(), 1e-12), "{tiny:?}");
     }
-    // No gravity, tau in [-1, 2]: the symmetric profile is bound by the weaker side, in the braking phase.
+    // No gravity, tau in [-1, 2]: the weaker limit determines the symmetric profile, in the braking phase.
     let r = bang_bang_time(0.0, 1.0, 1.0, 0.0, -1.0, 2.0).unwrap();
     assert!(r.a_max == 1.0 && r.t_min == 2.0 && r.active_upper().limit == Limit::TauMin && r.active_upper().phase == 2);
-    // Only pulling: tau in [0, 1] brakes by gravity alone, weakest at the switch.
+    // One-sided torque: tau in [0, 1] brakes by gravity only, which is weakest at the switch.
     let r = bang_bang_time(0.2, 0.6, 1.0, 1.0, 0.0, 1.0).unwrap();
     assert!(r.feasible && near(r.a_max, 0.4f64.sin(), 1e-15));
 }
@@ -194,7 +194,7 @@ fn refusals() {
     }
 }
 
-/// Batches of every remainder of the lanes, far angles and rest among them; and the first bad problem of a batch.
+/// Batches with every remainder of the lanes, among them large angles and rest; and the first bad problem of a batch.
 #[test]
 fn batches_have_the_bits_of_single_calls() {
     let mut random = Random::new(5);
@@ -211,7 +211,7 @@ fn batches_have_the_bits_of_single_calls() {
                 column.push(x);
             }
         }
-        // One inertia for all of them.
+        // One inertia for all problems.
         columns[2].truncate(1);
         let row = |columns: &[Vec<f64>; 6], i: usize| std::array::from_fn::<f64, 6, _>(|k| columns[k][if k == 2 { 0 } else { i }]);
         let run = |columns: &[Vec<f64>; 6]| {

@@ -1,4 +1,5 @@
-//! The optimum with friction: without it the frictionless optimum, with Coulomb friction alone shifted bounds, else time stepping.
+//! The optimum with friction. Without friction it is the frictionless optimum, with only Coulomb friction that of shifted bounds, otherwise
+//! it is compared with time stepping.
 
 use crate::plan_support::{Problem, Random, near};
 use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, torque_optimal_time, torque_optimal_time_with_friction};
@@ -11,7 +12,7 @@ fn without_viscous_friction_the_bounds_are_shifted() {
         let p = Problem::nominal(&mut random);
         let c = if k % 2 == 0 { 0.0 } else { random.range(0.0, 0.9) * p.tau_max.min(-p.tau_min) };
         let f = torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, 0.0, c).unwrap();
-        // Friction weakens the push and helps the brake: both bounds move against the motion.
+        // Friction opposes the acceleration and supports the brake: both bounds move against the motion.
         let shift = if p.thetaf > p.theta0 { -c } else { c };
         let o = torque_optimal_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min + shift, p.tau_max + shift).unwrap();
         assert_eq!(f.feasible, o.feasible, "{p:?} {c} {f:?} {o:?}");
@@ -72,7 +73,7 @@ fn swings_without_friction_are_the_exact_ones() {
         assert_eq!(f.best.kind, o.best.kind, "{p:?} {f:?} {o:?}");
         if f.best.switches == 2 {
             swings += 1;
-            // Near a maximum of gravity the errors of both grow with exp(t sqrt(|G|/I)); T is flat at its turning point.
+            // Near a maximum of gravity the errors of both grow with exp(t sqrt(|G|/I)). At its turning point T is stationary.
             let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.best.t, o.best.t, 1e-13 * growth + 1e-11), "{p:?} {f:?} {o:?}");
         }
@@ -82,7 +83,7 @@ fn swings_without_friction_are_the_exact_ones() {
 
 #[test]
 fn swings_with_coulomb_friction_beat_every_detour() {
-    // Each leg is a frictionless optimum with both bounds moved against its motion: other formulas, another search.
+    // Each leg is a frictionless optimum with both bounds shifted against its motion: independent formulas and an independent search.
     let (mut random, mut swings) = (Random::new(111), 0);
     for _ in 0..30 {
         let p = Problem::nominal(&mut random);
@@ -125,7 +126,7 @@ fn swings_with_viscous_friction_arrive_at_rest() {
         if best.switches < 2 || best.t * (p.gravity.abs() / p.inertia).sqrt() > 8.0 {
             continue;
         }
-        // Torque switches at the first and at the third of these times, the Coulomb friction at the second.
+        // The torque switches at the first and third of these times, and the Coulomb friction at the second.
         let first = if (p.thetaf > p.theta0) == (best.kind == Family::Overshoot) { 1.0 } else { -1.0 };
         let times = [best.t_switches[0], best.t_turn, best.t_switches[1], best.t];
         let (mut q, mut v, mut t) = (p.theta0, 0.0, 0.0);
@@ -143,7 +144,7 @@ fn swings_with_viscous_friction_arrive_at_rest() {
             }
             t = times[k];
             if k == 1 {
-                // At rest where it turns; Runge-Kutta of order 4 in 2000 steps, growth up to exp(8).
+                // At the turning point the velocity is zero. Runge-Kutta of order 4 with 2000 steps, growth up to exp(8).
                 assert!((q - best.theta_turn).abs() < 1e-7 && v.abs() < 1e-6, "{p:?} {d} {c} {o:?} {q} {v}");
             }
         }
@@ -154,7 +155,7 @@ fn swings_with_viscous_friction_arrive_at_rest() {
 
 #[test]
 fn friction_that_settles_leaves_the_slow_motion() {
-    // v = N/d up to I|G|/d^2, N the net torque: T = d int dx/N, here by Simpson's rule, and some time constants at the ends.
+    // v = N/d up to I|G|/d^2, N the net torque: T = d int dx/N, here by Simpson's rule, plus some time constants at the ends.
     let (mut random, mut settled) = (Random::new(131), 0);
     for _ in 0..300 {
         let p = Problem::nominal(&mut random);
@@ -174,7 +175,7 @@ fn friction_that_settles_leaves_the_slow_motion() {
         let slow = d * (x1 - x0) / 6000.0 * (0..=2000).map(|k| weight(k) / net(k)).sum::<f64>();
         let most = p.inertia / (d * d) * (push.max(brake) + p.gravity.abs());
         assert!(o.feasible && o.certified_global && o.best.kind == Family::Monotone, "{p:?} {d} {c} {o:?}");
-        // The rule is worth 1e-8 where N is a thousandth of the push; a few time constants are lost at the ends.
+        // The rule has an error of 1e-8 where N is a thousandth of the push. It omits a few time constants at the ends.
         assert!(near(o.t, slow, 1e-7 + 30.0 * most / (least / push * (x1 - x0).min(1.0))), "{p:?} {d} {c} {} {slow}", o.t);
     }
     assert!(settled > 50, "{settled}");
@@ -190,13 +191,13 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
         let o = rough(&p, d, c);
         let (best, Some(profile)) = (o.best, o.profile()) else { continue };
         swings += usize::from(best.switches == 2);
-        // Near a maximum of gravity errors grow with exp(t sqrt(|G|/I)), less with friction.
+        // Near a maximum of gravity, errors grow with exp(t sqrt(|G|/I)), and less with friction.
         let growth = (best.t * (p.gravity.abs() / p.inertia).sqrt()).exp().min(1e6);
         let speed = p.tau_max.max(-p.tau_min).max(p.gravity.abs()) / p.inertia * (p.inertia / (d + scale));
         for (theta, t) in best.theta_switches.into_iter().zip(best.t_switches).take(best.switches) {
             let (before, after) = (profile.at(t * (1.0 - 1e-15)), profile.at(t));
             assert!((before.q - theta).abs() + (after.q - theta).abs() <= 1e-12 * growth, "{p:?} {d} {c} {o:?} {before:?} {after:?}");
-            // A brake may be as short as the rounding of the time, and over.
+            // A brake may be so short that its duration is below the rounding error of the time.
             assert!(
                 t == best.t || (before.v - after.v).abs() <= 1e-10 * growth * speed + 2e-15 * t * after.a.abs(),
                 "{p:?} {d} {c} {o:?} {before:?} {after:?}"
@@ -216,7 +217,7 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
 fn a_motion_that_friction_stalls_says_what_is_missing() {
     let o = torque_optimal_time_with_friction(0.1, 3.0, 1.0, 1.0, -0.9, 0.9, 30.0, 0.0).unwrap();
     let MonotoneReason::Apart { push, missing, .. } = o.reason else { panic!("{:?}", o.reason) };
-    // Overdamped, the push creeps to where gravity takes all of it, and what is missing is what the crest takes more.
+    // Overdamped: the push creeps to the angle where gravity takes all of it. The missing torque is the additional gravity at its maximum.
     assert!((push - 0.9f64.asin()).abs() < 1e-6 && (missing - 0.1).abs() < 1e-6 && o.best.kind == Family::NoneFound, "{o:?}");
 }
 
@@ -226,7 +227,7 @@ fn refusals() {
         let e = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 1.0, -2.0, 2.0, viscous, coulomb).unwrap_err();
         assert!(e.to_string().starts_with(name), "{e}");
     }
-    // Coulomb friction above the torque: nothing moves.
+    // Coulomb friction above the torque: no motion.
     let o = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0, 1.0).unwrap();
     assert!(!o.feasible && o.t.is_nan() && o.reason == MonotoneReason::StartBlocked { missing: 0.0 }, "{:?}", o.reason);
 }

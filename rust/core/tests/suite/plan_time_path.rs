@@ -1,4 +1,4 @@
-//! Timings of paths with results in closed form, and paths that turn back.
+//! Timings of paths with results in closed form, and paths with a reversal.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::{Functions, PlanarPr};
@@ -6,7 +6,7 @@ use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{Mover, PathLimits, TimePath, TimePathOptions, time_path};
 use std::sync::Arc;
 
-/// One hinge without gravity.
+/// One revolute joint without gravity.
 fn pendulum() -> Arm {
     Arm::planar(&[0.5], None, None, None, [0.0, 0.0]).unwrap()
 }
@@ -23,11 +23,11 @@ fn straight_line() {
     let (path, _) = Path::waypoints(&[0.0, 0.0, 1.0, 0.0], 2, None, Ends::Natural).unwrap();
     let limits = PathLimits { torque: Some((vec![-8.0; 2], vec![8.0; 2])), ..PathLimits::default() };
     let p = time_path(Mover::PlanarPr(arm), Arc::new(path), &limits, &TimePathOptions::default()).unwrap();
-    // The switch lies on a grid point.
+    // The switch is at a grid point.
     assert!((p.motion.duration() - 1.0).abs() < 1e-12);
 }
 
-/// A path that turns back has q' = 0 there, where no speed limit bounds the path speed.
+/// At a reversal of the path q' = 0, so no speed limit bounds the path speed.
 #[test]
 fn turning_back_with_much_torque() {
     let q = [0.3171705300029175, 1.1445280548279282, 0.24228325436612685, -0.5987319715652603, 0.2792056757544894];
@@ -36,7 +36,7 @@ fn turning_back_with_much_torque() {
     for (grid, end_speed) in [(50, 0.0), (101, 0.0), (201, 0.0), (202, 0.0), (401, 0.0), (801, 0.0), (201, 0.6079677785133834)] {
         let options = TimePathOptions { grid: Some(grid), end_speed, ..TimePathOptions::default() };
         let p = timed(&pendulum(), &q, limits.clone(), options);
-        // Nearly all the way at the speed limit.
+        // Almost the whole motion is at the speed limit.
         let length: f64 = q.windows(2).map(|w| (w[1] - w[0]).abs()).sum();
         let least = length / 3.16264401;
         assert!(p.reason.is_none(), "{grid}: {}", p.reason.unwrap());

@@ -1,4 +1,4 @@
-//! The classifier of SPEC system 2 on all 27 sign patterns of (s2, s3, s4), stretched and folded, any link lengths, many turns.
+//! The classifier of SPEC system 2 on all 27 sign patterns of (s2, s3, s4): stretched and folded arms, random link lengths, many turns.
 
 use crate::priority_support;
 
@@ -6,7 +6,7 @@ use crate::priority_support::{Random, norm, planar_jacobian};
 use armlet_core::priority::{Kind, PriorityMethod, PriorityOptions, diagnose, solve_priority};
 use std::f64::consts::PI;
 
-/// Ranks of J1, J2, J_E, J2 P1 and the kind, from which sines vanish.
+/// Ranks of J1, J2, J_E, J2 P1 and the kind, as functions of the sines that vanish.
 fn expected(s2: bool, s3: bool, s4: bool) -> ([usize; 4], Kind) {
     match (s2, s3, s4) {
         (true, _, true) => ([2, 2, 4, 2], Kind::Regular),
@@ -24,7 +24,7 @@ fn all_sign_patterns() {
     for pattern in 0..27 {
         let signs = [pattern % 3, pattern / 3 % 3, pattern / 9].map(|s| s as f64 - 1.0);
         for trial in 0..40 {
-            // Folded configurations are multiples of pi; whole turns grow up to 1e4 revolutions.
+            // Folded configurations are multiples of pi. Full turns grow up to 1e4 revolutions.
             let turns = [0.0, 1.0, 7.0, 1e2, 1e4][trial % 5];
             let lengths: Vec<f64> = (0..4).map(|_| 10f64.powf(2.0 * random.uniform() - 1.0)).collect();
             let mut q = vec![PI * (2.0 * random.uniform() - 1.0)];
@@ -32,7 +32,7 @@ fn all_sign_patterns() {
                 let angle = if s == 0.0 { PI * random.below(2) as f64 } else { s * (0.3 + 2.5 * random.uniform()) };
                 q.push(angle + 2.0 * PI * (turns * (2.0 * random.uniform() - 1.0)).round());
             }
-            // A degenerate arm folded onto its own base has another rank when lengths cancel; random lengths do not.
+            // If lengths cancel, a degenerate arm that is folded back to its base has another rank. Random lengths do not cancel.
             let j1 = planar_jacobian(&lengths, &q, 4);
             let j2 = planar_jacobian(&lengths, &q, 2);
             let rounding = 8.0 * f64::EPSILON * (1.0 + q.iter().map(|q| q.abs()).sum::<f64>());
@@ -45,7 +45,7 @@ fn all_sign_patterns() {
             assert_eq!(d.levels[1].algorithmic, matches!(kind, Kind::Algorithmic | Kind::Both));
             assert_eq!((d.levels[0].kinematic, d.levels[1].kinematic), (ranks[0] < 2, ranks[1] < 2));
             assert_eq!(d.levels[1].lost.len(), 2 - ranks[3]);
-            // The solver's ranks are the diagnosis'.
+            // The ranks of the solver equal those of the diagnosis.
             let options = PriorityOptions { rounding: Some(rounding), ..PriorityOptions::new(PriorityMethod::Exact) };
             let solution = solve_priority(4, &[&j1, &j2], &[&[1.0, 0.5], &[-0.3, 0.7]], &options).unwrap();
             assert_eq!(solution.ranks, d.projected_ranks());
@@ -55,7 +55,7 @@ fn all_sign_patterns() {
     assert_eq!(seen, 27 * 40);
 }
 
-/// The residual columns of the table: what is lost is the projection of the command that the table names.
+/// The residual columns of the table: the residual is the projection of the command named in the table.
 #[test]
 fn residuals_of_the_table() {
     let (p1, p2) = ([0.4, -0.7], [0.9, 0.2]);
@@ -72,7 +72,7 @@ fn residuals_of_the_table() {
         .unwrap();
         let loss = d.compatibility.as_ref().unwrap();
         for i in 0..2 {
-            // Both are v_i - J_i v up to the rounding of velocities of order 10.
+            // Both equal v_i - J_i v, up to the rounding of velocities of order 10.
             assert!(priority_support::apart(&loss[i].loss, &solution.residuals[i]) < 1e-13, "{d}");
             assert_eq!(loss[i].compatible, norm(&solution.residuals[i]) < 1e-12, "{d}");
         }

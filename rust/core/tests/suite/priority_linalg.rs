@@ -1,4 +1,4 @@
-//! Penrose conditions, orthonormality and relative accuracy of the capped decompositions; they end on every input.
+//! Penrose conditions, orthonormality and relative accuracy of the decompositions. They terminate on every input.
 
 use crate::priority_support::{Random, apart, norm, product};
 use armlet_core::error::Error;
@@ -24,7 +24,7 @@ fn penrose_conditions_hold_at_every_rank() {
         let mut svd = Svd::new(m, k);
         svd.decompose(&a, m, k).unwrap();
         let largest = svd.s()[0];
-        // Products of two factors of order 1 are accurate to some ulp of the largest value; the smallest true ones are above 1e-9 here.
+        // Products of two factors of order 1 are accurate to some ulp of the largest value. The smallest true values are above 1e-9 here.
         let cut = 1e-13 * largest;
         if svd.s().iter().any(|s| *s > cut && *s < 1e-6 * largest) {
             continue;
@@ -32,7 +32,7 @@ fn penrose_conditions_hold_at_every_rank() {
         assert_eq!(svd.rank(cut), rank, "{:?}", svd.s());
         let x = pinv(&a, m, k, cut).unwrap();
         let (ax, xa) = (product(&a, &x, k, m), product(&x, &a, m, k));
-        // 1e-15 of the products, times the condition (at most 1e6), with a margin of ten.
+        // 1e-15 of the products, times the condition number (at most 1e6), with a margin of ten.
         let tolerance = 1e-8 * (1.0 + norm(&x)) * (1.0 + norm(&a));
         assert!(apart(&product(&ax, &a, m, k), &a) <= tolerance);
         assert!(apart(&product(&xa, &x, k, m), &x) <= tolerance);
@@ -59,7 +59,7 @@ fn factors_are_orthonormal_and_reproduce_the_matrix() {
         for i in 0..k {
             for j in 0..k {
                 let dot: f64 = svd.v(i).iter().zip(svd.v(j)).map(|(x, y)| x * y).sum();
-                // 9 reflections and some hundred rotations, one ulp each at worst.
+                // 9 reflections and some hundred rotations, with an error of at most one ulp each.
                 assert!((dot - if i == j { 1.0 } else { 0.0 }).abs() <= 1e-14, "V at scale {scale}");
             }
         }
@@ -69,14 +69,14 @@ fn factors_are_orthonormal_and_reproduce_the_matrix() {
                 (0..k).for_each(|c| back[r * k + c] += svd.s()[j] * svd.u(j)[r] * svd.v(j)[c]);
             }
         }
-        // Subnormal entries carry fewer digits.
+        // Subnormal entries have fewer digits.
         assert!(apart(&back, &a) <= 1e-14 * svd.s()[0] + 1e-320, "A at scale {scale}: {back:?} {a:?}");
     }
 }
 
 #[test]
 fn tiny_singular_values_of_graded_rows_keep_their_digits() {
-    // A = diag(1, 1e-8, 1e-16) Q with orthonormal rows of Q: singular values 1, 1e-8, 1e-16 to relative precision.
+    // A = diag(1, 1e-8, 1e-16) Q with orthonormal rows of Q: the singular values are 1, 1e-8, 1e-16 to relative precision.
     let q = [[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]];
     let a: Vec<f64> = (0..3).flat_map(|i| q[i].iter().map(move |x| x / 3.0 * 10f64.powi(-8 * i as i32))).collect();
     let mut svd = Svd::new(3, 3);

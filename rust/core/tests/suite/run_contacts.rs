@@ -1,5 +1,5 @@
-//! Contacts and events in runs: held contacts are the free ones between their changes, a stop is met when it should be, and the
-//! balance holds through a damped one.
+//! Contacts and events in runs. Between their changes, held contacts equal free ones. A stop is reached at the expected time, and the
+//! balance holds through a damped stop.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::Model;
@@ -28,7 +28,7 @@ fn held_contacts_agree_with_free_ones_where_they_hold() {
 #[test]
 fn a_contact_is_entered_pressed_and_left_slack() {
     assert_eq!(Touch::Apart.next(0, 0.0), Touch::Pressed);
-    // A damper lets go before the surface is reached, a spring alone at the surface.
+    // A contact with a damper separates before the surface is reached, and a spring alone at the surface.
     assert_eq!(Touch::Pressed.next(0, 0.01), Touch::Slack);
     assert_eq!(Touch::Pressed.next(0, 0.0), Touch::Apart);
     assert_eq!(Touch::Slack.next(0, 0.0), Touch::Apart);
@@ -49,7 +49,7 @@ fn stops_say_what_they_lack() {
     assert_eq!((one.energy(&[1.1]), one.energy(&[0.9])), (0.5 * 1e3 * (1.1f64 - 1.0) * (1.1 - 1.0), 0.0));
 }
 
-/// A link of 1 kg m^2 that nothing drives, at 2 rad/s towards a stop at 1 rad.
+/// A link of 1 kg m^2 without a drive, at 2 rad/s towards a stop at 1 rad.
 fn thrown(damping: f64, method: Method, observer: Option<&mut RunObserver>) -> Run {
     let model = Model::Tree(Arc::new(Arm::pendulum(1.0, 0.0).unwrap()));
     let stops = Stops::new(vec![f64::NEG_INFINITY], vec![1.0], vec![400.0], vec![damping]).unwrap();
@@ -84,14 +84,14 @@ fn a_stop_is_met_and_left_when_it_should_be() {
         let mut observer = RunObserver { events, polynomials: Some(Polynomials::default()), ..RunObserver::default() };
         let run = thrown(0.0, method, Some(&mut observer));
         assert_eq!(run.status, Status::Success, "{method:?}");
-        // v0 = 2, sqrt(k/I) = 20: met at 1/2, turned a quarter period later, left after half of one.
+        // v0 = 2, sqrt(k/I) = 20: contact at 1/2, reversal a quarter period later, separation half a period after contact.
         let expected = [0.5, 0.5 + PI / 40.0, 0.5 + PI / 20.0];
         assert_eq!(observer.crossings.index, [0, 1, 0], "{method:?}");
         for (t, want) in observer.crossings.t.iter().zip(expected) {
-            // The error of the run at this tolerance; that of the search is an ulp.
+            // The error of the run at this tolerance. The error of the search is one ulp.
             assert!((t - want).abs() < 1e-8, "{method:?}: {t} {want}");
         }
-        // Steps are whole: each begins where the last one ended, and one of them ends at the stop.
+        // The steps have no gaps: each begins where the previous one ended, and one of them ends at the stop.
         let ends = observer.polynomials.unwrap().ends;
         assert!(ends.windows(2).all(|pair| pair[0] < pair[1]) && ends.last() == Some(&1.0));
         assert!(ends.iter().any(|&t| t == observer.crossings.t[0]), "{method:?}");
@@ -104,7 +104,7 @@ fn the_balance_holds_through_a_damped_stop() {
         let run = thrown(8.0, method, None);
         let (_, balance) = run.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
         let worst = balance.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-        // 2 J turned over; the quadratures follow the steps without control of their own.
+        // 2 J are exchanged. The quadratures use the steps without a separate error control.
         assert!(worst < 2e-8, "{method:?}: {worst}");
         assert!(run.v.last().unwrap() < &-1.0 && run.v.last().unwrap() > &-1.9, "the damper took its part: {:?}", run.v.last());
     }
@@ -117,7 +117,7 @@ fn an_event_ends_the_run() {
     let run = thrown(0.0, Method::Dop853, Some(&mut observer));
     assert_eq!((run.status, run.ended), (Status::Event, observer.crossings.t[0]));
     assert_eq!(run.t.last(), Some(&run.ended));
-    // Back at x = t = 2 (1/2 + pi/20 + 1/2 - t) + ..: after the rebound x = 1 - 2 (t - 1/2 - pi/20).
+    // After the rebound x = 1 - 2 (t - 1/2 - pi/20), which equals t at (2 + pi/10)/3.
     assert!((run.ended - (2.0 + PI / 10.0) / 3.0).abs() < 1e-8, "{}", run.ended);
     let mut unknown = RunObserver {
         events: vec![Event { function: EventFunction::Function(Arc::new(|_, _| None)), direction: 0.0, stop_after: 0 }],

@@ -17,7 +17,7 @@ pub fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
-/// Run the task on every number that this machine has; returns how many.
+/// Run the task on every number type of this machine. The result is their number.
 pub fn on_every_number<T: GenericKernel + Copy>(task: T) -> usize {
     on::<f64, T>(task);
     on::<Float, T>(task);
@@ -49,7 +49,7 @@ pub fn vectors(file: &str) -> Value {
     serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap()
 }
 
-/// Numbers stand in the vectors as numbers or as decimal strings, in nested arrays.
+/// The vectors have numbers, or decimal strings, in nested arrays.
 pub fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),
@@ -71,7 +71,7 @@ pub fn chain(value: &Value) -> Arm {
     Arm::from_chain(&joints, array(&value["gravity"])).unwrap()
 }
 
-/// splitmix64: small, seeded, the same everywhere.
+/// splitmix64: small, seeded, and the same on every machine.
 #[derive(Clone, Copy)]
 pub struct Rng(pub u64);
 impl Rng {
@@ -97,7 +97,7 @@ impl Rng {
     }
 }
 
-/// Parameters of a real body: five random point masses on a core.
+/// Parameters of a physical body: five random point masses on a core.
 pub fn body(rng: &mut Rng) -> [f64; 10] {
     let mut phi = [0.0; 10];
     for k in 0..6 {
@@ -112,7 +112,8 @@ pub fn body(rng: &mut Rng) -> [f64; 10] {
     phi
 }
 
-/// A random tree with `n` moving joints, branches, slides, fixed bodies, coordinate and skew axes, square and skew placements, and rotors.
+/// A random tree with `n` moving joints: branches, slides, fixed bodies and rotors; axes along coordinates or oblique, placements by
+/// quarter turns or oblique.
 pub fn random_tree(rng: &mut Rng, n: usize) -> Arm {
     let mut list: Vec<ChainJoint> = Vec::new();
     let mut moving = 0;
@@ -137,7 +138,7 @@ pub fn random_tree(rng: &mut Rng, n: usize) -> Arm {
             _ => rng.array3(2.0),
         };
         let mut joint = ChainJoint::new(kind, axis, rpy, rng.array3(0.4), body(rng));
-        // Mostly chains, sometimes a branch, now and then a second tree on the base.
+        // Mostly chains, sometimes a branch, rarely a second tree on the base.
         joint.parent = match rng.below(8) {
             0 if !list.is_empty() => Some(Some(rng.below(list.len()))),
             1 if list.len() > 2 && rng.below(3) == 0 => Some(None),
@@ -153,7 +154,7 @@ pub fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// Fails where an entry differs by more than `tolerance` of the largest entry of `want` (and `floor`).
+/// Fail if an entry differs by more than `tolerance` times the largest entry of `want` (and `floor`).
 #[track_caller]
 pub fn close(what: &str, got: &[f64], want: &[f64], tolerance: f64, floor: f64) {
     assert_eq!(got.len(), want.len(), "{what}");

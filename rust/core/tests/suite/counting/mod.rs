@@ -1,4 +1,4 @@
-//! The system allocator, counting the allocations of each thread.
+//! The system allocator with a count of the allocations of each thread.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

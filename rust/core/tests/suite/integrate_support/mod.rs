@@ -1,4 +1,5 @@
-//! Problems with known solutions, written once for every number, and every method driven through one door.
+//! Problems with known solutions, written once for every number type, and a common interface to every
+//! method.
 
 use armlet_core::integrate::*;
 use armlet_core::scalar::{Array8, Dual8, Duals, Real};
@@ -15,7 +16,7 @@ pub trait Problem {
     fn rate_of(_i: usize) -> Option<usize> {
         None
     }
-    /// Attempts along a jump.
+    /// Attempts along a jump before the run ends.
     fn chatter_budget() -> u64 {
         u64::MAX
     }
@@ -100,7 +101,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// A point on a circle at a speed that varies: not linear in time, not autonomous.
+/// A point on a circle with varying speed: not linear in time, not autonomous.
 pub struct Circle;
 impl Problem for Circle {
     const N: usize = 2;
@@ -120,7 +121,7 @@ impl Exact for Circle {
     }
 }
 
-/// `x0 = 1 / (2 - t/2)` grows by its square, and `x1 = exp(sin t)` is driven through `x0`.
+/// The rate of `x0 = 1 / (2 - t/2)` is proportional to its square. `x1 = exp(sin t)` is driven by `x0`.
 pub struct Riccati;
 impl Problem for Riccati {
     const N: usize = 2;
@@ -163,7 +164,7 @@ impl Exact for Oscillator {
     }
 }
 
-/// Ten linked decays, so that the Jacobian takes more than one sweep of duals.
+/// Ten coupled decays, so that the Jacobian takes more than one evaluation with duals.
 pub struct Chain;
 impl Problem for Chain {
     const N: usize = 10;

@@ -1,4 +1,4 @@
-//! Common parts of the planner tests: the oracle file, a seeded generator and the strata of random problems.
+//! Common parts of the planner tests: the oracle file, a seeded generator, and the strata of random problems.
 
 use serde_json::Value;
 
@@ -26,7 +26,7 @@ pub fn expression(text: &str) -> f64 {
     sign * value
 }
 
-/// A number, or a string of `expression`.
+/// A number, or a text for `expression`.
 pub fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| expression(value.as_str().expect("a number")))
 }
@@ -35,7 +35,7 @@ pub fn near(x: f64, y: f64, relative: f64) -> bool {
     x == y || (x - y).abs() <= relative * y.abs()
 }
 
-/// How many random problems: 20,000, or ARMLET_RANDOM_PLANS.
+/// The number of random problems: 20,000, or ARMLET_RANDOM_PLANS.
 pub fn random_count() -> usize {
     std::env::var("ARMLET_RANDOM_PLANS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000)
 }
@@ -88,7 +88,7 @@ impl Problem {
         Problem { theta0, thetaf, inertia: r.log(0.1, 10.0), gravity: r.range(-0.5, 2.0), tau_min, tau_max }
     }
 
-    /// Strata in turn: nominal, near-zero moves 1e-16..1e-6, limits 1e-3..1e8 with gravity beside them, special angles.
+    /// Strata in turn: nominal, tiny motions 1e-16..1e-6, limits 1e-3..1e8 with gravity of similar size, special angles.
     pub fn stratum(r: &mut Random, k: usize) -> Self {
         let mut p = Problem::nominal(r);
         match k % 4 {

@@ -19,7 +19,7 @@ pub fn planar_jacobian(lengths: &[f64], q: &[f64], tip: usize) -> Vec<f64> {
     j
 }
 
-/// Multiplicative generator of L'Ecuyer 1988 form on 64 bits (Knuth's MMIX constants), output by its high bits.
+/// Multiplicative generator of the form of L'Ecuyer 1988 on 64 bits (Knuth's MMIX constants). The output is its high bits.
 pub struct Random(u64);
 
 impl Random {
