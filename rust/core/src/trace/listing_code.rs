@@ -1,7 +1,7 @@
 //! Machine code as text: one line per operation of the emitter, for any instruction set.
 //!
-//! Registers have the names `r0`, `r1`, .. Values that moved from registers to memory have the names `spill0`, `spill1`, .. An operand that
-//! is an input or a number is in memory. An operation of several instructions is one line.
+//! Registers are `r0`, `r1` and so on. Values that moved from registers to memory are `spill0`, `spill1` and so on. An operand that is an
+//! input or a number is in memory. An operation of several instructions is one line.
 
 use super::emit::assemble;
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Source};
