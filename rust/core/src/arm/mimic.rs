@@ -142,7 +142,7 @@ impl Arm {
         (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
     }
 
-    /// Whether a full turn of each coordinate returns all bodies to their places. Then the multipliers of its followers are integers.
+    /// For every coordinate, whether a full turn returns all bodies to their places. This requires integer multipliers of its followers.
     pub fn turns(&self) -> Vec<bool> {
         let mut turns: Vec<bool> = self.joints.iter().map(|joint| joint.kind.is_angle()).collect();
         for mimic in &self.mimics {

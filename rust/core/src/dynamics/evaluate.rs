@@ -44,7 +44,7 @@ macro_rules! with_quantity {
 }
 
 impl<S: Real> Engine<S> {
-    /// With `eager`, memory for every result is allocated. Otherwise this holds only for arms of at most `EAGER` numbers.
+    /// With `eager`, memory for every result is allocated if it has at most `EAGER` numbers. Otherwise the first query allocates it.
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
