@@ -1,8 +1,8 @@
 #![doc = include_str!("../README.md")]
-// The layers, lowest first; a module uses only those before it (checked by `tests/api/test_layering.py`):
+// The layers, lowest first. A module uses only those before it (checked by `tests/api/test_layering.py`):
 // `interrupt -> error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
-// with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`, and
-// `integrate` over `error, status, scalar, linalg` alone; `parallel` knows threads, `memory` sizes, and none knows robots.
+// with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`.
+// `integrate` uses only `error, status, scalar, linalg`. `parallel` contains threads and `memory` sizes; neither contains robots.
 #![deny(missing_docs)]
 
 pub mod analysis;

@@ -1,5 +1,4 @@
-//! A tree of bodies as [`Dynamics`]. A recursion computes each quantity, and the result is projected if
-//! joints follow others.
+//! A tree of bodies as [`Dynamics`]. A recursion computes each quantity, and the result is projected if joints follow others.
 
 use super::joined::Joined;
 use super::workspace::Workspace;

@@ -1,7 +1,6 @@
 //! Orthonormal null basis `A N = 0`, `N'N = I`: the right singular vectors beyond the rank.
 //!
-//! The formula `I - A'(A A')^-1 A` is not used, because it squares the condition number and thereby the
-//! error of the projector.
+//! The formula `I - A'(A A')^-1 A` is not used, because it squares the condition number and thereby the error of the projector.
 
 use super::svd::Svd;
 use crate::error::Result;

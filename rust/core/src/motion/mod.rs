@@ -1,5 +1,4 @@
-//! Desired motions `t -> (q_d, v_d, a_d)`. Before time zero each motion holds its start, and after its duration its
-//! end.
+//! Desired motions `t -> (q_d, v_d, a_d)`. Before time zero each motion holds its start, and after its duration its end.
 
 mod path;
 mod printed;
@@ -21,8 +20,7 @@ use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use nalgebra::DVector;
 
-/// A desired motion of `n` joints. It is an enum, so that loops need neither virtual calls nor a copy of their code
-/// per motion.
+/// A desired motion of `n` joints. It is an enum, so that loops need neither virtual calls nor a copy of their code per motion.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Motion {
     /// `q_d` constant.
@@ -99,8 +97,7 @@ impl Motion {
         }
     }
 
-    /// `[q_d, v_d, a_d]` at each of `times`, with the bits of single samples. The rows in `out` are `stride`
-    /// numbers apart.
+    /// `[q_d, v_d, a_d]` at each of `times`, with the bits of single samples. The rows in `out` are `stride` numbers apart.
     pub fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         #[inline(always)]
         fn each(times: &[f64], rows: std::slice::ChunksMut<f64>, sample: impl Fn(f64, &mut [f64])) {

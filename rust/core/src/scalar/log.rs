@@ -1,7 +1,7 @@
 //! The natural logarithm without a library call and without a branch. It serves lanes and recordings, with the same bits on every machine.
 //!
-//! `x = 2^e m` with `m` within `[sqrt(1/2), sqrt 2)`. Comparisons with powers of two give `e`. Then fdlibm's polynomial gives `log m = 2
-//! atanh(s)`, `s = (m - 1) / (m + 1)`.
+//! `x = 2^e m` with `m` within `[sqrt(1/2), sqrt 2)`. Comparisons with powers of two give `e`. Then fdlibm's polynomial gives
+//! `log m = 2 atanh(s)`, `s = (m - 1) / (m + 1)`.
 
 use super::Real;
 

@@ -2,8 +2,8 @@
 //!
 //! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`  (a: acceleration of the origin).
 //!
-//! A shift of the reference point by `-p` moves the old origin to `p` relative to the new one. Then `h' = h + m p` and `I' = I + (h.p +
-//! p.h') 1 - (p h' + h p')`, symmetrised (Huygens-Steiner).
+//! A shift of the reference point by `-p` moves the old origin to `p` relative to the new one. Then `h' = h + m p` and
+//! `I' = I + (h.p + p.h') 1 - (p h' + h p')`, symmetrised (Huygens-Steiner).
 
 use super::{Matrix, Matrix3, Placement, Sym3, Vector, Vector3};
 use crate::scalar::Real;

@@ -7,9 +7,9 @@
 //! ```
 //!
 //! A body is physically possible if and only if `P > 0`. Then its mass has one sign everywhere, and not all of it is on one plane. Let `L`
-//! be the dual of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. Then the law `P_hat' = gamma P_hat L P_hat` gives `d/dt d(P ||
-//! P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires this property of an adaptation law. `P_hat` remains positive
-//! definite.
+//! be the dual of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. Then the law `P_hat' = gamma P_hat L P_hat` gives
+//! `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires this property of an adaptation law. `P_hat` remains
+//! positive definite.
 
 use super::{PARAMETERS, parameter::INERTIA};
 use crate::scalar::Real;

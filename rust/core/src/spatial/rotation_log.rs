@@ -1,7 +1,8 @@
 //! The rotation vector of a rotation matrix: `log R`, axis times angle in [0, pi].
 //!
-//! The unit quaternion `(w, u)` is computed by the one of four formulas that has the largest square root (Shepperd 1978). Then `log R = 2
-//! atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity the quotient is `2 / w (1 - |u|^2/(3 w^2))`.
+//! The unit quaternion `(w, u)` is computed by the one of four formulas that has the largest square root (Shepperd 1978). Then
+//! `log R = 2 atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity the quotient is
+//! `2 / w (1 - |u|^2/(3 w^2))`.
 
 use super::{Matrix3, Vector3};
 use crate::scalar::Real;
@@ -21,7 +22,7 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     let sums = [at(0, 1) + at(1, 0), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1)];
     let [dx, dy, dz] = differences;
     let [xy, xz, yz] = sums;
-    // Each candidate is (w, x, y, z), times twice the square root of its own square above.
+    // Candidate k is (w, x, y, z), times twice the square root of squares[k].
     let candidates = [[squares[0], dx, dy, dz], [dx, squares[1], xy, xz], [dy, xy, squares[2], yz], [dz, xz, yz, squares[3]]];
     let (mut best, mut quaternion) = (squares[0], candidates[0]);
     for k in 1..4 {

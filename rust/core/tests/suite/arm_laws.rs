@@ -154,8 +154,8 @@ fn recursions_agree() {
     }
 }
 
-/// Central difference of `f` along `v`, with one extrapolation: error `h^4` (1e-12 at h = 1e-3) plus rounding `eps / h` (2e-13), both
-/// multiplied by the growth of fourth derivatives over long chains.
+/// Central difference of `f` along `v`, with one extrapolation. The error is `h^4` (1e-12 at h = 1e-3) plus rounding `eps / h` (2e-13).
+/// Both are multiplied by the growth of fourth derivatives over long chains.
 fn slope(f: &mut dyn FnMut(f64) -> Vec<f64>) -> Vec<f64> {
     let h = 1e-3;
     let at: Vec<Vec<f64>> = [-h, h, -2.0 * h, 2.0 * h].into_iter().map(f).collect();

@@ -1,5 +1,4 @@
-//! Chattering ends a run within its budget. Smooth but steep slopes, rounding errors and single jumps do not
-//! end it.
+//! Chattering ends a run within its budget. Smooth but steep slopes, rounding errors and single jumps do not end it.
 
 use crate::integrate_support::*;
 use armlet_core::scalar::{Real, sign};

@@ -254,7 +254,7 @@ fn events_stop_and_runs_go_on_after_jumps() {
     }
 }
 
-/// A link on an elastic joint under motor-inertia reduction, K = 1e6 N m/rad, B0 = 1e-5: poles at 3e5 rad/s, and an outer loop at 10 rad/s.
+/// A link on an elastic joint under motor-inertia reduction, K = 1e6 N m/rad, B0 = 1e-5: poles at 3e5 rad/s, an outer loop at 10.
 struct Elastic;
 impl Problem for Elastic {
     const N: usize = 4;

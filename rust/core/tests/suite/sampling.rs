@@ -1,5 +1,4 @@
-//! The measurements of a sampled controller: noise with the moments of its distribution, encoders with a
-//! resolution.
+//! The measurements of a sampled controller: noise with the moments of its distribution, encoders with a resolution.
 
 use armlet_core::simulate::Sampling;
 

@@ -3,8 +3,7 @@
 use super::super::{Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The lanes of the first, then those of the second. They are fields, not an array, so there is no
-/// loop to unroll.
+/// The lanes of the first, then those of the second. They are fields, not an array, so there is no loop to unroll.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pair<V>(V, V);
 

@@ -1,5 +1,4 @@
-//! Problems with known solutions, written once for every number type, and a common interface to every
-//! method.
+//! Problems with known solutions, written once for every number type, and a common interface to every method.
 
 use armlet_core::integrate::*;
 use armlet_core::scalar::{Array8, Dual8, Duals, Real};
