@@ -49,7 +49,7 @@ pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     let mut out = Vec::with_capacity(n);
     while out.len() < n {
         look();
-        // By their bytes: clones of a structure are made field by field.
+        // This copies bytes. A clone would copy a structure field by field.
         out.extend((0..PIECE.min(n - out.len())).map(|_| value));
     }
     out

@@ -35,7 +35,7 @@ pub enum Instruction {
     Less(u32, u32),
     /// All bits set if the sign bit is set, otherwise none. An instruction set may keep the value unchanged.
     Signs(u32),
-    /// The second if the sign bit of the first is set, otherwise the third.
+    /// The second operand if the sign bit of the first is set, otherwise the third.
     Select(u32, u32, u32),
     /// The bits shifted left.
     Shift(u32, u8),

@@ -34,7 +34,7 @@ pub enum Op {
     UnfusedCos(u32),
     /// A mask: `a < b`.
     Less(u32, u32),
-    /// The second if the first, a mask, holds; otherwise the third.
+    /// The second operand if the first, a mask, holds; otherwise the third.
     Select(u32, u32, u32),
 }
 
