@@ -301,8 +301,8 @@ def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
         places = (s[:-1, None] + _SAMPLES * h[:, None]).clip(0.0, 1.0)
         between = cubic(s, q, _core._spline_slopes(s, q, "not-a-knot"), places.ravel())[0]
         samples = problem.errors(between, places.ravel()).reshape(h.size, _SAMPLES.size, 2)
-        bend = np.abs(np.diff(samples, n=2, axis=1)).max(axis=1)
-        error = samples.max(axis=1) + bend / 8.0
+        curvature = np.abs(np.diff(samples, n=2, axis=1)).max(axis=1)
+        error = samples.max(axis=1) + curvature / 8.0
         coarse = (error > problem.tolerance).any(axis=1)
         if not coarse.any():
             corners = [int(np.argmin(np.abs(s - at))) for at in problem.curve.corners]

@@ -71,14 +71,14 @@ def circle(a: Array, b: Array, c: Array) -> tuple[Array, Array, float, float]:
 def curve(poses: Array, s: Array, kind: str, blend: float, arcs: Sequence[int] = ()) -> list[tuple[Array, Array]]:
     """Position and rotation of the curve through poses (K, 4, 4) at s, 0 to 1."""
     p, R = poses[:, :3, 3], poses[:, :3, :3]
-    ways = [float(np.linalg.norm(p[k + 1] - p[k])) for k in range(len(p) - 1)]
+    distances = [float(np.linalg.norm(p[k + 1] - p[k])) for k in range(len(p) - 1)]
     turns: dict[int, tuple[Array, Array, float]] = {}
     for k in arcs:
         m, n, *angles = circle(*p[k - 1 : k + 2])
         for at, angle in zip((k - 1, k), angles, strict=True):
             turns[at] = m, n, angle
-            ways[at] = float(np.linalg.norm(p[at] - m)) * angle
-    lengths = [np.hypot(way, ARM * rotation_angle(R[k].T @ R[k + 1])) for k, way in enumerate(ways)]
+            distances[at] = float(np.linalg.norm(p[at] - m)) * angle
+    lengths = [np.hypot(way, ARM * rotation_angle(R[k].T @ R[k + 1])) for k, way in enumerate(distances)]
     along = np.concatenate([[0.0], np.cumsum(lengths)])
 
     def line(l: float) -> tuple[Array, Array]:

@@ -160,13 +160,13 @@ mod tests {
 
     #[test]
     fn large_memory_is_handled_with_looks_and_small_memory_without() {
-        let asked = |work: &mut dyn FnMut()| interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), work) == Err(Interrupted);
+        let watched = |work: &mut dyn FnMut()| interruptible(Watch::Flag(Arc::new(AtomicBool::new(true))), work) == Err(Interrupted);
         let (mut small, mut large) = (vec![0.0; PIECE], vec![0.0; PIECE + 1]);
         let (from, names) = (large.clone(), vec![String::new(); PIECE]);
-        assert!(!asked(&mut || set(&mut small, 1.0)) && asked(&mut || set(&mut large, 1.0)));
-        assert!(!asked(&mut || copy(&from[1..], &mut small)) && asked(&mut || copy(&from, &mut large)));
-        assert!(asked(&mut || drop(copies(1, 0.0))) && asked(&mut || drop(cloned(&names))));
-        assert!(asked(&mut || assert!(enlarge(&mut small, PIECE + 1, 0.0).is_ok())));
+        assert!(!watched(&mut || set(&mut small, 1.0)) && watched(&mut || set(&mut large, 1.0)));
+        assert!(!watched(&mut || copy(&from[1..], &mut small)) && watched(&mut || copy(&from, &mut large)));
+        assert!(watched(&mut || drop(copies(1, 0.0))) && watched(&mut || drop(cloned(&names))));
+        assert!(watched(&mut || assert!(enlarge(&mut small, PIECE + 1, 0.0).is_ok())));
         // Without a source of requests, the work is completed.
         set(&mut large, 2.0);
         assert_eq!((large.as_slice(), copies(PIECE + 1, 2.0)), ([2.0; PIECE + 1].as_slice(), vec![2.0; PIECE + 1]));

@@ -34,8 +34,8 @@ impl _BatchStepper {
             let plant = object::<Plant>(NAME, "plant", "a plant such as RigidArm", plant)?.get().spec.clone();
             let (rows, dt) = (count(NAME, "rows", rows)?, number(NAME, "dt", dt)?);
             let stepper = BatchStepper::new(&plant, rows, dt)?;
-            let room = |width: usize| -> Result<Vec<f64>, Failure> { Ok(memory::filled(rows.saturating_mul(width), 0.0)?) };
-            Ok(_BatchStepper { x: room(plant.states())?, tau: room(plant.n())?, stepper, plant })
+            let zeros = |width: usize| -> Result<Vec<f64>, Failure> { Ok(memory::filled(rows.saturating_mul(width), 0.0)?) };
+            Ok(_BatchStepper { x: zeros(plant.states())?, tau: zeros(plant.n())?, stepper, plant })
         })
     }
 

@@ -203,10 +203,10 @@ pub fn columns<const K: usize>(
         input_error(values[0].py(), function, &names.join(", "), format!("do not broadcast: expected shapes that agree, got {all}"))
     })?;
     let (count, answers) = (elements(&shape)?, elements(&shape)?.saturating_mul(answer));
-    let room =
-        shapes.iter().fold(0_usize, |room, shape| room.saturating_add(if elements(shape).is_ok_and(|n| n == 1) { 1 } else { count }));
-    memory::require(room.saturating_mul(8).saturating_add(answers))?;
-    let (mut all, mut places) = (in_large_pages(memory::reserved(room)?), std::array::from_fn(|_| 0..0));
+    let total =
+        shapes.iter().fold(0_usize, |total, shape| total.saturating_add(if elements(shape).is_ok_and(|n| n == 1) { 1 } else { count }));
+    memory::require(total.saturating_mul(8).saturating_add(answers))?;
+    let (mut all, mut places) = (in_large_pages(memory::reserved(total)?), std::array::from_fn(|_| 0..0));
     for k in 0..K {
         let (py, start) = (values[k].py(), all.len());
         let read = Looked::at(function, names[k], values[k])?.append_to(&mut all)?;

@@ -43,14 +43,14 @@ fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> Even
     let (call, raised, n, states) = (call.clone().unbind(), raised.clone(), plant.n(), plant.seen());
     EventFunction::Function(Arc::new(move |t: f64, x: &[f64]| {
         Python::attach(|py| {
-            let ask = || -> Result<f64, Failure> {
+            let call = || -> Result<f64, Failure> {
                 let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
                 for part in x[..states].chunks_exact(n) {
                     arguments.push(PyArray1::from_slice(py, part).into_any());
                 }
                 number(NAME, "events", &call.bind(py).call1(PyTuple::new(py, arguments)?)?)
             };
-            ask().map_err(|failure| force::keep(&raised, py, NAME, failure)).ok()
+            call().map_err(|failure| force::keep(&raised, py, NAME, failure)).ok()
         })
     }))
 }

@@ -260,7 +260,7 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
             return false;
         }
         Python::attach(|py| {
-            let mut ask = || -> Result<(), Failure> {
+            let mut call = || -> Result<(), Failure> {
                 // t, then q, v, theta, theta_dot as far as the plant has them.
                 let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
                 for part in x.chunks_exact(n) {
@@ -270,7 +270,7 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
                 tau.copy_from_slice(&vector(function, "law", &answer, n)?);
                 Ok(py.check_signals()?)
             };
-            ask().map_err(|failure| force::keep(&raised, py, function, failure)).is_ok()
+            call().map_err(|failure| force::keep(&raised, py, function, failure)).is_ok()
         })
     };
     Ok(LawSpec::External(ExternalSpec { model: plant.model().clone(), plant: plant.kind(), call: Arc::new(answer) }))

@@ -272,6 +272,6 @@ pub fn _check_starts(
         let q0 = owned(numbers(NAME, "q0", q0, &[Form(&[Axis::Any("B"), Axis::Is(n)])])?.1)?;
         let starts = q0.chunks_exact(n).enumerate().map(|(run, q)| (plants[run.min(plants.len() - 1)], q));
         let found = long(py, || Ok(core::outside(starts, &laws, true)))?;
-        given.limit_check()?.tell(py, NAME, found)
+        given.limit_check()?.warn(py, NAME, found)
     })
 }

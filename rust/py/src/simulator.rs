@@ -269,13 +269,13 @@ pub fn _restore_simulator(
 }
 
 impl Simulator {
-    /// As `Simulator(plant, law, q0, **keywords)`; with a word on what is outside of joint limits where `told`.
+    /// As `Simulator(plant, law, q0, **keywords)`; it warns of positions outside of joint limits if `warns`.
     fn made<'py>(
         plant: &Bound<'py, PyAny>,
         law: &Bound<'py, PyAny>,
         q0: &Bound<'py, PyAny>,
         keywords: Bound<'py, PyDict>,
-        told: bool,
+        warns: bool,
     ) -> PyResult<Self> {
         let py = plant.py();
         entry(py, NAME, || {
@@ -316,7 +316,7 @@ impl Simulator {
             let none = Force::steps(vec![0.0], vec![[0.0; 6]])?;
             let problem = if pushed && force.is_none() { Problem { forces: vec![&none], ..problem } } else { problem };
             let check = given.limit_check()?;
-            told.then(|| check.problem(py, NAME, &problem, false)).transpose()?;
+            warns.then(|| check.problem(py, NAME, &problem, false)).transpose()?;
             let stepping = stepper(&problem)?;
             let start: Vec<f64> = problem.x0.iter().copied().chain(law.start(&problem.x0)).collect();
             // The caller may change its arrays later.

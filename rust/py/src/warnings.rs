@@ -48,7 +48,7 @@ impl LimitCheck {
             return Ok(());
         }
         let found = long(py, || Ok(Outside::first(values.chunks_exact(arm.n().max(1)).map(|row| (arm, row)))))?;
-        self.tell(py, function, found.map(|found| (format!("{argument}{}", found.index(of_rows)), found)))
+        self.warn(py, function, found.map(|found| (format!("{argument}{}", found.index(of_rows)), found)))
     }
 
     /// Starts, and the joint positions of laws.
@@ -57,11 +57,11 @@ impl LimitCheck {
             return Ok(());
         }
         let found = long(py, || Ok(problem.outside(batch)))?;
-        self.tell(py, function, found)
+        self.warn(py, function, found)
     }
 
     /// One warning for all of `found`, or the error for the first one.
-    pub fn tell(self, py: Python<'_>, function: &str, found: impl IntoIterator<Item = (String, Outside)>) -> Result<(), Failure> {
+    pub fn warn(self, py: Python<'_>, function: &str, found: impl IntoIterator<Item = (String, Outside)>) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());
         }

@@ -240,8 +240,9 @@ impl Arm {
 
     /// Add a line to the report: the followers and their leaders.
     pub(super) fn report_mimics(&mut self) {
-        let told = |m: &Mimic| format!("{} = {} {} + {}", self.joints[m.joint].name, m.multiplier, self.joints[m.leader].name, m.offset);
-        let lines: Vec<String> = self.mimics.iter().map(told).collect();
+        let equation =
+            |m: &Mimic| format!("{} = {} {} + {}", self.joints[m.joint].name, m.multiplier, self.joints[m.leader].name, m.offset);
+        let lines: Vec<String> = self.mimics.iter().map(equation).collect();
         if !lines.is_empty() {
             self.report.push(format!("joined with their leaders: {}", listed(&lines)));
         }

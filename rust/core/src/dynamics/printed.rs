@@ -104,11 +104,11 @@ impl Model {
         let inputs: Vec<(&str, usize)> = query.inputs().iter().enumerate().map(|(k, &input)| (input, query.input_length(k, n))).collect();
         let (count, answers) = (inputs.iter().map(|(_, width)| width).sum::<usize>(), recorded.answer.len());
         let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
-        let (calls, room) = source.routine(&routine, name);
+        let (calls, slots) = source.routine(&routine, name);
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let parameters: String = inputs.iter().map(|(input, width)| format!("const double {input}[{width}], ")).collect();
         let head = format!("int {prefix}_{name}({parameters}double out[{answers}])");
-        let work = if room > 0 { format!(", w[{room}]") } else { String::new() };
+        let work = if slots > 0 { format!(", w[{slots}]") } else { String::new() };
         let mut copies = String::new();
         let mut at = 0;
         for (input, width) in &inputs {

@@ -11,7 +11,7 @@
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
-use super::step_controller::{Control, StepController, finite, paced};
+use super::step_controller::{Control, StepController, finite, step_controlled};
 use super::{Attempt, Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -182,7 +182,7 @@ where
     U: Clone,
     T: Accuracy,
 {
-    paced!(C::DEGREE);
+    step_controlled!(C::DEGREE);
 
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.controller.begin(t, t_end, input_end);

@@ -13,7 +13,7 @@ use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
 use super::radau5_tableau::{C, E, P, T_INVERSE, poles, transform};
 use super::rounding::{Rounding, add_product, two_sum};
-use super::step_controller::{StepController, finite, paced};
+use super::step_controller::{StepController, finite, step_controlled};
 use super::{Buffer, Differentiable};
 use crate::linalg::Pairs;
 use crate::linalg::lu::Complex;
@@ -225,7 +225,7 @@ where
     U: Clone,
     A: Accuracy,
 {
-    paced!(3);
+    step_controlled!(3);
 
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.controller.begin(t, t_end, input_end);

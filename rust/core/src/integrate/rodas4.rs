@@ -8,7 +8,7 @@
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
 use super::rounding::{Rounding, add_product, two_sum};
-use super::step_controller::{Control, StepController, finite, paced};
+use super::step_controller::{Control, StepController, finite, step_controlled};
 use super::{Buffer, Differentiable};
 use crate::scalar::Real;
 use crate::status::Status;
@@ -212,7 +212,7 @@ where
     U: Clone,
     T: Accuracy,
 {
-    paced!(3);
+    step_controlled!(3);
 
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status> {
         self.controller.begin(t, t_end, input_end);

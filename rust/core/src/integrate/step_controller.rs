@@ -208,8 +208,8 @@ pub(super) fn finite<S: Real>(x: &[S]) -> bool {
     zero.lane(0) == 0.0
 }
 
-/// The parts of [`super::Adaptive`] that the step-size controller provides, for a method with fields `pace` and `x`.
-macro_rules! paced {
+/// The parts of [`super::Adaptive`] that the step-size controller provides, for a method with fields `controller` and `x`.
+macro_rules! step_controlled {
     ($degree:expr) => {
         fn dense_degree(&self) -> usize {
             $degree
@@ -237,4 +237,4 @@ macro_rules! paced {
         }
     };
 }
-pub(super) use paced;
+pub(super) use step_controlled;

@@ -133,12 +133,12 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
 /// calls, if it is known; `limits` are those of the input, `(n,)` or none. `None` if the code branches on data.
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
     let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
-    let asked = || {
+    let set_up = || {
         let mut engine = Engine::<Sym>::new(spec);
         engine.law.configure(period, &limits_of());
         engine
     };
-    function::recorded(widths.iter().sum(), asked, |mut law, inputs| {
+    function::recorded(widths.iter().sum(), set_up, |mut law, inputs| {
         let mut answer = law.input_of(inputs, widths).to_vec();
         for (tau, limit) in answer.iter_mut().zip(limits_of()) {
             *tau = tau.clamped(-limit, limit);

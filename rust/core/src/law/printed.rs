@@ -81,11 +81,11 @@ impl LawSpec {
         };
         let calls = self.print_motions(&mut source)?;
         let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
-        let (steps, room) = source.routine(&routine, "evaluate");
+        let (steps, slots) = source.routine(&routine, "evaluate");
         let starts = self.print_start(&mut source, &sizes);
         self.declare(&mut source, &sizes, timing);
         self.write_state(&mut source, &sizes, timing);
-        self.write_step(&mut source, &sizes, timing, (&calls, &steps, room, starts));
+        self.write_step(&mut source, &sizes, timing, (&calls, &steps, slots, starts));
         Ok(source.files(&self.about(timing)))
     }
 
@@ -119,8 +119,8 @@ impl LawSpec {
         let Some(recorded) = start_recording(self, sizes.states) else { return false };
         let given = given(&recorded);
         let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
-        let (steps, room) = source.routine(&routine, "begin");
-        let work = if room > 0 { format!(", w[{room}]") } else { String::new() };
+        let (steps, slots) = source.routine(&routine, "begin");
+        let work = if slots > 0 { format!(", w[{slots}]") } else { String::new() };
         let prefix = source.prefix().to_string();
         source.write(&format!(
             "/* The law's own state where the first measurement is x. */
@@ -269,7 +269,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
     }
 
     /// `step`.
-    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop, (motions, steps, room, starts): (&str, &str, usize, bool)) {
+    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop, (motions, steps, slots, starts): (&str, &str, usize, bool)) {
         let Sizes { n, p, moving, states, guarded } = *sizes;
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let parts = self.plant().parts();
@@ -279,7 +279,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
             .map(|(k, name)| format!("    memcpy(x + {}, {name}, {n} * sizeof(double));\n", moving + k * n))
             .collect();
         let unread = if self.plant().has_speeds() { "" } else { "    (void)v;\n" };
-        let work = if room > 0 { format!(", w[{room}]") } else { String::new() };
+        let work = if slots > 0 { format!(", w[{slots}]") } else { String::new() };
         let (answers, count) = (n + p + usize::from(guarded), moving + states + p);
         let advance = if p == 0 {
             String::new()

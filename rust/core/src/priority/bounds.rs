@@ -43,12 +43,12 @@ pub fn velocity_bounds(
 /// Bounds of one joint's velocity within `(v_min, v_max)`. At the distance `d` from a limit, the bound towards it is
 /// `min(d/dt, sqrt(k d))`, with `k` twice the deceleration. Beyond the limit, it points back.
 pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max): (f64, f64), dt: f64, k: f64) -> (f64, f64) {
-    let room = |distance: f64| {
+    let allowed_speed = |distance: f64| {
         let speed = if distance > 0.0 { (k * distance).sqrt() } else { f64::INFINITY };
         (distance / dt).min(speed)
     };
     let down = q - q_min;
-    let (lower, upper) = ((-room(down)).max(v_min).min(v_max), room(q_max - q).max(v_min).min(v_max));
+    let (lower, upper) = ((-allowed_speed(down)).max(v_min).min(v_max), allowed_speed(q_max - q).max(v_min).min(v_max));
     match lower <= upper {
         true => (lower, upper),
         // Beyond one limit, the return is no faster than the braking before the other limit allows.

@@ -159,20 +159,20 @@ fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<Batch
         let bytes = runs as u128 * records as u128 * width as u128 * 8;
         runs.checked_mul(records).and_then(|n| n.checked_mul(width)).ok_or(Error::Memory { bytes })
     };
-    let room = |width: usize| size(records, width).and_then(memory::untouched).map(in_large_pages);
+    let allocated = |width: usize| size(records, width).and_then(memory::untouched).map(in_large_pages);
     let nan = || memory::filled(runs, f64::NAN);
     let metric = |(name, width): (_, Option<usize>)| Ok((name, width, memory::filled(size(1, width.unwrap_or(1))?, f64::NAN)?));
     let metrics = plan.map_or_else(Vec::new, Plan::columns).into_iter().map(metric).collect::<Result<_>>()?;
-    let monitors = monitors::names(problem).iter().map(|&name| room(1).map(|series| (name, series))).collect::<Result<_>>()?;
+    let monitors = monitors::names(problem).iter().map(|&name| allocated(1).map(|series| (name, series))).collect::<Result<_>>()?;
     Ok(BatchRuns {
-        q: room(n)?,
-        v: room(n)?,
-        tau: room(n)?,
-        theta: room(columns.motors())?,
-        theta_dot: room(columns.motors())?,
-        z: room(p)?,
-        bristles: room(columns.bristles)?,
-        friction: room(if problem.plant(0).friction().is_some() { n } else { 0 })?,
+        q: allocated(n)?,
+        v: allocated(n)?,
+        tau: allocated(n)?,
+        theta: allocated(columns.motors())?,
+        theta_dot: allocated(columns.motors())?,
+        z: allocated(p)?,
+        bristles: allocated(columns.bristles)?,
+        friction: allocated(if problem.plant(0).friction().is_some() { n } else { 0 })?,
         monitors,
         balances: [nan()?, nan()?, nan()?, nan()?],
         metrics,

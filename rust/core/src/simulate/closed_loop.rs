@@ -265,10 +265,10 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     /// Evaluate the law at state `x` and time `t`, into `self.tau`: the held input of a sampled loop, or the input to record.
     pub fn observe(&mut self, t: f64, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
-        self.ask(t, measured, &z[..self.p]);
+        self.evaluate_law(t, measured, &z[..self.p]);
     }
 
-    fn ask(&mut self, t: f64, measured: &[S], z: &[S]) {
+    fn evaluate_law(&mut self, t: f64, measured: &[S], z: &[S]) {
         let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
         self.world.sample(t, &mut now);
         self.turn_to(measured);
@@ -284,7 +284,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         let (n, p) = (self.tau.len(), self.p);
         let (mut tau, mut dz) = (std::mem::take(&mut self.acting.0), std::mem::take(&mut self.acting.1));
         let law = |measured: &[S], tau: &mut [S], dz: &mut [S]| {
-            self.ask(t, measured, &z[..p]);
+            self.evaluate_law(t, measured, &z[..p]);
             tau.copy_from_slice(&self.tau);
             dz.copy_from_slice(&self.dz);
         };

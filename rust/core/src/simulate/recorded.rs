@@ -218,12 +218,12 @@ pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
     instant
 }
 
-/// Record the law if it is `asked`, the rates and the step. `in_parts` may state whether the step is in parts; otherwise this follows from
+/// Record the law if `with_law`, the rates and the step. `in_parts` may state whether the step is in parts; otherwise this follows from
 /// its size. `None` for a method that is not recorded.
 fn trace(
     closed: ClosedLoop<Sym>,
     beside: Beside,
-    (method, asked, in_parts): (ExplicitSteps, bool, Option<bool>),
+    (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
     layout: &Layout,
 ) -> Option<Tracing> {
     let one = || instant(layout.desired, layout.wrench);
@@ -234,7 +234,7 @@ fn trace(
     let (stage, stage_input) = (inputs(layout.states), one());
     let mut rates = inputs(layout.states + layout.guards);
     let mut closed = RecordedLoop { closed, layout, cuts: None };
-    if asked {
+    if with_law {
         closed.closed.turn_to(&x);
         closed.closed.answer(&u[0], &x);
     }

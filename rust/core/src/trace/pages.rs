@@ -10,7 +10,7 @@ const LARGE: usize = 1 << 22;
 pub fn in_large_pages<T>(memory: Vec<T>) -> Vec<T> {
     let bytes = memory.capacity() * size_of::<T>();
     if bytes >= LARGE {
-        system::ask(memory.as_ptr() as usize, bytes);
+        system::advise(memory.as_ptr() as usize, bytes);
     }
     memory
 }
@@ -28,7 +28,7 @@ mod system {
     const PAGE: usize = 4096;
 
     /// Request large pages for the whole pages within this memory. The answer of the system changes no number.
-    pub fn ask(start: usize, bytes: usize) {
+    pub fn advise(start: usize, bytes: usize) {
         let first = start.next_multiple_of(PAGE);
         // SAFETY: this advice changes no byte; of what is not mapped the system says that.
         let _ = unsafe { madvise(first as *mut c_void, bytes - (first - start), HUGE) };
@@ -37,7 +37,7 @@ mod system {
 
 #[cfg(not(target_os = "linux"))]
 mod system {
-    pub fn ask(_: usize, _: usize) {}
+    pub fn advise(_: usize, _: usize) {}
 }
 
 #[cfg(test)]

@@ -241,7 +241,7 @@ fn print(source: &mut CSource, recorded: &Recorded, names: &[Filling], more: &[F
     let given = given(recorded);
     let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
     let [name, parameters, (locals, own)] = *more;
-    let (steps, room) = source.routine(&routine, name.1);
-    let locals_text = if room > 0 { format!("    double w[{room}];\n{own}") } else { own.to_string() };
+    let (steps, slots) = source.routine(&routine, name.1);
+    let locals_text = if slots > 0 { format!("    double w[{slots}];\n{own}") } else { own.to_string() };
     source.write(&filled(FUNCTION, names, &[name, parameters, (locals, &locals_text), ("$steps", &steps)]));
 }

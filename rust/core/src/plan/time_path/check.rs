@@ -14,7 +14,7 @@
 
 use super::along::Along;
 use super::lines::LimitRows;
-use super::rows::{Ask, Friction, Mover, Points};
+use super::rows::{Friction, Mover, Points, Request};
 use super::stencil::Stencil;
 use super::tip::TIP;
 use crate::motion::Path;
@@ -132,7 +132,7 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
         let (x, u) = state(rows, x, i, z);
         (x.sqrt(), u)
     };
-    let ask = Ask::Motion { rate: &rate };
+    let request = Request::Motion { rate: &rate };
     Points {
         mover: course.mover,
         path: course.path,
@@ -140,7 +140,7 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
         count,
         stride,
         out: values,
-        ask,
+        request,
         tip: course.tip.map(|frame| (frame, course.along)),
     }
     .run();

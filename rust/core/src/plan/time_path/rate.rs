@@ -14,7 +14,7 @@
 
 use super::check::TOLERANCE;
 use super::reason::{Bound, PathReason, Shortfall};
-use super::rows::{Ask, Points};
+use super::rows::{Points, Request};
 use super::setup::PathProblem;
 use super::tip::length;
 use super::{TimePath, TimePathOptions};
@@ -115,14 +115,14 @@ impl<'a> Samples<'a> {
         let states: Vec<[f64; 3]> = (0..count).map(|k| state(k).0).collect();
         let at = |k: usize| (problem.path.piece(states[k][0]), states[k][0]);
         let (tip, stride) = (problem.tip.as_ref().map(|tip| (tip.frame, &problem.along)), problem.course().measured());
-        let ask = |rate: &dyn Fn(usize) -> (f64, f64)| {
+        let request = |rate: &dyn Fn(usize) -> (f64, f64)| {
             let mut out = vec![0.0; count * stride];
             let (mover, path) = (problem.mover, &*problem.path);
-            Points { mover, path, at: &at, count, stride, out: &mut out, ask: Ask::Motion { rate }, tip }.run();
+            Points { mover, path, at: &at, count, stride, out: &mut out, request: Request::Motion { rate }, tip }.run();
             out
         };
-        let held = ask(&|_| (0.0, 0.0));
-        let mut all = ask(&|k| (states[k][1], states[k][2]));
+        let held = request(&|_| (0.0, 0.0));
+        let mut all = request(&|k| (states[k][1], states[k][2]));
         let held: Vec<f64> = held.chunks_exact(stride).flat_map(|row| row[..n].to_vec()).collect();
         let mut rubbed = vec![0.0; count * n];
         for k in 0..count {

@@ -187,7 +187,7 @@ impl GenericKernel for Bends<'_> {
             let h = rows.s[i + 1] - rows.s[i];
             let (x0, x1) = (profile.x[i], profile.x[i + 1]);
             let u = 0.5 * (x1 - x0) / h;
-            let room = (before[0] - before[1]).min(after[0] - after[1]);
+            let distance = (before[0] - before[1]).min(after[0] - after[1]);
             let mut u_slope = 0.0;
             for side in 0..2 {
                 let (from, to) = (before[side], after[side]);
@@ -197,7 +197,7 @@ impl GenericKernel for Bends<'_> {
                 let follows = (u - least).abs() <= near || (u - mean).abs() <= near + 0.1 * rise.abs();
                 // x stays well above zero within the segment.
                 let sound = x0.min(x1) + h * u.abs() >= 2.0 * h * rise.abs();
-                if follows && sound && rise.abs() <= 0.2 * room {
+                if follows && sound && rise.abs() <= 0.2 * distance {
                     u_slope = rise / h;
                 }
             }

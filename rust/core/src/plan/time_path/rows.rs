@@ -107,12 +107,12 @@ pub(super) struct Points<'a> {
     /// Numbers per point in `out`.
     pub stride: usize,
     pub out: &'a mut [f64],
-    pub ask: Ask<'a>,
+    pub request: Request<'a>,
     /// The frame whose origin is limited, and its limits where they vary.
     pub tip: Option<(usize, &'a Along)>,
 }
 
-pub(super) enum Ask<'a> {
+pub(super) enum Request<'a> {
     /// `[A, B, g]`, each `width` long, torques first, then accelerations if `accelerations`, then those of the frame; `q'` into `slopes`
     /// `(count, slope_stride)`, and behind it the slope of the frame's origin.
     Coefficients { width: usize, torques: bool, accelerations: bool, origins: bool, slopes: &'a mut [f64], slope_stride: usize },
@@ -126,11 +126,11 @@ const LOOK: usize = 64;
 impl Points<'_> {
     // Long: one pass over blocks of points, whose parts share the rows of a block.
     pub fn run(self) {
-        let Points { mover, path, at, count, stride, out, mut ask, tip } = self;
+        let Points { mover, path, at, count, stride, out, mut request, tip } = self;
         let n = mover.dof();
-        let (quantity, needed) = match &ask {
-            Ask::Motion { .. } => (Quantity::InverseDynamics, true),
-            Ask::Coefficients { torques, .. } => (Quantity::PathDynamics, *torques),
+        let (quantity, needed) = match &request {
+            Request::Motion { .. } => (Quantity::InverseDynamics, true),
+            Request::Coefficients { torques, .. } => (Quantity::PathDynamics, *torques),
         };
         let query = Query::from(quantity);
         if let (Mover::Tree(functions), true) = (mover, needed) {
@@ -148,15 +148,15 @@ impl Points<'_> {
             let [q, v, a] = &mut points;
             for k in 0..block {
                 let (piece, s) = at(first + k);
-                let (rate, u) = match &ask {
-                    Ask::Motion { rate } => rate(first + k),
-                    Ask::Coefficients { .. } => (1.0, 0.0),
+                let (rate, u) = match &request {
+                    Request::Motion { rate } => rate(first + k),
+                    Request::Coefficients { .. } => (1.0, 0.0),
                 };
                 path.evaluate(piece, s, |j, x, d, e| {
                     (q[k * n + j], v[k * n + j]) = (x, d * rate);
-                    a[k * n + j] = match &ask {
-                        Ask::Motion { .. } => d * u + e * rate * rate,
-                        Ask::Coefficients { .. } => e,
+                    a[k * n + j] = match &request {
+                        Request::Motion { .. } => d * u + e * rate * rate,
+                        Request::Coefficients { .. } => e,
                     };
                 });
             }
@@ -172,8 +172,8 @@ impl Points<'_> {
                 let (row, answer) = (&mut out[(first + k) * stride..(first + k + 1) * stride], &answers[k * length..(k + 1) * length]);
                 let (v, a) = (&v[k * n..(k + 1) * n], &a[k * n..(k + 1) * n]);
                 let mut put = |at: usize, from: &[f64]| row[at..at + n].copy_from_slice(from);
-                match &mut ask {
-                    Ask::Motion { .. } => {
+                match &mut request {
+                    Request::Motion { .. } => {
                         [answer, a, v].into_iter().enumerate().for_each(|(i, from)| put(i * n, from));
                         if let Some((_, along)) = tip {
                             let (piece, s) = at(first + k);
@@ -183,7 +183,7 @@ impl Points<'_> {
                             }
                         }
                     }
-                    Ask::Coefficients { width, torques, accelerations, origins, slopes, slope_stride } => {
+                    Request::Coefficients { width, torques, accelerations, origins, slopes, slope_stride } => {
                         if *torques {
                             (0..3).for_each(|i| put(i * *width, &answer[i * n..(i + 1) * n]));
                         }

@@ -5,7 +5,7 @@ use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
 use super::given::{Checked, PathLimits, TimePathOptions, checked};
 use super::grid::{grid, spans};
 use super::lines::{BLOCK, LimitRows};
-use super::rows::{Ask, Friction, Mover, Points};
+use super::rows::{Friction, Mover, Points, Request};
 use super::stencil::Stencil;
 use super::tip::Tip;
 use super::{PathReason, TimePath};
@@ -148,7 +148,7 @@ impl<'a> PathProblem<'a> {
         let pieces = &self.pieces;
         let s = &rows.s;
         let at = |k: usize| (pieces[k.min(pieces.len() - 1)], s[k]);
-        let ask = Ask::Coefficients {
+        let request = Request::Coefficients {
             width,
             torques: self.kinds[0],
             accelerations: self.kinds[1],
@@ -157,8 +157,17 @@ impl<'a> PathProblem<'a> {
             slope_stride: self.stride,
         };
         let tip = self.tip.as_ref().map(|tip| (tip.frame, &self.along));
-        Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out: &mut rows.coefficients, ask, tip }
-            .run();
+        Points {
+            mover: self.mover,
+            path: &self.path,
+            at: &at,
+            count: points,
+            stride: 3 * width,
+            out: &mut rows.coefficients,
+            request,
+            tip,
+        }
+        .run();
         self.divide_by_limits();
         self.rows.drop_rounding();
         if let (Some(friction), true) = (&self.friction, self.kinds[0]) {

@@ -37,7 +37,7 @@ struct Backward<'a> {
     gradient: Vec<f64>,
     u: Vec<f64>,
     looked: f64,
-    room: Vec<f64>,
+    scratch: Vec<f64>,
     /// The weights of an answer, and of the slopes of a step.
     answer: Vec<f64>,
     slopes: Vec<f64>,
@@ -105,7 +105,7 @@ impl<'a> Backward<'a> {
             gradient: vec![0.0; directions.count],
             u: vec![0.0; sizes.width],
             looked: f64::NAN,
-            room: vec![0.0; 2 * sizes.width],
+            scratch: vec![0.0; 2 * sizes.width],
             answer: vec![0.0; functions.rates.iter().chain([&functions.law]).map(Function::answers).max().unwrap_or(0)],
             slopes: vec![0.0; prepared.tableau.b.len() * sizes.states],
             passed: vec![0.0; sizes.states + sizes.answer],
@@ -189,7 +189,7 @@ impl<'a> Backward<'a> {
         add(&mut self.set_up, 1.0, set_up);
         if driven > 0 {
             let gradient = &mut self.gradient;
-            directions.input_rates(t, &self.u, &mut self.room, |slot, parameter, rate| gradient[parameter] += outside[slot] * rate);
+            directions.input_rates(t, &self.u, &mut self.scratch, |slot, parameter, rate| gradient[parameter] += outside[slot] * rate);
         }
         self.passed[..read].copy_from_slice(rest);
         Ok(())
@@ -295,7 +295,7 @@ mod tests {
             let whole = 5 * size;
             let stride = stride(operations, size, whole, memory);
             let numbers = size * operations.div_ceil(stride) + whole * stride.min(operations);
-            // Without room for two checkpoints per state: the square root of their number.
+            // Without memory for two checkpoints per state: the square root of their number.
             let most = (memory / 8 + size).max((size + whole) * (operations.isqrt() + 2));
             assert!(numbers <= most, "{operations} {size} {memory}: {numbers} of {most}");
         }

@@ -134,10 +134,10 @@ impl<'a> Directions<'a> {
         }
     }
 
-    /// The rates of what comes from outside at `t`: `put(slot, parameter, rate)` for those that move; `u` is the input itself, and `room` has
+    /// The rates of what comes from outside at `t`: `put(slot, parameter, rate)` for those that move; `u` is the input itself, and `scratch` has
     /// two rows.
-    pub fn input_rates(&self, t: f64, u: &[f64], room: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
-        let (row, rates) = room.split_at_mut(self.width);
+    pub fn input_rates(&self, t: f64, u: &[f64], scratch: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
+        let (row, rates) = scratch.split_at_mut(self.width);
         for Drive { parameter, worlds } in &self.drives {
             rates.fill(0.0);
             for (world, weight) in worlds {

@@ -68,7 +68,7 @@ struct Forward<'a> {
     u: Vec<f64>,
     looked: f64,
     u_rates: Vec<f64>,
-    room: Vec<f64>,
+    scratch: Vec<f64>,
     point: Vec<f64>,
     slopes: Vec<f64>,
     /// Of a group all stages, one after another.
@@ -117,7 +117,7 @@ impl<'a> Forward<'a> {
             u: vec![0.0; sizes.width],
             looked: f64::NAN,
             u_rates: memory::zeros(groups * sizes.driven() * lanes)?,
-            room: vec![0.0; 2 * sizes.width],
+            scratch: vec![0.0; 2 * sizes.width],
             point: vec![0.0; sizes.states],
             slopes: vec![0.0; stages * sizes.states],
             slope_rates: memory::zeros(groups * stages * sizes.states * lanes)?,
@@ -182,7 +182,7 @@ impl<'a> Forward<'a> {
         directions.input(t, &mut self.u);
         if directions.drives() {
             let (rates, width, first) = (&mut self.u_rates, self.u.len(), self.first);
-            directions.input_rates(t, &self.u, &mut self.room, |slot, parameter, rate| {
+            directions.input_rates(t, &self.u, &mut self.scratch, |slot, parameter, rate| {
                 if let Some(k) = parameter.checked_sub(first).filter(|&k| k < all) {
                     rates[(k / lanes * width + slot) * lanes + k % lanes] = rate;
                 }

@@ -34,7 +34,7 @@ pub struct Printed {
     /// sines.
     pub calls: Vec<String>,
     /// Size of `w`; if it is zero, there is no `w`.
-    pub room: usize,
+    pub slots: usize,
     /// Number of statements.
     pub statements: usize,
 }
@@ -84,7 +84,7 @@ impl Routine<'_> {
         let lives = vec![Life { part: NONE, last: NONE, slot: NONE }; self.ops.len()];
         let mut printer = Printer { routine: self, folded, inputs, statements: Vec::new(), length: 0, lives, answers };
         printer.order();
-        let room = printer.divide();
+        let slots = printer.divide();
         let parts = printer.statements.len().div_ceil(printer.length).max(1);
         let (mut functions, mut calls) = (String::new(), Vec::new());
         for part in 0..parts {
@@ -92,7 +92,7 @@ impl Routine<'_> {
             functions += &text;
             calls.push(call);
         }
-        Printed { functions, calls, room, statements: printer.statements.len() }
+        Printed { functions, calls, slots, statements: printer.statements.len() }
     }
 }
 
@@ -161,7 +161,7 @@ impl Printer<'_> {
             statement.makes.iter().for_each(|&entry| self.lives[entry as usize] = Life { part, last: part, slot: NONE });
             statement.reads.iter().for_each(|&entry| self.lives[entry as usize].last = part);
         }
-        let (mut free, mut room): (Vec<(usize, usize)>, usize) = (Vec::new(), 0);
+        let (mut free, mut slots): (Vec<(usize, usize)>, usize) = (Vec::new(), 0);
         for (k, statement) in self.statements.iter().enumerate() {
             for &entry in &statement.makes {
                 let life = &mut self.lives[entry as usize];
@@ -170,12 +170,12 @@ impl Printer<'_> {
                 }
                 // A place is free in the part after the last part that reads it.
                 let at = free.iter().position(|&(last, _)| last < k / self.length);
-                life.slot = at.map_or(room, |at| free.swap_remove(at).1);
-                room = room.max(life.slot + 1);
+                life.slot = at.map_or(slots, |at| free.swap_remove(at).1);
+                slots = slots.max(life.slot + 1);
                 free.push((life.last, life.slot));
             }
         }
-        room
+        slots
     }
 
     /// The function of one part, and its call.

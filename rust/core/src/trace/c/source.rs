@@ -152,11 +152,11 @@ impl CSource {
 
     /// Add the functions of a routine. The result is the lines that call it, and the size of its memory.
     pub fn routine(&mut self, routine: &Routine, name: &str) -> (String, usize) {
-        let Printed { functions, calls, room, statements } =
+        let Printed { functions, calls, slots, statements } =
             routine.print(&format!("{}_{name}", self.options.prefix), &self.options.prefix);
         self.body += &functions;
         self.statements += statements;
-        (calls.into_iter().map(|call| format!("    sound &= {call};\n")).collect(), room)
+        (calls.into_iter().map(|call| format!("    sound &= {call};\n")).collect(), slots)
     }
 
     /// The files. Their comments begin with `about`.
