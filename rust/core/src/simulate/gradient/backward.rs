@@ -10,8 +10,8 @@ use super::walk::{Walker, followers, seen};
 use crate::error::Result;
 use crate::memory;
 
-/// How many operations lie between two checkpoints, so that all states take at most `memory` bytes. A checkpoint has `size` numbers; each
-/// operation behind it has `whole` numbers. More operations than that lie the square root of their number apart.
+/// The number of operations between two checkpoints, so that all stored states take at most `memory` bytes. A checkpoint stores `size`
+/// numbers, and each operation after it stores `whole` numbers. If `memory` is too small, the result is the square root of `operations`.
 fn stride(operations: usize, size: usize, whole: usize, memory: usize) -> usize {
     let (numbers, whole) = (memory / 8, whole.max(1));
     if operations <= numbers / whole {
@@ -22,26 +22,26 @@ fn stride(operations: usize, size: usize, whole: usize, memory: usize) -> usize 
     if fits { stride } else { operations.isqrt().max(1) }
 }
 
-/// A run whose weights go back.
+/// The backward pass of a run.
 struct Backward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
-    /// Of each mode of the contacts.
+    /// The adjoint of the rates for each mode of the contacts.
     rates: Vec<Call>,
     law: Call,
     /// The weights of the state.
     bar: Vec<f64>,
     aside: Vec<f64>,
-    /// The weights of the numbers of the set-up that move.
+    /// The weights of the numbers of the set-up that vary.
     set_up: Vec<f64>,
     gradient: Vec<f64>,
     u: Vec<f64>,
     looked: f64,
     scratch: Vec<f64>,
-    /// The weights of an answer, and of the slopes of a step.
+    /// The weights of the results of a function, and of the slopes of a step.
     answer: Vec<f64>,
     slopes: Vec<f64>,
-    /// The weights of the state and of what is held, from the last pass.
+    /// The weights of the state and of the held input, from the last call of `pass`.
     passed: Vec<f64>,
     followers: Vec<(usize, usize)>,
 }
@@ -54,14 +54,14 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     let size = state.len();
     let whole = size + backward.walker.points.len();
     let stride = stride(operations.len(), size, whole, memory);
-    // A checkpoint stands before an operation on the path of the run.
+    // A checkpoint is placed before an operation on the path of the run.
     let mut on_path = true;
     let (mut checkpoints, mut kept) = (Vec::new(), Vec::new());
     for (k, &operation) in operations.iter().enumerate() {
         if on_path && checkpoints.last().is_none_or(|&last| k >= last + stride) {
             memory::append(&mut checkpoints, &[k])?;
             memory::append(&mut kept, &state)?;
-            // What follows the last one is computed once.
+            // The states after the last checkpoint are computed once.
             if operations.len() - k <= stride {
                 break;
             }
@@ -152,7 +152,8 @@ impl<'a> Backward<'a> {
         weights[i * numbers..(i + 1) * numbers].split_at(sizes.states)
     }
 
-    /// The weights of a record `[x, tau]`; those of an input that a step passes on come with the step.
+    /// Add the weights of a record `[x, tau]`. With `passed_on`, the next step evaluates the law at this record. That step then adds the
+    /// weights of `tau`.
     fn record(&mut self, i: usize, t: f64, before: &[f64], weights: &[f64], passed_on: bool) -> Result<()> {
         let (sizes, places) = (&self.prepared.functions.sizes, self.walker.places);
         let (x, tau) = self.record_of(i, weights);
@@ -168,7 +169,8 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    /// The weights of the state and of what is held, from those of an answer; those of the set-up and from outside are added up.
+    /// Compute the weights of the state and of the held input from those of a function's results. Those of the set-up and of the exogenous
+    /// input are added to the gradient.
     fn pass(&mut self, of: Of, t: f64, [x, held]: [&[f64]; 2]) -> Result<()> {
         let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
         if t != self.looked {
@@ -214,7 +216,7 @@ impl<'a> Backward<'a> {
         let from = places.measured(seen(&self.prepared.timeline, k));
         self.bar[from].iter_mut().zip(plant).for_each(|(bar, weight)| *bar += weight);
         self.bar[places.z()].iter_mut().zip(law).for_each(|(bar, weight)| *bar += weight);
-        // Noise and quantisation pass weights on as they are.
+        // Noise and quantisation do not change weights.
         let own = places.measured(k);
         for i in 0..own.len() {
             self.bar[i] += std::mem::take(&mut self.bar[own.start + i]);
@@ -231,7 +233,7 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    /// A step whose stages have the arguments `points`; `tau` are the weights of the input at its start, if it is recorded.
+    /// The adjoint of a step whose stages have the arguments `points`. `tau` are the weights of the recorded input at its start.
     fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, before: &[f64], points: &[f64], tau: &[f64]) -> Result<()> {
         let (tableau, size, places) = (&self.prepared.tableau, self.prepared.functions.sizes.states, self.walker.places);
         if tableau.follows {
@@ -277,11 +279,11 @@ impl<'a> Backward<'a> {
     }
 }
 
-/// Whose adjoint.
+/// The function whose adjoint is computed.
 #[derive(Clone, Copy)]
 enum Of {
     Law,
-    /// In a mode of the contacts.
+    /// The rates in a mode of the contacts.
     Rates(usize),
 }
 
@@ -295,7 +297,7 @@ mod tests {
             let whole = 5 * size;
             let stride = stride(operations, size, whole, memory);
             let numbers = size * operations.div_ceil(stride) + whole * stride.min(operations);
-            // Without memory for two checkpoints per state: the square root of their number.
+            // If the memory is too small, the distance of checkpoints is the square root of the number of operations.
             let most = (memory / 8 + size).max((size + whole) * (operations.isqrt() + 2));
             assert!(numbers <= most, "{operations} {size} {memory}: {numbers} of {most}");
         }

@@ -1,4 +1,4 @@
-//! Sums of slopes: of states, and of their rates along directions side by side.
+//! Sums of slopes: for states, and for their tangents, with one direction per lane.
 
 use crate::integrate::Tableau;
 use crate::scalar::Kernel;
@@ -34,7 +34,8 @@ pub fn add_slopes(x: &[f64], h: f64, a: &[f64], slopes: &[f64], y: &mut [f64]) {
     }
 }
 
-/// The next state in place of `x`, or that of its rates along `lanes` directions. Where positions follow rates their slopes become zero.
+/// Replace `x` by the next state, or tangents along `lanes` directions by the next ones. In a method whose positions use the new rates
+/// (semi-implicit Euler), the slopes of positions become zero.
 pub fn advance(tableau: &Tableau, h: f64, slopes: &mut [f64], followers: &[(usize, usize)], x: &mut [f64], lanes: usize) {
     let size = x.len().max(1);
     for (&b, slope) in tableau.b.iter().zip(slopes.chunks_exact_mut(size)) {

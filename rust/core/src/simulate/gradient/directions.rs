@@ -1,4 +1,4 @@
-//! What moves with each parameter: numbers of the set-up, the state at the start, and desired motions.
+//! The tangents of the quantities that parameters change: numbers of the set-up, the state at the start, and desired motions.
 
 use super::Parameters;
 use super::shared::{entangled, is_shared};
@@ -18,13 +18,13 @@ struct Drive<'a> {
     worlds: Vec<(World<'a>, f64)>,
 }
 
-/// The rates of all parameters, but those of the start.
+/// The tangents of the set-up and of the exogenous input along all parameters. [`start_rates`] has those of the start.
 pub struct Directions<'a> {
     pub count: usize,
-    /// Which numbers of the set-up move, in their order, and how many do.
+    /// Whether each number of the set-up varies, and how many vary.
     pub moving: Vec<bool>,
     pub moved: usize,
-    /// Their rates, `(moved, count)`.
+    /// The tangents of the numbers that vary, `(moved, count)`.
     pub set_up: Vec<f64>,
     /// Runs whose recordings are compared with that of the loop: `(parameter, run)`.
     pub runs: Vec<(usize, usize)>,
@@ -48,7 +48,7 @@ fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     sym::finish().values
 }
 
-/// The rates of the state at the start, `(states, count)`.
+/// The tangents of the state at the start, `(states, count)`.
 pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>> {
     let (count, starts) = (parameters.all.len(), |run: usize| start::<f64>(problem, |_| run));
     let first = starts(0);
@@ -66,7 +66,7 @@ pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>
 }
 
 impl<'a> Directions<'a> {
-    /// The numbers of a name enter a program alike, so that only the recordings of its first and its last one are compared.
+    /// All numbers of a name enter a program in the same form. So only the recordings of its first and its last number are compared.
     pub fn of(problem: &'a Problem<'a>, Parameters { all: parameters, sizes, shared }: Parameters) -> Result<Self> {
         let base = numbers(problem, 0);
         let count = parameters.len();
@@ -117,25 +117,25 @@ impl<'a> Directions<'a> {
         Ok(Directions { count, moving, moved, set_up, runs, base, drives, width })
     }
 
-    /// Numbers of what comes from outside at one instant.
+    /// The size of the exogenous input at one instant.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Whether a parameter moves a desired motion.
+    /// Whether a parameter changes a desired motion.
     pub fn drives(&self) -> bool {
         !self.drives.is_empty()
     }
 
-    /// What comes from outside at `t`.
+    /// The exogenous input at `t`.
     pub fn input(&self, t: f64, u: &mut [f64]) {
         if self.width > 0 {
             self.base.sample_each(0, &[t], self.width, u);
         }
     }
 
-    /// The rates of what comes from outside at `t`: `put(slot, parameter, rate)` for those that move; `u` is the input itself, and `scratch` has
-    /// two rows.
+    /// The tangents of the exogenous input at `t`, by `put(slot, parameter, tangent)`, for parameters that change a desired motion. `u` is
+    /// the exogenous input at `t`, and `scratch` is memory for two rows.
     pub fn input_rates(&self, t: f64, u: &[f64], scratch: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
         let (row, rates) = scratch.split_at_mut(self.width);
         for Drive { parameter, worlds } in &self.drives {
@@ -149,7 +149,7 @@ impl<'a> Directions<'a> {
     }
 }
 
-/// The parameter of this number has no derivative; the binding knows its name.
+/// The error that parameter number `parameter` has no derivative. The binding adds its name.
 pub fn refused(parameter: usize, why: &str) -> Error {
     Error::input("sensitivity", format!("has no derivative: it {why}")).at([parameter])
 }

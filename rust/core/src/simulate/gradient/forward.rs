@@ -1,5 +1,5 @@
-//! Tangents of a run: `S = dX/dp` goes through every operation, `S_(k+1) = Phi_x S_k + Phi_p`. A direction per lane of the programs; the
-//! directions go through the run in blocks of a few registers, each with the state.
+//! Tangents of a run: every operation maps `S = dX/dp` by `S_(k+1) = Phi_x S_k + Phi_p`. Each lane of a program has one direction. A block
+//! of directions fills a few registers, and the state is computed again for each block.
 
 use super::Prepared;
 use super::combine::{add_slopes, advance};
@@ -13,7 +13,7 @@ use crate::memory;
 /// A function with its tangent.
 struct Tangent {
     call: Call,
-    /// Numbers that move: all, of the set-up, and from outside.
+    /// The number of inputs that vary: all, those of the set-up, and exogenous ones.
     moving: usize,
     moved: usize,
     driven: usize,
@@ -21,7 +21,7 @@ struct Tangent {
 }
 
 impl Tangent {
-    /// The rates of the set-up along the directions from `first` on.
+    /// Set the tangents of the set-up along the directions from `first` on.
     fn set_up(&mut self, prepared: &Prepared, first: usize, groups: usize) {
         let (lanes, directions) = (self.call.lanes(), &prepared.directions);
         for g in 0..groups {
@@ -35,7 +35,8 @@ impl Tangent {
         }
     }
 
-    /// Where the rates of the state and of what is held go, along directions `g`; those of what comes from outside are set.
+    /// Set the tangents of the exogenous input along group `g` of directions. Return the places of the tangents of the state and of the
+    /// held input.
     fn rates_of(&mut self, g: usize, outside: &[f64], states: usize) -> (&mut [f64], &mut [f64]) {
         let (lanes, own) = (self.call.lanes(), self.moving - self.moved);
         let (driven, rest) = self.call.more(g * self.moving + self.moved, own).split_at_mut(self.driven * lanes);
@@ -43,7 +44,7 @@ impl Tangent {
         rest.split_at_mut(states * lanes)
     }
 
-    /// The rates of the answers along directions `g`.
+    /// The tangents of the results along group `g` of directions.
     fn answers(&self, g: usize) -> &[f64] {
         self.call.behind(g * self.answers, self.answers)
     }
@@ -53,30 +54,30 @@ impl Tangent {
 struct Forward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
-    /// Of each mode of the contacts.
+    /// The rates with their tangents for each mode of the contacts.
     rates: Vec<Tangent>,
     law: Tangent,
     lanes: usize,
-    /// Groups of directions, one per lane, and the first direction.
+    /// The number of groups of directions, with one direction per lane, and the first direction of the block.
     groups: usize,
     first: usize,
     state: Vec<f64>,
-    /// The rates of the state, of a group: rows of one number per lane. Those of all groups one after another.
+    /// The tangents of the state, group after group. A group has a row for each number of the state, with one entry per lane.
     tangent: Vec<f64>,
     left: (Vec<f64>, Vec<f64>),
-    /// What comes from outside, when, and its rates, of all groups.
+    /// The exogenous input, its time, and its tangents of all groups.
     u: Vec<f64>,
     looked: f64,
     u_rates: Vec<f64>,
     scratch: Vec<f64>,
     point: Vec<f64>,
     slopes: Vec<f64>,
-    /// Of a group all stages, one after another.
+    /// The tangents of the slopes: group after group, and stage after stage in a group.
     slope_rates: Vec<f64>,
     followers: Vec<(usize, usize)>,
 }
 
-/// The rates of all records into their series.
+/// Write the tangents of all records to their series.
 pub fn run(prepared: &Prepared, series: &mut Series) -> Result<()> {
     let (count, groups) = (prepared.directions.count, prepared.functions.sizes.groups);
     if groups == 0 {
@@ -125,7 +126,7 @@ impl<'a> Forward<'a> {
         })
     }
 
-    /// At the start, along the directions from `first` on.
+    /// Go to the start of the run, for the block of directions from `first` on.
     fn begin(&mut self, first: usize) {
         let directions = &self.prepared.directions;
         self.state.copy_from_slice(&self.walker.start());
@@ -142,14 +143,14 @@ impl<'a> Forward<'a> {
         }
     }
 
-    /// Where the rate of a number of the state along direction `k` of the block is.
+    /// The index of the tangent of a number of the state along direction `k` of the block.
     fn place(&self, k: usize, number: usize) -> usize {
         (k / self.lanes * self.state.len() + number) * self.lanes + k % self.lanes
     }
 
     fn run(&mut self, series: &mut Series) -> Result<()> {
         let timeline = &self.prepared.timeline;
-        // A record whose input comes from the first stage of the step from it.
+        // A record whose input is computed by the first stage of the next step.
         let mut open = None;
         for (k, &operation) in timeline.operations.iter().enumerate() {
             match operation {
@@ -172,7 +173,7 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
-    /// What comes from outside at `t`, and its rates.
+    /// Evaluate the exogenous input at `t` and its tangents.
     fn look_outside(&mut self, t: f64) {
         if t == self.looked {
             return;
@@ -210,7 +211,7 @@ impl<'a> Forward<'a> {
         self.law.call.give([&self.u, &self.walker.shown, &[]]);
         let (from, z) = (places.measured(seen(&self.prepared.timeline, k)), places.z());
         for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
-            // Noise and quantisation pass rates on as they are.
+            // Noise and quantisation do not change tangents.
             tangent.copy_within(0..z.start * lanes, places.measured(k).start * lanes);
             let (shown, _) = self.law.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], z.end);
             let (plant, law) = shown.split_at_mut(z.start * lanes);
@@ -286,7 +287,7 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
-    /// The rates of a record `[x, tau]`.
+    /// Write the tangents of a record `[x, tau]`.
     fn record(&mut self, i: usize, t: f64, series: &mut Series) -> Result<()> {
         let sizes = &self.prepared.functions.sizes;
         let (places, lanes, rows) = (self.walker.places, self.lanes, sizes.states * self.lanes);

@@ -20,27 +20,27 @@ use crate::trace::tape::{Moving, Op};
 use crate::trace::{Evaluation, form};
 use std::sync::OnceLock;
 
-/// Registers of directions that go through the run together: they share the values that their derivatives are taken at.
+/// Registers of directions in one block. They share the values at which derivatives are evaluated.
 const TOGETHER: usize = 2;
 
-/// Sizes of what a loop's functions read and answer.
+/// Sizes of the arguments and results of a loop's functions.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
-    /// Numbers from outside at one instant, the desired ones first.
+    /// The size of the desired motion, and of the exogenous input, which starts with it, at one instant.
     pub desired: usize,
     pub width: usize,
     pub n: usize,
-    /// The states of the plant, and with those of the law.
+    /// The number of states of the plant, and of plant and law together.
     pub plant: usize,
     pub states: usize,
-    /// The input and the rate of the law's state.
+    /// The size of the law's results: the plant's input and the rate of the law's state.
     pub answer: usize,
     /// Whether the law is sampled.
     pub sampled: bool,
     guards: usize,
-    /// Groups of directions that go through the run together, one direction per lane.
+    /// The number of groups of directions in a block, with one direction per lane.
     pub groups: usize,
-    /// Numbers of the set-up that move, and whether what comes from outside does.
+    /// The number of numbers of the set-up that vary, and whether the exogenous input varies.
     pub moved: usize,
     pub drives: bool,
 }
@@ -63,7 +63,7 @@ impl Sizes {
         }
     }
 
-    /// Numbers of the rates of what comes from outside.
+    /// The size of the tangent of the exogenous input; zero if that does not vary.
     pub fn driven(&self) -> usize {
         if self.drives { self.width } else { 0 }
     }
@@ -73,26 +73,27 @@ impl Sizes {
 pub struct Function {
     ops: Vec<Op>,
     values: Vec<f64>,
-    /// Numbers of `u`, of `x` and of what is held.
+    /// The sizes of `u`, of `x` and of the held input.
     read: [usize; 3],
     answer: Vec<u32>,
-    /// How many of the answers, the last ones, say whether the others hold.
+    /// The number of results, at the end, that report whether the other results are valid.
     guards: usize,
-    /// The inputs that move: of the set-up, from outside, the state, what is held.
+    /// The inputs that vary: numbers of the set-up, the exogenous input, the state, the held input.
     moving: Vec<u32>,
     groups: usize,
-    /// Ready to be called: the function itself, its tangent and its adjoint.
+    /// The compiled function, its tangent and its adjoint.
     calls: [OnceLock<Call>; 3],
 }
 
 /// The functions of a loop.
 pub struct LoopFunctions {
     pub sizes: Sizes,
-    /// The rates of the state: under the law, with its input behind them, or under what is held. One for each mode of the contacts.
+    /// The rates of the state, one function for each mode of the contacts. In a continuous loop, the law's input follows the rates. In a
+    /// sampled loop, the input is held.
     pub rates: Vec<Function>,
-    /// The input and the rate of the law.
+    /// The law's input and the rate of its state.
     pub law: Function,
-    /// What changes sign where a contact changes, of each guard.
+    /// For each guard, the function that changes sign where the contact changes.
     pub guards: Vec<Function>,
 }
 
@@ -158,7 +159,7 @@ impl Recorder<'_> {
         Some(Function { ops, values, read, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
     }
 
-    /// The rates while the contacts are held like this; empty: as they are found.
+    /// The rates for contacts held in `mode`. If `mode` is empty, the state determines the contacts.
     fn rates(&self, mode: &[Touch]) -> Option<Function> {
         let sizes = self.sizes;
         self.record(sizes.sampled, |closed, u, x, acting| {
@@ -201,7 +202,7 @@ impl Function {
         Recorded { ops, values: self.values.clone(), inputs: self.inputs() + more, answer }
     }
 
-    /// Numbers of an answer, without the guards.
+    /// The number of results, without those that report whether the others are valid.
     pub fn answers(&self) -> usize {
         self.answer.len() - self.guards
     }
@@ -211,13 +212,13 @@ impl Function {
         self.calls[0].get_or_init(|| Call::new(self, self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))).clone()
     }
 
-    /// Numbers that move.
+    /// The number of inputs that vary.
     pub fn moving(&self) -> usize {
         self.moving.len()
     }
 
-    /// With the rates of its answers behind them, from the rates of the inputs that move. A lane has a direction, and groups of them follow
-    /// one another.
+    /// The function with its tangent: from the inputs and their tangents to the results and, after them, the tangents of the results. Each
+    /// lane has one direction, and the groups of directions follow one another.
     pub fn tangent(&self) -> Call {
         let made = || {
             let (inputs, groups) = (self.values.len() + self.inputs(), self.groups);
@@ -228,7 +229,7 @@ impl Function {
         self.calls[1].get_or_init(made).clone()
     }
 
-    /// The weights of the inputs that move, from those of the answers.
+    /// The function with its adjoint: the weights of the inputs that vary, from the weights of the results.
     pub fn adjoint(&self) -> Call {
         let made = || {
             let inputs = self.values.len() + self.inputs();
@@ -240,7 +241,7 @@ impl Function {
     }
 }
 
-/// Numbers, each in all of its lanes.
+/// Write each number to all `L` lanes of its place.
 fn spread<const L: usize>(parts: [&[f64]; 3], to: &mut [f64]) {
     let mut to = to.as_chunks_mut::<L>().0.iter_mut();
     for part in parts {
@@ -266,7 +267,7 @@ impl Call {
         self.evaluation.lanes()
     }
 
-    /// The same arguments in every lane.
+    /// Set the arguments `u`, `x` and held input, equal in every lane.
     pub fn give(&mut self, parts: [&[f64]; 3]) {
         let (lanes, count) = (self.lanes(), self.read.iter().sum());
         let numbers = self.evaluation.inputs(0, count);
@@ -278,13 +279,13 @@ impl Call {
         }
     }
 
-    /// `count` inputs behind the arguments from `first` on, of all lanes.
+    /// `count` of the inputs after the arguments, from `first` on, of all lanes: tangents or weights.
     pub fn more(&mut self, first: usize, count: usize) -> &mut [f64] {
         let read: usize = self.read.iter().sum();
         self.evaluation.inputs(read + first, count)
     }
 
-    /// Evaluate; refuses angles beyond those that programs are made for, and answers that do not hold.
+    /// Evaluate the function. It fails for angles beyond the range of programs, and for results that are not valid.
     pub fn run(&mut self, t: f64) -> Result<()> {
         use crate::status::Status;
         self.evaluation.run();
@@ -298,12 +299,12 @@ impl Call {
         Ok(())
     }
 
-    /// The answers, of all lanes.
+    /// The results, of all lanes.
     pub fn answers(&self) -> &[f64] {
         self.evaluation.outputs(0, self.answers)
     }
 
-    /// `count` numbers behind the answers from `first` on, of all lanes.
+    /// `count` of the numbers after the results, from `first` on, of all lanes: tangents or weights.
     pub fn behind(&self, first: usize, count: usize) -> &[f64] {
         self.evaluation.outputs(self.answers + self.guards + first, count)
     }

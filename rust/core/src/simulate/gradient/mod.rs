@@ -8,6 +8,14 @@
 //!
 //! A parameter is stated by runs of the problem in which it differs, with weights: `d/dp F = sum w_i F_i`. The differences are taken of the
 //! numbers of the set-up alone, never of a run.
+//!
+//! Terms of this directory:
+//!
+//! - The set-up is the constant part of a loop: parameters, gains, targets, limits. A number of it varies if a parameter changes it.
+//! - The exogenous input `u` is the desired motion and the external force.
+//! - The held input is the output of a sampled law between two samples.
+//! - The tangent of a quantity is its derivative along a direction in the space of the parameters.
+//! - The weight of a quantity is the derivative of the weighted sum of the records with respect to it (the adjoint).
 
 mod backward;
 mod combine;
@@ -42,11 +50,11 @@ pub type Parameter = Vec<(usize, f64)>;
 /// The parameters of a run, and how many of them belong to each name, one name after another.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameters<'a> {
-    /// All of them.
+    /// The parameters of all names.
     pub all: &'a [Parameter],
-    /// How many each name has.
+    /// The number of parameters of each name.
     pub sizes: &'a [usize],
-    /// Those that move together.
+    /// The parameters that vary together in the same runs.
     pub shared: &'a [Shared],
 }
 
@@ -68,15 +76,15 @@ struct Prepared<'a> {
     directions: Arc<Directions<'a>>,
     functions: Arc<LoopFunctions>,
     timeline: Timeline,
-    /// The rates of the state at the start, `(states, count)`.
+    /// The tangents of the state at the start, `(states, count)`.
     start: Vec<f64>,
 }
 
-/// What differs between runs of the same loop, and its functions.
+/// The directions of a loop, which all its runs share, and the recorded functions.
 struct Loop<'a> {
     tableau: Tableau,
     directions: Arc<Directions<'a>>,
-    /// By the contacts of the runs.
+    /// The recorded functions for each history of the contacts.
     known: Mutex<Vec<(Contacts, Arc<LoopFunctions>)>>,
 }
 
@@ -157,7 +165,7 @@ pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop)
 }
 
 /// `sum_k w_k' dr_k/dp` of the records `r_k = [x, tau]` of run 0 of `problem`, for the weights `(records, numbers)`: one number per
-/// parameter. States are kept in at most some `memory` bytes; what lies between them is computed again.
+/// parameter. The stored states take about `memory` bytes at most; the states between them are computed again.
 pub fn adjoint(problem: &Problem, parameters: Parameters, weights: &[f64], memory: usize, stop: &dyn Stop) -> Result<Vec<f64>> {
     backward::run(&prepare(problem, parameters, stop)?, weights, memory)
 }

@@ -1,4 +1,4 @@
-//! Derivatives of the runs of a batch, row by row over threads. A row has the numbers of a run alone.
+//! Derivatives of the runs of a batch. The threads share the rows. A row has the same bits as a single run.
 
 use super::{Loop, Parameter, Parameters, backward, forward, record_parts};
 use crate::error::{Error, Result};
@@ -16,7 +16,7 @@ pub struct Rows<'a> {
     sizes: &'a [usize],
 }
 
-/// One row after another of a list of one or of so many for each row.
+/// The elements of row `row` in a list with `each` elements per row. A list with one element is for all rows.
 fn part<T: Clone>(all: &[T], row: usize, each: usize) -> Vec<T> {
     if all.len() == 1 { all.to_vec() } else { all.get(row * each..(row + 1) * each).unwrap_or(&[]).to_vec() }
 }
@@ -69,7 +69,7 @@ impl<'a> Rows<'a> {
         Parameters { all: &self.parameters[row], sizes: self.sizes, shared: &[] }
     }
 
-    /// Work on each row with its part of what is written. Rows that have no derivative are NaN: those that do not reach their end.
+    /// Work on each row with its part of the output. A run that ends early has no derivative, and its row is NaN.
     fn each<'b, T: Fill + Send>(
         &'b self,
         threads: usize,
@@ -102,7 +102,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// What a row writes.
+/// The output of a row.
 trait Fill {
     fn fill_nan(&mut self);
 }

@@ -1,16 +1,16 @@
-//! The rates of all records by series, as they are returned.
+//! The tangents of all records by series, in the layout of the result.
 
 use crate::error::Result;
 use crate::memory;
 use std::ops::Range;
 
-/// The rates of parts of a record `[x, tau]`: `(records, numbers, parameters)` each.
+/// The tangents of parts of a record `[x, tau]`: `(records, numbers, parameters)` each.
 pub struct Series {
     parts: Vec<(Range<usize>, Vec<f64>)>,
     parameters: usize,
 }
 
-/// The first `M` of so many lanes of each row to the beginnings of other rows.
+/// Copy the first `M` of the `lanes` numbers of each row in `from` to the start of a row of `to`, whose rows have `width` numbers.
 fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: usize) {
     for (from, to) in from.chunks_exact(lanes).zip(to.chunks_mut(width)) {
         if let (Some(from), Some(to)) = (from.first_chunk::<M>(), to.first_chunk_mut::<M>()) {
@@ -20,7 +20,7 @@ fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: us
 }
 
 impl Series {
-    /// Zeros for so many records with the numbers of `parts`.
+    /// Zeros for `records` records with the numbers of `parts`.
     pub fn zeros(parts: impl Iterator<Item = Range<usize>>, records: usize, parameters: usize) -> Result<Self> {
         let part = |range: Range<usize>| {
             let numbers = records.saturating_mul(range.len()).saturating_mul(parameters);
@@ -29,7 +29,8 @@ impl Series {
         Ok(Series { parts: parts.map(part).collect::<Result<_>>()?, parameters })
     }
 
-    /// Numbers of record `i` from `first_number` on, along the directions from `first` on: rows of one direction per lane.
+    /// Write the tangents of record `i` from its number `first_number` on, along the directions from `first` on. `rows` has a row for each
+    /// number, with one direction per lane.
     pub fn put(&mut self, i: usize, first: usize, lanes: usize, first_number: usize, rows: &[f64]) {
         let (width, numbers) = (self.parameters, first_number + rows.len() / lanes);
         let own = width.saturating_sub(first).min(lanes);
@@ -53,7 +54,7 @@ impl Series {
         }
     }
 
-    /// The rates of each part.
+    /// The tangents of each part.
     pub fn into_rates(self) -> Vec<Vec<f64>> {
         self.parts.into_iter().map(|(_, rates)| rates).collect()
     }

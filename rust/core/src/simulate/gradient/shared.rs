@@ -1,4 +1,4 @@
-//! Numbers of a name that move together in a few runs, instead of each one in its own runs.
+//! Numbers of a name that vary together in a few runs. So each number needs no separate runs.
 //!
 //! Most inputs of a program depend on one number of a name: on `kp_i`, such as `kp_i / kd_i`. So all numbers of the name may move in the same
 //! runs. Probes are runs in which half of the numbers move. The bits of a number's code are the probes in which it moves. The probes that
@@ -9,14 +9,14 @@ use super::Parameter;
 use crate::error::{Error, Result};
 use std::ops::Range;
 
-/// Parameters that move together: as many as there are codes, from `first` on, in the runs that each of them names.
+/// Parameters that vary together: as many as there are codes, from `first` on. Each [`Parameter`](super::Parameter) lists its runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shared {
     /// The first parameter.
     pub first: usize,
     /// The probes, runs of the problem.
     pub probes: Range<usize>,
-    /// Of each parameter: bit `b` is set if it moves in probe `b`.
+    /// The code of each parameter: bit `b` is set if the parameter varies in probe `b`.
     pub codes: Vec<u64>,
 }
 
@@ -25,13 +25,13 @@ pub fn is_shared(shared: &[Shared], p: usize) -> bool {
     shared.iter().any(|group| (group.first..group.first + group.codes.len()).contains(&p))
 }
 
-/// The refusal of numbers that do not come apart: the binding then moves each one in its own runs.
+/// The error that an input depends on several numbers of a name. The binding then varies each number in separate runs.
 pub fn entangled() -> Error {
     Error::input("shared", "has numbers that act together: expected parameters that move in different runs")
 }
 
 impl Shared {
-    /// The rates of all numbers `of(run)`: `put(number, parameter, rate)` for those that move; `base` are the numbers of run 0.
+    /// The tangents of the numbers `of(run)`, by `put(number, parameter, tangent)`, for numbers that vary. `base` are the numbers of run 0.
     pub fn rates(
         &self,
         base: &[f64],
@@ -61,7 +61,7 @@ impl Shared {
 mod tests {
     use super::*;
 
-    /// Numbers of a program, from three numbers of a name: some of one, some of two.
+    /// The inputs `f` of a program, as functions of the three numbers of a name. Some depend on one number, others on two.
     fn rates(f: impl Fn([f64; 3]) -> Vec<f64>) -> Option<Vec<(usize, usize, f64)>> {
         let (p, codes) = ([2.0, 3.0, 5.0], [0b011, 0b101, 0b110]);
         let probe =

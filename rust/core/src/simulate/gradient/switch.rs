@@ -14,7 +14,7 @@ const SAME: f64 = 1e-12;
 /// The smallest part of `|g_x| |f-|` that `g_x f-` may be: below, the contact is grazed, and the instant of the change has no derivative.
 const GRAZING: f64 = 1e-9;
 
-/// What is added to a tangent `S`: `along (of_state S + of_set_up p_dot)`.
+/// The jump of a tangent `S`: `along (of_state S + of_set_up p_dot)`.
 pub struct Jump {
     pub along: Vec<f64>,
     pub of_state: Vec<f64>,

@@ -18,9 +18,9 @@ const ON_STEP: f64 = 1e-9;
 /// One operation on the state of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Operation {
-    /// The law answers sample `k`.
+    /// The law is evaluated at sample `k`.
     Sample { k: u64, t: f64 },
-    /// The answer to sample `k` acts from now on; none before the first.
+    /// The output of the law at sample `k` acts from now on; `None` before the first output.
     Act(Option<u64>),
     /// A step of size `h` from `t` to `end`, which is before a jump of the input there, with the contacts of `mode`.
     Step { t: f64, h: f64, end: f64, mode: usize },
@@ -28,9 +28,9 @@ pub enum Operation {
     Switch { k: usize, t: f64 },
     /// Record `i`.
     Record { i: usize, t: f64 },
-    /// What follows is beside the path of the run.
+    /// Store the state: the operations up to `Back` only serve a record between two steps.
     Leave,
-    /// Go on from the last `Leave`.
+    /// Restore the state of the last `Leave`.
     Back,
 }
 
@@ -45,7 +45,7 @@ pub struct Switch {
 /// How the contacts were held in a run.
 #[derive(Clone, Debug)]
 pub struct Contacts {
-    /// Each way that occurs; a run that locates no events has one without contacts.
+    /// The modes that occur. A run without event location has one empty mode.
     pub modes: Vec<Vec<Touch>>,
     pub guards: Vec<Guard>,
     pub switches: Vec<Switch>,
@@ -79,7 +79,7 @@ struct Listing<'a> {
 }
 
 impl Timeline {
-    /// Whether operation `k` is a record that the input of a continuous loop reaches by the first stage of the step that follows.
+    /// Whether operation `k` is a record of a continuous loop whose input the first stage of the next step computes.
     pub fn steps_on(&self, k: usize) -> bool {
         match (self.operations.get(k), self.operations.get(k + 1)) {
             (Some(Operation::Record { t: at, .. }), Some(Operation::Step { t, .. })) => self.sampling.is_none() && at == t,
@@ -126,7 +126,7 @@ impl Listing<'_> {
         self.push(Operation::Record { i, t })
     }
 
-    /// What the controller does at `t`.
+    /// List the samples and outputs of the controller at `t`.
     fn sample(&mut self, t: f64) -> Result<()> {
         let Some(sampling) = &self.timeline.sampling else { return Ok(()) };
         let (seed, grid) = (sampling.seed, self.timeline.grid);

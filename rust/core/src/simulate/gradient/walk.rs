@@ -1,4 +1,4 @@
-//! The state of a run as one vector, and what each operation does to it.
+//! The state of a run as one vector, and the effect of each operation on it.
 
 use super::Prepared;
 use super::combine::{add_slopes, advance};
@@ -13,13 +13,13 @@ use crate::simulate::sampling::CHANNELS;
 use crate::status::Status;
 use std::ops::Range;
 
-/// Where the parts of a state are: `[x, what acts, answers, measurements]`, the last three of a sampled loop alone.
+/// The places of the parts of a state: `[x, held input, outputs of the law, measurements]`. A continuous loop has only `x`.
 #[derive(Clone, Copy, Debug)]
 pub struct Places {
     states: usize,
     plant: usize,
     answer: usize,
-    /// Answers and measurements that are kept, in rings.
+    /// The capacities of the ring buffers of outputs and measurements.
     answers: usize,
     measurements: usize,
 }
@@ -41,12 +41,12 @@ impl Places {
     pub fn acting(&self) -> Range<usize> {
         self.states..self.states + self.answer
     }
-    /// The answer to sample `k`.
+    /// The output of the law at sample `k`.
     pub fn answer(&self, k: u64) -> Range<usize> {
         let first = self.states + self.answer * (1 + (k % self.answers as u64) as usize);
         first..first + self.answer
     }
-    /// What was measured at sample `k`.
+    /// The measurement at sample `k`.
     pub fn measured(&self, k: u64) -> Range<usize> {
         let first = self.states + self.answer * (1 + self.answers) + self.plant * (k % self.measurements as u64) as usize;
         first..first + self.plant
@@ -71,21 +71,21 @@ pub fn followers(sizes: &Sizes) -> Vec<(usize, usize)> {
 pub struct Walker<'a> {
     pub(super) prepared: &'a Prepared<'a>,
     pub places: Places,
-    /// Of each mode of the contacts.
+    /// The rates for each mode of the contacts.
     pub(super) rates: Vec<Call>,
     law: Call,
     /// The slopes of the guards.
     pub(super) guards: Vec<Call>,
     pub(super) u: Vec<f64>,
-    /// The arguments and the slopes of the stages, of the step seen last.
+    /// The arguments and the slopes of the stages of the last step.
     pub points: Vec<f64>,
     pub slopes: Vec<f64>,
     followers: Vec<(usize, usize)>,
-    /// Which inputs the limit of their rate held back, at the sample seen last.
+    /// Whether the rate limit changed each input, at the last sample.
     pub limited: Vec<bool>,
-    /// What the law was shown there.
+    /// The state that the law received at the last sample.
     pub shown: Vec<f64>,
-    /// The path that a record beside it left.
+    /// The stored state of the last `Leave`.
     left: Vec<f64>,
 }
 
@@ -198,7 +198,7 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// The answer to sample `k` acts, or nothing does.
+/// Make the output at sample `k` the held input, or zero if `k` is `None`.
 pub fn act(places: &Places, k: Option<u64>, state: &mut [f64]) {
     match k {
         Some(k) => state.copy_within(places.answer(k), places.acting().start),
