@@ -107,12 +107,12 @@ class ParameterReport:
     joints: tuple[str, ...]
     #: Of the pseudo-inertia of each body, (n, 4), ascending.
     eigenvalues: _Array
-    #: The problem of each body, empty for a possible body.
+    #: The problem of each body, empty for a physically possible body.
     problems: tuple[str, ...]
 
     @property
     def consistent(self) -> bool:
-        """Whether every body is possible."""
+        """Whether every body is physically possible."""
         return not any(self.problems)
 
     @property

@@ -201,7 +201,7 @@ def _mimic(model: Any, i: int) -> Mimic:
 
 
 def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array, Any] | None:
-    """The same as `_motion` for a mimic joint, per unit rate of this joint."""
+    """The result of `_motion` for a mimic joint, per unit rate of the mimic joint itself."""
     if multiplier == 0.0:
         return None  # it has no axis
     data = joint.createData()

@@ -46,14 +46,14 @@ def parameters_of(pseudo: Array) -> Array:
 
 
 class ParameterReport(NamedTuple):
-    """Eigenvalues of the pseudo-inertias, ascending, (n, 4), and whether each body is possible, (n,)."""
+    """Eigenvalues of the pseudo-inertias, ascending, (n, 4), and whether each body is physically possible, (n,)."""
 
     eigenvalues: Array
     possible: Any
 
     @property
     def consistent(self) -> bool:
-        """Whether every body is possible."""
+        """Whether every body is physically possible."""
         return bool(np.all(self.possible))
 
 

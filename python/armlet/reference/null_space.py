@@ -43,7 +43,7 @@ class NullSpace:
 
 
 def clamped(J: Array, W: Array, rows: list[int], eps: float) -> tuple[Array, Array, float]:
-    """N' (n, n), L (m, m) and the loss, the largest 1 - min(1, (s/eps)^2)."""
+    """The projector N' (n, n), the matrix L (m, m) of the coupling, and the loss 1 - min(1, (s/eps)^2) of the smallest s."""
     values, vectors = np.linalg.eigh(W)
     root, inverse = (vectors * values**0.5) @ vectors.T, (vectors * values**-0.5) @ vectors.T
     G = J @ inverse

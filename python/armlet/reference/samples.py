@@ -40,7 +40,7 @@ def _drift(law: Any, q: Array, v: Array) -> Array:
 
 
 def window_rows(law: Any, t: Array, q: Array, v: Array, tau: Array, window: float, held: bool = False) -> tuple[Array, Array]:
-    """The same for windows that overlap by half."""
+    """W and tau integrated over windows of length `window`, s, which overlap by half."""
     h = float(t[1] - t[0])
     half = max(1, round(0.5 * window / h))
     simpson = np.ones(2 * half + 1)

@@ -49,7 +49,8 @@ def simulate(
 
     method "euler", "semi_implicit", "rk4" (need dt; a sample is a whole number of steps) or "gbs" (adaptive, records t_eval).
     Without t_eval fixed steps record the start, every record_every-th step and the end. load(q, F) is J'F for a law without frame.
-    With events, for "gbs" alone: `run["events"]` is a list of (t, index, plant state); the function is checked at `looks` times.
+    With events, for "gbs" alone: `run["events"]` is a list of (t, index, plant state). The sign of each event function is checked at
+    `looks` times of the run.
     """
     n = plant.arm.n
     f_ext, jumps = as_force(force)

@@ -54,7 +54,7 @@ RULES = (
     ((-1.0, -2.0, -3.0, -4.0), (-4.0, 3.0, -4 / 3, 1 / 4)),
 )
 STEP = 2.0**-10
-#: Entries that have their own loops each: fewer loops than those of entries that move together.
+#: Fewer entries than this have separate loops, because these are fewer than the loops of entries that vary together.
 FEW = 4
 #: The golden ratio less one.
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -83,8 +83,8 @@ class Varied:
         weights: weights of the differences between the four runs and run 0, (P, 4). Those of a batch are (B, P, 4), and its rows follow
             one another.
         names: the names, with their values, in the order of the P numbers.
-        codes: for each name, the `codes` of `Together`, or None if each entry has its own four loops. Empty: None for all.
-        apart: makes the same with own loops for each entry. None if no entries move together.
+        codes: for each name, the `codes` of `Together`, or None if each entry has four separate loops. Empty: None for all.
+        apart: a function that returns these variations with separate loops for each entry. None if no entries vary together.
     """
 
     plants: Any
@@ -106,12 +106,12 @@ class Varied:
 
 @dataclass(frozen=True)
 class Together:
-    """Loops in which entries of a number move together. The core finds the inputs of the programs that each entry moves.
+    """Loops in which entries of a number vary together. The core finds the inputs of the programs that each entry changes.
 
     Attributes:
-        loops: the probes, in each of which half of the entries move, then four loops in which all entries move.
+        loops: the probes, in each of which half of the entries vary, then four loops in which all entries vary.
         weights: weights of the four for each entry.
-        codes: for each entry, the probes in which it moves, as bits. All codes have equally many bits.
+        codes: for each entry, the probes in which it varies, as bits. All codes have equally many ones.
     """
 
     loops: list[Loop]

@@ -47,7 +47,7 @@ class Field:
         raise NotImplementedError
 
     def schema(self) -> dict[str, Any]:
-        """The same as JSON schema."""
+        """The valid values as a JSON schema."""
         raise NotImplementedError
 
 
