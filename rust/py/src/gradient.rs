@@ -17,14 +17,14 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Parameters, how many each name has, and those that move together.
+/// The parameters, their number for each name, and the groups of parameters that vary together in the same runs.
 struct Named {
     all: Vec<Parameter>,
     sizes: Vec<usize>,
     shared: Vec<Shared>,
 }
 
-/// A name: how many parameters it has; with their codes, if they move together.
+/// The number of parameters of a name, and their codes if they vary together.
 #[derive(FromPyObject)]
 enum Name {
     Apart(usize),
@@ -32,8 +32,8 @@ enum Name {
 }
 
 impl Named {
-    /// Run 0 is the one to differentiate. The runs of each name follow. Parameters that move alone have one run per weight each. Those that
-    /// move together have their probes, and then one run per weight.
+    /// Run 0 is the one to differentiate. The runs of each name follow. A parameter that varies alone has one run per weight. Parameters
+    /// that vary together have their probes, and then one run per weight for all of them.
     fn of(function: &str, value: &Bound<'_, PyAny>, names: &Bound<'_, PyAny>, runs: usize) -> Result<Self, Failure> {
         let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
         let (names, points): (Vec<Name>, usize) = (names.extract()?, shape[1]);
@@ -130,7 +130,7 @@ fn with_problem<'py, T>(
     Ok(done)
 }
 
-/// How many threads; None takes the default.
+/// The number of threads; `None` is the default.
 fn threads_of(function: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     if value.is_none() { Ok(core::default_threads()) } else { Ok(parallel::require_threads(count(function, "threads", value)?)?) }
 }
@@ -215,7 +215,7 @@ pub fn _adjoint<'py>(
     })
 }
 
-/// As `_sensitivities` of the rows of a batch, `(B, K, .., P)` by name. NaN for a row that has none.
+/// The derivatives of the series of each row of a batch, `(B, K, .., P)` by name. A row without derivatives is NaN.
 #[entered]
 #[pyfunction]
 pub fn _sensitivities_of_rows<'py>(
@@ -246,7 +246,7 @@ pub fn _sensitivities_of_rows<'py>(
     })
 }
 
-/// As `_adjoint` of the rows of a batch, `(B, P)`: `slopes` has `(B, K, ..)` by name of a series.
+/// The derivatives of `sum_k slopes_k' record_k` of each row of a batch, `(B, P)`: `slopes` has `(B, K, ..)` by name of a series.
 #[entered]
 #[pyfunction]
 pub fn _adjoint_of_rows<'py>(

@@ -20,7 +20,7 @@ use crate::status::Status;
 use crate::trace::pages::in_large_pages;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What a batch keeps of each run.
+/// The results that a batch keeps of each run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Keep {
     /// All records.

@@ -33,7 +33,7 @@ impl Bound {
         S::all(zero.lt(S::splat(1.0))) && S::all(largest.lt(S::splat(self.beyond)))
     }
 
-    /// The same for one lane.
+    /// Whether one lane is within the bound.
     pub fn holds_lane<S: Real>(&self, x: &[S], lane: usize) -> bool {
         x.iter().all(|x| x.lane(lane).is_finite()) && x.iter().take(self.states).all(|x| x.lane(lane).abs() < self.beyond)
     }

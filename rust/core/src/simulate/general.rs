@@ -26,7 +26,7 @@ pub struct General<'a> {
     pub first: usize,
     pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
-    /// Events and polynomials beside the records.
+    /// Events and polynomials in addition to the records.
     pub observer: Option<&'a mut RunObserver>,
     /// The programs of rates, if runs may use them.
     pub rates: Option<&'a Rates>,
@@ -40,9 +40,9 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn drive(&mut self, tau: Option<&[S]>, held: bool);
     /// Start anew at `t = 0`.
     fn rewind(&mut self);
-    /// Hold every contact of the plant as it is said to be.
+    /// Hold the contacts of the plant in the modes `contacts`.
     fn hold_contacts(&mut self, contacts: &[Touch]);
-    /// Let this wrench act in place of the forces there are; `None` gives them back.
+    /// Replace the external forces by `wrench`; `None` restores them.
     fn push(&mut self, wrench: Option<&Wrench>);
     /// Decide which joints stick at time `t` and state `x`.
     fn settle(&mut self, _t: f64, _x: &[S]) {}

@@ -49,13 +49,13 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.settle(t, x, leaving);
     }
 
-    /// Stop the joints whose velocity is opposite to their side. Returns whether there are any.
+    /// Stop the joints whose velocity is opposite to their direction of slip. Returns whether there are any.
     pub fn arrest(&mut self, x: &mut [S]) -> bool {
         let n = self.tau.len();
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.arrest(&mut x[first..first + n]))
     }
 
-    /// Put the velocities of stuck joints to zero, of which implicit methods leave their rounding.
+    /// Set the velocities of stuck joints to zero. Implicit methods leave rounding errors in them.
     pub fn still(&mut self, x: &mut [S]) {
         if let Some((friction, first)) = self.plant_mut().stick_slip() {
             for (side, v) in friction.sides().iter().zip(&mut x[first..]) {

@@ -11,7 +11,7 @@ use crate::plant::PlantSpec;
 /// The largest number of numbers of motions in all stored keys: 32 MB.
 pub const MOST_NUMBERS: usize = 1 << 22;
 
-/// The parts of a recording's key beside the numbers of the set-up.
+/// The parts of a recording's key other than the numbers of the set-up.
 pub struct Key {
     plant: PlantSpec,
     law: LawSpec,

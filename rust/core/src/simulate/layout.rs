@@ -15,11 +15,12 @@ pub struct Layout {
     pub kept: usize,
     pub lasting: usize,
     pub inputs: usize,
-    /// Numbers of the law's result besides its input.
+    /// The number of results of the law besides the plant's input.
     pub answer: usize,
     /// One if the law reports whether its result is valid, else none.
     pub guards: usize,
-    /// Numbers of the first record that monitors refer to, and all numbers of a record beside the state; zero without records.
+    /// The number of reference values of the monitors, from the first record, and the size of a record without the state. Zero without
+    /// records.
     pub firsts: usize,
     pub noted: usize,
     /// The number of norms of levels, which are last in a record.
@@ -68,7 +69,7 @@ impl Layout {
     pub fn stage_input(&self) -> usize {
         self.stage() + self.states
     }
-    /// The rates of a stage; those of every stage follow.
+    /// The slots to which the program of the rates writes. The stored rates of every stage follow.
     pub fn rates(&self) -> usize {
         self.stage_input() + self.exogenous()
     }
@@ -88,7 +89,7 @@ impl Layout {
     pub fn ends_at_last(&self) -> bool {
         self.instants.len() > 1 && self.instants.last() == Some(&1.0)
     }
-    /// A record beside the state, and the reference values of the monitors if it is the first one.
+    /// The results of a record without the state. At the first record, the reference values of the monitors follow.
     pub fn noted(&self) -> usize {
         self.reach() + 1
     }

@@ -82,7 +82,7 @@ impl Log {
 pub struct Block<'a> {
     log: &'a Log,
     time: &'a dyn Fn(usize) -> f64,
-    /// The number of the first record, and how many there are.
+    /// The index of the first record, and the number of records.
     pub first: usize,
     pub count: usize,
     /// The run of each lane; `None` without records.
@@ -90,12 +90,12 @@ pub struct Block<'a> {
 }
 
 impl Block<'_> {
-    /// The same records, those of lane `i` for `of(i)`.
+    /// The same records, with run `i` replaced by run `of(i)`.
     pub fn of_lanes(&self, of: impl Fn(usize) -> Option<usize>) -> Self {
         Block { log: self.log, time: self.time, first: self.first, count: self.count, lanes: self.lanes.map(|lane| lane.and_then(&of)) }
     }
 
-    /// The time of record `i`, counted from the first one here.
+    /// The time of record `i` of this block.
     pub fn time(&self, i: usize) -> f64 {
         (self.time)((self.first + i) * self.log.every)
     }
@@ -105,7 +105,7 @@ impl Block<'_> {
         self.log.width()
     }
 
-    /// The number `k` of record `i`, counted from the first one here, in a lane.
+    /// Number `k` of record `i` of this block, in lane `lane`.
     pub fn number(&self, i: usize, k: usize, lane: usize) -> f64 {
         let lanes = self.log.lanes;
         self.log.frames[lane / lanes][(i * self.width() + k) * lanes + lane % lanes] + 0.0

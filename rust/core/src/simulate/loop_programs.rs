@@ -19,27 +19,27 @@ pub struct Tracing {
     pub notes: Option<Noting>,
 }
 
-/// A record beside the state.
+/// The entries of a recording that are the results of a record, without the state.
 pub struct Noting {
-    /// For the input in the frame.
+    /// The results for the input that is stored in the frame.
     pub alone: Vec<u32>,
-    /// For the input that acts in the step.
+    /// The results for the input that acts in the step.
     pub along: Vec<u32>,
     /// The reference values of the monitors, at the first record.
     pub firsts: Vec<u32>,
     /// Whether the norms of levels are valid.
     pub stands: Vec<u32>,
-    /// Whether a step that begins there is valid.
+    /// Whether a step that begins at the record is valid.
     pub next: Vec<u32>,
 }
 
-/// The numbers kept after a record.
+/// The entries of a recording that are the metrics after a record.
 pub struct Summing {
-    /// For the input in the frame; valid for the first record too.
+    /// The results for the input that is stored in the frame, at any record.
     pub alone: Vec<u32>,
-    /// The same, only for later records.
+    /// The results for the input that is stored in the frame, at records after the first.
     pub stage: Vec<u32>,
-    /// For the input that acts in the step, of later records.
+    /// The results for the input that acts in the step, at records after the first.
     pub along: Vec<u32>,
 }
 
@@ -53,7 +53,8 @@ pub struct Programs {
     step: Step,
     /// From the state, the first instant, the input and `h` to the numbers kept.
     sums: Option<Program>,
-    /// The same for later records: a whole step that starts with them, or the part after the first stage of a step in parts.
+    /// The program of the numbers kept, at records after the first. It is a whole step that starts with them, or the part after the first
+    /// stage of a step in parts.
     along: Option<Program>,
     /// From the state, the first instant and the input to the rest of a record.
     notes: Option<Program>,
@@ -68,7 +69,7 @@ enum Step {
     Stages {
         segments: Vec<Program>,
         rates: Program,
-        /// Their slots and number; those of every stage follow.
+        /// The first slot and the number of the rates of a stage. The stored rates of every stage follow.
         first: usize,
         count: usize,
     },
@@ -117,7 +118,7 @@ impl Programs {
         }
     }
 
-    /// The record beside the state, from the state, the first instant and the input of the frame.
+    /// Compute the record, without the state, from the state, the first instant and the input of the frame.
     pub fn note(&self, frame: &mut Frame) {
         if let Some(notes) = &self.notes {
             notes.run(frame);

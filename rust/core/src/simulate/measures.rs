@@ -31,7 +31,7 @@ impl Default for Measures {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wanted {
     Nothing,
-    /// The first numbers of the law's desired motions.
+    /// The law's desired motion of the joints, which comes first among its desired motions.
     Motion,
     Target(Vec<f64>),
 }

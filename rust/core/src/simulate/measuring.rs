@@ -38,7 +38,7 @@ pub struct Measuring<'a> {
 }
 
 impl<'a> Measuring<'a> {
-    /// `run` of a problem with so many monitors.
+    /// The metrics of run `run` of a problem with `monitors` monitors.
     pub fn new(problem: &'a Problem<'a>, run: usize, plan: &Plan, monitors: usize) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Measuring {
@@ -114,7 +114,7 @@ impl<'a> Measuring<'a> {
         self.tau.copy_from_slice(tau);
     }
 
-    /// Take the numbers of a run up to here that a program has added up. `time(i)` is the time of record `i`.
+    /// Take the metrics `kept` that a program has computed up to the present record. `time(i)` is the time of record `i`.
     pub fn take(&mut self, kept: &[f64], time: &dyn Fn(usize) -> f64) {
         self.given = true;
         self.kept.copy_from_slice(kept);

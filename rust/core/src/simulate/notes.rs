@@ -1,4 +1,4 @@
-//! The parts of a record beside the state, as operations on the state, for the recording of a loop: the input and the monitors.
+//! The parts of a record other than the state, as operations on the state, for the recording of a loop: the input and the monitors.
 //!
 //! Monitors round like plain `f64`, so that a record of a program has the bits of a record that is computed directly.
 
@@ -35,7 +35,7 @@ impl Problem<'_> {
 }
 
 impl Notes {
-    /// For the run `run` of a problem with so many monitors; `monitored`: as of [`Scope`].
+    /// The notes of run `run` of a problem with `monitors` monitors. For `monitored` see [`Scope`].
     pub fn new(problem: &Problem, run: usize, monitors: usize, monitored: Monitored) -> Self {
         Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }

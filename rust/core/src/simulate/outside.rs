@@ -53,7 +53,7 @@ pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, law
 }
 
 impl Problem<'_> {
-    /// [`outside`] of its starts and laws.
+    /// Call [`outside`] for the starts and laws of this problem.
     pub fn outside(&self, batch: bool) -> Vec<(String, Outside)> {
         // Before the problem is validated: there may be more starts than plants.
         let starts = self.x0.chunks_exact(self.plants[0].states()).enumerate();

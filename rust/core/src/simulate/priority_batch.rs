@@ -52,7 +52,7 @@ pub fn solve_stacks(
     solve_stacks_by(&StackBatch::new(solver, answers.status.len()), given, answers, threads, poll)
 }
 
-/// The same by copies of `batch`, for callers with several parts of a batch.
+/// Like [`solve_stacks`], with copies of `batch`, for callers with several parts of a batch.
 pub fn solve_stacks_by(
     batch: &StackBatch,
     given: &StackRows,

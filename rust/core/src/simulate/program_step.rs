@@ -108,7 +108,7 @@ impl<S: Real> ProgramStep<S> {
         }
     }
 
-    /// The instants of the step `turn` to where the parts of a step read them.
+    /// Copy the exogenous inputs of step `turn` of stream `k` to the slots from which the parts of a step read them.
     fn place(&self, layout: &Layout, frame: &mut Frame, k: usize, turn: usize) {
         let (width, lanes) = (if layout.shared { 1 } else { frame.lanes() }, frame.lanes());
         let slots = layout.instants.len() * layout.exogenous();
@@ -123,7 +123,8 @@ impl<S: Real> ProgramStep<S> {
 }
 
 impl<S: Real> ProgramStep<S> {
-    /// The same as `stride` for steps in parts: the state stays in the frames. Steps that a program may decline are taken one by one.
+    /// Several steps, like `stride`, for steps in parts: the state stays in the frames. Steps that a program may decline are taken one by
+    /// one.
     fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) -> bool {
         if !system.redo.is_empty() {
             return false;

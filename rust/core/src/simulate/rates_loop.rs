@@ -45,7 +45,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
     }
 
-    /// The same for an implicit method.
+    /// The loop of an implicit method, which uses programs from the first evaluation on if there is a source.
     pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: 0, running: [None, None] }
     }
@@ -59,7 +59,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         usize::from(self.direct.held().is_some())
     }
 
-    /// Write the held values into the frames.
+    /// Write the held input and rate of the law into the frames.
     fn hold(&mut self) {
         if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
             running.hold(tau, dz);

@@ -48,7 +48,7 @@ impl Slots {
     pub fn states(&self) -> usize {
         self.plant + self.law + self.quadratures
     }
-    /// The held input and rate of the law.
+    /// The held input and the held rate of the law's state.
     pub fn tau(&self) -> usize {
         self.state() + self.states()
     }
@@ -67,7 +67,7 @@ impl Slots {
 
 /// The derivatives of the rates, in lanes.
 pub struct Derivatives {
-    /// The rates, and what the derivatives read.
+    /// The rates, and the values that the derivatives use.
     pub values: Program,
     /// Along the plant's states and the exogenous input; along the law's states.
     pub plant: Program,
@@ -130,7 +130,7 @@ pub struct RecordedRates {
     pub programs: RatesPrograms,
 }
 
-/// The tag: under a held input or under the law, and the derivatives.
+/// A known recording of rates. Its tag is whether the input is held, and which derivatives it has.
 type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
 
 static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
@@ -165,7 +165,7 @@ fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<R
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
-/// The same as [`of_run`], if they are among the stored ones.
+/// The same rates as [`of_run`], if they are already recorded; otherwise `None`.
 fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
     let (parameters, tag) = (recorded::loop_parameters(problem, run, common), (held, Wanted::of(problem, run)));
     let seen = Seen::known(&KNOWN, (problem, run, common), &parameters, &tag)?;

@@ -5,7 +5,7 @@
 //! - the exogenous input at each instant of the step;
 //! - the state with its sums, which a step replaces by the next one, and the step `h`;
 //! - the input and the rate of the law, and the values that the parts of a step pass on;
-//! - the largest angle so far, and the numbers of a record beside the state.
+//! - the largest angle so far, and the numbers of a record without the state.
 //!
 //! Rows with the same structure, that is the same zeros and ones among their numbers, share the programs.
 //!
@@ -82,7 +82,7 @@ pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopPar
     LoopParameters { values: recording.values, structure: recording.structure, labels: recording.labels }
 }
 
-/// The metrics and records that the programs of a loop compute beside its steps.
+/// The metrics and records that the programs of a loop compute in addition to its steps.
 struct Beside {
     sums: Option<Sums<Sym>>,
     notes: Option<Notes>,
@@ -163,7 +163,8 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
 }
 
-/// The same for a listing. With `plain` every operation of the source is kept; its value states whether the step is in parts.
+/// Record the loop of run `run` for a listing. With `plain` every operation of the source is kept; its value is whether the step is in
+/// parts.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
     sym::begin_that(plain.is_none());
     let (closed, beside) = set_up(problem, run, common);

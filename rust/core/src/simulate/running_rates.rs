@@ -22,7 +22,7 @@ pub struct Running<S> {
 }
 
 impl<S: Real> Running<S> {
-    /// For a run whose set-up has the numbers `values`.
+    /// Buffers for a run whose set-up has the numbers `values`.
     pub fn new(recorded: Arc<RecordedRates>, values: &[f64]) -> Self {
         let (slots, programs) = (&recorded.slots, &recorded.programs);
         let frame = |slots: usize, lanes: usize, programs: &mut dyn Iterator<Item = &Program>| {

@@ -67,7 +67,7 @@ enum Records {
     At(Vec<Record>),
 }
 
-/// What the system computes within the steps of a run.
+/// The additional results that the system computes within the steps of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Within {
     Nothing,

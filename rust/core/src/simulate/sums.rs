@@ -23,7 +23,7 @@ impl Problem<'_> {
 }
 
 impl<S: Real> Sums<S> {
-    /// For the run `run` of a problem, which is measured by `plan`.
+    /// The sums of run `run` of a problem, for the metrics of `plan`.
     pub fn new(problem: &Problem, run: usize, plan: &Plan, storage: bool) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Sums {

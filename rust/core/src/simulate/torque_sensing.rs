@@ -12,7 +12,7 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::plant::sensors::TorqueSensor;
 use crate::scalar::Real;
 
-/// The random numbers of joint `i` are those of channel `TORQUE + i`, apart from every measured one.
+/// The noise of the torque sensor of joint `i` uses the random channel `TORQUE + i`. No other measurement uses these channels.
 const TORQUE: u64 = 1 << 32;
 
 /// The torques of one sample, `(n,)` each.

@@ -20,7 +20,8 @@ use crate::status::Status;
 
 /// Evaluations per step.
 const LOOKS: usize = 4;
-/// After this number of successive switches without progress of more than rounding, the step is accepted unchanged.
+/// Steps are shortened to a change of contact. After this number of successive changes at practically the same time, the step is accepted
+/// in full.
 const STUCK: usize = 8;
 const PROGRESS: f64 = 1e-14;
 

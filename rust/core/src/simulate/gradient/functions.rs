@@ -1,4 +1,4 @@
-//! The rates and the law of a loop as functions of numbers, with their tangents and adjoints.
+//! The rates and the law of a loop as recorded functions, with their tangents and adjoints.
 
 use super::directions::{Directions, refused};
 use super::timeline::Contacts;

@@ -84,7 +84,7 @@ struct Prepared<'a> {
 struct Loop<'a> {
     tableau: Tableau,
     directions: Arc<Directions<'a>>,
-    /// The recorded functions for each history of the contacts.
+    /// The recorded functions for each list of contact modes and guards.
     known: Mutex<Vec<(Contacts, Arc<LoopFunctions>)>>,
 }
 

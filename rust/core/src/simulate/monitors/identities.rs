@@ -14,7 +14,7 @@ use crate::simulate::gauge::Identities;
 pub struct Theory<S: Real> {
     states: usize,
     pub arm: ArmAt<S>,
-    /// The same arm as it moves.
+    /// The arm on dual numbers, for derivatives in time.
     moving: ArmAt<Dual<S>>,
     moving_q: Vec<Dual<S>>,
     moving_m: Vec<Dual<S>>,
@@ -25,7 +25,7 @@ pub struct Theory<S: Real> {
 }
 
 impl<S: Real> Theory<S> {
-    /// For the plants and laws of the lanes, of one shape each; `storage`: the energy is that of the law's own function.
+    /// For the plants and laws of the lanes, of one shape each. With `storage`, the energy is the law's storage function.
     pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
         let n = plant(0).n();
         Theory {
