@@ -5,7 +5,7 @@ use crate::interrupt::look;
 
 /// The number of elements written between two checks for a stop request. The first write to a page takes long.
 pub const PIECE: usize = 1 << 14;
-/// The same number for elements that own memory.
+/// The number of elements between two checks, for elements that own memory.
 const SMALL_PIECE: usize = 1 << 10;
 
 /// An empty vector with capacity for `n` elements.

@@ -68,7 +68,7 @@ pub fn caught<T>(function: &str, body: impl FnOnce() -> PyResult<T>) -> PyResult
     })
 }
 
-/// The same for a body that fails with core errors too, which are mapped.
+/// Like [`caught`], for a body whose errors may also be core errors. These become Python exceptions.
 pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T, Failure>) -> PyResult<T> {
     caught(function, || {
         body().map_err(|failure| match failure {

@@ -15,7 +15,7 @@ pub fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: us
     Ok(values)
 }
 
-/// The same for motors, which only plants with elastic joints have.
+/// `(n,)` finite numbers for the motors. It is an error if they are given for a plant without elastic joints.
 fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if !plant.kind().has_motors() {
@@ -25,7 +25,7 @@ fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant
     Ok(Some(finite_vector(function, name, value, plant.n())?))
 }
 
-/// The same for the bristles of friction, if the plant has them.
+/// `(n,)` finite numbers for the bristles of LuGre friction. It is an error if they are given for a plant without it.
 fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if plant.bristles() == 0 {

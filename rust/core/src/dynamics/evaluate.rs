@@ -134,7 +134,7 @@ impl Evaluator {
         Evaluator::sized(arm, true)
     }
 
-    /// The same for an arm of any size. It returns an error if the buffers do not fit in memory.
+    /// An evaluator of an arm of any size. It returns an error if the buffers do not fit in memory.
     pub(super) fn large(arm: &Arm) -> Result<Self> {
         require_memory(arm.joints.len())?;
         Ok(Evaluator::new(arm))

@@ -23,7 +23,7 @@ pub(super) const C: &[f64] = &[
     0.2,
     0.7777777777777778,
 ];
-/// Row `i` weighs the earlier slopes in the argument of stage `i`; row 12 is the solution itself.
+/// Row `i` has the weights of the earlier slopes in the argument of stage `i`. Row 12 has those of the solution.
 pub(super) const A: &[&[f64]] = &[
     &[],
     &[0.05260015195876773],

@@ -125,7 +125,7 @@ impl<T: Real> Buffers<T> {
     }
 }
 
-/// A number as another one of the same type.
+/// `x` as type `B` if `A` and `B` are the same type; otherwise `None`.
 fn same<A: Any, B: Any + Copy>(x: A) -> Option<B> {
     (&x as &dyn Any).downcast_ref().copied()
 }

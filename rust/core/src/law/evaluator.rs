@@ -44,7 +44,7 @@ impl<S: Real> Engine<S> {
         &self.tau
     }
 
-    /// The same for all inputs in one array, with these widths.
+    /// The plant's input from one array: the desired motion, the state of the plant and that of the law, with these widths.
     fn input_of(&mut self, inputs: &[S], widths: [usize; 3]) -> &[S] {
         let (desired, state) = inputs.split_at(widths[0]);
         let (x, z) = state.split_at(widths[1]);

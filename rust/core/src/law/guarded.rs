@@ -158,7 +158,7 @@ impl Definition for GuardedSpec {
         true
     }
 
-    /// Those of the inner law, then the momentum, the residual in a continuous loop, whether the reaction acts, and the torque.
+    /// The terms of the inner law, then the momentum, the residual in a continuous loop, whether the reaction acts, and the torque.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let own = self.inner.initial_state().len();

@@ -122,7 +122,7 @@ pub(super) struct Extras<S> {
 }
 
 impl<S: Real> Extras<S> {
-    /// For the options of the lanes, of one shape.
+    /// The terms for the options `of(lane)`, which have the same shape in all lanes.
     pub fn new<'a>(of: impl Fn(usize) -> &'a ImpedanceOptions) -> Self {
         let numbers = |name: &'static str, get: fn(&ImpedanceOptions) -> &Option<Vec<f64>>| {
             let count = get(of(0)).as_ref()?.len();

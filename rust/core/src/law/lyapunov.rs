@@ -33,7 +33,8 @@ pub struct Lyapunov<S: Real> {
 }
 
 impl<S: Real> Lyapunov<S> {
-    /// For the laws `of(lane)`, of one shape, and the plants `plant(lane)`; `None` for laws without adaptation.
+    /// The Lyapunov functions of the laws `of(lane)`, which have the same shape, on the plants `plant(lane)`. `None` for laws without
+    /// adaptation.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
         let own = of(0).adaptive()?;
         let law = |lane: usize| of(lane).adaptive().unwrap_or(own);

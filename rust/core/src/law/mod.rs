@@ -213,7 +213,7 @@ laws! {
     PriorityAcceleration(PriorityAccelerationSpec),
     /// Any law with a momentum observer and a reaction to contact.
     Guarded(GuardedSpec),
-    /// A function of the caller, evaluated at samples.
+    /// A law that is a function of the caller, evaluated at samples.
     External(ExternalSpec),
 }
 

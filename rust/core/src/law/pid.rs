@@ -256,7 +256,7 @@ impl<S: Real> Law<S> for Pid<S> {
             None => self.speed.copy_from_slice(v),
         }
 
-        // What the model asks for.
+        // The feedforward torque of the model.
         if self.moves && self.observer.is_none() {
             self.work.fill(S::zero());
             self.arm.inverse_dynamics(&mut self.workspace, trig, q, &self.work, a_d, tau);

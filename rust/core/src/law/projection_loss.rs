@@ -40,7 +40,7 @@ impl LawSpec {
 }
 
 impl<S: Real> ProjectionLoss<S> {
-    /// For a law; `None` for a law without a projector.
+    /// The projection loss of a law; `None` if `has_projection_loss` is false.
     pub fn new(law: &LawSpec) -> Option<Self> {
         let law = impedance(law).filter(|_| law.has_projection_loss())?;
         let (n, m) = (law.model.n(), law.coordinates.m());

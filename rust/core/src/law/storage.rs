@@ -21,7 +21,7 @@ pub struct Storage<S: Real> {
 }
 
 impl<S: Real> Storage<S> {
-    /// For the laws `of(lane)`, of one shape; `None` for laws without a storage function.
+    /// The storage functions of the laws `of(lane)`, which have the same shape; `None` for laws without a storage function.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec) -> Option<Self> {
         let own = of(0).storage()?;
         let law = |lane: usize| of(lane).storage().unwrap_or(own);

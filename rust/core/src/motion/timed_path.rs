@@ -123,7 +123,7 @@ impl TimedPath {
         &self.path
     }
 
-    /// A motion of duration zero, which holds the position of the path.
+    /// A motion of duration zero, which holds the position of a path that is one point.
     pub fn still(path: Arc<Path>) -> Self {
         let ends = vec![path.knots()[0], path.knots()[path.knots().len() - 1]];
         let piece = vec![0].into();

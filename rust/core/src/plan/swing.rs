@@ -178,7 +178,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Ends, gravity and bounds, each from small to large.
+    /// Searches for many pairs of start and end angles, and of upper and lower torque bounds.
     fn searches() -> impl Iterator<Item = Search> {
         let bounds = [0.03, 0.3, 0.9, 1.0, 1.1, 4.0];
         let ends =

@@ -165,7 +165,7 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// Stop the joints whose velocity is opposite to their side. Returns whether there are any.
+    /// Stop the joints whose velocity is opposite to their direction of slip. Returns whether there are any.
     pub fn arrest(&mut self, v: &mut [S]) -> bool {
         let mut any = false;
         for (side, v) in self.sides.iter_mut().zip(v) {

@@ -27,7 +27,7 @@ pub struct Stored<S: Real> {
 }
 
 impl<S: Real> Stored<S> {
-    /// For the plants `of(lane)`, of one shape.
+    /// The stored energies of the plants `of(lane)`, which have the same shape.
     pub fn new<'a>(of: impl Fn(usize) -> &'a PlantSpec) -> Self {
         let first = of(0);
         let springs = first.elastic().map(|own| {

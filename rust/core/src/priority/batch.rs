@@ -103,7 +103,7 @@ pub struct StackBatch {
 }
 
 impl StackBatch {
-    /// For the sizes and options of `solver`, and `rows` rows.
+    /// Buffers for batches of `rows` stacks with the sizes and options of `solver`.
     pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
         let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
         let mut program = if rows < FEW { None } else { solver.of_stacks(true) };

@@ -44,7 +44,7 @@ impl Metric {
         Ok(Metric { n, l })
     }
 
-    /// The same on another number.
+    /// The metric on another number type.
     pub fn lift<S: Real>(&self) -> Metric<S> {
         Metric { n: self.n, l: self.l.iter().map(|&x| S::from_lanes(|_| x)).collect() }
     }

@@ -7,7 +7,8 @@
 //!
 //! Four layers: `regular` solves by LQ factorisations where it can prove that every singular value is large and no bound is met.
 //! `pairs` has levels of one or two rows in closed form, at singularities too. `levels` is the general recursion over singular values,
-//! and `sns` adds bounds. `batch` runs many stacks through the program of the first. `solver` owns the buffers and chooses.
+//! and `sns` adds bounds. `batch` solves many stacks by machine code that is recorded from `regular`. `solver` owns the buffers and selects
+//! the layer.
 
 #[doc(hidden)]
 mod batch;

@@ -251,7 +251,7 @@ impl PrioritySolver {
         self.run_declined()
     }
 
-    /// The same for a stack of which the regular route is known to decline.
+    /// Like [`PrioritySolver::run`], for a stack that the regular route has declined.
     pub fn run_declined(&mut self) -> Result<Status> {
         let PrioritySolver { work: w, pairs, .. } = self;
         let Workspace { jacobian, command, v, residual, ranks, lost, .. } = w;
@@ -265,7 +265,7 @@ impl PrioritySolver {
         self.run_singular()
     }
 
-    /// The same by singular values alone.
+    /// Like [`PrioritySolver::run`], by singular values alone.
     pub fn run_singular(&mut self) -> Result<Status> {
         self.prepare()?;
         let w = &mut self.work;

@@ -27,7 +27,7 @@ pub fn emit<A: Assemble>(program: &Straight, form: Form, first: usize) -> Emitte
     Emitted { bytes: assembler.finish(), ..emitted }
 }
 
-/// The same, with the bytes still in the assembler.
+/// Like [`emit`], but the bytes remain in the assembler.
 pub(super) fn assemble<A: Assemble>(program: &Straight, form: Form, first: usize) -> (A, Emitted) {
     let lifetimes = Lifetimes::of(program);
     let values = program.instructions.len();

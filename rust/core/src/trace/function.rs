@@ -142,7 +142,7 @@ impl Evaluation {
         self.run_on();
     }
 
-    /// The same. The largest angle is then that of all runs since [`Evaluation::forget`].
+    /// Like [`Evaluation::run`]. The largest angle is then that of all runs since [`Evaluation::forget`].
     #[inline]
     pub fn run_on(&mut self) {
         self.function.program.run(&mut self.frame);

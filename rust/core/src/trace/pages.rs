@@ -6,7 +6,7 @@
 /// Size in bytes from which pages of 2 MiB are requested, as in numpy.
 const LARGE: usize = 1 << 22;
 
-/// The same memory. If it is large, its untouched pages will be large pages.
+/// Return `memory` unchanged, and request large pages for its untouched part if it is large.
 pub fn in_large_pages<T>(memory: Vec<T>) -> Vec<T> {
     let bytes = memory.capacity() * size_of::<T>();
     if bytes >= LARGE {

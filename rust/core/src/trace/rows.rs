@@ -101,7 +101,7 @@ mod avx2 {
     use std::arch::x86_64::*;
     use std::ops::Range;
 
-    /// Two numbers at `low`, and above them two at `high`.
+    /// Load two numbers from `low` into the lower lanes, and two from `high` into the upper lanes.
     ///
     /// # Safety
     /// They can be read.

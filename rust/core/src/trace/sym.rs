@@ -43,7 +43,7 @@ pub fn begin() {
     begin_that(true);
 }
 
-/// The same. The recording either `folds` or keeps every operation.
+/// Like [`begin`]. With `folds` the recording simplifies operations; without it every operation is kept.
 pub fn begin_that(folds: bool) {
     on_tape(|tape| *tape = Tape::that(folds));
 }

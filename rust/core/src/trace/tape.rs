@@ -29,7 +29,7 @@ pub enum Op {
     Min(u32, u32),
     Sin(u32),
     Cos(u32),
-    /// The same, with every product rounded before it is added.
+    /// Sine and cosine with every product rounded before it is added.
     UnfusedSin(u32),
     UnfusedCos(u32),
     /// A mask: `a < b`.
@@ -83,7 +83,7 @@ impl Op {
 pub enum Moving {
     Nothing,
     All,
-    /// These numbers, by their order.
+    /// The numbers whose entry is true, in the order of their declaration.
     These(Vec<bool>),
 }
 

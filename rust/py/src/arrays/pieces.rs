@@ -25,15 +25,15 @@ pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> 
     })
 }
 
-/// The numbers of a large array that can be read in place.
+/// Copy the numbers of a large array whose memory is contiguous and aligned.
 pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> Result<Vec<f64>, Failure> {
     let mut values = memory::reserved(array.len())?;
     append(function, name, array, &mut values)?;
     Ok(values)
 }
 
-/// The same to the end of a vector with the capacity for them. The memory of each piece is looked up again, because other threads may have
-/// run since the last one.
+/// Append the numbers of a large array to `values`, which has the capacity for them. The address of the array is looked up again for each
+/// piece, because other threads may have run since the last one.
 pub fn append(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>, values: &mut Vec<f64>) -> Result<(), Failure> {
     let (py, count, start) = (array.py(), array.len(), values.len());
     let mut breaks = Breaks::new();
@@ -49,7 +49,7 @@ pub fn append(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>, va
     Ok(())
 }
 
-/// These numbers of a large C-contiguous array as bytes, little-endian.
+/// The numbers `range` of a large C-contiguous array as little-endian bytes.
 pub fn copied_to_bytes<'py>(array: &Bound<'py, PyArrayDyn<f64>>, range: Range<usize>) -> Result<Bound<'py, PyBytes>, Failure> {
     let py = array.py();
     let changed = || input_error(py, "pickle", "array", "was changed while it was read: expected an array that keeps its size and layout");
@@ -67,7 +67,7 @@ pub fn copied_to_bytes<'py>(array: &Bound<'py, PyArrayDyn<f64>>, range: Range<us
     Ok(bytes)
 }
 
-/// Whether all are finite.
+/// Whether all `values` are finite.
 pub fn all_finite(py: Python<'_>, values: &[f64]) -> Result<bool, Failure> {
     if values.len() <= PIECE { Ok(error::all_finite(values)) } else { long(py, || Ok(error::all_finite(values))) }
 }

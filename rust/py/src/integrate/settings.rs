@@ -17,7 +17,7 @@ const MOST_STEPS: f64 = 1e12;
 const MATRICES: u128 = 8;
 /// Vectors of the method with the most stages, of the field, and of calls of Python.
 const VECTORS: u128 = 32;
-/// The same for the other methods.
+/// Vectors of a method with fewer stages, of the field, and of calls of Python.
 const FEW_VECTORS: u128 = 16;
 /// Matrices of states whose columns go to a vectorised `f` together, and of their slopes.
 const COLUMNS: u128 = 5;

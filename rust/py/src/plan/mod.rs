@@ -64,7 +64,7 @@ pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "
 /// `theta0, thetaf, inertia, gravity_moment, tau_max, tau_min`.
 pub type LinkProblem = [f64; 6];
 
-/// The numbers of one problem, None if an argument is an array with axes. `tau_min` is `-tau_max` unless given.
+/// The six numbers of one problem, or `None` if an argument is an array of one or more dimensions. `tau_min` defaults to `-tau_max`.
 pub fn problem(
     py: Python<'_>,
     function: &str,

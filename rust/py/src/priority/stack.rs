@@ -84,7 +84,7 @@ impl<'a> Stack<'a> {
         Self::read_or_lend(py, function, names, jacobians, velocities, false)
     }
 
-    /// The same. With `lend`, long arrays are not copied; only [`Stack::piece`] reads them.
+    /// Like [`Stack::read`]. With `lend`, long arrays are not copied; only [`Stack::piece`] reads them.
     pub fn read_or_lend(
         py: Python<'_>,
         function: &str,

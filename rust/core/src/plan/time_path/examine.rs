@@ -155,7 +155,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
         values
     }
 
-    /// The same from measured samples, those of the segment that is number `order` of them.
+    /// Copy the values from the measured samples, at index `order` among the measured segments.
     #[inline(always)]
     fn copy(&self, order: usize, values: &mut [f64]) {
         let Examine { course, samples: Samples { values: measured, .. }, .. } = self;
