@@ -37,7 +37,7 @@ pub type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)
 /// Rows between two checks for a stop.
 const LOOK: usize = 1 << 8;
 
-/// What `write(x, row)` puts into rows of `3 n` for every number of `x`, as three arrays `(..., n)`.
+/// Evaluate a motion at every number of `x`: `write(index, x, row)` fills a row of `3 n`. The result is three arrays `(..., n)`.
 pub fn rows<'py>(
     n: usize,
     function: &str,

@@ -51,7 +51,7 @@ impl Rest<'_> {
         const STEPS: usize = 1000;
         /// The longest step, rad or m. A longer one is repeated with a smaller size.
         const REACH: f64 = 0.3;
-        /// The largest step size in units of the fastest rate, so that rounding errors do not move free directions.
+        /// The largest step size in units of the fastest rate, so that rounding errors do not drift along directions without stiffness.
         const LONGEST: f64 = 1e8;
         let n = q.len();
         q.extend(self.law.initial_state());

@@ -54,7 +54,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     complex_work: Vec<Complex<S>>,
     real_pivots: Vec<usize>,
     complex_pivots: Vec<usize>,
-    /// The step of the decompositions; NaN without one.
+    /// The step size for which the matrices are factored; NaN before the first factorisation.
     h_factored: f64,
     /// Whether the Jacobian is that of the present state.
     current: bool,

@@ -55,14 +55,14 @@ pub struct AdaptiveSpec {
     pub kd: Gain,
     /// `Kd^-1 Kp`.
     pub lambda: Gain,
-    /// How the estimate moves.
+    /// The adaptation law of the estimate.
     pub adaptation: Adaptation,
     /// The parameters that are estimated; `None` for all.
     pub base: Option<Base>,
     pub(super) estimate: Vec<f64>,
-    /// What keeps the estimate physically possible.
+    /// The projection that keeps the estimate physically possible.
     pub projection: Option<Projection>,
-    /// Rotors and friction that are estimated too, behind the bodies.
+    /// Rotor inertias and friction that are estimated too. Their columns follow those of the bodies.
     pub columns: JointColumns,
     /// Leakage and dead zone.
     pub restraint: Restraint,

@@ -18,7 +18,7 @@ pub enum JointReference {
 pub struct Aim {
     /// Index of the frame.
     pub frame: usize,
-    /// Which of x, y, z.
+    /// The controlled axes: 0, 1 and 2 for x, y and z.
     pub rows: Vec<usize>,
     /// The places of the target's rows in [`LawSpec::desired`].
     pub places: Vec<usize>,

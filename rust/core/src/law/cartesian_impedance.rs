@@ -87,7 +87,7 @@ impl CartesianImpedanceSpec {
         Ok(CartesianImpedanceSpec { options, start, ..self })
     }
 
-    /// The options of the law beside its spring and damper.
+    /// The options of the law, besides its spring and damper.
     pub fn options(&self) -> &ImpedanceOptions {
         &self.options
     }

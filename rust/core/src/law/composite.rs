@@ -36,7 +36,7 @@ pub struct Composite {
     pub rate: f64,
     /// `R`, of the size of the joints.
     pub weight: Gain,
-    /// Which entries of `Y_M` or `Y_D` are not zero at every state, `(n, bodies)`: by the geometry of the arm alone.
+    /// Whether each entry of `Y_M` or `Y_D` can differ from zero, `(n, bodies)`. The geometry of the arm determines this.
     present: Vec<bool>,
 }
 
@@ -103,11 +103,11 @@ pub(super) struct LaneComposite<S> {
     /// Columns of `Y` that are estimated.
     columns: Vec<usize>,
     bodies: usize,
-    /// How many columns of joints are momenta: armature's.
+    /// The number of joint columns that are momenta: those of the armature.
     rotors: usize,
     /// Known rotors `(n,)`.
     armature: Vec<S>,
-    /// Which entries of `W` of the bodies there are.
+    /// Whether each entry of `W` of the bodies can differ from zero.
     present: Vec<bool>,
     /// All of `Y_M`, `Y_g` and one row of `Y_D`.
     momentum: Vec<S>,

@@ -26,7 +26,7 @@ use crate::linalg::gain::Gain;
 use crate::motion::Motion;
 use crate::plant::PlantKind;
 
-/// What the law does after contact.
+/// The reaction of the law after contact.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reaction {
     /// Hold the position at contact: stiffness and damping.

@@ -79,7 +79,7 @@ pub(crate) fn stack<S: Real>(arm: &Arm, levels: &[Level]) -> TaskStack<S> {
     TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())
 }
 
-/// Numbers of the desired motions.
+/// The total size of the desired motions, with their rates and accelerations.
 pub(crate) fn desired_size(levels: &[Level]) -> usize {
     levels.iter().map(|level| 3 * level.function.target_size()).sum()
 }

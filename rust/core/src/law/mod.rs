@@ -114,7 +114,7 @@ pub trait Law<S: Real> {
         S::zero()
     }
 
-    /// The same with the true plant: `x` is the state of the plant, and `z` that of the law.
+    /// The rate at which the Lyapunov function decreases on the true plant. `x` is the plant's state, and `z` the law's state.
     fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
         self.dissipation()
     }

@@ -224,7 +224,7 @@ impl<S: Real> NullSpace<S> {
         }
     }
 
-    /// Write the torque beside `J' F + g` to `self.torque`, and add the wrench that compensates the coupling to `force`.
+    /// Write the torque that is added to `J' F + g` to `self.torque`, and add the wrench that compensates the coupling to `force`.
     pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let n = at.q.len();
         let consistent = matches!(self.posture, Some((_, _, NullProjection::Consistent)));

@@ -38,7 +38,7 @@ pub struct PidSpec {
     start: Vec<f64>,
 }
 
-/// What a PID law does beside its three gains; each part `(n,)`, positive, `None` where it is not wanted.
+/// The options of a PID law, besides its three gains: each `(n,)` and positive, or `None` if it is not used.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct PidOptions {
     /// The largest torques, N m or N; infinity is no limit.

@@ -45,7 +45,7 @@ struct Search {
     most: f64,
 }
 
-/// The two legs of a swing: where their phases meet.
+/// The two rest-to-rest parts of a swing, each as the point where its phases meet.
 struct Trial {
     turn: f64,
     away: Meeting,

@@ -49,7 +49,7 @@ impl Phase {
         Phase { x, push, g, sin, cos, least }
     }
 
-    /// The same push from rest at another place, whose sine and cosine are known.
+    /// The same phase from rest at another angle `x`, whose sine and cosine are known.
     #[inline]
     pub fn moved(&self, x: f64, (sin, cos): (f64, f64)) -> Self {
         Phase { x, sin, cos, ..*self }

@@ -159,7 +159,7 @@ pub enum MonotoneReason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// With friction: the push, which ends at `push`, and the brake, which can begin at `brake`, do not meet at one speed.
+    /// With friction: the push, which ends at `push`, and the brake, which can begin at `brake`, do not meet at the same speed.
     Apart {
         /// Angle where the push ends, rad.
         push: f64,

@@ -79,8 +79,8 @@ const LEVEL: f64 = 0.3;
 const ROUGH: f64 = 0.02;
 /// The farthest turning point, rad. Beyond two turns, only a sequence of swings could be faster.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// Longer intervals have no maximum of gravity, and may have a minimum in every turn. They begin beside `e = 0`, and the monotone motion is
-/// feasible, unless the torque equals gravity at the start.
+/// Longer intervals have no maximum of gravity, and may have a minimum in every turn. They begin next to `e = 0`, and the monotone motion
+/// is feasible, unless the torque equals gravity at the start.
 const ONE_TURN: f64 = 6.5;
 /// The first step of a sweep through such an interval, and the longest step, rad.
 const FIRST: f64 = 0.2;

@@ -55,7 +55,7 @@ impl PriorityMethod {
     }
 }
 
-/// What a solver is built with besides its sizes.
+/// The options of a solver, besides its sizes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PriorityOptions {
     /// How a level is inverted.

@@ -3,7 +3,7 @@
 use super::measures::{Plan, Wanted};
 use std::ops::Range;
 
-/// There is no overshoot if the reference moves less than this, rad or m, or if it still moves faster than this at the end of the run.
+/// There is no overshoot if the reference moves less than this, rad or m. The same applies if it still moves faster than this at the end.
 const STILL: f64 = 1e-9;
 
 /// The data of the summary of a run besides the stored numbers.

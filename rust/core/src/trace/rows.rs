@@ -133,7 +133,7 @@ mod avx2 {
     /// The columns of four rows of fewer than four numbers, followed by zeros.
     ///
     /// # Safety
-    /// So many numbers of each row can be read.
+    /// `width` numbers of each row can be read.
     #[inline]
     #[target_feature(enable = "avx2")]
     unsafe fn short_columns(rows: [*const f64; 4], width: usize) -> [__m256d; 4] {

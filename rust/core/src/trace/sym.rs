@@ -226,7 +226,7 @@ impl Real for Sym {
     fn select(mask: Sym, yes: Sym, no: Sym) -> Sym {
         on_tape(|tape| Sym(tape.select(mask.0, yes.0, no.0)))
     }
-    /// An unknown mask may hold in some lane.
+    /// A mask that is not known at recording may be true in some lane.
     fn any(mask: Sym) -> bool {
         on_tape(|tape| tape.value(mask.0).is_none_or(|x| x != 0.0))
     }

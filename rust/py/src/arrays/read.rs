@@ -20,7 +20,7 @@ use std::borrow::Cow;
 /// A shape, and the elements in C order.
 pub type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
 
-/// Numbers of any of these forms.
+/// The shape and the numbers of an argument that has one of `forms`.
 pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>, forms: &[Form<'_>]) -> Converted<'a> {
     Looked::at(function, name, value)?.of(forms)?.values()
 }

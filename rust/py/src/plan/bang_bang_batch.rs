@@ -32,7 +32,7 @@ pub struct BangBangBatch {
     hold_start: Py<PyAny>,
     #[pyo3(get)]
     hold_end: Py<PyAny>,
-    /// How many problems are feasible.
+    /// The number of feasible problems.
     solved: usize,
 }
 

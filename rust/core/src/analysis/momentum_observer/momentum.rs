@@ -54,7 +54,7 @@ impl<S: Real> Momentum<S> {
     }
 }
 
-/// What is known of a momentum: `p` and `C' v - g - tau_f` of the last sample, and `p` now.
+/// The known quantities of a momentum: `p` and `C' v - g - tau_f` at the last sample, and `p` at the present one.
 pub struct Gained<'a, S> {
     pub momentum: &'a [S],
     pub drift: &'a [S],

@@ -179,7 +179,7 @@ impl MomentumObserver {
         source.write(&filled(UPDATE, names, &more));
     }
 
-    /// What the header declares.
+    /// Write the declarations of the header.
     fn declare(&self, source: &mut CSource, names: &[Filling]) {
         let words = if self.motors.is_some() {
             [("$parts", "positions and velocities of the motors"), ("$torque", "torques of the motors less those of the joints")]

@@ -14,7 +14,7 @@ use std::fmt::Write;
 pub struct Written {
     /// The URDF text.
     pub text: String,
-    /// What URDF cannot hold, one line each.
+    /// The properties that URDF cannot represent, one line each.
     pub report: Vec<String>,
 }
 

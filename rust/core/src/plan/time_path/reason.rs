@@ -47,7 +47,7 @@ impl Bound {
     }
 }
 
-/// What failed.
+/// The condition that a path or its timing violates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shortfall {
     /// The limits leave no path speed here, or none from which the motion can continue.
@@ -69,7 +69,7 @@ pub enum Shortfall {
 /// Why there is no timing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathReason {
-    /// What kind of shortfall it is.
+    /// The violated condition.
     pub what: Shortfall,
     /// Index of the joint; `None` for a frame's origin.
     pub joint: Option<usize>,

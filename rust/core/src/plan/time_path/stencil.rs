@@ -13,7 +13,7 @@ pub(super) struct Stencil<const NODES: usize> {
 }
 
 impl<const NODES: usize> Stencil<NODES> {
-    /// For the places `z` in (0, 1) of a segment.
+    /// The interpolation weights for the places `z` in (0, 1) of a segment.
     pub fn new(places: &[f64]) -> Self {
         let weight =
             |z: f64| std::array::from_fn(|k| (0..NODES).filter(|&m| m != k).map(|m| (z - m as f64) / (k as f64 - m as f64)).product());

@@ -29,7 +29,7 @@ pub struct TipLimits {
     pub acceleration: Option<Vec<f64>>,
 }
 
-/// These limits in the form that the planner uses: a varying limit is one, for motions as fractions of it.
+/// Tip limits in the form that the planner uses. A limit that varies along the path is replaced by one, and motions are fractions of it.
 #[derive(Clone, Debug)]
 pub(super) struct Tip {
     pub frame: usize,

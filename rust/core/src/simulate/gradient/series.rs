@@ -10,7 +10,7 @@ pub struct Series {
     parameters: usize,
 }
 
-/// Copy the first `M` of the `lanes` numbers of each row in `from` to the start of a row of `to`, whose rows have `width` numbers.
+/// Copy the first `M` numbers of each row of `from` to the start of a row of `to`. The rows have `lanes` and `width` numbers.
 fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: usize) {
     for (from, to) in from.chunks_exact(lanes).zip(to.chunks_mut(width)) {
         if let (Some(from), Some(to)) = (from.first_chunk::<M>(), to.first_chunk_mut::<M>()) {
