@@ -157,17 +157,8 @@ impl<'a> PathProblem<'a> {
             slope_stride: self.stride,
         };
         let tip = self.tip.as_ref().map(|tip| (tip.frame, &self.along));
-        Points {
-            mover: self.mover,
-            path: &self.path,
-            at: &at,
-            count: points,
-            stride: 3 * width,
-            out: &mut rows.coefficients,
-            request,
-            tip,
-        }
-        .run();
+        let out = &mut rows.coefficients;
+        Points { mover: self.mover, path: &self.path, at: &at, count: points, stride: 3 * width, out, request, tip }.run();
         self.divide_by_limits();
         self.rows.drop_rounding();
         if let (Some(friction), true) = (&self.friction, self.kinds[0]) {
