@@ -37,7 +37,8 @@ GOAL = 1.1
 # Calls of a round, of both.
 CALLS = 2000
 
-DRIVER = """
+#: What both programs begin with: the clock, in ns.
+CLOCK = """
 #define _POSIX_C_SOURCE 199309L
 #include "law.h"
 #include <stdio.h>
@@ -50,7 +51,11 @@ static double now(void)
     clock_gettime(CLOCK_MONOTONIC, &at);
     return 1e9 * (double)at.tv_sec + (double)at.tv_nsec;
 }
+"""
 
+DRIVER = (
+    CLOCK
+    + """
 /* Steps in a row, their mean; then one by one, how many took so many ns. */
 int main(int count, char **arguments)
 {
@@ -94,22 +99,12 @@ int main(int count, char **arguments)
     return 0;
 }
 """
+)
 
-
-LOOP = """
-#define _POSIX_C_SOURCE 199309L
-#include "law.h"
+LOOP = (
+    CLOCK
+    + """
 #include "arm/arm.h"
-#include <stdio.h>
-#include <stdlib.h>
-#include <time.h>
-
-static double now(void)
-{
-    struct timespec at;
-    clock_gettime(CLOCK_MONOTONIC, &at);
-    return 1e9 * (double)at.tv_sec + (double)at.tv_nsec;
-}
 
 /* Runs of a loop by Euler's method: ns per step, and where it ends. */
 int main(int count, char **arguments)
@@ -145,6 +140,7 @@ int main(int count, char **arguments)
     return 0;
 }
 """
+)
 
 ARM = al.load_urdf(al.example_urdf("seven_axis"))
 MOTION = al.Sinusoid([0.3] * 7, [0.2] * 7, [2.0] * 7, [0.0] * 7)
