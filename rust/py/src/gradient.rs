@@ -1,6 +1,6 @@
 //! Derivatives of runs, forward and by the adjoint, with respect to named numbers.
 
-use crate::arrays::{Axis, Form, adopted, count, numbers, written_array};
+use crate::arrays::{Axis, Form, adopted, count, numbers};
 use crate::errors::{Failure, entry, input_error};
 use crate::force::{self, Raised, raise};
 use crate::interrupts::{long, signalled};
@@ -154,6 +154,22 @@ fn slopes_of(function: &str, problem: &Problem, slopes: &Bound<'_, PyDict>, rows
     Ok(weighed)
 }
 
+/// The derivatives of the series of records, `(lead.., K, .., P)` by name.
+fn by_series<'py>(
+    py: Python<'py>,
+    problem: &core::Problem,
+    lead: &[usize],
+    directions: usize,
+    rates: Vec<Vec<f64>>,
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let (fields, rows) = (PyDict::new(py), lead.iter().product::<usize>());
+    for ((name, part), values) in record_parts(problem).0.into_iter().zip(rates) {
+        let records = values.len() / (rows * part.len() * directions).max(1);
+        fields.set_item(name, adopted(py, &[lead, &[records, part.len(), directions]].concat(), values)?)?;
+    }
+    Ok(fields)
+}
+
 /// The derivatives of a run's series, `(K, .., P)` by name; `keywords` as of `simulate_batch` with `t_eval`.
 #[entered]
 #[pyfunction]
@@ -173,12 +189,7 @@ pub fn _sensitivities<'py>(
             let all = named.parameters();
             let mut poll = || force::failed(raised) || signalled();
             let rates = long(py, || core::sensitivities(problem, all, &core::Poller::new(&mut poll)))?;
-            let (fields, directions) = (PyDict::new(py), named.all.len());
-            for ((name, part), values) in record_parts(problem).0.into_iter().zip(rates) {
-                let records = values.len() / (part.len() * directions).max(1);
-                fields.set_item(name, adopted(py, &[records, part.len(), directions], values)?)?;
-            }
-            Ok(fields)
+            by_series(py, problem, &[], named.all.len(), rates)
         })
     })
 }
@@ -206,11 +217,7 @@ pub fn _adjoint<'py>(
             let weighed = slopes_of(NAME, problem, slopes, 1)?;
             let mut poll = || force::failed(raised) || signalled();
             let gradient = long(py, || core::adjoint(problem, all, &weighed, bytes, &core::Poller::new(&mut poll)))?;
-            let own = |out: &mut [f64]| -> Result<(), Failure> {
-                out.copy_from_slice(&gradient);
-                Ok(())
-            };
-            written_array(py, &[named.all.len()], own)
+            Ok(adopted(py, &[named.all.len()], gradient)?.into_any())
         })
     })
 }
@@ -236,12 +243,7 @@ pub fn _sensitivities_of_rows<'py>(
             let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
             let sizes = sizes(NAME, names, directions)?;
             let rates = long(py, || core::sensitivities_of_rows(&Rows::of(problem, &parameters, &sizes)?, threads, &mut signalled))?;
-            let fields = PyDict::new(py);
-            for ((name, part), values) in record_parts(problem).0.into_iter().zip(rates) {
-                let records = values.len() / (part.len() * directions * rows).max(1);
-                fields.set_item(name, adopted(py, &[rows, records, part.len(), directions], values)?)?;
-            }
-            Ok(fields)
+            by_series(py, problem, &[rows], directions, rates)
         })
     })
 }
