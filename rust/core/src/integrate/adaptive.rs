@@ -1,52 +1,52 @@
-//! The common part of adaptive methods. A method chooses its steps from `t` towards `t_end`, each with an error estimate
+//! Adaptive methods: common definitions. A method chooses its steps from `t` towards `t_end`, each with an error estimate
 //!
-//! `error = sqrt(1/m sum ((x - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`, accepted below 1,
+//! `error = sqrt(1/m sum ((x - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`.
 //!
-//! and a polynomial over the last step (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I,
-//! sections II.4 to II.6).
+//! A step with `error < 1` is accepted. The method has a polynomial over the last step (Hairer, Norsett and Wanner, Solving Ordinary
+//! Differential Equations I, sections II.4 to II.6).
 
 use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// Steps, accepted or not, after which a run ends.
+/// The number of accepted and rejected steps after which a run ends.
 pub const MAX_STEPS: u64 = 10_000_000;
 
-/// Work done so far.
+/// The work of an adaptive method since the start of the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
-    /// Evaluations of the right-hand side.
+    /// The number of evaluations of the right-hand side.
     pub evaluations: u64,
-    /// Accepted steps.
+    /// The number of accepted steps.
     pub steps: u64,
-    /// Rejected steps.
+    /// The number of rejected steps.
     pub rejections: u64,
-    /// For an implicit method: evaluations of the Jacobian.
+    /// The number of evaluations of the Jacobian, by an implicit method.
     pub jacobians: u64,
-    /// Decompositions of matrices.
+    /// The number of matrix decompositions.
     pub factorisations: u64,
-    /// For a run that ended with [`Status::ExcessAccuracy`]: the factor that makes both tolerances feasible; else zero.
+    /// The factor that makes both tolerances feasible, for a run that ended with [`Status::ExcessAccuracy`]. It is zero for other runs.
     pub coarsen: f64,
 }
 
-/// The error allowed per step.
+/// The allowed error per step.
 pub trait Accuracy {
-    /// The number of components, from the first on, whose error counts; at least one. Others, such as quadratures, have no error control.
+    /// The number of leading components with error control, at least one. Other components, such as quadratures, have no error control.
     fn controlled(&self) -> usize;
-    /// The smallest relative error.
+    /// The smallest relative tolerance of all components.
     fn rtol(&self) -> f64;
-    /// The error allowed in component `i`, of magnitude `x`: `atol_i + rtol_i x`.
+    /// The allowed error of component `i`, `atol_i + rtol_i x`, where `x` is the magnitude of the component.
     fn scale(&self, i: usize, x: f64) -> f64;
 }
 
-/// The relative and absolute error allowed per step, over the first `controlled` components of the state.
+/// The same relative and absolute tolerance for the first `controlled` components of the state.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
     /// Relative tolerance.
     pub rtol: f64,
     /// Absolute tolerance.
     pub atol: f64,
-    /// Number of components, from the first on, whose error counts.
+    /// The number of leading components with error control.
     pub controlled: usize,
 }
 
@@ -62,12 +62,12 @@ impl Accuracy for Tolerance {
     }
 }
 
-/// The relative and absolute error allowed per step in each component.
+/// Separate relative and absolute tolerances for each component.
 #[derive(Clone, Debug)]
 pub struct Tolerances {
-    /// Relative tolerance per component.
+    /// Relative tolerances, dimensionless, one per component.
     pub rtol: Vec<f64>,
-    /// Absolute tolerance per component.
+    /// Absolute tolerances, in the units of the components, one per component.
     pub atol: Vec<f64>,
 }
 
@@ -83,32 +83,32 @@ impl Accuracy for Tolerances {
     }
 }
 
-/// An adaptive method on a system. Time runs forward; a decreasing span is a system with its time reversed.
+/// An adaptive method for a system. Time runs forward. A decreasing time span requires a system with reversed time.
 ///
-/// Set the initial state through `x_mut`. Then `begin` a segment, and `step` until it returns `true`. A segment ends
-/// where the input or the state jumps. The next one begins there, with a jump of the state made through `x_mut`.
+/// First set the initial state through `x_mut`. Then call `begin` for a segment, and `step` until it returns `true`. A segment ends where
+/// the input or the state jumps. The next segment begins there. A jump of the state is applied through `x_mut`.
 pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
-    /// Begin a segment from the state `x` at `t < t_end`. `input_end` is the latest time at which the input is taken:
-    /// `t_end`, or just before it if the input jumps there. Fails if the state or its derivative is not finite.
+    /// Begin a segment from the state `x` at time `t < t_end`, s. `input_end` is the latest time at which the input is evaluated. It is
+    /// `t_end`, or just before `t_end` if the input jumps there. Fails if the state or its derivative is not finite.
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status>;
-    /// One accepted step; `true` at the end of the segment.
+    /// Compute steps until one is accepted. Return `true` at the end of the segment.
     fn step(&mut self, system: &mut F) -> Result<bool, Status>;
-    /// The state at `t` within the last step.
+    /// Write the state at time `t`, s, within the last step to `out`.
     fn interpolate(&mut self, system: &mut F, t: f64, out: &mut B);
-    /// Degree of the polynomial that `interpolate` follows over one step.
+    /// The degree of the polynomial of `interpolate` over one step.
     fn dense_degree(&self) -> usize;
-    /// The time reached.
+    /// The time at the end of the last step, s.
     fn t(&self) -> f64;
-    /// The start of the last step.
+    /// The time at the start of the last step, s.
     fn t_old(&self) -> f64;
-    /// The state reached.
+    /// The state at the end of the last step.
     fn x(&self) -> &B;
-    /// The state, to be set before `begin`.
+    /// The state, which the caller sets before `begin`.
     fn x_mut(&mut self) -> &mut B;
-    /// The work done so far.
+    /// The work done since the start of the run.
     fn work(&self) -> Work;
-    /// Set the largest step from now on (infinite at first).
+    /// Set the largest step size from now on, s. It is infinite at first.
     fn limit_step(&mut self, h_max: f64);
-    /// Set the first step of the next segment, instead of a guess.
+    /// Set the first step size of the next segment, s. Without this call, the method estimates it.
     fn first_step(&mut self, h: f64);
 }

@@ -1,9 +1,10 @@
-//! Chattering: an adaptive method that spends its steps along a surface on which the slope jumps and which the solution cannot leave.
+//! The detection of chattering along a surface on which the slope `f` jumps and which the solution cannot leave.
 //!
-//! There is no solution in the classical sense, and every tolerance only shortens the steps: `x' = -sign(x)` from the time at which
-//! `x = 0`. From time to time the slope is compared with the one a step ahead, `f(x + d)`, `d = f(x) max(h, 1/|f(x)|)`, in units of
-//! the allowed error. If they differ, `[x, x + d]` is halved repeatedly, and the half in which the slope changes more is kept. A smooth
-//! change decreases with the interval, a jump remains. A run may spend [`System::chatter_budget`] attempts in this way.
+//! An example is `x' = -sign(x)` from the time at which `x = 0`. No solution exists in the classical sense, and the step size of an
+//! adaptive method decreases without limit. Every `WINDOW` attempts, a check compares `f(x)` with `f(x + d)`, where
+//! `d = f(x) max(h, 1/|f(x)|)`. Norms are relative to the allowed error. If the two slopes differ, bisection of `[x, x + d]` keeps the half
+//! in which the slope changes more. A smooth change decreases with the interval, and a jump does not. A run ends after
+//! [`System::chatter_budget`] attempts spent at jumps.
 
 use super::adaptive::{Accuracy, Work};
 use super::step_controller::{StepController, finite};
@@ -11,22 +12,23 @@ use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// Attempts between two checks.
+/// The number of attempts between two checks.
 const WINDOW: u64 = 500;
-/// A step that moves the state by more allowed errors than this is not limited by a jump.
+/// A step that moves the state by more than this number of allowed errors is not limited by a jump.
 const MOVES: f64 = 1e3;
-/// A change of slope is ignored if it moves the state in one step by less than this fraction of the allowed error.
+/// A change of the slope is ignored if its effect on the state in one step is below this fraction of the allowed error.
 const NOTICED: f64 = 0.1;
-/// Halvings of the interval. A slope that changes within `2^-30` of it counts as a jump.
+/// The number of bisections. A change of the slope within `2^-30` of the interval counts as a jump.
 const HALVINGS: usize = 30;
-/// The fraction of the change that must remain for a jump, or for two in one interval.
+/// A jump requires that each bisection keeps at least this fraction of the first change of the slope. Two jumps in one interval pass, too.
 const REMAINS: f64 = 0.25;
-/// A jump exceeds the rounding errors of the slope by this factor.
+/// A jump of the slope is at least this many times larger than the effect of rounding errors on the slope.
 const NOISE: f64 = 10.0;
 
+/// The state of the detection.
 #[derive(Clone, Debug)]
 pub(super) struct Chatter<B> {
-    /// The number of attempts at the next check, and the number of those spent on jumps.
+    /// The number of attempts at which the next check is due, and the number of attempts spent at jumps.
     look_at: u64,
     spent: u64,
     slope: B,
@@ -47,7 +49,7 @@ impl<B: Clone> Chatter<B> {
         work.steps + work.rejections >= self.look_at
     }
 
-    /// Check before a step from `x`. `u` is scratch.
+    /// Check the slope before a step from the state `x`. `u` is memory for the input. The result is an error if the budget is spent.
     #[cold]
     #[inline(never)]
     pub fn look<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &B) -> Result<(), Status>
@@ -66,7 +68,7 @@ impl<B: Clone> Chatter<B> {
         if self.spent >= system.chatter_budget() { Err(Status::Stalled) } else { Ok(()) }
     }
 
-    /// Whether the slope jumps a step ahead of `x`.
+    /// Whether the slope jumps between `x` and the end of the next step.
     fn jumps<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &[S]) -> bool
     where
         S: Real,
@@ -116,7 +118,7 @@ impl<B: Clone> Chatter<B> {
                 return false;
             }
         }
-        // The effect of rounding errors of the state on the slope.
+        // Change the state by one rounding error, to measure the effect on the slope.
         for (at, &x) in self.at.as_mut().iter_mut().zip(x) {
             *at = S::splat(1.0 + f64::EPSILON) * x;
         }

@@ -1,7 +1,10 @@
-//! Initial-value problems `x' = f(u(t), x)`: one method per file, each generic over the number it runs on.
+//! Initial-value problems `x' = f(u(t), x)`: one method per file, each generic over the number type.
 //!
-//! The exogenous input `u(t)` (desired motion, applied force) is evaluated once per distinct stage time. For
-//! a plain `x' = f(t, x)` it is the time.
+//! The exogenous input `u(t)` (desired motion, applied force) is evaluated once per distinct stage time. For a plain system `x' = f(t, x)`
+//! the input is the time.
+//!
+//! Terms: the *slope* is `x'`. An *attempt* is a step before the error test. A *segment* is the time between two jumps of the input or the
+//! state. A *lane* is one element of a SIMD register, and computes one of several runs.
 
 pub mod adaptive;
 mod chatter;
@@ -50,104 +53,105 @@ pub use tableau::Tableau;
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 
-/// The system that is integrated.
+/// A system of differential equations `x' = f(u(t), x)`, with all hooks that the integration methods call.
 pub trait System<S: Real> {
-    /// The exogenous signal at one instant.
+    /// The type of the exogenous input at one instant.
     type Input: Clone;
 
-    /// The input `u` at time `t`.
+    /// Write the input at time `t`, s, to `u`.
     fn input(&mut self, t: f64, u: &mut Self::Input);
-    /// The right-hand side `dx = f(u, x)`.
+    /// Write the right-hand side `f(u, x)` to `dx`. `x` and `dx` have one entry per state.
     fn rhs(&mut self, u: &Self::Input, x: &[S], dx: &mut [S]);
-    /// Compute all stages of an attempt of an explicit method at once; false if they must be computed one by one.
+    /// Compute all stages of an attempt of an explicit method. Return false if the method must compute them one by one.
     fn attempt<C: Scheme, B: Buffer<S>>(&mut self, _: &mut Attempt<S, B>) -> bool {
         false
     }
-    /// Attempts that an adaptive method may spend along a jump of the slope before the run ends.
+    /// The number of attempts that an adaptive method may spend at a jump of the slope before the run ends.
     fn chatter_budget(&self) -> u64 {
         500_000
     }
-    /// Take a sample of a sampled loop, and hold its result until the next one.
+    /// Evaluate the sampled law of a loop at time `t` and state `x`. Its output is then held until the next sample.
     fn sample(&mut self, _t: f64, _x: &[S]) {}
-    /// Switch at `t` and `x`, where a fixed step begins. Returns whether the slope jumps.
+    /// Update the switches of the system at time `t` and state `x`, where a fixed step begins. Return whether the slope jumps.
     fn enter_step(&mut self, _t: f64, _x: &[S]) -> bool {
         false
     }
-    /// Switch at `x`, where a fixed step has ended. This may move `x` to the switch. Returns whether it did.
+    /// Update the switches of the system at state `x`, where a fixed step ends. This may move `x` to the switch. Return whether `x` moved.
     fn leave_step(&mut self, _x: &mut [S]) -> bool {
         false
     }
-    /// Put what the system holds at rest exactly there, in a state that an adaptive method has computed.
+    /// Set components that the system holds at rest exactly to their rest values, in a state that an adaptive method has computed.
     fn still(&mut self, _x: &mut [S]) {}
-    /// The states of the system's switches, for the same system on dual numbers.
+    /// The states of the system's switches. The same system on dual numbers uses them.
     fn sides(&mut self) -> &[i8] {
         &[]
     }
-    /// Add the state at `t` to the sums after it in `x`, for a run with metrics. `h` is the time to the next step, zero at the end.
+    /// Add the state at time `t` to the metrics, which follow the state in `x`. `h` is the time to the next step, s, and zero at the end of
+    /// the run.
     fn sum_up(&mut self, _t: f64, _h: f64, _x: &mut [S]) {}
-    /// Note the state at `t` as record `i`, for a run whose records are noted within its steps.
+    /// Store the state at time `t` as record `i`, for a run that stores its records within its steps.
     fn note(&mut self, _i: usize, _t: f64, _x: &[S]) {}
-    /// The held input and rate of the law since the last sample; `None` if nothing is held.
+    /// The input of the plant and the rate of the law's state that are held since the last sample. `None` means that nothing is held.
     fn held(&self) -> Option<(&[S], &[S])> {
         None
     }
-    /// The component that is the rate of component `i`, if there is one: `x_i' = x_k` gives `Some(k)`.
-    /// Methods that treat positions and velocities differently require this.
+    /// The index of the component that is the rate of component `i`: `x_i' = x_k` gives `Some(k)`. Methods that treat positions and
+    /// velocities differently require this. `None` means that no component is this rate.
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.pairs().rate_of(i)
     }
-    /// Whether its time runs backwards, so that positions change by minus their rates.
+    /// Whether the system's time runs backwards, so that positions change with minus their rates.
     fn is_reversed(&self) -> bool {
         false
     }
-    /// The number of leading positions, followed by their rates; none for a state in another order.
+    /// The pairs of positions and rates in the state: positions come first, and their rates follow. The default is no pair.
     fn pairs(&self) -> Pairs {
         Pairs::default()
     }
 }
 
-/// The data of an attempt of an explicit method.
+/// One attempt of an explicit method: arguments and results of [`System::attempt`].
 pub struct Attempt<'a, S, B> {
-    /// The step, s.
+    /// The step size, s, one per lane.
     pub h: S,
-    /// The times of the inputs of the stages after the first.
+    /// The times of the inputs of all stages but the first, s.
     pub times: &'a [f64],
-    /// The state at the start of the step.
+    /// The state at the start of the step, one entry per state.
     pub x: &'a [S],
-    /// The slopes of all stages: the first is an argument, the others are results.
+    /// The slopes of all stages, one buffer per stage. The first is an argument, the others are results.
     pub slopes: &'a mut [B],
-    /// The new state, a result.
+    /// The new state, a result, one entry per state.
     pub y: &'a mut [S],
-    /// The estimates of the error, results.
+    /// The error estimates, results, one buffer per estimate.
     pub estimates: &'a mut [B],
 }
 
 /// A system with derivatives, for implicit methods. `n` is the number of states.
 pub trait Differentiable<S: Real>: System<S> {
-    /// Write the slope of `rhs` to `dx`, and `df/dx` to `j`, `(n, n)` row-major. `u` is the input at `t`.
+    /// Write the slope `f(u, x)` to `dx`, shape `(n,)`, and `df/dx` to `j`, shape `(n, n)`, row-major. `u` is the input at time `t`.
     fn linearise(&mut self, t: f64, u: &Self::Input, x: &[S], dx: &mut [S], j: &mut [S]);
-    /// Write `df/dt` at fixed `x`, which results from the change of the input, to `dft`, `(n,)`. `u` is the input at `t`.
+    /// Write `df/dt` at constant `x` to `dft`, shape `(n,)`. The change of the input with time causes it. `u` is the input at time `t`.
     fn time_derivative(&mut self, t: f64, u: &Self::Input, x: &[S], dft: &mut [S]);
     /// Whether the input is constant. Then `df/dt` is zero and is not computed.
     fn autonomous(&self) -> bool {
         false
     }
-    /// Whether the caller requests a stop: checked during long decompositions.
+    /// Whether the caller requests a stop. Methods check this during long matrix decompositions.
     fn stopped(&mut self) -> bool {
         false
     }
 }
 
-/// The arithmetic of a step without its times: the inputs are already set, and the step may differ between lanes.
+/// A step whose inputs are already set. The step size may differ between lanes.
 pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
-    /// The instants of the inputs, as parts of the step, increasing.
+    /// The instants of the inputs, as increasing fractions of the step.
     const INSTANTS: &'static [f64];
 
-    /// The input at instant `k`.
+    /// The memory of the input at instant `k`.
     fn input(&mut self, k: usize) -> &mut F::Input;
-    /// Advance `x` by `h` with these inputs.
+    /// Advance `x` by `h` with these inputs. `h`: step size, s, one per lane.
     fn advance(&mut self, system: &mut F, h: S, x: &mut B);
-    /// Advance `x` over the step `[t, end]` of size `h`, with all inputs taken anew.
+    /// Advance `x` over the step `[t, end]` of size `h`, s, and evaluate all inputs first.
     fn advance_anew(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B) {
         for (k, &part) in Self::INSTANTS.iter().enumerate() {
             system.input(if part == 1.0 { end } else { t + part * h }, self.input(k));
@@ -156,16 +160,16 @@ pub trait Advance<S: Real, F: System<S>, B: Buffer<S>> {
     }
 }
 
-/// The storage of a state: an array for small closed-form systems, the heap for others.
+/// The memory of a state: an array for small closed-form systems, the heap for others.
 pub trait Buffer<S>: Clone + AsRef<[S]> + AsMut<[S]> {}
 impl<S, B: Clone + AsRef<[S]> + AsMut<[S]>> Buffer<S> for B {}
 
-/// A method of fixed step.
+/// A method of fixed step size.
 pub trait FixedStep<S: Real, F: System<S>, B: Buffer<S>> {
-    /// Advance `x` from `t` to `t + h`. `end` is the time at which the input at the end is taken: `t + h`, or
-    /// just before it if the input jumps there.
+    /// Advance `x` from `t` to `t + h`, s. `end` is the time at which the last input is evaluated. It is `t + h`, or just before `t + h` if
+    /// the input jumps there.
     fn step(&mut self, system: &mut F, t: f64, h: f64, end: f64, x: &mut B);
-    /// Advance `x` by `count` steps of `h` from the time `first h` on, all at once; false if the method only has single steps.
+    /// Advance `x` by `count` steps of size `h`, s, from the time `first h` on. Return false if the method has only single steps.
     fn stride(&mut self, _system: &mut F, _first: usize, _count: usize, _h: f64, _x: &mut B) -> bool {
         false
     }

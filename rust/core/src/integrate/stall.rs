@@ -1,20 +1,21 @@
-//! The end of a run that makes no progress: at the limit of steps, or earlier if the run would certainly reach this limit.
+//! The end of a run that makes too little progress: at the limit of attempts, or earlier if the run would certainly reach this limit.
 //!
-//! An input that switches (a target out of reach, a bound) makes every step across the switch fail. The run then follows the switch in
-//! steps of the size of the tolerance. Progress is measured in windows. The run ends after ten consecutive windows at whose rate the
-//! remaining time would take more steps than the cap.
+//! If the input switches (at a target out of reach, or at a bound), every step across the switch is rejected. The steps along the switch
+//! then become very small. A *window* is a fixed number of attempts. A window is slow if the remaining time would require more than
+//! `MAX_STEPS` attempts at its rate. The run ends after ten consecutive slow windows.
 
 use super::adaptive::{MAX_STEPS, Work};
 use crate::status::Status;
 
-/// Attempts in a window, after which the progress is measured.
+/// The number of attempts in a window.
 const WINDOW: u64 = 10_000;
-/// Number of consecutive slow windows that end a run. A stiff start takes fewer.
+/// The number of consecutive slow windows that end a run. A stiff start takes fewer slow windows.
 const SLOW: u32 = 10;
 
+/// The progress of a run through its windows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StallDetector {
-    /// The number of attempts at the next check, and the time of the last one.
+    /// The number of attempts at which the next check is due, and the time of the last check, s.
     look_at: u64,
     t: f64,
     slow: u32,
@@ -25,12 +26,12 @@ impl StallDetector {
         StallDetector { look_at: 0, t: 0.0, slow: 0 }
     }
 
-    /// A segment begins at `t`.
+    /// Begin a segment at time `t`.
     pub fn begin(&mut self, work: &Work, t: f64) {
         *self = StallDetector { look_at: MAX_STEPS.min(work.steps + work.rejections + WINDOW), t, slow: 0 };
     }
 
-    /// Before an attempt at `t` on the way to `t_end`.
+    /// Check the progress before an attempt at time `t`, for a segment that ends at `t_end`. The result is an error if the run must end.
     pub fn check(&mut self, work: &Work, t: f64, t_end: f64) -> Result<(), Status> {
         let attempts = work.steps + work.rejections;
         if attempts < self.look_at { Ok(()) } else { self.look(attempts, t, t_end) }
@@ -52,7 +53,7 @@ impl StallDetector {
 mod tests {
     use super::*;
 
-    /// Attempts until a run of constant steps `h` from 0 to 1 ends, after `start` steps of 1e-9.
+    /// Return the attempts of a run from 0 to 1, and its error. The first `start` steps have the size 1e-9, and all others the size `h`.
     fn attempts(h: f64, start: u64) -> (u64, Option<Status>) {
         let (mut work, mut t, mut stall) = (Work::default(), 0.0, StallDetector::new());
         stall.begin(&work, t);
@@ -69,7 +70,7 @@ mod tests {
     #[test]
     fn a_collapsed_step_ends_a_run_and_a_slow_start_does_not() {
         assert_eq!(attempts(1e-8, 0), (SLOW as u64 * WINDOW, Some(Status::Stalled)));
-        // 2,000,000 steps are many and allowed.
+        // A run of 2,000,000 steps is long, but within the limit.
         assert_eq!(attempts(5e-7, 0).1, None);
         assert_eq!(attempts(1e-5, (SLOW as u64 - 1) * WINDOW).1, None);
         let mut stall = StallDetector::new();

@@ -1,49 +1,49 @@
-//! Encoder of aarch64 machine code (NEON) for straight-line programs of numbers: two lanes, or one number.
+//! An encoder of aarch64 machine code (NEON) for straight-line programs of two lanes or of one number.
 //!
 //! Source: Arm Architecture Reference Manual for A-profile, chapter C7 (SIMD and floating-point instructions).
 //!
-//! An instruction is a word of 32 bits. It is a pattern with the registers `d` in bits 0 to 4, `n` in 5 to 9 and
-//! `m` in 16 to 20. Only loads and stores access memory, so operands in memory pass through a scratch register.
-//! x0 points to the frame, x1 to the constants and x2 to the stream. x3 is the number of remaining iterations. In scalar code, bits beyond
-//! the first number are undefined.
+//! An instruction is a word of 32 bits. It is a pattern with the registers `d` in bits 0 to 4, `n` in bits 5 to 9 and `m` in bits 16 to 20.
+//! Only loads and stores access memory, so that an operand in memory is first loaded into a scratch register. Register x0 points to the
+//! frame, x1 to the constants, and x2 to the stream. Register x3 has the number of remaining iterations. In scalar code, the bits of a
+//! register beyond the first number are undefined.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
-/// Machine code under construction.
+/// Machine code during its construction.
 pub struct Assembler {
     form: Form,
     bytes: Vec<u8>,
 }
 
-/// Scratch registers: for a mask or a sum, and for an operand from memory.
+/// The scratch registers: `SCRATCH` for a mask or a sum, `FETCHED` for an operand from memory.
 const SCRATCH: u8 = 30;
 const FETCHED: u8 = 31;
-/// The register x9 holds offsets that do not fit in an instruction.
+/// Register x9, which holds offsets that do not fit in an instruction.
 const OFFSET: u8 = 9;
 const STACK: u8 = 31;
 
-// Instructions on numbers: packed form, scalar form.
+// Instructions on numbers: first the packed form, then the scalar form.
 const FADD: [u32; 2] = [0x4E60_D400, 0x1E60_2800];
 const FSUB: [u32; 2] = [0x4EE0_D400, 0x1E60_3800];
 const FMUL: [u32; 2] = [0x6E60_DC00, 0x1E60_0800];
 const FDIV: [u32; 2] = [0x6E60_FC00, 0x1E60_1800];
 const FSQRT: [u32; 2] = [0x6EE1_F800, 0x1E61_C000];
-/// `n > m`: all ones where true, else zeros.
+/// `n > m`: all bits set where it is true, otherwise none.
 const FCMGT: [u32; 2] = [0x6EE0_E400, 0x7EE0_E400];
 
-// Packed only: `-n`, `d + n m`, `d - n m`.
+// Packed form only: `-n`, `d + n m`, `d - n m`.
 const FNEG: u32 = 0x6EE0_F800;
 const FMLA: u32 = 0x4E60_CC00;
 const FMLS: u32 = 0x4EE0_CC00;
 
-// Scalar only, with the addend in bits 10 to 14: `a + n m`, `a - n m`, `-a - n m`, `n m - a`.
+// Scalar form only, with the addend register in bits 10 to 14: `a + n m`, `a - n m`, `-a - n m`, `n m - a`.
 const FMADD: u32 = 0x1F40_0000;
 const FMSUB: u32 = 0x1F40_8000;
 const FNMADD: u32 = 0x1F60_0000;
 const FNMSUB: u32 = 0x1F60_8000;
 
-// On all bits of a register. BIC is `n & !m`. BSL takes `n` or `m` by the bits of `d`. By the bits of `m`, BIT takes `n` where they are
-// one, and BIF where they are zero; the other bits of `d` do not change.
+// Instructions on all bits of a register. BIC is `n & !m`. BSL copies the bits of `n` where `d` is one, and those of `m` where `d` is zero.
+// BIT copies the bits of `n` to `d` where `m` is one, and BIF where `m` is zero. All other bits of `d` remain unchanged.
 const AND: u32 = 0x4E20_1C00;
 const BIC: u32 = 0x4E60_1C00;
 const ORR: u32 = 0x4EA0_1C00;
@@ -51,15 +51,15 @@ const EOR: u32 = 0x6E20_1C00;
 const BSL: u32 = 0x6E60_1C00;
 const BIT: u32 = 0x6EA0_1C00;
 const BIF: u32 = 0x6EE0_1C00;
-/// All ones in lanes that are negative integers.
+/// Set all bits of lanes that are negative integers, and clear other lanes.
 const CMLT: u32 = 0x4EE0_A800;
-/// `n << s`, with `64 + s` in bits 16 to 22.
+/// `n << s`, where bits 16 to 22 are `64 + s`.
 const SHL: u32 = 0x4F00_5400;
-/// Copy the first lane to both lanes.
+/// Copy the first lane of `n` to both lanes.
 const DUP: u32 = 0x4E08_0400;
 
-/// A load and a store, of 16 or of 8 bytes. The offset is in operands (bits 10 to 21), in bytes (bits 12 to 20), or in a register
-/// (bits 16 to 20).
+/// The patterns of a load or a store of `size` bytes (16 or 8). The offset is in units of `size` (bits 10 to 21), in bytes (bits 12 to 20),
+/// or in a register (bits 16 to 20).
 struct Access {
     size: i32,
     scaled: u32,
@@ -97,7 +97,7 @@ impl Assemble for Assembler {
             Binary::AndNot => self.word(BIC, dst, b, a),
             Binary::Or => self.word(ORR, dst, a, b),
             Binary::Xor => self.word(EOR, dst, a, b),
-            // The instructions FMIN and FMAX treat NaN and zeros differently.
+            // The instructions FMIN and FMAX differ from `Min` and `Max` for NaN and zeros, and are not used.
             Binary::Min => self.choose(dst, a, b, [b, a]),
             Binary::Max => self.choose(dst, a, b, [a, b]),
         }
@@ -125,7 +125,7 @@ impl Assemble for Assembler {
             Product::NegAdd => (FMLS, false),
             Product::NegSub => (FMLS, true),
         };
-        // The sum is formed in `dst`, unless `dst` is also a factor, which would be overwritten first.
+        // The sum is computed in `dst`, unless `dst` is also a factor. The sum would overwrite this factor.
         let sum = match z {
             _ if dst == z && !(negative && (dst == x || dst == y)) => dst,
             FETCHED => FETCHED,
@@ -187,7 +187,7 @@ impl Assemble for Assembler {
         self.word(SHL | u32::from(64 + bits) << 16, dst, a, 0);
     }
 
-    /// On every system, the function must preserve the low halves of v8 to v15.
+    /// On every system, the function must preserve the low halves of registers v8 to v15.
     fn enter(&mut self, _: Convention) {
         // stp d8, d9, [sp, -64]!; stp d10, d11, [sp, 16]; ..
         self.pair(0x6D80_0000, 8, -8);
@@ -240,14 +240,14 @@ impl Assembler {
         }
     }
 
-    /// `dst = a` where `greater[0] > greater[1]`, else `b`.
+    /// Write `a` to `dst` where `greater[0] > greater[1]`, otherwise `b`.
     fn choose(&mut self, dst: u8, a: u8, b: u8, greater: [u8; 2]) {
         let mask = if dst == a || dst == b { SCRATCH } else { dst };
         self.number(FCMGT, mask, greater[0], greater[1]);
         self.select(dst, mask, a, b);
     }
 
-    /// The register of an operand. An operand in memory is loaded.
+    /// Return the register of an operand. Load an operand that is in memory.
     fn fetch(&mut self, source: Source) -> u8 {
         if let Source::Register(register) = source {
             return register;
@@ -256,7 +256,7 @@ impl Assembler {
         FETCHED
     }
 
-    /// Load or store with the shortest form in which the offset fits.
+    /// Load or store with the shortest form that can represent the offset.
     fn access(&mut self, access: &Access, register: u8, base: Base, offset: i32) {
         let base = match base {
             Base::Frame => 0,

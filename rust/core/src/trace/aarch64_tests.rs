@@ -1,11 +1,11 @@
-//! The encoder of NEON against assembler text. `make test-aarch64` assembles the text, and runs the code in an emulator.
+//! Tests of the NEON encoder against assembler text. `make test-aarch64` assembles the text, and runs the code in an emulator.
 
 use super::super::checks::{BINARIES, ORDERS, Operation, PRODUCTS};
 use super::super::harness;
 use super::super::trials::trials;
 use super::*;
 
-/// Offsets near the limits: nine signed bits, 4095 operands of 8 and 16 bytes, 16 and 32 bits.
+/// Offsets near the limits of the forms: nine signed bits, 4095 operands of 8 and 16 bytes, 16 and 32 bits.
 const OFFSETS: [i32; 22] = [
     0,
     8,
@@ -42,7 +42,7 @@ fn sources() -> Vec<Source> {
     REGISTERS.into_iter().map(Source::Register).chain(memory).collect()
 }
 
-/// Every operation with every alias of its registers, and operands in memory with every offset.
+/// Every operation with all combinations of equal registers, and with every offset of operands in memory.
 fn operations() -> Vec<Operation> {
     let mut all = Vec::new();
     for dst in REGISTERS {
@@ -218,7 +218,7 @@ fn assembled(form: Form, fill: impl FnOnce(&mut Assembler)) -> Vec<u8> {
     code.finish()
 }
 
-/// Text and bytes of all operations, of prologue and epilogue, and of the return instruction.
+/// Return the text and the bytes of all operations, of the prologue and epilogue, and of the return instruction.
 fn encoded() -> (Vec<String>, Vec<u8>) {
     let (mut lines, mut bytes) = (Vec::new(), Vec::new());
     for form in forms() {
@@ -242,7 +242,7 @@ fn encoded() -> (Vec<String>, Vec<u8>) {
     (lines, bytes)
 }
 
-/// Every instruction once, with the word from the GNU assembler. `make test-aarch64` compares all of them.
+/// Each instruction once, with its word from the GNU assembler. `make test-aarch64` compares all operations.
 #[test]
 fn words_are_those_of_the_assembler() {
     let known: [(&str, u32); 53] = [
@@ -314,7 +314,7 @@ fn words_are_those_of_the_assembler() {
     harness::write("encoded.bin", &bytes);
 }
 
-/// Cases for the emulator. On aarch64 they also run in this test.
+/// Write the cases for the emulator. On aarch64 this test also runs them.
 #[test]
 fn operations_agree_with_rust() {
     let mut cases = harness::Cases::default();
@@ -324,7 +324,7 @@ fn operations_agree_with_rust() {
             {
                 use super::super::{memory::Code, trials::Memory};
                 let (mut frame, constants) = (Memory(trial.frame), Memory(trial.constants));
-                // SAFETY: code for this processor; both memories hold all slots that it names.
+                // SAFETY: the code is for this processor, and both memories contain all slots that it accesses.
                 unsafe { Code::new(&trial.code).unwrap().run(frame.0.as_mut_ptr(), constants.0.as_ptr(), std::ptr::null(), 1) };
                 trial.check(&frame.0);
             }

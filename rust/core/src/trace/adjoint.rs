@@ -1,22 +1,23 @@
 //! The adjoint of a recorded computation (reverse mode, Griewank and Walther 2008, section 3.2).
 //!
-//! From `y = f(x)` and the weights `y_bar` of its outputs, it computes `x_bar = f'(x)' y_bar`. The operations of `x_bar` follow those of
-//! `y`. Entries without an effect on an output add no operation; neither do entries that do not depend on a moving input. At a corner the
-//! derivative is that of the branch taken. The other branch has the weight zero. Its numbers may be infinite, and zero times infinity must
-//! not affect the result. So its products are computed only where the weight is not zero.
+//! For `y = f(x)` and weights `y_bar` of the outputs, the adjoint computes `x_bar = f'(x)' y_bar`. Its operations follow those of `y`. An
+//! entry adds no operation if it has no effect on an output, or if it does not depend on a varying input. At a corner (such as `|x|` at
+//! zero), the derivative is the one of the selected branch. The other branch has the weight zero. The numbers of this branch may be
+//! infinite, and zero times infinity is NaN. Its products are therefore computed only where the weight is not zero.
 
 use super::tape::{Op, Tape};
 
+/// An adjoint in progress.
 struct Reversal {
     tape: Tape,
-    /// The weight of each entry.
+    /// The entry that contains the weight of each entry.
     bars: Vec<u32>,
-    /// Whether an entry depends on a moving input.
+    /// Whether each entry depends on a varying input.
     moves: Vec<bool>,
 }
 
-/// The recording `ops` with `inputs` inputs, followed by its adjoint. The new inputs are the weights of `outputs`, in this order. The
-/// returned entries are the weights of the inputs `moving`.
+/// Append the adjoint to the recording `ops`, which has `inputs` inputs. The new inputs are the weights of `outputs`, in this order. Return
+/// the operations, and the entries with the weights of the inputs `moving`.
 pub fn adjoint(ops: Vec<Op>, inputs: usize, outputs: &[u32], moving: &[u32]) -> (Vec<Op>, Vec<u32>) {
     let length = ops.len();
     let (moves, finite) = (moves(&ops, moving), finite(&ops, outputs));
@@ -38,7 +39,7 @@ pub fn adjoint(ops: Vec<Op>, inputs: usize, outputs: &[u32], moving: &[u32]) -> 
     (work.tape.ops, bars)
 }
 
-/// Whether each entry depends on one of the inputs `moving`.
+/// For each entry, whether it depends on one of the inputs `moving`.
 fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     let inputs: std::collections::HashSet<u32> = moving.iter().copied().collect();
     let mut moves = vec![false; ops.len()];
@@ -53,7 +54,7 @@ fn moves(ops: &[Op], moving: &[u32]) -> Vec<bool> {
     moves
 }
 
-/// Whether the outputs or a mask require each entry in both branches. Such an entry is finite if they are.
+/// For each entry, whether the outputs require it whichever branch is selected. Such an entry is finite if the outputs are finite.
 fn finite(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
     let mut needed = vec![false; ops.len()];
     outputs.iter().for_each(|&output| needed[output as usize] = true);
@@ -77,7 +78,7 @@ impl Reversal {
         }
     }
 
-    /// Add `factor bar` to the weight of entry `a`.
+    /// Add `factor bar` to the weight of entry `a`. `finite`: whether `factor` is finite if the outputs are.
     fn add_product(&mut self, a: u32, factor: u32, bar: u32, finite: bool) {
         if !self.moves[a as usize] {
             return;
@@ -91,14 +92,14 @@ impl Reversal {
         }
     }
 
-    /// `then` where `bar` is not zero, otherwise zero.
+    /// Return `then` where `bar` is not zero, otherwise zero.
     fn unless_zero(&mut self, bar: u32, then: u32) -> u32 {
         let (least, size) = (self.tape.constant(f64::MIN_POSITIVE), self.tape.unary(bar, f64::abs, Op::Abs));
         let nothing = self.tape.less(size, least);
         self.tape.select(nothing, 0, then)
     }
 
-    /// Pass the weight of entry `i` on to its operands.
+    /// Add the weight of entry `i`, multiplied with the partial derivatives, to the weights of its operands.
     fn pass_on(&mut self, i: u32, finite: bool) {
         let bar = self.bars[i as usize];
         match self.tape.ops[i as usize] {
@@ -140,8 +141,8 @@ impl Reversal {
                 self.add_product(b, i, quotient, finite);
             }
             Op::Sqrt(a) => {
-                // The square root of a zero sum of squares has an infinite derivative. The derivative of the sum is zero, so that of the
-                // root is set to zero.
+                // The square root of a zero sum of squares has an infinite derivative, and the sum has the derivative zero. The product of
+                // the two is set to zero.
                 let (half, least) = (self.tape.constant(0.5), self.tape.constant(f64::MIN_POSITIVE));
                 let (slope, nothing) = (self.tape.div(half, i), self.tape.less(i, least));
                 let slope = self.tape.select(nothing, 0, slope);
@@ -172,7 +173,7 @@ impl Reversal {
         }
     }
 
-    /// Add the weight to `yes` where the mask holds, otherwise to `no`.
+    /// Add `bar` to the weight of `yes` where the mask is true, otherwise to the weight of `no`.
     fn choose(&mut self, mask: u32, yes: u32, no: u32, bar: u32) {
         let (to_yes, to_no) = (self.tape.select(mask, bar, 0), self.tape.select(mask, 0, bar));
         self.add(yes, to_yes);

@@ -1,13 +1,13 @@
-//! A store of programs made from recordings. A later recording with the same structure uses them.
+//! A cache of programs made from recordings. A later recording with the same structure uses the stored program.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// Largest number of stored entries of each kind.
+/// The maximum number of stored entries of each kind.
 pub const KEPT: usize = 64;
 
-/// The content of a lock, if no other thread holds it. The function never waits. A forked process could wait for ever, because a thread of
-/// its parent may have held the lock during the fork.
+/// Return the content of a lock, or `None` if another thread holds the lock. The function never waits. In a forked process it could wait
+/// for ever, if another thread of the parent process held the lock during the fork.
 pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
     match mutex.try_lock() {
         Ok(guard) => Some(guard),
@@ -16,7 +16,7 @@ pub fn free<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
     }
 }
 
-/// The entries used last.
+/// A store of the most recently used entries.
 pub struct Cache<T>(Mutex<VecDeque<T>>);
 
 impl<T> Default for Cache<T> {
@@ -30,7 +30,7 @@ impl<T: Clone> Cache<T> {
         Cache(Mutex::new(VecDeque::new()))
     }
 
-    /// The matching entry, if there is one.
+    /// Return the matching entry, if one exists.
     pub fn find(&self, is: impl Fn(&T) -> bool) -> Option<T> {
         let mut entries = free(&self.0)?;
         let at = entries.iter().position(is)?;
@@ -39,7 +39,7 @@ impl<T: Clone> Cache<T> {
         Some(entry)
     }
 
-    /// Store an entry. The oldest ones are removed until the entries are few and fit.
+    /// Store an entry. Remove the oldest entries until at most [`KEPT`] remain and `fits` is true.
     pub fn keep(&self, entry: T, fits: impl Fn(&VecDeque<T>) -> bool) {
         let Some(mut entries) = free(&self.0) else { return };
         entries.push_back(entry);
@@ -48,7 +48,7 @@ impl<T: Clone> Cache<T> {
         }
     }
 
-    /// Number of entries.
+    /// The number of entries.
     #[cfg(test)]
     pub fn count(&self) -> usize {
         free(&self.0).map_or(0, |entries| entries.len())

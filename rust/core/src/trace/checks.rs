@@ -1,8 +1,8 @@
-//! Checks of the encoders: the same operations in plain Rust, on a register file.
+//! Reference operations for tests of the encoders: plain Rust on arrays that represent registers.
 
 use super::instruction::{Assemble, Base, Binary, Form, Order, Product, Set, Source};
 
-/// The operations of [`Assemble`].
+/// One call of a method of [`Assemble`].
 #[derive(Clone, Copy, Debug)]
 pub enum Operation {
     Binary(Binary, u8, u8, Source),
@@ -20,11 +20,11 @@ pub const BINARIES: [Binary; 10] =
     [Binary::Add, Binary::Sub, Binary::Mul, Binary::Div, Binary::Min, Binary::Max, Binary::And, Binary::AndNot, Binary::Or, Binary::Xor];
 pub const PRODUCTS: [Product; 4] = [Product::Add, Product::Sub, Product::NegAdd, Product::NegSub];
 pub const ORDERS: [Order; 3] = [Order::P231, Order::P213, Order::P132];
-/// Numbers that are special for rounding, signs and comparisons.
+/// Special numbers for rounding, signs and comparisons.
 pub const SPECIAL: [f64; 12] =
     [0.0, -0.0, 1.0, -1.0, 1.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, -f64::NAN, f64::MIN_POSITIVE, 5e-324, f64::MAX];
 
-/// Random bits (xorshift64*), the same in every run.
+/// Random bits (xorshift64*). Every run produces the same sequence.
 pub struct Random(pub u64);
 
 impl Random {
@@ -39,7 +39,7 @@ impl Random {
         (self.bits() >> 33) as usize % end
     }
 
-    /// A special number, a number of order one, or any bits.
+    /// Return a special number, a number of order one, or arbitrary bits.
     pub fn number(&mut self) -> f64 {
         match self.below(4) {
             0 => SPECIAL[self.below(SPECIAL.len())],
@@ -52,7 +52,7 @@ impl Random {
         all[self.below(all.len())]
     }
 
-    /// An operation that is available in this form, on registers below `registers`, and on `slots` slots of a frame and of constants.
+    /// Return a random operation of this form. It uses the first `registers` registers and `slots` slots.
     pub fn operation(&mut self, form: Form, registers: usize, slots: usize) -> Operation {
         let Form { set, packed } = form;
         let (two, spreads) = (set == Set::Sse2, set >= Set::Avx512 || !packed);
@@ -90,7 +90,7 @@ impl Random {
 }
 
 impl Operation {
-    /// The index of its variant.
+    /// The index of the operation's variant.
     pub fn kind(self) -> usize {
         match self {
             Operation::Binary(..) => 0,
@@ -120,7 +120,7 @@ impl Operation {
     }
 }
 
-/// Registers and memory for the operations in plain Rust.
+/// The registers and memory of the reference operations.
 pub struct Machine {
     pub form: Form,
     pub registers: Vec<[f64; 8]>,
@@ -169,7 +169,7 @@ impl Machine {
                 let merge = |mask: u64, yes: f64, no: f64| f64::from_bits(mask & yes.to_bits() | !mask & no.to_bits());
                 (dst, std::array::from_fn(|lane| merge(bits(mask[lane]), yes[lane], no[lane])))
             }
-            // Only the sign bit of a mask is the same in all forms.
+            // In all forms, only the sign bit of a mask is defined.
             Operation::SignMask(dst, a) if self.form.selects_bits() => {
                 (dst, register(a).map(|a| f64::from_bits((a.to_bits() as i64 >> 63) as u64)))
             }

@@ -1,8 +1,8 @@
 //! Derivatives of a recorded computation along one direction (forward mode, Griewank and Walther 2008, section 3.1).
 //!
-//! From `y = f(x)` and the direction `x_dot` of its inputs, it computes `y_dot = f'(x) x_dot`. The operations of `y_dot` follow those of
-//! `y`. An entry that does not depend on a direction has the derivative zero, and folding removes all operations on it. At a corner the
-//! derivative is that of the branch taken, as for `scalar::Dual`.
+//! For `y = f(x)` and a direction `x_dot` of the inputs, the tangent is `y_dot = f'(x) x_dot`. Its operations follow those of `y`. An entry
+//! that does not depend on a varying input has the derivative zero, and folding removes all operations on this zero. At a corner (such as
+//! `|x|` at zero), the derivative is the one of the selected branch, as in `scalar::Dual`.
 
 use super::tape::{Op, Tape};
 
@@ -14,13 +14,13 @@ pub struct Differentiation {
 }
 
 impl Differentiation {
-    /// Begin with a recording of `inputs` inputs.
+    /// Begin with the recording `ops`, which has `inputs` inputs.
     pub fn new(ops: Vec<Op>, inputs: usize) -> Self {
         Differentiation { length: ops.len(), tape: Tape::resume(ops, inputs as u32) }
     }
 
-    /// The derivatives of the entries `outputs` along a direction. The new inputs are the rates of the inputs `moving`, in this order. The
-    /// rates of all other inputs are zero.
+    /// Append the derivatives of the entries `outputs` along one direction, and return their entries. The new inputs are the rates of the
+    /// inputs `moving`, in this order. All other inputs have the rate zero.
     pub fn along(&mut self, moving: &[u32], outputs: &[u32]) -> Vec<u32> {
         let mut rates = vec![0; self.length];
         for &input in moving {
@@ -40,18 +40,18 @@ impl Differentiation {
         outputs.iter().map(|&output| rates[output as usize]).collect()
     }
 
-    /// The number of entries so far.
+    /// The number of recorded entries.
     pub fn length(&self) -> u32 {
         self.tape.ops.len() as u32
     }
 
-    /// The recording with the added operations.
+    /// Return the recording with the added operations.
     pub fn finish(self) -> Vec<Op> {
         self.tape.ops
     }
 }
 
-/// The entries on which `outputs` depend.
+/// For each entry, whether `outputs` depend on it.
 pub(super) fn needed(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
     let mut needed = vec![false; ops.len()];
     outputs.iter().for_each(|&output| needed[output as usize] = true);
@@ -63,7 +63,7 @@ pub(super) fn needed(ops: &[Op], outputs: &[u32]) -> Vec<bool> {
     needed
 }
 
-/// The derivative of entry `i`, which is `op`, from those of its operands: `at(operand)`.
+/// Record the derivative of entry `i` with operation `op`. `at(operand)` is the entry of the operand's derivative.
 pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> u32 {
     if op.operands().all(|a| at(a) == 0) {
         return 0;
@@ -93,7 +93,7 @@ pub(super) fn rate(tape: &mut Tape, op: Op, i: u32, at: impl Fn(u32) -> u32) -> 
             tape.mul(sum, inverse)
         }
         Op::Sqrt(a) => {
-            // Zero rates stay zero where the slope is infinite.
+            // Where the square root is zero, its slope is infinite. A zero rate must remain zero there, not become NaN.
             let (half, least) = (tape.constant(0.5), tape.constant(f64::MIN_POSITIVE));
             let slope = tape.div(half, i);
             let size = tape.unary(at(a), f64::abs, Op::Abs);

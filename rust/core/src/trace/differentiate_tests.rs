@@ -1,4 +1,4 @@
-//! Derivatives of recordings against dual numbers: operation by operation, at corners, and of random recordings.
+//! Tests of derivatives of recordings against dual numbers: single operations, corners, and random recordings.
 
 use super::adjoint::adjoint;
 use super::differentiate::Differentiation;
@@ -8,7 +8,7 @@ use super::tape::{Op, Tape};
 use super::tests::Random;
 use crate::scalar::{Dual, Real};
 
-/// The values of all entries.
+/// Return the values of all entries.
 fn values<S: Real>(ops: &[Op], inputs: &[S]) -> Vec<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut all: Vec<S> = Vec::new();
@@ -38,7 +38,7 @@ fn values<S: Real>(ops: &[Op], inputs: &[S]) -> Vec<S> {
     all
 }
 
-/// The values and rates of `outputs` at `x` along `x_dot`: by differentiation, and by dual numbers.
+/// Return derivatives of `outputs` at `x` along `x_dot`, from the recording and from dual numbers.
 fn both(ops: &[Op], outputs: &[u32], x: &[f64], x_dot: &[f64]) -> Vec<(f64, Dual)> {
     let mut differentiation = Differentiation::new(ops.to_vec(), x.len());
     let rates = differentiation.along(&(0..x.len() as u32).collect::<Vec<_>>(), outputs);
@@ -48,7 +48,7 @@ fn both(ops: &[Op], outputs: &[u32], x: &[f64], x_dot: &[f64]) -> Vec<(f64, Dual
     outputs.iter().zip(rates).map(|(&y, rate)| (got[rate as usize], expected[y as usize])).collect()
 }
 
-/// A function of two numbers, recorded, at `x` along `x_dot`.
+/// Return both derivatives of a recorded function of two numbers at `x` along `x_dot`.
 fn pair(f: impl Fn(Sym, Sym) -> Sym, x: [f64; 2], x_dot: [f64; 2]) -> (f64, f64) {
     sym::begin();
     sym::end_set_up();
@@ -82,7 +82,7 @@ fn every_operation_has_its_derivative() {
     ];
     for (k, (operation, expected)) in cases.into_iter().enumerate() {
         let (got, dual) = pair(operation, [a, b], [da, db]);
-        // A few roundings of numbers below 2.
+        // The tolerance covers a few roundings of numbers below 2.
         assert!((got - expected).abs() < 4e-16 * (1.0 + expected.abs()), "{k}: {got} {expected}");
         assert!((dual - expected).abs() < 4e-16 * (1.0 + expected.abs()), "{k}: {dual} {expected}");
     }
@@ -98,13 +98,13 @@ fn corners_are_those_of_dual_numbers() {
     assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [0.0, 1.0]), 0.0, "the root of zero does not move along nothing");
     assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [1.0, 0.0]), f64::INFINITY);
     assert_eq!(same(|a, _| a.abs(), [0.0, 0.0], [1.0, 0.0]), 1.0);
-    // The first one if both are equal.
+    // If both are equal, the derivative is the one of the first argument.
     assert_eq!(same(|a, b| a.max(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
     assert_eq!(same(|a, b| a.min(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
     assert_eq!(same(|a, b| Sym::select(a.lt(b), a, b), [1.0, 1.0], [2.0, 3.0]), 3.0);
 }
 
-/// A random recording with three inputs, in which all numbers remain of moderate size.
+/// Return a random recording with three inputs. Its values have moderate magnitudes.
 fn random(random: &mut Random) -> (Vec<Op>, Vec<u32>) {
     let mut tape = Tape::new();
     tape.set_up = false;
@@ -156,7 +156,7 @@ fn derivatives_of_random_recordings_are_those_of_dual_numbers() {
         let (x, x_dot) = (three(), three());
         for (k, (got, expected)) in both(&ops, &outputs, &x, &x_dot).into_iter().enumerate() {
             most = most.max(expected.rate.abs());
-            // The rounding of some hundred operations, on numbers that may cancel.
+            // The tolerance covers the rounding of some hundred operations on numbers that may cancel.
             assert!((got - expected.rate).abs() <= 1e-11 * (1.0 + expected.rate.abs()), "{trial} {k}: {got} {}", expected.rate);
         }
     }
@@ -170,7 +170,7 @@ fn tangents_along_several_directions_are_those_along_each_alone() {
         let (ops, outputs) = random(&mut numbers);
         let mut some = |count: usize| (0..count).map(|_| numbers.number()).collect::<Vec<f64>>();
         let x = some(3);
-        // Along the inputs 2 and 0; the rates of input 1 are zero.
+        // The directions have rates of inputs 2 and 0. The rate of input 1 is zero.
         let given = some(6);
         let Tangents { ops: all, values: entries, rates } = tangents(&ops, 3, &outputs, 4, &[2, 0], 3);
         let got = values(&all, &[x.clone(), given.clone()].concat());
@@ -180,7 +180,7 @@ fn tangents_along_several_directions_are_those_along_each_alone() {
         for (rates, along) in rates.chunks_exact(4).zip(given.chunks_exact(2)) {
             for (&rate, (_, expected)) in rates.iter().zip(both(&ops, &outputs, &x, &[along[1], 0.0, along[0]])) {
                 most = most.max(expected.rate.abs());
-                // The rounding of some hundred operations, on numbers that may cancel.
+                // The tolerance covers the rounding of some hundred operations on numbers that may cancel.
                 assert!((got[rate as usize] - expected.rate).abs() <= 1e-11 * (1.0 + expected.rate.abs()), "{trial}");
             }
         }
@@ -199,11 +199,11 @@ fn what_does_not_move_costs_nothing() {
     let mut differentiation = Differentiation::new(ops.clone(), 2);
     let rates = differentiation.along(&[1], &[y.index(), still.index()]);
     assert_eq!(rates[1], 0);
-    // Only the rate of b and one product are added.
+    // The tape gains only the rate of b and one product.
     assert_eq!(differentiation.length() as usize, ops.len() + 2);
 }
 
-/// The derivatives of `outputs` at `x` along `x_dot`, weighted by `y_bar`: by the adjoint, and by differentiation.
+/// Return the derivative of `outputs` at `x` along `x_dot`, weighted by `y_bar`: once with the adjoint, once with differentiation.
 fn weighed(ops: &[Op], outputs: &[u32], (x, x_dot, y_bar): (&[f64], &[f64], &[f64])) -> (f64, f64) {
     let moving: Vec<u32> = (0..x.len() as u32).collect();
     let (all, bars) = adjoint(ops.to_vec(), x.len(), outputs, &moving);
@@ -222,7 +222,7 @@ fn the_adjoint_of_random_recordings_is_that_of_their_derivatives() {
         let (x, x_dot, y_bar) = (some(3), some(3), some(outputs.len()));
         let (got, expected) = weighed(&ops, &outputs, (&x, &x_dot, &y_bar));
         most = most.max(expected.abs());
-        // The rounding of some hundred operations, on numbers that may cancel.
+        // The tolerance covers the rounding of some hundred operations on numbers that may cancel.
         assert!((got - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "{trial}: {got} {expected}");
     }
     assert!(most > 1.0, "the outputs move: {most}");
@@ -230,7 +230,7 @@ fn the_adjoint_of_random_recordings_is_that_of_their_derivatives() {
 
 #[test]
 fn the_branch_that_is_not_taken_has_no_part_in_the_adjoint() {
-    // If a < 1 the result is a b. Otherwise it divides by a - 1/2, takes a root and multiplies.
+    // If a < 1, the function is a b. Otherwise it contains a division by a - 1/2, a square root and products.
     sym::begin();
     sym::end_set_up();
     let (a, b) = (sym::input(), sym::input());

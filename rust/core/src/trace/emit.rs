@@ -1,7 +1,8 @@
-//! From a straight-line program to machine code: registers by furthest next use (Belady 1966), one instruction after another.
+//! Machine code from a straight-line program. If all registers are used, the value with the furthest next read leaves its register (Belady
+//! 1966).
 //!
-//! A value without a register is stored in a slot of the frame after those of the program. Inputs and constants are read from memory if the
-//! instruction allows it and the value is not read again soon.
+//! This value is then stored in a slot of the frame, after the slots of the program. An instruction reads inputs and constants directly
+//! from memory if it can, and if the value is not read again soon.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 use super::lifetimes::{Lifetimes, NEVER};
@@ -10,24 +11,24 @@ use super::straight::{Instruction, Straight};
 /// A value that is read again within this number of instructions is kept in a register.
 const SOON: u32 = 24;
 
-/// Machine code with its constants.
+/// Machine code and its constants.
 pub struct Emitted {
     pub bytes: Vec<u8>,
-    /// The numbers that the code reads through its second argument.
+    /// The constants. The second argument of the code points to them.
     pub constants: Vec<f64>,
-    /// Number of slots of a frame for the code.
+    /// The number of slots that a frame of the code requires.
     pub slots: usize,
-    /// Number of times that a value moved from a register to memory.
+    /// The number of values that were stored because no register was free.
     pub spilled: usize,
 }
 
-/// Emit `program` for `form`. Values without a register are stored in slots from `first` on.
+/// Emit `program` for `form`. Values without a register use slots from `first` on.
 pub fn emit<A: Assemble>(program: &Straight, form: Form, first: usize) -> Emitted {
     let (assembler, emitted) = assemble::<A>(program, form, first);
     Emitted { bytes: assembler.finish(), ..emitted }
 }
 
-/// Like [`emit`], but the bytes remain in the assembler.
+/// Emit `program` like [`emit`], and return the assembler instead of its bytes.
 pub(super) fn assemble<A: Assemble>(program: &Straight, form: Form, first: usize) -> (A, Emitted) {
     let lifetimes = Lifetimes::of(program);
     let values = program.instructions.len();
@@ -52,25 +53,26 @@ pub(super) fn assemble<A: Assemble>(program: &Straight, form: Form, first: usize
     (assembler, Emitted { bytes: Vec::new(), constants, slots: slots as usize, spilled })
 }
 
+/// An emission in progress.
 struct Emitter<'a, A> {
     program: &'a Straight,
     lifetimes: &'a Lifetimes,
     form: Form,
     assembler: A,
-    /// The place of each value: a register, a slot, or both.
+    /// For each value, its register and its slot. A value may have both.
     register: Vec<Option<u8>>,
     spill: Vec<Option<u32>>,
     /// The value in each register.
     holder: Vec<Option<u32>>,
     free_slots: Vec<u32>,
-    /// Slots that are free after the present instruction, which may still read them.
+    /// Slots whose values this instruction reads for the last time. They become free after the instruction.
     leaving: Vec<u32>,
     slots: u32,
     spilled: usize,
-    /// The place of each used constant, counted in numbers.
+    /// For each value that is a used constant, its index in `constants`.
     constant: Vec<Option<u32>>,
     constants: Vec<f64>,
-    /// The position of the present instruction.
+    /// The position of the present instruction in program order.
     at: u32,
 }
 
@@ -111,7 +113,7 @@ impl<A: Assemble> Emitter<'_, A> {
         self.lifetimes.next_read(value, self.at + 1) == NEVER
     }
 
-    /// Free the registers and slots of values that this instruction reads for the last time.
+    /// Free the registers and slots of those `values` that this instruction reads for the last time.
     fn release(&mut self, values: [u32; 3]) {
         for value in values {
             if self.dies(value) {
@@ -125,7 +127,7 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// The memory of a value; `None` for one that is only in a register.
+    /// Return the memory operand of a value. `None` means that the value is only in a register.
     fn memory(&mut self, value: u32) -> Option<Source> {
         if let Some(slot) = self.spill[value as usize] {
             return Some(Source::Slot(Base::Frame, self.offset(slot)));
@@ -137,7 +139,7 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// The place of an input.
+    /// Return the memory operand of an input.
     fn input(&self, slot: u32) -> Source {
         match self.program.stream.and_then(|stream| Some((stream.spread, stream.place(slot)?))) {
             None => Source::Slot(Base::Frame, self.offset(slot)),
@@ -146,12 +148,12 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// Whether an instruction can broadcast one number to all lanes as it reads it: AVX-512, and code for one lane.
+    /// Whether a memory operand can be one number for all lanes: in AVX-512, and in code for one lane.
     fn spreads(&self) -> bool {
         !self.form.packed || self.form.set == Set::Avx512
     }
 
-    /// If instructions cannot broadcast a number, the constants are stored for every lane.
+    /// Return the memory operand of a constant. Without broadcasts, memory has a copy of the constant for every lane.
     fn constant(&mut self, value: u32, x: f64) -> Source {
         let spreads = self.form.packed && self.spreads();
         let copies = if spreads { 1 } else { self.form.lanes() };
@@ -163,7 +165,7 @@ impl<A: Assemble> Emitter<'_, A> {
         if spreads { Source::Spread(Base::Constants, 8 * place as i32) } else { Source::Slot(Base::Constants, 8 * place as i32) }
     }
 
-    /// A register for a new value. The values `keep` must stay in their registers.
+    /// Free a register for a new value. The values `keep` remain in their registers.
     fn take(&mut self, keep: [u32; 3]) -> u8 {
         if let Some(free) = self.holder.iter().position(Option::is_none) {
             return free as u8;
@@ -171,7 +173,7 @@ impl<A: Assemble> Emitter<'_, A> {
         let (mut furthest, mut best) = (0, 0);
         for (register, holder) in self.holder.iter().enumerate() {
             let Some(value) = holder.filter(|value| !keep.contains(value)) else { continue };
-            // Of two values with the same next read, the one that needs no store.
+            // Of two values with the same next read, prefer the one that is already in memory.
             let in_memory = self.spill[value as usize].is_some() || self.program.instructions[value as usize].is_leaf();
             let score = 2 * u64::from(self.lifetimes.next_read(value, self.at)) + u64::from(in_memory) + 1;
             if score > furthest {
@@ -191,7 +193,7 @@ impl<A: Assemble> Emitter<'_, A> {
         best as u8
     }
 
-    /// The register of the value, which is loaded if necessary.
+    /// Return the register of a value. If the value has no register, load it.
     fn obtain(&mut self, value: u32, keep: [u32; 3]) -> u8 {
         if let Some(register) = self.register[value as usize] {
             return register;
@@ -204,7 +206,7 @@ impl<A: Assemble> Emitter<'_, A> {
         register
     }
 
-    /// The value as the last operand of an instruction: in memory, unless it should be in a register.
+    /// Return a value as the last operand of an instruction. It is a memory operand unless the value should be in a register.
     fn operand(&mut self, value: u32, keep: [u32; 3]) -> Source {
         if self.register[value as usize].is_none() {
             let next = self.lifetimes.next_read(value, self.at + 1);
@@ -218,8 +220,8 @@ impl<A: Assemble> Emitter<'_, A> {
         Source::Register(self.obtain(value, keep))
     }
 
-    /// The register for the result of an instruction with the operands `keep`. The first operand is `a`, in `from`. SSE2 overwrites its
-    /// first operand, so that is copied unless it is read for the last time.
+    /// Return the register for the result of an instruction with the operands `keep`. Its first operand is `a`, in register `from`. SSE2
+    /// overwrites this register. If `a` is read again later, SSE2 code first copies `a` to the result's register.
     fn result(&mut self, a: u32, from: u8, keep: [u32; 3]) -> u8 {
         if self.form.set > Set::Sse2 {
             self.release(keep);
@@ -246,7 +248,7 @@ impl<A: Assemble> Emitter<'_, A> {
             Sub(a, b) => self.binary(Binary::Sub, a, b),
             Div(a, b) => self.binary(Binary::Div, a, b),
             AndNot(a, b) => self.binary(Binary::AndNot, a, b),
-            // The instruction returns its second operand unless the first is the larger or the smaller one.
+            // For equal numbers and NaN, the machine instruction returns its second operand, and `Max` returns `a`.
             Max(a, b) => self.binary(Binary::Max, b, a),
             Min(a, b) => self.binary(Binary::Min, b, a),
             Fma(a, b, c) => self.fused(Product::Add, a, b, c),
@@ -290,11 +292,11 @@ impl<A: Assemble> Emitter<'_, A> {
         }
     }
 
-    /// The operands of an instruction. The first is in a register.
+    /// Return the operands of an instruction: the first in a register, the second in a register or in memory.
     fn pair(&mut self, a: u32, b: u32, logic: bool) -> (u8, Source) {
         let keep = [a, b, b];
         let from = self.obtain(a, keep);
-        // Logic on single numbers has no memory operand of their size.
+        // Instructions on bits have no memory operand of the size of one number.
         let source = if logic && !self.form.packed { Source::Register(self.obtain(b, keep)) } else { self.operand(b, keep) };
         (from, source)
     }
@@ -311,7 +313,7 @@ impl<A: Assemble> Emitter<'_, A> {
         if swap { self.binary(op, b, a) } else { self.binary(op, a, b) }
     }
 
-    /// `a b` and `c`, written to the register of an operand that is read for the last time, if there is one.
+    /// Emit a fused multiply-add of `a b` and `c`. If an operand is read for the last time, the result replaces it in its register.
     fn fused(&mut self, product: Product, a: u32, b: u32, c: u32) -> u8 {
         let keep = [a, b, c];
         let ends = |this: &Self, value: u32| {
@@ -349,7 +351,7 @@ impl<A: Assemble> Emitter<'_, A> {
     }
 }
 
-/// The first operand's register. In SSE2 it is the register of the result.
+/// The register of the first operand. In SSE2 this is the register of the result.
 fn from_or(to: u8, from: u8, form: Form) -> u8 {
     if form.set == Set::Sse2 { to } else { from }
 }

@@ -1,4 +1,4 @@
-//! Random programs for NEON, which `make test-aarch64` runs in an emulator.
+//! Random NEON programs, which `make test-aarch64` runs in an emulator.
 
 use super::aarch64::Assembler;
 use super::emit::emit;
@@ -8,7 +8,7 @@ use super::instruction::{Form, Set};
 use super::portable::Portable;
 use super::tests::{Random, forget_stream, random_program, random_stream};
 
-/// Portable evaluation gives the numbers that the emulator must reproduce.
+/// Write programs with their expected results, which portable evaluation computes.
 #[test]
 fn neon_programs_are_written_for_the_emulator() {
     let mut random = Random(0xfedc_ba98_7654_3211);
@@ -28,7 +28,7 @@ fn neon_programs_are_written_for_the_emulator() {
             (frame.numbers_mut()[k], expected.numbers_mut()[k]) = (x, x);
         }
         portable.run(&mut expected, stream.numbers(), turns);
-        // The machine code does not change these slots.
+        // Clear the slots of the stream. The machine code does not write to them, and portable evaluation does.
         [&mut frame, &mut expected].into_iter().for_each(|frame| forget_stream(program.stream, frame));
         spilling += usize::from(emitted.slots > inputs + 8);
         cases.add(

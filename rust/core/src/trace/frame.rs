@@ -1,11 +1,11 @@
-//! The memory of a program: slots of one number per lane, side by side.
+//! The memory of a program. A frame is an array of slots, and a slot has one number per lane.
 
-/// One cache line, so that the slots of every number of lanes are aligned.
+/// A cache line. Slots of one, two, four or eight lanes are aligned in it.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 struct Line([f64; 8]);
 
-/// `slots` numbers for each of `lanes` runs: slot after slot, lane after lane.
+/// Memory of `slots` slots with `lanes` numbers each. A lane is one run.
 #[derive(Clone, Debug)]
 pub struct Frame {
     lines: Vec<Line>,
@@ -13,7 +13,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame of zeros.
+    /// Return a frame of zeros.
     pub fn new(slots: usize, lanes: usize) -> Self {
         Frame { lines: vec![Line([0.0; 8]); (slots * lanes).div_ceil(8)], lanes }
     }
@@ -22,14 +22,14 @@ impl Frame {
         self.lanes
     }
 
-    /// All numbers. Those of slot `s` begin at `s` times the number of lanes.
+    /// All numbers. Slot `s` begins at index `s lanes`.
     pub fn numbers(&self) -> &[f64] {
         // SAFETY: a line is eight numbers without padding.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), 8 * self.lines.len()) }
     }
 
     pub fn numbers_mut(&mut self) -> &mut [f64] {
-        // SAFETY: as in `numbers`.
+        // SAFETY: a line is eight numbers without padding.
         unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), 8 * self.lines.len()) }
     }
 
@@ -39,7 +39,7 @@ impl Frame {
         &mut self.numbers_mut()[slot * lanes..(slot + 1) * lanes]
     }
 
-    /// Write the same number to all lanes of a slot.
+    /// Write `x` to all lanes of a slot.
     pub fn fill(&mut self, slot: usize, x: f64) {
         self.slot_mut(slot).fill(x);
     }

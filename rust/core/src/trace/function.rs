@@ -1,7 +1,7 @@
-//! A recorded function of numbers. Its program is made once per structure and stored.
+//! Recorded functions of numbers. The program of a function is made once per structure and stored for later recordings.
 //!
-//! Its frame holds, slot after slot: the numbers of the set-up, the inputs, the largest angle of the run, and the result. The program
-//! rounds like direct evaluation, so both give the same bits.
+//! A frame has these slots in order: the numbers of the set-up, the inputs, the largest angle of the run, and the results. The program
+//! rounds like direct evaluation, so that both give the same bits.
 
 use super::cache::Cache;
 use super::frame::Frame;
@@ -14,13 +14,13 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Number of calls for one configuration after which a function's program is made.
+/// The number of calls for one configuration after which the program of a function is made.
 pub const CALLS: usize = 16;
 
-/// Largest number of operations of all stored functions.
+/// The maximum sum of the operations of all stored functions.
 const KEPT_OPERATIONS: usize = 1 << 20;
 
-/// A function for all recordings of one structure.
+/// A function, shared by all recordings of the same structure.
 struct Function {
     ops: Vec<Op>,
     answer: Vec<u32>,
@@ -44,7 +44,7 @@ impl Layout {
     }
 }
 
-/// A function with the numbers of its set-up, on a separate frame, for one run or for one run per lane.
+/// A function with the numbers of its set-up and a separate frame. It computes one run, or one run per lane.
 #[derive(Clone)]
 pub struct Evaluation {
     function: Arc<Function>,
@@ -57,8 +57,8 @@ impl std::fmt::Debug for Evaluation {
     }
 }
 
-/// A recorded function: its operations, the numbers of its set-up (the first inputs), the number of other inputs, and the entries of its
-/// result.
+/// A recorded function. `values` are the numbers of the set-up, which are the first inputs. `inputs` is the number of other inputs.
+/// `answer` has the entries of the results.
 pub struct Recorded {
     pub ops: Vec<Op>,
     pub values: Vec<f64>,
@@ -66,7 +66,7 @@ pub struct Recorded {
     pub answer: Vec<u32>,
 }
 
-/// Record `answer` as a function of the set-up and of `inputs` inputs; `None` if the code branches on data.
+/// Record `answer` as a function of the set-up and of `inputs` inputs. The result is `None` if the code branches on data.
 pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Recorded> {
     sym::begin();
     let made = set_up();
@@ -77,13 +77,13 @@ pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnc
     (!recording.failed).then_some(Recorded { ops: recording.ops, values: recording.values, inputs, answer })
 }
 
-/// Record and make the program, for one run or for lanes.
+/// Record a function and make its program, for one run or for lanes.
 pub fn record<T>(lanes: bool, inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Evaluation> {
     recorded(inputs, set_up, answer).map(|recorded| recorded.program(lanes))
 }
 
 impl Recorded {
-    /// The program of this function, for one run or for lanes.
+    /// Make the program of this function, for one run or for lanes.
     pub fn program(self, lanes: bool) -> Evaluation {
         let Recorded { ops, values, inputs, answer } = self;
         let layout = Layout { given: values.len(), inputs, lanes };
@@ -99,7 +99,7 @@ impl Evaluation {
         for (slot, &x) in given.iter().enumerate() {
             frame.fill(slot, x);
         }
-        // A known number is not an output of the program.
+        // A constant result is not an output of the program, and is written to the frame here.
         for (k, &entry) in answer.iter().enumerate() {
             if let Op::Const(bits) = ops[entry as usize] {
                 frame.fill(layout.answer() + k, f64::from_bits(bits));
@@ -112,43 +112,44 @@ impl Evaluation {
         self.frame.lanes()
     }
 
-    /// Operations of one run.
+    /// The number of operations in one run.
     pub fn operations(&self) -> usize {
         self.function.program.operations()
     }
 
-    /// Write rows `at..` of `given` to the inputs from `first` on, one row per lane. Lanes beyond the last row repeat it.
+    /// Copy the rows of `given` from row `at` on to the inputs from `first` on, one row per lane. Lanes beyond the last row repeat the last
+    /// row.
     pub fn read(&mut self, first: usize, given: &[f64], width: usize, at: usize) {
         rows::read(&mut self.frame, self.function.layout.given + first, given, width, at);
     }
 
-    /// The inputs from `first` on, of all lanes.
+    /// The memory of `count` inputs from `first` on, with all lanes.
     pub fn inputs(&mut self, first: usize, count: usize) -> &mut [f64] {
         let lanes = self.lanes();
         &mut self.all_inputs()[first * lanes..(first + count) * lanes]
     }
 
-    /// All inputs, of all lanes.
+    /// The memory of all inputs, with all lanes.
     #[inline]
     pub fn all_inputs(&mut self) -> &mut [f64] {
         let (layout, lanes) = (self.function.layout, self.lanes());
         &mut self.frame.numbers_mut()[layout.given * lanes..layout.reach() * lanes]
     }
 
-    /// Evaluate the function at the present inputs.
+    /// Evaluate the function for the present inputs.
     #[inline]
     pub fn run(&mut self) {
         self.forget();
         self.run_on();
     }
 
-    /// Like [`Evaluation::run`]. The largest angle is then that of all runs since [`Evaluation::forget`].
+    /// Evaluate the function, and keep the largest angle of previous runs. [`Evaluation::forget`] resets the largest angle.
     #[inline]
     pub fn run_on(&mut self) {
         self.function.program.run(&mut self.frame);
     }
 
-    /// Reset the largest angle.
+    /// Reset the largest angle to zero.
     #[inline]
     pub fn forget(&mut self) {
         if self.function.program.turns() {
@@ -156,24 +157,23 @@ impl Evaluation {
         }
     }
 
-    /// Number `k` of the result in every lane.
+    /// Result `k`, in every lane.
     pub fn output(&self, k: usize) -> &[f64] {
         self.outputs(k, 1)
     }
 
-    /// `count` numbers of the result from `first` on, of all lanes.
+    /// The `count` results from `first` on, with all lanes.
     pub fn outputs(&self, first: usize, count: usize) -> &[f64] {
         let (slot, lanes) = (self.function.layout.answer() + first, self.lanes());
         &self.frame.numbers()[slot * lanes..(slot + count) * lanes]
     }
 
-    /// Write `length` numbers of the result, from `first` on, as rows of `out`, which has at most one row per lane. The result is true if
-    /// every number is finite.
+    /// Copy `length` results from `first` on to rows of `out`, which has at most one row per lane. Return whether every number is finite.
     pub fn write(&self, first: usize, length: usize, out: &mut [f64]) -> bool {
         length == 0 || rows::write(&self.frame, self.function.layout.answer() + first, length, out)
     }
 
-    /// Whether the angles of lane `lane` are in the range of the sines.
+    /// Whether all angles of lane `lane` are within the range of the sines.
     pub fn is_near(&self, lane: usize) -> bool {
         let at = self.function.layout.reach() * self.lanes() + lane;
         self.frame.numbers()[at] < REDUCTION_LIMIT
@@ -183,7 +183,7 @@ impl Evaluation {
 static KNOWN: Cache<Arc<Function>> = Cache::new();
 
 impl Function {
-    /// The function of a recording: a stored one, or a new one. The functions used last are stored.
+    /// Return the function of a recording: a stored function, or else a new one. The cache stores the functions that were used last.
     fn of(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Arc<Function> {
         if let Some(found) = KNOWN.find(|known| known.layout == layout && known.answer == answer && known.ops == ops) {
             return found;
@@ -211,7 +211,7 @@ mod tests {
     use super::*;
     use crate::scalar::Real;
 
-    /// `[sin(k x) y, 3, x]`, with `k` from the set-up.
+    /// Record `[sin(k x) y, 3, x]`, where `k` is a number of the set-up.
     fn function(k: f64, lanes: bool) -> Option<Evaluation> {
         record(lanes, 2, || Sym::from_lanes(|_| k), |k, xy| vec![(k * xy[0]).sin_cos().0 * xy[1], Sym::splat(3.0), xy[0]])
     }

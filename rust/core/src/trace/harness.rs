@@ -1,15 +1,15 @@
-//! Files for `make test-aarch64`: machine code with memory before and after, linked to a C program that runs it.
+//! Files for `make test-aarch64`. They contain machine code, and its memory before and after a run. A C program runs this code.
 
 use std::fmt::Write;
 
-/// Write a file to the folder in `ARMLET_HARNESS`. Without this variable nothing is written.
+/// Write a file to the folder in the environment variable `ARMLET_HARNESS`. If the variable is not set, write nothing.
 pub fn write(name: &str, content: &(impl AsRef<[u8]> + ?Sized)) {
     if let Some(folder) = std::env::var_os("ARMLET_HARNESS") {
         std::fs::write(std::path::Path::new(&folder).join(name), content).unwrap();
     }
 }
 
-/// Assembler text of cases: functions in `.text`, numbers in `.data`, and a table `cases` that connects them.
+/// Test cases as assembler text: functions in `.text`, numbers in `.data`, and a table `cases` with their addresses.
 #[derive(Default)]
 pub struct Cases {
     code: String,
@@ -23,8 +23,8 @@ impl Cases {
         self.len
     }
 
-    /// Add a function, its memory, its iterations along the stream, and the expected values at the start of the frame. The bits must be the
-    /// same, but every NaN equals every other.
+    /// Add a case: a function, its memory, its stream with `turns` iterations, and the expected numbers at the start of the frame. Bits
+    /// must be equal, but all NaN are equal.
     pub fn add(&mut self, code: &[u8], frame: &[f64], constants: &[f64], (stream, turns): (&[f64], usize), expected: &[f64]) {
         assert!(code.len().is_multiple_of(4) && expected.len() <= frame.len());
         let i = self.len;

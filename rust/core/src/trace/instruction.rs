@@ -1,7 +1,8 @@
 //! The operations of straight-line machine code and their operands, for every instruction set.
 //!
-//! A register holds one *slot*: one number per lane. Code reads and writes slots relative to addresses, which are its first arguments. They
-//! are the frame (inputs, outputs, spilled registers), the constants, and the stream of a program that repeats.
+//! A register holds one *slot*: one number per lane. Code reads and writes slots at offsets from base addresses, which are its first
+//! arguments: the frame (inputs, outputs, spilled registers), the constants, and the stream. The *stream* is the array of inputs of a
+//! program that repeats.
 
 /// An instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -16,7 +17,7 @@ pub enum Set {
     Neon,
 }
 
-/// An instruction set and whether its code is packed: every lane of a register, or one number.
+/// An instruction set, and the kind of code. Packed code computes all lanes of a register, scalar code one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Form {
     pub set: Set,
@@ -24,7 +25,7 @@ pub struct Form {
 }
 
 impl Form {
-    /// Numbers per register that the code computes.
+    /// The number of lanes that the code computes.
     pub fn lanes(self) -> usize {
         match self.set {
             _ if !self.packed => 1,
@@ -34,7 +35,7 @@ impl Form {
         }
     }
 
-    /// Registers that the caller may use; scratch registers are not counted.
+    /// The number of registers that the caller may use, without scratch registers.
     pub fn registers(self) -> usize {
         match self.set {
             Set::Sse2 => 15,
@@ -44,30 +45,30 @@ impl Form {
         }
     }
 
-    /// Whether the set has products and sums with one rounding.
+    /// Whether the set has fused multiply-add, which rounds once.
     pub fn has_fused(self) -> bool {
         self.set > Set::Sse2
     }
 
-    /// Whether [`Assemble::select`] selects bits by the bits of its mask, instead of lanes by the sign bit.
+    /// Whether [`Assemble::select`] uses every bit of its mask. Otherwise the sign bit of the mask selects the lane.
     pub fn selects_bits(self) -> bool {
         matches!(self.set, Set::Sse2 | Set::Neon)
     }
 
-    /// Bytes of one slot.
+    /// The size of one slot, in bytes.
     pub fn width(self) -> usize {
         8 * self.lanes()
     }
 }
 
-/// An address that the code receives as an argument.
+/// A base address that the code receives as an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
-    /// The first argument: inputs, outputs and spilled registers.
+    /// The first argument: the frame with inputs, outputs and spilled registers.
     Frame,
-    /// The second argument.
+    /// The second argument: the constants.
     Constants,
-    /// The third argument, which advances in each iteration. The fourth argument is the number of iterations.
+    /// The third argument: the stream, which advances in each iteration. The fourth argument is the number of iterations.
     Stream,
 }
 
@@ -75,22 +76,22 @@ pub enum Base {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     Register(u8),
-    /// One slot at `base + offset` bytes. Packed code requires an address that is a multiple of the slot's width.
+    /// The slot at `base + offset` bytes. In packed code this address must be a multiple of the slot's width.
     Slot(Base, i32),
-    /// The number at `base + offset` bytes, in every lane.
+    /// The number at `base + offset` bytes, broadcast to every lane.
     Spread(Base, i32),
 }
 
-/// `a op b`, lane by lane.
+/// An operation `a op b` on each lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Binary {
     Add,
     Sub,
     Mul,
     Div,
-    /// `if a < b { a } else { b }`: `b` if one is NaN, and if both are zero.
+    /// `if a < b { a } else { b }`: the result is `b` if one operand is NaN, and if both are zero.
     Min,
-    /// `if a > b { a } else { b }`: `b` if one is NaN, and if both are zero.
+    /// `if a > b { a } else { b }`: the result is `b` if one operand is NaN, and if both are zero.
     Max,
     And,
     /// `!a & b`.
@@ -100,13 +101,13 @@ pub enum Binary {
 }
 
 impl Binary {
-    /// Whether the operation is on bits, not on numbers.
+    /// Whether the operation acts on bits and not on numbers.
     pub fn is_logic(self) -> bool {
         matches!(self, Binary::And | Binary::AndNot | Binary::Or | Binary::Xor)
     }
 }
 
-/// A product and a sum with one rounding.
+/// A fused multiply-add, which rounds once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Product {
     /// `x y + z`.
@@ -119,18 +120,18 @@ pub enum Product {
     NegSub,
 }
 
-/// The roles of the operands `dst`, `a`, `b` as `x y, z` of a [`Product`].
+/// The roles of the registers `dst`, `a` and `b` in a [`Product`] of `x`, `y` and `z`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// `dst = a b, dst`: the sum is formed in place.
+    /// `x y = a b` and `z = dst`: the result replaces the addend.
     P231,
-    /// `dst = a dst, b`.
+    /// `x y = a dst` and `z = b`.
     P213,
-    /// `dst = dst b, a`.
+    /// `x y = dst b` and `z = a`.
     P132,
 }
 
-/// How a caller passes arguments, and the registers that it expects to remain unchanged.
+/// The calling convention: the registers of arguments, and the registers that a function must preserve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
     SystemV,
@@ -138,55 +139,56 @@ pub enum Convention {
 }
 
 impl Convention {
-    /// The convention of `extern "C"` on the system that this is compiled for.
+    /// The convention of `extern "C"` on the system for which this crate is compiled.
     pub const HERE: Convention = if cfg!(windows) { Convention::Win64 } else { Convention::SystemV };
 }
 
-/// An encoder of machine code. A method appends the instructions of one operation. Its registers may be equal.
+/// An encoder of machine code. Each method appends the instructions of one operation. The registers of one call may be equal.
 pub trait Assemble {
     fn new(form: Form) -> Self;
 
     fn finish(self) -> Vec<u8>;
 
-    /// `dst = a op b`. SSE2 requires `dst == a`. Scalar AVX2 and AVX-512 require `dst != a` if `b` is in memory
-    /// and `op` is logic. No such instruction reads a number of eight bytes, so `b` is loaded into `dst` first.
+    /// `dst = a op b`. SSE2 requires `dst == a`. Scalar AVX2 and AVX-512 require `dst != a` if `b` is in memory and `op` acts on bits. They
+    /// have no such instruction with an operand of eight bytes, so that `b` is first loaded into `dst`.
     fn binary(&mut self, op: Binary, dst: u8, a: u8, b: Source);
 
-    /// `dst` = the product and sum of `dst, a, b` in the roles of `order`, with one rounding. Not available in SSE2.
+    /// Compute `product` with the operands `dst`, `a`, `b` in the roles of `order`, and write it to `dst`. Not available in SSE2.
     fn fused(&mut self, product: Product, order: Order, dst: u8, a: u8, b: Source);
 
-    /// `dst` = the square root of `a`.
+    /// Write the square root of `a` to `dst`.
     fn sqrt(&mut self, dst: u8, a: Source);
 
-    /// `dst = from`: move a register, load a slot, or load one number into every lane.
+    /// `dst = from`: copy a register, load a slot, or broadcast one number to every lane.
     fn load(&mut self, dst: u8, from: Source);
 
-    /// Store `from` in the slot at `base + offset` bytes.
+    /// Store register `from` in the slot at `base + offset` bytes.
     fn store(&mut self, base: Base, offset: i32, from: u8);
 
-    /// All bits of `dst` are ones in lanes where `a < b`, else zeros; zeros if one is NaN. SSE2 requires `dst == a`.
+    /// Set all bits of `dst` in lanes where `a < b`, and clear them in other lanes. A comparison with NaN is false. SSE2 requires
+    /// `dst == a`.
     fn less(&mut self, dst: u8, a: u8, b: Source);
 
-    /// `dst = yes` in lanes where the sign bit of `mask` is set, else `no`.
-    /// SSE2 and NEON require full masks: all ones or zeros.
+    /// Write `yes` to `dst` in lanes where the sign bit of `mask` is set, and `no` to the others. SSE2 and NEON require full masks: all
+    /// bits set or all clear.
     fn select(&mut self, dst: u8, mask: u8, yes: u8, no: u8);
 
-    /// `dst` = a mask for [`select`](Self::select), set in lanes where the sign bit of `a` is set.
+    /// Write a mask for [`select`](Self::select) to `dst`. It is set in lanes where the sign bit of `a` is set.
     fn sign_mask(&mut self, dst: u8, a: u8);
 
     /// `dst = a << bits` in lanes of 64 bits. SSE2 requires `dst == a`.
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8);
 
-    /// The prologue: move the arguments to the registers of the code, and save the caller's registers.
+    /// The prologue of a function: move the arguments to the registers of the code, and save the caller's registers.
     fn enter(&mut self, convention: Convention);
 
-    /// The place of the next instruction, for [`again`](Self::again).
+    /// The position of the next instruction, for [`again`](Self::again).
     fn here(&self) -> usize;
 
-    /// Advance the stream by `advance` bytes, and jump to `start` unless this was the last iteration.
+    /// Advance the stream by `advance` bytes, and jump to `start` unless this iteration is the last one.
     fn again(&mut self, start: usize, advance: u32);
 
-    /// Restore the registers that [`enter`](Self::enter) saved, just before [`ret`](Self::ret).
+    /// Restore the registers that [`enter`](Self::enter) saved. [`ret`](Self::ret) must follow.
     fn leave(&mut self, convention: Convention);
 
     /// Return to the caller.

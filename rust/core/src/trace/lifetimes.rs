@@ -1,17 +1,18 @@
-//! The last read of each value of a program, and the time at which its outputs are stored.
+//! The positions at which a program reads each value, and those at which it stores its outputs.
 
 use super::straight::{Instruction, Straight};
 use std::collections::HashSet;
 
-/// The computed instructions, in order, with the positions at which their results are read.
+/// The computed instructions in program order, with the positions of all reads.
 pub(super) struct Lifetimes {
-    /// The indices of the computed instructions.
+    /// The indices of the computed instructions. Leaves (inputs and constants) are not computed.
     pub order: Vec<u32>,
-    /// The positions in `order` at which each value is read, increasing. The position past the end belongs to the final stores.
+    /// For each value, the increasing positions in `order` at which it is read. A final store counts as a read at the position
+    /// `order.len()`.
     reads: Vec<Vec<u32>>,
-    /// Outputs that are stored immediately after their computation: `(position, slot)`, in order of positions.
+    /// Outputs that are stored immediately after their computation: `(position in order, slot)`, by increasing position.
     pub early: Vec<(u32, u32)>,
-    /// Outputs that are stored at the end, because the slot is also an input or the value is a leaf: `(slot, value)`, leaves first.
+    /// Outputs that are stored at the end: `(slot, value)`, leaves first. The slot is also an input, or the value is a leaf.
     pub late: Vec<(u32, u32)>,
 }
 
@@ -51,7 +52,7 @@ impl Lifetimes {
         Lifetimes { order, reads, early, late: copies }
     }
 
-    /// The first position, from `at` on, at which `value` is read; [`NEVER`] if there is none.
+    /// The first position from `at` on at which `value` is read. The result is [`NEVER`] if no such position exists.
     pub fn next_read(&self, value: u32, at: u32) -> u32 {
         let reads = &self.reads[value as usize];
         reads.get(reads.partition_point(|&read| read < at)).copied().unwrap_or(NEVER)

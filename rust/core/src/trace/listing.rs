@@ -1,6 +1,6 @@
-//! A program as text for readers: the operations of a recording, its instructions, and its machine code, one line each.
+//! Listings: a program as text, one line per operation. The stages are the recording, the instructions and the machine code.
 //!
-//! Every line is `to = kind(operands)`. An operand is the result of an earlier line, an input, or a number.
+//! A line has the form `to = kind(operands)`. An operand is the result of an earlier line, an input, or a number.
 
 use super::instruction::Form;
 use super::lower::lower;
@@ -8,7 +8,7 @@ use super::program::Scratch;
 use super::straight::{Instruction, Part, Straight, Stream};
 use super::tape::Op;
 
-/// One line. Numbers are written so that a reader gets the same bits.
+/// One line. The text of a number determines its bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     pub to: String,
@@ -16,26 +16,26 @@ pub struct Line {
     pub operands: Vec<String>,
 }
 
-/// The lines of one stage, in the order in which they are computed.
+/// The lines of one stage, in the order of computation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Listing {
     pub lines: Vec<Line>,
-    /// `(output, value)`
+    /// The outputs of the program: `(output, value)`.
     pub outputs: Vec<(String, String)>,
 }
 
-/// The name of a slot of the frame.
+/// Returns the name of a slot.
 pub type Names<'a> = &'a dyn Fn(u32) -> String;
 
-/// A part as instructions.
+/// A part of a recording as straight-line instructions.
 pub struct Lowered {
     pub straight: Straight,
-    /// Slots that the part reads.
+    /// The slots that the part reads.
     pub inputs: Vec<u32>,
 }
 
 impl Lowered {
-    /// A part as `Program::new` lowers it for `form`.
+    /// Lower a part for `form`, as `Program::new` does.
     pub fn of(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form) -> Self {
         let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
         let inputs =
@@ -43,7 +43,7 @@ impl Lowered {
         Lowered { straight, inputs }
     }
 
-    /// The instructions of the part.
+    /// List the instructions of the part.
     pub fn listing(&self, names: Names) -> Listing {
         let (mut values, mut lines) = (Vec::<String>::new(), Vec::new());
         for &instruction in &self.straight.instructions {
@@ -58,7 +58,7 @@ impl Lowered {
     }
 }
 
-/// The operations of a part of a recording that its outputs need.
+/// List the operations of a part of a recording on which its outputs depend.
 pub fn recorded(part: Part, names: Names) -> Listing {
     let Part { ops, start, outputs, places } = part;
     let end = outputs.iter().map(|&(_, entry)| entry + 1).max().unwrap_or(start);
@@ -83,20 +83,20 @@ pub fn recorded(part: Part, names: Names) -> Listing {
     Listing { lines, outputs }
 }
 
-/// Add a line. The result is the name of its result.
+/// Add a line, and return the name of its result.
 fn line(lines: &mut Vec<Line>, kind: &'static str, operands: impl Iterator<Item = String>, bits: Option<u8>) -> String {
     let to = format!("t{}", lines.len());
     lines.push(Line { to: to.clone(), kind, operands: operands.chain(bits.map(|bits| bits.to_string())).collect() });
     to
 }
 
-/// A number in a notation from which a reader gets the same bits.
+/// Return a number as text that determines its bits.
 pub(super) fn number(x: f64) -> String {
     format!("{x:?}")
 }
 
 impl Op {
-    /// The kind of operation, in one word.
+    /// The name of the operation, one word.
     pub fn kind(self) -> &'static str {
         match self {
             Op::Const(_) => "number",
@@ -121,7 +121,7 @@ impl Op {
 }
 
 impl Instruction {
-    /// The kind of operation, in one word.
+    /// The name of the operation, one word.
     pub fn kind(self) -> &'static str {
         use Instruction::*;
         match self {
@@ -148,7 +148,7 @@ impl Instruction {
         }
     }
 
-    /// The number of bits by which it shifts.
+    /// The number of places of a shift.
     fn bits(self) -> Option<u8> {
         if let Instruction::Shift(_, by) = self { Some(by) } else { None }
     }

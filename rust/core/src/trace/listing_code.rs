@@ -1,7 +1,7 @@
-//! Machine code as text: one line per operation of the emitter, for any instruction set.
+//! Listings of machine code: one line per operation of the emitter, for any instruction set.
 //!
-//! Registers are `r0`, `r1` and so on. Values that moved from registers to memory are `spill0`, `spill1` and so on. An operand that is an
-//! input or a number is in memory. An operation of several instructions is one line.
+//! Registers are `r0`, `r1` and so on. Values that were stored because no register was free are `spill0`, `spill1` and so on. Inputs and
+//! numbers among the operands are in memory. An operation is one line, even if it has several machine instructions.
 
 use super::emit::assemble;
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Source};
@@ -10,16 +10,16 @@ use super::listing::{Line, Listing, Lowered, Names, number};
 #[derive(Clone, Copy)]
 enum Place {
     Register(u8),
-    /// An offset in bytes from a base.
+    /// A base address and an offset in bytes.
     Memory(Base, i32),
     Bits(u8),
 }
 
-/// An assembler that writes each operation as text: its result, its kind and its operands.
+/// An assembler that records each operation as text: its result, its name and its operands.
 struct Writer(Vec<(Place, &'static str, Vec<Place>)>);
 
 impl Lowered {
-    /// The machine code from the emitter for `form`. Spilled values are in slots from `free` on.
+    /// List the machine code that the emitter makes for `form`. Spilled values are in slots from `free` on.
     pub fn code(&self, form: Form, free: usize, names: Names) -> Listing {
         let (writer, emitted) = assemble::<Writer>(&self.straight, form, free);
         let stream = self.straight.stream;
@@ -73,7 +73,7 @@ impl Assemble for Writer {
             Binary::Sub => ("sub", [a, b]),
             Binary::Mul => ("mul", [a, b]),
             Binary::Div => ("div", [a, b]),
-            // As in instructions, which give the first operand unless the second is the smaller or larger one.
+            // As in `Instruction`, the first operand is the result unless the second one is smaller (`min`) or larger (`max`).
             Binary::Min => ("min", [b, a]),
             Binary::Max => ("max", [b, a]),
             Binary::And => ("and", [a, b]),

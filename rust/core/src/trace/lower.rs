@@ -1,17 +1,17 @@
-//! From a recording to the instructions of one instruction set.
+//! Lowering: from a recording to the instructions of one instruction set.
 //!
-//! Lowering removes entries without an effect on an output. It expands sine and cosine into the polynomials of `scalar::trig`, and turns
-//! negation and absolute value into bit operations. A fused product is one instruction if the target has it, otherwise a product and a sum.
-//! Nothing else is fused and nothing is reordered. So the bits are those of direct evaluation on the same instruction set, except for the
-//! signs of zeros.
+//! Lowering removes entries without an effect on an output. It expands sine and cosine into the polynomials of `scalar::trig`, and replaces
+//! negation and absolute value by bit operations. A fused multiply-add is one instruction if the instruction set has it, otherwise a
+//! product and a sum. Lowering fuses and reorders nothing else. So the bits are those of direct evaluation on the same instruction set,
+//! except for the signs of zeros.
 
 use super::memo::Memo;
 use super::straight::{Instruction, Part, Straight};
 use super::tape::Op;
 use crate::scalar::trig;
 
-/// Lower a part of a recording. `fused`: the target has fused multiply-add. Input `k` is in slot `k`. If there are angles, `reach_slot`
-/// receives the largest magnitude among them and its previous content.
+/// Lower a part of a recording. Input `k` is in slot `k`. `fused`: whether the instruction set has fused multiply-add. If the part computes
+/// sines, the content of `reach_slot` becomes the maximum of its previous content and the magnitudes of all angles.
 pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
     let Part { ops, outputs, .. } = part;
     let mut lowering = Lowering {
@@ -44,9 +44,9 @@ pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
 struct Lowering<'a> {
     part: Part<'a>,
     ops: &'a [Op],
-    /// The value of each entry that is lowered already.
+    /// For each entry, the index of its instruction, if the entry is already lowered.
     known: Vec<Option<u32>>,
-    /// The angles whose sine and cosine are computed already.
+    /// The angles whose sine and cosine are already computed.
     turns: Vec<u32>,
     constants: Memo<u64>,
     fused: bool,
@@ -63,7 +63,7 @@ impl Lowering<'_> {
         self.bits(x.to_bits())
     }
 
-    /// A constant by its bits.
+    /// Return the instruction of a constant with these bits.
     fn bits(&mut self, bits: u64) -> u32 {
         let instructions = &mut self.out.instructions;
         *self.constants.entry(bits).or_insert_with(|| {
@@ -72,8 +72,8 @@ impl Lowering<'_> {
         })
     }
 
-    /// Lower the entries that the outputs require, in the order of the recording. Lifetimes are shorter than in depth-first order.
-    /// Operations depend less often on the one just before.
+    /// Lower the entries that the outputs require, in the order of the recording. Compared with depth-first order, values are needed for a
+    /// shorter time, and fewer instructions wait for the one just before them.
     fn entries(&mut self) {
         let mut needed = vec![false; self.ops.len()];
         self.part.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);
@@ -94,7 +94,7 @@ impl Lowering<'_> {
         }
     }
 
-    /// `x` if entry `c` is `-x` and the target can both add and subtract in a fused product.
+    /// Return `x` if entry `c` is `-x` and a fused instruction can subtract `x` instead of adding `c`.
     fn negated(&self, c: u32) -> Option<u32> {
         match self.ops[c as usize] {
             Op::Neg(x) if self.fused && !self.part.is_before(c) => Some(x),
@@ -102,7 +102,7 @@ impl Lowering<'_> {
         }
     }
 
-    /// The entries whose values the lowered `op` reads.
+    /// The entries that the instruction of `op` reads.
     fn reads(&self, op: Op) -> [Option<u32>; 3] {
         if let Op::Fma(a, b, c) | Op::Fnma(a, b, c) = op
             && let Some(x) = self.negated(c)
@@ -168,8 +168,8 @@ impl Lowering<'_> {
         self.push(Instruction::Sub(c, product))
     }
 
-    /// Sine and cosine of entry `a`, computed as in `scalar::trig::sin_cos_near`. `pair` are their operations. The result is the value of
-    /// entry `top`, which is one of them.
+    /// Compute sine and cosine of entry `a` as `scalar::trig::sin_cos_near` does. `pair` are the two operations. Return the value of entry
+    /// `top`, which is one of the two.
     fn turn(&mut self, top: u32, a: u32, pair: (Op, Op)) -> u32 {
         use Instruction as I;
         let x = self.at(a);
@@ -192,7 +192,8 @@ impl Lowering<'_> {
         let (half, one) = (self.constant(-0.5), self.constant(1.0));
         let near_one = self.fma(half, z, one);
         let cos = self.fma(zz, cos, near_one);
-        // Bit 0 of the quadrant swaps the two. Bit 1 changes the sign of the sine, and bit 0 xor bit 1 that of the cosine.
+        // Bit 0 of the quadrant exchanges sine and cosine. Bit 1 changes the sign of the sine. Bit 0 xor bit 1 changes the sign of the
+        // cosine.
         let odd = self.push(I::Shift(rounded, 63));
         let swap = self.push(I::Signs(odd));
         let upper = self.push(I::Shift(rounded, 62));
@@ -202,7 +203,7 @@ impl Lowering<'_> {
         let swapped = (self.push(I::Select(swap, cos, sin)), self.push(I::Select(swap, sin, cos)));
         let sin = self.push(I::Xor(swapped.0, sin_sign));
         let cos = self.push(I::Xor(swapped.1, cos_sign));
-        // Now the values of both entries of the pair are known.
+        // Both entries of the pair are now lowered.
         for (entry, op) in [(pair.0, sin), (pair.1, cos)] {
             if let Some(at) = self.twin(top, entry) {
                 self.known[at] = Some(op);
@@ -211,13 +212,13 @@ impl Lowering<'_> {
         self.known[top as usize].unwrap_or_default()
     }
 
-    /// The other entry of the pair of sine and cosine, next to `top`. Both are recorded one after the other.
+    /// Find the entry with operation `wanted`, at `top` or next to it. Sine and cosine of an angle are recorded one after the other.
     fn twin(&self, top: u32, wanted: Op) -> Option<usize> {
         let top = top as usize;
         [Some(top), top.checked_sub(1), Some(top + 1)].into_iter().flatten().find(|&i| self.ops.get(i) == Some(&wanted))
     }
 
-    /// Two coefficients at a time (Estrin), as in `sin_cos_near`.
+    /// Evaluate a polynomial in pairs of coefficients (Estrin), as `sin_cos_near` does.
     fn polynomial(&mut self, a: [f64; 6], z: u32, zz: u32) -> u32 {
         let mut pair = |k: usize| {
             let (first, second) = (self.constant(a[k]), self.constant(a[k + 1]));

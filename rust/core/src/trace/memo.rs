@@ -1,9 +1,9 @@
-//! The index of an entry, by its key.
+//! A hash map from keys to indices of entries.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// A multiplicative hash (Knuth), because the keys are small and do not come from an adversary.
+/// A multiplicative hash (Knuth). It suffices because the keys are small and no adversary chooses them.
 #[derive(Default)]
 pub struct Multiplicative(u64);
 
@@ -27,5 +27,5 @@ impl Hasher for Multiplicative {
     }
 }
 
-/// The index of each known key.
+/// Maps each known key to the index of its entry.
 pub type Memo<K> = HashMap<K, u32, BuildHasherDefault<Multiplicative>>;

@@ -1,10 +1,10 @@
-//! Executable memory. Pages are first written and then made executable. They are never writable and executable at the same time.
+//! Executable memory. Pages are written first and become executable afterwards. They are never writable and executable at the same time.
 //!
-//! Systems and their rules:
+//! Rules of systems:
 //! - Linux, Windows, the BSDs, macOS on Intel: an anonymous mapping changes from writable to executable (mprotect,
 //!   VirtualProtect).
-//! - macOS on Apple silicon: a mapping with MAP_JIT, which each thread sees as writable or as executable. A process with the
-//!   hardened runtime requires the entitlement `com.apple.security.cs.allow-jit` for it.
+//! - macOS on Apple silicon: a mapping with MAP_JIT is either writable or executable, separately for each thread. A process with the
+//!   hardened runtime requires the entitlement `com.apple.security.cs.allow-jit` for such a mapping.
 //! - A system that forbids new executable pages (hardened runtime, SELinux `execmem`, PaX, prctl PR_SET_MDWE): [`Code::new`]
 //!   returns the system's error.
 //!
@@ -13,9 +13,9 @@
 //! - iOS;
 //! - unwinding and debugging through the code, which has no unwind tables.
 //!
-//! No test compiles the parts for Apple silicon and for Windows on aarch64.
+//! No test compiles the code for Apple silicon and for Windows on aarch64.
 //!
-//! On aarch64, the instruction cache does not follow writes. So it is flushed before the first run.
+//! On aarch64, the instruction cache is not updated by writes. It is flushed before the first run.
 
 use std::io::{Error, ErrorKind, Result};
 
@@ -38,17 +38,17 @@ mod pages {
     }
 }
 
-/// The type of the machine code: frame, constants, stream and turns.
+/// The signature of the machine code. Arguments: frame, constants, stream, number of iterations.
 pub type Function = extern "C" fn(*mut f64, *const f64, *const f64, usize);
 
 /// Machine code of one [`Function`] in executable, read-only memory.
 pub struct Code(pages::Pages);
 
 impl Code {
-    /// Copy machine code into memory that is executable afterwards.
+    /// Copy machine code to new memory, and make this memory executable.
     ///
     /// # Errors
-    /// Empty code, insufficient memory, or a system that refuses executable pages.
+    /// The code is empty, memory is insufficient, or the system refuses executable pages.
     pub fn new(bytes: &[u8]) -> Result<Code> {
         if bytes.is_empty() {
             return Err(Error::new(ErrorKind::InvalidInput, "no machine code"));
@@ -64,10 +64,10 @@ impl Code {
     /// Call the function.
     ///
     /// # Safety
-    /// The bytes are machine code of this processor, of a function of that signature, and its instruction set is
-    /// there. `frame`, `constants` and `stream` are valid and aligned for every slot that the code reads or writes in so many turns.
+    /// The bytes are a function of signature [`Function`], in machine code that this processor can run. `frame`, `constants` and `stream`
+    /// are valid and aligned for every slot that the code accesses in `turns` iterations.
     pub unsafe fn run(&self, frame: *mut f64, constants: *const f64, stream: *const f64, turns: usize) {
-        // SAFETY: the mapping lives as long as `self`, it is executable, and the caller vouches for its content.
+        // SAFETY: the mapping exists as long as `self` and is executable. The caller guarantees that its content is this function.
         unsafe {
             let function: Function = std::mem::transmute(self.address());
             function(frame, constants, stream, turns);
@@ -75,7 +75,7 @@ impl Code {
     }
 }
 
-/// Make written instructions visible to the instruction fetch. x86-64 needs nothing.
+/// Make written instructions visible to the instruction fetch. On x86-64 this requires no operation.
 #[cfg(not(target_arch = "aarch64"))]
 fn flush(_: *const u8, _: usize) {}
 
@@ -85,7 +85,7 @@ fn flush(start: *const u8, bytes: usize) {
     unsafe extern "C" {
         fn sys_icache_invalidate(start: *const core::ffi::c_void, bytes: usize);
     }
-    // SAFETY: a function of the system library, on a range that is mapped.
+    // SAFETY: calls a function of the system library on a mapped range.
     unsafe { sys_icache_invalidate(start.cast(), bytes) }
 }
 
@@ -97,18 +97,19 @@ fn flush(start: *const u8, bytes: usize) {
         fn GetCurrentProcess() -> *mut c_void;
         fn FlushInstructionCache(process: *mut c_void, start: *const c_void, bytes: usize) -> i32;
     }
-    // SAFETY: functions of kernel32, on a range that is mapped.
+    // SAFETY: calls functions of kernel32 on a mapped range.
     unsafe { FlushInstructionCache(GetCurrentProcess(), start.cast(), bytes) };
 }
 
 /// Make written instructions visible to the instruction fetch (Arm Architecture Reference Manual, B2.4.4).
 ///
-/// Data lines are written to the level that both caches share. Then the instruction lines are invalidated.
+/// First write the lines of the data cache to the level of memory that both caches share. Then invalidate the lines of the instruction
+/// cache.
 #[cfg(all(target_arch = "aarch64", not(target_vendor = "apple"), not(windows)))]
 fn flush(start: *const u8, bytes: usize) {
     use core::arch::asm;
     let (start, end) = (start as usize, start as usize + bytes);
-    // SAFETY: reads the sizes of the cache lines, and cleans lines of a range that is mapped.
+    // SAFETY: reads the sizes of the cache lines, and cleans lines of a mapped range.
     unsafe {
         let sizes: usize;
         asm!("mrs {}, ctr_el0", out(reg) sizes, options(nomem, nostack));
@@ -143,7 +144,7 @@ mod tests {
     fn runs_code() {
         let code = Code::new(&SUM).unwrap();
         let mut frame = [1.5];
-        // SAFETY: code that reads and writes one number of each argument.
+        // SAFETY: this code reads and writes one number of each argument.
         unsafe { code.run(frame.as_mut_ptr(), [2.0].as_ptr(), std::ptr::null(), 1) };
         assert_eq!(frame, [3.5]);
     }
@@ -153,8 +154,8 @@ mod tests {
         assert_eq!(Code::new(&[]).err().unwrap().kind(), ErrorKind::InvalidInput);
     }
 
-    /// A child process gives up its right to make pages executable (Linux 6.3), as on a hardened system. The test does not run on aarch64,
-    /// because an emulator there needs this right itself.
+    /// A child process gives up the right to make pages executable (Linux 6.3), as on a hardened system. On aarch64 the test does not run,
+    /// because the emulator itself needs this right.
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
     #[test]
     fn returns_the_refusal_of_the_system() {
@@ -165,9 +166,9 @@ mod tests {
         }
         const PR_SET_MDWE: i32 = 65;
         if std::env::var_os(CHILD).is_some() {
-            // SAFETY: this changes permissions of this process, and no memory.
+            // SAFETY: the call changes permissions of this process and does not access memory.
             let given_up = unsafe { prctl(PR_SET_MDWE, 1, 0, 0, 0) } == 0;
-            // A kernel without this call cannot refuse.
+            // A kernel without this option cannot refuse executable pages.
             assert_eq!(Code::new(&SUM).is_err(), given_up);
             return;
         }

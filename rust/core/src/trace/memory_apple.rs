@@ -1,4 +1,4 @@
-//! Executable pages on Apple silicon: a mapping with MAP_JIT is executable, except for a thread that has requested to write it.
+//! Executable pages on Apple silicon. A mapping with MAP_JIT is executable, except in a thread that has requested to write to it.
 //! Source: Apple, "Porting just-in-time compilers to Apple silicon".
 
 use std::ffi::{c_int, c_void};
@@ -8,22 +8,22 @@ use std::ptr::null_mut;
 unsafe extern "C" {
     fn mmap(address: *mut c_void, bytes: usize, protection: c_int, flags: c_int, file: c_int, offset: i64) -> *mut c_void;
     fn munmap(address: *mut c_void, bytes: usize) -> c_int;
-    /// Zero: this thread may write mappings with MAP_JIT. One: it may execute them.
+    /// `executes` = 0: this thread may write to mappings with MAP_JIT. `executes` = 1: this thread may execute them.
     fn pthread_jit_write_protect_np(executes: c_int);
 }
 
 const READ_WRITE_EXECUTE: c_int = 1 | 2 | 4;
 const MAP_PRIVATE_ANON_JIT: c_int = 0x0002 | 0x1000 | 0x0800;
 
-/// A mapping that is written once.
+/// A mapping that is written only once.
 pub struct Pages {
     start: *mut c_void,
     bytes: usize,
 }
 
-// SAFETY: after it is made nothing writes to the mapping, and it belongs to the process, not to a thread.
+// SAFETY: no code writes to the mapping after its construction. It belongs to the process and not to a thread.
 unsafe impl Send for Pages {}
-// SAFETY: as above.
+// SAFETY: no code writes to the mapping after its construction. It belongs to the process and not to a thread.
 unsafe impl Sync for Pages {}
 
 impl Pages {
@@ -34,15 +34,15 @@ impl Pages {
 
 impl Drop for Pages {
     fn drop(&mut self) {
-        // SAFETY: the mapping was made with this length, and nothing refers to it any more.
+        // SAFETY: the mapping was made with this length, and no reference to it exists any more.
         unsafe { munmap(self.start, self.bytes) };
     }
 }
 
 /// Executable pages that start with `bytes`.
 pub fn executable(bytes: &[u8]) -> Result<Pages> {
-    // SAFETY: a new mapping. It is written through its own address, within its length, while this thread may write it;
-    // the copy cannot panic, so that the thread always returns to executing.
+    // SAFETY: the mapping is new. The copy writes within its length, while this thread may write to it. The copy cannot panic, so that the
+    // thread always returns to executing.
     unsafe {
         let start = mmap(null_mut(), bytes.len(), READ_WRITE_EXECUTE, MAP_PRIVATE_ANON_JIT, -1, 0);
         if start as isize == -1 {

@@ -1,10 +1,14 @@
-//! From a recorded computation to a program. A loop is recorded once with the number [`Sym`] and simplified. Then it is lowered to
-//! straight-line instructions of one instruction set, for one run or for many lanes.
+//! Recorded computations as programs. A loop runs once with the number type [`Sym`], which records its operations on a *tape*. The
+//! recording is simplified. A *program* is its straight-line code for one instruction set. It computes one run, or one run per *lane* (one
+//! element of a SIMD register).
 //!
-//! `sym`, `tape`, `memo`: recording and folding. `differentiate`, `tangents`, `adjoint`: derivatives of a recording. `straight`, `lower`:
-//! straight-line instructions. `lifetimes`, `emit`, `x86`, `aarch64`, `memory`: machine code. `portable`: the same bits without machine
-//! code. `frame`: the memory of a running program; `pages`: large memory; `rows`: copies between the caller's rows and a frame. `function`:
-//! stored functions of numbers. `program`: the common interface. `label`, `listing`: text for readers.
+//! A *frame* is the memory of a running program. A *slot* of a frame has one number per lane.
+//!
+//! Files: `sym`, `tape` and `memo` record and fold. `differentiate`, `tangents` and `adjoint` compute derivatives of a recording.
+//! `straight` and `lower` have the straight-line instructions. `lifetimes`, `emit`, `x86`, `aarch64` and `memory` make machine code.
+//! `portable` computes the same bits without machine code. `frame` is the memory of a running program, and `pages` requests large pages.
+//! `rows` copies between the caller's rows and a frame. `function` stores recorded functions. `program` is the common interface. `label`
+//! and `listing` produce text for readers.
 
 pub mod aarch64;
 pub mod adjoint;

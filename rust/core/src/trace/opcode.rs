@@ -1,6 +1,6 @@
-//! The identification of an instruction of x86-64, in legacy encoding, VEX and EVEX.
+//! The opcodes of x86-64 instructions, for the legacy, VEX and EVEX encodings.
 
-/// The prefix of an opcode in legacy code: none, 66, F3, F2. VEX and EVEX contain its index.
+/// The mandatory prefix byte of an opcode: none, 66, F3 or F2. VEX and EVEX contain its index.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Prefix {
     None,
@@ -9,7 +9,7 @@ pub enum Prefix {
     F2,
 }
 
-/// The table of the opcode.
+/// The opcode map: 0F, 0F 38 or 0F 3A.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Map {
     M0F = 1,
@@ -17,28 +17,29 @@ pub enum Map {
     M0F3A = 3,
 }
 
+/// An opcode with its encoding options.
 #[derive(Clone, Copy)]
 pub struct Opcode {
     pub prefix: Prefix,
     pub map: Map,
     pub byte: u8,
-    /// The W bit in VEX. In EVEX it is always one, because elements have 64 bits.
+    /// The W bit in VEX. In EVEX this bit is always one, because elements have 64 bits.
     pub wide: bool,
-    /// EVEX: required (true), impossible (false), or used if it is needed or shorter.
+    /// The use of EVEX: `Some(true)` always, `Some(false)` never, `None` if EVEX is required or shorter.
     pub evex: Option<bool>,
-    /// Whether the mask register k1 selects lanes.
+    /// Whether mask register k1 selects the lanes.
     pub blend: bool,
-    /// Whether the instruction always reads one number for all lanes.
+    /// Whether the instruction always broadcasts one number to all lanes.
     pub broadcast: bool,
-    /// A byte after the displacement.
+    /// The immediate byte after the displacement.
     pub immediate: Option<u8>,
 }
 
-/// The operand in `rm`.
+/// The operand in the `rm` field.
 #[derive(Clone, Copy)]
 pub enum Operand {
     Register(u8),
-    /// Base register, displacement, and whether one number is read for all lanes.
+    /// A memory operand: base register, displacement in bytes, and whether one number is broadcast to all lanes.
     Memory(u8, i32, bool),
 }
 
@@ -51,7 +52,7 @@ impl Opcode {
         Opcode { immediate: Some(immediate), ..self }
     }
 
-    /// An instruction that only AVX-512 has, in the table 0F38.
+    /// An opcode of map 0F38 that exists only in AVX-512.
     pub const fn masked(prefix: Prefix, byte: u8) -> Self {
         Opcode { evex: Some(true), ..opcode(prefix, Map::M0F38, byte) }
     }

@@ -1,12 +1,12 @@
-//! Large memory in large pages, which Linux provides on request (`madvise`).
+//! Large arrays in pages of 2 MiB, which Linux provides on request (`madvise`).
 //!
-//! The first access to a page takes longer than writing it. A number of a new array takes 4.7 ns with pages of 4 KiB, and 1 ns with pages
-//! of 2 MiB.
+//! The first access to a page is slower than writing its numbers. Writing a new array takes 4.7 ns per number with pages of 4 KiB, and 1 ns
+//! with pages of 2 MiB.
 
-/// Size in bytes from which pages of 2 MiB are requested, as in numpy.
+/// Arrays of at least this size, in bytes, use pages of 2 MiB. numpy has the same limit.
 const LARGE: usize = 1 << 22;
 
-/// Return `memory` unchanged, and request large pages for its untouched part if it is large.
+/// Request large pages for new memory if it is large, and return the memory.
 pub fn in_large_pages<T>(memory: Vec<T>) -> Vec<T> {
     let bytes = memory.capacity() * size_of::<T>();
     if bytes >= LARGE {
@@ -27,10 +27,10 @@ mod system {
     const HUGE: c_int = 14;
     const PAGE: usize = 4096;
 
-    /// Request large pages for the whole pages within this memory. The answer of the system changes no number.
+    /// Request large pages for the whole pages within this memory. Errors are ignored, because the request does not change any content.
     pub fn advise(start: usize, bytes: usize) {
         let first = start.next_multiple_of(PAGE);
-        // SAFETY: this advice changes no byte; of what is not mapped the system says that.
+        // SAFETY: this advice changes no content. The system returns an error for addresses that are not mapped.
         let _ = unsafe { madvise(first as *mut c_void, bytes - (first - start), HUGE) };
     }
 }

@@ -1,34 +1,35 @@
-//! A program without machine code: one loop over its instructions, each on all lanes of the frame.
+//! A program without machine code: a loop over its instructions. Each instruction computes all lanes of the frame.
 //!
-//! It gives the same bits as the emitted code of the same instruction set. It serves to check that code, and runs where the system refuses
-//! executable memory. Values are in slots after those of the program. A slot is reused after the last read of its value.
+//! The bits equal those of the emitted code of the same instruction set. Tests compare the two. The portable program runs where the system
+//! refuses executable memory. Computed values are in slots after the slots of the program. After the last read of a value, its slot is
+//! reused.
 
 use super::frame::Frame;
 use super::lifetimes::{Lifetimes, NEVER};
 use super::straight::{Instruction, Straight, Stream};
 use crate::scalar::lanes::{Isa, isa};
 
-/// An instruction on slots. `what` is its kind, with slots as operands.
+/// An instruction. The operands of `what` are slots, and `to` is the slot of the result.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     what: Instruction,
     to: u32,
 }
 
-/// A program on slots.
+/// A program whose values all have slots.
 #[derive(Clone, Debug)]
 pub struct Portable {
     steps: Vec<Step>,
-    /// `(from, to)`, done at the end, in order.
+    /// The copies at the end of a run, in order: `(from, to)`.
     copies: Vec<(u32, u32)>,
-    /// `(slot, number)`
+    /// The constants: `(slot, number)`.
     constants: Vec<(u32, f64)>,
     stream: Option<Stream>,
     slots: usize,
 }
 
 impl Portable {
-    /// Assign slots, from `first` on, to the values of `program`.
+    /// Assign slots to the values of `program`. New slots begin at `first`.
     pub fn new(program: &Straight, first: usize) -> Self {
         let lifetimes = Lifetimes::of(program);
         let (mut place, mut free, mut next) = (vec![0u32; program.instructions.len()], Vec::new(), first as u32);
@@ -53,7 +54,7 @@ impl Portable {
             place[i as usize] = to;
             steps.push(Step { what: instruction.on(|a| place[a as usize]), to });
             while let Some((_, slot)) = early.next_if(|(position, _)| *position == at) {
-                // A select whose mask is the value itself is a copy.
+                // A selection between a value and itself is a copy.
                 steps.push(Step { what: Instruction::Select(to, to, to), to: *slot });
             }
             let mut dead: Vec<u32> = instruction.operands().chain([i]).collect();
@@ -70,7 +71,7 @@ impl Portable {
         Portable { steps, copies, constants, stream: program.stream, slots: next as usize }
     }
 
-    /// Number of slots of a frame for the program.
+    /// The number of slots that a frame of the program requires.
     pub fn slots(&self) -> usize {
         self.slots
     }
@@ -82,7 +83,7 @@ impl Portable {
         }
     }
 
-    /// Run on a prepared frame, with `turns` iterations along the stream.
+    /// Run on a prepared frame. `turns` is the number of iterations along the stream.
     pub fn run(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
         assert!(frame.numbers().len() >= self.slots * frame.lanes(), "the frame has too few slots");
         for turn in 0..turns {
@@ -103,13 +104,13 @@ impl Portable {
         let numbers = frame.numbers_mut();
         match (lanes, isa() >= Isa::Avx2) {
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: the machine was seen to have AVX2 and FMA.
+            // SAFETY: `isa()` reports AVX2, which includes FMA here.
             (1, true) => unsafe { self.fused::<1>(numbers) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
+            // SAFETY: `isa()` reports AVX2, which includes FMA here.
             (4, true) => unsafe { self.fused::<4>(numbers) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
+            // SAFETY: `isa()` reports AVX2, which includes FMA here.
             (8, true) => unsafe { self.fused::<8>(numbers) },
             (1, _) => self.all::<1>(numbers),
             (2, _) => self.all::<2>(numbers),

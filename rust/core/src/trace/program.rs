@@ -1,6 +1,7 @@
-//! A program: a recorded computation that runs on frames, as machine code if the system allows it.
+//! A program: a recorded computation that runs on frames.
 //!
-//! Otherwise it runs without machine code, with the same bits. `ARMLET_PROGRAMS=portable` selects this.
+//! It is machine code if the system allows executable memory. Otherwise it is evaluated instruction by instruction, with the same bits. The
+//! environment variable `ARMLET_PROGRAMS=portable` selects this evaluation.
 
 #[cfg(target_arch = "aarch64")]
 use super::aarch64::Assembler;
@@ -22,9 +23,9 @@ const HAS_EMITTER: bool = cfg!(any(target_arch = "x86_64", target_arch = "aarch6
 /// How programs run in this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Engine {
-    /// As machine code.
+    /// Programs are machine code.
     Machine,
-    /// Instruction by instruction.
+    /// Programs are evaluated instruction by instruction.
     Portable,
 }
 
@@ -37,7 +38,7 @@ impl Engine {
     }
 }
 
-/// The engine of this process, which is read once from the environment and the system.
+/// The engine of this process. The first call determines it from the environment and the system.
 pub fn engine() -> Engine {
     static ENGINE: OnceLock<Engine> = OnceLock::new();
     *ENGINE.get_or_init(|| {
@@ -47,7 +48,7 @@ pub fn engine() -> Engine {
     })
 }
 
-/// The form of code for one run or for lanes on this machine.
+/// The form of code on this machine: packed for lanes, scalar for one run.
 pub fn form(packed: bool) -> Form {
     let set = match isa() {
         _ if cfg!(target_arch = "aarch64") => Set::Neon,
@@ -58,12 +59,12 @@ pub fn form(packed: bool) -> Form {
     Form { set, packed }
 }
 
-/// The memory of a program in a frame.
+/// The slots of a frame that a program may use in addition to inputs and outputs.
 #[derive(Clone, Copy)]
 pub struct Scratch {
-    /// The slot for the largest angle in all runs of the program.
+    /// The slot that receives the largest magnitude of the angles of all runs.
     pub reach: u32,
-    /// The first unused slot.
+    /// The first free slot.
     pub free: usize,
 }
 
@@ -83,13 +84,13 @@ pub struct Program {
 }
 
 impl Program {
-    /// The program of a part of a recording. Input `k` is in slot `k`, unless it is in the stream.
+    /// Make a program from a part of a recording. Input `k` is in slot `k`, unless it belongs to the stream.
     pub fn new(part: Part, stream: Option<Stream>, scratch: Scratch, form: Form, engine: Engine) -> Self {
         let straight = Straight { stream, ..lower(part, scratch.reach, form.has_fused()) };
         Program::of(&straight, scratch.free, form, engine)
     }
 
-    /// The program of instructions lowered for the set of `form`. Its internal values are in slots from `free` on.
+    /// Make a program from instructions that are lowered for the set of `form`. Its internal values use slots from `free` on.
     pub fn of(straight: &Straight, free: usize, form: Form, engine: Engine) -> Self {
         let (operations, turns, stream) = (straight.operations(), straight.reach.is_some(), straight.stream);
         if let Some((code, constants, slots)) = machine(straight, free, form, engine) {
@@ -99,17 +100,17 @@ impl Program {
         Program { slots: portable.slots(), backend: Backend::Portable(portable), form, operations, turns, stream }
     }
 
-    /// Number of slots of a frame for the program.
+    /// The number of slots that a frame of the program requires.
     pub fn slots(&self) -> usize {
         self.slots
     }
 
-    /// Number of operations of one run.
+    /// The number of operations in one run.
     pub fn operations(&self) -> usize {
         self.operations
     }
 
-    /// Whether it computes sines. If so, its results are valid while the reach is below the limit of `scalar::trig`.
+    /// Whether the program computes sines. Its results are then valid only for angles below the limit of `scalar::trig`.
     pub fn turns(&self) -> bool {
         self.turns
     }
@@ -129,14 +130,14 @@ impl Program {
         }
     }
 
-    /// Run once on a prepared frame.
+    /// Run the program once on a prepared frame.
     #[inline]
     pub fn run(&self, frame: &mut Frame) {
         assert!(self.stream.is_none(), "the program has a stream");
         self.repeat(frame, &[], 1);
     }
 
-    /// Run `turns` iterations along the stream. The stream has slots as in a frame, or single numbers if they are broadcast to the lanes.
+    /// Run `turns` iterations along the stream. The stream has slots with one number per lane, or single numbers that are broadcast.
     pub fn run_along(&self, frame: &mut Frame, stream: &[f64], turns: usize) {
         let Some(inputs) = self.stream else { unreachable!("the program has no stream") };
         let lanes = if inputs.spread { 1 } else { self.form.lanes() };
@@ -154,8 +155,8 @@ impl Program {
             "the frame is of another program"
         );
         match &self.backend {
-            // SAFETY: code of an instruction set that the machine has, on the frame and constants that it was emitted for: every
-            // slot is below `slots`, frames are aligned to 64 bytes, and the stream was seen to be long enough and aligned.
+            // SAFETY: this processor has the instruction set of the code, and the frame and constants fit the code. The assertions check
+            // that every slot is in the frame, and the length and alignment of the stream. Frames are aligned to 64 bytes.
             Backend::Machine { code, constants } => unsafe {
                 code.run(frame.numbers_mut().as_mut_ptr(), constants.numbers().as_ptr(), stream.as_ptr(), turns);
             },
@@ -164,13 +165,13 @@ impl Program {
     }
 }
 
-/// The length of the machine code for `form`, and the number of spilled values; `None` without an emitter.
+/// Return the length of the machine code for `form`, in bytes, and the number of spilled values. `None` means that no emitter exists.
 pub fn size(straight: &Straight, free: usize, form: Form) -> Option<(usize, usize)> {
     let emitted = HAS_EMITTER.then(|| emit::<Assembler>(straight, form, free))?;
     Some((emitted.bytes.len(), emitted.spilled))
 }
 
-/// Machine code with its constants and slots; `None` if the system refuses it or the engine is another one.
+/// Return the machine code, its constants and its number of slots. `None` means that the system refuses it or that the engine is portable.
 fn machine(straight: &Straight, free: usize, form: Form, engine: Engine) -> Option<(Code, Frame, usize)> {
     if engine == Engine::Portable || !HAS_EMITTER {
         return None;

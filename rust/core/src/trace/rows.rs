@@ -1,11 +1,12 @@
-//! Copies between rows of the caller's arrays, one run each, and lanes of a frame. They are transposes, four by four if the processor has
-//! AVX2.
+//! Copies between rows of the caller's arrays and lanes of a frame. A row has the numbers of one run, and a lane of the frame receives this
+//! row. The copy is a transposition. With AVX2, it moves blocks of four by four numbers.
 
 use super::frame::Frame;
 use crate::scalar::lanes::{Isa, isa};
 use std::ops::Range;
 
-/// Write rows `at..` of `given`, `width` numbers each, to the slots from `first` on, one row per lane. Lanes beyond the last row repeat it.
+/// Copy the rows of `given` from row `at` on, each with `width` numbers, to the slots from `first` on: one row per lane. Lanes beyond the
+/// last row repeat the last row.
 pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: usize) {
     if width == 0 {
         return;
@@ -15,7 +16,7 @@ pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: us
     #[cfg(target_arch = "x86_64")]
     if lanes.is_multiple_of(4) && at + lanes <= last + 1 && isa() >= Isa::Avx2 {
         for (k, four) in given[at * width..(at + lanes) * width].chunks_exact(4 * width).enumerate() {
-            // SAFETY: the processor has AVX2.
+            // SAFETY: the condition above includes that the processor has AVX2.
             unsafe { avx2::read_four(four, width, 4 * k, lanes, to) };
         }
         return;
@@ -28,8 +29,8 @@ pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: us
     }
 }
 
-/// Write the `length` slots from `first` on as rows of `out`, up to its size. The result is true if every number is finite. No zero is
-/// negative.
+/// Copy the `length` slots from `first` on to rows of `out`, one row per lane, until `out` is full. Return whether every number is finite.
+/// Negative zeros become positive.
 pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> bool {
     let lanes = frame.lanes();
     let from = &frame.numbers()[first * lanes..(first + length) * lanes];
@@ -37,7 +38,7 @@ pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> boo
     for (group, rows) in out[..].chunks_mut(4 * length).enumerate() {
         #[cfg(target_arch = "x86_64")]
         if rows.len() == 4 * length && lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
-            // SAFETY: the processor has AVX2.
+            // SAFETY: the condition above includes that the processor has AVX2.
             sound &= unsafe { avx2::write_four(from, 4 * group, lanes, length, rows) };
             continue;
         }
@@ -51,7 +52,7 @@ pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> boo
     sound
 }
 
-/// A series of records. Each has `record` numbers of all `lanes`.
+/// A series of records in memory. Each of the `count` records has `record` numbers for each of `lanes` lanes.
 pub struct Series<'a> {
     pub numbers: &'a [f64],
     pub lanes: usize,
@@ -60,8 +61,8 @@ pub struct Series<'a> {
 }
 
 impl Series<'_> {
-    /// Write the numbers `which` of every record as a row of `out`, for each lane from `lane` on. The result is true if all are finite. No
-    /// zero is negative.
+    /// Copy the numbers `which` of every record to one row of `out` for each lane from `lane` on. Return whether all numbers are finite.
+    /// Negative zeros become positive.
     pub fn write(&self, which: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
         let Series { numbers, lanes, record, count } = *self;
         let length = which.len() * count;
@@ -69,7 +70,7 @@ impl Series<'_> {
         assert!(out.iter().all(|row| row.len() == length), "rows of another length");
         #[cfg(target_arch = "x86_64")]
         if let ([a, b, c, d], true) = (&mut *out, length >= 4 && isa() >= Isa::Avx2) {
-            // SAFETY: the processor has AVX2.
+            // SAFETY: the condition above includes that the processor has AVX2.
             return unsafe { avx2::write_series(self, which, lane, [a, b, c, d]) };
         }
         let mut sound = true;
@@ -104,23 +105,23 @@ mod avx2 {
     /// Load two numbers from `low` into the lower lanes, and two from `high` into the upper lanes.
     ///
     /// # Safety
-    /// They can be read.
+    /// Two numbers can be read at `low`, and two at `high`.
     #[inline]
     #[target_feature(enable = "avx2")]
     unsafe fn pairs(low: *const f64, high: *const f64) -> __m256d {
-        // SAFETY: the caller's.
+        // SAFETY: the caller guarantees that these numbers can be read.
         unsafe { _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(_mm_loadu_pd(low)), _mm_loadu_pd(high)) }
     }
 
-    /// The columns of four rows of four numbers.
+    /// Load four rows of four numbers, and return their columns.
     ///
     /// # Safety
-    /// They can be read.
+    /// Four numbers can be read at each pointer.
     #[inline]
     #[target_feature(enable = "avx2")]
     unsafe fn columns(rows: [*const f64; 4]) -> [__m256d; 4] {
         let [a, b, c, d] = rows;
-        // SAFETY: the caller's.
+        // SAFETY: the caller guarantees that these numbers can be read.
         let (left, right) = unsafe { ([pairs(a, c), pairs(b, d)], [pairs(a.add(2), c.add(2)), pairs(b.add(2), d.add(2))]) };
         [
             _mm256_unpacklo_pd(left[0], left[1]),
@@ -130,16 +131,16 @@ mod avx2 {
         ]
     }
 
-    /// The columns of four rows of fewer than four numbers, followed by zeros.
+    /// Load four rows of `width < 4` numbers, and return their columns. Columns beyond `width` are zero.
     ///
     /// # Safety
-    /// `width` numbers of each row can be read.
+    /// At each pointer, `width` numbers can be read.
     #[inline]
     #[target_feature(enable = "avx2")]
     unsafe fn short_columns(rows: [*const f64; 4], width: usize) -> [__m256d; 4] {
         let mask = _mm256_cmpgt_epi64(_mm256_set1_epi64x(width as i64), _mm256_set_epi64x(3, 2, 1, 0));
         let [a, b, c, d] = rows;
-        // SAFETY: lanes outside of the mask are not read.
+        // SAFETY: the mask restricts each read to `width` numbers, which the caller guarantees.
         unsafe {
             transposed([_mm256_maskload_pd(a, mask), _mm256_maskload_pd(b, mask), _mm256_maskload_pd(c, mask), _mm256_maskload_pd(d, mask)])
         }
@@ -157,11 +158,11 @@ mod avx2 {
         ]
     }
 
-    /// Write four consecutive rows of `width` numbers to lanes `lane..lane + 4` of slots of `lanes`.
+    /// Copy four consecutive rows of `width` numbers to lanes `lane..lane + 4` of the slots `to`. Each slot has `lanes` lanes.
     #[target_feature(enable = "avx2")]
     pub fn read_four(rows: &[f64], width: usize, lane: usize, lanes: usize, to: &mut [f64]) {
         assert!(rows.len() == 4 * width && lane + 4 <= lanes && to.len() == width * lanes);
-        // SAFETY: row `i` begins at `i` times the width, and there are four lanes of as many slots.
+        // SAFETY: row `i` begins at index `i width`, and each of the `width` slots has the four lanes. The assertion checks both lengths.
         unsafe {
             let row = |i: usize, k: usize| rows.as_ptr().add(i * width + k);
             let slot = to.as_mut_ptr().add(lane);
@@ -182,7 +183,7 @@ mod avx2 {
         }
     }
 
-    /// As [`Series::write`], for four lanes with at least four numbers in total.
+    /// Do the work of [`Series::write`] for four lanes. The row of each lane has at least four numbers.
     #[target_feature(enable = "avx2")]
     pub fn write_series(series: &Series, which: Range<usize>, lane: usize, out: [&mut [f64]; 4]) -> bool {
         let &Series { numbers, lanes, record, count } = series;
@@ -190,7 +191,7 @@ mod avx2 {
         assert!(lane + 4 <= lanes && which.end <= record && numbers.len() >= record * lanes * count);
         assert!(length >= 4 && out.iter().all(|row| row.len() == length));
         let zero = _mm256_setzero_pd();
-        // Zero, or NaN after a number that is not finite.
+        // Zero if all numbers so far are finite, otherwise NaN.
         let mut zeros = [zero; 4];
         let gap = (record - which.len()) * lanes;
         let (mut place, mut number) = (which.start * lanes + lane, 0);
@@ -205,7 +206,8 @@ mod avx2 {
         let mut places = [next(), next(), next(), next()];
         let mut at = 0;
         loop {
-            // SAFETY: four lanes of numbers that are there, and four numbers of each row from `at` on.
+            // SAFETY: the assertions check that the four lanes of each record exist, and that each row of `out` has four numbers from `at`
+            // on.
             unsafe {
                 let rows = columns(places.map(|place| numbers.as_ptr().add(place)));
                 for (i, row) in rows.into_iter().enumerate() {
@@ -230,23 +232,24 @@ mod avx2 {
         _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_EQ_OQ>(all, zero)) == 15
     }
 
-    /// Write lanes `lane..lane + 4` of some slots to four rows. The result is true if every number is finite.
+    /// Copy lanes `lane..lane + 4` of `length` slots to four rows. Return whether every number is finite.
     #[target_feature(enable = "avx2")]
     pub fn write_four(from: &[f64], lane: usize, lanes: usize, length: usize, out: &mut [f64]) -> bool {
         assert!(length > 0 && lane + 4 <= lanes && from.len() == length * lanes && out.len() == 4 * length);
         let zero = _mm256_setzero_pd();
-        // Zero, or NaN after a number that is not finite.
+        // Zero if all numbers so far are finite, otherwise NaN.
         let mut zeros = [zero; 4];
         if length < 4 {
             let mut slots = [zero; 4];
             for k in 0..length {
-                // SAFETY: four lanes of a slot.
+                // SAFETY: the assertion checks that the slot has these four lanes.
                 slots[k] = _mm256_add_pd(unsafe { _mm256_loadu_pd(from.as_ptr().add(k * lanes + lane)) }, zero);
                 zeros[k] = _mm256_mul_pd(slots[k], zero);
             }
             let rows = if length == 1 { slots } else { transposed(slots) };
             let mut last = [0.0; 4];
-            // SAFETY: four numbers from the start of a row on, of which the next row overwrites what is not its own; the last row is apart.
+            // SAFETY: each store writes four numbers from the start of a row. The next row overwrites the numbers beyond the row's end. The
+            // last row is written separately.
             unsafe {
                 for (i, &row) in rows.iter().enumerate().take(if length == 1 { 1 } else { 3 }) {
                     _mm256_storeu_pd(out.as_mut_ptr().add(i * length), row);
@@ -260,7 +263,7 @@ mod avx2 {
         for k in (0..length).step_by(4).filter(|_| length >= 4) {
             // The last block overlaps the previous one.
             let k = k.min(length - 4);
-            // SAFETY: four lanes of the slots from `k` on, and four numbers of each row from `k` on.
+            // SAFETY: `k + 4 <= length`, so that the four slots and the four numbers of each row exist.
             unsafe {
                 let slot = |i: usize| from.as_ptr().add((k + i) * lanes + lane);
                 for (i, row) in columns([slot(0), slot(1), slot(2), slot(3)]).into_iter().enumerate() {
@@ -307,7 +310,7 @@ mod tests {
 
     #[test]
     fn rows_pass_through_frames() {
-        // Fewer rows than lanes, remainders, and rows shorter than a block.
+        // The cases include fewer rows than lanes, incomplete groups, and rows shorter than a block.
         for lanes in [1, 2, 4, 8] {
             for (width, count) in [(1, 9), (1, 16), (2, 17), (3, 8), (4, 7), (5, 1), (7, 12), (8, 16), (49, 5)] {
                 for bad in [None, Some(0), Some(count * width - 1)] {

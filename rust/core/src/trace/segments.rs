@@ -1,4 +1,4 @@
-//! A recording in segments. A long computation is cut at a part that repeats. This part becomes a separate program.
+//! A recording divided into segments. If a part of a long computation repeats, the segments before and after it become separate programs.
 //!
 //! A value that a later segment reads is stored in a slot of the frame.
 
@@ -7,14 +7,14 @@ use super::tape::Op;
 
 /// The end of a segment.
 pub struct Cut {
-    /// The number of entries recorded so far.
+    /// The number of entries before the end of the segment.
     pub end: u32,
-    /// The values for later segments: `(slot, entry)`.
+    /// The values that later segments read: `(slot, entry)`.
     pub outputs: Vec<(u32, u32)>,
 }
 
-/// Assign a slot, from `free` on, to each value that crosses a cut, and add the value to the outputs of its segment. The result is the
-/// slots, and the first slot after them.
+/// Assign a slot, from `free` on, to each value that a later segment reads. Add the value to the outputs of its segment. Return all
+/// assigned slots and the first slot after them.
 pub fn join(ops: &[Op], cuts: &mut [Cut], free: u32) -> (SlotTable, u32) {
     let (mut places, mut next) = (SlotTable::default(), free);
     for k in (0..cuts.len()).rev() {

@@ -1,8 +1,8 @@
-//! An interpreter of the x86-64 instructions from the encoder, with the bits of processors.
+//! An interpreter of the x86-64 instructions that the encoder emits. Its results have the bits of a processor.
 //!
-//! It runs AVX-512 code on processors without AVX-512. It follows the conventions of programs: frame in rdi, constants in rsi, stream in
-//! rdx, iterations in rcx, return at the end. It accesses no other memory, and panics at any other instruction. The result of NaN operands
-//! follows Intel's manual, volume 1, 4.8.3.5: the first operand that is NaN, made quiet.
+//! It runs AVX-512 code on processors without AVX-512. It follows the convention of programs: frame in rdi, constants in rsi, stream in
+//! rdx, iterations in rcx, return at the end. It accesses no other memory, and panics on any other instruction. The result of an operation
+//! on NaN follows Intel's manual, volume 1, section 4.8.3.5: the first operand that is NaN, made quiet.
 
 use super::instruction::Base;
 use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
@@ -12,22 +12,22 @@ type Lanes = [u64; LANES];
 
 struct Machine<'a> {
     registers: [Lanes; 32],
-    /// One bit per lane.
+    /// The mask register k1, one bit per lane.
     k1: u8,
     frame: &'a mut [f64],
     constants: &'a [f64],
-    /// The remaining stream, and the remaining iterations.
+    /// The rest of the stream, and the number of remaining iterations.
     stream: &'a [f64],
     turns: usize,
 }
 
-/// Run machine code of a program until it returns.
+/// Run the machine code of a program until it returns.
 ///
 /// # Panics
-/// It panics on an instruction that the encoder does not emit, and at the end of code that does not return. It also panics on a slot that
-/// is not aligned, or outside of the frame and the constants.
+/// Panics on an instruction that the encoder does not emit, and at the end of code without a return. Also panics on a slot that is not
+/// aligned, or that is outside of the frame and the constants.
 pub fn simulate(code: &[u8], frame: &mut [f64], constants: &[f64], stream: &[f64], turns: usize) {
-    // Registers have arbitrary contents at the start.
+    // At the start, registers have arbitrary contents.
     let registers = std::array::from_fn(|r| [0x7FF4_DEAD_0000_0000 + r as u64; LANES]);
     let mut machine = Machine { registers, k1: 0x5A, frame, constants, stream, turns };
     let mut decoder = Decoder::new(64, code, DecoderOptions::NONE);
@@ -57,7 +57,7 @@ impl Machine<'_> {
     fn run(&mut self, i: &Instruction) {
         use Mnemonic::{Add, Mov, Pop, Push, Sub};
         if matches!(i.mnemonic(), Push | Pop | Mov | Add | Sub) || i.memory_base() == Register::RSP {
-            // Win64 code preserves the caller's registers. There is no caller here.
+            // These instructions only save the caller's registers and adjust the stack. In the interpreter, no caller exists.
             return;
         }
         let name = format!("{:?}", i.mnemonic()).to_lowercase();
@@ -68,7 +68,7 @@ impl Machine<'_> {
         let scalar = name.ends_with("sd") && name != "broadcastsd";
         let operands = i.op_count() - u32::from(i.op_kind(i.op_count() - 1) == OpKind::Immediate8);
         let first = i.op_register(0);
-        // For instructions with k1, the other register has the width.
+        // If the first operand is k1 or memory, the second operand determines the width.
         let wide = if first == Register::None || first == Register::K1 { i.op_register(1) } else { first };
         let lanes = if scalar { 1 } else { wide.size() / 8 };
         if first == Register::None {
@@ -124,7 +124,8 @@ impl Machine<'_> {
         self.write(i, first, vex, scalar, lanes, value);
     }
 
-    /// The lanes of an operand; zeros for k1, which is read separately. Lanes that the instruction does not read are zero.
+    /// Return the lanes of an operand. Lanes that the instruction does not read are zero. For k1, which other code reads, all lanes are
+    /// zero.
     fn read(&self, i: &Instruction, operand: u32, lanes: usize) -> Lanes {
         if i.op_kind(operand) == OpKind::Register && i.op_register(operand) == Register::K1 {
             return [0; LANES];
@@ -154,8 +155,8 @@ impl Machine<'_> {
         to.iter_mut().zip(from).for_each(|(to, from)| *to = f64::from_bits(from));
     }
 
-    /// Write the result, and the rest of the register. Legacy code keeps the rest, and AVX code clears the part beyond its width. Scalar
-    /// code takes the second number from its first operand, but a load clears it.
+    /// Write the result to a register. Legacy code preserves the rest of the register, and AVX code clears the part beyond its width. A
+    /// scalar instruction copies the second number from its first operand, except that a load clears it.
     fn write(&mut self, i: &Instruction, to: Register, vex: bool, scalar: bool, lanes: usize, value: Lanes) {
         let second = self.registers[number(if vex && i.op_count() > 2 { i.op_register(1) } else { to })][1];
         let register = &mut self.registers[number(to)];
@@ -175,7 +176,7 @@ fn number(register: Register) -> usize {
     register.number()
 }
 
-/// The base of an operand in memory, and its index there.
+/// Return the base of an operand in memory, and its index relative to this base.
 fn place(i: &Instruction, lanes: usize) -> (Base, usize) {
     let base = match i.memory_base() {
         Register::RDI => Base::Frame,
@@ -193,7 +194,8 @@ fn zip(a: Lanes, b: Lanes, f: impl Fn(u64, u64) -> u64) -> Lanes {
     std::array::from_fn(|lane| f(a[lane], b[lane]))
 }
 
-/// The bits of a result: those of the first operand that is NaN, otherwise of the standard NaN of x86-64, which is negative.
+/// The bits of a result. A NaN is the first operand that is NaN. Without such an operand it is the standard NaN of x86-64, which is
+/// negative.
 fn chosen(result: f64, operands: &[u64]) -> u64 {
     const QUIET: u64 = 1 << 51;
     match operands.iter().find(|&&x| f64::from_bits(x).is_nan()) {
@@ -219,7 +221,7 @@ fn arithmetic(name: &str, x: u64, y: u64) -> u64 {
     chosen(result, &[x, y])
 }
 
-/// `name` is a name such as `fnmadd213`. Its digits select the two factors and the addend among the operands.
+/// Compute a fused multiply-add. `name`: for example `fnmadd213`. Its digits select the two factors and the addend among the operands.
 fn fused(name: &str, d: u64, a: u64, b: u64) -> u64 {
     let digits = &name[name.len() - 3..];
     let [x, y, z] = match digits {
@@ -239,7 +241,7 @@ fn fused(name: &str, d: u64, a: u64, b: u64) -> u64 {
     chosen(result, &[x, y, z])
 }
 
-/// PSHUFD permutes the 32-bit quarters of 128 bits. Here, both halves of each number become its upper half.
+/// PSHUFD permutes the 32-bit quarters of 128 bits. Here it copies the upper half of each number to its lower half.
 fn quads(number: u64, order: u8) -> u64 {
     assert_eq!(order, 0xF5);
     number >> 32 << 32 | number >> 32

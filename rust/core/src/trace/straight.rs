@@ -1,14 +1,14 @@
-//! A recorded computation as straight-line instructions of one instruction set, for the emitter and the portable evaluation.
+//! Straight-line instructions for one instruction set, made from a recorded computation. The emitter and the portable evaluation run them.
 
 use super::memo::Memo;
 use super::tape::Op;
 
-/// An instruction on the values of earlier instructions, by index.
+/// An instruction. Its operands are the indices of earlier instructions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Instruction {
-    /// The number in a slot of the frame.
+    /// The number in the slot with this index.
     Input(u32),
-    /// The bits of a number, the same in all lanes.
+    /// A constant in all lanes, stored as the bits of a number.
     Const(u64),
     Add(u32, u32),
     Sub(u32, u32),
@@ -33,16 +33,16 @@ pub enum Instruction {
     Sqrt(u32),
     /// All bits set if `a < b`, otherwise none.
     Less(u32, u32),
-    /// All bits set if the sign bit is set, otherwise none. An instruction set may keep the value unchanged.
+    /// All bits set if the sign bit is set, otherwise none. Where the sign bit selects lanes, the result may be the operand unchanged.
     Signs(u32),
-    /// The second operand if the sign bit of the first is set, otherwise the third.
+    /// `Select(mask, yes, no)`: `yes` if the sign bit of `mask` is set, otherwise `no`.
     Select(u32, u32, u32),
-    /// The bits shifted left.
+    /// The bits, shifted left by a number of places.
     Shift(u32, u8),
 }
 
 impl Instruction {
-    /// The values that the instruction reads.
+    /// The indices of the operands.
     pub fn operands(self) -> impl Iterator<Item = u32> {
         use Instruction::*;
         let (count, all) = match self {
@@ -55,7 +55,7 @@ impl Instruction {
         all.into_iter().take(count)
     }
 
-    /// The same instruction with `f` applied to its operands.
+    /// Return the instruction with operands `f(operand)`.
     pub fn on(self, f: impl Fn(u32) -> u32) -> Self {
         use Instruction::*;
         match self {
@@ -81,62 +81,62 @@ impl Instruction {
         }
     }
 
-    /// Whether the value exists before the program runs.
+    /// Whether the value is an input or a constant, and needs no computation.
     pub fn is_leaf(self) -> bool {
         matches!(self, Instruction::Input(_) | Instruction::Const(_))
     }
 }
 
-/// Instructions in the order in which they run, and the slots of the results.
+/// Instructions in program order, and the slots of the results.
 #[derive(Clone, Debug, Default)]
 pub struct Straight {
     pub instructions: Vec<Instruction>,
-    /// `(slot, value)`
+    /// The results: `(slot, index of the value)`.
     pub outputs: Vec<(u32, u32)>,
-    /// The largest magnitude of all angles whose sine is computed. Beyond [`REDUCTION_LIMIT`](crate::scalar::trig::REDUCTION_LIMIT) the
-    /// results are not valid.
+    /// The slot of the largest magnitude of all angles whose sine is computed. If this magnitude exceeds
+    /// [`REDUCTION_LIMIT`](crate::scalar::trig::REDUCTION_LIMIT), the results are not valid.
     pub reach: Option<u32>,
-    /// The inputs that change in every iteration of a program that repeats.
+    /// The inputs that change in every iteration, for a program that repeats.
     pub stream: Option<Stream>,
 }
 
-/// Inputs that are not in the frame. Each iteration reads them `advance` slots further on.
+/// Inputs in a separate array. In each iteration, the position in this array advances by `advance` slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
-    /// The first of their slots, and the number of slots.
+    /// The index of the first input of the stream, and the number of its inputs per iteration.
     pub first: u32,
     pub count: u32,
     pub advance: u32,
-    /// One number for all lanes, not one per lane.
+    /// Whether the array has one number for all lanes, instead of one per lane.
     pub spread: bool,
 }
 
 impl Stream {
-    /// The index of an input in the stream, if it is part of the stream.
+    /// The index of input `slot` within the stream. `None` means that the input is in the frame.
     pub fn place(&self, slot: u32) -> Option<u32> {
         slot.checked_sub(self.first).filter(|&k| k < self.count)
     }
 
-    /// Number of slots for `turns` iterations.
+    /// The number of slots that `turns` iterations read.
     pub fn slots(&self, turns: usize) -> usize {
         self.advance as usize * turns.saturating_sub(1) + self.count as usize
     }
 }
 
 impl Straight {
-    /// Number of computed operations.
+    /// The number of computed operations.
     pub fn operations(&self) -> usize {
         self.instructions.iter().filter(|i| !i.is_leaf()).count()
     }
 }
 
-/// A part of a recording: its entries from `start` on, for the outputs `(slot, entry)`.
+/// A part of a recording: the entries from `start` on, and the outputs `(slot, entry)`.
 #[derive(Clone, Copy)]
 pub struct Part<'a> {
     pub ops: &'a [Op],
     pub start: u32,
     pub outputs: &'a [(u32, u32)],
-    /// The slots of earlier entries that the part reads. Leaves have no slots.
+    /// The slots of earlier entries that the part reads. Inputs and constants are not listed.
     pub places: &'a SlotTable,
 }
 
@@ -149,7 +149,7 @@ impl Part<'_> {
         entry < self.start && !matches!(self.ops[entry as usize], Op::Const(_) | Op::Input(_))
     }
 
-    /// The entries that the part reads and that earlier parts must compute.
+    /// Return the entries of earlier parts that the part reads.
     pub fn before(&self) -> Vec<u32> {
         let (mut needed, mut before) = (vec![false; self.ops.len()], Vec::new());
         self.outputs.iter().for_each(|&(_, value)| needed[value as usize] = true);

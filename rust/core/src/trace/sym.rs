@@ -1,11 +1,11 @@
 //! The number type for recording: an implementation of [`Real`] that records the operations on it.
 //!
-//! A computation has two phases. In the *set-up*, plants, laws and arms are built. Every number that may differ between runs comes through
-//! [`Real::from_lanes`] and becomes an input. Only 0, 1 and -1 are part of the structure, and are folded. In the *evaluation*, [`input`]
-//! declares the inputs, and a number from [`Real::splat`] is a constant.
+//! A recording has two phases. In the *set-up*, plants, laws and arms are built. Numbers that may differ between runs are created by
+//! [`Real::from_lanes`] and become inputs. The numbers 0, 1 and -1 are constants instead, and are folded. In the *evaluation*, [`input`]
+//! declares the inputs, and [`Real::splat`] creates constants.
 //!
-//! `Sym` reports two lanes, so that code for one lane, which may branch on its value, is not used. If code still reads the value of a lane,
-//! the recording fails: [`Recording::failed`].
+//! `Sym` reports two lanes. Code for one lane may branch on its value, and is therefore not selected. If code nevertheless reads the value
+//! of a lane, the recording fails ([`Recording::failed`]).
 
 use super::label::Label;
 use super::tape::{Moving, Op, Tape};
@@ -21,40 +21,40 @@ fn on_tape<T>(f: impl FnOnce(&mut Tape) -> T) -> T {
     TAPE.with(|tape| f(&mut tape.borrow_mut()))
 }
 
-/// A recorded value: its index on the tape of this thread. The default is the constant zero.
+/// A recorded value: the index of its entry on the tape of this thread. The default is the constant zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sym(u32);
 
 /// The result of one recording.
 pub struct Recording {
     pub ops: Vec<Op>,
-    /// The values of the inputs that the set-up declared, which come first.
+    /// The values of the inputs that the set-up declared. They are the first inputs.
     pub values: Vec<f64>,
-    /// The labels of these inputs.
+    /// The labels of the inputs that the set-up declared.
     pub labels: Vec<Label>,
-    /// The entries of all numbers of the set-up. Runs with the same entries, and the same data other than numbers, share the program.
+    /// The entries of all numbers of the set-up. Two runs share a program if these entries and all data except numbers are equal.
     pub structure: Vec<u32>,
-    /// Whether the code read or branched on a value, so that the recording is not valid.
+    /// Whether the code read a value or branched on it. Then the recording is not valid.
     pub failed: bool,
 }
 
-/// Start a new recording on this thread, in its set-up.
+/// Start a new recording on this thread. It begins with its set-up.
 pub fn begin() {
     begin_that(true);
 }
 
-/// Like [`begin`]. With `folds` the recording simplifies operations; without it every operation is kept.
+/// Start a new recording. If `folds` is false, it records every operation without simplification.
 pub fn begin_that(folds: bool) {
     on_tape(|tape| *tape = Tape::that(folds));
 }
 
-/// Start a new recording. In its set-up, the numbers `moving` are separate inputs, also if they have equal values.
+/// Start a new recording. In its set-up, the numbers `moving` are separate inputs, even if other numbers have the same value.
 pub fn begin_moving(moving: Moving) {
     begin();
     on_tape(|tape| tape.moving = moving);
 }
 
-/// End the set-up. The result is the number of inputs that it declared.
+/// End the set-up, and return the number of inputs that it declared.
 pub fn end_set_up() -> usize {
     on_tape(|tape| {
         tape.set_up = false;
@@ -62,28 +62,28 @@ pub fn end_set_up() -> usize {
     })
 }
 
-/// A new input of the evaluation.
+/// Declare a new input of the evaluation.
 pub fn input() -> Sym {
     on_tape(|tape| Sym(tape.new_input()))
 }
 
-/// The number of entries and of inputs recorded so far.
+/// Return the number of entries and the number of inputs recorded so far.
 pub fn recorded() -> (u32, u32) {
     on_tape(|tape| (tape.ops.len() as u32, tape.inputs))
 }
 
-/// Take the recording of this thread.
+/// End the recording of this thread and return it.
 pub fn finish() -> Recording {
     let tape = on_tape(|tape| std::mem::replace(tape, Tape::new()));
     Recording { ops: tape.ops, values: tape.values, labels: tape.labels.all, structure: tape.structure, failed: tape.failed }
 }
 
-/// Record `f` with the rounding of plain `f64`: no product is fused with a sum, also within sines and cosines.
+/// Record `f` with the rounding of plain `f64`: no multiply-add is fused. Sines and cosines follow the same rule.
 pub fn unfused<T>(f: impl FnOnce() -> T) -> T {
     rounded(true, f)
 }
 
-/// Record `f` with the rounding of direct evaluation, also within [`unfused`].
+/// Record `f` with the rounding of direct evaluation, even within [`unfused`].
 pub fn fused<T>(f: impl FnOnce() -> T) -> T {
     rounded(false, f)
 }
@@ -96,13 +96,13 @@ fn rounded<T>(unfused: bool, f: impl FnOnce() -> T) -> T {
 }
 
 impl Sym {
-    /// Its index among the operations of the recording.
+    /// The index of the value's entry in the recording.
     pub fn index(self) -> u32 {
         self.0
     }
 }
 
-// These functions are compiled once, here, for all generic callers.
+// The following functions are compiled once, in this file. Generic callers share them.
 
 #[inline(never)]
 fn of_lanes(x: f64, y: f64) -> Sym {
@@ -226,11 +226,11 @@ impl Real for Sym {
     fn select(mask: Sym, yes: Sym, no: Sym) -> Sym {
         on_tape(|tape| Sym(tape.select(mask.0, yes.0, no.0)))
     }
-    /// A mask that is not known at recording may be true in some lane.
+    /// Whether a mask may be true in some lane. A mask that is unknown at recording may be true.
     fn any(mask: Sym) -> bool {
         on_tape(|tape| tape.value(mask.0).is_none_or(|x| x != 0.0))
     }
-    /// An unknown mask may fail in some lane.
+    /// Whether a mask is certainly true in all lanes. A mask that is unknown at recording may be false in some lane.
     fn all(mask: Sym) -> bool {
         on_tape(|tape| tape.value(mask.0).is_some_and(|x| x != 0.0))
     }

@@ -1,7 +1,7 @@
-//! A recorded computation together with its derivatives along several directions at once (forward mode, Griewank and Walther 2008, section 3.1).
+//! A recorded computation with its derivatives along several directions (forward mode, Griewank and Walther 2008, section 3.1).
 //!
-//! From `y = f(x)` and the directions `x_dot` of its inputs, it computes `y` and `f'(x) x_dot`. The derivatives of an operation follow that
-//! operation, so that no value waits for them in memory. All directions share the values.
+//! For `y = f(x)` and directions `x_dot` of the inputs, the result is `y` and `f'(x) x_dot`. The derivatives of each operation follow it
+//! immediately, so that its value need not be stored for them. All directions use the same values.
 
 use super::differentiate::{needed, rate};
 use super::tape::{Op, Tape};
@@ -11,17 +11,17 @@ pub struct Tangents {
     pub ops: Vec<Op>,
     /// The entries of the outputs.
     pub values: Vec<u32>,
-    /// The entries of the derivatives: of all outputs along the first direction, then along the next.
+    /// The entries of the derivatives: all outputs along the first direction, then all outputs along the next direction.
     pub rates: Vec<u32>,
 }
 
-/// The recording `ops` with `inputs` inputs, and the derivatives of the first `moved` outputs along `directions` directions. The new inputs
-/// are the rates of the inputs `moving`: of all of them along the first direction, then along the next.
+/// Record `ops`, which has `inputs` inputs, with the derivatives of the first `moved` outputs along `directions` directions. The new inputs
+/// are the rates of the inputs `moving`: all rates along the first direction, then all along the next.
 pub fn tangents(ops: &[Op], inputs: usize, outputs: &[u32], moved: usize, moving: &[u32], directions: usize) -> Tangents {
     let mut tape = Tape::resume(Tape::new().ops, inputs as u32);
     let given: Vec<Vec<u32>> = (0..directions).map(|_| moving.iter().map(|_| tape.new_input()).collect()).collect();
     let needed = needed(ops, outputs);
-    // The entry of each value, and for each direction the entry of its rate.
+    // The new entry of each value, and for each direction the entry of the value's rate.
     let (mut values, mut rates) = (vec![0; ops.len()], vec![Vec::new(); directions]);
     for i in (0..ops.len()).filter(|&i| needed[i]) {
         let op = ops[i].on(|a| values[a as usize]);

@@ -1,15 +1,15 @@
-//! A tape of operations that simplifies as it is written. Constants, zeros and ones are folded, and equal operations share an entry.
+//! A tape is the list of recorded operations. It folds constants, zeros and ones, and equal operations share an entry.
 //!
-//! Folding keeps the value of a finite computation: `0 x`, `1 x`, `x + 0`, `-(-x)`, `a + (-b)`; nothing is reassociated. A tape that does
-//! not fold keeps every operation of the source, so that readers can compare both.
+//! Folding does not change the value of a finite computation. It simplifies `0 x`, `1 x`, `x + 0`, `-(-x)` and `a + (-b)`, and never
+//! changes the order of a sum or product. A tape without folding records every operation of the source, for comparisons with it.
 
 use super::label::Labels;
 use super::memo::Memo;
 
-/// One operation on earlier entries of the tape.
+/// An operation. Its operands are indices of earlier entries of the tape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Op {
-    /// The bits of a number.
+    /// A constant, stored as the bits of a number.
     Const(u64),
     Input(u32),
     Add(u32, u32),
@@ -29,17 +29,17 @@ pub enum Op {
     Min(u32, u32),
     Sin(u32),
     Cos(u32),
-    /// Sine and cosine with every product rounded before it is added.
+    /// Sine and cosine without fused multiply-add: each product is rounded before it is added.
     UnfusedSin(u32),
     UnfusedCos(u32),
-    /// A mask: `a < b`.
+    /// A mask, which is true where `a < b`.
     Less(u32, u32),
-    /// The second operand if the first, a mask, holds; otherwise the third.
+    /// `Select(mask, yes, no)`: `yes` where the mask is true, otherwise `no`.
     Select(u32, u32, u32),
 }
 
 impl Op {
-    /// The entries that the operation reads.
+    /// The indices of the operands.
     pub fn operands(self) -> impl Iterator<Item = u32> {
         let (count, all) = match self {
             Op::Const(_) | Op::Input(_) => (0, [0; 3]),
@@ -53,7 +53,7 @@ impl Op {
         all.into_iter().take(count)
     }
 
-    /// The same operation with `f` applied to its operands.
+    /// Return the operation with operands `f(operand)`.
     pub fn on(self, f: impl Fn(u32) -> u32) -> Self {
         match self {
             Op::Const(_) | Op::Input(_) => self,
@@ -78,42 +78,43 @@ impl Op {
     }
 }
 
-/// The numbers of a set-up that are separate inputs, also if they have equal values.
+/// Selects the numbers of a set-up that vary. Each of them is a separate input, even if other numbers have the same value.
 #[derive(Clone, Debug)]
 pub enum Moving {
     Nothing,
     All,
-    /// The numbers whose entry is true, in the order of their declaration.
+    /// The numbers whose element is true, in the order of their declaration.
     These(Vec<bool>),
 }
 
+/// A recording in progress.
 pub(super) struct Tape {
     pub ops: Vec<Op>,
     memo: Memo<Op>,
-    /// The shared inputs of the set-up, by value.
+    /// The shared inputs of the set-up, by the bits of their values.
     by_value: Memo<u64>,
     pub values: Vec<f64>,
-    /// The labels of the inputs of the set-up.
+    /// The labels of the inputs that the set-up declared.
     pub labels: Labels,
-    /// The entry of each number of the set-up. These entries distinguish structures.
+    /// The entry of each number of the set-up. Recordings with different structures have different lists.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
     pub failed: bool,
-    /// Whether products are rounded before they are added.
+    /// Whether products are rounded before they are added. If false, multiply-add operations are fused.
     pub unfused: bool,
     pub moving: Moving,
     folds: bool,
 }
 
 impl Tape {
-    /// An empty tape. Entries 0 to 2 are the constants 0, 1 and -1. So a number of the set-up with one of these values has another entry
-    /// than an input.
+    /// Return a tape with the constants 0, 1 and -1 as entries 0 to 2. A number of the set-up with such a value refers to these entries and
+    /// not to an input.
     pub fn new() -> Self {
         Tape::that(true)
     }
 
-    /// A tape that `folds` or keeps every operation.
+    /// Return a new tape. If `folds` is false, it records every operation without simplification.
     pub fn that(folds: bool) -> Self {
         let mut tape = Tape {
             ops: Vec::new(),
@@ -135,7 +136,7 @@ impl Tape {
         tape
     }
 
-    /// Continue the tape of a recording after its set-up.
+    /// Return a tape that continues the operations `ops` of a recording whose set-up has ended.
     pub fn resume(ops: Vec<Op>, inputs: u32) -> Self {
         let memo = ops.iter().enumerate().map(|(i, &op)| (op, i as u32)).collect();
         Tape { ops, memo, inputs, set_up: false, ..Tape::new() }
@@ -153,7 +154,7 @@ impl Tape {
         })
     }
 
-    /// A constant; both zeros have the same entry.
+    /// Return the entry of a constant. Both zeros have the same entry.
     pub fn constant(&mut self, x: f64) -> u32 {
         self.push(Op::Const(if x == 0.0 { 0 } else { x.to_bits() }))
     }
@@ -163,7 +164,7 @@ impl Tape {
         self.push(Op::Input(self.inputs - 1))
     }
 
-    /// Whether the next number of the set-up is a separate input.
+    /// Whether the next number of the set-up varies.
     fn next_moves(&self) -> bool {
         match &self.moving {
             Moving::Nothing => false,
@@ -172,7 +173,7 @@ impl Tape {
         }
     }
 
-    /// A number of the set-up: an input, unless it is 0, 1 or -1 and belongs to the structure.
+    /// Record a number of the set-up as an input. The values 0, 1 and -1 become constants instead, unless the number varies.
     pub fn given(&mut self, x: f64) -> u32 {
         let label = self.labels.next();
         let entry = if (x == 0.0 || x.abs() == 1.0) && !self.next_moves() {
@@ -186,7 +187,7 @@ impl Tape {
         entry
     }
 
-    /// A number of the set-up. Equal numbers of this kind are the same input.
+    /// Record a number of the set-up. Numbers of equal value that are recorded with this function share one input, unless they vary.
     pub fn shared(&mut self, x: f64) -> u32 {
         if self.next_moves() {
             return self.given(x);
@@ -201,8 +202,8 @@ impl Tape {
         new
     }
 
-    /// A number of the set-up that is a constant unless it moves. It counts among the numbers of the set-up only if the recording has
-    /// moving numbers.
+    /// Record a number of the set-up that becomes a constant unless it varies. The list `structure` contains it only in a recording with
+    /// varying numbers.
     pub fn fixed(&mut self, x: f64) -> u32 {
         if self.set_up && self.next_moves() {
             return self.given(x);
@@ -214,12 +215,12 @@ impl Tape {
         entry
     }
 
-    /// The value of a constant.
+    /// The value of entry `a`, if it is a constant.
     pub fn value(&self, a: u32) -> Option<f64> {
         if let Op::Const(bits) = self.ops[a as usize] { Some(f64::from_bits(bits)) } else { None }
     }
 
-    /// The value of a constant, if the tape folds.
+    /// The value of entry `a`, if it is a constant and the tape folds.
     pub fn known(&self, a: u32) -> Option<f64> {
         self.value(a).filter(|_| self.folds)
     }
@@ -278,7 +279,7 @@ impl Tape {
         self.push(Op::Sub(a, b))
     }
 
-    /// The product, if a factor is 0, 1 or -1 or both are known.
+    /// Return the product without a new multiplication: if a factor is 0, 1 or -1, or if both factors are constants.
     fn trivial_product(&mut self, a: u32, b: u32) -> Option<u32> {
         match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => Some(self.constant(x * y)),
@@ -291,7 +292,7 @@ impl Tape {
         }
     }
 
-    /// As `trivial_product`, if its sum rounds like the fused operation.
+    /// Return `trivial_product` if it is exact. Then a separate sum rounds like the fused operation.
     fn exact_product(&mut self, a: u32, b: u32) -> Option<u32> {
         match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) if x.mul_add(y, -(x * y)) != 0.0 => None,
@@ -352,7 +353,7 @@ impl Tape {
         }
     }
 
-    /// The entries of sine and cosine.
+    /// Record sine and cosine of entry `a`, and return both entries.
     pub fn turn(&mut self, a: u32) -> (u32, u32) {
         let (sin, cos) = if self.unfused { (Op::UnfusedSin(a), Op::UnfusedCos(a)) } else { (Op::Sin(a), Op::Cos(a)) };
         (self.push(sin), self.push(cos))

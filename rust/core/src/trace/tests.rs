@@ -1,4 +1,4 @@
-//! Random programs. Machine code and portable evaluation give the same bits, and both give the value of the computation.
+//! Random programs: machine code and portable evaluation have equal bits, and both compute the recorded value.
 
 use super::emit::emit;
 use super::frame::Frame;
@@ -25,7 +25,7 @@ impl Random {
     }
 }
 
-/// The forms of code that run on this machine.
+/// The forms of code that this machine can run.
 fn forms() -> Vec<Form> {
     let sets: &[Set] = match isa() {
         _ if cfg!(target_arch = "aarch64") => &[Set::Neon],
@@ -36,7 +36,7 @@ fn forms() -> Vec<Form> {
     sets.iter().flat_map(|&set| [true, false].map(|packed| Form { set, packed })).collect()
 }
 
-/// In half of all programs, some inputs from the third on are in a stream. The stream has `turns` iterations, in cache lines.
+/// In half of all cases, declare some inputs from the third on as a stream. Return its memory for `turns` iterations, in cache lines.
 pub fn random_stream(random: &mut Random, program: &mut Straight, inputs: usize, lanes: usize, turns: usize) -> Frame {
     if inputs < 4 || random.below(2) == 0 {
         return Frame::new(0, 1);
@@ -50,7 +50,7 @@ pub fn random_stream(random: &mut Random, program: &mut Straight, inputs: usize,
     numbers
 }
 
-/// Run a program, along its stream if it has one.
+/// Run a program. A program with a stream runs `turns` iterations.
 fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
     if stream.numbers().is_empty() {
         program.run(frame);
@@ -59,21 +59,21 @@ fn run(program: &Program, frame: &mut Frame, stream: &Frame, turns: usize) {
     }
 }
 
-/// The program does not use the slots of the stream in the frame. Only portable evaluation writes them.
+/// Clear the slots of the stream in the frame. Only portable evaluation writes to them.
 pub fn forget_stream(stream: Option<Stream>, frame: &mut Frame) {
     if let Some(Stream { first, count, .. }) = stream {
         (first..first + count).for_each(|slot| frame.fill(slot as usize, 0.0));
     }
 }
 
-/// A program of `length` instructions with `inputs` inputs. Operands are at most `back` values old.
+/// Return a program of `length` instructions with `inputs` inputs. An operand is one of the last `back` values.
 pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: usize, fused: bool) -> Straight {
     use Instruction::*;
     let mut instructions: Vec<Instruction> = (0..inputs as u32).map(Input).collect();
-    // The last two limit the results. The sign and the payload of a NaN are those of either operand.
+    // The last two constants limit the results. Otherwise NaN would occur, and the sign and payload of a NaN may come from either operand.
     instructions.extend([1.5f64, -0.25, -0.0, 2.0, -2.0, 0.5].map(|x| Const(x.to_bits())));
     let (sign, most, least, half) = (inputs as u32 + 2, inputs as u32 + 3, inputs as u32 + 4, inputs as u32 + 5);
-    // Masks are separate from numbers, because SSE2 selects by whole masks.
+    // Masks and numbers are separate, because SSE2 requires masks whose bits are all set or all clear.
     let mut masks = Vec::new();
     let mut numbers: Vec<u32> = (0..instructions.len() as u32).collect();
     while instructions.len() < length {
@@ -109,7 +109,7 @@ pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: u
             }
             14 if mask.is_some() => instructions.push(Select(mask.unwrap(), a, b)),
             15 => {
-                // A number that is not negative.
+                // Make a number that is not negative.
                 instructions.push(AndNot(sign, a));
                 instructions.push(Sqrt(i));
                 numbers.push(i);
@@ -124,7 +124,7 @@ pub fn random_program(random: &mut Random, inputs: usize, length: usize, back: u
         instructions.push(Max(last + 1, least));
         numbers.push(last + 2);
     }
-    // The last values are written to separate slots and over inputs.
+    // The last values are outputs, in new slots and in slots of inputs.
     let tail: Vec<u32> = numbers.iter().rev().take(6).copied().collect();
     let mut outputs: Vec<(u32, u32)> = tail.iter().enumerate().map(|(k, &value)| (inputs as u32 + k as u32, value)).collect();
     outputs.extend([(0, tail[0]), (1, tail[2]), (inputs as u32 + 6, 2), (inputs as u32 + 7, inputs as u32)]);
@@ -154,14 +154,14 @@ fn machine_code_and_portable_evaluation_give_the_same_bits() {
             });
             let portable = results[1].clone();
             assert_eq!(results[0], portable, "{form:?}, trial {trial}");
-            // The comparison detects a change of one bit.
+            // The comparison must detect a change of one bit.
             results[0][0] ^= 1;
             assert_ne!(results[0], portable);
         }
     }
 }
 
-/// AVX-512 on any machine: the bytes are decoded and interpreted.
+/// AVX-512 code on any machine: an interpreter runs its bytes.
 #[test]
 fn interpreted_machine_code_gives_the_bits_of_portable_evaluation() {
     let mut random = Random(11);

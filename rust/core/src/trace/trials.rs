@@ -1,11 +1,11 @@
-//! Trials of single operations: code, memory before, and memory after as plain Rust computes it.
+//! Tests of single operations. A trial has machine code, memory before the run, and memory after the run as plain Rust computes it.
 
 use super::checks::{Machine, Operation, Random};
 use super::instruction::{Assemble, Base, Convention, Form, Set, Source};
 
-/// Number of slots, of the frame and of the constants, that operations use.
+/// The number of slots that operations use, in the frame and in the constants.
 pub const SLOTS: usize = 32;
-/// Size of a memory: slots of operations, registers after the operations, registers before them.
+/// The size of a memory in numbers. Its three parts are the slots of operations, the registers after the operations, and those before them.
 pub const SIZE: usize = 3 * PART;
 const PART: usize = 8 * SLOTS;
 
@@ -23,7 +23,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Compare the frame after the run. Every NaN equals every other.
+    /// Compare the frame after the run. All NaN are equal here.
     pub fn check(&self, frame: &[f64]) {
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
         let wrong = frame.iter().zip(&self.expected).position(|pair| !same(pair));
@@ -32,12 +32,12 @@ impl Trial {
     }
 }
 
-/// The offset of a register in a part of the frame.
+/// The offset in bytes of a register in part `part` of the frame.
 fn slot(form: Form, part: usize, register: usize) -> i32 {
     8 * (PART * part + form.lanes() * register) as i32
 }
 
-/// Code that loads all registers, runs the operations and stores all registers.
+/// Return code that loads all registers, runs the operations and stores all registers.
 pub fn between_files<A: Assemble>(form: Form, operations: &[Operation]) -> Vec<u8> {
     let mut code = A::new(form);
     code.enter(Convention::HERE);
@@ -49,7 +49,7 @@ pub fn between_files<A: Assemble>(form: Form, operations: &[Operation]) -> Vec<u
     code.finish()
 }
 
-/// Random operations on random numbers, with every kind of operation among them.
+/// Return `count` trials with random operations and numbers. Every kind of operation occurs.
 pub fn trials<A: Assemble>(form: Form, count: usize, seed: u64) -> impl Iterator<Item = Trial> {
     let mut random = Random(seed);
     let mut seen = [0; 9];

@@ -1,15 +1,15 @@
-//! Encoder of x86-64 machine code for straight-line programs of numbers: SSE2 (legacy encoding), AVX2 + FMA (VEX)
-//! and AVX-512 (EVEX). Source: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, chapter 2.
+//! An encoder of x86-64 machine code for straight-line programs: SSE2 (legacy encoding), AVX2 with FMA (VEX) and AVX-512 (EVEX). Source:
+//! Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, chapter 2.
 //!
-//! An instruction is a prefix, an opcode, a ModRM byte (`mode reg rm`) and, for memory, a displacement. The prefix extends registers beyond
-//! 8 and contains the first of three operands. The shortest of several encodings is used. The frame is in rdi, the constants are in rsi,
-//! the stream is in rdx, the remaining iterations are in rcx.
+//! An instruction is a prefix, an opcode, a ModRM byte (`mode reg rm`) and, for memory, a displacement. The prefix has the upper bits of
+//! register numbers, and the first of three operands. The encoder selects the shortest of several encodings. Register rdi points to the
+//! frame, rsi to the constants, and rdx to the stream. Register rcx has the number of remaining iterations.
 
 use super::opcode::{Map, Opcode, Operand, Prefix, opcode};
 
 pub use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
-/// Machine code under construction.
+/// Machine code during its construction.
 pub struct Assembler {
     form: Form,
     bytes: Vec<u8>,
@@ -23,7 +23,7 @@ const RDI: u8 = 7;
 const K1: u8 = 1;
 /// The scratch register of SSE2 code.
 const SCRATCH: u8 = 15;
-/// Win64: the function must preserve xmm6 to xmm15. Two pushes and 8 bytes more align the stack.
+/// On Windows, the function must preserve xmm6 to xmm15. With two pushes, 8 additional bytes align the stack.
 const SAVED: [u8; 10] = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 const STACK: i32 = 16 * SAVED.len() as i32 + 8;
 
@@ -89,7 +89,8 @@ impl Assemble for Assembler {
     }
 
     fn sqrt(&mut self, dst: u8, a: Source) {
-        // A scalar root copies the upper half of a second operand. That is one which is read anyway.
+        // A scalar square root copies the upper half of its second operand. The encoder selects a register that the instruction already
+        // depends on.
         let second = match a {
             _ if self.form.packed => 0,
             Source::Register(a) => a,
@@ -104,7 +105,7 @@ impl Assemble for Assembler {
         let scalar = opcode(Prefix::F2, Map::M0F, 0x10);
         let operand = self.operand(from);
         match (from, self.form) {
-            // The store form has the registers exchanged. Its prefix is shorter if only the source is a high register.
+            // The store form of the instruction exchanges the registers. Its prefix is shorter if only the source register is 8 or higher.
             (Source::Register(from), Form { set: Set::Avx2, .. }) if from >= 8 && dst < 8 => {
                 self.encode(opcode(self.bits(), Map::M0F, 0x29), from, 0, Operand::Register(dst));
             }
@@ -124,7 +125,7 @@ impl Assemble for Assembler {
     }
 
     fn less(&mut self, dst: u8, a: u8, b: Source) {
-        // SSE2 has only the signalling predicate. It differs in an exception flag that nothing reads.
+        // SSE2 has only the signalling comparison. It differs from the quiet one in an exception flag, which no code reads.
         let compare = opcode(self.number(), Map::M0F, 0xC2).with(if self.form.set == Set::Sse2 { 0x01 } else { 0x11 });
         let registers = [dst, a, if let Source::Register(b) = b { b } else { 0 }];
         if self.form.set < Set::Avx512 || !self.form.packed && registers.iter().all(|&r| r < 16) {
@@ -150,7 +151,7 @@ impl Assemble for Assembler {
 
     fn sign_mask(&mut self, dst: u8, a: u8) {
         if self.form.set == Set::Sse2 {
-            // Both halves of a lane become its upper half. Then all bits become the sign bit.
+            // Copy the upper half of each lane to its lower half. Then fill all bits with the sign bit.
             self.encode(opcode(Prefix::P66, Map::M0F, 0x70).with(0xF5), dst, 0, Operand::Register(a));
             self.encode(opcode(Prefix::P66, Map::M0F, 0x72).with(31), 4, 0, Operand::Register(dst));
         } else if dst != a {
@@ -160,12 +161,12 @@ impl Assemble for Assembler {
 
     fn shift_left(&mut self, dst: u8, a: u8, bits: u8) {
         debug_assert!(bits < 64 && (self.form.set != Set::Sse2 || dst == a));
-        // The prefix contains the destination.
+        // The prefix contains the destination register.
         self.encode(opcode(Prefix::P66, Map::M0F, 0x73).with(bits), 6, dst, Operand::Register(a));
     }
 
     fn ret(&mut self) {
-        // Without vzeroupper the caller's SSE code would be slow.
+        // Without vzeroupper, SSE code of the caller would be slow.
         if self.form.packed && self.form.set != Set::Sse2 {
             self.bytes.extend([0xC5, 0xF8, 0x77]);
         }
@@ -206,9 +207,9 @@ impl Assemble for Assembler {
 }
 
 impl Assembler {
-    /// `no ^ (mask & (yes ^ no))`, for any registers that are the same.
+    /// Compute `no ^ (mask & (yes ^ no))`. Registers may be equal.
     fn select_bits(&mut self, dst: u8, mask: u8, yes: u8, no: u8) {
-        // The difference is formed in `dst`, unless `dst` is read later.
+        // The difference `yes ^ no` is computed in `dst`, unless a later instruction reads `dst`.
         let difference = if dst == no || dst == mask { SCRATCH } else { dst };
         if difference != yes {
             self.load(difference, Source::Register(yes));
@@ -223,10 +224,10 @@ impl Assembler {
         }
     }
 
-    /// Store (29) or load (28) the caller's registers, 16 bytes each.
+    /// Store (`byte` 0x29) or load (`byte` 0x28) the registers that the caller expects unchanged, 16 bytes each.
     fn saved(&mut self, byte: u8) {
         let form = self.form;
-        // Scalar code moves registers of 16 bytes. AVX-512 takes the encodings of AVX2.
+        // Scalar code copies whole registers of 16 bytes. AVX-512 code uses the encodings of AVX2.
         self.form = Form { set: form.set.min(Set::Avx2), packed: false };
         for (i, &register) in SAVED.iter().enumerate() {
             self.encode(opcode(self.bits(), Map::M0F, byte), register, 0, Operand::Memory(RSP, 16 * i as i32, false));
@@ -239,7 +240,7 @@ impl Assembler {
         if self.form.packed { Prefix::P66 } else { Prefix::F2 }
     }
 
-    /// The prefix of instructions on bits. Without a prefix, legacy code is one byte shorter and has the same effect.
+    /// The prefix of instructions on bits. Legacy code without a prefix is one byte shorter and has the same effect.
     fn bits(&self) -> Prefix {
         if self.form.set == Set::Sse2 { Prefix::None } else { Prefix::P66 }
     }
@@ -248,12 +249,12 @@ impl Assembler {
         match source {
             Source::Register(register) => Operand::Register(register),
             Source::Slot(base, offset) => Operand::Memory(address(base), offset, false),
-            // A slot of one number is that number.
+            // In scalar code, a broadcast number is an ordinary operand.
             Source::Spread(base, offset) => Operand::Memory(address(base), offset, self.form.packed),
         }
     }
 
-    /// An instruction of three operands, or of two in legacy code.
+    /// Encode an instruction with three operands, or with two in legacy code.
     fn three(&mut self, opcode: Opcode, dst: u8, a: u8, b: Source) {
         debug_assert!(self.form.set != Set::Sse2 || dst == a, "SSE2 requires dst == a, got {dst} and {a}");
         let embedded = self.form == Form { set: Set::Avx512, packed: true };
@@ -262,11 +263,11 @@ impl Assembler {
         self.encode(opcode, dst, a, b);
     }
 
-    /// One instruction with the operands `reg`, `second` (in VEX and EVEX; 0 if there is none) and `rm`.
+    /// Encode one instruction with the operands `reg`, `second` and `rm`. Only VEX and EVEX have `second`. It is 0 if unused.
     fn encode(&mut self, opcode: Opcode, reg: u8, second: u8, rm: Operand) {
         let high = if let Operand::Register(rm) = rm { rm } else { 0 };
         debug_assert!((reg | second | high) < if self.form.set == Set::Avx512 { 32 } else { 16 });
-        // EVEX counts displacements of one byte in units of the operand.
+        // EVEX counts displacements of one byte in units of the operand's size.
         let mut unit = 1;
         if self.form.set == Set::Sse2 {
             self.legacy(opcode, reg, high);
@@ -319,7 +320,7 @@ impl Assembler {
         self.bytes.extend([0x62, registers | opcode.map as u8, middle, last]);
     }
 
-    /// ModRM and the displacement, in the fewest bytes.
+    /// Append the ModRM byte and the displacement, in the fewest bytes.
     fn address(&mut self, reg: u8, rm: Operand, unit: i32) {
         let reg = (reg & 7) << 3;
         let (base, offset) = match rm {
@@ -339,7 +340,7 @@ impl Assembler {
     }
 }
 
-/// Whether a displacement is a signed byte times `unit`.
+/// Whether a displacement is a signed byte multiplied by `unit`.
 fn fits(offset: i32, unit: i32) -> bool {
     offset % unit == 0 && i8::try_from(offset / unit).is_ok()
 }

@@ -1,4 +1,4 @@
-//! Encoded operations, run on the instruction sets of this processor, against plain Rust.
+//! Tests of encoded operations against plain Rust, on the instruction sets of this processor.
 
 use super::super::checks::{Operation, Random};
 use super::super::memory::Code;
@@ -12,7 +12,7 @@ fn forms() -> impl Iterator<Item = Form> {
     SETS.into_iter().flat_map(|set| [true, false].map(|packed| Form { set, packed }))
 }
 
-/// The forms that this processor runs.
+/// The forms that this processor can run.
 fn available() -> impl Iterator<Item = Form> {
     forms().filter(|form| match form.set {
         Set::Sse2 => true,
@@ -25,11 +25,11 @@ fn available() -> impl Iterator<Item = Form> {
 /// Run the code of a program on this processor.
 fn native(code: &[u8], frame: &mut [f64], constants: &[f64]) {
     let code = Code::new(code).unwrap();
-    // SAFETY: the tests emit code for this processor, and both memories hold all slots that they name.
+    // SAFETY: the code is for this processor, and both memories contain all slots that it accesses.
     unsafe { code.run(frame.as_mut_ptr(), constants.as_ptr(), std::ptr::null(), 1) };
 }
 
-/// Single operations change registers and frame exactly like plain Rust.
+/// Check that single operations change registers and the frame like plain Rust does.
 fn agrees_with_rust(form: Form, run: impl Fn(&[u8], &mut [f64], &[f64])) {
     for trial in trials::<Assembler>(form, 2_000, 1) {
         let (mut frame, constants) = (Memory(trial.frame), Memory(trial.constants));
@@ -48,7 +48,7 @@ fn simulated_operations_agree_with_rust() {
     forms().for_each(|form| agrees_with_rust(form, |code, frame, constants| simulate(code, frame, constants, &[], 1)));
 }
 
-/// Long sequences give the same bits, NaN included.
+/// Long sequences of operations have equal bits, including those of NaN.
 #[test]
 fn simulator_agrees_with_this_processor() {
     let mut random = Random(2);
@@ -80,7 +80,7 @@ fn simulator_refuses_code_without_end() {
     simulate(&[], &mut [], &[], &[], 1);
 }
 
-/// Code for Win64 overwrites every register and is called by that convention. The compiler relies on xmm6 to xmm15.
+/// Win64 code that overwrites every register is called with the convention of Windows. The compiler expects xmm6 to xmm15 unchanged.
 #[test]
 fn win64_code_keeps_the_callers_registers() {
     for form in available() {
@@ -99,11 +99,11 @@ fn win64_code_keeps_the_callers_registers() {
         let code = Code::new(&code.finish()).unwrap();
         let (mut frame, constants, mut stream) = (Memory([2.0; SIZE]), Memory([3.0; SIZE]), Memory([0.0; SIZE]));
         (stream.0[0], stream.0[1]) = (10.0, 20.0);
-        // SAFETY: a function of this type by its `enter` and `leave`; the memories hold the slots.
+        // SAFETY: `enter` and `leave` make the code a function of this type, and the memories contain its slots.
         let function: Windows = unsafe { std::mem::transmute(code.address()) };
         let kept = calls(function, frame.0.as_mut_ptr(), constants.0.as_ptr(), stream.0.as_ptr());
         assert_eq!(kept, [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from), "{form:?}");
-        // Two iterations: constants are added, then the inputs of the stream for each iteration.
+        // Two iterations add the constants twice, and the two numbers of the stream.
         assert_eq!(frame.0[..form.lanes()], [2.0 + 2.0 * 3.0 + 10.0 + 20.0; 8][..form.lanes()]);
         assert!(frame.0[form.lanes()..].iter().all(|&x| x == 2.0));
     }
@@ -111,13 +111,13 @@ fn win64_code_keeps_the_callers_registers() {
 
 type Windows = extern "win64" fn(*mut f64, *const f64, *const f64, usize);
 
-/// Fill xmm6 to xmm15, call with two iterations, and read the registers.
+/// Set xmm6 to xmm15, call the function with two iterations, and return the registers.
 fn calls(function: Windows, frame: *mut f64, constants: *const f64, stream: *const f64) -> [f64; 10] {
     let values = [6, 7, 8, 9, 10, 11, 12, 13, 14, 15].map(f64::from);
     let mut kept = [0.0; 10];
     let (mut rdi, mut rsi) = (1u64, 2u64);
-    // SAFETY: all registers that the convention lets the function change are declared; the stack is aligned and
-    // has the 32 bytes that the convention gives to the function.
+    // SAFETY: all registers that the function may change are declared. The stack is aligned and has the 32 bytes that the convention
+    // reserves for the function.
     unsafe {
         std::arch::asm!(
             "push rbp", "mov rbp, rsp", "and rsp, -16", "sub rsp, 32",

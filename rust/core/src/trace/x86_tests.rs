@@ -1,11 +1,11 @@
-//! The encoder against decoder and encoder of iced-x86.
+//! Tests of the encoder against the decoder and the encoder of iced-x86.
 
 use super::super::checks::{BINARIES, ORDERS, PRODUCTS};
 use super::*;
 use iced_x86::{Decoder, DecoderOptions, Encoder, Instruction, OpKind, Register};
 
 const SETS: [Set; 3] = [Set::Sse2, Set::Avx2, Set::Avx512];
-/// Displacements near the limits of one byte, counted in bytes and in operands.
+/// Displacements near the limits of one byte, in units of bytes and of operands.
 const OFFSETS: [i32; 26] = [
     0,
     8,
@@ -39,7 +39,7 @@ fn forms() -> impl Iterator<Item = Form> {
     SETS.into_iter().flat_map(|set| [true, false].map(|packed| Form { set, packed }))
 }
 
-/// Registers on both sides of every limit of an encoding.
+/// Registers near every limit of the encodings.
 fn registers(form: Form) -> Vec<u8> {
     let all = [0, 5, 7, 8, 14, 15, 16, 23, 24, 31];
     all.into_iter().filter(|&r| (r as usize) < form.registers()).collect()
@@ -53,7 +53,7 @@ fn spread(source: Source) -> Source {
     if let Source::Slot(base, offset) = source { Source::Spread(base, offset) } else { source }
 }
 
-/// Registers, slots, and numbers in all lanes if the form has them.
+/// All operands: registers, slots, and broadcast numbers if the form has them.
 fn sources(form: Form) -> Vec<Source> {
     let spreads = if form.set == Set::Avx512 || !form.packed { slots().map(spread).collect() } else { Vec::new() };
     registers(form).into_iter().map(Source::Register).chain(slots()).chain(spreads).collect()
@@ -69,7 +69,7 @@ fn decoded(code: &[u8]) -> Vec<Instruction> {
     Decoder::new(64, code, DecoderOptions::NONE).into_iter().collect()
 }
 
-/// An instruction as text: `vaddpd zmm0,zmm1,[rdi+64]:64`, with `to` if one number is read for all lanes.
+/// An instruction as text: `vaddpd zmm0,zmm1,[rdi+64]:64`. The word `to` marks a broadcast number.
 fn text(instruction: &Instruction) -> String {
     let operand = |i| match instruction.op_kind(i) {
         OpKind::Register => format!("{:?}", instruction.op_register(i)),
@@ -88,14 +88,14 @@ fn text(instruction: &Instruction) -> String {
     format!("{:?}{mask} {}", instruction.mnemonic(), operands.join(",")).trim_end().to_lowercase()
 }
 
-/// The decoder reads the intended instruction, and the encoder of that crate writes the same bytes.
+/// Check that the decoder reads the expected instructions, and that the encoder of iced-x86 writes the same bytes.
 fn check(form: Form, fill: impl FnOnce(&mut Assembler), expected: &[String]) {
     let code = assembled(form, fill);
     let instructions = decoded(&code);
     assert_eq!(instructions.iter().map(text).collect::<Vec<_>>(), expected, "{form:?} {code:02x?}");
     let mut encoder = Encoder::new(64);
     for mut instruction in instructions {
-        // Zero and one request the shortest displacement.
+        // A displacement size of zero or one requests the shortest displacement.
         let none = instruction.memory_displacement64() == 0;
         instruction.set_memory_displ_size(u32::from(instruction.memory_base() != Register::None && !none));
         encoder.encode(&instruction, instruction.ip()).unwrap();
@@ -103,7 +103,7 @@ fn check(form: Form, fill: impl FnOnce(&mut Assembler), expected: &[String]) {
     assert_eq!(encoder.take_buffer(), code, "{form:?} {expected:?}");
 }
 
-/// The text of operands of a form.
+/// The names of operands in a form of code.
 struct Names(Form);
 
 impl Names {
@@ -126,12 +126,12 @@ impl Names {
         format!("[{base}{offset:+}]:{}{}", if to { 8 } else { self.0.width() }, if to { "to" } else { "" })
     }
 
-    /// An instruction on numbers, `{v}name{pd|sd}`.
+    /// The name of an instruction on numbers, `{v}name{pd|sd}`.
     fn number(&self, name: &str) -> String {
         format!("{}{name}{}", if self.0.set == Set::Sse2 { "" } else { "v" }, if self.0.packed { "pd" } else { "sd" })
     }
 
-    /// An instruction on bits. In legacy code it is the shorter one for single precision.
+    /// The name of an instruction on bits. Legacy code uses the shorter instruction for single precision.
     fn bits(&self, name: &str) -> String {
         if self.0.set == Set::Sse2 { format!("{name}ps") } else { format!("v{name}pd") }
     }
@@ -156,13 +156,13 @@ impl Names {
     }
 }
 
-/// Every pair `dst, a` that the form allows for an operation of three operands.
+/// Every pair `dst, a` that the form allows for an operation with three operands.
 fn pairs(form: Form) -> impl Iterator<Item = (u8, u8)> {
     let all = registers(form).into_iter().flat_map(move |dst| registers(form).into_iter().map(move |a| (dst, a)));
     all.filter(move |(dst, a)| form.set != Set::Sse2 || dst == a)
 }
 
-/// Operands `dst, a, b`: all pairs of registers, and some registers with all operands in memory.
+/// Operands `dst, a, b`: all pairs with `b` in a register, and some pairs with `b` in memory.
 fn operands(form: Form) -> impl Iterator<Item = (u8, u8, Source)> {
     let few = move |r: u8| r.is_multiple_of(8) || r + 1 == form.registers() as u8;
     let chosen = move |dst, a, b| matches!(b, Source::Register(_)) || few(dst) && few(a);
@@ -323,7 +323,7 @@ fn saves_registers_for_win64() {
     }
 }
 
-/// Scalar AVX-512 code uses VEX if that is as short as EVEX.
+/// Scalar AVX-512 code uses VEX if it is at most as long as EVEX.
 #[test]
 fn takes_the_shorter_encoding() {
     let form = Form { set: Set::Avx512, packed: false };
@@ -332,7 +332,7 @@ fn takes_the_shorter_encoding() {
         [|c: &mut Assembler, b| c.binary(Binary::Add, 1, 2, b), |c: &mut Assembler, b| c.fused(Product::Add, Order::P231, 1, 2, b)]
             .map(|fill: fn(&mut Assembler, Source)| assembled(form, |code| fill(code, source)).len())
     };
-    // VEX: prefix of 2 or 3 bytes, opcode, ModRM, displacement of 0, 1 or 4. EVEX: prefix of 4 bytes.
+    // VEX: a prefix of 2 or 3 bytes, an opcode, a ModRM byte, and a displacement of 0, 1 or 4 bytes. EVEX: a prefix of 4 bytes.
     assert_eq!(lengths(0), [4, 5]);
     assert_eq!(lengths(120), [5, 6]);
     assert_eq!(lengths(128), [7, 7]);

@@ -1,6 +1,6 @@
-//! The adjoint of a run: `l_k = Phi_x' l_(k+1) + loss_x(k)`, `grad = x0_p' l_0 + sum Phi_p' l_(k+1)`, operation by operation from the last to
-//! the first. Each operation is differentiated at the state before it. States are kept at checkpoints, and the states after a checkpoint
-//! are computed again (Griewank and Walther 2008, chapter 12).
+//! The adjoint of a run: `l_k = Phi_x' l_(k+1) + loss_x(k)`, `grad = x0_p' l_0 + sum Phi_p' l_(k+1)`, for the operations `k` from the last
+//! to the first. Each operation is differentiated at the state before it. Checkpoints store some of these states. The states after a
+//! checkpoint are computed again (Griewank and Walther 2008, chapter 12).
 
 use super::Prepared;
 use super::combine::add;
@@ -10,7 +10,7 @@ use super::walk::{Walker, followers, seen};
 use crate::error::Result;
 use crate::memory;
 
-/// The number of operations between two checkpoints, so that all stored states take at most `memory` bytes. A checkpoint stores `size`
+/// The number of operations between two checkpoints for which all stored states take at most `memory` bytes. A checkpoint stores `size`
 /// numbers, and each operation after it stores `whole` numbers. If `memory` is too small, the result is the square root of `operations`.
 fn stride(operations: usize, size: usize, whole: usize, memory: usize) -> usize {
     let (numbers, whole) = (memory / 8, whole.max(1));
@@ -26,27 +26,27 @@ fn stride(operations: usize, size: usize, whole: usize, memory: usize) -> usize 
 struct Backward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
-    /// The adjoint of the rates for each mode of the contacts.
+    /// For each contact mode, the adjoint of the state rates.
     rates: Vec<Call>,
     law: Call,
-    /// The weights of the state.
+    /// The weights of the present state.
     bar: Vec<f64>,
     aside: Vec<f64>,
-    /// The weights of the numbers of the set-up that vary.
+    /// The weights of the varying numbers of the set-up.
     set_up: Vec<f64>,
     gradient: Vec<f64>,
     u: Vec<f64>,
     looked: f64,
     scratch: Vec<f64>,
-    /// The weights of the results of a function, and of the slopes of a step.
+    /// The weights of the results of a function, then the weights of the slopes of a step.
     answer: Vec<f64>,
     slopes: Vec<f64>,
-    /// The weights of the state and of the held input, from the last call of `pass`.
+    /// The weights of the state and of the held input that the last call of `pass` computed.
     passed: Vec<f64>,
     followers: Vec<(usize, usize)>,
 }
 
-/// The derivatives of the weighed records with respect to all parameters.
+/// Return the derivatives of the weighted sum of the records with respect to all parameters.
 pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f64>> {
     let operations = &prepared.timeline.operations;
     let mut backward = Backward::new(prepared);
@@ -54,14 +54,14 @@ pub fn run(prepared: &Prepared, weights: &[f64], memory: usize) -> Result<Vec<f6
     let size = state.len();
     let whole = size + backward.walker.points.len();
     let stride = stride(operations.len(), size, whole, memory);
-    // A checkpoint is placed before an operation on the path of the run.
+    // A state between `Leave` and `Back` is not a state of the run, and no checkpoint stores it.
     let mut on_path = true;
     let (mut checkpoints, mut kept) = (Vec::new(), Vec::new());
     for (k, &operation) in operations.iter().enumerate() {
         if on_path && checkpoints.last().is_none_or(|&last| k >= last + stride) {
             memory::append(&mut checkpoints, &[k])?;
             memory::append(&mut kept, &state)?;
-            // The states after the last checkpoint are computed once.
+            // The states after the last checkpoint are computed only once, below.
             if operations.len() - k <= stride {
                 break;
             }
@@ -115,7 +115,7 @@ impl<'a> Backward<'a> {
         }
     }
 
-    /// The adjoint of operation `k` at the state before it; `points` are the arguments of the stages of a step.
+    /// Apply the adjoint of operation `k` at the state `before`. `points` are the states at the stages of a step.
     fn reverse(&mut self, k: usize, before: &mut [f64], points: &[f64], weights: &[f64]) -> Result<()> {
         let (timeline, places) = (&self.prepared.timeline, self.walker.places);
         match timeline.operations[k] {
@@ -152,8 +152,8 @@ impl<'a> Backward<'a> {
         weights[i * numbers..(i + 1) * numbers].split_at(sizes.states)
     }
 
-    /// Add the weights of a record `[x, tau]`. With `passed_on`, the next step evaluates the law at this record. That step then adds the
-    /// weights of `tau`.
+    /// Add the weights of a record `[x, tau]`. If `passed_on` is true, the next step evaluates the law at this record, and that step adds
+    /// the weights of `tau`.
     fn record(&mut self, i: usize, t: f64, before: &[f64], weights: &[f64], passed_on: bool) -> Result<()> {
         let (sizes, places) = (&self.prepared.functions.sizes, self.walker.places);
         let (x, tau) = self.record_of(i, weights);
@@ -169,8 +169,8 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    /// Compute the weights of the state and of the held input from those of a function's results. Those of the set-up and of the exogenous
-    /// input are added to the gradient.
+    /// Compute the weights of the state and of the held input from the weights of a function's results. Add the weights of the set-up to
+    /// `set_up`, and those of the exogenous input to `gradient`.
     fn pass(&mut self, of: Of, t: f64, [x, held]: [&[f64]; 2]) -> Result<()> {
         let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
         if t != self.looked {
@@ -216,7 +216,7 @@ impl<'a> Backward<'a> {
         let from = places.measured(seen(&self.prepared.timeline, k));
         self.bar[from].iter_mut().zip(plant).for_each(|(bar, weight)| *bar += weight);
         self.bar[places.z()].iter_mut().zip(law).for_each(|(bar, weight)| *bar += weight);
-        // Noise and quantisation do not change weights.
+        // Noise and quantisation do not change tangents, so that the weight of a measurement is added to the state.
         let own = places.measured(k);
         for i in 0..own.len() {
             self.bar[i] += std::mem::take(&mut self.bar[own.start + i]);
@@ -224,7 +224,7 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    /// The weights of the state before a contact changes, from those after.
+    /// Compute the weights of the state before a contact change from the weights after the change.
     fn switch(&mut self, k: usize, t: f64, before: &[f64]) -> Result<()> {
         let Some(jump) = self.walker.jump(k, t, before)? else { return Ok(()) };
         let weight: f64 = jump.along.iter().zip(&self.bar).map(|(along, bar)| along * bar).sum();
@@ -233,7 +233,7 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    /// The adjoint of a step whose stages have the arguments `points`. `tau` are the weights of the recorded input at its start.
+    /// Apply the adjoint of a step whose stages have the states `points`. `tau` are the weights of the input recorded at its start.
     fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, before: &[f64], points: &[f64], tau: &[f64]) -> Result<()> {
         let (tableau, size, places) = (&self.prepared.tableau, self.prepared.functions.sizes.states, self.walker.places);
         if tableau.follows {
@@ -241,7 +241,7 @@ impl<'a> Backward<'a> {
                 self.bar[rate] += h * self.bar[position];
             }
         }
-        // The weights of the slopes, then of the points.
+        // First compute the weights of the slopes, then those of the stage states.
         for (slopes, b) in self.slopes.chunks_exact_mut(size).zip(&tableau.b) {
             slopes.fill(0.0);
             add(slopes, h * b, &self.bar[..size]);
@@ -279,11 +279,11 @@ impl<'a> Backward<'a> {
     }
 }
 
-/// The function whose adjoint is computed.
+/// Selects the function whose adjoint is computed.
 #[derive(Clone, Copy)]
 enum Of {
     Law,
-    /// The rates in a mode of the contacts.
+    /// The state rates in a contact mode.
     Rates(usize),
 }
 
@@ -297,7 +297,7 @@ mod tests {
             let whole = 5 * size;
             let stride = stride(operations, size, whole, memory);
             let numbers = size * operations.div_ceil(stride) + whole * stride.min(operations);
-            // If the memory is too small, the distance of checkpoints is the square root of the number of operations.
+            // If the memory is too small, the distance between checkpoints is the square root of the number of operations.
             let most = (memory / 8 + size).max((size + whole) * (operations.isqrt() + 2));
             assert!(numbers <= most, "{operations} {size} {memory}: {numbers} of {most}");
         }

@@ -1,4 +1,4 @@
-//! Sums of slopes: for states, and for their tangents, with one direction per lane.
+//! Linear combinations of slopes. They apply to states, and to tangents, whose rows have one direction per lane.
 
 use crate::integrate::Tableau;
 use crate::scalar::Kernel;
@@ -26,7 +26,7 @@ pub fn add(y: &mut [f64], factor: f64, x: &[f64]) {
     vectorised(Add { y, factor, x });
 }
 
-/// `y = x + h sum_j a_j k_j`, of slopes one after another.
+/// Compute `y = x + h sum_j a_j k_j`. `slopes` contains the `k_j` one after another.
 pub fn add_slopes(x: &[f64], h: f64, a: &[f64], slopes: &[f64], y: &mut [f64]) {
     y.copy_from_slice(x);
     for (&a, slope) in a.iter().zip(slopes.chunks_exact(x.len().max(1))).filter(|(a, _)| **a != 0.0) {
@@ -34,8 +34,8 @@ pub fn add_slopes(x: &[f64], h: f64, a: &[f64], slopes: &[f64], y: &mut [f64]) {
     }
 }
 
-/// Replace `x` by the next state, or tangents along `lanes` directions by the next ones. In a method whose positions use the new rates
-/// (semi-implicit Euler), the slopes of positions become zero.
+/// Advance a state, or its tangents along `lanes` directions, by one step. A semi-implicit method computes positions with the new rates,
+/// and sets their slopes to zero.
 pub fn advance(tableau: &Tableau, h: f64, slopes: &mut [f64], followers: &[(usize, usize)], x: &mut [f64], lanes: usize) {
     let size = x.len().max(1);
     for (&b, slope) in tableau.b.iter().zip(slopes.chunks_exact_mut(size)) {

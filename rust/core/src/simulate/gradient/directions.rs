@@ -1,4 +1,4 @@
-//! The tangents of the quantities that parameters change: numbers of the set-up, the state at the start, and desired motions.
+//! The tangents of the quantities that parameters change: numbers of the set-up, the initial state, and desired motions.
 
 use super::Parameters;
 use super::shared::{entangled, is_shared};
@@ -12,35 +12,35 @@ use crate::trace::Sym;
 use crate::trace::sym;
 use crate::trace::tape::Moving;
 
-/// Desired motions of the runs in which a parameter differs.
+/// A parameter that changes the desired motion, with the motions of its runs and their weights.
 struct Drive<'a> {
     parameter: usize,
     worlds: Vec<(World<'a>, f64)>,
 }
 
-/// The tangents of the set-up and of the exogenous input along all parameters. [`start_rates`] has those of the start.
+/// The tangents of the set-up and of the exogenous input along all parameters. [`start_rates`] returns the tangents of the initial state.
 pub struct Directions<'a> {
     pub count: usize,
-    /// Whether each number of the set-up varies, and how many vary.
+    /// For each number of the set-up, whether it varies. `moved` is the count of varying numbers.
     pub moving: Vec<bool>,
     pub moved: usize,
-    /// The tangents of the numbers that vary, `(moved, count)`.
+    /// The tangents of the varying numbers of the set-up, shape `(moved, count)`.
     pub set_up: Vec<f64>,
-    /// Runs whose recordings are compared with that of the loop: `(parameter, run)`.
+    /// The runs whose recorded functions are compared with those of run 0: `(parameter, run)`.
     pub runs: Vec<(usize, usize)>,
     base: World<'a>,
     drives: Vec<Drive<'a>>,
     width: usize,
 }
 
-/// `sum w_i (f_i - f_0)`: exactly zero where nothing differs.
+/// Pass `sum_i w_i (f_i - f_0)` of each number to `put`. The result is exactly zero where the runs do not differ.
 fn combined(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f64)) {
     for (k, &of) in base.iter().enumerate() {
         put(k, others.iter().map(|(other, weight)| weight * (other[k] - of)).sum());
     }
 }
 
-/// All numbers of the set-up of run `run`.
+/// Return all numbers of the set-up of run `run`.
 fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     look();
     sym::begin_moving(Moving::All);
@@ -48,7 +48,7 @@ fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     sym::finish().values
 }
 
-/// The tangents of the state at the start, `(states, count)`.
+/// Return the tangents of the initial state, shape `(states, count)`.
 pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>> {
     let (count, starts) = (parameters.all.len(), |run: usize| start::<f64>(problem, |_| run));
     let first = starts(0);
@@ -66,7 +66,8 @@ pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>
 }
 
 impl<'a> Directions<'a> {
-    /// All numbers of a name enter a program in the same form. So only the recordings of its first and its last number are compared.
+    /// Compute the tangents. All parameters of a name enter a program in the same form, so that only the first and the last one are
+    /// compared.
     pub fn of(problem: &'a Problem<'a>, Parameters { all: parameters, sizes, shared }: Parameters) -> Result<Self> {
         let base = numbers(problem, 0);
         let count = parameters.len();
@@ -127,15 +128,15 @@ impl<'a> Directions<'a> {
         !self.drives.is_empty()
     }
 
-    /// The exogenous input at `t`.
+    /// Compute the exogenous input at time `t`.
     pub fn input(&self, t: f64, u: &mut [f64]) {
         if self.width > 0 {
             self.base.sample_each(0, &[t], self.width, u);
         }
     }
 
-    /// The tangents of the exogenous input at `t`, by `put(slot, parameter, tangent)`, for parameters that change a desired motion. `u` is
-    /// the exogenous input at `t`, and `scratch` is memory for two rows.
+    /// Pass the tangents of the exogenous input at time `t` to `put(slot, parameter, tangent)`, for parameters that change a desired
+    /// motion. `u` is the exogenous input at `t`, and `scratch` is memory for two inputs.
     pub fn input_rates(&self, t: f64, u: &[f64], scratch: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
         let (row, rates) = scratch.split_at_mut(self.width);
         for Drive { parameter, worlds } in &self.drives {
@@ -149,7 +150,7 @@ impl<'a> Directions<'a> {
     }
 }
 
-/// The error that parameter number `parameter` has no derivative. The binding adds its name.
+/// The error that the parameter with index `parameter` has no derivative. The binding adds its name.
 pub fn refused(parameter: usize, why: &str) -> Error {
     Error::input("sensitivity", format!("has no derivative: it {why}")).at([parameter])
 }

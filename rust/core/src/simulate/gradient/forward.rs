@@ -1,5 +1,6 @@
-//! Tangents of a run: every operation maps `S = dX/dp` by `S_(k+1) = Phi_x S_k + Phi_p`. Each lane of a program has one direction. A block
-//! of directions fills a few registers, and the state is computed again for each block.
+//! Tangents of a run: every operation maps `S = dX/dp` by `S_(k+1) = Phi_x S_k + Phi_p`. A *lane* is one element of a SIMD register, and
+//! holds the tangent along one direction. A *group* is the directions of one register. A *block* is a few groups. Each block computes the
+//! states of the run again.
 
 use super::Prepared;
 use super::combine::{add_slopes, advance};
@@ -10,10 +11,10 @@ use super::walk::{Walker, act, followers, seen};
 use crate::error::Result;
 use crate::memory;
 
-/// A function with its tangent.
+/// A recorded function with its tangent.
 struct Tangent {
     call: Call,
-    /// The number of inputs that vary: all, those of the set-up, and exogenous ones.
+    /// The number of varying inputs: all of them, then those of the set-up, then those of the exogenous input.
     moving: usize,
     moved: usize,
     driven: usize,
@@ -21,7 +22,7 @@ struct Tangent {
 }
 
 impl Tangent {
-    /// Set the tangents of the set-up along the directions from `first` on.
+    /// Set the tangents of the set-up for the directions from `first` on.
     fn set_up(&mut self, prepared: &Prepared, first: usize, groups: usize) {
         let (lanes, directions) = (self.call.lanes(), &prepared.directions);
         for g in 0..groups {
@@ -35,8 +36,8 @@ impl Tangent {
         }
     }
 
-    /// Set the tangents of the exogenous input along group `g` of directions. Return the places of the tangents of the state and of the
-    /// held input.
+    /// Set the tangents of the exogenous input for group `g` of directions. Return the memory for the tangents of the state and of the held
+    /// input.
     fn rates_of(&mut self, g: usize, outside: &[f64], states: usize) -> (&mut [f64], &mut [f64]) {
         let (lanes, own) = (self.call.lanes(), self.moving - self.moved);
         let (driven, rest) = self.call.more(g * self.moving + self.moved, own).split_at_mut(self.driven * lanes);
@@ -44,7 +45,7 @@ impl Tangent {
         rest.split_at_mut(states * lanes)
     }
 
-    /// The tangents of the results along group `g` of directions.
+    /// The tangents of the results for group `g` of directions.
     fn answers(&self, g: usize) -> &[f64] {
         self.call.behind(g * self.answers, self.answers)
     }
@@ -54,25 +55,25 @@ impl Tangent {
 struct Forward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
-    /// The rates with their tangents for each mode of the contacts.
+    /// For each contact mode, the state rates with their tangents.
     rates: Vec<Tangent>,
     law: Tangent,
     lanes: usize,
-    /// The number of groups of directions, with one direction per lane, and the first direction of the block.
+    /// The number of groups in a block, and the first direction of the block.
     groups: usize,
     first: usize,
     state: Vec<f64>,
-    /// The tangents of the state, group after group. A group has a row for each number of the state, with one entry per lane.
+    /// The tangents of the state, group after group. A group has one row per number of the state, and the row has one entry per lane.
     tangent: Vec<f64>,
     left: (Vec<f64>, Vec<f64>),
-    /// The exogenous input, its time, and its tangents of all groups.
+    /// The exogenous input, the time of this input, and its tangents for all groups.
     u: Vec<f64>,
     looked: f64,
     u_rates: Vec<f64>,
     scratch: Vec<f64>,
     point: Vec<f64>,
     slopes: Vec<f64>,
-    /// The tangents of the slopes: group after group, and stage after stage in a group.
+    /// The tangents of the state rates at the stages, in the order group, stage, number of the state, lane.
     slope_rates: Vec<f64>,
     followers: Vec<(usize, usize)>,
 }
@@ -126,7 +127,7 @@ impl<'a> Forward<'a> {
         })
     }
 
-    /// Go to the start of the run, for the block of directions from `first` on.
+    /// Set the state and the tangents to their values at the start of the run, for the block of directions from `first` on.
     fn begin(&mut self, first: usize) {
         let directions = &self.prepared.directions;
         self.state.copy_from_slice(&self.walker.start());
@@ -143,14 +144,14 @@ impl<'a> Forward<'a> {
         }
     }
 
-    /// The index of the tangent of a number of the state along direction `k` of the block.
+    /// The index of the tangent of state number `number` along direction `k` of the block.
     fn place(&self, k: usize, number: usize) -> usize {
         (k / self.lanes * self.state.len() + number) * self.lanes + k % self.lanes
     }
 
     fn run(&mut self, series: &mut Series) -> Result<()> {
         let timeline = &self.prepared.timeline;
-        // A record whose input is computed by the first stage of the next step.
+        // A record whose input the first stage of the next step computes.
         let mut open = None;
         for (k, &operation) in timeline.operations.iter().enumerate() {
             match operation {
@@ -173,7 +174,7 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
-    /// Evaluate the exogenous input at `t` and its tangents.
+    /// Evaluate the exogenous input and its tangents at time `t`.
     fn look_outside(&mut self, t: f64) {
         if t == self.looked {
             return;
@@ -211,7 +212,7 @@ impl<'a> Forward<'a> {
         self.law.call.give([&self.u, &self.walker.shown, &[]]);
         let (from, z) = (places.measured(seen(&self.prepared.timeline, k)), places.z());
         for (g, tangent) in self.tangent.chunks_exact_mut(size).enumerate() {
-            // Noise and quantisation do not change tangents.
+            // Noise and quantisation do not change tangents, so that the tangent of a measurement is the tangent of the state.
             tangent.copy_within(0..z.start * lanes, places.measured(k).start * lanes);
             let (shown, _) = self.law.rates_of(g, &self.u_rates[g * driven..(g + 1) * driven], z.end);
             let (plant, law) = shown.split_at_mut(z.start * lanes);
@@ -233,7 +234,7 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
-    /// The tangents jump where a contact changes.
+    /// Add the jump of the tangents at contact change `k`.
     fn switch(&mut self, k: usize, t: f64) -> Result<()> {
         let Some(jump) = self.walker.jump(k, t, &self.state)? else { return Ok(()) };
         let (directions, lanes, all) = (&self.prepared.directions, self.lanes, self.walker.places.size() * self.lanes);
@@ -249,7 +250,7 @@ impl<'a> Forward<'a> {
         Ok(())
     }
 
-    /// A step, and the record at its start if there is one.
+    /// Compute a step, and write the record at its start if one exists.
     fn step(&mut self, (t, h, end): (f64, f64, f64), mode: usize, mut record: Option<(usize, &mut Series)>) -> Result<()> {
         let tableau = &self.prepared.tableau;
         let (places, lanes, size) = (self.walker.places, self.lanes, self.prepared.functions.sizes.states);

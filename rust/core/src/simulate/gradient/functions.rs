@@ -1,4 +1,4 @@
-//! The rates and the law of a loop as recorded functions, with their tangents and adjoints.
+//! The state rates, the law and the guards of a loop as recorded functions, with their tangents and adjoints.
 
 use super::directions::{Directions, refused};
 use super::timeline::Contacts;
@@ -20,27 +20,28 @@ use crate::trace::tape::{Moving, Op};
 use crate::trace::{Evaluation, form};
 use std::sync::OnceLock;
 
-/// Registers of directions in one block. They share the values at which derivatives are evaluated.
+/// The number of registers of directions in one block. All of them use the same values of the function.
 const TOGETHER: usize = 2;
 
 /// Sizes of the arguments and results of a loop's functions.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
-    /// The size of the desired motion, and of the exogenous input, which starts with it, at one instant.
+    /// The size of the desired motion, and the size of the exogenous input, at one instant. The exogenous input starts with the desired
+    /// motion.
     pub desired: usize,
     pub width: usize,
     pub n: usize,
-    /// The number of states of the plant, and of plant and law together.
+    /// The number of states of the plant, then that of the plant and the law together.
     pub plant: usize,
     pub states: usize,
-    /// The size of the law's results: the plant's input and the rate of the law's state.
+    /// The number of the law's results: the plant's input and the rate of the law's state.
     pub answer: usize,
-    /// Whether the law is sampled.
+    /// Whether the law is evaluated at sample times only.
     pub sampled: bool,
     guards: usize,
-    /// The number of groups of directions in a block, with one direction per lane.
+    /// The number of groups of directions in a block. A group has one direction per lane.
     pub groups: usize,
-    /// The number of numbers of the set-up that vary, and whether the exogenous input varies.
+    /// The number of varying numbers of the set-up, and whether the exogenous input varies.
     pub moved: usize,
     pub drives: bool,
 }
@@ -63,7 +64,7 @@ impl Sizes {
         }
     }
 
-    /// The size of the tangent of the exogenous input; zero if that does not vary.
+    /// The number of tangents of the exogenous input. It is zero if this input does not vary.
     pub fn driven(&self) -> usize {
         if self.drives { self.width } else { 0 }
     }
@@ -73,10 +74,10 @@ impl Sizes {
 pub struct Function {
     ops: Vec<Op>,
     values: Vec<f64>,
-    /// The sizes of `u`, of `x` and of the held input.
+    /// The sizes of `u`, `x` and the held input.
     read: [usize; 3],
     answer: Vec<u32>,
-    /// The number of results, at the end, that report whether the other results are valid.
+    /// The number of validity flags after the results. A flag is positive if the results are valid.
     guards: usize,
     /// The inputs that vary: numbers of the set-up, the exogenous input, the state, the held input.
     moving: Vec<u32>,
@@ -85,15 +86,15 @@ pub struct Function {
     calls: [OnceLock<Call>; 3],
 }
 
-/// The functions of a loop.
+/// The recorded functions of a loop.
 pub struct LoopFunctions {
     pub sizes: Sizes,
-    /// The rates of the state, one function for each mode of the contacts. In a continuous loop, the law's input follows the rates. In a
-    /// sampled loop, the input is held.
+    /// The state rates, one function for each contact mode. In a continuous loop, the result of the function ends with the plant's input.
+    /// In a sampled loop, the input is an argument.
     pub rates: Vec<Function>,
-    /// The law's input and the rate of its state.
+    /// The plant's input and the rate of the law's state.
     pub law: Function,
-    /// For each guard, the function that changes sign where the contact changes.
+    /// For each guard, the function whose zero is the instant of a contact change.
     pub guards: Vec<Function>,
 }
 
@@ -159,7 +160,7 @@ impl Recorder<'_> {
         Some(Function { ops, values, read, answer, guards: sizes.guards, moving, groups: sizes.groups, calls })
     }
 
-    /// The rates for contacts held in `mode`. If `mode` is empty, the state determines the contacts.
+    /// Record the state rates for contacts held in `mode`. If `mode` is empty, the state determines the contacts.
     fn rates(&self, mode: &[Touch]) -> Option<Function> {
         let sizes = self.sizes;
         self.record(sizes.sampled, |closed, u, x, acting| {
@@ -202,12 +203,12 @@ impl Function {
         Recorded { ops, values: self.values.clone(), inputs: self.inputs() + more, answer }
     }
 
-    /// The number of results, without those that report whether the others are valid.
+    /// The number of results, without the validity flags.
     pub fn answers(&self) -> usize {
         self.answer.len() - self.guards
     }
 
-    /// The function itself, for one run.
+    /// Return the function without derivatives, for one run.
     pub fn value(&self) -> Call {
         self.calls[0].get_or_init(|| Call::new(self, self.recorded(self.ops.clone(), 0, self.answer.clone()).program(false))).clone()
     }
@@ -217,8 +218,8 @@ impl Function {
         self.moving.len()
     }
 
-    /// The function with its tangent: from the inputs and their tangents to the results and, after them, the tangents of the results. Each
-    /// lane has one direction, and the groups of directions follow one another.
+    /// Return the function with its tangent. Its arguments are the inputs, then their tangents. Its results are the function's results,
+    /// then their tangents. Each lane has one direction, and the groups of directions follow one another.
     pub fn tangent(&self) -> Call {
         let made = || {
             let (inputs, groups) = (self.values.len() + self.inputs(), self.groups);
@@ -229,7 +230,7 @@ impl Function {
         self.calls[1].get_or_init(made).clone()
     }
 
-    /// The function with its adjoint: the weights of the inputs that vary, from the weights of the results.
+    /// Return the function with its adjoint. The adjoint computes the weights of the varying inputs from the weights of the results.
     pub fn adjoint(&self) -> Call {
         let made = || {
             let inputs = self.values.len() + self.inputs();
@@ -241,7 +242,7 @@ impl Function {
     }
 }
 
-/// Write each number to all `L` lanes of its place.
+/// Write each number to `L` consecutive places, one for each lane.
 fn spread<const L: usize>(parts: [&[f64]; 3], to: &mut [f64]) {
     let mut to = to.as_chunks_mut::<L>().0.iter_mut();
     for part in parts {
@@ -249,7 +250,7 @@ fn spread<const L: usize>(parts: [&[f64]; 3], to: &mut [f64]) {
     }
 }
 
-/// A function ready to be called.
+/// A compiled function with memory for its arguments and results.
 #[derive(Clone)]
 pub struct Call {
     evaluation: Evaluation,
@@ -267,7 +268,7 @@ impl Call {
         self.evaluation.lanes()
     }
 
-    /// Set the arguments `u`, `x` and held input, equal in every lane.
+    /// Set the arguments `u`, `x` and held input, with equal values in every lane.
     pub fn give(&mut self, parts: [&[f64]; 3]) {
         let (lanes, count) = (self.lanes(), self.read.iter().sum());
         let numbers = self.evaluation.inputs(0, count);
@@ -279,13 +280,13 @@ impl Call {
         }
     }
 
-    /// `count` of the inputs after the arguments, from `first` on, of all lanes: tangents or weights.
+    /// The memory of `count` tangents or weights after the arguments, from number `first` on, with all lanes.
     pub fn more(&mut self, first: usize, count: usize) -> &mut [f64] {
         let read: usize = self.read.iter().sum();
         self.evaluation.inputs(read + first, count)
     }
 
-    /// Evaluate the function. It fails for angles beyond the range of programs, and for results that are not valid.
+    /// Evaluate the function. Return an error if an angle passes the range of programs, or if the results are not valid.
     pub fn run(&mut self, t: f64) -> Result<()> {
         use crate::status::Status;
         self.evaluation.run();
@@ -299,12 +300,12 @@ impl Call {
         Ok(())
     }
 
-    /// The results, of all lanes.
+    /// The results, with all lanes.
     pub fn answers(&self) -> &[f64] {
         self.evaluation.outputs(0, self.answers)
     }
 
-    /// `count` of the numbers after the results, from `first` on, of all lanes: tangents or weights.
+    /// The `count` tangents or weights after the results, from number `first` on, with all lanes.
     pub fn behind(&self, first: usize, count: usize) -> &[f64] {
         self.evaluation.outputs(self.answers + self.guards + first, count)
     }

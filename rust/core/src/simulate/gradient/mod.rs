@@ -1,19 +1,21 @@
-//! Derivatives of a run with respect to numbers of its set-up and its start (Griewank and Walther 2008; Hairer, Norsett and Wanner, section
-//! I.14).
+//! Derivatives of a run with respect to its parameters (Griewank and Walther 2008; Hairer, Norsett and Wanner, section I.14).
 //!
-//! A run is a list of operations on one state `X`: steps `x' = x + h sum b_i k_i`, samples of the law, and records. Forward: the tangents
-//! `X_p` go through the same operations. Backward: the adjoint of each operation, in reverse order, from states that were kept or are
-//! computed again. The rates and the law are recorded programs, differentiated as programs. Adaptive methods repeat the steps that the run
-//! took, so that step sizes have no derivative. Where a contact changes the tangents jump.
+//! A run is a list of operations on one state `X`: steps `x' = x + h sum b_i k_i`, samples of the law, and records. The forward pass
+//! applies the operations to the tangents `X_p`. The backward pass applies the adjoints of the operations, in reverse order. It reads the
+//! states before the operations from memory, or computes them again. The rates and the law are recorded programs, which are differentiated
+//! as programs. Adaptive methods repeat the steps of the run, so that step sizes have no derivative. Where a contact changes, the tangents
+//! jump.
 //!
-//! A parameter is stated by runs of the problem in which it differs, with weights: `d/dp F = sum w_i F_i`. The differences are taken of the
-//! numbers of the set-up alone, never of a run.
+//! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i F_i`. Here `F` is a
+//! number of the set-up. These weighted sums are never taken of the results of runs.
 //!
 //! Terms of this directory:
 //!
-//! - The set-up is the constant part of a loop: parameters, gains, targets, limits. A number of it varies if a parameter changes it.
+//! - The set-up is the constant part of a loop: parameters, gains, targets, limits. A number of the set-up varies if a parameter changes
+//!   it.
 //! - The exogenous input `u` is the desired motion and the external force.
 //! - The held input is the output of a sampled law between two samples.
+//! - A mode of the contacts lists for each contact whether it is apart, pressed or slack ([`Touch`](crate::plant::Touch)).
 //! - The tangent of a quantity is its derivative along a direction in the space of the parameters.
 //! - The weight of a quantity is the derivative of the weighted sum of the records with respect to it (the adjoint).
 
@@ -44,24 +46,24 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 use timeline::{Contacts, Timeline};
 
-/// How a number differs between runs of a problem: runs and weights of its derivative.
+/// The derivative of a set-up with respect to one number, as pairs `(run, weight)`: `sum weight F(run)`.
 pub type Parameter = Vec<(usize, f64)>;
 
-/// The parameters of a run, and how many of them belong to each name, one name after another.
+/// The parameters of a run, listed name by name, with the number of parameters of each name.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameters<'a> {
     /// The parameters of all names.
     pub all: &'a [Parameter],
     /// The number of parameters of each name.
     pub sizes: &'a [usize],
-    /// The parameters that vary together in the same runs.
+    /// The groups of parameters that vary in the same runs.
     pub shared: &'a [Shared],
 }
 
-/// The names of the series of a record, and where they are in it.
+/// The names of the series of a record, and the range of each series in the record.
 pub type RecordParts = Vec<(&'static str, Range<usize>)>;
 
-/// The parts of a record `[x, tau]`, and how many numbers it has.
+/// Return the series of a record `[x, tau]`, and the number of elements of the record.
 pub fn record_parts(problem: &Problem) -> (RecordParts, usize) {
     let columns = Columns::of(problem);
     let size = problem.plant(0).states() + columns.p;
@@ -76,11 +78,11 @@ struct Prepared<'a> {
     directions: Arc<Directions<'a>>,
     functions: Arc<LoopFunctions>,
     timeline: Timeline,
-    /// The tangents of the state at the start, `(states, count)`.
+    /// The tangents of the state at the start, shape `(states, count)`.
     start: Vec<f64>,
 }
 
-/// The directions of a loop, which all its runs share, and the recorded functions.
+/// The directions of a loop, and its recorded functions. All runs of the loop share them.
 struct Loop<'a> {
     tableau: Tableau,
     directions: Arc<Directions<'a>>,
@@ -88,7 +90,7 @@ struct Loop<'a> {
     known: Mutex<Vec<(Contacts, Arc<LoopFunctions>)>>,
 }
 
-/// Run 0 of a problem by itself.
+/// Return the problem that consists of run 0 of `problem`.
 fn single<'a>(problem: &Problem<'a>) -> Problem<'a> {
     let states = problem.plant(0).states();
     Problem {
@@ -131,7 +133,7 @@ impl<'a> Loop<'a> {
         Ok(Loop { tableau, directions, known: Mutex::default() })
     }
 
-    /// Run 0 of a problem of this loop.
+    /// Prepare run 0 of a problem whose loop is `self`.
     fn prepare(&self, problem: &Problem<'a>, parameters: Parameters, stop: &dyn Stop) -> Result<Prepared<'a>> {
         let (single, start) = (single(problem), start_rates(problem, parameters)?);
         let timeline = Timeline::of(&single, stop)?;
@@ -154,8 +156,8 @@ fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop
     Loop::of(problem, parameters)?.prepare(problem, parameters, stop)
 }
 
-/// The derivatives of the records of run 0 of `problem`, at the times of its options: `(records, numbers, parameters)` of each part that
-/// [`record_parts`] names.
+/// Return the derivatives of the records of run 0 of `problem`, at the times of its options. Each part that [`record_parts`] names has an
+/// array of shape `(records, numbers, parameters)`, in the units of the record per unit of the parameter.
 pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop) -> Result<Vec<Vec<f64>>> {
     let prepared = prepare(problem, parameters, stop)?;
     let (parts, _) = record_parts(problem);
@@ -164,8 +166,10 @@ pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop)
     Ok(series.into_rates())
 }
 
-/// `sum_k w_k' dr_k/dp` of the records `r_k = [x, tau]` of run 0 of `problem`, for the weights `(records, numbers)`: one number per
-/// parameter. The stored states take about `memory` bytes at most; the states between them are computed again.
+/// Return `sum_k w_k' dr_k/dp` for the records `r_k = [x, tau]` of run 0 of `problem`, one number per parameter.
+///
+/// `weights`: the `w_k`, shape `(records, numbers)`. `memory`: an approximate limit of the stored states, in bytes. Other states are
+/// computed again.
 pub fn adjoint(problem: &Problem, parameters: Parameters, weights: &[f64], memory: usize, stop: &dyn Stop) -> Result<Vec<f64>> {
     backward::run(&prepare(problem, parameters, stop)?, weights, memory)
 }

@@ -1,4 +1,5 @@
-//! Derivatives of the runs of a batch. The threads share the rows. A row has the same bits as a single run.
+//! Derivatives of the runs of a batch. A *row* is one run of the batch. Threads compute different rows. The bits of a row equal those of a
+//! single run.
 
 use super::{Loop, Parameter, Parameters, backward, forward, record_parts};
 use crate::error::{Error, Result};
@@ -9,21 +10,21 @@ use crate::simulate::problem::Problem;
 use crate::simulate::schedule::Times;
 use std::sync::atomic::AtomicBool;
 
-/// Runs to be differentiated: run 0 of each problem, with its parameters.
+/// The runs to be differentiated: run 0 of each problem, with its parameters.
 pub struct Rows<'a> {
     problems: Vec<Problem<'a>>,
     parameters: &'a [Vec<Parameter>],
     sizes: &'a [usize],
 }
 
-/// The elements of row `row` in a list with `each` elements per row. A list with one element is for all rows.
+/// The `each` elements of a list that belong to row `row`. A list with one element applies to all rows.
 fn part<T: Clone>(all: &[T], row: usize, each: usize) -> Vec<T> {
     if all.len() == 1 { all.to_vec() } else { all.get(row * each..(row + 1) * each).unwrap_or(&[]).to_vec() }
 }
 
 impl<'a> Rows<'a> {
-    /// The rows of a problem, whose plants and laws are one or one per run, with as many runs in each row. It has no force, one, or one per
-    /// row. `sizes`: how many parameters each name has.
+    /// Divide a problem into rows of equally many runs. The problem has one plant, or one per run. The same rule applies to laws. It has no
+    /// force, one force, or one per row. `sizes` lists the number of parameters of each name.
     pub fn of(problem: &Problem<'a>, parameters: &'a [Vec<Parameter>], sizes: &'a [usize]) -> Result<Self> {
         let (rows, runs) = (parameters.len(), problem.runs());
         let width = runs.checked_div(rows).unwrap_or(0);
@@ -54,7 +55,7 @@ impl<'a> Rows<'a> {
         Ok(Rows { problems: memory::collected((0..rows).map(row))?, parameters, sizes })
     }
 
-    /// Whether all rows are runs of the same loop.
+    /// Whether all rows have the same plants, laws and forces.
     fn is_one_loop(&self) -> bool {
         let Some(first) = self.problems.first() else { return false };
         let same = |other: &Problem| {
@@ -69,7 +70,7 @@ impl<'a> Rows<'a> {
         Parameters { all: &self.parameters[row], sizes: self.sizes, shared: &[] }
     }
 
-    /// Work on each row with its part of the output. A run that ends early has no derivative, and its row is NaN.
+    /// Call `work` with each row and its part of the output. The derivative of a run that ends early does not exist, and its row is NaN.
     fn each<'b, T: Fill + Send>(
         &'b self,
         threads: usize,
@@ -119,8 +120,8 @@ impl Fill for &mut [f64] {
     }
 }
 
-/// The derivatives of the records of each row, at the times of the options: `(rows, records, numbers, parameters)` of each part that
-/// [`record_parts`] names.
+/// Return the derivatives of the records of each row, at the times of the options. Each part that [`record_parts`] names has an array of
+/// shape `(rows, records, numbers, parameters)`.
 pub fn sensitivities_of_rows(rows: &Rows, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<Vec<Vec<f64>>> {
     let Some(first) = rows.problems.first() else { return Ok(Vec::new()) };
     let (parts, records, count) = (record_parts(first).0, records(first), rows.parameters(0).all.len());
@@ -140,8 +141,8 @@ pub fn sensitivities_of_rows(rows: &Rows, threads: usize, poll: &mut dyn FnMut()
     Ok(all)
 }
 
-/// As [`super::adjoint`] of each row: `weights` are `(rows, records, numbers)`, and the result `(rows, parameters)`. Each thread keeps
-/// states in at most some `memory` bytes.
+/// Return [`super::adjoint`] of each row, shape `(rows, parameters)`. `weights` has shape `(rows, records, numbers)`. Each thread stores
+/// about `memory` bytes of states.
 pub fn adjoint_of_rows(rows: &Rows, weights: &[f64], memory: usize, threads: usize, poll: &mut dyn FnMut() -> bool) -> Result<Vec<f64>> {
     let Some(first) = rows.problems.first() else { return Ok(Vec::new()) };
     let (width, count) = (records(first) * record_parts(first).1, rows.parameters(0).all.len());
@@ -154,7 +155,7 @@ pub fn adjoint_of_rows(rows: &Rows, weights: &[f64], memory: usize, threads: usi
     Ok(all)
 }
 
-/// Records of each run.
+/// The number of records of a run.
 fn records(problem: &Problem) -> usize {
     if let Times::At(times) = &problem.options.times { times.len() } else { 0 }
 }

@@ -1,16 +1,17 @@
-//! The tangents of all records by series, in the layout of the result.
+//! The tangents of all records, one array for each series, in the layout of the result.
 
 use crate::error::Result;
 use crate::memory;
 use std::ops::Range;
 
-/// The tangents of parts of a record `[x, tau]`: `(records, numbers, parameters)` each.
+/// The tangents of the series of a record `[x, tau]`. Each array has the shape `(records, numbers, parameters)`.
 pub struct Series {
     parts: Vec<(Range<usize>, Vec<f64>)>,
     parameters: usize,
 }
 
-/// Copy the first `M` numbers of each row of `from` to the start of a row of `to`. The rows have `lanes` and `width` numbers.
+/// Copy the first `M` numbers of each row of `from` to the start of a row of `to`. Rows of `from` have `lanes` numbers, and those of `to`
+/// have `width`.
 fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: usize) {
     for (from, to) in from.chunks_exact(lanes).zip(to.chunks_mut(width)) {
         if let (Some(from), Some(to)) = (from.first_chunk::<M>(), to.first_chunk_mut::<M>()) {
@@ -20,7 +21,7 @@ fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: us
 }
 
 impl Series {
-    /// Zeros for `records` records with the numbers of `parts`.
+    /// Return arrays of zeros for `records` records. `parts` are the ranges of the series in a record.
     pub fn zeros(parts: impl Iterator<Item = Range<usize>>, records: usize, parameters: usize) -> Result<Self> {
         let part = |range: Range<usize>| {
             let numbers = records.saturating_mul(range.len()).saturating_mul(parameters);
@@ -29,8 +30,8 @@ impl Series {
         Ok(Series { parts: parts.map(part).collect::<Result<_>>()?, parameters })
     }
 
-    /// Write the tangents of record `i` from its number `first_number` on, along the directions from `first` on. `rows` has a row for each
-    /// number, with one direction per lane.
+    /// Write the tangents of record `i` along the directions from `first` on. `rows` has one row for each number of the record, from number
+    /// `first_number` on. A row has one direction per lane.
     pub fn put(&mut self, i: usize, first: usize, lanes: usize, first_number: usize, rows: &[f64]) {
         let (width, numbers) = (self.parameters, first_number + rows.len() / lanes);
         let own = width.saturating_sub(first).min(lanes);
@@ -54,7 +55,7 @@ impl Series {
         }
     }
 
-    /// The tangents of each part.
+    /// Return the tangents of each series.
     pub fn into_rates(self) -> Vec<Vec<f64>> {
         self.parts.into_iter().map(|(_, rates)| rates).collect()
     }

@@ -1,37 +1,39 @@
-//! Numbers of a name that vary together in a few runs. So each number needs no separate runs.
+//! Parameters of one name that vary in the same few runs, so that no parameter needs separate runs.
 //!
-//! Most inputs of a program depend on one number of a name: on `kp_i`, such as `kp_i / kd_i`. So all numbers of the name may move in the same
-//! runs. Probes are runs in which half of the numbers move. The bits of a number's code are the probes in which it moves. The probes that
-//! change an input give the code of the number that the input depends on. All codes have equally many ones, so that two codes together have
-//! more ones. An input that depends on several numbers therefore has a code that no number has, and is refused.
+//! Most inputs of a recorded program depend on one parameter of a name: `kp_i / kd_i` depends on `kp_i` alone. So all parameters of the
+//! name may vary in the same runs. A *probe* is a run in which half of the parameters vary. Each parameter has a code: bit `b` is set if it
+//! varies in probe `b`. For each input, the set of probes that change it is a code too. The input depends on the parameter with this code.
+//! All codes have equally many ones, and the union of two codes has more. An input that depends on several parameters therefore has a code
+//! that no parameter has. Such an input is refused.
 
 use super::Parameter;
 use crate::error::{Error, Result};
 use std::ops::Range;
 
-/// Parameters that vary together: as many as there are codes, from `first` on. Each [`Parameter`](super::Parameter) lists its runs.
+/// Parameters that vary in the same runs: one for each code, from index `first` on. Each [`Parameter`](super::Parameter) lists its runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shared {
     /// The first parameter.
     pub first: usize,
-    /// The probes, runs of the problem.
+    /// The probes, as runs of the problem.
     pub probes: Range<usize>,
-    /// The code of each parameter: bit `b` is set if the parameter varies in probe `b`.
+    /// The code of each parameter: bit `b` is set if the parameter varies in probe `b` of `probes`.
     pub codes: Vec<u64>,
 }
 
-/// Whether parameter `p` is one of these.
+/// Whether parameter `p` belongs to one of the groups `shared`.
 pub fn is_shared(shared: &[Shared], p: usize) -> bool {
     shared.iter().any(|group| (group.first..group.first + group.codes.len()).contains(&p))
 }
 
-/// The error that an input depends on several numbers of a name. The binding then varies each number in separate runs.
+/// The error that an input depends on several parameters of one group. The binding then varies each parameter in separate runs.
 pub fn entangled() -> Error {
     Error::input("shared", "has numbers that act together: expected parameters that move in different runs")
 }
 
 impl Shared {
-    /// The tangents of the numbers `of(run)`, by `put(number, parameter, tangent)`, for numbers that vary. `base` are the numbers of run 0.
+    /// Pass the tangent of each varying number to `put(number, parameter, tangent)`. `base` are the numbers of run 0, and `of(run)` those
+    /// of another run.
     pub fn rates(
         &self,
         base: &[f64],
@@ -61,7 +63,7 @@ impl Shared {
 mod tests {
     use super::*;
 
-    /// The inputs `f` of a program, as functions of the three numbers of a name. Some depend on one number, others on two.
+    /// The tangents of the inputs `f` of a program, which are functions of the three parameters of a name.
     fn rates(f: impl Fn([f64; 3]) -> Vec<f64>) -> Option<Vec<(usize, usize, f64)>> {
         let (p, codes) = ([2.0, 3.0, 5.0], [0b011, 0b101, 0b110]);
         let probe =

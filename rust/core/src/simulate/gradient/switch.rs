@@ -1,5 +1,5 @@
-//! The jump of the tangents where a contact changes (the saltation matrix of Aizerman and Gantmakher 1958). At the root of the guard `g(x, p)`
-//! the rates go from `f-` to `f+`. The state itself does not jump.
+//! The jump of the tangents at a contact change (the saltation matrix of Aizerman and Gantmakher 1958). At the zero of the guard `g(x, p)`
+//! the state rates change from `f-` to `f+`, and the state is continuous.
 //!
 //! ```text
 //! S+ = S- + (f+ - f-) (g_x S- + g_p) / (g_x f-)
@@ -9,12 +9,13 @@ use super::walk::Walker;
 use crate::error::{Error, Result};
 use crate::status::Status;
 
-/// Rates that differ by less than this part are the same: the contact changes without a jump.
+/// The contact changes without a jump of the tangents if the relative difference between `f-` and `f+` is at most this limit.
 const SAME: f64 = 1e-12;
-/// The smallest part of `|g_x| |f-|` that `g_x f-` may be: below, the contact is grazed, and the instant of the change has no derivative.
+/// The smallest allowed value of `|g_x f-| / (|g_x| |f-|)`. Below it the contact is grazed, and the instant of the change has no
+/// derivative.
 const GRAZING: f64 = 1e-9;
 
-/// The jump of a tangent `S`: `along (of_state S + of_set_up p_dot)`.
+/// The jump of a tangent `S` is `along (of_state S + of_set_up p_dot)`.
 pub struct Jump {
     pub along: Vec<f64>,
     pub of_state: Vec<f64>,
@@ -30,7 +31,8 @@ fn norm(x: &[f64]) -> f64 {
 }
 
 impl Walker<'_> {
-    /// The jump at switch `k` of the timeline; `None` where the rates are the same on both sides.
+    /// Compute the jump at contact change `k` of the timeline. The result is `None` if the state rates before and after the change are
+    /// equal.
     pub fn jump(&mut self, k: usize, t: f64, state: &[f64]) -> Result<Option<Jump>> {
         let sizes = &self.prepared.functions.sizes;
         let (switch, size, moved) = (self.prepared.timeline.contacts.switches[k], sizes.states, sizes.moved);

@@ -1,4 +1,4 @@
-//! A run as a list of operations: its steps, its samples and its records, in order.
+//! A run as a list of operations in time order: steps, samples and records.
 
 use crate::error::{Error, Result};
 use crate::interrupt::look;
@@ -12,7 +12,7 @@ use crate::simulate::stop::Stop;
 use crate::simulate::watching::{Guard, RunObserver, Switched};
 use crate::status::Status;
 
-/// A time this close to the end of a step, in steps, is that end.
+/// A time is taken as the end of a step if their difference, divided by the step size, is below this limit.
 const ON_STEP: f64 = 1e-9;
 
 /// One operation on the state of a run.
@@ -20,21 +20,22 @@ const ON_STEP: f64 = 1e-9;
 pub enum Operation {
     /// The law is evaluated at sample `k`.
     Sample { k: u64, t: f64 },
-    /// The output of the law at sample `k` acts from now on; `None` before the first output.
+    /// From now on, the held input is the law's output at sample `k`. `None` means that no output exists yet, and the held input is zero.
     Act(Option<u64>),
-    /// A step of size `h` from `t` to `end`, which is before a jump of the input there, with the contacts of `mode`.
+    /// A step of size `h` from `t`, with the contacts of `mode`. If the input jumps at the end, `end` is just before the jump. Stages take
+    /// the input at `end` at the latest.
     Step { t: f64, h: f64, end: f64, mode: usize },
     /// A contact changes.
     Switch { k: usize, t: f64 },
     /// Record `i`.
     Record { i: usize, t: f64 },
-    /// Store the state: the operations up to `Back` only serve a record between two steps.
+    /// Store the state. The operations up to `Back` compute a record between two steps, and do not belong to the run.
     Leave,
-    /// Restore the state of the last `Leave`.
+    /// Restore the state that the last `Leave` stored.
     Back,
 }
 
-/// A change of the contacts from one mode to another, where a guard changes sign.
+/// A change of the contacts from mode `before` to mode `after`, at a zero of a guard.
 #[derive(Clone, Copy, Debug)]
 pub struct Switch {
     pub guard: usize,
@@ -42,7 +43,7 @@ pub struct Switch {
     pub after: usize,
 }
 
-/// How the contacts were held in a run.
+/// The contact modes of a run, and the changes between them.
 #[derive(Clone, Debug)]
 pub struct Contacts {
     /// The modes that occur. A run without event location has one empty mode.
@@ -51,7 +52,7 @@ pub struct Contacts {
     pub switches: Vec<Switch>,
 }
 
-/// The place of an element, which is appended where it is missing.
+/// The index of an element in `all`. An element that is missing is appended.
 fn place<T: PartialEq>(all: &mut Vec<T>, element: T) -> usize {
     all.iter().position(|known| *known == element).unwrap_or_else(|| {
         all.push(element);
@@ -68,7 +69,7 @@ pub struct Timeline {
     pub records: usize,
 }
 
-/// The operations of a run as they are listed.
+/// Builds the operations of a run one after another.
 struct Listing<'a> {
     timeline: Timeline,
     breaks: &'a [f64],
@@ -79,7 +80,8 @@ struct Listing<'a> {
 }
 
 impl Timeline {
-    /// Whether operation `k` is a record of a continuous loop whose input the first stage of the next step computes.
+    /// Whether operation `k` is a record at the start of a step of a continuous loop. Then the first stage of that step computes the
+    /// recorded input.
     pub fn steps_on(&self, k: usize) -> bool {
         match (self.operations.get(k), self.operations.get(k + 1)) {
             (Some(Operation::Record { t: at, .. }), Some(Operation::Step { t, .. })) => self.sampling.is_none() && at == t,
@@ -87,7 +89,8 @@ impl Timeline {
         }
     }
 
-    /// The operations of the one run of a problem, whose options have the times of its records. An adaptive method is run for its steps.
+    /// List the operations of the one run of a problem. The options contain the times of the records. An adaptive run is computed first, to
+    /// obtain its steps.
     pub fn of(problem: &Problem, stop: &dyn Stop) -> Result<Self> {
         let o = &problem.options;
         let contacts = Contacts { modes: Vec::new(), guards: Vec::new(), switches: Vec::new() };
@@ -142,7 +145,7 @@ impl Listing<'_> {
         Ok(())
     }
 
-    /// From `t` to `end` by `h`, in pieces where the input jumps.
+    /// List the steps from `t` to `end`. A step of size `h` is divided where the input jumps.
     fn step(&mut self, mut t: f64, mut h: f64, end: f64) -> Result<()> {
         let close = ON_STEP * h;
         let first = self.breaks.partition_point(|&jump| jump <= t + close);
@@ -158,7 +161,7 @@ impl Listing<'_> {
         self.push(Operation::Step { t, h, end, mode: self.mode })
     }
 
-    /// A record at `t` beside the path, `offset` after its last point.
+    /// List a record at `t` between two steps: a step from `from` to `t` that does not belong to the run.
     fn aside(&mut self, from: f64, t: f64) -> Result<()> {
         self.push(Operation::Leave)?;
         self.step(from, t - from, t)?;
@@ -184,7 +187,7 @@ impl Listing<'_> {
         Ok(self.timeline)
     }
 
-    /// The contacts from `t` on.
+    /// List the contact change at `t`.
     fn switch(&mut self, t: f64, Switched { by, touches, .. }: Switched) -> Result<()> {
         let (before, contacts) = (self.mode, &mut self.timeline.contacts);
         self.mode = place(&mut contacts.modes, touches);

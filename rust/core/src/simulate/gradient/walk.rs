@@ -1,4 +1,4 @@
-//! The state of a run as one vector, and the effect of each operation on it.
+//! The state of a run as one vector, and the operations on this vector.
 
 use super::Prepared;
 use super::combine::{add_slopes, advance};
@@ -13,13 +13,13 @@ use crate::simulate::sampling::CHANNELS;
 use crate::status::Status;
 use std::ops::Range;
 
-/// The places of the parts of a state: `[x, held input, outputs of the law, measurements]`. A continuous loop has only `x`.
+/// The layout of a state: `[x, held input, outputs of the law, measurements]`. A continuous loop has only `x`.
 #[derive(Clone, Copy, Debug)]
 pub struct Places {
     states: usize,
     plant: usize,
     answer: usize,
-    /// The capacities of the ring buffers of outputs and measurements.
+    /// The numbers of outputs and of measurements that the ring buffers store.
     answers: usize,
     measurements: usize,
 }
@@ -34,7 +34,7 @@ impl Places {
     pub fn x(&self) -> Range<usize> {
         0..self.states
     }
-    /// The states of the law.
+    /// The range of the law's states.
     pub fn z(&self) -> Range<usize> {
         self.plant..self.states
     }
@@ -56,36 +56,36 @@ impl Places {
     }
 }
 
-/// Which measurement the law sees at sample `k`.
+/// The sample whose measurement the law receives at sample `k`. A sensor delay makes it an earlier sample.
 pub fn seen(timeline: &Timeline, k: u64) -> u64 {
     k.saturating_sub(timeline.sampling.as_ref().map_or(0, |sampling| sampling.sensor_delay as u64))
 }
 
-/// The positions whose rates are components of the state: `(position, rate)`.
+/// The positions whose rates are also components of the state, as pairs `(index of the position, index of its rate)`.
 pub fn followers(sizes: &Sizes) -> Vec<(usize, usize)> {
     let pairs = Pairs { joints: sizes.n, count: sizes.plant / (2 * sizes.n) };
     (0..sizes.plant).filter_map(|i| pairs.rate_of(i).map(|rate| (i, rate))).collect()
 }
 
-/// Runs the operations on plain numbers.
+/// Applies the operations to a state, without derivatives.
 pub struct Walker<'a> {
     pub(super) prepared: &'a Prepared<'a>,
     pub places: Places,
-    /// The rates for each mode of the contacts.
+    /// The state rates, one function per contact mode.
     pub(super) rates: Vec<Call>,
     law: Call,
-    /// The slopes of the guards.
+    /// The adjoints of the guard functions.
     pub(super) guards: Vec<Call>,
     pub(super) u: Vec<f64>,
-    /// The arguments and the slopes of the stages of the last step.
+    /// The states and the state rates at the stages of the last step.
     pub points: Vec<f64>,
     pub slopes: Vec<f64>,
     followers: Vec<(usize, usize)>,
-    /// Whether the rate limit changed each input, at the last sample.
+    /// For each input, whether the rate limit changed it at the last sample.
     pub limited: Vec<bool>,
     /// The state that the law received at the last sample.
     pub shown: Vec<f64>,
-    /// The stored state of the last `Leave`.
+    /// The state that the last `Leave` stored.
     left: Vec<f64>,
 }
 
@@ -108,7 +108,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// The state at the start.
+    /// Return the initial state of the run.
     pub fn start(&self) -> Vec<f64> {
         let mut state = start::<f64>(&self.prepared.single, |_| 0);
         state.resize(self.places.size(), 0.0);
@@ -137,7 +137,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Measure, evaluate the law, and limit the rate of its output.
+    /// Store the measurement of sample `k`, evaluate the law, and limit the rate of the law's output.
     pub fn sample(&mut self, k: u64, t: f64, state: &mut [f64]) -> Result<()> {
         let (places, n) = (self.places, self.prepared.functions.sizes.n);
         let Some(sampling) = &self.prepared.timeline.sampling else { return Ok(()) };
@@ -169,7 +169,7 @@ impl<'a> Walker<'a> {
         Ok(())
     }
 
-    /// The points and slopes of the stages of a step.
+    /// Compute the states and the state rates at the stages of a step.
     pub fn stages(&mut self, (t, h, end): (f64, f64, f64), mode: usize, state: &[f64]) -> Result<()> {
         let Tableau { c, a, b, .. } = &self.prepared.tableau;
         let (x, size) = (&state[self.places.x()], self.places.states);
@@ -198,7 +198,7 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// Make the output at sample `k` the held input, or zero if `k` is `None`.
+/// Copy the law's output at sample `k` to the held input. If `k` is `None`, set the held input to zero.
 pub fn act(places: &Places, k: Option<u64>, state: &mut [f64]) {
     match k {
         Some(k) => state.copy_within(places.answer(k), places.acting().start),

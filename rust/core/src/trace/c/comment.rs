@@ -1,9 +1,9 @@
-//! External text, such as names in files, made safe for a comment of C.
+//! External text, such as names from files, as a safe comment in C.
 
-/// The text on one line, for a comment. None of its characters ends the comment, begins another one or continues it in the next line.
+/// Return the text as one line for a C comment. The text cannot end the comment, begin another comment or continue it on the next line.
 ///
-/// A space separates the characters of `*/`, `/*` and `??`. A question mark replaces a backslash, and everything except letters, digits,
-/// ASCII signs and spaces.
+/// A space separates the characters of `*/`, `/*` and `??`. A question mark replaces each backslash. It also replaces all characters except
+/// letters, digits, ASCII signs and spaces.
 pub fn comment(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     let mut last = ' ';

@@ -1,8 +1,9 @@
-//! Constant folding: operations on known numbers of the set-up are computed once before a routine runs, with the rounding of the program.
+//! Constant folding for C code. Operations on known numbers of the set-up are computed before the routine is written, with the rounding of
+//! the program.
 
 use super::super::tape::Op;
 
-/// The entries with known values, and the entries that are equal to others.
+/// The known values of entries, and the entries that are equal to others.
 pub struct Folded {
     pub value: Vec<Option<f64>>,
     /// For each entry, the entry that replaces it.
@@ -10,7 +11,8 @@ pub struct Folded {
 }
 
 impl Folded {
-    /// `given[k]` is the number of input `k`, if it is known. `fused`: products are fused with sums as recorded.
+    /// Fold the recording `ops`. `given[k]` is the value of input `k`, if it is known. If `fused` is false, multiply-add operations round
+    /// twice.
     pub fn of(ops: &[Op], given: &[Option<f64>], fused: bool) -> Self {
         let mut folded = Folded { value: vec![None; ops.len()], same: (0..ops.len() as u32).collect() };
         for (i, &op) in ops.iter().enumerate() {
@@ -54,7 +56,7 @@ impl Folded {
     }
 }
 
-/// The second number if the comparison holds, otherwise the first.
+/// Return `b` if `second(a, b)` is true, otherwise `a`.
 fn pick(a: f64, b: f64, second: impl Fn(f64, f64) -> bool) -> f64 {
     if second(a, b) { b } else { a }
 }

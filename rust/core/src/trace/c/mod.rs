@@ -1,7 +1,7 @@
-//! Programs as C: the text of routines, the functions that they share, headers and CMake files.
+//! C code of programs: routines, the functions that routines share, headers and CMake files.
 //!
-//! The text is C99. It uses only `math.h` and `string.h`, allocates nothing and does not recurse. It gives the bits of the engine if the
-//! compiler fuses only the products and sums of `fma()`: `-ffp-contract=off`.
+//! The code is C99. It uses only `math.h` and `string.h`, allocates no memory and does not recurse. Its results have the bits of the engine
+//! if the compiler fuses nothing but calls of `fma()`: `-ffp-contract=off`.
 
 mod comment;
 mod fold;

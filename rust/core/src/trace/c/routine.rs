@@ -1,7 +1,7 @@
-//! A recording as C: one statement per operation, in the order of the recording, in functions of limited length.
+//! A recording as C functions of limited length: one statement per operation, in the order of the recording.
 //!
-//! Inputs are in an array `x` and results in an array `y`. Values from one function to a later one are in an array `w`. The statements
-//! round like the program of the recording. `fma` is written where the engine fuses, and the compiler must not fuse elsewhere.
+//! Inputs are in an array `x`, and results in an array `y`. The array `w` has the values that a later function reads. The statements round
+//! like the program of the recording. `fma` is written where the engine fuses. The compiler must not fuse other operations.
 
 use super::super::tape::Op;
 use super::fold::Folded;
@@ -10,19 +10,19 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use std::collections::HashMap;
 use std::fmt::Write;
 
-/// Number of statements in one function. Compilers take long over longer functions.
+/// The number of statements in one function. The compile time per statement grows with the length of a function.
 const LENGTH: usize = 2000;
 
 const NONE: usize = usize::MAX;
 
-/// A recorded computation, to be printed.
+/// A recorded computation that is to be printed.
 pub struct Routine<'a> {
     pub ops: &'a [Op],
-    /// The number of each input, if it is known. The other inputs are `x[0]`, `x[1]`, .. in their order.
+    /// The value of each input, if it is known. The other inputs are `x[0]`, `x[1]`, .. in order.
     pub given: &'a [Option<f64>],
-    /// The entries of the result, `y[0]`, `y[1]`, ..
+    /// The entries of the results `y[0]`, `y[1]`, ..
     pub answer: &'a [u32],
-    /// Whether products are fused with sums as recorded.
+    /// Whether multiply-add operations are fused as recorded. If false, they round twice.
     pub fused: bool,
 }
 
@@ -30,45 +30,45 @@ pub struct Routine<'a> {
 pub struct Printed {
     /// The functions of the routine, each `static`.
     pub functions: String,
-    /// The calls that run the functions in order, on the arrays `x`, `w` and `y`. Each returns true if all angles are in the range of the
-    /// sines.
+    /// The calls of these functions, in order, with the arrays `x`, `w` and `y`. Each function returns true if all angles are within the
+    /// range of the sines.
     pub calls: Vec<String>,
-    /// Size of `w`; if it is zero, there is no `w`.
+    /// The size of `w`. If it is zero, the functions have no argument `w`.
     pub slots: usize,
-    /// Number of statements.
+    /// The number of statements.
     pub statements: usize,
 }
 
-/// One statement. A call for sine and cosine computes two entries.
+/// One statement. A call of the sine function computes two entries.
 struct Statement {
     makes: Vec<u32>,
     reads: Vec<u32>,
 }
 
-/// The part that computes an entry, and the last part that reads it.
+/// The number of the function that computes an entry, and that of the last function that reads it.
 #[derive(Clone, Copy)]
 struct Life {
     part: usize,
     last: usize,
-    /// Its index in `w`.
+    /// The index of the entry in `w`.
     slot: usize,
 }
 
 struct Printer<'a> {
     routine: &'a Routine<'a>,
     folded: Folded,
-    /// The index of each input in `x`.
+    /// For each input, its index in `x`.
     inputs: Vec<usize>,
     statements: Vec<Statement>,
-    /// Number of statements of each part.
+    /// The number of statements in each function.
     length: usize,
     lives: Vec<Life>,
-    /// The indices in `y` of each entry.
+    /// For each entry that is a result, its indices in `y`.
     answers: HashMap<u32, Vec<usize>>,
 }
 
 impl Routine<'_> {
-    /// The functions of this routine. Their names begin with `name`, and the names of the sine functions with `prefix`.
+    /// Print the functions of this routine. Their names begin with `name`. The names of the sine functions begin with `prefix`.
     pub fn print(&self, name: &str, prefix: &str) -> Printed {
         let mut next = 0;
         let place = |given: &Option<f64>| {
@@ -106,7 +106,7 @@ impl Printer<'_> {
         self.folded.value[entry as usize].is_none() && !matches!(self.op(entry), Op::Const(_) | Op::Input(_))
     }
 
-    /// The entries whose values the statement of `entry` reads. A choice includes its comparison.
+    /// The entries that the statement of `entry` reads. The statement of a selection contains its comparison.
     fn reads(&self, entry: u32) -> Vec<u32> {
         let same = |entry: u32| self.folded.same[entry as usize];
         let of = |op: Op| op.operands().map(same).collect::<Vec<u32>>();
@@ -119,7 +119,7 @@ impl Printer<'_> {
         }
     }
 
-    /// The statements of the result, in the order of the recording.
+    /// List the statements that the results require, in the order of the recording.
     fn order(&mut self) {
         let count = self.routine.ops.len();
         let mut needed = vec![false; count];
@@ -151,8 +151,8 @@ impl Printer<'_> {
         }
     }
 
-    /// Divide the statements into parts of equal length, and give places to the numbers that later parts read. The result is the size of
-    /// `w`.
+    /// Divide the statements into functions of equal length. Assign elements of `w` to the values that later functions read. Return the
+    /// size of `w`.
     fn divide(&mut self) -> usize {
         let parts = self.statements.len().div_ceil(LENGTH).max(1);
         self.length = self.statements.len().div_ceil(parts).max(1);
@@ -168,7 +168,7 @@ impl Printer<'_> {
                 if life.last == life.part {
                     continue;
                 }
-                // A place is free in the part after the last part that reads it.
+                // An element of `w` is free after the last function that reads it.
                 let at = free.iter().position(|&(last, _)| last < k / self.length);
                 life.slot = at.map_or(slots, |at| free.swap_remove(at).1);
                 slots = slots.max(life.slot + 1);
@@ -178,7 +178,7 @@ impl Printer<'_> {
         slots
     }
 
-    /// The function of one part, and its call.
+    /// Return the text of function number `part`, and its call.
     fn part(&self, name: &str, prefix: &str, part: usize) -> (String, String) {
         let first = (part * self.length).min(self.statements.len());
         let last = (first + self.length).min(self.statements.len());
@@ -216,7 +216,7 @@ impl Printer<'_> {
         )
     }
 
-    /// Write the results that need no statement.
+    /// Write the results that need no statement: inputs, numbers and equal entries.
     fn leaves(&self, used: &mut Used) {
         for (k, &entry) in self.routine.answer.iter().enumerate() {
             let entry = self.folded.same[entry as usize];
@@ -226,7 +226,7 @@ impl Printer<'_> {
         }
     }
 
-    /// The text that reads an entry.
+    /// Return the expression for an entry.
     fn operand(&self, entry: u32) -> String {
         let entry = self.folded.same[entry as usize];
         match (self.folded.value[entry as usize], self.op(entry)) {
@@ -270,7 +270,7 @@ impl Printer<'_> {
         used.line(format_args!("const double t{entry} = {value};"));
     }
 
-    /// Write the sine and cosine of an angle.
+    /// Write a call that computes sine and cosine of an angle.
     fn turn(&self, statement: &Statement, angle: &str, prefix: &str, used: &mut Used) {
         let first = statement.makes[0];
         let unfused = !self.routine.fused || matches!(self.op(first), Op::UnfusedSin(_) | Op::UnfusedCos(_));
@@ -287,7 +287,7 @@ impl Printer<'_> {
     }
 }
 
-/// The text of a function, and whether the function returns a check.
+/// The text of a function during its construction. `turns`: whether the function checks angles.
 struct Used<'a> {
     turns: bool,
     text: &'a mut String,

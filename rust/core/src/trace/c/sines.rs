@@ -1,9 +1,9 @@
-//! Sine and cosine of the engine in C: `scalar::trig`, operation for operation.
+//! The sine and cosine of the engine as C code. The operations and their order are those of `scalar::trig`.
 
 use crate::scalar::hex::hex;
 use crate::scalar::trig::{COS, PIO2, ROUND, SIN, TWO_OVER_PI};
 
-/// The function `name`: sine and cosine of an angle below the limit of the reduction, with or without fused products.
+/// Return the function `name`: sine and cosine of an angle whose magnitude is below the limit. `fused`: whether it calls `fma`.
 pub fn sin_cos(name: &str, fused: bool) -> String {
     let fma = |a: &str, b: &str, c: &str| if fused { format!("fma({a}, {b}, {c})") } else { format!("{a} * {b} + {c}") };
     let fnma = |a: &str, b: &str, c: &str| if fused { format!("fma(-{a}, {b}, {c})") } else { format!("{c} - {a} * {b}") };
@@ -27,7 +27,7 @@ pub fn sin_cos(name: &str, fused: bool) -> String {
     lines.push(format!("const double sine = {};", fma("rz", "s7", "r3")));
     lines.push(format!("const double near_one = {};", fma(&number(-0.5), "z", "1.0")));
     lines.push(format!("const double cosine = {};", fma("zz", "c7", "near_one")));
-    // Bit 0 of the quadrant swaps the two. Bit 1 changes the sign of the sine, and bit 0 xor bit 1 that of the cosine.
+    // Bit 0 of the quadrant exchanges sine and cosine. Bit 1 changes the sign of the sine. Bit 0 xor bit 1 changes the sign of the cosine.
     let bits = "    unsigned long long quadrant, s, c, swap, up, down;
     memcpy(&quadrant, &rounded, sizeof quadrant);
     memcpy(&s, &sine, sizeof s);

@@ -1,4 +1,4 @@
-//! The files of an export: a header, a source file and a CMake file, composed of routines.
+//! The files of an export to C: a header, a source file with the routines, and a CMake file.
 
 use super::comment::comment;
 use super::routine::{Printed, Routine};
@@ -7,10 +7,10 @@ use crate::error::{Error, Result};
 use std::collections::HashSet;
 use std::fmt::Write;
 
-/// The longest prefix of the names.
+/// The maximum length of the prefix, in characters.
 const LONGEST: usize = 40;
 
-/// Words that are not accepted as a prefix: those of C and C++, and the included headers.
+/// Words that are not allowed as a prefix: reserved words of C and C++, and the names of included headers.
 const TAKEN: &str = concat!(
     " auto break case char const continue default do double else enum extern float for goto if inline ",
     "int long register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while ",
@@ -18,16 +18,16 @@ const TAKEN: &str = concat!(
     "asm math string ",
 );
 
-/// Names that CMake reserves for its targets, and the library that the target links.
+/// Target names that CMake reserves, and the library that the target links.
 const TARGETS: &str = " all ALL_BUILD help install INSTALL preinstall clean edit_cache rebuild_cache list_install_components depend ZERO_CHECK test RUN_TESTS \
 package PACKAGE package_source m ";
 
 /// A file of an export.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CFile {
-    /// Its name in the folder.
+    /// The name of the file in its folder.
     pub name: String,
-    /// Its content.
+    /// The content of the file.
     pub text: String,
 }
 
@@ -36,17 +36,17 @@ pub struct CFile {
 pub struct COptions {
     /// The prefix of all names and files.
     pub prefix: String,
-    /// Whether products are fused with sums by `fma`, where the engine fuses. Otherwise every product is rounded.
+    /// Whether the code calls `fma` where the engine fuses. If false, every product is rounded.
     pub fused: bool,
 }
 
 impl COptions {
-    /// Options with this prefix and the rounding of the engine on this machine.
+    /// Return options with this prefix, and with the rounding of the engine on this machine.
     pub fn new(prefix: impl Into<String>) -> Self {
         COptions { prefix: prefix.into(), fused: crate::scalar::fuses() }
     }
 
-    /// Refuse a prefix that is no identifier of C or no name for a CMake target.
+    /// Refuse a prefix that is not an identifier of C, or not allowed as the name of a CMake target.
     pub fn validate(&self) -> Result<()> {
         let prefix = self.prefix.as_str();
         if is_identifier(prefix) && prefix.len() <= LONGEST && !TAKEN.contains(&format!(" {prefix} ")) {
@@ -61,15 +61,15 @@ impl COptions {
     }
 }
 
-/// Names after the prefix that every source file uses itself.
+/// Names that every source file defines, without the prefix.
 const OWN: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
 
-/// Whether the name is a letter, then letters, digits and `_`.
+/// Whether the name consists of a letter, followed by letters, digits and `_`.
 fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Refuse names of functions that are no identifiers of C, that are repeated, or that the file uses itself.
+/// Refuse names of functions that are not identifiers of C, that are repeated, or that every source file defines.
 pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     let mut known = HashSet::new();
     for (i, name) in names.enumerate() {
@@ -80,7 +80,7 @@ pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -
         if OWN.contains(&name) {
             return refused("is a name that the file has for itself: expected another one");
         }
-        // The parts of a long function have its name with a number.
+        // A long function is divided into functions whose names are its name with a number.
         let whole = name.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix('_').filter(|whole| known.contains(whole));
         if whole.is_some() || !known.insert(name) {
             return refused("is a name that is there already: expected another one");
@@ -89,7 +89,7 @@ pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -
     Ok(())
 }
 
-/// The statuses of every header: name, code, meaning.
+/// The statuses in every header: name, code, meaning.
 pub const STATUSES: [(&str, u32, &str); 6] = [
     ("OK", 0, "the answer is right"),
     ("NOT_FINITE", 1, "an argument is infinite or not a number"),
@@ -99,7 +99,7 @@ pub const STATUSES: [(&str, u32, &str); 6] = [
     ("TIME", 5, "the time is before that of the last call"),
 ];
 
-/// A header and a source file under construction.
+/// A header and a source file during their construction.
 pub struct CSource {
     options: COptions,
     upper: String,
@@ -109,7 +109,7 @@ pub struct CSource {
 }
 
 impl CSource {
-    /// Empty files.
+    /// Start with empty files.
     pub fn new(options: &COptions) -> Result<Self> {
         options.validate()?;
         let upper = options.prefix.to_ascii_uppercase();
@@ -126,7 +126,7 @@ impl CSource {
         &self.upper
     }
 
-    /// Whether products are fused with sums.
+    /// Whether multiply-add operations are fused.
     pub fn fused(&self) -> bool {
         self.options.fused
     }
@@ -150,7 +150,7 @@ impl CSource {
         self.body += text;
     }
 
-    /// Add the functions of a routine. The result is the lines that call it, and the size of its memory.
+    /// Add the functions of a routine. Return the lines of code that call them, and the size of the array `w`.
     pub fn routine(&mut self, routine: &Routine, name: &str) -> (String, usize) {
         let Printed { functions, calls, slots, statements } =
             routine.print(&format!("{}_{name}", self.options.prefix), &self.options.prefix);
@@ -159,7 +159,7 @@ impl CSource {
         (calls.into_iter().map(|call| format!("    sound &= {call};\n")).collect(), slots)
     }
 
-    /// The files. Their comments begin with `about`.
+    /// Return the files. Their comments begin with `about`.
     pub fn files(self, about: &str) -> Vec<CFile> {
         let CSource { options, upper, declarations, body, statements } = self;
         let COptions { prefix, fused } = options;
@@ -196,7 +196,7 @@ impl CSource {
     }
 }
 
-/// The beginning of a source file: the required rounding, and the test for finite numbers.
+/// The beginning of a source file: checks of the rounding mode, and the test for finite numbers.
 fn prologue(prefix: &str) -> String {
     format!(
         "#include \"{prefix}.h\"\n#include <math.h>\n#include <string.h>\n\n\
@@ -208,7 +208,7 @@ finite &= fabs(x[k]) <= 0x1.fffffffffffffp+1023;\n    return finite;\n}}\n\n"
     )
 }
 
-/// A CMake file for the library.
+/// Return the CMake file of the library.
 fn cmake(stamp: &str, prefix: &str, fused: bool) -> String {
     let upper = prefix.to_ascii_uppercase();
     let fma = format!(
