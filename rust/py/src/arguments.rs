@@ -79,14 +79,9 @@ impl<'py> Arguments<'py> {
     ) -> Result<(String, String, usize), Failure> {
         let name = text(self.function, "frame", frame)?;
         self.plain("frame", frame);
-        let axes = match axes {
-            Some(axes) => {
-                self.plain("axes", axes);
-                text(self.function, "axes", axes)?
-            }
-            None => "xyz".into(),
-        };
-        let rows = parse_axes(&axes)?.len();
+        let Some(axes) = axes else { return Ok((name, "xyz".into(), 3)) };
+        self.plain("axes", axes);
+        let (axes, rows) = axes_of(self.function, axes)?;
         Ok((name, axes, rows))
     }
 
@@ -122,6 +117,13 @@ impl<'py> Arguments<'py> {
         self.arguments.push((name, copy.unbind()));
         Ok(())
     }
+}
+
+/// The letters of an argument `axes`, and their number.
+pub fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<(String, usize), Failure> {
+    let axes = text(function, "axes", axes)?;
+    let rows = parse_axes(&axes)?.len();
+    Ok((axes, rows))
 }
 
 /// A gain as the user gives it: a scalar, `(n,)` or `(n, n)`.

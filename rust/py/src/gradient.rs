@@ -2,16 +2,10 @@
 
 use crate::arrays::{Axis, Form, adopted, count, numbers};
 use crate::errors::{Failure, entry, input_error};
-use crate::force::{self, Raised, raise};
+use crate::force;
 use crate::interrupts::{long, signalled};
-use crate::keywords::Keywords;
-use crate::law::Law;
-use crate::plant::Plant;
-use crate::simulate::several;
-use armlet_core::law::LawSpec;
+use crate::loops::{Loops, threads_of};
 use armlet_core::memory;
-use armlet_core::parallel;
-use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{self as core, Parameter, Parameters, Problem, Rows, Shared, record_parts};
 use armlet_macros::entered;
 use pyo3::prelude::*;
@@ -107,34 +101,6 @@ fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<
     Ok(sizes)
 }
 
-/// Call a function with the problem of these arguments.
-fn with_problem<'py, T>(
-    function: &'static str,
-    (plant, law, q0): (&Bound<'py, PyAny>, &Bound<'py, PyAny>, &Bound<'py, PyAny>),
-    keywords: &Bound<'py, PyDict>,
-    work: impl FnOnce(&Problem, usize, &Raised) -> Result<T, Failure>,
-) -> Result<T, Failure> {
-    let plants = several::<Plant>(function, "plant", "a plant such as RigidArm, or a list of them", plant)?;
-    let laws = several::<Law>(function, "law", "a law such as Adaptive, or a list of them", law)?;
-    let plants: Vec<&PlantSpec> = memory::collected(plants.iter().map(|plant| &plant.get().spec))?;
-    let laws: Vec<&LawSpec> = memory::collected(laws.iter().map(|law| &law.get().spec))?;
-    let given = Keywords { function, keywords: keywords.clone() };
-    let options = given.options(plants[0].n())?;
-    let (rows, x0) = given.initial_states(&plants, q0, true)?;
-    let raised = Raised::default();
-    let (forces, force_frame) = given.forces(plants[0], laws[0], &raised)?;
-    let forces = memory::collected(forces.iter())?;
-    let problem = Problem { plants, laws, x0, forces, force_frame, options, measures: None };
-    let done = work(&problem, rows, &raised)?;
-    raise(&raised)?;
-    Ok(done)
-}
-
-/// The number of threads; `None` is the default.
-fn threads_of(function: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
-    if value.is_none() { Ok(core::default_threads()) } else { Ok(parallel::require_threads(count(function, "threads", value)?)?) }
-}
-
 /// The weights of the records `[x, tau]` of so many rows, one after another, from slopes by name of a series.
 fn slopes_of(function: &str, problem: &Problem, slopes: &Bound<'_, PyDict>, rows: usize) -> Result<Vec<f64>, Failure> {
     let (parts, width) = record_parts(problem);
@@ -184,12 +150,12 @@ pub fn _sensitivities<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate";
     entry(py, NAME, || {
-        with_problem(NAME, (plant, law, q0), keywords, |problem, rows, raised| {
+        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
             let named = Named::of(NAME, weights, names, rows)?;
             let all = named.parameters();
             let mut poll = || force::failed(raised) || signalled();
-            let rates = long(py, || core::sensitivities(problem, all, &core::Poller::new(&mut poll)))?;
-            by_series(py, problem, &[], named.all.len(), rates)
+            let rates = long(py, || core::sensitivities(&problem, all, &core::Poller::new(&mut poll)))?;
+            by_series(py, &problem, &[], named.all.len(), rates)
         })
     })
 }
@@ -210,13 +176,13 @@ pub fn _adjoint<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     const NAME: &str = "gradient";
     entry(py, NAME, || {
-        with_problem(NAME, (plant, law, q0), keywords, |problem, rows, raised| {
+        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, rows, raised| {
             let named = Named::of(NAME, weights, names, rows)?;
             let all = named.parameters();
             let bytes = count(NAME, "memory", bytes)?;
-            let weighed = slopes_of(NAME, problem, slopes, 1)?;
+            let weighed = slopes_of(NAME, &problem, slopes, 1)?;
             let mut poll = || force::failed(raised) || signalled();
-            let gradient = long(py, || core::adjoint(problem, all, &weighed, bytes, &core::Poller::new(&mut poll)))?;
+            let gradient = long(py, || core::adjoint(&problem, all, &weighed, bytes, &core::Poller::new(&mut poll)))?;
             Ok(adopted(py, &[named.all.len()], gradient)?.into_any())
         })
     })
@@ -232,18 +198,18 @@ pub fn _sensitivities_of_rows<'py>(
     q0: &Bound<'py, PyAny>,
     weights: &Bound<'py, PyAny>,
     names: &Bound<'py, PyAny>,
-    threads: &Bound<'py, PyAny>,
+    threads: Option<&Bound<'py, PyAny>>,
     keywords: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate_batch";
     entry(py, NAME, || {
         let threads = threads_of(NAME, threads)?;
-        with_problem(NAME, (plant, law, q0), keywords, |problem, runs, _| {
+        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
             let parameters = parameters_of_rows(NAME, weights, runs)?;
             let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
             let sizes = sizes(NAME, names, directions)?;
-            let rates = long(py, || core::sensitivities_of_rows(&Rows::of(problem, &parameters, &sizes)?, threads, &mut signalled))?;
-            by_series(py, problem, &[rows], directions, rates)
+            let rates = long(py, || core::sensitivities_of_rows(&Rows::of(&problem, &parameters, &sizes)?, threads, &mut signalled))?;
+            by_series(py, &problem, &[rows], directions, rates)
         })
     })
 }
@@ -260,20 +226,20 @@ pub fn _adjoint_of_rows<'py>(
     names: &Bound<'py, PyAny>,
     slopes: &Bound<'py, PyDict>,
     bytes: &Bound<'py, PyAny>,
-    threads: &Bound<'py, PyAny>,
+    threads: Option<&Bound<'py, PyAny>>,
     keywords: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyAny>> {
     const NAME: &str = "gradient";
     entry(py, NAME, || {
         let threads = threads_of(NAME, threads)?;
-        with_problem(NAME, (plant, law, q0), keywords, |problem, runs, _| {
+        Loops::of(NAME, plant, law, keywords)?.with_problem(q0, |problem, runs, _| {
             let parameters = parameters_of_rows(NAME, weights, runs)?;
             let (rows, directions) = (parameters.len(), parameters.first().map_or(0, Vec::len));
             let sizes = sizes(NAME, names, directions)?;
             let bytes = count(NAME, "memory", bytes)?;
-            let weighed = slopes_of(NAME, problem, slopes, rows)?;
+            let weighed = slopes_of(NAME, &problem, slopes, rows)?;
             let gradient =
-                long(py, || core::adjoint_of_rows(&Rows::of(problem, &parameters, &sizes)?, &weighed, bytes, threads, &mut signalled))?;
+                long(py, || core::adjoint_of_rows(&Rows::of(&problem, &parameters, &sizes)?, &weighed, bytes, threads, &mut signalled))?;
             Ok(adopted(py, &[rows, directions], gradient)?.into_any())
         })
     })

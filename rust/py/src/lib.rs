@@ -18,6 +18,7 @@ mod inverse_kinematics;
 mod keywords;
 mod law;
 mod listed;
+mod loops;
 mod motion;
 mod observer;
 mod plan;

@@ -1,55 +1,24 @@
 //! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
 
-use crate::arrays::{Axis, Form, adopted, count, flag, items, numbers, object, owned, text, written_array};
+use crate::arrays::{Axis, Form, adopted, flag, numbers, object, owned, text, written_array};
 use crate::elastic::warn_of_sampling;
 use crate::errors::{Failure, entry, input_error};
 use crate::event;
 use crate::force::{self, Raised, raise};
 use crate::interrupts::{long, long_calling, signalled, signalled_in_turn};
-use crate::keywords::{Keywords, MOST_ROWS, law_of};
-use crate::law::Law;
+use crate::keywords::{Keywords, law_of};
+use crate::loops::{Loops, threads_of};
 use crate::plant::Plant;
 use armlet_core::law::LawSpec;
 use armlet_core::memory;
-use armlet_core::parallel;
-use armlet_core::plant::PlantSpec;
 use armlet_core::simulate::{self as core, Force, Keep, Problem};
 use armlet_macros::entered;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::PyDict;
 
 const A_PLANT: &str = "a plant such as RigidArm";
 /// The largest number of numbers for which a copy into an array is faster than a transfer of their memory.
 const FEW: usize = 1024;
-
-/// One object, or a list of them.
-pub fn several<'py, T: pyo3::PyClass>(
-    function: &str,
-    name: &str,
-    expected: &str,
-    value: &Bound<'py, PyAny>,
-) -> Result<Vec<Bound<'py, T>>, Failure> {
-    let items = if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        items(function, name, "a list", value, MOST_ROWS)?
-    } else {
-        vec![value.clone()]
-    };
-    if items.is_empty() {
-        return Err(input_error(value.py(), function, name, format!("is empty: expected {expected}, got []")).into());
-    }
-    let wrong = |item: &Bound<'py, PyAny>, i: usize| -> Failure {
-        let problem = format!(
-            "is of the wrong type: expected {expected}, got {} (first bad index {i})",
-            item.get_type().name().map(|name| name.to_string()).unwrap_or_default()
-        );
-        input_error(value.py(), function, name, problem).into()
-    };
-    let mut out = memory::reserved(items.len())?;
-    for (i, item) in items.iter().enumerate() {
-        out.push(item.cast::<T>().cloned().map_err(|_| wrong(item, i))?);
-    }
-    Ok(out)
-}
 
 fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[usize]) -> Result<(), Failure> {
     if values.len() <= FEW {
@@ -179,10 +148,8 @@ pub fn simulate_batch<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     const NAME: &str = "simulate_batch";
     entry(py, NAME, || {
-        let plants = several::<Plant>(NAME, "plant", "a plant such as RigidArm, or a list of them", plant)?;
-        let laws = several::<Law>(NAME, "law", "a law such as Adaptive, or a list of them", law)?;
-        let given = Keywords { function: NAME, keywords: keywords.clone() };
-        let n = plants[0].get().spec.n();
+        let loops = Loops::of(NAME, plant, law, keywords)?;
+        let (given, n) = (&loops.given, loops.plant().n());
         let keep = match text(NAME, "keep", &given.required("keep")?)?.as_str() {
             "all" => Keep::All,
             "final" => Keep::Final,
@@ -192,27 +159,18 @@ pub fn simulate_batch<'py>(
                 return Err(input_error(py, NAME, "keep", problem).into());
             }
         };
-        let threads = match given.get("threads")? {
-            Some(threads) => parallel::require_threads(count(NAME, "threads", &threads)?)?,
-            None => core::default_threads(),
-        };
-        let plants: Vec<&PlantSpec> = memory::collected(plants.iter().map(|plant| &plant.get().spec))?;
-        let laws: Vec<&LawSpec> = memory::collected(laws.iter().map(|law| &law.get().spec))?;
-        let options = given.options(n)?;
-        let (rows, x0) = given.initial_states(&plants, q0, true)?;
-        let raised = Raised::default();
-        let (forces, force_frame) = given.forces(plants[0], laws[0], &raised)?;
-        if forces.iter().any(|force| matches!(force, Force::Signal(_))) {
-            let problem = "is a function: expected None, a constant or [(t_start, F), ...] in a batch, which runs without Python inside";
-            return Err(input_error(py, NAME, "force", problem).into());
-        }
-        let p = laws[0].initial_state().len();
-        let forces_of = memory::collected(forces.iter())?;
-        let problem = Problem { plants, laws, x0, forces: forces_of, force_frame, options, measures: None };
-        warn_of_sampling(py, NAME, &problem)?;
-        given.limit_check()?.problem(py, NAME, &problem, true)?;
-        let batch = long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?;
-        raise(&raised)?;
+        let threads = threads_of(NAME, given.get("threads")?.as_ref())?;
+        let (batch, rows, p) = loops.with_problem(q0, |problem, rows, _| {
+            if problem.forces.iter().any(|force| matches!(force, Force::Signal(_))) {
+                let problem =
+                    "is a function: expected None, a constant or [(t_start, F), ...] in a batch, which runs without Python inside";
+                return Err(input_error(py, NAME, "force", problem).into());
+            }
+            let p = problem.laws[0].initial_state().len();
+            warn_of_sampling(py, NAME, &problem)?;
+            given.limit_check()?.problem(py, NAME, &problem, true)?;
+            Ok((long(py, || core::simulate_batch(problem, keep, threads, &mut signalled))?, rows, p))
+        })?;
         let k = batch.t.len();
         let fields = PyDict::new(py);
         put(&fields, "t", batch.t, &[k])?;
@@ -263,15 +221,12 @@ pub fn _check_starts(
     const NAME: &str = "simulate_batch";
     let py = plant.py();
     entry(py, NAME, || {
-        let plants = several::<Plant>(NAME, "plant", "a plant such as RigidArm, or a list of them", plant)?;
-        let laws = several::<Law>(NAME, "law", "a law such as Adaptive, or a list of them", law)?;
-        let plants: Vec<&PlantSpec> = memory::collected(plants.iter().map(|plant| &plant.get().spec))?;
-        let laws: Vec<&LawSpec> = memory::collected(laws.iter().map(|law| &law.get().spec))?;
-        let given = Keywords { function: NAME, keywords: keywords.clone() };
+        let loops = Loops::of(NAME, plant, law, keywords)?;
+        let (plants, laws) = loops.specs()?;
         let n = plants[0].n();
         let q0 = owned(numbers(NAME, "q0", q0, &[Form(&[Axis::Any("B"), Axis::Is(n)])])?.1)?;
         let starts = q0.chunks_exact(n).enumerate().map(|(run, q)| (plants[run.min(plants.len() - 1)], q));
         let found = long(py, || Ok(core::outside(starts, &laws, true)))?;
-        given.limit_check()?.warn(py, NAME, found)
+        loops.given.limit_check()?.warn(py, NAME, found)
     })
 }

@@ -50,3 +50,25 @@ pub trait Build: Definition {
     where
         Self: 'a;
 }
+
+/// The functions of a definition with the fields `model`, `wall`, `stops` and `dry`.
+macro_rules! fields {
+    () => {
+        fn model(&self) -> &Model {
+            &self.model
+        }
+
+        fn wall(&self) -> Option<&Wall> {
+            self.wall.as_ref()
+        }
+
+        fn stops(&self) -> Option<&Stops> {
+            self.stops.as_ref()
+        }
+
+        fn friction(&self) -> Option<&JointFriction> {
+            self.dry.as_ref()
+        }
+    };
+}
+pub(super) use fields;

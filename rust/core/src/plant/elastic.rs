@@ -4,6 +4,7 @@
 //! `tau_J = K (theta - q) + D (theta_dot - v)`, `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors
 //! under the load `L = tau_J`.
 
+use super::definition::fields;
 use super::lugre::LaneLuGre;
 use super::rigid::{Links, bristles, lane_bristles, lane_stick_slip};
 use super::stick_slip::{LaneStickSlip, Load};
@@ -90,21 +91,7 @@ impl ElasticSpec {
 }
 
 impl Definition for ElasticSpec {
-    fn model(&self) -> &Model {
-        &self.model
-    }
-
-    fn wall(&self) -> Option<&Wall> {
-        self.wall.as_ref()
-    }
-
-    fn stops(&self) -> Option<&Stops> {
-        self.stops.as_ref()
-    }
-
-    fn friction(&self) -> Option<&JointFriction> {
-        self.dry.as_ref()
-    }
+    fields!();
 
     fn elastic(&self) -> Option<&ElasticSpec> {
         Some(self)

@@ -2,6 +2,7 @@
 //! of LuGre friction under the load `L = tau - sigma_0 z`.
 
 use super::contact::LaneWall;
+use super::definition::fields;
 use super::lugre::LaneLuGre;
 use super::stick_slip::{LaneStickSlip, Load};
 use super::stops::{LaneStops, Stops};
@@ -65,24 +66,10 @@ impl RigidSpec {
 }
 
 impl Definition for RigidSpec {
-    fn model(&self) -> &Model {
-        &self.model
-    }
-
-    fn wall(&self) -> Option<&Wall> {
-        self.wall.as_ref()
-    }
-
-    fn stops(&self) -> Option<&Stops> {
-        self.stops.as_ref()
-    }
+    fields!();
 
     fn has_friction(&self) -> bool {
         self.friction
-    }
-
-    fn friction(&self) -> Option<&JointFriction> {
-        self.dry.as_ref()
     }
 
     fn initial_state(&self, q0: &[f64], v0: &[f64], _: Option<&[f64]>, _: Option<&[f64]>) -> Vec<f64> {

@@ -1,6 +1,7 @@
 //! The tasks that control other quantities than a frame.
 
-use super::{Blueprint, Common, Task, axes_of, names};
+use super::{Blueprint, Common, Task, names};
+use crate::arguments::axes_of;
 use crate::arrays::{number, text, vector};
 use crate::errors::entry;
 use armlet_core::error::Error;

@@ -2,7 +2,7 @@
 
 pub mod kinds;
 
-use crate::arguments::made_of_arguments;
+use crate::arguments::{axes_of, made_of_arguments};
 use crate::arrays::{Axis, Form, Looked, SCALAR, copied, items, owned, require_finite, shown, text};
 use crate::errors::{Failure, entry, input_error};
 use crate::motion::Motion;
@@ -10,7 +10,6 @@ use crate::priority::MOST_LEVELS;
 use armlet_core::arm::Arm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
-use armlet_core::kinematics::coordinates::parse_axes;
 use armlet_core::law::{Gain, Level};
 use armlet_core::motion::Motion as CoreMotion;
 use armlet_macros::entered;
@@ -276,13 +275,6 @@ fn names(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Vec<
     }
     let items = items(function, "joints", "a list of names: expected strings", value, MOST_NAMES)?;
     Ok(Some(items.iter().map(|item| text(function, "joints", item)).collect::<Result<_, _>>()?))
-}
-
-/// The letters of an argument `axes`, and their number.
-fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<(String, usize), Failure> {
-    let axes = text(function, "axes", axes)?;
-    let rows = parse_axes(&axes)?.len();
-    Ok((axes, rows))
 }
 
 #[entered]
