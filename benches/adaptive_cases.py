@@ -1,7 +1,7 @@
-"""armlet's side of `bench_adaptive.py`: the runs that are timed, each a callable that returns the final state (7,) or (RUNS, 7).
+"""armlet's runs that `bench_adaptive.py` times. Each is a callable that returns the final state: (7,) of one run, (RUNS, 7) of a batch.
 
-Also a worker, `python adaptive_cases.py`, that answers one line at a time: armlet picks its instruction set once per process
-(`ARMLET_ISA`), so each forced route lives in a process of its own, and takes its turn in every round.
+`python adaptive_cases.py` is also a worker process that answers one command per line. armlet selects its instruction set once per
+process, from `ARMLET_ISA`. So each forced instruction set has one worker process, and every worker takes part in every round.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 import adaptive_peers as peers
 
 import armlet as al
@@ -60,7 +60,7 @@ def batch(threads: int, steps: int = peers.BATCH_STEPS, motion: Any = None, **op
 
 
 def calls(count: int) -> list[tuple[str, Callable[[], None]]]:
-    """One Python call with (n,) arrays, `count` times in a row; the bare loop is under 20 ns of it."""
+    """Calls from Python with arrays (n,), `count` in a row. The empty loop takes less than 20 ns per call."""
     q, v, a = np.array([0.3, -0.4]), np.array([0.5, 0.6]), np.array([-0.7, 0.8])
     pr = al.planar_pr(*peers.PLANT)
     law = al.Adaptive(pr, sinusoid(), peers.KP, peers.KD, peers.GAMMA)
@@ -84,7 +84,7 @@ def calls(count: int) -> list[tuple[str, Callable[[], None]]]:
 
 
 def rows_of_calls(count: int) -> list[tuple[str, Callable[[], Any]]]:
-    """The arithmetic of the same functions, from one call on `count` rows."""
+    """The computing time of the functions of `calls` without the cost of a Python call: one call computes `count` rows."""
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (count, 6))
     pr, six = al.planar_pr(*peers.PLANT), al.load_urdf(al.example_urdf("six_axis"))
     two, mass, torque, torques = np.ascontiguousarray(q[:, :2]), np.empty((count, 2, 2)), np.empty((count, 2)), np.empty((count, 6))
@@ -100,13 +100,13 @@ IMPORT += "print(time.perf_counter() - w, time.process_time() - p)"
 
 
 def import_seconds() -> tuple[float, float]:
-    """What `import armlet` adds once numpy is imported, in a fresh process."""
+    """Wall and processor seconds of `import armlet` in a fresh process that has already imported numpy."""
     wall, processor = subprocess.run([sys.executable, "-P", "-c", IMPORT], check=True, capture_output=True, text=True).stdout.split()
     return float(wall), float(processor)
 
 
 class Route:
-    """A worker under a forced instruction set."""
+    """A worker process that runs with one forced instruction set (`ARMLET_ISA`)."""
 
     def __init__(self, isa: str) -> None:
         self._worker = subprocess.Popen(

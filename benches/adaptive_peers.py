@@ -1,7 +1,8 @@
-"""tau = Y a_hat + Kp e + Kd e_dot, a_hat_dot = Gamma Y' s on M(q) a + S(q, v) v = tau: the same closed loop in numpy, scipy, numba and C.
+"""tau = Y a_hat + Kp e + Kd e_dot, a_hat_dot = Gamma Y' s on M(q) a + S(q, v) v = tau in numpy, scipy, numba and C.
 
-Peers of `bench_adaptive.py`, written from the equations: state x = (q1, q2, v1, v2, A_hat, B_hat, C_hat), classical Runge-Kutta
-with step h, the law evaluated in every stage, and a table of (q_d, v_d, a_d) at the half steps.
+`bench_adaptive.py` compares armlet with these implementations, which are written from the equations. The state is
+x = (q1, q2, v1, v2, A_hat, B_hat, C_hat). The method is classical Runge-Kutta with step h, with the law evaluated in every stage.
+A table contains (q_d, v_d, a_d) at every half step.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ KP = KD * LAMBDA
 H, T, STEPS = 1e-3, 10.0, 10_000
 Q0 = (0.1, -0.2)
 RUNS, BATCH_STEPS = 1024, 1000
-# Gains whose off-diagonals are not zero, so that nothing can be skipped.
+# Gain matrices whose off-diagonal entries are not zero, so that no product can be omitted.
 FULL_KP = np.array([[50.0, 4.0], [4.0, 45.0]])
 FULL_KD = np.array([[10.0, 1.0], [1.0, 9.0]])
 FULL_GAMMA = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.2], [0.1, 0.2, 1.0]])
 
 
 def desired(t: Any) -> tuple[Array, Array, Array]:
-    """q_d = (0.5 sin t, 0.8 sin 2t) and its derivatives, (..., 2)."""
+    """The desired motion q_d = (0.5 sin t, 0.8 sin 2t) and its two derivatives, each (..., 2)."""
     t = np.asarray(t, float)[..., None]
     amplitude, rate = np.array([0.5, 0.8]), np.array([1.0, 2.0])
     s, c = np.sin(rate * t), np.cos(rate * t)
@@ -38,12 +39,12 @@ def desired(t: Any) -> tuple[Array, Array, Array]:
 
 
 def table(steps: int) -> Array:
-    """(2 steps + 1, 6): q_d, v_d, a_d at the half steps."""
+    """The table (2 steps + 1, 6) of q_d, v_d, a_d at the half steps."""
     return np.ascontiguousarray(np.concatenate(desired(np.arange(2 * steps + 1) * (H / 2)), axis=1))
 
 
 def batch_inputs() -> tuple[Array, Array]:
-    """Plants (RUNS, 3), each parameter within 20 % of the nominal, and initial positions (RUNS, 2) within 0.2 of the nominal."""
+    """Plant parameters (RUNS, 3) within 20 % of the nominal, and initial positions (RUNS, 2) within 0.2 rad or m of the nominal."""
     random = np.random.default_rng(2022)
     return np.array(PLANT) * random.uniform(0.8, 1.2, (RUNS, 3)), np.array(Q0) + random.uniform(-0.2, 0.2, (RUNS, 2))
 
@@ -64,7 +65,7 @@ def rk4(f: Callable[[Any, Any], Any], x: Any, motion: Any, steps: int) -> Any:
 
 
 def numpy_rhs(kp: Array, kd: Array, gamma: Array) -> Callable[[Array, Array], Array]:
-    """As the equations stand, with gains of any shape: what one writes first."""
+    """x_dot in direct numpy matrix notation, for diagonal and full gain matrices."""
     A, B, C = PLANT
     lam = np.linalg.solve(kd, kp)
 
@@ -89,7 +90,7 @@ def numpy_loop(steps: int, full: bool = False) -> Array:
 
 
 def loop_of_scalars(A: Any, B: Any, C: Any, x: Any, r: Any, sin: Any, cos: Any) -> tuple[Any, ...]:
-    """x_dot by components: with `math` for scipy, jitted for numba, on whole columns for a numpy batch."""
+    """x_dot written component by component. scipy calls it with `math`; numba compiles it; the numpy batch passes columns (RUNS,)."""
     q1, q2, v1, v2, a, b, c = x
     d1, d2 = r[2] - v1, r[3] - v2
     w1, w2 = LAMBDA * (r[0] - q1), LAMBDA * (r[1] - q2)
@@ -106,7 +107,7 @@ def loop_of_scalars(A: Any, B: Any, C: Any, x: Any, r: Any, sin: Any, cos: Any) 
 
 
 def numpy_batch(steps: int) -> Array:
-    """Vectorised over the runs; (RUNS, 7)."""
+    """Final states of a batch, (RUNS, 7): numpy computes all runs together."""
     plants, q0 = batch_inputs()
     A, B, C = plants.T
     out: Array = rk4(lambda x, r: np.stack(loop_of_scalars(A, B, C, x, r, np.sin, np.cos)), start(q0).T, table(steps), steps)
@@ -114,7 +115,10 @@ def numpy_batch(steps: int) -> Array:
 
 
 def scipy_dop853(rtol: float, atol: float, arrays: bool = False) -> tuple[Array, int]:
-    """The right-hand side in Python floats, which is quicker here than small arrays; final state and evaluations."""
+    """Final state (7,) and number of evaluations of scipy's DOP853.
+
+    By default the right-hand side uses Python floats, faster than small arrays.
+    """
     from scipy.integrate import solve_ivp
 
     of_arrays = numpy_rhs(KP * np.eye(2), KD * np.eye(2), np.diag(GAMMA))
@@ -153,7 +157,7 @@ def numba_rhs() -> Callable[..., Any]:
 
 
 def numbalsoda_dop853(rtol: float, atol: float) -> Callable[[], Array]:
-    """Hairer's Fortran code on a right-hand side compiled by numba."""
+    """A function that runs Hairer's Fortran code dop853 on a right-hand side compiled by numba, and returns the final state (7,)."""
     import numba
     import numbalsoda
 
@@ -169,12 +173,12 @@ def numbalsoda_dop853(rtol: float, atol: float) -> Callable[[], Array]:
             dx[i] = value
 
     times, address, x0 = np.array([0.0, T]), rhs.address, start()
-    # The default keeps the compiled function alive.
+    # The default argument stores a reference to the compiled function; otherwise it would be freed.
     return lambda _rhs=rhs: numbalsoda.dop853(address, x0, times, rtol=rtol, atol=atol)[0][-1]
 
 
 def numba_kernels() -> dict[str, Callable[..., Any]]:
-    """The loop over arrays, the same by scalars, and the batch on one and on several threads."""
+    """Loops compiled by numba: `arrays` uses small arrays, `scalars` uses scalars, and `batch` runs many runs on one or several threads."""
     import numba
 
     f = numba_rhs()
@@ -231,7 +235,7 @@ class Gains(ctypes.Structure):
 
 
 class LimitKernels(limits.Kernels):
-    """Hand-written C: `native/p1.cpp`."""
+    """C kernels written by hand: `native/p1.cpp`."""
 
     def __init__(self) -> None:
         super().__init__("p1.cpp", "-lpthread")
@@ -239,13 +243,13 @@ class LimitKernels(limits.Kernels):
 
     def single(self, motion: Array, steps: int) -> Array:
         x, plant = start(), np.array(PLANT)
-        rotated = 2  # the law in every stage, one sincos per step and small-angle rotations for the stages; no log
+        rotated = 2  # variant of the kernel: one sine and cosine per step, small-angle rotations in the stages, no log
         length, h = ctypes.c_long(steps), ctypes.c_double(H)
         self._c.p1_scalar(ctypes.byref(self._gains), self._at(plant), self._at(x), self._at(motion), length, h, rotated, None)
         return x
 
     def batch(self, motion: Array, steps: int, threads: int) -> Array:
-        """Eight runs per register, two registers interleaved; (RUNS, 7)."""
+        """Final states (RUNS, 7). One register has eight runs, and two registers are computed alternately."""
         plants, q0 = batch_inputs()
         by_column, x = np.ascontiguousarray(plants.T), np.ascontiguousarray(start(q0).T)
         held, rotated, interleaved = 0, 1, 2

@@ -1,10 +1,10 @@
-"""M(q) a + S(q, v) v = tau under the adaptive law, RK4 at 1 ms: armlet beside numpy, scipy, numba and hand-written C, in one run.
+"""M(q) a + S(q, v) v = tau under the adaptive law, RK4 at 1 ms: time of armlet, numpy, scipy, numba and C.
 
-First every answer is compared with a tight reference; only then anything is timed. See README.md beside this file.
+Every final state is compared with an accurate reference before any time is measured. benches/README.md explains the comparison.
 
     python benches/bench_adaptive.py                  the table, and benches/results/adaptive.json
-    python benches/bench_adaptive.py --markdown       the same as Markdown
-    python benches/bench_adaptive.py --readme         the same, written into benches/README.md
+    python benches/bench_adaptive.py --markdown       the table as Markdown
+    python benches/bench_adaptive.py --readme         the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 import adaptive_cases as cases
 import adaptive_peers as peers
 import reporting
@@ -34,7 +34,8 @@ CALLS, ROWS, IN_A_ROW = 5_000, 100_000, 50
 C, C_BATCH, NUMBA, NUMBA_BATCH = "C, by hand", "C with AVX-512, by hand", "numba, scalars", "numba, batch"
 ONE, BATCH, BATCH2 = "armlet", "armlet, batch", "armlet, batch, 2 threads"
 DOP853, NUMBALSODA, AFTER = "armlet, dop853", "numbalsoda, dop853", ", after other work"
-# RK4 at 1 ms leaves 1.1e-10 here, DOP853 at rtol 1e-8 6e-11; two RK4 codes differ by rounding alone, and the loop contracts.
+# Largest allowed differences. The truncation error of RK4 at 1 ms is 1.1e-10 here, that of DOP853 at rtol 1e-8 is 6e-11. Two RK4 programs
+# differ only by rounding, because the closed loop is contracting.
 TRUNCATION, ROUNDING = 1e-9, 1e-12
 
 
@@ -50,7 +51,7 @@ def compare(name: str, answer: Any, reference: Any, tolerance: float) -> None:
 
 
 class Suite:
-    """Adds a case only once its answer is right."""
+    """The list of cases. `add` accepts a case only if its final state is correct."""
 
     def __init__(self, core: int, two: bool) -> None:
         self.cases: list[Case] = []
@@ -93,7 +94,8 @@ class Suite:
     def adaptive_methods(self) -> None:
         group, per = "One run of 10 s, dop853, rtol 1e-8: ns per simulated ms", peers.T * 1e3
         exact = (self.exact, TRUNCATION)
-        # A run is so short that what other cases left in the caches counts: one of many calls, and one after other work.
+        # One run is so short that its time depends on the content of the caches. So each solver is timed twice: many calls in a row, and
+        # one call after other work.
         peer = timing.if_there("numbalsoda", lambda: peers.numbalsoda_dop853(1e-8, 1e-10), say)
         for name, once in ((DOP853, cases.adaptive_method(1e-8, 1e-10)), (NUMBALSODA, peer)):
             if once is not None:
@@ -169,7 +171,7 @@ def scipy_end(arrays: bool) -> Any:
 
 
 def in_a_row(once: Callable[[], Any]) -> Callable[[], Any]:
-    """`IN_A_ROW` calls; the answer of the last."""
+    """A function that calls `once` `IN_A_ROW` times and returns the last result."""
 
     def run() -> Any:
         for _ in range(IN_A_ROW - 1):
@@ -180,7 +182,10 @@ def in_a_row(once: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def targets(found: list[Case], busy: bool) -> list[tuple[str, str, str, bool]]:
-    """(what, target, measured, met); only what this run could measure. Wall times of two threads say nothing on a busy machine."""
+    """Rows (what, target, measured, met) of the cases that this run measured.
+
+    On a busy machine wall times of two threads are inconclusive.
+    """
     by_name = {case.name: case for case in found}
     lines = []
 
@@ -208,7 +213,8 @@ def targets(found: list[Case], busy: bool) -> list[tuple[str, str, str, bool]]:
     ceiling("mass_matrix over its arithmetic", "arm.mass_matrix(q), PR", 250, "ns", "mass_matrix per row of a batch, PR")
     arithmetic = "inverse_dynamics per row of a batch, PR"
     ceiling("inverse_dynamics over its arithmetic", "arm.inverse_dynamics(q, v, a), PR", 250, "ns", arithmetic)
-    # A stage of the loop evaluates motion, law and plant: what the law's arithmetic costs, and a little more.
+    # One stage of the loop evaluates the motion, the law and the plant. A quarter of an RK4 step is therefore slightly more than the law's
+    # computing time.
     ceiling("law over its arithmetic", "law(t, q, v), Adaptive, PR", 250, "ns", "armlet, Sinusoid in the loop", 0.25)
     ceiling("import armlet beyond numpy's", "import armlet", 150, "ms")
     return lines
@@ -219,7 +225,7 @@ def main() -> None:
     options = parser.parse_args()
     reporting.require_release("bench_adaptive")
 
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # numba's idle workers must not spend the next case's processor time
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # idle threads of numba must not use processor time during the next case
     suite = Suite(options.core, len(timing.cores()) > 1)
     c = timing.if_there("hand-written C", peers.LimitKernels, say)
     numba = timing.if_there("numba", peers.numba_kernels, say)

@@ -1,9 +1,9 @@
-"""ns per configuration = median over rounds of t(call) / configurations: arms beside Pinocchio, dynibo and MuJoCo, on the Panda.
+"""ns per configuration = median over rounds of t(call) / configurations: armlet, Pinocchio, dynibo and MuJoCo on the Panda arm.
 
     python -P benches/bench_arms.py [--markdown | --readme] [--rounds N] [--core N]
 
-Peers that are not installed are left out with a message; answers are compared before anything is timed. Batches are timed for each
-instruction set in a process of its own, whose `ARMLET_ISA` and `ARMLET_NUM_THREADS=1` hold from its start.
+A library that is not installed is skipped with a message. All results are compared before any time is measured. Each instruction set
+has a separate process for the batches, which starts with `ARMLET_ISA` and `ARMLET_NUM_THREADS=1`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 import reporting
 import timing
 
@@ -32,7 +32,8 @@ HERE = Path(__file__).resolve().parent
 ROWS, CALLS, BATCHES = 4096, 2000, 20
 FRAME = "panda_hand"
 ISAS = ("baseline", "avx2", "avx512")
-# What one configuration from Python, and one of a batch with AVX-512, should take at most, ns; with AVX2 2.2 times that.
+# Goals, ns per configuration: `ONE` is one call from Python, `BATCH` is one row of a batch with AVX-512. With AVX2 the goal of a batch is
+# 2.2 times as long.
 ONE = {"RNEA": 450, "mass matrix": 400, "ABA": 800, "frame Jacobian": 330, "Coriolis": 800, "Slotine-Li regressor": 1100}
 BATCH = {"RNEA": 50, "mass matrix": 45, "ABA": 120, "frame Jacobian": 32, "Slotine-Li regressor": 160}
 WIDER = 2.2
@@ -43,7 +44,7 @@ def say(text: str) -> None:
 
 
 def panda() -> tuple[str, dict[str, float]]:
-    """The URDF of the public package, and its fingers, which are held."""
+    """The Panda's URDF from the package `example-robot-data`, and the positions (m) at which its finger joints are fixed."""
     for place in sys.path:
         path = Path(place) / "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
         if path.exists():
@@ -57,7 +58,7 @@ def our_arm() -> al.Arm:
 
 
 def states(arm: al.Arm, count: int) -> tuple[Any, ...]:
-    """q, v, a, v_r; torque is what a takes."""
+    """Random q, v, a and v_r, each (count, n). `a` also serves as the torque of forward dynamics."""
     return tuple(np.random.default_rng(1).uniform(-1.0, 1.0, (4, count, arm.n)))
 
 
@@ -108,7 +109,7 @@ def pinocchio(arm: al.Arm, q: Any, v: Any, a: Any, v_r: Any) -> dict[str, Callab
         "ABA": lambda: pin.aba(model, data, q, v, tau),
         "frame Jacobian": lambda: pin.computeFrameJacobian(model, data, q, frame, axes),
         "Coriolis": lambda: pin.computeCoriolisMatrix(model, data, q, v),
-        # The classical regressor, at v_r = v: Pinocchio has no Slotine-Li one.
+        # This is the classical regressor, which equals the Slotine-Li regressor at v_r = v. Pinocchio has no Slotine-Li regressor.
         "Slotine-Li regressor": lambda: pin.computeJointTorqueRegressor(model, data, q, v, a),
     }
 
@@ -144,7 +145,7 @@ def mujoco(arm: al.Arm, q: Any, v: Any, a: Any, v_r: Any) -> dict[str, Callable[
         place()
         mj.mj_jacBody(model, data, jacobian[:3], jacobian[3:], body)
 
-    # MuJoCo keeps principal axes and quaternions of single digits less: 1e-7.
+    # MuJoCo stores principal axes and quaternions, which rounds the inertias in more places. So the tolerance is 1e-7.
     jac()
     close("MuJoCo's Jacobian", jacobian, arm.jacobian(q, FRAME), 1e-7)
     crb()
@@ -162,12 +163,12 @@ def dynibo(arm: al.Arm, q: Any, v: Any, a: Any, v_r: Any) -> dict[str, Callable[
         path.write_text(arm.to_urdf()[0])
         robot = peer.Robot.from_urdf(str(path))
     link = robot.link_id(FRAME)
-    arm = arm.with_gravity([0.0, 0.0, -9.80665])  # dynibo's gravity is the standard one, not a setting
+    arm = arm.with_gravity([0.0, 0.0, -9.80665])  # dynibo always uses standard gravity, 9.80665 m/s^2
     tau = arm.inverse_dynamics(q, v, a)
     close("dynibo's inverse dynamics", np.asarray(robot.inverse_dynamics(q, v, a)), tau)
     close("dynibo's mass matrix", np.asarray(robot.mass_matrix(q)), arm.mass_matrix(q).ravel())
     close("dynibo's forward dynamics", np.asarray(robot.forward_dynamics(q, v, tau)), a)
-    # By columns, angular rows first.
+    # dynibo's Jacobian is stored by columns and has its three angular rows first.
     close("dynibo's Jacobian", np.asarray(robot.jacobian(q, link)), np.roll(arm.jacobian(q, FRAME), 3, axis=0).ravel(order="F"))
     return {
         "RNEA": lambda: robot.inverse_dynamics(q, v, a),
@@ -191,7 +192,7 @@ def several(call: Callable[[], Any]) -> None:
 
 
 class Route:
-    """A process with `ARMLET_ISA` set: batches of 4,096 configurations on one thread, answers into the caller's array."""
+    """A process with `ARMLET_ISA` set. It computes batches of 4,096 configurations on one thread and writes into the caller's array."""
 
     def __init__(self, isa: str) -> None:
         environment = os.environ | {"ARMLET_ISA": isa, "ARMLET_NUM_THREADS": "1"}
@@ -213,7 +214,7 @@ class Route:
 
 
 def serve() -> None:
-    """The other end of a route: seconds of twenty calls, or the first rows of the answer for comparison."""
+    """The loop of that worker. It answers a command with the seconds of twenty calls, or with the first rows of a result for comparison."""
     arm = our_arm()
     q, v, a, v_r = states(arm, ROWS)
     fresh = ours(arm, q, v, a, v_r)

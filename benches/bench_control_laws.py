@@ -1,11 +1,11 @@
-"""ratio = time of armlet / time of generated straight-line C, of the laws of `control_cases.py`: equal answers are asserted first.
+"""ratio = time of armlet / time of generated straight-line C, for the control laws of `control_cases.py`. Equal results are asserted first.
 
-The C is made and timed as in `bench_generated_c.py`, with the comparisons and roots that these laws need. Stick-slip friction and reactions
-to contact are timed beside the same loop of armlet without them: the first runs without a program.
+`bench_generated_c.py` describes how the C is generated and timed. Here the C also has the comparisons and square roots of these laws.
+Two options are compared with armlet's loop without the option: stick-slip friction, and reactions to contact.
 
     python -P benches/bench_control_laws.py                     every law
-    python -P benches/bench_control_laws.py --laws composite    one of them
-    python -P benches/bench_control_laws.py --readme            the figures of benches/README.md
+    python -P benches/bench_control_laws.py --laws composite    one law
+    python -P benches/bench_control_laws.py --readme            the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 
 import bench_generated_c as generated
 import casadi
@@ -26,14 +26,15 @@ from generated_cases import BATCHES, CHECKED, H, Row, loop_row, require_equal
 
 import armlet as al
 
-# Every law on arms that have room for it; the filters of composite adaptation grow with the square of the joints.
+# The two arms of each law. Composite adaptation runs on smaller arms, because the number of its filters grows with the square of the number
+# of joints.
 ARMS = {law: ("planar 2R", "planar 4R") if law == "composite" else ("planar 4R", "seven axes") for law in control_cases.CONTROL}
 GOAL = generated.BATCH
-BESIDE = 1000  # steps of the loops with an option, and without it
+BESIDE = 1000  # number of steps of the loops with an option, and of those without it
 
 
 def beside(name: str, steps: int) -> list[tuple[str, str, timing.Case, timing.Case]]:
-    """Of each option: the arm, the option, one run with it and one without it, after equal answers."""
+    """Rows (arm, option, one run with the option, one run without it). Equal results are asserted first."""
     laws, found = control_cases.ControlLaws(generated.ARMS[name](), steps), []
     for option, (with_it, without, more) in control_cases.beside(laws.arm, laws.motion).items():
         given: dict[str, Any] = {"q0": laws.rest, "dt": H, "monitors": False, "throw": True, **more}

@@ -1,10 +1,10 @@
-"""Elastic joints under Cartesian impedance: armlet beside numpy, scipy, numba, numbalsoda and hand-written C, in one run.
+"""Elastic joints under Cartesian impedance: time of armlet, numpy, scipy, numba, numbalsoda and hand-written C in one run.
 
-First every answer is compared; only then anything is timed. See README.md beside this file.
+Every result is compared before any time is measured. benches/README.md explains the comparison.
 
     python benches/bench_elastic.py                  the table, and benches/results/elastic.json
-    python benches/bench_elastic.py --markdown       the same as Markdown
-    python benches/bench_elastic.py --readme         the same, written into benches/README.md
+    python benches/bench_elastic.py --markdown       the table as Markdown
+    python benches/bench_elastic.py --readme         the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 import elastic_peers as peers
 import reporting
 import timing
@@ -29,7 +29,7 @@ import armlet as al
 HERE = Path(__file__).parent
 C, C_BATCH, NUMBA = "C, by hand", "C with AVX-512, by hand", "numba, scalars"
 ONE, BATCH = "armlet", "armlet, batch"
-MIDDLE, ERROR = 0.2, 2e-7  # s, in the transient; rad
+MIDDLE, ERROR = 0.2, 2e-7  # time of the comparison in the transient, s; largest allowed error there, rad
 STEP = "RK4, 10,000 steps of 0.2 ms: ns per step"
 MANY = "1,024 runs, 1,000 steps: ns per run and step"
 
@@ -86,7 +86,7 @@ def rosenbrock(c: peers.LimitKernels, level: str, wide: bool, t: float) -> Any:
 
 
 def seven_axes() -> Callable[[], Any]:
-    """A second of a 7-axis elastic arm under a controller of 1 ms."""
+    """A function that runs one second of a 7-axis elastic arm; the controller's sample time is 1 ms."""
     arm = al.load_urdf(al.example_urdf("seven_axis"))
     q0, frame = np.array([0.0, 0.6, 0.0, -1.4, 0.0, 0.9, 0.0]), arm.frame_names[-1]
     law = al.ElasticImpedance(arm, arm.position(q0, frame), 800.0, 90.0, 8e3, 0.8, 0.2, frame=frame)
@@ -96,7 +96,7 @@ def seven_axes() -> Callable[[], Any]:
 
 
 class Suite:
-    """Adds a case only once its answer is right."""
+    """The list of cases. `add` accepts a case only if its result is correct."""
 
     def __init__(self) -> None:
         self.cases: list[Case] = []
@@ -138,7 +138,7 @@ class Suite:
             self.add(MANY, "numba, batch", lambda: numba["batch"](*given), per, (answer, 1e-11), against=BATCH)
 
     def solver(self, level: str, name: str, run: Callable[[float], Any], **more: Any) -> None:
-        """Its error in the transient, then its time for two seconds."""
+        """Store the solver's error at `MIDDLE` s, rad; then add the case that times its run of two seconds."""
         error = float(np.max(np.abs((np.asarray(run(MIDDLE)) - self.exact[level])[[0, 1, 4, 5]])))
         self.errors[f"{name}, {level}"] = error
         say(f"error {error:.1e} at {MIDDLE} s: {name}, {level}")

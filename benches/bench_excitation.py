@@ -1,7 +1,7 @@
-"""Exciting motions for identification on five arms: what they show beside random sines, and how long the search takes.
+"""Exciting motions for identification on five arms: accuracy compared with random sines, and computing time of the search.
 
 python -P benches/bench_excitation.py              the table
-python -P benches/bench_excitation.py --readme     the same, written into benches/README.md
+python -P benches/bench_excitation.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ ARMS = {
 
 
 def deviations(arm: al.Arm, m: al.Sinusoid) -> np.ndarray:
-    """Of the base parameters after one period of samples, for noise of 1 N m."""
+    """Standard deviations (b,) of the base parameters after one period of samples, if the torque noise is 1 N m."""
     q, v, a = (np.array(x) for x in zip(*(m(t) for t in np.arange(SAMPLES) * (DURATION / SAMPLES)), strict=True))
     W = arm.base_parameters().regressor(q, v, v, a).reshape(q.size, -1)
     return np.sqrt(np.diag(np.linalg.inv(W.T @ W)))
 
 
 def random_sines(arm: al.Arm, limits: dict[str, Any], rng: np.random.Generator, largest: bool) -> al.Sinusoid:
-    """One sine per joint of a random harmonic and phase; of the largest amplitude within the limits, or of a random part of that."""
+    """One sine per joint with random harmonic and phase. The amplitude is the largest one within the limits, or a random fraction of it."""
     own = {"a_max": np.inf} | arm.limits | limits
     given = {name: np.broadcast_to(own[name], (arm.n,)) for name in ("q_min", "q_max", "v_max", "a_max")}
     w = 2.0 * np.pi / DURATION * rng.integers(1, HARMONICS + 1, arm.n)

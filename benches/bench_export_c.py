@@ -1,16 +1,17 @@
-"""ratio = time of a step of exported C / time of the same step in armlet: loops and laws of seven axes, and the longest of many steps.
+"""ratio = time of a step of exported C / time of that step in armlet, for loops and laws of seven axes.
 
-The target is of equal work: a step of the adaptive loop by Euler's method. It is one evaluation of the law with its 70 rates, forward
-dynamics, and the new state. In C these are `law_step`, `arm_forward_dynamics` and two sums, in armlet `simulate`. Both reach the same end.
-Then laws alone:
+The first target compares equal work: one step of the adaptive loop by Euler's method. The step evaluates the law, the rates of its 70
+estimates and the forward dynamics, and updates the state. The C calls `law_step` and `arm_forward_dynamics` and adds twice. armlet calls
+`simulate`. Both must reach the same final state.
 
-The C is compiled with the options of its CMake file. Its step evaluates the motion and computes the torque; of an adaptive law it also
-advances the 70 estimates and computes their rates. The yardstick is `law(t, q, v)` from Python, a program of machine code that evaluates
-the motion and computes the torque alone. What Python adds to a call is that of a law of one joint less the step of its C, and is taken
-off. The steps are timed one by one by the clock of the system, whose reading is part of each figure.
+The second target compares laws alone. The C is compiled with the options of its CMake file. `law_step` evaluates the motion and computes
+the torque. For an adaptive law it also computes the rates of the 70 estimates and advances them. armlet's time is that of `law(t, q, v)`
+from Python, which evaluates the motion and computes the torque only. The cost of a Python call is subtracted from it. This cost is
+measured with a law of one joint: time of the call minus time of its C step. The system clock times each step of C separately. So each of
+these figures includes one reading of the clock.
 
-    python -P benches/bench_export_c.py --readme             # the figures of benches/README.md
-    python -P benches/bench_export_c.py --steps 100000       # a quicker look
+    python -P benches/bench_export_c.py --readme             # the tables, written into benches/README.md
+    python -P benches/bench_export_c.py --steps 100000       # fewer steps
 """
 
 from __future__ import annotations
@@ -27,17 +28,17 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 import reporting
 import timing
 
 import armlet as al
 
 GOAL = 1.1
-# Calls of a round, of both.
+# Number of calls per round, in C and in Python.
 CALLS = 2000
 
-#: What both programs begin with: the clock, in ns.
+#: C code at the start of both programs: a function that reads the clock, in ns.
 CLOCK = """
 #define _POSIX_C_SOURCE 199309L
 #include "law.h"
@@ -152,7 +153,7 @@ LAWS: dict[str, al.Law] = {
 
 
 def compiled(law: al.Law, folder: Path, driver: str = DRIVER, more: Sequence[Path] = ()) -> Path:
-    """The program of a law, a driver, and more sources."""
+    """Compile a program from the C of a law, a driver and further sources; return its path."""
     compiler = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
     if compiler is None:
         raise SystemExit("bench_export_c: no C compiler is installed: expected gcc, clang or cc")
@@ -167,7 +168,7 @@ def compiled(law: al.Law, folder: Path, driver: str = DRIVER, more: Sequence[Pat
 
 
 def loops(folder: Path, rounds: int) -> tuple[float, float]:
-    """A step of the loop in C, and in armlet, ns: the least of each."""
+    """Shortest times of one step of the closed loop in C and in armlet, ns."""
     files = al.export_c(ARM, folder / "arm", functions=["forward_dynamics"])
     program = compiled(LAWS["Adaptive"], folder, LOOP, [files[1]])
     plant, q0 = al.RigidArm(ARM), 0.1 * np.arange(7)
@@ -180,19 +181,22 @@ def loops(folder: Path, rounds: int) -> tuple[float, float]:
             before = time.perf_counter()
             run = al.simulate(plant, LAWS["Adaptive"], q0, **times, monitors=False, check_limits=False)
             best[1] = min(best[1], 1e9 * (time.perf_counter() - before) / CALLS)
-        # The loop contracts: the sums of the two round differently.
+        # C and armlet round sums differently. The difference stays below 1e-9 because the closed loop is contracting.
         np.testing.assert_allclose(end, run.q[-1], rtol=0.0, atol=1e-9)
     return best[0], best[1]
 
 
 def stepped(program: Path, steps: int) -> list[float]:
-    """A step in a row, the longest, the number beyond 10 us, and the median, 99 % and 99.99 % of steps one by one, ns."""
+    """Mean time of steps in a row, ns.
+
+    Then, of steps timed one by one: longest, number above 10 us, median, 99 % and 99.99 % percentiles, ns.
+    """
     done = subprocess.run([str(program), str(steps)], capture_output=True, text=True, check=True).stdout.split()
     return [float(x) for x in done[:6]]
 
 
 def called(law: al.Law) -> float:
-    """The least mean of some rounds of calls from Python, ns."""
+    """Mean time of a call from Python, ns: the smallest mean of ten rounds."""
     n, best = law.arm.n, np.inf
     q, v = 0.1 * np.arange(n), 0.2 - 0.05 * np.arange(n)
     for start in range(10):
@@ -213,7 +217,7 @@ def main() -> None:
         small = compiled(SMALL, Path(folder) / "small")
         programs = {name: compiled(law, Path(folder) / name) for name, law in LAWS.items()}
         alone = {name: stepped(program, given.steps) for name, program in programs.items()}
-        # In turns; the least of each, since a busy machine only adds.
+        # Each round times every law once. The smallest time counts, because other programs can only lengthen a time.
         least = {name: [np.inf, np.inf] for name in (*LAWS, "small")}
         for _ in range(given.rounds):
             for name, law in (LAWS | {"small": SMALL}).items():

@@ -1,11 +1,12 @@
-"""ratio = time of armlet / time of generated straight-line C: closed loops and functions of arms; equal answers are asserted first.
+"""ratio = time of armlet / time of generated straight-line C, for closed loops and functions of arms. Equal results are asserted first.
 
-CasADi writes the C of each loop and function, g++ compiles it for one row at a time and for lanes of rows (AVX-512: 8, AVX2: 4).
-ARMLET_LIMITS=DIR adds two loops whose C was written by hand (`hand_written.py`).
+CasADi generates the C of each loop and function. g++ compiles it twice: for one row at a time, and for lanes of rows. A lane is one
+element of a SIMD register; a register has 8 lanes with AVX-512 and 4 with AVX2. ARMLET_LIMITS=DIR adds two loops whose C was written by
+hand (`hand_written.py`).
 
     python -P benches/bench_generated_c.py                      every arm
-    python -P benches/bench_generated_c.py --arms arm.urdf      an arm of yours, a chain or a tree on a fixed base
-    python -P benches/bench_generated_c.py --readme             the figures of benches/README.md
+    python -P benches/bench_generated_c.py --arms arm.urdf      an arm from a file, a chain or a tree on a fixed base
+    python -P benches/bench_generated_c.py --readme             the tables, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-os.environ.setdefault("ARMLET_NUM_THREADS", "1")  # batches of functions take their threads from here
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+os.environ.setdefault("ARMLET_NUM_THREADS", "1")  # batches of functions read their number of threads from this variable
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 
 try:
     import casadi
@@ -42,9 +43,9 @@ ARMS: dict[str, Callable[[], al.Arm]] = {
     "tree of 20 joints": lambda: made(branched(4, 4, 4)),
 }
 ALONE = "chain of 20 links"
-# What armlet may take of the time of the C, and what a single call may take beyond it, ns.
+# Goals: the largest allowed ratios of armlet's time to the C's time, and, last, the largest extra time of a single call, ns.
 ONE, BATCH, TREES, FUNCTION, CALL = 1.25, 1.1, 1.3, 1.2, 200.0
-# What part of the C's speed-up armlet may lose on two threads, as a ratio.
+# Goal: the largest allowed ratio of the C's speed-up on two threads to armlet's speed-up.
 SPEED_UP = 1.05
 
 
@@ -53,18 +54,18 @@ def say(text: str) -> None:
 
 
 def serial(row: Row) -> bool:
-    """Of up to seven joints, without branches."""
+    """Whether the row's arm is a chain of at most seven joints."""
     return row.tree.serial and row.tree.n <= 7
 
 
 def beyond(pair: Pair) -> float:
-    """What one call takes beyond the C, ns: the median of the differences within a round."""
+    """Time of one armlet call minus time of the C, ns: the median of the differences within a round."""
     ours, theirs = pair.ours.seconds(), pair.theirs.seconds()
     return statistics.median(pair.ours.figure(ours[k]) - pair.theirs.figure(theirs[k]) for k in ours)
 
 
 def verdict(what: str, goal: float, found: list[tuple[float, Row]], unit: str = "") -> list[reporting.Verdict]:
-    """The largest figure and whose it is, and how many of them meet the goal."""
+    """The largest measured figure, its arm and law, and the number of figures that meet the goal."""
     if not found:
         return []
     largest, row = max(found, key=lambda each: each[0])
@@ -96,7 +97,7 @@ def times(pair: Pair, scale: float = 1.0) -> str:
 
 
 def loop_table(rows: list[Row]) -> list[str]:
-    """One run in ns per step, a call of few steps in us, batches in ns per run and step."""
+    """Table of the loops: one run in ns per step, a call of few steps in us, batches in ns per run and step."""
     heads = ["one run", f"{SHORT} steps, us", *(f"batch of {runs:,}" for runs in BATCHES)]
     lines = [
         "| arm, law | operations of the C | " + " | ".join(f"{head}: armlet | C | ratio" for head in heads) + " |",
@@ -118,7 +119,7 @@ def by_hand_verdicts(by_hand: dict[str, dict[str, Pair]]) -> list[reporting.Verd
 
 
 def by_hand_table(by_hand: dict[str, dict[str, Pair]]) -> list[str]:
-    """ns per step, and per run and step; a run of 2 s by a Rosenbrock method in us."""
+    """Table of the hand-written loops: single runs in ns per step, batches in ns per run and step, Rosenbrock runs in us."""
     lines = ["| loop | armlet | C | ratio |", "|---|---:|---:|---:|"]
     for name, pairs in by_hand.items():
         for what, pair in pairs.items():
@@ -140,7 +141,7 @@ def threads_table(loops: list[Row]) -> list[str]:
 
 
 def function_table(rows: list[Row]) -> list[str]:
-    """Batches in ns per row, single calls in ns."""
+    """Table of the functions: batches in ns per row, single calls in ns."""
     lines = ["| arm, function | operations of the C | batch: armlet | C | ratio | C, arranged | ratio | call: armlet | C | beyond |"]
     lines.append("|---|" + "---:|" * 9)
     for row in rows:

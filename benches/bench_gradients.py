@@ -1,7 +1,7 @@
-"""Gradients of runs of a seven-axis arm under adaptive control: how many runs they cost.
+"""Gradients of runs of a seven-axis arm under adaptive control: their time as a multiple of the time of one run.
 
 python -P benches/bench_gradients.py              the table
-python -P benches/bench_gradients.py --readme     the same, written into benches/README.md
+python -P benches/bench_gradients.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ ARM = al.load_urdf(al.example_urdf("seven_axis"))
 LAW = al.Adaptive(ARM, al.Quintic(np.zeros(7), np.full(7, 0.5), 1.0), np.full(7, 40.0), np.full(7, 20.0), np.full(70, 0.2))
 PLANT, Q0 = al.RigidArm(ARM), np.zeros(7)
 OPTIONS: dict[str, Any] = {"t_end": 2.0, "dt": 1e-3, "monitors": False}
-#: Of a batch: 16 starts, one thread, every hundredth record.
+#: Options of the batch: 16 initial positions, one thread, every hundredth step recorded.
 STARTS = np.random.default_rng(0).uniform(-0.3, 0.3, (16, 7))
 ROWS: dict[str, Any] = OPTIONS | {"threads": 1, "check_limits": False, "record_every": 100}
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """The least of five times, after one call that makes the programs."""
+    """The shortest of five times, after one untimed call that compiles the programs."""
     work()
     times = []
     for _ in range(5):

@@ -1,10 +1,10 @@
-"""`al.integrate` on Python callables beside scipy's solve_ivp, and numbalsoda and diffrax where they are installed.
+"""Time and error of `al.integrate` on Python callables, compared with scipy's solve_ivp and, if installed, numbalsoda and diffrax.
 
     python -P benches/bench_integrate.py              # tables
-    python -P benches/bench_integrate.py --readme     # written into benches/README.md
+    python -P benches/bench_integrate.py --readme     # the tables, written into benches/README.md
 
-benches/work_precision.py draws error against time. Every error is against the known end of the problem (`armlet.reference.problems`);
-every time is the processor's, the best of several interleaved rounds.
+benches/work_precision.py plots error against time. The error is the difference from the known final state of the problem
+(`armlet.reference.problems`). The time is processor time, the shortest of several interleaved rounds.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def diffrax(problem: Problem, tol: float) -> Solver | None:
 
 
 def numbalsoda(problem: Problem, tol: float) -> Solver | None:
-    """Its dop853 or lsoda, on a right-hand side compiled by numba."""
+    """numbalsoda's dop853 or lsoda on a right-hand side compiled by numba."""
     try:
         import numba
         import numbalsoda as nl
@@ -96,7 +96,7 @@ def numbalsoda(problem: Problem, tol: float) -> Solver | None:
         for i in range(n):
             dy[i] = values[i]
 
-    # Versions without dop853 have lsoda alone, whose 500 steps from one output to the next are few: outputs are many.
+    # Versions without dop853 have lsoda alone. It allows at most 500 steps between two outputs, so 1,000 outputs are requested.
     solver = nl.dop853 if hasattr(nl, "dop853") and not problem.stiff else nl.lsoda
     y0, times = np.array(problem.y0, dtype=np.float64), np.linspace(*problem.span, 1000)
     return lambda _keep=field: solver(field.address, y0, times, rtol=tol, atol=tol * problem.scale)[0][-1]
@@ -121,16 +121,16 @@ def cases(problem: Problem, tol: float) -> dict[str, Solver]:
 
 
 def solves(problem: Problem, solver: Solver) -> bool:
-    """Whether a peer comes to the end at all; this compiles it too."""
+    """Whether a peer's solver reaches the end of the problem. This first call also compiles it."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             return problem.error(solver()) < 0.9
-    except Exception:  # whatever its own way is to say that it does not
+    except Exception:  # each library has a different exception for failure
         return False
 
 
 def best(solvers: dict[str, Solver], rounds: int) -> dict[str, float]:
-    """Seconds of the processor, the best of the rounds; every round runs every case once."""
+    """The shortest processor time of each case, s. Every round runs every case once."""
     times = dict.fromkeys(solvers, np.inf)
     for _ in range(rounds):
         for name, solver in solvers.items():
@@ -141,7 +141,7 @@ def best(solvers: dict[str, Solver], rounds: int) -> dict[str, float]:
 
 
 def measure(rounds: int, wanted: Callable[[str], bool] = lambda name: True) -> list[tuple[str, float, str, float, float]]:
-    """Problem, tolerance, case, seconds, error."""
+    """Rows (problem, tolerance, case, seconds, error)."""
     rows = []
     for problem in PROBLEMS.values():
         for tol in TOLERANCES:
@@ -180,7 +180,7 @@ def table(rows: list[tuple[str, float, str, float, float]]) -> str:
 
 
 def write(text: str, begin: str, end: str) -> None:
-    """Put `text` between two marks of benches/README.md."""
+    """Replace the text between two marks of benches/README.md by `text`."""
     head, _, rest = README.read_text().partition(begin)
     README.write_text(f"{head}{begin}\n{text}\n{end}{rest.partition(end)[2]}")
 

@@ -1,7 +1,7 @@
-"""Inverse kinematics of many poses: poses per second from near starts, and the share of random poses that is found on ten arms.
+"""Inverse kinematics of many poses on ten arms: poses per second from near starts, and the share of random poses that are reached.
 
     python -P benches/bench_inverse_kinematics.py              the tables
-    python -P benches/bench_inverse_kinematics.py --readme     the same, written into benches/README.md
+    python -P benches/bench_inverse_kinematics.py --readme     the tables, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ GOAL, AIM = 30_000, 100_000
 RANDOM = 10_000
 H = np.pi / 2
 TURN = 2 * np.pi
-# Denavit-Hartenberg rows (a, alpha, d), "standard" or "modified", joint limits in rad, and where they are published.
+# Each arm: Denavit-Hartenberg convention ("standard" or "modified"), columns a (m), alpha (rad) and d (m), lower and upper joint limits
+# (rad).
 UR = [H, 0.0, 0.0, H, -H, 0.0]
 IIWA = [-H, H, H, -H, -H, H, 0.0]
 IIWA_LIMITS = np.radians([170, 120, 170, 120, 170, 120, 175])
@@ -51,7 +52,8 @@ TABLES: dict[str, tuple[str, list[Any], list[Any], list[Any], Any, Any]] = {
     "KUKA LBR iiwa 7 R800": ("standard", [0] * 7, IIWA, [0.34, 0, 0.4, 0, 0.4, 0, 0.126], -IIWA_LIMITS, IIWA_LIMITS),
     "KUKA LBR iiwa 14 R820": ("standard", [0] * 7, IIWA, [0.36, 0, 0.42, 0, 0.4, 0, 0.126], -IIWA_LIMITS, IIWA_LIMITS),
 }
-# Solve rate and mean time of TRAC-IK 1.5.1 by its authors: 10,000 reachable poses to 1e-5 from the middle of the ranges, at most 5 ms each.
+# Solve rate and mean time of TRAC-IK 1.5.1, published by its authors. They used 10,000 reachable poses, tolerance 1e-5, starts in the
+# middle of the joint ranges and at most 5 ms per pose.
 TRAC_IK = {
     "Universal UR3": "98.60 %, 0.45 ms",
     "Universal UR5": "99.17 %, 0.37 ms",
@@ -62,14 +64,14 @@ TRAC_IK = {
 
 
 def from_table(convention: str, a: list[Any], alpha: list[Any], d: list[Any], lower: Any, upper: Any) -> al.Arm:
-    """An arm of unit masses with joint limits: the rows as joints that turn about their z axis."""
+    """An arm with unit masses and joint limits from a Denavit-Hartenberg table; every joint rotates about its z axis."""
     n = len(a)
     lower, upper = np.broadcast_to(lower, n), np.broadcast_to(upper, n)
     joints: list[dict[str, Any]] = []
     before = (0.0, 0.0, 0.0)
     for k in range(n):
         x, turn, z = (a[k], alpha[k], d[k]) if convention == "modified" else before
-        # Modified: Rx Tx Rz Tz, the shift along the turned z axis. Standard: Tz Tx Rx of the row before.
+        # Modified convention: Rx Tx Rz Tz, so the offset d is along the rotated z axis. Standard convention: Tz Tx Rx of the previous row.
         place = [x, -z * np.sin(turn), z * np.cos(turn)] if convention == "modified" else [x, 0.0, z]
         phi = [1.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.1]
         joints.append(
@@ -82,7 +84,7 @@ def from_table(convention: str, a: list[Any], alpha: list[Any], d: list[Any], lo
 
 
 def arms() -> dict[str, al.Arm]:
-    """Ten arms: two of armlet's examples, eight from published tables."""
+    """Ten arms: two of armlet's examples, and eight from published tables."""
     own = {f"armlet's {name}": al.load_urdf(al.example_urdf(name)) for name in ("six_axis", "seven_axis")}
     for name, (convention, a, alpha, d, *limits) in TABLES.items():
         own[name] = from_table(convention, a, alpha, d, *limits)
@@ -94,7 +96,10 @@ def arms() -> dict[str, al.Arm]:
 
 
 def rotation_vectors(R: Array) -> Array:
-    """Of rotation matrices (..., 3, 3), by unit quaternions: the eigenvectors of the largest eigenvalue (Bar-Itzhack 2000)."""
+    """Rotation vectors (..., 3) of rotation matrices (..., 3, 3).
+
+    The unit quaternion is an eigenvector of the largest eigenvalue (Bar-Itzhack 2000).
+    """
     K = np.empty((*R.shape[:-2], 4, 4))
     K[..., :3, :3] = R + np.swapaxes(R, -1, -2)
     K[..., range(3), range(3)] -= np.trace(R, axis1=-2, axis2=-1)[..., None]
@@ -109,22 +114,22 @@ def rotation_vectors(R: Array) -> Array:
 
 
 def poses(arm: al.Arm, q: Array) -> tuple[Array, list[al.Task]]:
-    """The poses of the last frame at q, and the task of being there."""
+    """The poses of the last frame at `q`, and a task whose target is each pose."""
     frame = arm.frame_names[-1]
     X = arm.pose(q, frame)
     return X, [al.Task(frame, "xyz rx ry rz", np.concatenate([X[..., :3, 3], rotation_vectors(X[..., :3, :3])], axis=-1))]
 
 
 def check(arm: al.Arm, X: Array, found: al.InverseKinematics, tolerance: float) -> None:
-    """What is reached is there, within the limits, by forward kinematics."""
+    """Assert by forward kinematics that every pose marked as reached is reached within the joint limits."""
     good = found.reached
-    # The tolerance on every entry of the error, and what the rotation vector loses near half a turn.
+    # The tolerance applies to each entry of the error. The rotation vector adds up to 1e-7 near a rotation by pi.
     assert np.abs(arm.pose(found.q[good], arm.frame_names[-1]) - X[good]).max() <= 10 * tolerance + 1e-7
     assert np.all((found.q[good] >= arm.limits["q_min"]) & (found.q[good] <= arm.limits["q_max"]))
 
 
 def near(name: str) -> tuple[list[Case], float]:
-    """Poses of one arm from starts within 0.3 rad of what reaches them, in one and in two threads; the share that is found."""
+    """Time of poses of one arm on one and two threads, from starts within 0.3 rad of a solution; and the share of poses reached."""
     arm, rng = al.load_urdf(al.example_urdf(name)), np.random.default_rng(1)
     low, high = np.maximum(arm.limits["q_min"], -np.pi), np.minimum(arm.limits["q_max"], np.pi)
     q = rng.uniform(low, high, (POSES, arm.n))
@@ -162,7 +167,7 @@ def near(name: str) -> tuple[list[Case], float]:
 
 
 def success(name: str, arm: al.Arm, tolerance: float = 1e-5) -> str:
-    """A row of the table: random reachable poses from random starts."""
+    """A row of the table: share of random reachable poses that are reached from random starts."""
     rng = np.random.default_rng(2)
     low, high = arm.limits["q_min"], arm.limits["q_max"]
     low, high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)

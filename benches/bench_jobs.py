@@ -1,10 +1,10 @@
-"""median over rounds of t_job, and of t_job / t_loop within each round: what a user types, beside the loops inside it.
+"""median over rounds of t_job, and of t_job / t_loop within a round: whole jobs of a user, compared with the simulation loops in them.
 
-A job runs with its defaults, on all cores. The loop beside it is `simulate_batch(keep="final")` of the same runs, or the simplest call
-that does the work. Answers are compared first.
+A job runs with its defaults, on all cores. Its loop is `simulate_batch(keep="final")` of the same runs, or the simplest call that does
+the work. Results are compared first.
 
     python -P benches/bench_jobs.py              the table
-    python -P benches/bench_jobs.py --readme     the same, written into benches/README.md
+    python -P benches/bench_jobs.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ import timing
 from timing import Case
 
 DT = 1e-3
-#: Runs and steps of a batch; of arms with more than three joints; records of a batch that keeps them; cells and steps of a sweep.
+#: Runs and steps of a batch; runs of arms with more than three joints (`FEW`); records of a batch that stores them; cells and steps of a
+#: sweep.
 RUNS, STEPS = 1024, 1000
 FEW = 128
 RECORDED = 200
 CELLS, CELL_STEPS = 4000, 4000
-#: Medians of so few rounds: the cases with threads take 0.1 s to warm up in each.
+#: Number of rounds. It is small because each case with threads needs 0.1 s of warm-up per round.
 ROUNDS = 5
 TARGETS, SAMPLES = 256, 20000
 ENVIRONMENTS = {"planar 2R": 1024, "seven axes": 1024}
@@ -70,7 +71,7 @@ def loops() -> dict[str, tuple[al.Plant, al.Law]]:
 
 
 def require_equal(name: str, plant: al.Plant, law: al.Law) -> None:
-    """The metrics of the loop are those of the records, and the last records are the same."""
+    """Assert that `keep="metrics"` computes the metrics of the recorded run, and that the last records are equal."""
     q0 = 0.2 + RNG.uniform(-0.05, 0.05, (3, plant.arm.n))
     whole = al.simulate_batch(plant, law, q0, t_end=60 * DT, dt=DT)
     metrics, final = (al.simulate_batch(plant, law, q0, t_end=60 * DT, dt=DT, keep=keep) for keep in ("metrics", "final"))
@@ -78,12 +79,12 @@ def require_equal(name: str, plant: al.Plant, law: al.Law) -> None:
     for other in (metrics, final):
         assert np.array_equal(other.q[:, -1], whole.q[:, -1]), name
     for key, values in whole.metrics().items():
-        # Another order of 60 terms, and fused products in the monitors: 1e-13 or so of the values.
+        # The two sums of 60 terms differ in order, and the monitors use fused multiply-adds. Relative differences are about 1e-13.
         assert np.allclose(metrics.metrics()[key], values, rtol=1e-10, atol=1e-12, equal_nan=True), (name, key)
 
 
 def filled(rows: int, width: int) -> None:
-    """New memory for so many numbers, written once by as many threads as a batch has."""
+    """Fill new memory of `rows` x `width` numbers once, with as many threads as a batch uses."""
     list(POOL.map(lambda part: part.fill(1.0), np.array_split(np.empty((rows, width)), THREADS)))
 
 
@@ -160,7 +161,7 @@ def sweeps() -> Iterator[Case]:
 
 
 def on_dask(group: str, swept: Callable[[Any], Any], loop: str) -> Iterator[Case]:
-    """The same sweep on two workers of one thread, which run before and after."""
+    """The sweep on a Dask cluster of two workers with one thread each. The cluster starts before and stops after the measurement."""
     try:
         from distributed import Client, LocalCluster
     except ImportError as missing:
@@ -251,7 +252,7 @@ def verdicts(cases: list[Case]) -> Iterator[reporting.Verdict]:
         if name.startswith("all"):
             what, _, tag = name.partition(", ")
             fill, loop = named[f"numpy fills the arrays of {name}"], named[f"final, {tag}"]
-            # A loop that evaluates the monitors at every step, as recorded runs do.
+            # Recorded runs evaluate the monitors at every step. So the loop for comparison must evaluate the monitors too.
             loop = named.get(f"metrics, {tag}", loop) if what == "all" else loop
             yield _ratio(f"{what} to filling the arrays, {tag}", case, fill, 2.0)
             found = case.median / (loop.median + fill.median)

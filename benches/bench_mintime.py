@@ -1,7 +1,7 @@
-"""Minimum time of one link: the symmetric profile, one call and in batch, and the optimum under full torque, certified and searched.
+"""Minimum time of one link: the symmetric profile, single calls and a batch; and the optimum under full torque, certified and searched.
 
 python -P benches/bench_mintime.py              the table
-python -P benches/bench_mintime.py --readme     the same, written into benches/README.md
+python -P benches/bench_mintime.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ COUNT = 200_000
 
 
 def problems() -> list[np.ndarray]:
-    """theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: limits from a fifteenth to many times the weight."""
+    """Arrays theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.
+
+    Torque limits are from 1/15 of the largest gravity moment to many times it.
+    """
     rng = np.random.default_rng(0)
     high, low = rng.uniform(0.1, 2.0, (2, COUNT))
     return [*rng.uniform(-4.0, 4.0, (2, COUNT)), 10.0 ** rng.uniform(-1.0, 1.0, COUNT), rng.uniform(-1.5, 1.5, COUNT), high, -low]
@@ -45,7 +48,7 @@ def main() -> None:
     certified = [row for row, o in optima if o.certified_global][:400]
     searched = [row for row, o in optima if not o.certified_global][:400]
     few = rows[:1000]
-    # A tenth of critical damping, and a tenth of the torque.
+    # Problems with friction: viscous damping of one tenth of the critical value, Coulomb friction of one tenth of the torque limit.
     rough = [[*row, 0.2 * (row[2] * abs(row[3])) ** 0.5, 0.1 * row[4]] for row in rows[:100]]
 
     def each(planner: Any, some: list[list[float]]) -> Any:

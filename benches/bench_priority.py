@@ -1,10 +1,10 @@
-"""v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + .. from joint angles, kinematics included: armlet beside numpy, numba and Pinocchio.
+"""v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + .. from joint angles, kinematics included: time of armlet, numpy, numba and Pinocchio.
 
-First every answer is compared with the numpy one; only then anything is timed. See README.md beside this file.
+Every result is compared with that of numpy before any time is measured. benches/README.md explains the comparison.
 
     python benches/bench_priority.py                  the table, and benches/results/priority.json
-    python benches/bench_priority.py --markdown       the same as Markdown
-    python benches/bench_priority.py --readme         the same, written into benches/README.md
+    python benches/bench_priority.py --markdown       the table as Markdown
+    python benches/bench_priority.py --readme         the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 import priority_kernels
 import priority_peers
 import reporting
@@ -33,23 +33,25 @@ LINKS = np.array([1.0, 1.0, 0.25, 0.25])
 ARM = al.planar_arm(LINKS)
 SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
 TOOL = SEVEN.frame_names[-1]
-# Both links of the second task at right angles to those of the first: one direction of it is lost.
+# In this configuration, joints 2 and 3 are at right angles. The second task loses one direction.
 SINGULAR = np.array([0.0, np.pi / 2, np.pi / 2, 0.0])
 Q4, Q7 = np.array([0.1, 1.2, 0.9, 1.4]), np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
 V4 = [np.array([0.3, -0.2]), np.array([0.1, 0.4])]
 V7 = [np.array([0.1, -0.2, 0.3]), np.array([0.2, 0.1, -0.1]), np.linspace(-0.2, 0.2, 7)]
-# Condition of the configurations below 100: two right answers differ by rounding alone.
+# Tolerance of equal algorithms. The condition number is below 100 at the configurations below, so two correct results differ only by
+# rounding.
 ROUNDING = 1e-11
-# Peers with targets instead of velocities: steps of finite length; a weighted QP in place of the last priority.
+# Tolerances of other libraries. `STEP`: they reach targets by finite steps, not velocities. `WEIGHTED`: a weighted QP replaces the last
+# priority.
 STEP, WEIGHTED = 1e-5, 1e-3
-# Goals of one benchmark run with the peers: ns per Python call, ns per row of a batch.
+# Goals when all libraries run in one benchmark: ns per Python call, ns per row of a batch.
 TARGETS = [
     ("4R, two tasks: one call", "armlet, for_arm", 400.0),
     ("seven axes, three tasks: one call", "armlet, for_arm, seven axes", 1300.0),
     ("4R, two tasks: four small arrays", "armlet, solve_priority", 1000.0),
     ("4R, two tasks: row of a batch", "armlet, batch, 2 threads", 38.0),
 ]
-# What armlet may take of the time of the C by hand, both on one thread.
+# Goals: the largest allowed ratios of armlet's time to that of hand-written C, both on one thread.
 RATIOS = {"four small arrays": 2.0, "at the singularity": 2.0, "batch of 4R": 1.5, "three tasks": 1.5, "batch of three tasks": 1.5}
 
 
@@ -58,7 +60,7 @@ def say(text: str) -> None:
 
 
 def levels(blocks: list[Any], velocities: list[Any]) -> Any:
-    """The recursion with pseudo-inverses, their cut-off on the scale of the unprojected task."""
+    """The recursion with pseudo-inverses. A singular value is zero if it is below 1e-10 times the norm of the unprojected Jacobian."""
     n = blocks[0].shape[1]
     v, P = np.zeros(n), np.eye(n)
     for J, wanted in zip(blocks, velocities, strict=True):
@@ -72,7 +74,10 @@ def levels(blocks: list[Any], velocities: list[Any]) -> Any:
 
 
 def clamped(blocks: list[Any], velocities: list[Any]) -> Any:
-    """Two levels by the clamped inverse, `s / max(s, eps)^2` with `eps` 0.02 of the longest row, at singularities too."""
+    """The recursion with the clamped inverse `s / max(s, eps)^2`, also valid at singularities.
+
+    `eps` is 0.02 times the norm of J's longest row.
+    """
     n = blocks[0].shape[1]
     v, P = np.zeros(n), np.eye(n)
     for J, wanted in zip(blocks, velocities, strict=True):
@@ -103,7 +108,7 @@ def repeated(call: Callable[[], Any], times: int) -> Callable[[], Any]:
 
 
 class Suite:
-    """Adds a case only once its answer is right."""
+    """The list of cases. `add` accepts a case only if its result is correct."""
 
     def __init__(self) -> None:
         self.cases: list[Case] = []
@@ -117,7 +122,7 @@ class Suite:
         self.cases.append(Case(group, name, repeated(call, times), per, **more))
 
     def peers(self, problem: priority_peers.Problem) -> list[tuple[str, Callable[[], Any]]]:
-        """The other libraries that are installed, made ready for this problem."""
+        """Callables of the other installed libraries, prepared for this problem."""
         made = priority_peers.installed()
         for name in priority_peers.PEERS.keys() - made.keys():
             say(f"skipped: {name}: not installed")
@@ -161,7 +166,7 @@ class Suite:
         self.yardsticks("batch of 4R", "pairs", stack, command, wanted)
 
     def yardsticks(self, what: str, kernel: str, blocks: list[Any], velocities: list[Any], expected: Any) -> None:
-        """`solve_priority` from arrays on one thread, the same in C, and in numba where there is a kernel."""
+        """Time of `solve_priority` from arrays on one thread, and of the same stack in hand-written C and, if a kernel exists, in numba."""
         batch = blocks[0].ndim == 3
         group = f"{what}, Jacobians given: ns per {'row' if batch else 'stack'}"
         times, per = (1, len(blocks[0])) if batch else (CALLS, CALLS)

@@ -1,10 +1,11 @@
-"""Loops as programs beside the same loops run directly, on arms of two to seven joints, a chain of 20 and a tree of 48; answers first.
+"""Loops as compiled programs compared with direct runs, on arms of two to seven joints, a chain of 20 and a tree of 48 joints.
 
-A run of 19 steps is still direct, one of 2,000 is a program: each side counts its start. Batches are programs whatever their length.
-Adaptive and implicit runs of 20 s take programs, and short ones do not.
+A *program* is the machine code that armlet compiles for one loop. A run of 19 steps is direct, and a run of 2,000 steps is a program. Both
+times include the start of the run. Batches are always programs. Adaptive and implicit methods use programs in runs of 20 s, but not in
+short runs. Results are compared first.
 
     python -P benches/bench_programs.py              the table
-    python -P benches/bench_programs.py --readme     the same, written into benches/README.md
+    python -P benches/bench_programs.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ ARMS = {
     "six axes": al.load_urdf(al.example_urdf("six_axis")),
     "seven axes": al.load_urdf(al.example_urdf("seven_axis")),
 }
-# Their loops run by fixed steps alone.
+# Large arms, whose loops are timed with fixed steps only.
 LARGE = {"chain of 20": chain(20), "tree of 48": branched(8, (4, 10))}
 
 
@@ -57,7 +58,10 @@ def loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
 
 
 def large_loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
-    """Computed torque, and an adaptive law that starts at the true parameters, with gains that the lightest joint bears at this step."""
+    """Loops with computed torque and with an adaptive law that starts at the true parameters.
+
+    The gains are stable at this step for the lightest joint.
+    """
     for name, arm in LARGE.items():
         n = arm.n
         motion = al.Sinusoid([0.1] * n, [0.2] * n, [1.0 + 0.02 * i for i in range(n)], [0.0] * n)
@@ -68,7 +72,7 @@ def large_loops() -> Iterator[tuple[str, al.RigidArm, Any]]:
 
 
 def require_equal(name: str, plant: al.RigidArm, law: Any) -> None:
-    """The first 18 steps of a program and of a direct run, to rounding."""
+    """Assert that a program and a direct run agree to rounding after 18 steps."""
     q0 = np.full(plant.arm.n, 0.15)
     program = al.simulate(plant, law, q0, t_end=0.18, dt=DT, record_every=18, monitors=False)
     direct = al.simulate(plant, law, q0, t_end=0.018, dt=DT, record_every=18, monitors=False)

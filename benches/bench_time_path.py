@@ -1,7 +1,7 @@
-"""Timing of a path of a seven-axis arm: armlet beside toppra, on the same spline, limits and grid; answers compared first.
+"""Time parametrisation of a path of a seven-axis arm by armlet and toppra, with equal spline, limits and grid. Results are compared first.
 
     python -P benches/bench_time_path.py              the table
-    python -P benches/bench_time_path.py --readme     the same, written into benches/README.md
+    python -P benches/bench_time_path.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ TARGETS = {101: 0.12, 1001: 0.95}
 
 
 def ours(q: np.ndarray, points: int) -> al.TimedPath:
-    # The grid asked for and no other, as toppra's.
+    # `refine=False` keeps exactly this grid, as toppra does.
     return al.time_path(ARM, q, tau_max=TAU_MAX, v_max=2.0, knots=KNOTS, grid=points, refine=False)
 
 
 def theirs(q: np.ndarray, points: int) -> Any:
-    """A function that times the path by toppra, the set-up of path and limits included, as in ours."""
+    """A function that times the path by toppra. As in `ours`, its time includes the construction of the path and the limits."""
     import toppra
     from toppra.algorithm import TOPPRA
     from toppra.constraint import DiscretizationType, JointTorqueConstraint, JointVelocityConstraint
@@ -72,7 +72,7 @@ def main() -> None:
         except ImportError:
             print("toppra is not installed: left out")
             continue
-        # Equal to the error of the grids: against toppra's finest here, at 100 points either may be two per cent off.
+        # The durations agree up to the grid errors. Compared with toppra's finest grid, a grid of 100 points may err by 2 %.
         assert abs(p.duration / theirs(q, 1001)() - 1.0) < (3e-2 if points < 1000 else 2e-3)
         cases.append(Case(group, f"toppra, {points}", peer, per=1, unit="ms", scale=1e3, against=mine.name))
     limits = {"tau_max": TAU_MAX, "v_max": 2.0, "knots": KNOTS}

@@ -1,7 +1,7 @@
-"""The 84 numbers of a seven-axis adaptive law: runs until the gradient finds what differential evolution found.
+"""Tuning of the 84 gains of a seven-axis adaptive law: number of runs until the gradient method reaches the cost of differential evolution.
 
 python -P benches/bench_tune.py              the table
-python -P benches/bench_tune.py --readme     the same, written into benches/README.md
+python -P benches/bench_tune.py --readme     the table, written into benches/README.md
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main() -> None:
     found, short = seconds(lambda: al.tune(SCENARIO, VARY, "error_rms", method="gradient", starts=1, generations=40))
     as_good = np.flatnonzero(found.tried["cost"] <= evolved.cost)
     enough = int(as_good[0]) + 1 if len(as_good) else len(found.tried["cost"])
-    # An evaluation is a run and an adjoint: in runs by their times.
+    # One evaluation of the gradient method is a run and its adjoint. `each` is its time, in multiples of the time of a run.
     each = short / found.runs / run
     rows = [
         ("the scenario's own numbers", 1, found.tried["cost"][0], run),

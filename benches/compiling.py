@@ -1,7 +1,7 @@
-"""C++ compiled by g++ for this processor and loaded through ctypes; what was compiled stays in `benches/results/generated_c`.
+"""C++ that g++ compiles for this processor and ctypes loads. Compiled libraries are stored in `benches/results/generated_c`.
 
-Lanes are vectors of GNU C: eight doubles with AVX-512, four with AVX2. Their sine and cosine are polynomials (Cody and Waite's reduction,
-the coefficients of FreeBSD's msun).
+Lanes are the elements of a vector of GNU C: eight doubles with AVX-512, four with AVX2. Sine and cosine of a vector are polynomials, with
+the argument reduction of Cody and Waite and the coefficients of FreeBSD's msun.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ INLINE Real cos(Real x) { return Real(wave(x.v, 1)); }
 
 
 def compiled(code: str) -> ctypes.CDLL:
-    """The code as a library; compiled once.
+    """The code as a loaded library. It is compiled only once.
 
     Raises:
-        ImportError: there is no g++.
+        ImportError: g++ is not installed.
     """
     compiler = shutil.which("g++")
     if compiler is None:

@@ -1,9 +1,9 @@
-"""The laws of control that `bench_control_laws.py` times, for armlet and as CasADi expressions.
+"""The control laws that `bench_control_laws.py` times, each twice: as a law of armlet, and as CasADi expressions that become C.
 
-They are null spaces, PID with all options, adaptation with more terms, an observer beside a law, and a plant with LuGre friction. Where
-there is a choice of algorithms, the C has armlet's: the clamped inverse by sweeps of Jacobi's method, and hyperbolic tangent and
-exponential by doublings. Filters of composite adaptation that are always zero are left out of both. `beside` has loops with an option,
-and the same loops without it.
+`CONTROL` lists the cases. The laws are null-space control, PID with all its options, adaptation of friction and composite adaptation. Two
+more cases have a momentum observer (`Guarded`) and a plant with LuGre friction. The C uses armlet's algorithms. It inverts matrices with clamped eigenvalues by Jacobi
+sweeps. It computes tanh and exp from a rational approximation by repeated doubling of the argument. Composite adaptation has filters
+that stay zero; armlet and the C omit them. The function `beside` returns loops with an option and loops without it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ CONTROL = (
     "LuGre",
 )
 EPS, SLOW, FILTER, WATCH, RATE = 0.02, 0.1, 200.0, 20.0, 10.0
-# Per inertia of a joint: Coulomb and static friction, stiffness, damping and viscous friction of bristles. The step resolves them.
+# Friction per unit of joint inertia: Coulomb and static friction; stiffness, damping and viscous friction of the bristles. The step size
+# resolves the bristles.
 COULOMB, STATIC, BRISTLES, DAMPED, VISCOUS = 0.5, 0.8, 50.0, 5.0, 0.2
 SWEEPS = (0, 0, 1, 4, 5, 6, 7)
 SHARE, DOUBLINGS = 1.0 / 64.0, 6
@@ -40,13 +41,13 @@ def larger(a: Any, b: Any) -> Any:
 
 
 def near_zero(x: Any) -> Any:
-    """tanh(x) by a fraction."""
+    """tanh(x) near zero by a rational approximation."""
     z = x * x
     return x * (((z + 378.0) * z + 17325.0) * z + 135135.0) / (((28.0 * z + 3150.0) * z + 62370.0) * z + 135135.0)
 
 
 def tanh(x: Any) -> Any:
-    """By a fraction near zero and doublings, as armlet has it: lanes have no tangent of the C library."""
+    """tanh(x) by `near_zero` of x / 64 and six doublings, as armlet computes it. Vectors have no tanh of the C library."""
     t = near_zero(ca.fmin(ca.fmax(x, -20.0), 20.0) * SHARE)
     for _ in range(DOUBLINGS):
         t = (t + t) / (t * t + 1.0)
@@ -54,7 +55,7 @@ def tanh(x: Any) -> Any:
 
 
 def decay(x: Any) -> Any:
-    """exp(-x) of x >= 0 in the same way."""
+    """exp(-x) for x >= 0, by `near_zero` of a fraction of x and six doublings."""
     t = near_zero(ca.fmin(x, 40.0) * (0.5 * SHARE))
     u = (t + t) / (1.0 + t)
     for _ in range(DOUBLINGS):
@@ -63,7 +64,10 @@ def decay(x: Any) -> Any:
 
 
 def clamped_inverse(a: Any, floor: float) -> Any:
-    """max(A, c)^-1 of a symmetric A by Jacobi's method; the rest beside the diagonal counts to first order."""
+    """Inverse of a symmetric matrix after each eigenvalue below `floor` is replaced by `floor`.
+
+    Jacobi sweeps compute the eigenvalues. Off-diagonal entries that remain after the sweeps count to first order.
+    """
     m = a.shape[0]
     v, least = ca.SX.eye(m), 1e-14 * ca.sumsqr(a)
     a = ca.SX(a)
@@ -100,7 +104,7 @@ def clamped_inverse(a: Any, floor: float) -> Any:
 
 
 class Factored:
-    """M = L' D L, factored once."""
+    """The factors L and D of M = L' D L, computed once per configuration."""
 
     def __init__(self, arm: Expressions) -> None:
         self.arm, self.factor = arm, arm.mass_entries()
@@ -114,7 +118,7 @@ class Factored:
                 self.factor[k, i] = ratio
 
     def half(self, b: Any) -> Any:
-        """D^-1/2 L'^-1 b."""
+        """Compute D^-1/2 L'^-1 b for a vector b (n,)."""
         x = ca.vertsplit(b)
         for k in reversed(range(self.arm.n)):
             for i in self.above[k]:
@@ -123,7 +127,7 @@ class Factored:
 
 
 class ControlLaws(Laws):
-    """These laws of an arm. x = [q, v], followed by the state of the law."""
+    """The laws of `CONTROL` for one arm. The state is x = [q, v], followed by the state of the law."""
 
     def __init__(self, arm: al.Arm, steps: int) -> None:
         super().__init__(arm.with_drives(damping=[1.0] * arm.n, friction=[0.5] * arm.n), steps)
@@ -189,7 +193,7 @@ class ControlLaws(Laws):
         return x, u, ca.vertcat(v, arm.forward_dynamics(v, tau - drag), rate)
 
     def _observer(self, arm: Expressions, q: Any, v: Any, w: Any, tau: Any) -> Any:
-        """[w', r]: p = M v, and C'v is the gradient of the kinetic energy."""
+        """The momentum observer's rate w' and residual r. The momentum is p = M v, and C'v is the gradient of the kinetic energy."""
         still = ca.SX(self.n, 1)
         gravity = arm.inverse_dynamics(still, still)
         momentum = arm.inverse_dynamics(still, v) - gravity
@@ -197,7 +201,7 @@ class ControlLaws(Laws):
         return ca.vertcat(tau + ca.gradient(0.5 * ca.dot(v, momentum), q) - gravity + r, r)
 
     def _bristles(self, v: Any, z: Any) -> tuple[Any, Any]:
-        """tau_f and z'."""
+        """LuGre friction torque tau_f and rate z' of the bristles, from velocity v and deflection z."""
         inertia = self.kp / 50.0
         level = ca.vertcat(*(inertia[i] * (COULOMB + (STATIC - COULOMB) * decay((v[i] / SLOW) ** 2)) for i in range(self.n)))
         spring = ca.DM(BRISTLES * inertia) * z
@@ -264,7 +268,7 @@ class ControlLaws(Laws):
         units = (ca.DM.eye(n)[:, i] for i in range(n))
         drift = ca.vertcat(*(resting[i, :] - v.T @ (regressor(v, ca.SX(e_i), still) - resting) for i, e_i in enumerate(units)))
         kept, torque = ca.reshape(z[10 * n : -n], 10 * n, n).T, z[-n:]
-        # The filters of entries that are zero at every state stay zero.
+        # Filters of regressor entries that are zero in every state stay zero, so `project` omits them.
         seen = momentum + ca.project(kept, (momentum + drift).sparsity())
         error = torque - armature * v - seen @ estimate
         rates = self.gamma * (follows + seen.T @ (self.gamma * error))
@@ -272,9 +276,9 @@ class ControlLaws(Laws):
 
 
 def beside(arm: al.Arm, motion: Any) -> dict[str, tuple[tuple[Any, Any], tuple[Any, Any], dict[str, Any]]]:
-    """Loops with an option of their plant or their law, the same loops without it, and the keywords of both.
+    """For each option: a loop with the option, the same loop without it, and keyword arguments of `simulate` for both.
 
-    Their answers are equal: the friction is too small to be seen, and nothing touches the arm.
+    The results of both loops are equal: the friction is below rounding, and the arm touches nothing.
     """
     tracking = al.ComputedTorque(arm, motion, kp=50.0, kd=10.0)
     watch = al.MomentumObserver(arm, WATCH, threshold=1e6)

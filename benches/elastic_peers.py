@@ -1,9 +1,9 @@
-"""The elastic 2R arm under Cartesian impedance, `x = (q, v, theta, theta_dot)`: the same closed loop in numpy, scipy, numba and C.
+"""The elastic 2R arm under Cartesian impedance, `x = (q, v, theta, theta_dot)`: one closed loop in numpy, scipy, numba and C.
 
     M a = tau_J + J'F - C v - g,   theta_ddot = B0^-1 (u - D0 theta_dot - tau_J),   u = J'(K_m (x_d - x) - D_m J v) + g
 
-Peers of `bench_elastic.py`, written from the equations. Three levels of stiffness: the motors' rate sqrt(K_J/B0) is 3.2e3, 3.2e4 and
-3.2e5 1/s.
+`bench_elastic.py` compares armlet with these implementations, which are written from the equations. There are three levels of stiffness,
+with natural frequencies of the motors sqrt(K_J/B0) of 3.2e3, 3.2e4 and 3.2e5 1/s.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ RUNS, BATCH_STEPS = 1024, 1000
 
 
 def damping(level: str) -> float:
-    """D0 of ratio 0.7."""
+    """Motor damping D0 (N m s/rad) for a damping ratio of 0.7."""
     k, b0 = LEVELS[level]
     return 1.4 * math.sqrt(k * b0)
 
@@ -41,12 +41,12 @@ def start(q0: Any = Q0) -> Array:
 
 
 def batch_start() -> Array:
-    """(RUNS, 2): initial positions within 0.1 of the nominal."""
+    """Initial positions (RUNS, 2) within 0.1 rad of the nominal."""
     return np.array(Q0) + np.random.default_rng(2022).uniform(-0.1, 0.1, (RUNS, 2))
 
 
 def components(x: Any, k: Any, b0: Any, d0: Any, sin: Any, cos: Any) -> tuple[Any, ...]:
-    """x_dot by components: with `math` for scipy, jitted for numba."""
+    """x_dot written component by component. scipy calls it with `math`, and numba compiles it."""
     q1, q2, v1, v2, t1, t2, w1, w2 = x
     s1, c1, s2, c2 = sin(q1), cos(q1), sin(q2), cos(q2)
     s12, c12 = s1 * c2 + c1 * s2, c1 * c2 - s1 * s2
@@ -66,7 +66,7 @@ def components(x: Any, k: Any, b0: Any, d0: Any, sin: Any, cos: Any) -> tuple[An
 
 
 def numpy_rhs(level: str) -> Callable[[float, Array], Array]:
-    """As the equations stand: what one writes first."""
+    """x_dot in direct numpy matrix notation."""
     (k, b0), d0 = LEVELS[level], damping(level)
     a1, a2, a3, a4, a5 = A
     l1, l2 = L
@@ -101,7 +101,7 @@ def numpy_rk4(steps: int, x: Array | None = None) -> Array:
 
 
 def scipy_run(level: str, method: str, t: float = T, rtol: float = 1e-6, atol: float = 1e-9) -> Array:
-    """The right-hand side in Python floats, which is quicker here than small arrays."""
+    """Final state by scipy. The right-hand side uses Python floats, which are faster here than small arrays."""
     from scipy.integrate import solve_ivp
 
     (k, b0), d0 = LEVELS[level], damping(level)
@@ -110,7 +110,7 @@ def scipy_run(level: str, method: str, t: float = T, rtol: float = 1e-6, atol: f
 
 
 def numba_kernels() -> dict[str, Callable[..., Any]]:
-    """RK4 by scalars, and a batch of it."""
+    """RK4 compiled by numba from scalars: one run, and a batch."""
     import inspect
     import textwrap
 
@@ -153,7 +153,7 @@ def numba_kernels() -> dict[str, Callable[..., Any]]:
 
 
 class LimitKernels(limits.Kernels):
-    """Hand-written C: `native/p3.cpp`."""
+    """C kernels written by hand: `native/p3.cpp`."""
 
     def __init__(self) -> None:
         super().__init__("p3.cpp")
@@ -170,13 +170,13 @@ class LimitKernels(limits.Kernels):
         return x
 
     def batch(self, steps: int = BATCH_STEPS) -> Array:
-        """Eight runs per register; (RUNS, 8)."""
+        """Final states (RUNS, 8). One register has eight runs."""
         x = np.ascontiguousarray(start(batch_start()).T)
         self._c.p3_batch(self._at(self._parameters("mild")), self._at(x), ctypes.c_long(steps), ctypes.c_double(H), ctypes.c_long(RUNS))
         return x.T
 
     def rosenbrock(self, level: str, wide: bool, t: float = T, rtol: float = 1e-6, atol: float = 1e-9) -> Array:
-        """RODAS with derivatives by dual numbers; `wide`: the duals and the inverse in one register per row."""
+        """The method RODAS with Jacobians by dual numbers. `wide`: one register contains a row's dual numbers, or a row of the inverse."""
         x, rejected = start(), ctypes.c_long(0)
         run = self._c.p3_rodas8 if wide else self._c.p3_rodas
         limits = ctypes.c_double(t), ctypes.c_double(rtol), ctypes.c_double(atol)

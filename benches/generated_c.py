@@ -1,6 +1,6 @@
-"""C that CasADi writes for an expression, compiled by g++ for one row at a time or for lanes of rows, and called through ctypes.
+"""C that CasADi generates for an expression, compiled by g++ for one row at a time or for lanes of rows, and called through ctypes.
 
-Lanes are those of `compiling.py`; the sine and cosine of one row are the C library's.
+`compiling.py` defines lanes, with their sine and cosine. The C for one row uses the sine and cosine of the C library.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 POOL = ThreadPoolExecutor(2)
 
-# What CasADi writes for a smaller or larger number and for `if_else`, with the functions that lanes have for it.
+# CasADi's C code for fmin, fmax and `if_else`, and the functions that replace it, because vectors of lanes have no `?:`.
 CHOICES = (
     (r"\ncasadi_real casadi_fm", "\nINLINE casadi_real casadi_fm"),
     (r"return x>y \? x : y;", "return larger(x, y);"),
@@ -76,7 +76,7 @@ extern "C" void arranged(const double* in, double* out, long count) {
 
 
 def source(function: Any, width: int, rest: str, sizes: dict[str, int]) -> str:
-    """The C of a CasADi function `f`, and what calls it, with `Real` a number or a vector of `width`."""
+    """The C of a CasADi function `f` and of the loop that calls it. `Real` is a double or a vector of `width` doubles."""
     generator = ca.CodeGenerator("generated.c", {"with_header": False, "cpp": True})
     generator.add(function)
     code = generator.dump().replace('extern "C"', "").replace("#define casadi_real double", "#define casadi_real Real")
@@ -87,7 +87,7 @@ def source(function: Any, width: int, rest: str, sizes: dict[str, int]) -> str:
 
 
 def aligned(shape: tuple[int, ...]) -> Array:
-    """Zeros at a multiple of 64 bytes."""
+    """Zeros of this shape at an address that is a multiple of 64 bytes."""
     count = int(np.prod(shape))
     space = np.zeros(count + 8)
     first = (-space.ctypes.data // 8) % 8
@@ -99,7 +99,7 @@ def at(array: Array) -> ctypes.c_void_p:
 
 
 def in_lanes(rows: Array, width: int) -> Array:
-    """`(rows, columns)` as `(groups, columns, lanes)`."""
+    """Rearrange `(rows, columns)` as `(groups, columns, lanes)`."""
     groups = aligned((len(rows) // width, rows.shape[1], width))
     groups[:] = rows.reshape(-1, width, rows.shape[1]).transpose(0, 2, 1)
     return groups
@@ -110,7 +110,7 @@ def from_lanes(groups: Array) -> Array:
 
 
 class Loop:
-    """x' = f(x, u) by RK4, u from a table."""
+    """RK4 for x' = f(x, u), with u from a table at the half steps."""
 
     def __init__(self, x: Any, u: Any, rate: Any, width: int) -> None:
         function = ca.Function("f", [x, u], [ca.cse(ca.densify(rate))])
@@ -119,7 +119,7 @@ class Loop:
         self._loop.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long, ctypes.c_long, ctypes.c_double]
 
     def ready(self, starts: Array, table: Array, h: float) -> Callable[..., Array]:
-        """A function of a number of steps, and of threads, that runs from `starts` `(runs, columns)` and returns the ends in lanes."""
+        """A function of the number of steps and threads. It runs from `starts` `(runs, columns)` and returns the final states in lanes."""
         before = in_lanes(starts, self.width)
         states, kept = aligned(before.shape), np.ascontiguousarray(table)
         state, motion, groups = at(states), at(kept), len(states)
@@ -137,7 +137,7 @@ class Loop:
 
 
 class Rows:
-    """y = f(x_1, x_2, ..) for rows of arrays `(rows, n)`; y is written row by row."""
+    """y = f(x_1, x_2, ..) for each row of arrays `(rows, n)`."""
 
     def __init__(self, parts: list[Any], result: Any, width: int) -> None:
         x = ca.vertcat(*parts)
@@ -149,13 +149,13 @@ class Rows:
             entry.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long]
 
     def rows(self, parts: list[Array]) -> Callable[[], Array]:
-        """A function that computes every row and returns the answers."""
+        """A function that computes every row and returns the results row by row."""
         kept, out = [np.ascontiguousarray(part) for part in parts], aligned((len(parts[0]), self.size))
         pointers = (ctypes.c_void_p * len(kept))(*(part.ctypes.data for part in kept))
         return self._ready(self._library.rows, ctypes.cast(pointers, ctypes.c_void_p), out, len(out), (kept, pointers))
 
     def arranged(self, parts: list[Array]) -> Callable[[], Array]:
-        """The same with the rows in lanes before, and the answers in lanes after the call."""
+        """A function that computes every row from arguments already arranged in lanes, and returns the results in lanes."""
         groups = in_lanes(np.hstack(parts), self.width)
         out = aligned((len(groups), self.size, self.width))
         return self._ready(self._library.arranged, at(groups), out, len(parts[0]), groups)

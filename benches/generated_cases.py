@@ -1,4 +1,4 @@
-"""What `bench_generated_c.py` times: closed loops and functions of an arm by armlet, and the same as generated C. Equal answers first."""
+"""Closed loops and functions of an arm that `bench_generated_c.py` times, in armlet and in generated C. Results are compared first."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LAWS = ("computed torque", "PD", "impedance", "adaptive", "elastic impedance")
 
 @dataclass
 class Pair:
-    """armlet and the C of the same thing."""
+    """Two timed cases of the same computation: armlet's (`ours`) and the C's (`theirs`)."""
 
     ours: Case
     theirs: Case
@@ -42,13 +42,13 @@ class Pair:
 
 
 def gains(one: Pair, two: Pair) -> tuple[float, float]:
-    """The speed-up of two threads over one: armlet's and the C's."""
+    """Speed-up of two threads over one thread: of armlet, and of the C."""
     return timing.ratio(one.ours, two.ours), timing.ratio(one.theirs, two.theirs)
 
 
 @dataclass
 class Row:
-    """A line of the table: an arm, a law or a function, the operations of the C, and what was timed."""
+    """A row of the table: arm, law or function, number of operations of the C, and the timed cases."""
 
     arm: str
     what: str
@@ -64,7 +64,7 @@ def require_equal(what: str, ours: Any, theirs: Any, tolerance: float = 1e-9) ->
 
 
 class Laws:
-    """The laws of an arm for armlet and as expressions: u = [q_d, v_d, a_d]; x = [q, v], [q, v, estimate] or [q, v, theta, theta_dot]."""
+    """The laws of an arm, for armlet and as expressions. u = [q_d, v_d, a_d]; x = [q, v], [q, v, estimate] or [q, v, theta, theta_dot]."""
 
     def __init__(self, arm: al.Arm, steps: int) -> None:
         n = self.n = arm.n
@@ -75,7 +75,7 @@ class Laws:
         moves = np.abs(arm.jacobian(self.rest, self.frame)[:3]).max(axis=1) > 1e-9
         self.axes = np.flatnonzero(moves)[:n]
         self.target = arm.position(self.rest, self.frame)[self.axes]
-        # Springs and motors whose rates the step resolves: sqrt(K_J / B_0) = 200 1/s.
+        # Springs and motors with natural frequency sqrt(K_J / B_0) = 200 1/s, which the step size resolves.
         self.spring, self.motor, self.reduced, self.friction = 4e3 * inertia, 0.5 * inertia, 0.1 * inertia, 20.0 * inertia
         motion = al.Sinusoid([0.1] * n, [0.2] * n, [1.0 + 0.1 * i for i in range(n)], [0.0] * n)
         samples = [np.array(part) for part in zip(*(motion(0.5 * H * k) for k in range(2 * steps + 1)), strict=True)]
@@ -96,13 +96,13 @@ class Laws:
         return al.CartesianImpedance(*asked, frame=self.frame, axes=names)
 
     def fill(self, law: str, found: Array) -> None:
-        """The states of a law that do not start at zero, in rows that begin with q."""
+        """Write the initial motor positions, which are not zero, into the rows of `found`, which begin with q."""
 
     def plant(self, law: str) -> Any:
         return al.ElasticArm(self.arm, self.spring, self.motor) if law == "elastic impedance" else al.RigidArm(self.arm)
 
     def expressions(self, law: str) -> tuple[Any, Any, Any]:
-        """x, u and x' of the closed loop."""
+        """State x, input u and rate x' of the closed loop."""
         n = self.n
         x, u = ca.SX.sym("x", {"adaptive": 12 * n, "elastic impedance": 4 * n}.get(law, 2 * n)), ca.SX.sym("u", 3 * n)
         q, v, (q_d, v_d, a_d) = x[:n], x[n : 2 * n], ca.vertsplit(u, n)
@@ -132,7 +132,7 @@ class Laws:
 
 
 class Ours:
-    """armlet's runs of an arm under a law, one and in batches: final state only, no monitors."""
+    """armlet's runs of an arm under a law, single and in batches. They store only the final state and evaluate no monitors."""
 
     def __init__(self, laws: Laws, law: str) -> None:
         n = laws.n
@@ -142,7 +142,7 @@ class Ours:
         self.elastic = isinstance(self.plant, al.ElasticArm)
 
     def states(self, size: int) -> Array:
-        """The initial states (runs, size): at rest, springs relaxed, estimates zero."""
+        """Initial states (runs, size): at rest, springs relaxed, estimates zero."""
         found, n = np.zeros((len(self.starts), size)), self.starts.shape[1]
         found[:, :n] = self.starts
         if self.elastic:
@@ -167,7 +167,7 @@ def batch_steps(steps: int) -> int:
 
 
 def alone(name: str, laws: Laws, law: str, steps: int) -> list[Case]:
-    """armlet without the C, whose compilation takes too long."""
+    """Cases of armlet without C, for arms whose C takes too long to compile."""
     ours, runs, count = Ours(laws, law), BATCHES[0], batch_steps(steps)
     label = f"armlet, {name}, {law}"
     return [
@@ -179,7 +179,7 @@ def alone(name: str, laws: Laws, law: str, steps: int) -> list[Case]:
 
 
 def loop_row(name: str, laws: Laws, law: str, steps: int) -> Row:
-    """One run of `steps`, one of few steps, and batches, after equal states at the end of `CHECKED` steps."""
+    """Cases of a loop: one run of `steps`, one run of few steps, and batches. Equal states after `CHECKED` steps are asserted first."""
     n, ours, (x, u, rate) = laws.n, Ours(laws, law), laws.expressions(law)
     scalar, lanes = Loop(x, u, rate, 1), Loop(x, u, rate, WIDEST)
     starts = ours.states(x.numel())
@@ -214,7 +214,7 @@ def loop_row(name: str, laws: Laws, law: str, steps: int) -> Row:
 
 @dataclass
 class Function:
-    """A function of an arm: armlet's, its arguments and its value as expressions, and what armlet is given besides."""
+    """A function of an arm: armlet's callable, its arguments and value as expressions, and further arguments of the callable."""
 
     call: Callable[..., Array]
     parts: list[Any]
@@ -237,7 +237,7 @@ def functions(arm: al.Arm) -> dict[str, Function]:
 
 
 def function_row(name: str, arm: al.Arm, what: str, made: Function) -> Row:
-    """Batches of 4,096 rows, single calls, and batches beside C that finds the rows arranged in lanes."""
+    """Cases of a function: batches of 4,096 rows, single calls, and batches of C whose rows are already arranged in lanes."""
     scalar, lanes = Rows(made.parts, made.value, 1), Rows(made.parts, made.value, WIDEST)
     given = list(np.random.default_rng(1).uniform(-1.0, 1.0, (len(made.parts), ROWS, arm.n)))
     together, arranged, single = lanes.rows(given), lanes.arranged(given), scalar.rows([part[:CALLS] for part in given])

@@ -1,9 +1,10 @@
-"""M(q) a + C(q, v) v + g(q) = tau as CasADi expressions, for chains and trees on a fixed base: what `generated_c.py` makes C of.
+"""M(q) a + C(q, v) v + g(q) = tau as CasADi expressions, for chains and trees on a fixed base. `generated_c.py` compiles them as C.
 
-Newton-Euler sweeps in the frames of the joints, the mass matrix by composite bodies, and M = L' D L, which keeps the zeros of a tree
-(Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5, 6 and 8). The Slotine-Li form M a_r + C(q, v) v_r + g, with the
-Christoffel C, is one sweep; C itself comes from composite bodies (Echeandia and Wensing, 2021). The arm's own numbers are constants of
-the expressions, and zeros among them disappear: a planar arm is planar in its C too. Of armlet, only the description of the arm is used.
+Newton-Euler sweeps run in the joint frames. Composite bodies give the mass matrix. The factorisation M = L' D L keeps the zeros of a tree
+(Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5, 6 and 8). One sweep computes the Slotine-Li form M a_r + C(q, v) v_r + g
+with the Christoffel matrix C. Composite bodies give C itself (Echeandia and Wensing, 2021). The arm's parameters are constants of the
+expressions, and those that are zero disappear. So the C of a planar arm has planar equations. Only the description of the arm comes from
+armlet.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import casadi as ca
 import numpy as np
 from generated_tree import Joint, Tree, snap
 
-# The angular part, then the linear part, in the frame of a body at its origin.
+# A spatial vector (angular part, linear part), in the frame of a body at the origin of that frame.
 Spatial = tuple[Any, Any]
 
 
 def constant(values: Any) -> Any:
-    """A CasADi matrix of numbers whose zeros are structural."""
+    """A constant CasADi matrix whose zeros are structural."""
     return ca.sparsify(ca.SX(ca.DM(snap(values))))
 
 
@@ -41,12 +42,12 @@ def scaled(a: Spatial, by: Any) -> Spatial:
 
 
 def motion_cross(a: Spatial, b: Spatial) -> Spatial:
-    """a x b of two motions."""
+    """The cross product a x b of two spatial velocities."""
     return cross(a[0], b[0]), cross(a[1], b[0]) + cross(a[0], b[1])
 
 
 def force_cross(a: Spatial, f: Spatial) -> Spatial:
-    """a x* f of a motion and a force."""
+    """The cross product a x* f of a spatial velocity and a spatial force."""
     return cross(a[0], f[0]) + cross(a[1], f[1]), cross(a[0], f[1])
 
 
@@ -56,7 +57,7 @@ def power(a: Spatial, f: Spatial) -> Any:
 
 @dataclass
 class Body:
-    """Mass, first moment and inertia about the origin of the body's frame."""
+    """Mass (kg), first moment (kg m) and inertia (kg m^2) of a body about the origin of its frame."""
 
     mass: Any
     moment: Any
@@ -74,7 +75,7 @@ class Body:
         return Body(self.mass + other.mass, self.moment + other.moment, self.inertia + other.inertia)
 
     def moved(self, rotation: Any, p: Any) -> Body:
-        """The same body in the frame in which this frame has the placement `(rotation, p)`."""
+        """The body's parameters in another frame, in which the present frame has the placement `(rotation, p)`."""
         h = rotation @ self.moment
         shift = (2 * ca.dot(h, p) + self.mass * ca.dot(p, p)) * ca.SX.eye(3) - (p @ h.T + h @ p.T + self.mass * (p @ p.T))
         return Body(self.mass, h + self.mass * p, rotation @ self.inertia @ rotation.T + shift)
@@ -85,7 +86,7 @@ class Body:
 
 
 class Expressions:
-    """What one configuration needs, written once: sines, cosines and placements, and from them the functions of the arm."""
+    """Expressions of one configuration: sines, cosines and placements, computed once, and the functions of the arm that use them."""
 
     def __init__(self, tree: Tree, q: Any) -> None:
         self.tree, self.n, self.q = tree, tree.n, q
@@ -108,18 +109,18 @@ class Expressions:
         return (nothing, axis) if joint.prismatic else (axis, nothing)
 
     def into(self, i: int, a: Spatial) -> Spatial:
-        """A motion of the parent, in the frame of body i."""
+        """Transform a motion from the frame of the parent to the frame of body i."""
         rotation, p = self.placements[i]
         return rotation.T @ a[0], rotation.T @ (a[1] + cross(a[0], p))
 
     def out_of(self, i: int, f: Spatial) -> Spatial:
-        """A force on body i, in the frame of the parent."""
+        """Transform a force from the frame of body i to the frame of the parent."""
         rotation, p = self.placements[i]
         linear = rotation @ f[1]
         return rotation @ f[0] + cross(p, linear), linear
 
     def torques(self, forces: list[Spatial]) -> Any:
-        """S' of what each joint carries: the forces on all bodies behind it."""
+        """Joint torques (n,) from the forces on the bodies: S' times the sum of the forces on all bodies behind each joint."""
         carried, tau = list(forces), [ca.SX(0)] * self.n
         for i in reversed(range(self.n)):
             tau[i] = power(self.axes[i], carried[i])
@@ -128,7 +129,7 @@ class Expressions:
         return ca.vertcat(*tau)
 
     def inverse_dynamics(self, v: Any, a: Any, armature: bool = True) -> Any:
-        """M a + C v + g."""
+        """Torque M a + C v + g, (n,)."""
         still, up = (ca.SX(3, 1), ca.SX(3, 1)), (ca.SX(3, 1), constant(-self.tree.gravity))
         velocities: list[Spatial] = []
         accelerations: list[Spatial] = []
@@ -143,7 +144,7 @@ class Expressions:
         return self.torques(forces) + (constant(self.tree.armature) * a if armature else 0)
 
     def slotine_li(self, v: Any, v_r: Any, a_r: Any, phis: list[Any]) -> Any:
-        """M a_r + C(q, v) v_r + g with the Christoffel C and the bodies of `phis`, without the motors."""
+        """M a_r + C(q, v) v_r + g with the Christoffel matrix C and the inertial parameters `phis` of the bodies, without the motors."""
         still, up = (ca.SX(3, 1), ca.SX(3, 1)), (ca.SX(3, 1), constant(-self.tree.gravity))
         moving: list[Spatial] = []
         wanted: list[Spatial] = []
@@ -165,7 +166,7 @@ class Expressions:
         return self.torques(forces)
 
     def composites(self) -> list[Body]:
-        """Of each joint: the bodies behind it as one."""
+        """For each joint, all bodies behind it, combined into one body."""
         composite = list(self.bodies)
         for i in reversed(range(self.n)):
             if self.parents[i] >= 0:
@@ -173,7 +174,7 @@ class Expressions:
         return composite
 
     def mass_entries(self) -> dict[tuple[int, int], Any]:
-        """M[i, j] for i and its ancestors j, motors included; the other entries of the triangle are zero."""
+        """Entries M[i, j] for each i and its ancestors j, motors included. The other entries of the lower triangle are zero."""
         entries, composite = {}, self.composites()
         for i in range(self.n):
             force, j = composite[i].times(self.axes[i]), i
@@ -196,7 +197,7 @@ class Expressions:
         return found
 
     def forward_dynamics(self, v: Any, tau: Any) -> Any:
-        """a = M^-1 (tau - C v - g) by M = L' D L."""
+        """Acceleration a = M^-1 (tau - C v - g), (n,), with M = L' D L."""
         factor, solution = self.mass_entries(), ca.vertsplit(tau - self.inverse_dynamics(v, ca.SX(self.n, 1), armature=False))
         above = [self.ancestors(i) for i in range(self.n)]
         for k in reversed(range(self.n)):
@@ -214,7 +215,7 @@ class Expressions:
         return ca.vertcat(*solution)
 
     def position(self, link: str) -> tuple[Any, list[tuple[int, Any, Any]]]:
-        """The origin of a link in the world; and of each joint that moves it, its index, its rotation and its origin there."""
+        """World position of a link's origin; and, for each joint that moves the link, its index, world rotation and world origin."""
         last, _, offset = self.tree.attachment(link)
         path = [*reversed(self.ancestors(last)), last] if last >= 0 else []
         rotation, p, joints = ca.SX.eye(3), ca.SX(3, 1), []
@@ -224,7 +225,7 @@ class Expressions:
         return p + rotation @ constant(offset), joints
 
     def jacobian(self, link: str) -> Any:
-        """[v; w] = J v of a link's origin, world axes."""
+        """Jacobian (6, n) of a link's origin in world axes: [v; w] = J v."""
         tip, joints = self.position(link)
         matrix = ca.SX(6, self.n)
         for i, rotation, p in joints:
@@ -233,7 +234,7 @@ class Expressions:
         return matrix
 
     def coriolis_matrix(self, v: Any) -> Any:
-        """The Christoffel C: column by column from composite bodies and their B = (v x* I + (I v) x - I v x) / 2."""
+        """The Christoffel matrix C, column by column, from composite bodies and their B = (v x* I + (I v) x - I v x) / 2."""
         moving: list[Spatial] = []
         for i, parent in enumerate(self.parents):
             before = moving[parent] if parent >= 0 else (ca.SX(3, 1), ca.SX(3, 1))
@@ -264,7 +265,7 @@ def _split(six: Any) -> Spatial:
 
 
 def _turning(body: Body, w: Spatial) -> Any:
-    """B(v) of one body, 6 x 6: B v_r is the force that `slotine_li` adds."""
+    """The matrix B(v), 6 x 6, of one body. B v_r is the velocity-dependent force that `slotine_li` adds."""
     angular, linear = body.times(w)
     inertia, nothing = body.matrix(), ca.SX(3, 3)
     motion = ca.vertcat(ca.horzcat(skew(w[0]), nothing), ca.horzcat(skew(w[1]), skew(w[0])))

@@ -1,4 +1,4 @@
-"""An arm as its URDF describes it: joints, placements, inertial parameters. Chains and trees on a fixed base."""
+"""Joints, placements and inertial parameters of an arm, read from its URDF. Arms are chains and trees on a fixed base."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Matrix = NDArray[np.float64]
 
 
 def snap(values: ArrayLike) -> Matrix:
-    """Values within 1e-12 of 0, 1 or -1 become exactly that, so that they fold."""
+    """Round values within 1e-12 of 0, 1 or -1 to these numbers, so that CasADi simplifies their products."""
     values = np.asarray(values, float)
     whole = np.round(values)
     return np.where((np.abs(values - whole) < 1e-12) & (np.abs(whole) <= 1), whole + 0.0, values)
@@ -22,7 +22,10 @@ def snap(values: ArrayLike) -> Matrix:
 
 @dataclass
 class Joint:
-    """A joint, its placement in the frame of its parent joint at q = 0, and the body that it moves. `parent` is -1 on the base."""
+    """A joint, its placement in the frame of the parent joint at q = 0, and the body that it moves.
+
+    `parent` is -1 if the parent is the base.
+    """
 
     name: str
     prismatic: bool
@@ -52,7 +55,7 @@ def placement(joint: ET.Element) -> tuple[Matrix, Matrix]:
 
 
 class Tree:
-    """An arm as its URDF describes it: joints in the order of `arm.joint_names`, inertial parameters, gravity, inertia of the motors."""
+    """The arm of a URDF: joints in the order of `arm.joint_names`, inertial parameters, gravity, motor inertias."""
 
     def __init__(self, arm: al.Arm) -> None:
         root = ET.fromstring(arm.to_urdf()[0])
@@ -75,7 +78,7 @@ class Tree:
         return all(joint.parent == i - 1 for i, joint in enumerate(self.joints))
 
     def attachment(self, link: str) -> tuple[int, Matrix, Matrix]:
-        """The joint that moves a link (-1: none), and the link's placement in that joint's frame."""
+        """The index of the joint that moves a link (-1: none), and the placement of the link in the frame of that joint."""
         rotation, offset = np.eye(3), np.zeros(3)
         while (joint := self.above.get(link)) is not None and joint.get("type") == "fixed":
             above, shift = placement(joint)
@@ -85,7 +88,10 @@ class Tree:
 
 
 def made(parents: list[int]) -> al.Arm:
-    """A tree of links of 0.25 m whose joint axes take turns, all alike; the parent of each joint is given, -1 for the base."""
+    """A tree of equal links of 0.25 m, with axes alternating between z, y and x.
+
+    `parents` are the parents of the joints, -1 for the base.
+    """
     turns = ([0, 0, 1], [0, 1, 0], [1, 0, 0])
     return al.Arm.from_chain(
         {
@@ -101,7 +107,7 @@ def made(parents: list[int]) -> al.Arm:
 
 
 def branched(trunk: int, branches: int, length: int) -> list[int]:
-    """The parents of a tree: a trunk from the base, and branches of `length` joints at its end."""
+    """Parents of the joints of a tree: a trunk from the base, and at its end `branches` branches of `length` joints each."""
     parents = list(range(-1, trunk - 1))
     for _ in range(branches):
         start = len(parents)

@@ -1,4 +1,4 @@
-"""The closed loops of the PR robot and of the elastic 2R arm by armlet, and beside them kernels in C that were written by hand."""
+"""The closed loops of the PR robot and of the elastic 2R arm, by armlet and by C kernels that were written by hand."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ import timing
 from generated_cases import TWO, Pair, require_equal
 
 PR, ELASTIC = "PR robot, adaptive", "elastic 2R, impedance"
-# What armlet may take of the time of the C.
+# Goals: the largest allowed ratios of armlet's time to the C's time.
 GOALS = {PR: {"one run": 1.15, "batch of 1,024": 1.25}, ELASTIC: {"one run": 1.15, "batch of 1,024": 1.35, "rodas4": 1.2}}
 STIFF = "mild"
-# Two Rosenbrock codes agree within their tolerance alone.
+# Largest allowed difference of two Rosenbrock programs, which agree only within their tolerances.
 SOLVED = 1e-6
 
 
 def pr_robot() -> dict[str, Pair]:
-    """RK4 at 1 ms, law in every stage, tabulated motion: `native/p1.cpp`."""
+    """Pairs for the PR robot: RK4 at 1 ms, law in every stage, tabulated motion. The C is `native/p1.cpp`."""
     peers, cases, c = adaptive_peers, adaptive_cases, adaptive_peers.LimitKernels()
     long, short, runs = peers.table(peers.STEPS), peers.table(peers.BATCH_STEPS), peers.RUNS * peers.BATCH_STEPS
     one, theirs = cases.single(cases.tabulated(peers.STEPS)), partial(c.single, long, peers.STEPS)
@@ -37,7 +37,7 @@ def pr_robot() -> dict[str, Pair]:
 
 
 def elastic() -> dict[str, Pair]:
-    """RK4 at 0.2 ms, and 2 s by a Rosenbrock method with derivatives by dual numbers: `native/p3.cpp`."""
+    """Pairs for the elastic arm: RK4 at 0.2 ms, and 2 s by a Rosenbrock method with Jacobians by dual numbers. The C is `native/p3.cpp`."""
     peers, c = elastic_peers, elastic_peers.LimitKernels()
     one, many = bench_elastic.single(), bench_elastic.batch()
     require_equal(ELASTIC, one(), c.single())
@@ -54,6 +54,6 @@ def elastic() -> dict[str, Pair]:
 
 
 def rows(say: Callable[[str], None]) -> dict[str, dict[str, Pair]]:
-    """By loop and by what was timed; only the loops whose kernels are there."""
+    """Timed pairs by loop and case, only of loops whose C kernels exist."""
     found = {PR: timing.if_there("native/p1.cpp", pr_robot, say), ELASTIC: timing.if_there("native/p3.cpp", elastic, say)}
     return {name: pairs for name, pairs in found.items() if pairs is not None}

@@ -1,10 +1,11 @@
-"""Poses that pink and mink reach from one start, on the arms of `bench_inverse_kinematics.py`.
+"""Number of poses that pink and mink reach from one start, on the arms of `bench_inverse_kinematics.py`.
 
     pip install pin-pink mink daqp
     python -P benches/inverse_kinematics_peers.py [poses]
 
-Both solve one quadratic program per step for a velocity within the joint limits, and have no random starts. So these shares belong beside
-the column "from the first start". A step has gain and duration one; a pose is reached within 1e-5 m and rad, in 200 steps at most.
+pink and mink solve one quadratic program per step for a velocity within the joint limits. They have no random starts, so their shares
+compare with the column "from the first start". Gain and duration of a step are one. A pose is reached within 1e-5 m and rad, in at most
+200 steps.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ STEPS, TOLERANCE = 200, 1e-5
 
 
 def far(arm: al.Arm, q: Array, X: Array) -> float:
-    """The largest entry of the error, by armlet's own kinematics."""
+    """The largest entry of the pose error (m, rad), computed with armlet's kinematics."""
     Y = arm.pose(q, arm.frame_names[-1])
     turn = ours.rotation_vectors((X[:3, :3] @ Y[:3, :3].T)[None])[0]
     return float(np.abs(np.concatenate([X[:3, 3] - Y[:3, 3], turn])).max())
 
 
 def by_pink(arm: al.Arm, path: Path, X: Array, starts: Array) -> int:
-    """How many poses pink reaches."""
+    """Number of poses that pink reaches."""
     import pink
     import pinocchio as pin
 
@@ -59,14 +60,14 @@ def by_pink(arm: al.Arm, path: Path, X: Array, starts: Array) -> int:
 
 
 def by_mink(arm: al.Arm, path: Path, X: Array, starts: Array) -> int:
-    """How many poses mink reaches."""
+    """Number of poses that mink reaches."""
     import mink
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(path))
     limits = [mink.ConfigurationLimit(model)]
     name, found = arm.frame_names[-1], 0
-    # The compiler merges links on fixed joints. The last remaining body is that of the last joint.
+    # MuJoCo's compiler merges links on fixed joints. The last remaining body is the body of the last joint.
     kind = mujoco.mjtObj.mjOBJ_BODY
     body = name if mujoco.mj_name2id(model, kind, name) >= 0 else mujoco.mj_id2name(model, kind, model.nbody - 1)
     for target, q0 in zip(X, starts, strict=True):
@@ -89,7 +90,7 @@ def by_mink(arm: al.Arm, path: Path, X: Array, starts: Array) -> int:
 
 
 def row(name: str, arm: al.Arm, count: int) -> str:
-    """A row of the table."""
+    """A row of the table: shares of the poses that pink and mink reach."""
     rng = np.random.default_rng(2)
     low, high = arm.limits["q_min"], arm.limits["q_max"]
     low, high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)

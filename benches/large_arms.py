@@ -1,4 +1,4 @@
-"""Arms with many joints, made here: a chain, and a trunk with branches. Masses fall along the links, as those of trunks and tails do."""
+"""Arms with many joints for the benchmarks: a chain, and a trunk with branches. Link masses decrease towards the tip."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from typing import Any
 
 import armlet as al
 
-LENGTH, THICKNESS = 0.12, 0.06  # m
+LENGTH, THICKNESS = 0.12, 0.06  # length and thickness of a link, m
 AXES = ("0 0 1", "0 1 0", "1 0 0")
 
 
 def mass(level: int) -> float:
-    """Of the link behind `level` others, kg."""
+    """Mass of a link that has `level` links before it, kg."""
     return 2.0 * 0.93**level
 
 
 def chain(n: int) -> al.Arm:
-    """`n` rotary joints with axes in turn along z, y and x, links of 0.12 m."""
+    """A chain of `n` revolute joints whose axes alternate between z, y and x. Links are 0.12 m long."""
     joints: list[dict[str, Any]] = []
     for i in range(n):
         m, c = mass(i), LENGTH / 2
@@ -28,7 +28,7 @@ def chain(n: int) -> al.Arm:
 
 
 def branched(trunk: int, branches: tuple[int, int]) -> al.Arm:
-    """A trunk of so many joints, and at its end `branches` = (number, joints of each): a tree of `trunk` + number times joints."""
+    """A tree of `trunk` joints with branches at its end; `branches` is (number of branches, joints of each)."""
     parts = ['<robot name="tree"><link name="base"/>']
 
     def link(name: str, parent: str, level: int, turn: float) -> str:
@@ -48,6 +48,6 @@ def branched(trunk: int, branches: tuple[int, int]) -> al.Arm:
     for branch in range(branches[0]):
         end = at
         for level in range(branches[1]):
-            # Branches leave the trunk by different angles.
+            # The first joints of the branches have different angles.
             end = link(f"branch{branch + 1}_{level + 1}", end, trunk + level, 0.4 * (branch + 1) if level == 0 else 0.0)
     return al.load_urdf("".join(parts) + "</robot>")

@@ -1,12 +1,12 @@
-"""How soon Ctrl-C is answered, and how long other threads wait for the interpreter lock, call by call.
+"""Latency of Ctrl-C, and longest wait of other threads for the interpreter lock, for each long call of armlet.
 
-Each call runs again and again in a process of its own. Ctrl-C: this process sends SIGINT after a random time, at most as long as one call
-takes; the latency is the time from there to the first line of `except KeyboardInterrupt`. Gaps: a thread of the process sleeps for half a
-millisecond at a time while the call runs; the gap is the longest time between two of its turns.
+Each call runs repeatedly in a separate process. To measure the latency, this process sends SIGINT after a random time, at most the
+duration of one call. The latency is the time from the signal to the first line of `except KeyboardInterrupt`. To measure gaps, a thread
+of the child process sleeps for half a millisecond at a time while the call runs. The gap is the longest time between two wake-ups.
 
     make test-latency                                 # all calls, 100 signals each: 40 minutes; prints the table, fails past a limit
-    python -P benches/latency.py --only time_path     # the calls whose names contain this
-    python -P benches/latency.py --readme             # the table as Markdown, written into README.md too
+    python -P benches/latency.py --only time_path     # the calls whose names contain this word
+    python -P benches/latency.py --readme             # the table as Markdown, also written into benches/README.md
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import threading
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # python -P leaves it out
+sys.path.insert(0, str(Path(__file__).parent))  # `python -P` does not add this folder
 import timing
 from latency_cases import CASES, COMMON
 from reporting import write_figures
@@ -30,13 +30,13 @@ from reporting import write_figures
 import armlet as al
 
 ROW = "| {:50} | {:>8} | {:>9} | {:>9} | {:>7} | {} |"
-# Limits: the 99th percentile of the latency, and the longest gap, s.
+# Limits: 99th percentile of the latency, and longest gap, s.
 LATENCY, GAP = 0.100, 0.050
-# A call is repeated for its gaps this often at most, and for so long, s.
+# To measure gaps, a call is repeated at most this often, and for at most this many seconds.
 REPEATS, LONGEST = 5, 8.0
-# A call that does not answer is ended after this, s.
+# A call that does not answer the signal is terminated after this time, s.
 LOST = 60.0
-# A call that takes longer than this counts as one without an end, s.
+# A call that takes longer than this time counts as endless, s.
 ENDLESS = 20.0
 
 CHILD = """
@@ -87,7 +87,7 @@ class Failed(Exception):
 
 
 def measure(name: str, trials: int, scale: float, seed: int) -> tuple[float, float, list[float]]:
-    """Seconds of one call, the longest gap, and the latencies."""
+    """Duration of one call, longest gap, and latencies, all in s."""
     setup, call = CASES[name]
     draw = random.Random(seed)
     arguments = json.dumps([COMMON + setup, call, scale, REPEATS, LONGEST])
@@ -123,7 +123,7 @@ def measure(name: str, trials: int, scale: float, seed: int) -> tuple[float, flo
 
 
 def percentile(values: list[float], share: float) -> float:
-    """The smallest value that is not exceeded by this share of them."""
+    """The smallest value that at least this share of the values does not exceed."""
     return values[min(len(values) - 1, max(0, -int(-share * len(values) // 1) - 1))]
 
 

@@ -1,8 +1,8 @@
-"""Calls that take long, one by one: what `latency.py` interrupts. `size(n)` is n times `--scale`; `call` is repeated until Ctrl-C."""
+"""Long calls of armlet that `latency.py` interrupts. `size(n)` is n times `--scale`. `call` is repeated until Ctrl-C."""
 
 from __future__ import annotations
 
-# Runs before every setup.
+# Code that runs before every setup.
 COMMON = """
 import pickle
 import warnings
@@ -25,7 +25,7 @@ def chain(links):
     return f'<robot name="chain">{text}</robot>'
 """
 
-# name: (setup, call)
+# Each entry is name: (setup, call).
 CASES: dict[str, tuple[str, str]] = {
     "time.sleep (no armlet: what the machine adds)": ("import time", "time.sleep(0.2)"),
     # Functions of an arm.
@@ -105,7 +105,7 @@ CASES: dict[str, tuple[str, str]] = {
         "tip = arm.frame_names[-1]; s = al.PrioritySolver.for_arm(arm, [al.Task(tip, 'xyz')])\nq, v = rows(size(3e5)), rows(size(3e5), 3)",
         "s.solve(q, [v])",
     ),
-    # Loops.
+    # Simulated loops.
     "simulate, rk4, 1e6 records": (
         "law = al.PDGravity(two, [0.5, 0.5], 50.0, 20.0); plant = al.RigidArm(two)",
         "al.simulate(plant, law, [0.0, 0.0], t_end=size(1e6) * 1e-3, dt=1e-3)",

@@ -1,6 +1,6 @@
-"""Hand-written C kernels to place armlet's speed: compiled where ARMLET_LIMITS names the directory of their sources.
+"""Hand-written C kernels, which show how fast the loops can run. They are compiled if ARMLET_LIMITS names the directory of their sources.
 
-They are written for AVX-512. On other processors their lanes are pairs of AVX2 registers (`eight_lanes.h`).
+The kernels are written for AVX-512. On other processors `eight_lanes.h` replaces each register by two registers of AVX2.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 
 class Kernels:
-    """`native/<source>` in the directory that ARMLET_LIMITS names, compiled for this processor into a temporary directory.
+    """`native/<source>` in the directory ARMLET_LIMITS, compiled for this processor into a temporary directory.
 
-    Raises `ImportError` with what is missing: the directory, the source or the compiler.
+    Raises `ImportError`, which names the missing part: the directory, the source or the compiler.
     """
 
     FLAGS = "-O3 -march=native -std=c++17 -fno-math-errno -ffp-contract=fast -mprefer-vector-width=512 -fno-tree-slp-vectorize -w".split()

@@ -1,9 +1,10 @@
-"""The symmetric bang-bang profile in C by hand, in lanes: the yardstick of `bench_mintime.py`.
+"""The symmetric bang-bang profile in hand-written C, vectorised over problems. `bench_mintime.py` compares armlet's time with it.
 
     a_max = min(tau_max - max_1 G sin, min_2 G sin - tau_min),  a_min = max(0, tau_min - min_1 G sin, max_2 G sin - tau_max)
     T in [2 sqrt(I D / a_max), 2 sqrt(I D / a_min)]
 
-`docs/minimum_time.md` derives it. Arguments are not checked, and the pose of a motion without a way is not held.
+`docs/minimum_time.md` derives the formulas. The C does not check arguments. For a motion of zero length it does not check whether the
+torque can hold the pose.
 """
 
 from __future__ import annotations
@@ -56,13 +57,16 @@ extern "C" void all(const double* const* in, double* const* out, unsigned char* 
 
 
 def in_c(columns: list[Array]) -> Callable[[], list[Array]]:
-    """A function that solves all problems, `theta0, thetaf, inertia, gravity_moment, tau_max, tau_min`: the times and the accelerations."""
+    """A function that solves all problems and returns the times and accelerations.
+
+    The columns are theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.
+    """
     count = len(columns[0])
     assert count % WIDEST == 0
     library = compiled(f"#include <math.h>\n#define WIDTH {WIDEST}\n#define INLINE {INLINE}\n{LANES}{SOURCE}")
 
     def run() -> list[Array]:
-        # New arrays in each call, as armlet's answers are.
+        # Each call allocates new arrays, as armlet does.
         out, flags = [np.empty(count) for _ in range(4)], [np.empty(count, dtype=bool) for _ in range(3)]
         library.all(*(pointers(arrays) for arrays in (columns, out, flags)), ctypes.c_long(count))
         return out

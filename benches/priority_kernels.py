@@ -1,11 +1,11 @@
-"""Tasks in priority in C by hand, for one stack or for lanes of stacks, and in numba: the yardsticks of `bench_priority.py`.
+"""Tasks in priority in hand-written C, for one stack or for lanes of stacks, and in numba. `bench_priority.py` compares armlet with them.
 
-Two levels of two rows, four joints, `h(s) = 1 / max(s^2, eps^2)`, by one rotation a level (Golub and Van Loan, Matrix Computations, 8.5):
+Two levels of two rows, four joints, `h(s) = 1 / max(s^2, eps^2)`, by one rotation per level (Golub and Van Loan, Matrix Computations, 8.5):
 
     G = R A,  v += G' diag(h) R r,  J_k <- J_k - J_k G' diag(h) G
 
-Three levels, 3 + 3 + 7 rows, seven joints: `L Q` of the first six rows by reflections, the last level along the direction left. Only `v` is
-computed: no residuals, no ranks, no test whether the answer is right.
+Three levels of 3 + 3 + 7 rows, seven joints: reflections give `L Q` of the first six rows. The last level uses the one remaining
+direction. The kernels compute only `v`. They compute no residuals and ranks, and do not test whether the result is correct.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from compiling import WIDEST, compiled
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-#: Numbers of a stack and of its answer.
+#: Sizes of the arguments and of the result of one stack.
 SIZES = {"pairs": ([8, 8, 2, 2], 4), "three": ([21, 21, 49, 3, 3, 7], 7)}
 
 SOURCE = """
@@ -129,7 +129,7 @@ extern "C" void run_three(const double* const* in, double* out, long count, int 
 
 
 def in_c(kernel: str, blocks: list[Array], velocities: list[Array], times: int) -> Callable[[], Array]:
-    """`times` solves of one stack, or one solve of each row where the arrays have three axes: a function that returns `v`."""
+    """A function that returns `v`. It solves one stack `times` times, or each row once if the arrays have three axes."""
     batch = blocks[0].ndim == 3
     library = compiled(f"#define WIDTH {WIDEST if batch else 1}\n{SOURCE}")
     sizes, n = SIZES[kernel]
@@ -149,7 +149,7 @@ def in_c(kernel: str, blocks: list[Array], velocities: list[Array], times: int) 
 
 
 def in_numba() -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Two levels of two rows by one rotation a level, compiled: one stack, and many."""
+    """Two functions compiled by numba, for one stack and for many: two levels of two rows by one rotation per level."""
     import numba
 
     @numba.njit(inline="always")

@@ -1,8 +1,8 @@
-"""Other libraries' inverse kinematics on the cases of bench_priority.py: pink, mink (one weighted QP each) and placo (hard and soft tasks).
+"""Inverse kinematics of other libraries on the cases of bench_priority.py: pink and mink (a weighted QP) and placo (hard and soft tasks).
 
-They take targets, not velocities: a target `dt` ahead of where the frame is asks for the same velocity. A weighted QP has no strict
-priority, so answers are comparable where all tasks can be had (4R, 2 + 2), and up to the weight of the last task where it is in the way
-(seven axes, 3 + 3 + 7).
+These libraries take target poses, not velocities. A target `dt` ahead of the present pose gives the same velocity. A weighted QP has no
+strict priority. Its result is comparable if all tasks are feasible (4R, 2 + 2). If the last task conflicts (seven axes, 3 + 3 + 7), the
+result is comparable up to the weight of that task.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from typing import Any
 import numpy as np
 
 DT = 1e-6
-#: Cost of the task that gives way, over that of the others; its square is what a weighted answer errs by.
+#: Cost of the last task, relative to the cost of the other tasks. The error of a weighted QP is proportional to its square.
 SOFT = 1e-3
 Call = Callable[[], Any]
 
 
 def planar_urdf(lengths: Any) -> str:
-    """The arm of `planar_arm` with a frame at the tips of links 2 and 4."""
+    """The URDF of `planar_arm`, with a frame at the tip of each link."""
     inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
     parts, parent, reach = ['<robot name="planar"><link name="base"/>'], "base", 0.0
     for i, length in enumerate(lengths, 1):
         axis = '<axis xyz="0 0 1"/><limit lower="-9" upper="9" velocity="99" effort="99"/>'
         parts.append(f'<link name="body{i}">{inertial}</link><joint name="joint{i}" type="revolute"><parent link="{parent}"/>')
         parts.append(f'<child link="body{i}"/><origin xyz="{reach} 0 0"/>{axis}</joint>')
-        # Not welded into one body by a reader: a tip with a mass.
+        # The tip has a mass, so that readers do not merge it with its link.
         parts.append(f'<link name="link{i}">{inertial}</link><joint name="tip{i}" type="fixed"><parent link="body{i}"/>')
         parts.append(f'<child link="link{i}"/><origin xyz="{length} 0 0"/></joint>')
         parent, reach = f"body{i}", length
@@ -38,14 +38,17 @@ def planar_urdf(lengths: Any) -> str:
 
 
 class Problem:
-    """An arm at q and what is asked of it: `(frame, axes, velocity)` with axes "xy", "xyz" or "rx ry rz"; a velocity of all joints last."""
+    """An arm at `q` and its tasks `(frame, axes, velocity)` with axes "xy", "xyz" or "rx ry rz".
+
+    `posture` is a velocity of all joints, the last task.
+    """
 
     def __init__(self, urdf: str, q: Any, tasks: list[tuple[str, str, Any]], posture: Any | None = None) -> None:
         self.urdf, self.q, self.tasks, self.posture = urdf, np.asarray(q, dtype=float), tasks, posture
 
 
 def _moved(rotation: Any, position: Any, axes: str, velocity: Any) -> tuple[Any, Any]:
-    """The pose a time DT ahead."""
+    """The pose after the time DT at this velocity."""
     step = np.zeros(3)
     step[: len(velocity)] = DT * np.asarray(velocity)
     if not axes.startswith("r"):
@@ -108,7 +111,7 @@ def mink(problem: Problem) -> Call:
     return call
 
 
-#: MuJoCo welds bodies without a joint into their parents unless told otherwise.
+#: MuJoCo merges a body without a joint into its parent unless `fusestatic` is "false".
 FUSE = '<mujoco><compiler fusestatic="false" strippath="true" discardvisual="true"/></mujoco>'
 
 
@@ -138,7 +141,7 @@ def placo(problem: Problem) -> Call:
         rest = solver.add_joints_task()
         names = list(robot.joint_names())
         rest.set_joints(dict(zip(names, problem.q + DT * problem.posture, strict=True)))
-        # The library adds a regularisation of its own, which a smaller weight would not stand above.
+        # placo adds a regularisation. A smaller weight of this task would be hidden by it.
         rest.configure("rest", "soft", 1e-4)
 
     def call() -> Any:

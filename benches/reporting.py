@@ -1,4 +1,4 @@
-"""What every benchmark prints: the machine, the targets with what was measured, the table; and where it goes."""
+"""Output of all benchmarks: the machine, the targets with the measured figures, and the table; printed or written into README.md."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from timing import Case
 import armlet as al
 
 HERE = Path(__file__).parent
-# What was aimed at, the goal, what was measured, and whether that meets it.
+# Name of the target, goal, measured figure, and whether the figure meets the goal.
 Verdict = tuple[str, str, str, bool]
 
 
 def arguments(description: str) -> argparse.ArgumentParser:
-    """The options of every benchmark."""
+    """The command-line options of every benchmark."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--markdown", action="store_true", help="print Markdown")
     parser.add_argument("--readme", action="store_true", help="put the figures into benches/README.md")
@@ -31,7 +31,7 @@ def require_release(name: str) -> None:
 
 
 def heading(cases: list[Case], busy: float) -> str:
-    """The machine, the build and the number of rounds in a line."""
+    """One line with the machine, the build and the number of rounds."""
     machine, info = timing.machine(), al.build_info()
     rounds = max(len(case.wall) for case in cases)
     return (
@@ -41,13 +41,13 @@ def heading(cases: list[Case], busy: float) -> str:
 
 
 def target_table(verdicts: list[Verdict]) -> list[str]:
-    """The targets in lines of Markdown."""
+    """The targets as a table in Markdown."""
     table = ["| target | goal | measured | |", "|---|---:|---:|---|"]
     return table + [f"| {what} | {goal} | {got} | {'met' if met else '**missed**'} |" for what, goal, got, met in verdicts]
 
 
 def report(cases: list[Case], verdicts: list[Verdict], busy: float, as_markdown: bool, more: tuple[str, ...] = ()) -> str:
-    """The figures as text or as Markdown; `more` are lines of Markdown between the targets and the table."""
+    """The figures as text or Markdown. `more` are lines of Markdown between the targets and the table."""
     head, lines = heading(cases, busy), timing.rows(cases)
     if not as_markdown:
         text = [head, timing.plain(lines), "", "Targets"]
@@ -57,14 +57,14 @@ def report(cases: list[Case], verdicts: list[Verdict], busy: float, as_markdown:
 
 
 def finish(section: str, text: str, into_readme: bool) -> None:
-    """Print the figures and, where they are asked for there, put them between the marks of `section` in README.md."""
+    """Print the figures. If `into_readme`, write them between the marks of `section` in README.md."""
     if into_readme:
         write_figures(section, text)
     print(text)
 
 
 def write_figures(section: str, text: str) -> None:
-    """Put the figures between the marks of `section` in README.md."""
+    """Write the figures between the marks of `section` in README.md."""
     path, marks = HERE / "README.md", (f"<!-- {section}: begin -->", f"<!-- {section}: end -->")
     before, rest = path.read_text().split(marks[0])
     path.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{rest.split(marks[1])[1]}")

@@ -1,10 +1,11 @@
-"""median over rounds of t_case, and of t_case / t_yardstick within each round: every round runs every case once, so noise hits all alike.
+"""median over rounds of t_case, and of t_case / t_yardstick within a round. Every round runs every case once.
 
-What the benchmarks share: interleaved rounds, pinning, two clocks, the machine in one line, tables, and the file of results.
+So noise affects all cases alike. Shared by all benchmarks: interleaved rounds, pinning to cores, two clocks, a description of the machine,
+tables, and the file of results.
 
-Each call is timed by the wall clock and by the processor time of the whole process. On a quiet machine the two agree for one thread;
-on a busy one the wall clock counts other programs' turns too. Ratios between single-thread cases are therefore of processor times;
-where several threads take part both sides go by the wall clock, and the ratio means something on a quiet machine only.
+Each call is timed by the wall clock and by the processor time of the whole process. On a quiet machine both times agree for one thread.
+On a busy machine the wall time includes other programs. So ratios of single-thread cases use processor times. If several threads take
+part, both times of the ratio are wall times, and the ratio is conclusive only on a quiet machine.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ Peer = TypeVar("Peer")
 
 @dataclass
 class Case:
-    """One thing to time.
+    """One computation to time.
 
-    `run` is called once per round; with `timed` set it returns the wall and processor seconds it took, measured where the work was done.
-    `per` is how many units (steps, calls) one call does; `scale` turns seconds per unit into `unit`. `clock` is what its figures and
-    ratios go by. `rounds` of None: every round, or a few of them where a call is slow.
+    `run` is called once per round. If `timed`, it returns its wall and processor seconds, measured by itself. `per` is the number of units
+    (steps, calls) of one call. `scale` converts seconds per unit to `unit`. `clock` is the clock of its figures and ratios, "wall" or
+    "processor". `rounds` is the number of rounds; None: every round, or at most 5 if one call takes 0.15 s or longer.
     """
 
     group: str
@@ -49,7 +50,7 @@ class Case:
         self.clock = self.clock or ("processor" if self.threads == 1 else "wall")
 
     def seconds(self, clock: str = "") -> dict[int, float]:
-        """By round, on its own clock or on the one named."""
+        """Measured seconds of each round, by the clock `clock`, or by the case's clock if that is empty."""
         return self.wall if (clock or self.clock) == "wall" else self.processor
 
     def figure(self, seconds: float) -> float:
@@ -68,7 +69,7 @@ def clocked(run: Callable[[], Any]) -> tuple[float, float]:
 
 
 def if_there(name: str, make: Callable[[], Peer], say: Callable[[str], None]) -> Peer | None:
-    """The peer that `make` builds; None, said in a line, where something it imports or compiles is missing."""
+    """The peer that `make` builds. If an import or a compilation fails, print a line and return None."""
     try:
         return make()
     except ImportError as missing:
@@ -81,20 +82,20 @@ def cores() -> list[int]:
 
 
 def pin(allowed: list[int]) -> None:
-    """Bind every thread of this process, the pools' workers included, to these cores."""
+    """Bind every thread of this process, including those of thread pools, to these cores."""
     if not hasattr(os, "sched_setaffinity"):
         return
     for thread in os.listdir("/proc/self/task"):
         try:
             os.sched_setaffinity(int(thread), allowed)
-        except ProcessLookupError:  # a thread that ended meanwhile
+        except ProcessLookupError:  # the thread has ended
             continue
 
 
 def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None]) -> None:
-    """Time every case in every round; single-thread cases on `core`, the others on all cores. Slow cases sit out most rounds."""
+    """Time every case in every round: single-thread cases on `core`, the others on all cores. Slow cases run only in some rounds."""
     every = cores()
-    for case in cases:  # warm up: compile, build pools, fault pages in; and learn which cases are slow
+    for case in cases:  # warm up (compile, build pools, load pages), and find the slow cases
         pin([core] if case.threads == 1 else every)
         wall, _ = clocked(case.run)
         if case.rounds is None:
@@ -108,7 +109,7 @@ def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None
                 continue
             pin([core] if case.threads == 1 else every)
             if case.threads > 1:
-                # Untimed: the scheduler takes tens of milliseconds to spread threads that were just let go from one core.
+                # Untimed warm-up: after threads were bound to one core, the scheduler takes tens of milliseconds to distribute them.
                 warm = time.perf_counter()
                 while time.perf_counter() - warm < 0.1:
                     case.run()
@@ -118,14 +119,14 @@ def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None
 
 
 def ratio(case: Case, yardstick: Case) -> float:
-    """Median of the ratio within a round, over the rounds that ran both, on one clock."""
+    """Median of the ratios within a round, over the rounds in which both cases ran, measured by one clock."""
     clock = "wall" if "wall" in (case.clock, yardstick.clock) else "processor"
     ours, theirs = case.seconds(clock), yardstick.seconds(clock)
     return statistics.median((ours[k] / case.per) / (theirs[k] / yardstick.per) for k in ours.keys() & theirs.keys())
 
 
 def machine() -> dict[str, Any]:
-    """Processor and cores: nothing that names the machine."""
+    """Processor model and number of cores, without any name of the machine."""
     model, flags = "unknown processor", set()
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
@@ -141,7 +142,7 @@ def machine() -> dict[str, Any]:
 
 
 def busy() -> float:
-    """The share of all cores' time that other programs take, over a second; 0 where the system does not say."""
+    """The share of all cores' time that other programs use during one second; 0 if the system does not report it."""
 
     def ticks() -> list[int]:
         return [int(field) for field in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
@@ -152,7 +153,7 @@ def busy() -> float:
         spent = [b - a for a, b in zip(before, ticks(), strict=True)]
     except OSError:
         return 0.0
-    return 1.0 - (spent[3] + spent[4]) / max(1, sum(spent))  # idle, and idle waiting for a disk
+    return 1.0 - (spent[3] + spent[4]) / max(1, sum(spent))  # idle, and idle while waiting for a disk
 
 
 def digits(value: float) -> str:
@@ -160,7 +161,7 @@ def digits(value: float) -> str:
 
 
 def rows(cases: list[Case]) -> list[tuple[str, ...]]:
-    """`(group, case, wall, fastest, processor, yardstick, ratio)` as text; the yardstick of a case is named in `against`."""
+    """Rows `(group, case, wall, fastest, processor, yardstick, ratio)` as text. `against` of a case names its yardstick."""
     by_name = {case.name: case for case in cases}
     lines = []
     for case in cases:
@@ -172,7 +173,7 @@ def rows(cases: list[Case]) -> list[tuple[str, ...]]:
 
 
 def markdown(lines: list[tuple[str, ...]]) -> str:
-    """One table per group."""
+    """The rows in Markdown, one table per group."""
     text, group = [], None
     for line in lines:
         if line[0] != group:
@@ -183,7 +184,7 @@ def markdown(lines: list[tuple[str, ...]]) -> str:
 
 
 def plain(lines: list[tuple[str, ...]]) -> str:
-    """The same for a terminal."""
+    """The rows as text for a terminal."""
     width = max(len(line[1]) for line in lines)
     text, group = [], None
     for line in lines:
@@ -196,7 +197,7 @@ def plain(lines: list[tuple[str, ...]]) -> str:
 
 
 def save(path: Path, cases: list[Case], extra: dict[str, Any]) -> None:
-    """Every single time, so that other statistics can be taken later."""
+    """Write all measured times, so that other statistics can be computed later."""
     path.parent.mkdir(parents=True, exist_ok=True)
     fields = ("group", "name", "unit", "per", "scale", "threads", "clock", "against")
     clocks = [{clock: list(getattr(case, clock).values()) for clock in ("wall", "processor")} for case in cases]

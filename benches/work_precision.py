@@ -1,9 +1,9 @@
-"""Error against time on the usual problems, armlet beside scipy, numbalsoda and diffrax: a figure, and its numbers.
+"""Error against time on standard test problems, for armlet, scipy, numbalsoda and diffrax: a figure and a table.
 
     python -P benches/work_precision.py              # the table
     python -P benches/work_precision.py --readme     # the figure into docs/images, the table into benches/README.md
 
-numbalsoda and diffrax compile the right-hand side; armlet and scipy call the Python function, which is most of their time.
+numbalsoda and diffrax compile the right-hand side. armlet and scipy call a Python function, which takes most of their time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bench_integrate import PROBLEMS, TOLERANCES, measure, write
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "work_precision.png"
 BEGIN, END = "<!-- work: begin -->", "<!-- work: end -->"
-#: Colour and mark of every case; a right-hand side that is compiled is dashed.
+#: Colour and marker of every case. A dashed line marks a compiled right-hand side.
 STYLES = {
     "armlet dop853, lists": ("#0072B2", "o-", "armlet dop853"),
     "armlet dopri5, lists": ("#56B4E9", "o-", "armlet dopri5"),
@@ -34,7 +34,7 @@ Row = tuple[str, float, str, float, float]
 
 
 def table(rows: list[Row]) -> str:
-    """One line per problem and case: milliseconds, and error, at each tolerance."""
+    """One row per problem and case: milliseconds and error at each tolerance."""
     lines = ["| problem | case | " + " | ".join(f"{tol:.0e}: ms, error" for tol in TOLERANCES) + " |"]
     lines.append("|---|---|" + "---:|" * len(TOLERANCES))
     found = {(problem, name, tol): f"{1e3 * seconds:.3g}, {error:.1e}" for problem, tol, name, seconds, error in rows}

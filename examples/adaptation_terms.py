@@ -1,8 +1,9 @@
 """Adaptation: rates of convergence
 ================================
 
-The decay of the tracking error and of the parameter error, with a motion that excites all parameters and with one that does not.
-The laws are the plain one, one that estimates friction, leakage, a dead zone, composite adaptation and concurrent learning.
+The figure compares how fast the tracking error and the parameter error decay under several adaptive laws. One motion excites all
+parameters, the other does not. The laws are plain adaptation, estimated friction, leakage, a dead zone, composite adaptation and
+concurrent learning.
 
 Run: ``python examples/adaptation_terms.py [figure.png]``
 """
@@ -22,11 +23,13 @@ rich = al.Sinusoid([0.1, 0.2], [[0.5, 0.3], [0.6, 0.3]], [[1.1, 3.1], [1.7, 4.3]
 poor = al.Quintic([0.1, 0.2], [0.8, -0.5], 3.0)
 motions = {"sum of sines": rich, "quintic and hold": poor}
 
-# Rotors and links that turn about one axis cannot be distinguished: rotors are known here, and the base set has every parameter that shows.
+# A rotor and a link that rotate about the same axis cannot be distinguished, so the rotor inertias are known here. The base parameters are
+# all parameters that affect the motion.
 base = arm.base_parameters()
 viscous = {"friction": ("viscous",)}
 
-# Concurrent learning stores samples of an earlier motion, here windows of the first 8 s of a plain run: no acceleration is measured.
+# Concurrent learning requires samples of an earlier motion. Here they are windows of 0.2 s from the first 8 s of a plain run. Windows need
+# no measured acceleration.
 plain = al.Adaptive(arm, rich, kp=60.0, kd=20.0, gamma=3.0, base=base, **viscous)
 earlier = al.simulate(plant, plain, [0.1, 0.2], t_end=8.0, dt=2e-3)
 samples = al.select_samples(plain, earlier.q, earlier.v, earlier.tau, 20, t=earlier.t, window=0.2)
@@ -45,14 +48,17 @@ t_end = 40.0  # s
 
 
 def rate(t: np.ndarray, x: np.ndarray) -> float:
-    """The mean exponential rate of decay from the start until a thousandth is left, or to the end of the run, 1/s."""
+    """Mean exponential rate of decay of `x`, 1/s.
+
+    The mean begins at the start and ends when `x` falls below a thousandth of its first value, or at the end of the run.
+    """
     below = np.flatnonzero(x < 1e-3 * x[0])
     k = below[0] if len(below) else len(t) - 1
     return float(np.log(x[0] / x[k]) / t[k])
 
 
 def settled(t: np.ndarray, error: np.ndarray, band: float) -> float:
-    """The time from which the error stays below the band, s; infinity if it does not."""
+    """The time after which the error stays below `band`, s; infinity if it is above at the end."""
     outside = np.flatnonzero(error > band)
     if not len(outside):
         return 0.0
@@ -66,7 +72,7 @@ for name, keywords in laws.items():
         law = al.Adaptive(arm, motion, kp=60.0, kd=20.0, gamma=3.0, base=base, **keywords)
         run = al.simulate(plant, law, [0.1, 0.2], t_end=t_end, dt=2e-3, record_every=10)
         error = np.linalg.norm(run.desired()[0] - run.q, axis=1)
-        estimate = run.estimate[:, : len(law.parameter_names)]  # the filters of composite adaptation follow
+        estimate = run.estimate[:, : len(law.parameter_names)]  # omits the filters of composite adaptation
         truth = np.concatenate([base.projection @ arm.parameters, [0.6, 0.6]])[: estimate.shape[1]]
         wrong = np.linalg.norm(estimate - truth, axis=1)
         curves[name, motion_name] = (run.t, error, wrong)

@@ -1,7 +1,7 @@
 """Adaptive tracking
 =================
 
-A law tracks a motion of a planar PR robot whose parameters it does not know. The tracking error goes to zero.
+An adaptive law tracks a motion of a planar PR robot. The law does not know the robot's parameters. The tracking error goes to zero.
 
 Run: ``python examples/adaptive_pr.py [figure.png]``
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 import armlet as al
 
-arm = al.planar_pr(A=2.0, B=0.5, C=0.5)  # kg, kg m, kg m^2: known to the plant, not to the law
+arm = al.planar_pr(A=2.0, B=0.5, C=0.5)  # kg, kg m, kg m^2: the plant uses these values, the law does not know them
 motion = al.Sinusoid(
     offset=[0.0, 0.3],  # m, rad
     amplitude=[[0.5, 0.2], [0.8, 0.3]],

@@ -1,8 +1,9 @@
 """Quantities of an arm
 ====================
 
-A planar arm in four poses, with two quantities of its tip: the ellipse of velocities for joint rates of length one, and the effective mass
-in every direction. Then identities of mass matrix, Coriolis matrix and inverse dynamics.
+The figure has a planar arm in four poses, with two quantities of its tip. One is the ellipse of tip velocities for joint velocities of
+norm one. The other is the effective mass in every direction. The script also checks identities of the mass matrix, the Coriolis matrix
+and inverse dynamics.
 
 Run: ``python examples/arm_quantities.py [figure.png]``
 """

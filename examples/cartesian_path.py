@@ -1,8 +1,8 @@
 """Path of poses
 =============
 
-From poses of the tool to a timed motion. The tool follows straight lines with rounded corners, as fast as torques
-and limits of the tool allow.
+From poses of the tool, the script computes a timed motion. The tool follows straight lines with rounded corners. The motion is as fast as
+the torque limits and the speed limits of the tool allow.
 
 Run: ``python examples/cartesian_path.py [figure.png]``
 """
@@ -17,7 +17,7 @@ arm = al.load_urdf(al.example_urdf("seven_axis"))
 tool = arm.frame_names[-1]
 q0 = np.array([0.0, -0.4, 0.0, -1.8, 0.0, 1.6, 0.0])
 
-# Three poses: two straight lines, and half a radian about the tool's axis on the second one.
+# Three poses make two straight lines. On the second line the tool also rotates by 0.5 rad about its axis.
 poses = np.tile(arm.pose(q0, tool), (3, 1, 1))
 poses[1:, :3, 3] += [0.1, 0.2, -0.1]
 poses[2, :3, 3] += [-0.2, 0.1, 0.0]

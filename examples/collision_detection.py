@@ -1,8 +1,8 @@
 """Collision detection
 ===================
 
-A momentum observer distinguishes a collision from sensor noise. The figure compares its delay with the share of false alarms, from 10,000
-noisy runs.
+A momentum observer distinguishes a collision from sensor noise. From 10,000 noisy runs, the figure compares the delay of the detection with
+the rate of false alarms.
 
 Run: ``python examples/collision_detection.py [figure.png]``
 """
@@ -15,12 +15,12 @@ import armlet as al
 
 arm = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
 law = al.PDGravity(arm, [0.9, -0.7], kp=60.0, kd=15.0)
-dt, steps, hit = 2e-3, 90, 50  # s; the collision comes after 0.1 s
+dt, steps, hit = 2e-3, 90, 50  # s; the collision begins at step 50, 0.1 s
 force = np.array([1.2, -0.8, 0.0])  # N, at the tip
 runs = 10_000
 noise = {"v": 2e-3, "tau": 0.1}  # rad/s, N m: standard deviations of each sample
 
-# One motion, which every run sees through noise of its own.
+# All runs have the same motion, and each run has different sensor noise.
 sim = al.Simulator(al.RigidArm(arm), law, [0.4, -0.2], dt=dt, sample_time=dt, force_frame="link2")
 states = [(sim.q.copy(), sim.v.copy(), np.zeros(2))]
 for k in range(steps):
@@ -29,7 +29,7 @@ for k in range(steps):
 
 
 def seen(k: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """Sample k of every run."""
+    """Measured q, v and tau at step k, (runs, 2) each."""
     q, v, tau = states[k]
     others = (x + rng.normal(0.0, noise[name], (runs, 2)) for x, name in ((v, "v"), (tau, "tau")))
     return [np.broadcast_to(q, (runs, 2)), *others]
@@ -41,7 +41,7 @@ for gain in (25.0, 50.0, 100.0):  # 1/s
     observer = al.MomentumObserver(arm, gain)
     observer.reset(*seen(0, rng)[:2])
     residuals = np.array([observer.update(*seen(k, rng), dt) for k in range(1, steps + 1)])  # (K, runs, 2)
-    # Thresholds in standard deviations of the free motion, after the start has died out.
+    # The thresholds are multiples of the residual's standard deviation in free motion, measured after the initial transient.
     free = residuals[hit // 2 : hit]
     centre, spread = free.mean(axis=(0, 1)), free.std(axis=(0, 1))
     height = np.max(np.abs(residuals - centre) / spread, axis=-1)  # (K, runs)
@@ -57,7 +57,8 @@ for gain in (25.0, 50.0, 100.0):  # 1/s
     for sigmas, alarms, median, late in rows[::2]:
         print(f"  {sigmas:4.2f} sigmas: false alarms {100 * alarms:6.2f} %, delay {1e3 * median:5.1f} ms, 99 % within {1e3 * late:5.1f} ms")
 
-# The same with the observer of the loop: noise of the velocities alone, since a loop knows its torque. Both observers see as much noise.
+# The observer outside of the loop and the observer inside `Guarded` are compared. Only the velocities have noise here, because a loop knows
+# its commanded torque.
 gain, sigmas = 50.0, 4.5
 rng = np.random.default_rng(1)
 observer = al.MomentumObserver(arm, gain)

@@ -1,9 +1,8 @@
 """Reactions to a collision
 ========================
 
-An arm runs into a wall that its law does not know. The momentum observer in the sampled loop detects the contact.
-The arm then continues, stops, floats or retracts. The table shows the peak force of each reaction. It also shows the delay of the
-detection in 10,000 noisy runs.
+An arm hits a wall that its law does not know. The momentum observer in the sampled loop detects the contact. The arm then continues,
+stops, floats or retracts. The table has the peak force of each reaction, and the delay of the detection in 10,000 noisy runs.
 
 Run: ``python examples/collision_reactions.py [figure.png]``
 """
@@ -16,12 +15,12 @@ import armlet as al
 
 arm = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], gravity=[0.0, -9.81])
 motion = al.Quintic([1.2, -1.8], [0.4, -0.3], 1.5)
-tip = arm.position(motion(0.75)[0], "link2")  # the tip half way, where the wall is
+tip = arm.position(motion(0.75)[0], "link2")  # position of the tip halfway along the motion; the wall is there
 wall = al.Wall("link2", tip, [-1.0, 0.0, 0.0], stiffness=2e4, damping=50.0)
 plant = al.RigidArm(arm, wall=wall)
 tracking = al.ComputedTorque(arm, motion, kp=400.0, kd=40.0)
 
-# The thresholds come from a run of free motion with the noise of the sensors: five standard deviations of the residual.
+# A run of free motion with sensor noise gives the thresholds: five standard deviations of the residual.
 noise = {"v": 2e-3}  # rad/s, standard deviation of each sample
 sampled = al.Sampling(1e-3, noise=noise, seed=1)
 observer = al.MomentumObserver(arm, 60.0)
@@ -47,7 +46,8 @@ for name, keywords in reactions.items():
     impulse = np.trapezoid(force, run.t)
     print(f"{name:12} {found:>9} {joint:>5} {force.max():9.1f} N {force[-1]:9.1f} N {impulse:6.1f} N s")
 
-# The same loop 10,000 times, each with other noise: false alarms before the contact, and the delay of the detection.
+# The sampled loop runs 10,000 times with different noise. The script counts false alarms before the contact and measures the delay of the
+# detection.
 rows = 10_000
 law = al.Guarded(tracking, observer, "stop", stiffness=400.0, damping=30.0)
 start = np.tile(motion(0.0)[0], (rows, 1))

@@ -1,8 +1,8 @@
 """Elastic joints against a wall
 =============================
 
-A seven-axis arm with elastic joints moves against a wall under Cartesian impedance. The figure has the contact force, the joint torques,
-and limits of the control.
+A seven-axis arm with elastic joints presses against a wall under Cartesian impedance control. The figure has the contact force, the joint
+torques, and limits of the controller.
 
 Run: ``python examples/elastic_wall.py [figure.png]``
 """
@@ -22,7 +22,7 @@ joint_stiffness = np.array([12e3, 12e3, 10e3, 8e3, 6e3, 4e3, 3e3])  # N m/rad
 motor_inertia = np.array([2.0, 2.0, 1.5, 1.2, 0.8, 0.5, 0.4])  # kg m^2, after the gears
 reduced_inertia = motor_inertia / 5
 
-# The wall stands 5 cm in front of the tip; the target moves 8 cm into it in 2 s, and rests there.
+# The wall is 5 cm in front of the tip. In 2 s the target moves 13 cm, so 8 cm into the wall, and stops there.
 wall = al.Wall(frame, tip + np.array([0.05, 0.0, 0.0]), [-1.0, 0.0, 0.0], stiffness=20e3, damping=50.0)
 plant = al.ElasticArm(arm, joint_stiffness, motor_inertia, wall=wall)
 stiffness, damping = np.array([800.0, 1500.0, 1500.0]), np.array([90.0, 120.0, 120.0])  # N/m, N s/m
@@ -36,7 +36,7 @@ x = np.asarray(arm.position(run.q, frame))
 depth = x[:, 0] - tip[0] - 0.05
 x_dot = np.einsum("kij,kj->ki", np.asarray(arm.jacobian(run.q, frame))[:, :3], run.v)
 force = np.where(depth > 0.0, np.maximum(0.0, 20e3 * depth + 50.0 * x_dot[:, 0]), 0.0)
-# At rest the two springs share the way: F = (0.13 - 0.05) / (1/800 + 1/20000).
+# At equilibrium the impedance and the wall are two springs in series: F = (0.13 - 0.05) / (1/800 + 1/20000).
 expected = 0.08 / (1 / 800 + 1 / 20e3)
 print(f"contact from {run.t[np.argmax(depth > 0)]:.2f} s on, largest force {force.max():.1f} N, at the end {force[-1]:.2f} N")
 print(f"  two springs in series: {expected:.2f} N")

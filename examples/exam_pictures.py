@@ -1,8 +1,8 @@
 """Pictures of the exam
 ====================
 
-The PR robot of exercise 1, and figures 2 and 4 of exercise 4. These show the symmetric motion of a link under gravity with its
-acceleration, and its inertial torque and gravity torque over time. The two torques always have opposite signs.
+The script draws the PR robot of exercise 1, and figures 2 and 4 of exercise 4. These figures have the symmetric motion of a link under
+gravity with its acceleration, and its inertial torque and gravity torque over time. The two torques always have opposite signs.
 
 Run: ``python examples/exam_pictures.py [figure.png]``
 """

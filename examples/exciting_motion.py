@@ -1,8 +1,8 @@
 """Exciting motion
 ===============
 
-From a motion to an identified arm. The script computes the periodic motion within the joint limits that determines the base parameters
-best, makes a noisy record of it, and identifies the arm.
+The script computes the periodic motion within the joint limits that determines the base parameters best. It simulates a noisy record of
+this motion and identifies the arm from the record.
 
 Run: ``python examples/exciting_motion.py [figure.png]``
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 import armlet as al
 
-drawn = al.load_urdf(al.example_urdf("six_axis"))  # the file has limits of position, speed and torque
+drawn = al.load_urdf(al.example_urdf("six_axis"))  # the file contains limits of position, speed and torque
 rng = np.random.default_rng(4)
 built = drawn.with_parameters(drawn.parameters * rng.uniform(0.8, 1.2, drawn.parameters.size))
 noise = np.array([0.5, 0.5, 0.5, 0.1, 0.1, 0.1])  # N m
@@ -22,7 +22,8 @@ duration, samples = 10.0, 200
 motion = al.exciting_motion(drawn, duration, limits={"a_max": 10.0}, noise=noise, harmonics=3, samples=samples, iterations=60)
 print(motion)
 
-# Twenty periods of torque with noise. The motion starts in full swing; a robot joins it from rest by a quintic.
+# Record of twenty periods, with noise on the torque. The periodic motion has a nonzero initial velocity. A robot can reach this velocity
+# from rest by a quintic motion.
 t = np.arange(20 * samples) * (duration / samples)
 q, v, a = (np.array(x) for x in zip(*(motion(time) for time in t), strict=True))
 tau = built.inverse_dynamics(q, v, a) + noise * rng.normal(size=q.shape)
@@ -33,7 +34,7 @@ guess = found.base.projection @ drawn.parameters
 print(f"{found.base.count} base parameters, condition {found.condition:.0f}")
 print(f"largest error as drawn {np.abs(guess - true).max():.3f}, as identified {np.abs(found.values - true).max():.4f} (SI)")
 
-# The deviations are those that the motion promised for one period, divided by the square root of twenty.
+# Twenty periods divide the deviations predicted for one period by the square root of twenty.
 assert np.all(np.abs(found.values - true) < 4.5 * found.deviations)
 assert np.allclose(found.deviations, motion.deviations / np.sqrt(20.0), rtol=0.1)
 

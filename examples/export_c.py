@@ -1,8 +1,8 @@
 """A law as C
 ==========
 
-An adaptive law of a six-axis arm is written as C99, compiled, and called from Python at the samples of a run of armlet. Torques and
-estimates have the same bits.
+The script writes an adaptive law of a six-axis arm as C99 and compiles it. It calls the C from Python at the samples of an armlet run.
+Torques and estimates have equal bits.
 
 Run: ``python examples/export_c.py [folder]``
 """
@@ -26,7 +26,7 @@ files = al.export_c(law, folder, dt=1e-3)
 for file in files:
     print(f"{file.name:16} {file.stat().st_size / 1000:6.0f} kB")
 
-# The same law in armlet, sampled every millisecond.
+# armlet's run of this law, sampled every millisecond.
 run = al.simulate(al.RigidArm(arm), law, [0.2] * 6, t_end=0.5, dt=1e-3, sample_time=1e-3)
 
 compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -36,7 +36,7 @@ library = f"{folder}/law.so"
 subprocess.run([compiler, "-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", str(files[1]), "-o", library, "-lm"], check=True)
 step, init = ctypes.CDLL(library).law_step, ctypes.CDLL(library).law_init
 
-# tau, estimate, its rate, time, and whether there was a call.
+# The C state has the torque, the estimate, the rate of the estimate, the time, and a flag of earlier calls.
 n, p = 6, 60
 state, tau = np.zeros(n + 2 * p + 2), np.zeros(n)
 pointer = ctypes.POINTER(ctypes.c_double)

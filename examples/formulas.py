@@ -1,8 +1,8 @@
 """Formulas of an arm
 ==================
 
-The mass matrix of a shoulder with two parallel axes, as a formula. Then a comparison of the formulas with
-numbers of the core, and the regressor of the exam's robot in LaTeX.
+The script prints the mass matrix of a shoulder with two parallel axes as a formula. It compares the formulas with numbers of the core, and
+prints the regressor of the exam's PR robot in LaTeX.
 
 Run: ``python examples/formulas.py``
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 import armlet as al
 
-phi = [2.0, 0.4, 0.0, 0.0, 0.01, 0.0, 0.12, 0.0, 0.0, 0.12]  # m, m c, inertia about the joint
+phi = [2.0, 0.4, 0.0, 0.0, 0.01, 0.0, 0.12, 0.0, 0.0, 0.12]  # mass (kg), m c (kg m), inertia about the joint (kg m^2)
 joints = [
     {"type": "R", "axis": [0, 0, 1], "phi": [0, 0, 0, 0, 0, 0, 0, 0, 0, 0.05]},
     {"type": "R", "axis": [0, 0, 1], "rpy": [np.pi / 2, 0, 0], "phi": phi},

@@ -1,9 +1,9 @@
 """A sweep of gains
 ================
 
-10,000 runs of an adaptive controller with random gains, and the map of its error over them.
+The script simulates 10,000 runs of an adaptive controller with random gains and draws the error over the gains.
 
-Run: ``python examples/gain_sweep.py [figure.png]``; with more time, ``armlet sweep`` does the same from a file and keeps its results.
+Run: ``python examples/gain_sweep.py [figure.png]``. ``armlet sweep`` runs a sweep from a file and stores its results.
 """
 
 import sys
@@ -35,7 +35,7 @@ if len(sys.argv) > 1:
     import matplotlib.pyplot as plt
 
     def label(axis, ticks):
-        """A few ticks of a logarithmic axis as plain numbers."""
+        """Set a few ticks of a logarithmic axis, labelled with plain numbers."""
         axis.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
         axis.set_ticks([], minor=True)
 

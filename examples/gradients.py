@@ -1,7 +1,7 @@
 """Gains by gradient descent
 =========================
 
-The gradient of a loss of a closed loop with respect to all gains, by the adjoint of the run, and a descent along it.
+The adjoint of a run gives the gradient of a loss with respect to all gains of a closed loop. Gradient descent reduces the loss.
 
 Run: ``python examples/gradients.py [figure.png]``
 """
@@ -22,7 +22,7 @@ def law(gains: np.ndarray) -> al.PDGravity:
     return al.PDGravity(arm, target, kp=kp, kd=kd)
 
 
-# The logarithms of kp and kd: gains stay positive, and one step fits all of them.
+# The variables are logarithms of kp and kd. So gains stay positive, and one step size suits all of them.
 gains, values = np.log([8.0, 6.0, 6.0, 4.0]), []
 for _ in range(25):
     value, slopes = al.gradient(loss, plant, law(gains), q0, ["law.kp", "law.kd"], t_end=2.0, dt=2e-3)
@@ -32,7 +32,7 @@ for _ in range(25):
 print(f"loss {values[0]:.4f} -> {min(values):.4f}, kp {np.exp(gains[:2]).round(1)}, kd {np.exp(gains[2:]).round(1)}")
 assert min(values) < 0.9 * values[0]
 
-# The same gradient along the tangents of the run.
+# Tangents of the run give the derivatives of q with respect to kp.
 run = al.simulate(plant, law(gains), q0, t_end=2.0, dt=2e-3, sensitivity=["law.kp"])
 print(f"largest |dq/dkp| {np.abs(run.sensitivity['law.kp'].q).max():.2e} rad per N m/rad")
 

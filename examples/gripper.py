@@ -1,7 +1,7 @@
 """An arm with a gripper
 =====================
 
-Two joints carry a parallel gripper. The right finger mirrors the left one (``<mimic>``), so that both fingers are one degree of
+An arm with two joints has a parallel gripper. The right finger mirrors the left finger (``<mimic>``), so both fingers are one degree of
 freedom. ``q`` has three entries for four joints. A computed-torque law closes the gripper while the arm moves.
 
 Run: ``python examples/gripper.py [figure.png]``

@@ -1,8 +1,8 @@
 """Identification
 ==============
 
-The parameters of a six-axis arm from a noisy record: base parameters, their standard deviations, and a physically possible robot with
-these parameters.
+From a noisy record of a six-axis arm, the script identifies the base parameters and their standard deviations. Then it computes a
+physically possible robot from these parameters.
 
 Run: ``python examples/identification.py [figure.png]``
 """
@@ -13,29 +13,29 @@ import numpy as np
 
 import armlet as al
 
-# The arm as drawn, and the arm as built: every parameter up to 20 % off.
+# `drawn` is the nominal model. `built` is the real arm: each of its parameters differs by up to 20 %.
 drawn = al.load_urdf(al.example_urdf("six_axis"))
 rng = np.random.default_rng(4)
 built = drawn.with_parameters(drawn.parameters * rng.uniform(0.8, 1.2, drawn.parameters.size))
 
-# Twenty seconds of sines, torque with noise.
+# The record is twenty seconds of sinusoidal motion, with noise on the torque.
 t = np.linspace(0.0, 20.0, 2001)[:, None]
 w = np.array([0.9, 1.3, 1.7, 2.1, 2.6, 3.1])
 q, v, a = np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)
 noise = np.array([0.5, 0.5, 0.5, 0.1, 0.1, 0.1])
 tau = built.inverse_dynamics(q, v, a) + noise * rng.normal(size=q.shape)
 
-found = drawn.identify(q, v, a, tau, noise=noise)  # the rotors are known: those of the drawing
+found = drawn.identify(q, v, a, tau, noise=noise)  # rotor inertias are known and equal in both models
 true = found.base.projection @ built.parameters
 print(f"{found.base.count} base parameters of {len(found.base.names)}, condition {found.condition:.0f}")
 print(f"{'true':>10} {'found':>10} {'deviation':>10}  parameter")
 for k in np.argsort(-np.abs(true))[:8]:
     print(f"{true[k]:10.4f} {found.values[k]:10.4f} {found.deviations[k]:10.1e}  {found.base.grouping[k]}")
 
-# Within four deviations, as noise wants it.
+# Each error must be below 4.5 standard deviations.
 assert np.all(np.abs(found.values - true) < 4.5 * found.deviations)
 
-# A robot that can exist, and tracks the record better than the drawing does.
+# The projected parameters are physically possible. They must fit the record better than the nominal model.
 possible = drawn.with_parameters(drawn.project_parameters(found.arm.parameters))
 assert possible.check_parameters()
 residual = {}

@@ -1,7 +1,7 @@
 """Integration
 ===========
 
-Integrate your right-hand side: a ball that bounces, and a stiff reaction in comparison with scipy.
+``al.integrate`` integrates any right-hand side. The examples are a ball that bounces, and a stiff chemical reaction compared with scipy.
 
 Run: ``python examples/integrate_callable.py [figure.png]``
 """
@@ -12,11 +12,11 @@ import time
 
 import armlet as al
 
-g, restitution = 9.81, 0.8  # m/s^2, speed after over before
+g, restitution = 9.81, 0.8  # m/s^2; ratio of the speeds after and before an impact
 
 
 def fall(t: float, y: list[float]) -> list[float]:
-    """Height and velocity of a ball."""
+    """Rates of height (m) and velocity (m/s) of a ball in free fall."""
     return [y[1], -g]
 
 
@@ -27,7 +27,7 @@ def floor(t: float, y: list[float]) -> float:
 floor.direction = -1
 floor.terminal = 1
 
-# Events end a run; the state jumps; the next run begins there.
+# Each impact is an event that ends a run. The velocity is reversed, and the next run starts at this state.
 t, state, bounces, arcs = 0.0, [1.0, 0.0], [], []
 while len(bounces) < 5:
     run = al.integrate(fall, (t, 60.0), state, events=floor, lists=True, dense_output=True)

@@ -1,8 +1,8 @@
 """A feed-forward term, learned
 ============================
 
-A PD law with gravity compensation lags behind a fast motion, and its model of the arm is wrong. A Fourier series corrects its reference.
-The coefficients are learned from the tangents of the loop, by Gauss-Newton.
+A PD law with gravity compensation follows a fast motion with a large error, because its model of the arm is wrong. A Fourier series
+corrects its reference. Gauss-Newton steps learn the coefficients from the tangents of the loop.
 
 Run: ``python examples/learn_feedforward.py [figure.png]``
 """
@@ -14,7 +14,7 @@ import numpy as np
 import armlet as al
 
 arm = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
-robot = al.RigidArm(al.planar_arm([0.5, 0.4], masses=[3.3, 2.6]))  # what the law does not know
+robot = al.RigidArm(al.planar_arm([0.5, 0.4], masses=[3.3, 2.6]))  # the robot has other masses than the model of the law
 wanted = al.Sinusoid([0.2, 0.4], [0.5, 0.4], [3.0, 3.0], [0.0, 0.6])
 frequencies = np.tile([3.0, 6.0, 9.0], (2, 1))  # rad/s
 options = {"t_end": 4.0, "dt": 4e-3, "v0": wanted(0.0)[1], "monitors": False}
@@ -22,7 +22,7 @@ q0 = wanted(0.0)[0]
 
 
 def loop(offset: np.ndarray, sines: np.ndarray, cosines: np.ndarray) -> al.PID:
-    """The law whose reference is the wanted motion and a series of sines and cosines, rad."""
+    """The law with a corrected reference: the desired motion plus a series of sines and cosines, rad."""
     amplitude = np.concatenate([[[0.5], [0.4]], sines, cosines], axis=1)
     phase = np.concatenate([[[0.0], [0.6]], np.zeros((2, 3)), np.full((2, 3), np.pi / 2)], axis=1)
     motion = al.Sinusoid(offset, amplitude, np.concatenate([np.full((2, 1), 3.0), frequencies, frequencies], axis=1), phase)
@@ -40,7 +40,8 @@ for _ in range(4):
     desired = np.array([wanted(t)[0] for t in run.t])
     error = run.q - desired
     errors.append(np.sqrt((error**2).mean()))
-    # The tangents with respect to the offsets and to the amplitudes of the series; that of the wanted motion stays.
+    # Tangents with respect to the offsets and the amplitudes of the series. The first amplitude belongs to the desired motion and does not
+    # change.
     offset = run.sensitivity["law.target.offset"].q
     amplitude = run.sensitivity["law.target.amplitude"].q.reshape(*run.q.shape, 2, 7)[..., 1:]
     tangents = np.concatenate([offset, amplitude.reshape(*run.q.shape, 12)], axis=-1).reshape(-1, 14)
@@ -59,7 +60,7 @@ if len(sys.argv) > 1:
     before = run_of(loop(np.array([0.2, 0.4]), np.zeros((2, 3)), np.zeros((2, 3))))
     figure = plt.figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    # Both errors are near zero at the end: dashes show the line below.
+    # After learning, the errors of both joints are near zero. The dashed line makes both curves visible.
     for each, label, styles in ((before, "before", (":", ":")), (run, "learned", ("-", "--"))):
         for k in range(2):
             color = ("#0072B2", "#D55E00")[k]

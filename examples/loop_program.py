@@ -1,8 +1,8 @@
 """The program of a loop
 =====================
 
-The computation of one step of a pendulum under PD control with gravity compensation, in four forms: recorded, simplified, lowered to the
-instruction set, and as machine code.
+A *program* is the straight-line code of one step of a loop. The example is a pendulum under PD control with gravity
+compensation. The script shows its program in four forms: recorded, simplified, lowered to the instruction set, and machine code.
 
 Run: ``python examples/loop_program.py [figure.png]``
 """
@@ -16,13 +16,13 @@ law = al.PDGravity(arm, target=[1.0], kp=40.0, kd=7.0)
 program = al.loop_program(al.RigidArm(arm), law, method="euler")
 print(program)
 
-# Larger loops: how the work grows with the joints, and how much of what the source computes is left.
+# For larger loops, this table has the number of operations that the recording has, and the number that remain after simplification.
 print("\n   arm            recorded  simplified  instructions  longest chain")
 six = al.load_urdf(al.example_urdf("six_axis"))
 arms = {"pendulum": arm, "planar 2R": al.planar_arm([0.5, 0.4]), "planar 4R": al.planar_arm([0.4] * 4), "six axes": six}
 for name, other in arms.items():
     law = al.PDGravity(other, target=[0.3] * other.n, kp=40.0, kd=7.0)
-    rates = al.loop_program(al.RigidArm(other), law, method="dopri5")  # the right-hand side, once
+    rates = al.loop_program(al.RigidArm(other), law, method="dopri5")  # the program of one evaluation of the right-hand side
     sizes = [len(rates.at(stage)) for stage in ("recorded", "simplified", "lowered")]
     print(f"   {name:12} {sizes[0]:10} {sizes[1]:11} {sizes[2]:13} {rates.at('lowered').critical_path:14}")
 

@@ -1,8 +1,8 @@
 """Methods and their work
 =======================
 
-The error of a pendulum after ten seconds against the number of evaluations of its equation. With fixed steps the error falls with the order
-of the method, and with adaptive steps with the tolerance.
+The figure compares the error of a pendulum after ten seconds with the number of evaluations of its equation. For fixed steps the slope
+is the order of the method. For adaptive steps the tolerance determines the error.
 
 Run: ``python examples/methods.py [figure.png]``
 """
@@ -18,7 +18,7 @@ ADAPTIVE = ("dopri5", "dop853", "rodas4", "radau5")
 
 
 def pendulum(t: float, y: list[float]) -> list[float]:
-    """Angle from the downward vertical, rad, and its rate."""
+    """Rates of the angle from the downward vertical (rad) and of the angular velocity (rad/s)."""
     return [y[1], -9.81 * np.sin(y[0])]
 
 
@@ -31,9 +31,9 @@ right = al.integrate(pendulum, (0.0, 10.0), start, method="dop853", rtol=1e-13, 
 
 
 def work(method: str, **options: float) -> tuple[int, float]:
-    """Evaluations and the largest error of the last state."""
+    """Number of evaluations, and largest error of the final state."""
     if method == "semi_implicit":
-        options["positions"] = 1  # the first component is a position, the other its rate
+        options["positions"] = 1  # number of positions: the first component is a position, the other its rate
     jac = jacobian if method in ("ros2", "rodas4", "radau5") else None
     run = al.integrate(pendulum, (0.0, 10.0), start, method=method, jac=jac, lists=True, **options)
     return run.stats["evaluations"], float(np.abs(run.y[-1] - right).max())

@@ -1,7 +1,8 @@
 """Minimum time
 ============
 
-One link under gravity: the durations of a profile that a torque limit allows, and the minimum time of all motions.
+One link moves under gravity and a torque limit. The script computes the feasible durations of a symmetric profile, and the minimum time
+of all motions.
 
 Run: ``python examples/minimum_time.py [figure.png]``
 """
@@ -26,13 +27,13 @@ o = al.torque_optimal_time(start, end, inertia, gravity_moment, tau_max)
 print(f"optimum: {o.t:.4f} s, {r.t_min / o.t:.4f} times faster; the torque switches at {o.theta_switch:.4f} rad, {o.t_switch:.4f} s")
 print(f"  the best of the families is {o.best.kind}; certified as the global optimum: {o.certified_global}")
 
-# Many links at once: arrays broadcast.
+# One call solves many links: arrays broadcast.
 ratios = np.array([0.5, 1.0, 1.5, 2.0, 2.5])
 batch = al.bang_bang_time(start, end, inertia, ratios * tau_max, tau_max)
 for ratio, feasible, t_min, reason in zip(ratios, batch.feasible, batch.t_min, batch.reason, strict=True):
     print(f"gravity over limit {ratio}:", f"{t_min:.4f} s" if feasible else reason)
 
-# Where the monotone motion is slow, backing up first wins.
+# The monotone motion is slow here. A motion that first moves backwards is faster.
 o = al.torque_optimal_time(math.pi / 2, 3.0, inertia, gravity_moment, 1.02 * gravity_moment)
 print(f"pi/2 -> 3 at 1.02 G: {o.t:.4f} s monotone, {o.best.t:.4f} s with a {o.best.kind} that turns at {o.best.theta_turn:.4f} rad")
 q, v, a, tau = o.profile(np.linspace(0.0, o.best.t, 5))

@@ -1,11 +1,11 @@
 """A MuJoCo model under an armlet law
 ==================================
 
-A law of armlet controls a MuJoCo model. The script compares the loop with the one that armlet simulates.
+A law of armlet controls a MuJoCo model. The script compares this loop with a loop that armlet simulates.
 
-The law is called once per step of MuJoCo, and its torque is held for the step: a sampled loop. With MuJoCo's Runge-Kutta method both
-loops integrate the same equations by the same method, so they differ only by rounding. With MuJoCo's semi-implicit Euler they differ by
-the error of that method, which is of the order of the step.
+The loop is sampled: MuJoCo calls the law once per step and holds the torque during the step. With MuJoCo's Runge-Kutta method both loops
+integrate equal equations by the same method, so they differ only by rounding. With MuJoCo's semi-implicit Euler method they differ by the
+error of this method, which is proportional to the step.
 
 Run: ``python examples/mujoco_loop.py [figure.png]``; needs mujoco (``pip install 'armlet[mujoco]'``).
 """
@@ -42,7 +42,7 @@ MODEL = """
 </mujoco>
 """
 model = mujoco.MjModel.from_xml_string(MODEL)
-model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # the links touch where they are joined
+model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # neighbouring links touch at their joint
 arm = al.from_mujoco(model)
 dt, steps, q0 = model.opt.timestep, 3000, np.array([0.1, -0.1, 0.3])
 motion = al.Quintic([0.0, 0.0, 0.0], [1.2, -0.6, 1.5], duration=2.0)  # rad, s
@@ -50,7 +50,7 @@ law = al.ComputedTorque(arm, motion, kp=100.0, kd=20.0)  # 1/s^2, 1/s
 
 
 def drive(integrator):
-    """The angles of MuJoCo's arm under the law, (steps + 1, 3)."""
+    """Joint angles of MuJoCo's arm under the law, rad, (steps + 1, 3)."""
     model.opt.integrator = integrator
     data = mujoco.MjData(model)
     data.qpos[:] = q0
@@ -69,7 +69,8 @@ goal = np.abs(runge_kutta[-1] - motion(3.0)[0]).max()
 print(f"MuJoCo by Runge-Kutta and armlet: {same:.1e} rad apart at most in {steps} steps")
 print(f"MuJoCo by semi-implicit Euler and armlet: {near:.1e} rad")
 print(f"distance to the goal after 3 s: {goal:.1e} rad")
-# Rounding of two ways to the same accelerations, in a loop that forgets it; Euler's error is of the order of the step.
+# `same`: MuJoCo and armlet round accelerations differently, and the loop is contracting. `near`: the error of Euler's method is
+# proportional to the step.
 assert same < 1e-10 and 1e-6 < near < 10.0 * dt and goal < 1e-4
 
 if len(sys.argv) > 1:

@@ -1,10 +1,11 @@
 """Null space of an impedance law
 ==============================
 
-A seven-axis arm holds its tip by a Cartesian spring, while a joint spring in the null space moves it to another posture.
+A Cartesian spring holds the tip of a seven-axis arm. A joint spring in the null space moves the arm to another posture.
 
-Three laws: the static projector, the dynamically consistent one, and the latter with the coupling compensated. The torque of the consistent
-projector does not accelerate the tip. The null motion still moves it through `C v` and `J_dot v`, unless the law compensates them.
+The script compares three laws: the static projector, the dynamically consistent projector, and the consistent projector with compensated
+coupling. The torque of the consistent projector does not accelerate the tip. But the motion in the null space still moves the tip through
+`C v` and `J_dot v`, unless the law compensates these terms.
 
 Run: ``python examples/null_space.py [figure.png]``
 """

@@ -3,9 +3,9 @@
 
 A two-joint arm lifts a tool that its controller does not know. Three controllers run at 1 kHz and measure only positions.
 
-PD with gravity compensation leaves an error. An integral removes it slowly. A disturbance observer finds the torque of the tool within a
-fraction of a second. The lower panel compares this torque with the weight of the tool. It also includes the tool's
-inertia.
+PD with gravity compensation has a steady-state error. An integral term removes the error slowly. A disturbance observer estimates the
+torque of the tool within a fraction of a second. The lower panel compares the estimate with the weight of the tool. The estimate also
+includes the tool's inertia.
 
 Run: ``python examples/pid.py [figure.png]``
 """
@@ -42,7 +42,7 @@ if len(sys.argv) > 1:
         above.semilogy(run.t, np.maximum(error, 1e-6), label=name)
     above.set(title="error of the joint that is farthest off", ylabel="error (rad)")
     above.legend()
-    # The disturbance that the law takes off; the tool pulls the other way.
+    # The law subtracts its disturbance estimate. The torque of the tool has the opposite sign.
     terms = [law.terms(t, q, v, state=z) for t, q, v, z in zip(run.t, run.q, run.v, run.estimate, strict=True)]
     found = -np.array([each["disturbance"] for each in terms])
     weight = loaded.gravity(run.q) - arm.gravity(run.q)

@@ -1,11 +1,11 @@
 """The picture of the README
 =========================
 
-The picture of the README: one result of each of the four systems at the origin of armlet.
+The picture has one result of each of the four systems from which armlet originated.
 
     python examples/readme_picture.py docs/images
 
-draws ``four_systems.png`` into this folder, or by default into the current one. It requires matplotlib.
+This command draws ``four_systems.png`` into the named folder, by default the current folder. It requires matplotlib.
 """
 
 import sys
@@ -22,7 +22,7 @@ from armlet.figures import COLOURS
 
 
 def adaptive(ax):
-    """All parameters of the PR robot unknown: the error goes to zero all the same."""
+    """Adaptive control: the tracking error goes to zero although all parameters of the PR robot are unknown."""
     arm = al.planar_pr(A=2.0, B=0.5, C=0.5)
     motion = al.Sinusoid(offset=[0.0, 0.3], amplitude=[0.5, 0.8], frequency=[1.0, 1.7], phase=[0.0, 0.0])
     law = al.Adaptive(arm, motion, kp=[40.0, 20.0], kd=[20.0, 10.0], gamma=5.0)
@@ -35,7 +35,7 @@ def adaptive(ax):
 
 
 def priority(ax):
-    """The 4R arm near an algorithmic singularity at q4 = 0: formula (5) against the clamp."""
+    """Task priority: joint velocities of the 4R arm near the algorithmic singularity q4 = 0, by formula (5) and by the clamped inverse."""
     arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
     q4 = np.concatenate([-np.geomspace(0.5, 1e-4, 200), np.geomspace(1e-4, 0.5, 200)])
     q = np.stack([0 * q4, 0 * q4 + np.pi / 2, 0 * q4 + np.pi / 2, q4], axis=1)
@@ -50,7 +50,7 @@ def priority(ax):
 
 
 def elastic(ax):
-    """Elastic joints made into a spring and a damper at the tip: a push, and the deflection it must give."""
+    """Elastic joints: the controller makes the tip a spring-damper. A force pushes it, and the deflection must be that of the spring."""
     arm = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
     K_J, B, K = np.array([800.0, 500.0]), np.array([0.4, 0.25]), np.array([300.0, 200.0])
     x_d, F = arm.position([0.3, 1.2], "link2")[:2], np.array([10.0, -15.0])
@@ -66,7 +66,7 @@ def elastic(ax):
 
 
 def minimum_time(ax):
-    """One link lifted from -90 to 90 degrees under a torque limit: the symmetric profile against the optimum."""
+    """Minimum time: a torque limit lifts one link from -90 to 90 degrees by the symmetric profile and by the optimum."""
     start, end = -np.pi / 2, np.pi / 2
     profile = al.bang_bang_time(start, end, inertia=1.0, gravity_moment=1.0, tau_max=1.0)
     optimum = al.torque_optimal_time(start, end, inertia=1.0, gravity_moment=1.0, tau_max=1.0)

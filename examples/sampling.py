@@ -1,8 +1,8 @@
 """Effects of sampling
 ===================
 
-The proof of an adaptive law holds for continuous time. With longer sample times the tracking error grows, and the Lyapunov balance no
-longer closes. A delay of one sample has about the same effect again.
+The stability proof of an adaptive law is valid in continuous time. With a longer sample time the tracking error is larger, and the Lyapunov
+balance is no longer zero. An additional delay of one sample has an effect of similar size.
 
 Run: ``python examples/sampling.py [figure.png]``
 """
@@ -21,7 +21,7 @@ periods = np.array([1, 2, 4, 8, 16, 32, 64, 96]) * dt  # s
 
 
 def cost(sample_time) -> tuple[float, float]:
-    """Rms error of joint 2 over the last 10 s, rad, and the largest |Lyapunov balance|, J; infinite if the loop fails."""
+    """Rms error of joint 2 over the last 10 s, rad, and largest |Lyapunov balance|, J. Both are infinite if the loop fails."""
     run = al.simulate(al.RigidArm(arm), law, [0.2, -0.3], t_end=t_end, dt=dt, sample_time=sample_time, record_every=40, throw=False)
     if run.status != al.Status.SUCCESS:
         return np.inf, np.inf

@@ -1,10 +1,10 @@
 """A singularity atlas
 ===================
 
-The singularities of a planar 4R arm with two tasks, and the results of five maps on one path across them.
+The figure has the singularities of a planar 4R arm with two tasks, and the results of five inverse maps on a path through them.
 
-The figure has level sets over joints 2 and 4. They are those of det J_E = L^4/16 sin q2 sin q4 and of the smallest singular values of J1
-and of J2 P1. It also has the path of a closed loop across the algorithmic singularity q4 = 0.
+It has level sets of three functions over joints 2 and 4. They are det J_E = L^4/16 sin q2 sin q4, and the smallest singular values of J1
+and of J2 P1. It also has the path of a closed loop through the algorithmic singularity q4 = 0.
 
 Run: ``python examples/singularity_atlas.py [figure.png]``
 """
@@ -23,10 +23,10 @@ solver = al.PrioritySolver.for_arm(arm, tasks, method="exact")
 
 
 def smallest(q):
-    """det J_E and the smallest singular values of J1 and of J2 P1 at `q` (..., 4)."""
+    """det J_E, and the smallest singular values of J1 and of J2 P1, for `q` (..., 4)."""
     J1, J2 = (arm.jacobian(q, frame)[..., :2, :] for frame in frames)
     determinant = np.linalg.det(np.concatenate([J1, J2], axis=-2))
-    null = np.linalg.svd(J1)[2][..., 2:, :]  # rows: an orthonormal basis of what the primary leaves
+    null = np.linalg.svd(J1)[2][..., 2:, :]  # rows: an orthonormal basis of the null space of J1
     projected = np.linalg.svd(J2 @ null.swapaxes(-1, -2), compute_uv=False)
     return determinant, np.linalg.svd(J1, compute_uv=False)[..., -1], projected[..., -1]
 
@@ -39,7 +39,7 @@ print("det J_E against L^4/16 sin q2 sin q4, largest difference:", f"{np.abs(det
 for q in ([0, np.pi / 2, np.pi / 2, 0.3], [0, np.pi / 2, np.pi / 2, 0], [0, 0, np.pi / 2, 0.3], [0, 0, np.pi / 2, 0]):
     print(f"q = {np.round(q, 3)}: {solver.diagnose(q)}")
 
-# What the joints would do on a straight line through q4 = 0, as the motion of both tips.
+# A straight line in joint space through q4 = 0 defines the desired motion of both tips.
 middle, half = np.array([0.2, 1.2, 1.4, 0.0]), np.array([0.3, 0.4, 0.2, 0.7])
 rate, shares = 2 * half / 2.0, np.linspace(-1, 1, 401)
 line = middle + shares[:, None] * half
@@ -47,7 +47,7 @@ line = middle + shares[:, None] * half
 
 def tip(frame):
     J, J_dot = arm.jacobian(line, frame)[:, :2], arm.jacobian_dot(line, np.broadcast_to(rate, line.shape), frame)[:, :2]
-    # The elbow's task is shifted, so that the two conflict at the singularity.
+    # The target of the second task is shifted by 5 cm, so that both tasks conflict at the singularity.
     shift = 0.05 if frame == "link2" else 0.0
     return al.Table(2.0 / 400, arm.position(line, frame)[:, :2] + shift, J @ rate, J_dot @ rate)
 

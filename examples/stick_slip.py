@@ -1,11 +1,12 @@
 """A joint that sticks and slips
 ==============================
 
-A link is brought to 1 rad by PD control, and by PID control. Its friction is higher at rest than in motion.
+PD control, then PID control, moves a link to 1 rad. Its friction is higher at rest than in motion.
 
-Under PD the link stops short of its target: friction holds the rest of the torque. Under PID the integral grows until the link breaks
-away. It passes the target and sticks on the other side. This repeats without end and is called hunting. With LuGre friction, which has
-no switch, the link hunts as well.
+Under PD the link stops before its target, because friction balances the remaining torque. Under PID the integral grows until the link
+slips.
+The link passes the target and sticks on the other side. This repeats forever and is called hunting. The LuGre friction model has no switch
+between stick and slip, and the link hunts with this model too.
 
 Run: ``python examples/stick_slip.py [figure.png]``
 """

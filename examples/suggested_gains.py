@@ -1,10 +1,10 @@
 """Gains for a bandwidth
 =====================
 
-Gains of a seven-axis arm for 15 rad/s, and the largest sample time.
+The script computes gains of a seven-axis arm for a bandwidth of 15 rad/s, and the largest sample time.
 
-``suggest_gains`` evaluates the mass matrix over the workspace. The step responses below are those of a sampled controller of one
-link, with three bandwidths: a fraction of the largest stable one, almost the largest, and a tenth more. The last one diverges.
+``suggest_gains`` evaluates the mass matrix over the workspace. The step responses are those of one link under a sampled controller. Its
+three bandwidths are a fraction of the largest stable one, almost the largest, and 10 % above the largest. The last response diverges.
 
 Run: ``python examples/suggested_gains.py``.
 """
@@ -22,7 +22,7 @@ link = al.pendulum(0.5, 0.0)
 for part in (0.3, 0.9, 1.1):
     h = 1e-2
     w = part * al.suggest_gains(link, 1.0, 1.0, h).computed_torque_limit
-    g = al.suggest_gains(link, w)  # without the sample time nothing is refused
+    g = al.suggest_gains(link, w)  # without `sample_time`, `suggest_gains` accepts unstable bandwidths
     run = al.simulate(al.RigidArm(link), al.PDGravity(link, [1.0], g.kp, g.kd), [0.0], t_end=1.0, dt=h, sample_time=h, throw=False)
     print(f"{part:.1f} of the limit, {w:5.1f} rad/s: {run.status.name}, last error {abs(run.q[-1, 0] - 1.0):.1e} rad")
 

@@ -1,7 +1,8 @@
 """Task priority
 =============
 
-Two tasks in priority on a planar 4R arm: the lost direction at a singularity, and the velocities of five maps on a path through it.
+A planar 4R arm has two tasks in priority. The script shows the direction that is lost at a singularity, and the joint velocities of five
+inverse maps on a path through it.
 
 Run: ``python examples/task_priority.py [figure.png]``
 """
@@ -23,7 +24,7 @@ def jacobians(q):
 
 
 q = np.array([0.0, 0.0, np.pi / 2, 0.0])
-rounding = 8 * np.finfo(float).eps * (1 + np.abs(q).sum())  # relative error of entries that angles made
+rounding = 8 * np.finfo(float).eps * (1 + np.abs(q).sum())  # relative rounding error of the entries of the Jacobians
 asked = [np.array([1.0, 1.0]), np.array([1.0, 1.0])]  # m/s: tip of link 4 first, tip of link 2 second
 
 print("stretched arm, q =", q)
@@ -31,7 +32,7 @@ print("diagnosis:", al.diagnose_priority(jacobians(q), rhs=asked, rounding=round
 sol = al.solve_priority(jacobians(q), asked, method="exact", rounding=rounding)
 print("v =", sol.v, "rad/s; primary residual", sol.residuals[0], "secondary", sol.residuals[1], "m/s")
 
-# Through the algorithmic singularity q4 = 0, all configurations at once: Jacobians (K, 2, 4), velocities broadcast.
+# The path goes through the algorithmic singularity q4 = 0. One call solves all configurations: Jacobians (K, 2, 4), velocities broadcast.
 q4 = np.linspace(-0.3, 0.3, 601)
 stacks = [jacobians([0.0, np.pi / 2, np.pi / 2, angle]) for angle in q4]
 J1, J2 = (np.array(level) for level in zip(*stacks, strict=True))
@@ -57,7 +58,7 @@ if len(sys.argv) > 1:
 
     fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
     for method, path, color, line in zip(paths, paths.values(), COLOURS[:5], ("-", "-", "-", "-", "--"), strict=True):
-        # Broad, because "sns" lies on it.
+        # The line is thick, because the line of "sns" covers it.
         width = 4.0 if method == "chiaverini" else 1.5
         ax.semilogy(q4, np.linalg.norm(path.v, axis=1), line, color=color, linewidth=width, label=method)
     ax.set(xlabel="q4 (rad)", ylabel="joint speed |v| (rad/s)", title="Five maps through an algorithmic singularity")

@@ -1,7 +1,7 @@
 """Timing of a path
 ================
 
-The fastest motion of an arm along a path, within torque limits.
+The script computes the fastest motion of an arm along a path, within torque limits.
 
 Run: ``python examples/time_path.py [figure.png]``
 """

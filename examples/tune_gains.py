@@ -1,10 +1,10 @@
 """Tuning of gains
 ===============
 
-Gains of a joint controller by differential evolution, for payloads that the controller does not know.
+Differential evolution finds gains of a joint controller for payloads that the controller does not know.
 
-A two-joint arm in a horizontal plane is under PD control, with samples every 2 ms, 4 ms delay, noisy speeds and limited torque. The script
-searches the gains with the least worst settling time over three payloads. Overshoot and torque add to this cost.
+A two-joint arm in a horizontal plane is under PD control, with samples every 2 ms, 4 ms delay, noisy speeds and limited torque. The cost of
+gains is the largest settling time over three payloads, plus terms for overshoot and torque.
 
 Run: ``python examples/tune_gains.py [figure.png]``; needs scipy (``pip install 'armlet[tune]'``).
 """
@@ -33,7 +33,7 @@ gains = {f"law.{name}[{i}]": {"log_uniform": scale} for name, scale in (("kp", [
 
 
 def cost(table):
-    """Settling time, s, plus a second for every 20 % of overshoot, and for every 100 N m of rms torque: noise costs."""
+    """Settling time, s, plus 1 s per 20 % of overshoot, plus 1 s per 100 N m of rms torque. The torque term penalises noise."""
     return table["settling_time"] + 5.0 * (table["overshoot1"] + table["overshoot2"]) + 0.01 * (table["tau_rms1"] + table["tau_rms2"])
 
 

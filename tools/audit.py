@@ -1,7 +1,7 @@
-"""What is shipped, checked without the network: versions, licences, sources and duplicates of crates, pins of Python packages.
+"""Check the shipped packages without network: versions, licences, sources and duplicates of crates, and pins of Python packages.
 
-Rules stand in deny.toml. Then the tools that know of advisories, where they are installed: cargo-deny, cargo-audit, pip-audit.
-Exit code 1 where something is wrong.
+deny.toml contains the rules. Then the installed ones of cargo-deny, cargo-audit and pip-audit run, which know security advisories.
+The exit code is 1 if a check fails.
 """
 
 import json
@@ -19,14 +19,14 @@ RULES = tomllib.loads((ROOT / "deny.toml").read_text())
 
 
 def cargo(*arguments: str) -> str:
-    """What cargo prints; without the network where everything is fetched already."""
+    """The output of a cargo command. The network is used only if the command fails offline."""
     command = ["cargo", *arguments, "--locked"]
     run = subprocess.run([*command, "--offline"], cwd=ROOT, capture_output=True, text=True)
     return run.stdout if run.returncode == 0 else subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
 
 def crates() -> list[dict[str, Any]]:
-    """Every crate that is built, for the wheel or its tests on any system; the lock file also holds optional ones that nothing asks for."""
+    """Every crate that is built for the wheel or its tests on any system. The lock file also lists optional crates that nothing builds."""
     tree = cargo("tree", "--workspace", "--target", "all", "--edges", "normal,build,dev", "--prefix", "none", "--format", "{p}")
     built = {tuple(line.split()[:2]) for line in tree.splitlines() if line}
     packages = json.loads(cargo("metadata", "--format-version", "1"))["packages"]
@@ -34,7 +34,7 @@ def crates() -> list[dict[str, Any]]:
 
 
 def permitted(licence: str | None, allowed: set[str]) -> bool:
-    """Whether an SPDX expression can be met from `allowed`: every part of an AND, some part of an OR (or of the old slash)."""
+    """Whether the allowed licences satisfy an SPDX expression: all parts of an AND, one part of an OR (or of the older slash)."""
     parts = (licence or "").replace("/", " OR ").split(" AND ")
     return all(allowed & {name.strip(" ()") for name in part.split(" OR ")} for part in parts)
 
@@ -55,7 +55,7 @@ def of_duplicates(packages: list[dict[str, Any]]) -> list[str]:
 
 
 def of_versions(packages: list[dict[str, Any]]) -> list[str]:
-    """The version in Cargo.toml, in the citation and at the head of the changelog are one."""
+    """Faults if Cargo.toml, CITATION.cff and the first entry of the changelog have different versions."""
     version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     logged = re.search(r"^## \[([\d.]+)\]", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
@@ -64,7 +64,7 @@ def of_versions(packages: list[dict[str, Any]]) -> list[str]:
 
 
 def of_pins(packages: list[dict[str, Any]]) -> list[str]:
-    """What make installs to build and to test is pinned; peers and benches may float."""
+    """Faults if a package that make installs for build or test is not pinned. Packages for peers and benchmarks need no pin."""
     loose = []
     for name in ("test.txt", "docs.txt"):
         for line in (ROOT / "requirements" / name).read_text().splitlines():

@@ -1,12 +1,12 @@
 """Hashes of the bits that armlet computes, per instruction set, in tests/vectors/bit_hashes.json.
 
-    python tools/bit_hashes.py            # what differs from the file; exit code 1 if anything does
-    python tools/bit_hashes.py --write    # make the file anew, after a change that is meant to change results
+    python tools/bit_hashes.py            # prints the differences from the file; exit code 1 if there are any
+    python tools/bit_hashes.py --write    # rewrites the file, after a change that is meant to change results
 
-A hash is the start of a SHA-256 over the little-endian bytes of all arrays of a case. The same inputs give the same bits for every number
-of threads, size of chunks and order of rows, on one instruction set. Builds agree too: Rust neither fuses nor reorders floating-point
-operations by itself. The C library's sine and its like may differ between systems: the file holds a fingerprint of them, and is compared
-on systems that have the same.
+A hash is the start of a SHA-256 over the little-endian bytes of all arrays of a case. On one instruction set, equal inputs give equal bits
+for every number of threads, chunk size and order of rows. Different builds also agree, because Rust neither fuses nor reorders
+floating-point operations. The C library's sine and similar functions may differ between systems. So the file contains a fingerprint of
+these functions, and is compared only on systems with this fingerprint.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ CLOCK = al.Sampling(5e-3, delay=2e-3, jitter=1e-3, noise={"q": 1e-3, "v": 1e-2},
 
 @dataclass(frozen=True)
 class Batch:
-    """Loops side by side."""
+    """Loops that `simulate_batch` runs as one batch."""
 
     plant: al.Plant
     law: al.Law
@@ -61,7 +61,7 @@ class Batch:
         q0, v0 = START[:, :n], START[:, 7 : 7 + n]
         seeded = isinstance(self.options.get("sample_time"), al.Sampling)
         if seeded:
-            order = np.arange(ROWS)  # row i has the seed of its place
+            order = np.arange(ROWS)  # the seed of a row depends on its index, so the order must not change
         parts: list[list[np.ndarray]] = []
         for first in range(0, ROWS, chunk):
             rows = order[first : first + chunk]
@@ -79,7 +79,7 @@ class Batch:
 
 START = np.concatenate([RNG.uniform(-1.0, 1.0, (ROWS, 7)), RNG.uniform(-0.5, 0.5, (ROWS, 7))], axis=1)
 FIXED: dict[str, Any] = {"t_end": 0.1, "dt": 2e-3, "record_every": 10}
-# Steps enough for a loop to run as a program.
+# This run has enough steps to be compiled to a program.
 PROGRAM: dict[str, Any] = {"t_end": 0.12, "dt": 1e-3, "record_every": 40}
 FREE: dict[str, Any] = {"t_end": 0.1, "t_eval": [0.0, 0.05, 0.1]}
 LONG: dict[str, Any] = {"t_end": 2.0, "t_eval": [1.0, 2.0]}
@@ -120,7 +120,7 @@ def one_run(plant: al.Plant, law: al.Law, **options: Any) -> list[np.ndarray]:
 
 
 def functions() -> dict[str, list[np.ndarray]]:
-    """What has neither threads nor chunks to choose, or chooses them itself."""
+    """Results of functions that have no choice of threads and chunks, or choose them automatically."""
     q, v = START[:, :7], START[:, 7:]
     a = v[::-1].copy()
     tau = SEVEN.inverse_dynamics(q, v, a)
@@ -148,7 +148,7 @@ def functions() -> dict[str, list[np.ndarray]]:
 
 
 def digest(arrays: Iterable[Any]) -> str:
-    """Of values, shapes and order; every NaN is the same."""
+    """The hash of values, shapes and order of arrays. All NaNs count as equal."""
     whole = hashlib.sha256()
     for array in arrays:
         values = np.ascontiguousarray(array, dtype="<f8")
@@ -157,7 +157,7 @@ def digest(arrays: Iterable[Any]) -> str:
 
 
 def libm() -> str:
-    """A fingerprint of the C library's functions, at arguments large and small."""
+    """A fingerprint of the C library's functions, evaluated at large and small arguments."""
     x = np.random.default_rng(7).uniform(-1.0, 1.0, 500)
     names: list[Callable[[float], float]] = [math.sin, math.cos, math.tan, math.exp, math.atan, math.asin, math.acos, math.cbrt]
     values = [[f(float(t)) for t in x] for f in names] + [[f(1e3 * float(t)) for t in x] for f in names[:3]]
@@ -167,7 +167,7 @@ def libm() -> str:
 
 IN_ORDER, BACKWARDS = np.arange(ROWS), np.arange(ROWS)[::-1]
 SHUFFLED = np.random.default_rng(32).permutation(ROWS)
-#: Threads, rows per call, order of the rows.
+#: For each kind of call: number of threads, rows per call, order of the rows.
 WAYS: dict[str, tuple[int | None, int, np.ndarray]] = {
     "as it is": (1, ROWS, IN_ORDER),
     **{f"{threads} threads": (threads, ROWS, IN_ORDER) for threads in (2, 3, 5, 8)},
@@ -178,14 +178,14 @@ WAYS: dict[str, tuple[int | None, int, np.ndarray]] = {
 
 
 def here(ways: Iterable[str]) -> dict[str, Any]:
-    """The hashes on this process's instruction set."""
+    """The hashes of this process, computed with its instruction set."""
     fixed = {name: digest(arrays) for name, arrays in functions().items()}
     batches = {way: {name: digest(batch.run(*WAYS[way])) for name, batch in BATCHES.items()} for way in ways}
     return {"set": al.build_info()["instruction_set"], "libm": libm(), "functions": fixed, "batches": batches}
 
 
 def of(name: str, all_ways: bool) -> dict[str, Any]:
-    """The same from a process that is held to the instruction set `name`."""
+    """The hashes of a child process that uses the instruction set `name`."""
     command = [sys.executable, "-P", __file__, "--child", "all" if all_ways else "one"]
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"ARMLET_ISA": name}, check=False)
     if done.returncode:
@@ -197,17 +197,17 @@ def of(name: str, all_ways: bool) -> dict[str, Any]:
 
 
 def available() -> list[str]:
-    """The sets that this processor has."""
+    """The instruction sets that this processor supports."""
     return list(SETS[: SETS.index(al.build_info()["best_instruction_set"]) + 1])
 
 
 def flat(found: dict[str, Any]) -> dict[str, str]:
-    """The hash of each case, computed as it is."""
+    """The hash of each case, for batches in one call on one thread."""
     return dict(sorted((found["functions"] | found["batches"]["as it is"]).items()))
 
 
 def differences(kept: dict[str, Any], found: dict[str, Any]) -> list[str]:
-    """What differs from the file on one instruction set; nothing where the C libraries do."""
+    """Differences from the file on one instruction set. There are none to report if the fingerprints of the C libraries differ."""
     if kept["libm"] != found["libm"]:
         return []
     old, new, name = kept["sets"].get(found["set"], {}), flat(found), found["set"]
@@ -234,7 +234,7 @@ def main() -> int:
     if arguments.write:
         if "avx2" not in found:
             raise SystemExit("bit_hashes: this processor lacks AVX2: the file is for all instruction sets")
-        # AVX-512 gives the bits of AVX2 in all cases; a processor that has it checks that.
+        # AVX-512 gives the bits of AVX2 in all cases. A processor with AVX-512 checks this.
         sets = {name: flat(found.get(name, found["avx2"])) for name in SETS}
         FILE.write_text(json.dumps({"libm": libm(), "sets": sets}, indent=1) + "\n")
         print(f"wrote {FILE}")

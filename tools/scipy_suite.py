@@ -1,11 +1,11 @@
-"""scipy's own tests of `solve_ivp` on armlet's methods: `make test-scipy`.
+"""scipy's own tests of `solve_ivp`, run on armlet's methods: `make test-scipy`.
 
     python tools/scipy_suite.py
 
-The tests are those of the installed scipy, `scipy/integrate/_ivp/tests/test_ivp.py`; nothing of them is kept here. While they run,
-`dopri5`, `dop853`, `radau5` and `rodas4` stand in the place of RK45, DOP853, Radau and BDF, by name and as classes. All tests must
-pass but those of EXCEPTIONS, and those must fail: the list is never longer than needed. Of the exceptions that concern one method,
-the test must pass with scipy's own solver back in its place.
+The tests are in the installed scipy, `scipy/integrate/_ivp/tests/test_ivp.py`. While they run, `dopri5`, `dop853`, `radau5` and `rodas4`
+replace RK45, DOP853, Radau and BDF, both by name and as classes. All tests must pass except those of EXCEPTIONS. The tests of EXCEPTIONS
+must fail, so the list is never longer than necessary. An exception may concern one solver only. Then the test must pass if scipy's own
+solver is used in that place.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import armlet as al
 
 IN_PLACE = {"RK45": "dopri5", "DOP853": "dop853", "Radau": "radau5", "BDF": "rodas4"}
 
-# Test: the reason, and the solver that cannot be replaced there (None: all).
+# For each test: the reason of the exception, and the solver that armlet cannot replace in it (None: all solvers).
 EXCEPTIONS: dict[str, tuple[str, str | None]] = {
     "test_integration_complex": ("complex states are refused: armlet integrates real ones", None),
     "test_integration": ("fewer than 3 Jacobians are expected: rodas4, a Rosenbrock method, takes one for each step", "BDF"),
@@ -32,7 +32,7 @@ EXCEPTIONS: dict[str, tuple[str, str | None]] = {
 
 
 class Swap:
-    """A plugin of pytest that replaces the solvers while a test runs, but those that are kept, and notes how each test ended."""
+    """A pytest plugin. While a test runs it replaces scipy's solvers, except those in `keep`. It records which tests passed and failed."""
 
     def __init__(self, keep: dict[str, str] | None = None) -> None:
         self.keep = keep or {}
@@ -63,7 +63,7 @@ class Swap:
 
 
 def run(keep: dict[str, str] | None = None, only: list[str] | None = None) -> Swap:
-    """Run scipy's file, or the tests `only` of it."""
+    """Run scipy's test file, or only the tests `only` of it."""
     root = Path(scipy.__file__).parent
     file = root / "integrate" / "_ivp" / "tests" / "test_ivp.py"
     if not file.exists():
@@ -72,7 +72,7 @@ def run(keep: dict[str, str] | None = None, only: list[str] | None = None) -> Sw
     quiet = ["-q", "--no-header", "--no-summary", "--tb=no", "-p", "no:cacheprovider", "--import-mode=importlib"]
     names = [f"{file}::{name}" for name in only] if only is not None else [str(file)]
     with tempfile.TemporaryDirectory() as folder:
-        # No settings but scipy's conftest.py.
+        # An empty pytest.ini prevents other settings; only scipy's conftest.py is used.
         settings = Path(folder) / "pytest.ini"
         settings.write_text("[pytest]\n")
         pytest.main([*quiet, "-c", str(settings), "--rootdir", str(root), "--confcutdir", str(root), *names], plugins=[swap])

@@ -1,8 +1,8 @@
-"""`python tools/source_rules.py`: files and functions that are too long, and runs of equal lines, in the Rust and the Python sources.
+"""`python tools/source_rules.py`: find too long files and functions, and repeated lines, in the Rust and Python sources.
 
-A file has at most 400 lines, a function at most 80 without its docstring, and no ten lines that follow one another stand twice. Blank
-lines and indentation do not count for the last, nor do stubs, nor the parameters of Python functions, in Python or in Rust: a caller reads
-them whole where he calls. A longer function says why in a comment directly above it: `Long: ..`.
+A file has at most 400 lines. A function has at most 80 lines without its docstring, unless a comment `Long: ..` directly above it gives
+the reason. No ten consecutive lines occur twice. The last rule ignores blank lines and indentation, stubs, and the parameters of Python
+functions, in Python and in Rust. Parameters may repeat, because a caller reads the whole list at its function.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE, FUNCTION, RUN = 400, 80, 10
 SUFFIXES = (".rs", ".py", ".pyi")
 REASON = re.compile(r"^\s*(#|//) Long: \S")
-#: A parameter of a Python function that is written in Rust.
+#: Pattern of a parameter of a Python function that is written in Rust.
 PARAMETER = re.compile(r"^\w+: (Option<)?&Bound<'(py|_), PyAny>>?,$")
-#: What Rust's braces may stand in beside code.
+#: Pattern of Rust comments and literals, whose braces do not count.
 ASIDE = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)".*?"\1|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])'""", re.DOTALL)
 
 
 def sources(*tops: Path) -> list[Path]:
-    """The files of code under the folders."""
+    """All source files in these folders."""
     found = [path for top in tops for path in sorted(top.rglob("*")) if path.suffix in SUFFIXES and "target" not in path.parts]
     return [path for path in found if path.is_file()]
 
 
 def long_files(paths: list[Path], most: int = FILE) -> dict[Path, int]:
-    """Files with more lines than a reader takes in, and how many they have."""
+    """Files with more than `most` lines, and their numbers of lines."""
     lengths = {path: path.read_text(encoding="utf-8").count("\n") for path in paths}
     return {path: lines for path, lines in lengths.items() if lines > most}
 
 
 def functions_of_python(source: str) -> list[tuple[str, int, int, int]]:
-    """Name, first line (that of a decorator) and line of the name, from 1, and length without docstring, of each function."""
+    """For each function: name, first line (that of a decorator), line of the name, both from 1, and length without docstring."""
     found = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
@@ -48,7 +48,10 @@ def functions_of_python(source: str) -> list[tuple[str, int, int, int]]:
 
 
 def functions_of_rust(source: str) -> list[tuple[str, int, int, int]]:
-    """As `functions_of_python`; attributes above a function are not told apart from it."""
+    """Return the values of `functions_of_python` for Rust.
+
+    Here the first line and the line of the name are equal: attributes are ignored.
+    """
     text = ASIDE.sub(lambda match: re.sub(r"[^\n]", " ", match.group()), source)
     found = []
     for match in re.finditer(r"\bfn\s+(\w+)", text):
@@ -67,7 +70,7 @@ def functions_of_rust(source: str) -> list[tuple[str, int, int, int]]:
 
 
 def long_functions(path: Path, most: int = FUNCTION) -> dict[str, int]:
-    """Functions of a file that are too long, and do not say why, by `name:line`."""
+    """Functions of a file that are too long and have no comment `Long: ..`: their lengths by `name:line`."""
     source = path.read_text(encoding="utf-8")
     lines = source.splitlines()
 
@@ -84,7 +87,7 @@ def long_functions(path: Path, most: int = FUNCTION) -> dict[str, int]:
 
 
 def counted_lines(path: Path) -> list[tuple[int, str]]:
-    """The lines of a file that may not stand twice, with their numbers from 1."""
+    """The lines of a file that count for the rule of repeated lines, with their numbers from 1."""
     source = path.read_text(encoding="utf-8")
     skipped: set[int] = set()
     if path.suffix == ".py":
@@ -96,7 +99,7 @@ def counted_lines(path: Path) -> list[tuple[int, str]]:
 
 
 def repeated(paths: list[Path], run: int = RUN) -> list[list[tuple[Path, int, int]]]:
-    """Runs of at least `run` equal lines: for each the file, its first line from 1 and its number of lines, at every place."""
+    """Groups of at least `run` equal consecutive lines. Each place of a group is (file, first line from 1, number of lines)."""
     texts: dict[Path, list[tuple[int, str]]] = {}
     places: dict[tuple[str, ...], list[tuple[Path, int]]] = defaultdict(list)
     for path in paths:

@@ -1,7 +1,7 @@
-"""Unpack an sdist so that cargo sees what changed and nothing else.
+"""Unpack an sdist so that cargo rebuilds only changed files.
 
-A plain unpacking gives every file the archive's fixed time: cargo, which compares times, would rebuild nothing after a
-change. So a file is written only where its content differs, and files the sdist does not have are removed.
+An archive gives every file the same fixed time. cargo compares times, so it would miss changes after a plain unpacking. This program
+writes a file only if its content differs, and removes files that the sdist does not contain.
 """
 
 import sys
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def unpack(sdist: Path, into: Path) -> Path:
-    """Unpack and return the directory of the package."""
+    """Unpack `sdist` into the folder `into`, and return the folder of the package."""
     root = into / sdist.name.removesuffix(".tar.gz")
     wanted = set()
     with tarfile.open(sdist) as archive:

@@ -1,7 +1,8 @@
-"""`python tools/words.py`: banned words and sentences of more than 25 words in pages, docstrings, Rust documentation and messages.
+"""`python tools/words.py`: find banned words and sentences of more than 25 words in pages, docstrings, Rust documentation and messages.
 
-`tools/words_allowed.toml` has a line `"file" = [long sentences, banned words]` for each file with faults. More faults fail; fewer fail too,
-until `python tools/words.py --lower` lowers the numbers. `python tools/words.py FILE..` prints every fault of these files.
+`tools/words_allowed.toml` has a line `"file" = [long sentences, banned words]` for each file with faults. The check fails if a file has
+more or fewer faults than allowed. `python tools/words.py --lower` lowers the numbers. `python tools/words.py FILE..` prints every fault
+of these files.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 ALLOWED = Path("tools/words_allowed.toml")
 LONGEST = 25
-#: A pattern, without regard to case, and what to write instead.
+#: Banned patterns (letter case is ignored), and the words that replace them.
 BANNED = {
     r"all the same": "nevertheless, or the same",
     r"as it is(?= *[,.;])": "unchanged",
@@ -39,21 +40,21 @@ BANNED = {
     r"whatever": "for every",
 }
 PATTERN = re.compile(r"\b(?:" + "|".join(f"(?:{word})" for word in BANNED) + r")\b", re.IGNORECASE)
-# Code is one word, and so is a formula.
+# Code and formulas count as one word each.
 CODE = re.compile(r"``[^`]+``|`[^`\n]+`|\$[^$\n]+\$|\{[^{}]*\}")
 LINK = re.compile(r"!?\[([^]]*)\]\([^)]*\)")
-# The start of a list item, of a row or cell of a table, of an argument `name: ..`, of a comment of a directive.
+# Starts of a list item, of a row or cell of a table, of an argument `name: ..`, and of the comment of a directive.
 ITEM = re.compile(r"^\s*(?:[-*+] |\d+\. |#+ |\||(?:\w+(?:, \w+)*): |:\w+: )|^\s*(?:Args|Returns|Raises|Warns|Yields):$|^```.*$")
-# Columns aligned by blanks: formulas and tables, cell by cell.
+# A line with columns separated by blanks, such as a formula or a table. Each column is a separate text.
 COLUMNS = re.compile(r"\S {3,}\S")
 SENTENCE = re.compile(r" {3,}|(?<=[.!?])[)\"*]*\s+(?=\S)(?<!e\.g\. )(?<!i\.e\. )(?<!cf\. )(?<!Eq\. )(?<!no\. )(?<!\.\. )|\|")
 LITERAL = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)"(?P<raw>.*?)"\1|"(?P<text>(?:\\.|[^"\\])*)"|'(?:\\.|[^'\\])'""", re.DOTALL)
-# A literal that is code: statements of C or CMake, elements of XML.
+# Pattern of a literal that is code: statements of C or CMake, or elements of XML.
 TEMPLATE = re.compile(r"[;)](?:\n|\\n)|</\w+>")
 
 
 def sentences(prose: str) -> Iterator[str]:
-    """The sentences of prose; blocks of code, indented formulas and doctests are none."""
+    """The sentences of `prose`, without code blocks, indented formulas and doctests."""
     prose = re.sub(r"^```(?!\{).*?^```$", "", prose, flags=re.MULTILINE | re.DOTALL)
     piece: list[str] = []
     after_blank, item = True, False
@@ -71,7 +72,7 @@ def sentences(prose: str) -> Iterator[str]:
 
 
 def texts(path: Path) -> Iterator[str]:
-    """What a file says to its readers: the page, or documentation and messages of code."""
+    """The texts of a file for its readers: the whole page, or the documentation and messages in code."""
     source = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         yield source
@@ -98,14 +99,14 @@ def texts(path: Path) -> Iterator[str]:
 
 
 def faults(path: Path) -> tuple[list[str], list[str]]:
-    """The long sentences and the banned words of a file, each with its sentence."""
+    """The sentences of a file that are too long, and its banned words with their sentences."""
     found = [sentence for text in texts(path) for sentence in sentences(text)]
     long = [s for s in found if sum(bool(re.search(r"[^\W_]", word)) for word in s.split()) > LONGEST]
     return long, [f"{match.group()}: {s}" for s in found for match in PATTERN.finditer(s)]
 
 
 def read(root: Path) -> dict[str, tuple[int, int]]:
-    """How many faults of both kinds each file has."""
+    """The number of long sentences and of banned words in each file that has any."""
     names = ("README", "CONTRIBUTING", "CHANGELOG", "RELEASING", "SECURITY", "benches/README")
     paths = [*(root / f"{name}.md" for name in names), *(root / "docs").rglob("*.md")]
     paths += [

@@ -1,4 +1,4 @@
-"""A clock for loops in Python, and what the system allows: pages that stay in memory, and a priority above other programs."""
+"""A clock for loops in Python, and two measures against delays: memory locked in RAM, and a real-time priority."""
 
 import ctypes
 import os
@@ -6,7 +6,7 @@ import time
 
 
 def reserve() -> dict[str, bool]:
-    """Lock the memory and take the priority of real-time programs, where that is permitted; whether it was."""
+    """Lock the memory and set real-time priority, if the system permits it. Return which of both succeeded."""
     libc = ctypes.CDLL(None, use_errno=True)
     locked = libc.mlockall(3) == 0  # MCL_CURRENT | MCL_FUTURE
     try:
@@ -17,7 +17,7 @@ def reserve() -> dict[str, bool]:
 
 
 def wait_until(deadline: float) -> float:
-    """Sleep until `time.perf_counter()` is `deadline`; how late it became, s."""
+    """Sleep until `time.perf_counter()` reaches `deadline`; return the delay of the wake-up, s."""
     rest = deadline - time.perf_counter()
     if rest > 0.0:
         time.sleep(rest)

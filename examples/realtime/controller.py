@@ -1,7 +1,7 @@
-"""The controller in Python: `python controller.py PORT RATE SAMPLES OUT` runs the law on a clock.
+"""The controller in Python: `python controller.py PORT RATE SAMPLES OUT` calls the law at every tick of a clock.
 
-It writes `OUT`, an archive of numpy. `late (K,)` is when each cycle began, and `done (K,)` when its command was sent, both in s after the
-deadline. `state` is the last answer. The other entries say what the system permitted.
+It writes the npz archive `OUT`. `late (K,)` is the time at which each cycle began, and `done (K,)` the time at which its command was sent,
+both in s after the deadline. `state` is the last state of the robot. The other entries report which permissions the system granted.
 """
 
 import socket

@@ -1,7 +1,7 @@
-"""The loop that all programs of this folder run: an arm, a law, a start, and the messages between robot and controller.
+"""The loop of all programs in this folder: arm, law, initial state, and the messages between robot and controller.
 
-Messages are datagrams of float64 in the order of this machine. Command `k` is `[k, tau (n)]` and acts for one sample. The answer is the
-state `[k + 1, q (n), v (n)]` after it. Command -1 has any torques, and its answer is the state at the start.
+Messages are datagrams of float64 in the byte order of this machine. Command `k` is `[k, tau (n)]`; its torque acts for one sample. The
+answer is the state after this sample, `[k + 1, q (n), v (n)]`. Command -1 has arbitrary torques, and its answer is the initial state.
 """
 
 import numpy as np
@@ -20,9 +20,9 @@ n = arm.n
 
 
 def expected(rate: float, samples: int) -> np.ndarray:
-    """`[q, v]` after so many samples of the same loop in armlet alone."""
+    """State `[q, v]` after `samples` samples of this loop, simulated by armlet alone."""
     dt = 1.0 / rate
-    # One step more, which is not used: the last step ends at `t_end`, and may differ from `dt` by rounding.
-    options = {"monitors": False, "check_limits": False}  # the motion is outside of the range of the fourth joint
+    # The run has one additional step, whose result is not used. The last step ends at `t_end` and may differ from `dt` by rounding.
+    options = {"monitors": False, "check_limits": False}  # the motion leaves the range of the fourth joint
     run = al.simulate(plant, law, q0, t_end=(samples + 1) * dt, dt=dt, sample_time=dt, **options)
     return np.concatenate([run.q[samples], run.v[samples]])

@@ -1,9 +1,9 @@
-"""How punctual a loop of armlet is: the law in C and in Python, on a clock, against the simulated arm over the loopback.
+"""Punctuality of a control loop: a law in C and in Python on a clock, with the simulated arm behind a loopback socket.
 
 Run: ``python measure.py [--seconds 10] [--figure latency.png]``
 
-The states at the end are compared with `al.simulate` first. Then it prints, for 1 kHz and 4 kHz, how late the cycles began, when their
-commands were on their way, and how many were sent after the next deadline.
+The script first compares the final states with `al.simulate`. Then, for 1 kHz and 4 kHz, it prints how late the cycles began and
+when their commands were sent. It also prints the number of commands that were sent after the next deadline.
 """
 
 import argparse
@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 
 
 def compiled(folder: Path, rate: float) -> list[str] | None:
-    """The command of the controller in C; None where there is no compiler."""
+    """The command that starts the controller in C, or None if no compiler is installed."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         return None
@@ -34,7 +34,7 @@ def compiled(folder: Path, rate: float) -> list[str] | None:
 
 
 def measured(controller: list[str], rate: float, samples: int, folder: Path) -> dict[str, np.ndarray]:
-    """What one controller wrote about a run of so many samples."""
+    """The arrays that one controller wrote during a run of `samples` samples."""
     with subprocess.Popen([sys.executable, str(HERE / "robot.py"), str(rate)], stdout=subprocess.PIPE, text=True) as robot:
         assert robot.stdout is not None
         try:
@@ -60,7 +60,7 @@ def report(name: str, rate: float, found: dict[str, np.ndarray]) -> str:
 
 
 def draw(results: dict[tuple[str, float], dict[str, np.ndarray]], file: str) -> None:
-    """A histogram of the commands' times for each rate."""
+    """A histogram of the times at which commands were sent, for each rate."""
     import matplotlib.pyplot as plt
 
     rates = sorted({rate for _, rate in results})
@@ -97,7 +97,8 @@ def main() -> None:
                     continue
                 found = measured(controller, rate, samples, Path(folder))
                 difference = float(np.abs(found["state"][1:] - end).max())
-                # The C has the bits of armlet. The controller in Python adds up its estimates in another order, which rounds differently.
+                # The controller in C has the bits of armlet. The controller in Python adds up its estimates in another order and rounds
+                # differently.
                 assert difference <= (0.0 if name == "C" else 1e-9), f"{name}: the states differ by {difference:.1e}"
                 results[name, rate] = found
                 print(report(name, rate, found), flush=True)

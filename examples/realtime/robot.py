@@ -1,7 +1,7 @@
-"""The robot: `python robot.py RATE` simulates the arm behind a socket of the loopback until it is ended.
+"""The robot: `python robot.py RATE` simulates the arm behind a loopback socket until it is terminated.
 
-It prints the number of its port. Each command moves the simulated time by one sample, whatever the clock says, so that a late controller
-changes no number.
+It prints its port number. Each command advances the simulated time by one sample, independent of the clock. So a late controller does not
+change the results.
 """
 
 import socket

@@ -1,11 +1,17 @@
-"""`make fuzz SECONDS=60 SEED=1`: random calls of the whole public API, plausible and odd, in child processes.
+"""`make fuzz SECONDS=60 SEED=1`: random calls of the whole public API in child processes, with plausible and odd arguments.
 
-A call has a fault where it panics, ends the process, takes over 2 s of the processor's time (a debug build: ten times that), raises
-anything but ArmletError, TypeError, MemoryError or OSError (InternalError is a panic), or changes an argument that it was given.
-Each fault is printed once, with a snippet that repeats it. The exit code is 1 where there is one.
+A call has a fault in five cases:
+
+- it panics (InternalError);
+- it ends the process;
+- it takes over 2 s of processor time (a debug build: 20 s);
+- it raises an error other than ArmletError, TypeError, MemoryError or OSError;
+- it changes an argument.
+
+Each fault is printed once, with a snippet that reproduces it. The exit code is 1 if there is a fault.
 
     python tools/fuzz --seconds 60 --seed 1            search
-    python tools/fuzz --seed 1 --call 1234             print that call and run it
+    python tools/fuzz --seed 1 --call 1234             print call number 1234 and run it
 """
 
 from __future__ import annotations
@@ -31,17 +37,17 @@ HERE = Path(__file__).resolve().parent
 LIMIT = 2.0
 DEBUG_BUILD = al.build_info()["profile"] == "debug"
 MEMORY = 4 << 30
-#: Calls of one process: a leak or a broken state does not reach farther.
+#: Number of calls per process. It limits the effect of a memory leak or a broken state.
 CALLS = 3000
 
 
 class Child:
-    """One process that runs calls from `first` on."""
+    """One child process that runs calls, beginning with number `first`."""
 
     def __init__(self, seed: int, first: int, limit: float, folder: str, last: int | None = None) -> None:
         command = [sys.executable, str(HERE / "child.py"), str(seed), str(first), str(limit), str(MEMORY)]
         environment = os.environ | {"MPLBACKEND": "Agg", "PYTHONFAULTHANDLER": "1"}
-        # Unoptimised code has large frames.
+        # Unoptimised code needs a larger stack.
         environment |= {"RUST_MIN_STACK": "268435456"} if DEBUG_BUILD else {}
         self.errors = tempfile.TemporaryFile("w+")
         self.process = subprocess.Popen(
@@ -55,7 +61,7 @@ class Child:
         self.rest = b""
 
     def lines(self, timeout: float) -> list[str] | None:
-        """New lines; None once the process has ended and all is read."""
+        """New lines of the child's output; None after the process has ended and all lines are read."""
         assert self.process.stdout is not None
         if self.selector.select(timeout):
             data = self.process.stdout.read()
@@ -80,7 +86,7 @@ class Child:
 
 
 class Search:
-    """Calls made, and the faults found, by kind and place."""
+    """Number of calls, and the faults, counted by kind and place."""
 
     def __init__(self, seed: int, limit: float) -> None:
         self.seed, self.limit = seed, limit
@@ -91,7 +97,7 @@ class Search:
 
     def fault(self, number: int, kind: str, what: str) -> None:
         made = call(self.known, self.seed, number)
-        # Numbers and quoted words in a message do not make it another fault.
+        # Two messages that differ only in numbers or quoted words are the same fault.
         key = (made.target, kind, re.sub(r"'[^']*'|[-+]?\d[\d.e+-]*", "#", what)[:60])
         self.counts[key] += 1
         if key not in self.faults:
@@ -99,7 +105,7 @@ class Search:
             print(f"\n== {kind} in {made.target}, call {number} of seed {self.seed}: {what}\n{made}", flush=True)
 
     def children(self, first: int, until: float, last: int | None = None) -> int:
-        """Run one child until `until`, its end or its death; the number of the next call."""
+        """Run one child until the time `until` or until it ends. Return the number of the next call."""
         number, since = first, time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
             child = Child(self.seed, first, self.limit, folder, last)

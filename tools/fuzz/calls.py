@@ -1,4 +1,4 @@
-"""One call of the public API as a snippet that stands alone; call number i of a seed is always the same."""
+"""One call of the public API as a self-contained snippet. A seed and a call number always give the same snippet."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from values import Values
 
 IMPORTS = "import numpy as np, armlet as al, odd\nfrom decimal import Decimal\nfrom fractions import Fraction\nfrom pathlib import Path\n"
 FIGURE = "from matplotlib.figure import Figure\n"
-# Arguments that a call may change, or that hold what may change by itself.
+# Arguments that a call may change, or that contain objects which may change.
 CHANGED = {"out", "fig", "executor", "progress"}
-# Functions that search for each number of their result, some ms long: for 10^8 of them the work asked for takes days.
+# Functions that search for several ms per entry of their result. A result of 10^8 entries would take days.
 SEARCHES = {"smallest_reduced_inertia"}
 MANY = "10**8"
 
 
 @dataclass(frozen=True)
 class Call:
-    """The sources of the object a method belongs to ("" for none), of the arguments by variable, and of the call itself."""
+    """Source texts of a call: of the object that owns the method ("" for none), of the arguments by variable, and of the call itself."""
 
     target: str
     owner: str
-    arguments: tuple[tuple[str, str, bool], ...]  # variable, source, whether it must stay as it is
+    arguments: tuple[tuple[str, str, bool], ...]  # variable, source, whether the call must not change it
     body: str
 
     def __str__(self) -> str:
@@ -34,7 +34,10 @@ class Call:
 
 
 def call(targets: list[Target], seed: int, number: int) -> Call:
-    """Call number `number`: two of five plausible, two with one odd argument, the rest with more, missing or unknown ones."""
+    """Call number `number`.
+
+    Of 100 calls, 40 have plausible arguments, 45 one odd argument, the others up to 3. Few miss or add an argument.
+    """
     chance = random.Random(f"{seed} {number}")
     target = chance.choice(targets)
     values = Values(chance)
@@ -53,7 +56,7 @@ def call(targets: list[Target], seed: int, number: int) -> Call:
             source = values.odd()
         if not source:
             continue
-        # Positional as long as none was left out before.
+        # An argument is positional until an earlier optional argument is omitted.
         by_name = by_name or parameter.kind == "keyword" or target.parameters[k].name != parameter.name
         parts.append(f"{parameter.name}=a{k}" if by_name else f"a{k}")
         arguments.append((f"a{k}", source, parameter.name not in CHANGED))
@@ -72,7 +75,7 @@ def _odd_ones(chance: random.Random, given: list[Parameter]) -> set[str]:
 
 
 def _keywords(values: Values, target: Target) -> list[str]:
-    """Keywords of a call that passes them on."""
+    """Keyword arguments of a call that accepts `**keywords` and passes them on."""
     if target.name == "Simulator":
         return [f"dt={values.positive(1e-3, 1e-2)}"]
     known = {"metrics": ("band", "settle", "tolerance"), "sweep": ("band", "settle"), "Event": ("direction", "stop", "name")}

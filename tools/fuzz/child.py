@@ -1,6 +1,7 @@
-"""Runs calls in a process of its own: `child.py SEED FIRST LIMIT_S MEMORY_BYTES`. One line per event on standard output.
+"""Run calls in a separate process: `child.py SEED FIRST LIMIT_S MEMORY_BYTES`. It prints one line per event.
 
-`<i>` before call number i, `! <i> <kind> <what>` where it has a fault. Whatever kills this process is the fault of the last call announced.
+It prints `<i>` before call number i, and `! <i> <kind> <what>` if this call has a fault. If the process dies, the last printed call has
+the fault.
 """
 
 from __future__ import annotations
@@ -21,19 +22,20 @@ from signatures import targets
 import armlet as al
 
 ALLOWED = (al.ArmletError, TypeError, MemoryError, OSError)
-#: By the protocols of Python and the documentation: an index beyond the end, a package that is not installed.
+#: Exceptions that Python's protocols and the documentation allow: IndexError of an index beyond the end, ImportError of a missing package.
 ALLOWED_BY_PROTOCOL = {"__getitem__": (IndexError,), "": (ImportError,)}
 MADE: dict[str, Any] = {}
-#: s that a call may take longer for each number of its result, and of its arguments: an answer of 10^8 rows is work that was asked for.
+#: Additional seconds that a call may take per number of its result (`EACH`) and of its arguments (`READ`). A result of 10^8 rows takes
+#: long.
 EACH, READ = 1e-7, 3e-8
-#: s for a search whose length its caller sets by options.
+#: Seconds allowed for a search whose duration depends on options of the caller.
 LONG = {"exciting_motion": 20.0}
-# Objects with a state are made anew for every call.
+# Objects with a state are constructed again for every call.
 STATEFUL = ("al.Simulator", "al.PrioritySolver")
 
 
 def fingerprint(value: Any, depth: int = 0) -> Any:
-    """What can be compared before and after a call; None for what can't."""
+    """A value that can be compared before and after a call; None if the argument cannot be compared."""
     if isinstance(value, np.ma.MaskedArray):
         return None
     if isinstance(value, np.ndarray) and value.nbytes < 1_000_000 and not value.dtype.hasobject:
@@ -46,7 +48,7 @@ def fingerprint(value: Any, depth: int = 0) -> Any:
 
 
 def fault_of(error: BaseException, made: Call) -> tuple[str, str] | None:
-    """The kind of fault that an exception is, and where it came from."""
+    """The kind and the place of the fault that an exception reports; None if the exception is allowed."""
     name = made.target.rpartition(".")[2]
     allowed = ALLOWED + ALLOWED_BY_PROTOCOL.get(name, ()) + ALLOWED_BY_PROTOCOL[""]
     panic = isinstance(error, al.InternalError) or type(error).__name__ == "PanicException"
@@ -58,14 +60,14 @@ def fault_of(error: BaseException, made: Call) -> tuple[str, str] | None:
 
 
 def numbers_of(value: Any, depth: int = 0) -> int:
-    """How many numbers of arrays a result or an argument holds."""
+    """The number of entries of all arrays in a result or an argument."""
     if isinstance(value, tuple | list) and depth < 6:
         return sum(numbers_of(item, depth + 1) for item in value[:100])
     return value.size if isinstance(value, np.ndarray) else 0
 
 
 def run(made: Call, limit: float) -> tuple[str, str] | None:
-    """The fault of one call, if it has one."""
+    """The kind and the description of the call's fault, or None."""
     space: dict[str, Any] = {}
     exec(IMPORTS + FIGURE, space)
     try:
@@ -86,7 +88,7 @@ def run(made: Call, limit: float) -> tuple[str, str] | None:
             repr(space["result"])
     except BaseException as error:
         fault = fault_of(error, made)
-    # The smaller of the two: other work on the machine is not the call's.
+    # The smaller of wall time and processor time excludes most other work on the machine.
     spent = min(time.perf_counter() - wall, time.process_time() - work)
     read = READ * sum(numbers_of(space[variable]) for variable, _, _ in made.arguments)
     if fault is None and spent > max(limit, LONG.get(made.target, 0.0)) + read + EACH * numbers_of(space.get("result")):
@@ -105,7 +107,7 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     warnings.simplefilter("ignore")
     report = os.fdopen(os.dup(1), "w", buffering=1)
-    # Nothing that a call prints gets between the lines.
+    # Output of the call must not mix with the lines of this program.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     known = targets()
     for number in count(first):

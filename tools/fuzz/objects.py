@@ -1,4 +1,4 @@
-"""Numbers, arrays and objects of armlet as Python source. All randomness comes from one generator."""
+"""Python source of numbers, arrays and objects of armlet. One random generator determines all choices."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tables import ARMS, ODD, SCENARIO
 
 
 class Objects:
-    """Sources of numbers and of objects of armlet for one call, all for one arm."""
+    """Source texts of numbers and objects of armlet for one call. All objects use one arm."""
 
     def __init__(self, chance: random.Random) -> None:
         self.chance = chance
@@ -47,7 +47,7 @@ class Objects:
     def odd(self) -> str:
         return self.chance.choice(ODD)
 
-    # What armlet's own classes are made of.
+    # Objects that are arguments of armlet's classes.
 
     def motion(self) -> str:
         q0, q1 = self.vector(self.n), self.vector(self.n)
@@ -137,7 +137,7 @@ class Objects:
         return f"al.Sampling(5e-3, delay=1e-3, noise={{'v': 0.01}}, seed={self.count()}{sensor})"
 
     def instance(self, owner: str) -> str:
-        """An object of a class, for its methods."""
+        """The source of an object of the class `owner`, whose method is called."""
         link = f"{self.number()}, {self.number()}, 1.2, 5.0, {self.positive(1.0, 20.0)}"
         made: dict[str, Callable[[], str]] = {
             "Arm": lambda: self.arm,

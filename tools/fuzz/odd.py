@@ -1,4 +1,4 @@
-"""Objects that no call of armlet is made for; a snippet imports them by name."""
+"""Odd objects, which no call of armlet should accept. A snippet imports them by name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Huge:
-    """A sequence that claims 2^62 entries."""
+    """A sequence whose length is reported as 2^62."""
 
     def __len__(self) -> int:
         return 2**62
@@ -19,14 +19,14 @@ class Huge:
 
 
 class Endless:
-    """A sequence without a length whose entries never end."""
+    """A sequence without a length and without an end."""
 
     def __getitem__(self, index: int) -> float:
         return 0.0
 
 
 class Shrinking:
-    """A sequence that claims more entries than it has."""
+    """A sequence whose reported length is larger than its number of entries."""
 
     def __len__(self) -> int:
         return 3
@@ -41,7 +41,7 @@ class Shrinking:
 
 
 class Same:
-    """Equal to everything, of any truth."""
+    """An object that compares equal to every object."""
 
     def __eq__(self, other: object) -> bool:
         return True
@@ -51,18 +51,18 @@ class Same:
 
 
 class Subclass(np.ndarray[Any, Any]):
-    """An array of a class of its own."""
+    """A subclass of numpy's array."""
 
 
 def loop() -> list[Any]:
-    """A list that holds itself."""
+    """A list that contains itself."""
     made: list[Any] = [0.0]
     made.append(made)
     return made
 
 
 def deep(depth: int = 5000) -> Any:
-    """A list in a list in a list."""
+    """A list nested to this depth."""
     made: Any = 0.0
     for _ in range(depth):
         made = [made]
@@ -70,7 +70,7 @@ def deep(depth: int = 5000) -> Any:
 
 
 def deep_dict(depth: int = 5000) -> Any:
-    """A table in a table in a table."""
+    """A dict nested to this depth."""
     made: Any = {}
     for _ in range(depth):
         made = {"arm": made}

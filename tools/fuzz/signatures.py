@@ -1,4 +1,7 @@
-"""The public API as a list of calls: signatures from the stubs of the extension and from the Python wrappers in `armlet.__all__`."""
+"""The public API as a list of callable targets.
+
+Signatures come from the stubs of the extension and from the wrappers in `armlet.__all__`.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +13,20 @@ from typing import Any
 
 import armlet as al
 
-# Classes that armlet makes and users only read: their methods are called, their constructors are not.
+# Classes of results. Their methods are called, but not their constructors.
 RESULTS = {
     "BaseParameters", "BatchRun", "DenseOutput", "ElasticLimits", "Equilibrium", "Events", "Identification", "Integration",
     "InverseKinematics", "Metrics", "ParameterReport", "PriorityDiagnosis", "PrioritySolution", "Run", "State", "Status", "SweepTable",
     "Tuning", "Verification", "Law", "Motion", "Plant", "TimedPath", "BangBangReport", "BangBangBatch", "ProfileReport", "TorqueOptimum",
     "ArmPrioritySolver", "LoopProgram", "Sensitivity", "RunIdentification",
 }  # fmt: skip
-# Slots that Python itself calls; the rest of the names with underscores is private.
+# Special methods that are called. Other names that begin with an underscore are private.
 SLOTS = {"__call__", "__getitem__", "__eq__"}
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: `kind` is "positional", "keyword" or "keywords"; `annotation` is the text of its type."""
+    """One parameter. `kind` is "positional", "keyword" or "keywords". `annotation` is the text of its type."""
 
     name: str
     annotation: str
@@ -33,7 +36,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Target:
-    """What is called: `owner` is the class of a method, "" for a function or a constructor; an `attribute` is read."""
+    """One target. `owner` is the class of a method, "" for a function or a constructor. An `attribute` is read instead of called."""
 
     owner: str
     name: str
@@ -46,7 +49,7 @@ class Target:
 
 
 def targets() -> list[Target]:
-    """Every public function, constructor, method and property, in the order of their names."""
+    """Every public function, constructor, method and property, sorted by name."""
     stubs, native = _of_stubs()
     found = {target.path: target for target in stubs}
     for name in al.__all__:
@@ -60,7 +63,7 @@ def targets() -> list[Target]:
 
 
 def _of_stubs() -> tuple[list[Target], set[str]]:
-    """What the stubs declare, and the names of their classes."""
+    """The targets that the stubs declare, and the names of their classes."""
     found: list[Target] = []
     classes = set()
     for file in sorted((Path(al.__file__).parent / "_core").glob("*.pyi")):

@@ -1,6 +1,6 @@
-"""Arms, scenarios and odd values, as Python source."""
+"""Tables of Python source: arms, scenarios and odd values."""
 
-# Source, joints, a frame (or none).
+# For each arm: source, number of joints, name of a frame ("" for none).
 ARMS = [
     ("al.planar_pr(2.0, 0.5, 0.5)", 2, ""),
     ("al.pendulum(1.2, 5.0)", 1, ""),

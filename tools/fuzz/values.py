@@ -1,4 +1,4 @@
-"""Arguments as Python source: plausible ones by the parameter's name and type, and odd ones."""
+"""Python source of arguments: plausible ones, selected by the parameter's name and type, and odd ones."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from tables import METHODS, SCENARIO
 
 
 class Values(Objects):
-    """Sources of arguments for one call."""
-
-    # One argument.
+    """Source texts of the arguments of one call."""
 
     def argument(self, target: str, parameter: Parameter) -> str:
-        """A plausible value of a parameter, by its name first, then by its type."""
+        """A plausible value of a parameter. Its name is considered first, then its type."""
         made = self.by_name(target, parameter.name) or self.by_type(parameter.annotation)
         return made if made is not None else self.odd()
 

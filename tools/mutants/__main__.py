@@ -1,13 +1,13 @@
-"""`make test-mutants`: whether the fast tests notice bugs. Each bug of mutants.toml is put into a copy of the sources behind a switch.
+"""`make test-mutants`: count the bugs that the fast tests notice. A switch inserts each bug of mutants.toml into a copy of the sources.
 
-The copy is built once, little optimised and with assertions; the environment variable ARMLET_MUTANT selects the bug, 0 is none.
-For each bug the tests that are named beside it run first, then the rest, until one fails. A bug that no test notices survives: the
-exit code is 1 where more than 1 in 20 do, or one survives that `KNOWN` gives no reason for. A text of mutants.toml that does not
-stand in its file exactly once ends the run.
+The copy is built once, with low optimisation and with assertions. The environment variable ARMLET_MUTANT selects the bug; 0 selects none.
+For each bug, the tests that mutants.toml names run first, then the others, until one fails. A bug that no test notices *survives*. The
+exit code is 1 if more than 5 % of the bugs survive, or if one survives that is not explained in `KNOWN`. Each text of mutants.toml must
+occur exactly once in its file, otherwise the program stops.
 
-    python tools/mutants                       all
-    python tools/mutants --only 3 17           these
-    python tools/mutants --keep                without building again
+    python tools/mutants                       all bugs
+    python tools/mutants --only 3 17           bugs 3 and 17
+    python tools/mutants --keep                use the existing build
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "mutants"
 COPY = BUILD / "sources"
-#: What is copied, of the sources and of what the tests read.
+#: Sources, and files that the tests read, which are copied.
 PARTS = ("rust", "python", "tests", "docs", "examples", "tools", "Cargo.toml", "Cargo.lock", ".cargo", "pyproject.toml", "README.md")
 OTHERS = ("Makefile", "CHANGELOG.md", "CONTRIBUTING.md", "RELEASING.md", "LICENSE", "CITATION.cff", "clippy.toml", "rustfmt.toml")
-#: Tests of seconds, in this order; the last compares bits and notices almost everything.
+#: Tests that take seconds, in this order. The last one compares bits and notices almost every bug.
 PYTEST = (
     "parity", "oracles", "identities/test_adaptive_identities.py", "identities/test_arm_derivatives.py",
     "identities/test_elastic_identities.py", "identities/test_equilibrium_identities.py", "identities/test_event_identities.py",
@@ -42,7 +42,7 @@ PYTEST = (
     "api/test_batches.py", "api/test_programs.py", "api/test_priority_programs.py", "api/test_run.py", "api/test_bit_hashes.py",
 )  # fmt: skip
 REST = ("lib", "suite", *PYTEST)
-#: Bugs that no fast test can notice, by what they are, and why.
+#: Descriptions of bugs that no fast test can notice, with the reason.
 KNOWN: dict[str, str] = {
     "a known program taken for other limits of effort": "no fault: limits are inputs of a program, and a run without them has fewer inputs",
     "a known program taken for another wall": "no fault: its numbers are inputs of a program, its frame is compared with the shape",
@@ -69,7 +69,7 @@ def mutants() -> list[dict[str, Any]]:
 
 
 def insert(source: str, text: str, bug: str, number: int, crate: str, statement: bool) -> str:
-    """The source with the bug behind its switch.
+    """Return the source with the bug behind its switch.
 
     Raises:
         ValueError: the text does not occur exactly once.
@@ -82,7 +82,7 @@ def insert(source: str, text: str, bug: str, number: int, crate: str, statement:
 
 
 def copy(bugs: list[dict[str, Any]]) -> None:
-    """The sources with all bugs, in build/mutants/sources; files that are as before keep their times."""
+    """Copy the sources with all bugs to build/mutants/sources. Unchanged files keep their modification times."""
     faults = []
     sources: dict[str, str] = {}
     for number, bug in enumerate(bugs, 1):
@@ -109,7 +109,7 @@ def copy(bugs: list[dict[str, Any]]) -> None:
 
 
 def cargo(*arguments: str) -> list[dict[str, Any]]:
-    # Unoptimised, the tests take ten times as long; this keeps assertions and checks of overflow.
+    # Unoptimised tests take ten times as long. This profile optimises, and keeps assertions and overflow checks.
     environment = os.environ | {"CARGO_TARGET_DIR": str(BUILD / "target"), "RUSTFLAGS": "-Awarnings", "CARGO_PROFILE_DEV_OPT_LEVEL": "1"}
     command = ["cargo", *arguments, "--locked", "--message-format=json-render-diagnostics"]
     done = subprocess.run(command, cwd=COPY, env=environment, stdout=subprocess.PIPE, text=True, check=True)
@@ -117,7 +117,7 @@ def cargo(*arguments: str) -> list[dict[str, Any]]:
 
 
 def build() -> dict[str, str]:
-    """The test binaries by name; the extension goes where Python finds it."""
+    """Build the test binaries and return their paths by name. The extension is copied to the folder where Python imports it."""
     made = cargo("test", "--no-run", "--package", "armlet-core", "--lib", "--test", "suite")
     names = {"armlet_core": "lib", "suite": "suite"}
     binaries = {names[m["target"]["name"]]: m["executable"] for m in made if m.get("executable") and m["target"]["name"] in names}
@@ -129,11 +129,15 @@ def build() -> dict[str, str]:
 
 
 def passes(binaries: dict[str, str], unit: str, number: int, timeout: float) -> tuple[bool, str]:
-    """Whether a unit of tests passes with a bug switched on, and the name of the first that does not."""
+    """Whether a unit of tests passes with a bug switched on, and the name of the first failed test.
+
+    A unit is a test binary or a file of Python tests.
+    """
     environment = os.environ | {"ARMLET_MUTANT": str(number), "RUST_MIN_STACK": "268435456", "PYTHONPATH": str(COPY / "python")}
     kind, _, names = unit.partition(" ")
     if kind in binaries:
-        # Which bug is on is read from the environment, which allocates: tests that count allocations would fail for that alone.
+        # Reading the environment variable allocates memory, which would fail every test that counts allocations. So these tests are
+        # skipped.
         command, where = [binaries[kind], *names.split(), "--test-threads", "2", "--skip", "alloc"], COPY / "rust/core"
     else:
         options = ["-c", str(COPY / "pyproject.toml"), "--rootdir", str(COPY), "-x", "-q", "-p", "no:cacheprovider", "--tb=no"]
@@ -182,7 +186,7 @@ def main() -> int:
     seconds: dict[str, float] = {}
 
     def without(unit: str) -> float:
-        """How long a unit takes that passes without a bug."""
+        """The seconds that a unit of tests takes without a bug. The unit must pass."""
         if unit not in seconds:
             begun = time.monotonic()
             whole, name = passes(binaries, unit, 0, 1800.0)

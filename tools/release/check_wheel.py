@@ -1,7 +1,8 @@
-"""check_wheel.py WHEEL..: what each wheel claims is what it holds. Exit code 1 where it is not.
+"""check_wheel.py WHEEL..: check that the content of each wheel agrees with its tags and metadata. The exit code is 1 if it does not.
 
-One extension, for the stable ABI, of the processor and system that the tag names; no symbol of a newer glibc than the tag allows; licence,
-types and the bill of materials (CycloneDX, written by maturin) inside, which names no folder of the build; nothing else but the package.
+A wheel must contain one extension for the stable ABI, of the processor and system in its tag. The extension must not use symbols of a
+newer glibc than the tag allows. The wheel must contain the licence, the types, and a bill of materials (CycloneDX, written by maturin)
+that names no folder of the build. It must contain nothing else except the package.
 """
 
 import re
@@ -10,14 +11,14 @@ import sys
 import zipfile
 from pathlib import Path
 
-# Machine numbers of ELF (offset 18), Mach-O (cputype, offset 4) and PE (after the PE signature).
+# Codes of the processor in ELF (offset 18), Mach-O (cputype, offset 4) and PE (after the PE signature).
 ELF = {62: "x86_64", 183: "aarch64"}
 MACHO = {0x01000007: "x86_64", 0x0100000C: "arm64"}
 PE = {0x8664: "amd64", 0xAA64: "arm64"}
 
 
 def machine(binary: bytes) -> str:
-    """System and processor of a shared library, from its first bytes."""
+    """System and processor of a shared library, read from its header."""
     if binary[:4] == b"\x7fELF":
         return f"linux_{ELF.get(struct.unpack_from('<H', binary, 18)[0], 'unknown')}"
     if binary[:4] == b"\xcf\xfa\xed\xfe":
@@ -31,7 +32,7 @@ def machine(binary: bytes) -> str:
 
 
 def faults(wheel: Path) -> list[str]:
-    """What is wrong with a wheel, one line each."""
+    """The faults of a wheel, one line each."""
     name, version, _, abi, platform = wheel.name.removesuffix(".whl").split("-")
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()

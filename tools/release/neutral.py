@@ -1,6 +1,6 @@
-"""neutral.py WHEEL..: the folder that a wheel was built in leaves its bill of materials; RECORD follows. Written whole or not at all.
+"""neutral.py WHEEL..: remove the build folder from a wheel's bill of materials, and update RECORD. A wheel is rewritten whole or not.
 
-maturin names the crates of this repository by where they were: path+file:///home/me/armlet/rust/core#armlet-core@0.1.0.
+maturin names each crate of this repository by its path: path+file:///home/me/armlet/rust/core#armlet-core@0.1.0.
 """
 
 import base64
@@ -11,13 +11,13 @@ import sys
 import zipfile
 from pathlib import Path
 
-# The last `rust` of the path: a folder above may have that name too.
+# The pattern matches the last `rust` of the path, because a parent folder may have this name too.
 PLACE = re.compile(rb'path\+file://[^"#]*/rust/(?=(?:core|py)[#"])')
 NEUTRAL = b"path+file:///armlet/rust/"
 
 
 def neutral(wheel: Path) -> None:
-    """Rewrite `wheel` with a bill of materials that names no folder of this machine."""
+    """Rewrite `wheel` so that its bill of materials names no folder of this machine."""
     with zipfile.ZipFile(wheel) as archive:
         parts = [(info, archive.read(info)) for info in archive.infolist()]
     lines: dict[bytes, bytes] = {}
