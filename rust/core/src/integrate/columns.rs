@@ -1,8 +1,8 @@
-//! Groups of columns of a sparse Jacobian for which one difference of `f` is sufficient (Curtis, Powell and Reid 1974).
+//! Groups of columns of a sparse Jacobian. One finite difference of `f` gives all columns of a group (Curtis, Powell and Reid 1974).
 //!
-//! No two columns of a group have a common row. Each column in turn joins the first group in which its rows are free.
+//! No two columns of a group have an entry in the same row. Each column joins the first group in which its rows are still free.
 
-/// The groups of the columns of an `(n, n)` row-major pattern. Columns without a row belong to none.
+/// Return the groups of columns of a pattern of shape `(n, n)`, row-major. Columns without entries belong to no group.
 pub fn column_groups(pattern: &[bool], n: usize) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     let mut taken: Vec<Vec<bool>> = Vec::new();

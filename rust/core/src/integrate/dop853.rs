@@ -1,9 +1,9 @@
-//! The explicit Runge-Kutta method of order 8 with step control and dense output of order 7 (Dormand and Prince 1980).
+//! The explicit Runge-Kutta method of order 8 with step-size control and dense output of order 7 (Dormand and Prince 1980).
 //!
 //! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.10.
 //!
-//! Error of a step: `|h| e5^2 / sqrt(n (e5^2 + 0.01 e3^2))` with the weighted norms of the two estimators;
-//! accepted below 1, the next step grows by `0.9 error^(-1/8)` within [0.2, 10].
+//! The error of a step is `|h| e5^2 / sqrt(n (e5^2 + 0.01 e3^2))`, with the weighted norms `e5` and `e3` of the two error estimates. A step
+//! with an error below 1 is accepted. The step size then changes by the factor `0.9 error^(-1/8)`, within [0.2, 10].
 
 use super::adaptive::{Accuracy, Tolerance};
 use super::dop853_tableau as tableau;
@@ -11,7 +11,7 @@ use super::step_controller::{Control, StepController};
 use super::{Buffer, Embedded, Scheme};
 use crate::scalar::Real;
 
-/// The method's tableau.
+/// The tableau of the method.
 pub struct Order8;
 
 impl Scheme for Order8 {
@@ -47,5 +47,5 @@ impl Scheme for Order8 {
     }
 }
 
-/// The method of order 8 on a state `B`.
+/// The Runge-Kutta method of order 8 for a state `B`.
 pub type Dop853<B, U, T = Tolerance> = Embedded<Order8, B, U, T>;

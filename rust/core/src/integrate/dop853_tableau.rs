@@ -1,10 +1,10 @@
 //! The coefficients of DOP853 (Dormand and Prince 1980).
 //!
-//! There are 12 stages of order 8, and error estimators of orders 5 and 3. The dense output of order 7 has three more stages and a matrix.
-//! The source is Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, second edition, section II.5, with its code
+//! The method has 12 stages, order 8, and error estimates of orders 5 and 3. The dense output of order 7 has three more stages and a
+//! matrix. The source is Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, second edition, section II.5, with its code
 //! `dop853.f`.
 
-/// Times of the stages. Those of the dense output come last.
+/// The times of the stages, as fractions of the step. The stages of the dense output are last.
 pub(super) const C: &[f64] = &[
     0.0,
     0.05260015195876773,
@@ -23,7 +23,7 @@ pub(super) const C: &[f64] = &[
     0.2,
     0.7777777777777778,
 ];
-/// Row `i` has the weights of the earlier slopes in the argument of stage `i`. Row 12 has those of the solution.
+/// Row `i` has the weights of the earlier slopes in the argument of stage `i`. Row 12 has the weights of the new state.
 pub(super) const A: &[&[f64]] = &[
     &[],
     &[0.05260015195876773],
@@ -133,7 +133,7 @@ pub(super) const A: &[&[f64]] = &[
         -9.15095847217987,
     ],
 ];
-/// Estimators of orders 3 and 5 over the 13 slopes.
+/// The weights of the 13 slopes in the error estimates of orders 3 and 5.
 pub(super) const E: &[&[f64]] = &[
     &[
         -0.18980075407240762,
@@ -166,7 +166,7 @@ pub(super) const E: &[&[f64]] = &[
         0.0,
     ],
 ];
-/// Dense output: rows 3 to 6 of its polynomial, over the 16 slopes.
+/// The weights of the 16 slopes in rows 3 to 6 of the dense output.
 pub(super) const D: &[&[f64]] = &[
     &[
         -8.428938276109013,

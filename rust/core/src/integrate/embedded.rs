@@ -1,4 +1,4 @@
-//! Explicit Runge-Kutta methods with an embedded error estimate: one loop for every tableau whose last stage is the first of the next step.
+//! Explicit Runge-Kutta methods with an embedded error estimate. They are first same as last: the last slope is the first of the next step.
 //!
 //! | quantity | formula |
 //! |---|---|
@@ -17,32 +17,32 @@ use crate::scalar::Real;
 use crate::status::Status;
 use std::marker::PhantomData;
 
-/// The tableau of an explicit method whose first slope is known, with the norm of its error and its dense output.
+/// The tableau of an explicit method whose first slope is known, with its error norm and its dense output.
 pub trait Scheme {
-    /// Stages after the first. The argument of the last one is the new state.
+    /// The number of stages after the first one. The argument of the last stage is the new state.
     const STAGES: usize;
-    /// Times of all stages, those of the dense output last.
+    /// The times of all stages, as fractions of the step. The stages of the dense output are last.
     const C: &'static [f64];
-    /// Row `i` weighs the earlier slopes in the argument of stage `i`.
+    /// Row `i` has the weights of earlier slopes in the argument of stage `i`.
     const A: &'static [&'static [f64]];
-    /// Weights of the slopes in the estimates of the error.
+    /// Each row has the weights of the slopes in one error estimate.
     const E: &'static [&'static [f64]];
-    /// Weights of the slopes in the rows of the dense output.
+    /// Each row has the weights of the slopes in one row of the dense output.
     const D: &'static [&'static [f64]];
-    /// Degree of the dense output.
+    /// The degree of the dense output.
     const DEGREE: usize;
-    /// Constants of the step controller.
+    /// The constants of the step-size control.
     const CONTROL: Control;
 
-    /// The error of a step of `h` from `x` to `y`, accepted below 1.
+    /// Return the error of a step of size `h` from `x` to `y`. A step with an error below 1 is accepted.
     fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
 
-    /// The dense output of one component in the step `h`: `(x(t) - x_old) / r` with `r = (t - t_old) / h` and `q = 1 - r`.
+    /// Return the dense output of one component: `(x(t) - x_old) / r`. Here `at = (r, 1 - r)` with `r = (t - t_old) / h`.
     ///
-    /// It uses the change `delta` over the step, the slopes `f` at its ends, and the rows.
+    /// `delta` is the change of the component over the step. `f` are its slopes at both ends. `row(i)` is its row `i` of the dense output.
     fn dense<S: Real>(at: (S, S), h: S, delta: S, f: [S; 2], row: impl Fn(usize) -> S) -> S;
 
-    /// The results of an attempt. `slope(k, y, dx)` computes the slope of stage `k + 1` at the state `y`.
+    /// Compute the results of an attempt. `slope(k, y, dx)` writes the slope of stage `k + 1` at the state `y` to `dx`.
     fn stages<S: Real, B: Buffer<S>>(attempt: &mut Attempt<S, B>, mut slope: impl FnMut(usize, &[S], &mut [S])) {
         let Attempt { h, x, slopes, y, estimates, .. } = attempt;
         for i in 1..=Self::STAGES {
@@ -55,7 +55,7 @@ pub trait Scheme {
     }
 }
 
-/// `sum_j w_j k_j` into `out`.
+/// Compute `out = sum_j w_j k_j`.
 fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut [S]) {
     let first = S::splat(weights[0]);
     for (out, &k) in out.iter_mut().zip(k[0].as_ref()) {
@@ -69,7 +69,7 @@ fn combine<S: Real, B: Buffer<S>>(weights: &[f64], k: &[B], out: &mut [S]) {
     }
 }
 
-/// The argument of a stage into `y`: `x + h sum_j w_j k_j`.
+/// Compute the argument `y = x + h sum_j w_j k_j` of a stage.
 fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &mut [S]) {
     combine(weights, k, y);
     for (y, &x) in y.iter_mut().zip(x) {
@@ -77,30 +77,30 @@ fn argument<S: Real, B: Buffer<S>>(weights: &[f64], h: S, x: &[S], k: &[B], y: &
     }
 }
 
-/// The method of the tableau `C` on a state `B`.
+/// The method with tableau `C` for a state `B`.
 pub struct Embedded<C, B, U, T = Tolerance> {
     controller: StepController<T>,
-    /// Slopes of the stages up to that of the end, then those of the dense output.
+    /// The slopes of the stages, then the slopes of the dense output. The last slope of the stages is at the end of the step.
     k: Vec<B>,
     estimates: Vec<B>,
-    /// Rows of the dense output.
+    /// The rows of the dense output.
     rows: Vec<B>,
-    /// Times of the inputs of an attempt.
+    /// The times of the inputs of an attempt.
     times: Vec<f64>,
     y: B,
     x: B,
     x_old: B,
     u: U,
-    /// The time of `u`, NaN if it cannot be reused.
+    /// The time of the input `u`, or NaN if it cannot be reused.
     u_time: f64,
-    /// Whether `rows` belong to the last step.
+    /// Whether `rows` are computed for the last step.
     dense_ready: bool,
     chatter: Chatter<B>,
     scheme: PhantomData<C>,
 }
 
 impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
-    /// The method with these tolerances; `state` and `input` give the sizes.
+    /// Return the method with this tolerance. The sizes of `state` and `input` determine the sizes of its memory.
     pub fn new(tolerance: T, state: B, input: U) -> Self {
         let like = |rows: &[&[f64]]| vec![state.clone(); rows.len()];
         Embedded {
@@ -120,7 +120,7 @@ impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
         }
     }
 
-    /// Try a step of `h`: the new state in `y`, its slope behind those of the stages; returns the error.
+    /// Try a step of size `h`. Write the new state to `y` and its slope to the last stage. Return the error.
     fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
     where
         S: Real,
@@ -150,7 +150,7 @@ impl<C: Scheme, B: Clone, U: Clone, T: Accuracy> Embedded<C, B, U, T> {
         C::error(controller, h, x.as_ref(), y.as_ref(), estimates)
     }
 
-    /// The slopes and rows of the dense output over the last step, of size `h`.
+    /// Compute the slopes and rows of the dense output for the last step, of size `h`.
     fn prepare_dense<S, F>(&mut self, system: &mut F, h: f64)
     where
         S: Real,
@@ -208,7 +208,7 @@ where
             self.u_time = f64::NAN;
             self.chatter.look(system, &mut self.controller, &mut self.u, &self.x)?;
         }
-        // The dense output used the slopes of the last step until now.
+        // The dense output of the last step is no longer needed, so that its slopes can be replaced.
         if self.controller.t > self.controller.t_old {
             self.k.swap(0, C::STAGES);
             self.controller.t_old = self.controller.t;

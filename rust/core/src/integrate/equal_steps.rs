@@ -1,47 +1,47 @@
-//! Explicit Runge-Kutta methods of fixed step in which each stage uses only the last slope:
+//! Explicit Runge-Kutta methods of fixed step size in which each stage uses only the previous slope:
 //!
-//! `k_i = f(t + c_i h, x + a_i h k_{i-1})`, `x += h/d sum_i b_i k_i`. The input is taken once per distinct `c`. The input at the end is
-//! reused by the next step.
+//! `k_i = f(t + c_i h, x + a_i h k_{i-1})`, `x += h/d sum_i b_i k_i`. The input is evaluated once per distinct `c_i`. The next step reuses
+//! the input at the end.
 
 use super::{Advance, Buffer, FixedStep, System};
 use crate::scalar::Real;
 use std::marker::PhantomData;
 
-/// A stage of such a method.
+/// A stage of a method whose stages use only the previous slope.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage {
-    /// The number of its instant.
+    /// The index of the stage's time in `INSTANTS`.
     pub instant: usize,
-    /// The part `a` of the step in its argument.
+    /// The coefficient `a_i` of the previous slope in the argument of the stage.
     pub part: f64,
-    /// Its weight `b` in the sum.
+    /// The weight `b_i` of the slope in the sum.
     pub weight: f64,
 }
 
-/// The tableau of such a method.
+/// The tableau of a method whose stages use only the previous slope.
 pub trait EqualSteps {
-    /// The instants of the inputs, as parts of the step, increasing.
+    /// The times of the inputs, as increasing fractions of the step.
     const INSTANTS: &'static [f64];
     /// The stages.
     const STAGES: &'static [Stage];
-    /// The divisor `d` of the sum.
+    /// The divisor `d` of the weighted sum.
     const DIVISOR: f64;
 }
 
-/// The method of the tableau `C` on a state `B`.
+/// The method with tableau `C` for a state `B`.
 pub struct Explicit<C, B, U> {
     k: B,
     y: B,
     sum: B,
     /// The input at each instant.
     inputs: Vec<U>,
-    /// The time of the last one, NaN if it cannot be reused.
+    /// The time of the last input, or NaN if it cannot be reused.
     end_time: f64,
     tableau: PhantomData<C>,
 }
 
 impl<C: EqualSteps, B: Clone, U: Clone> Explicit<C, B, U> {
-    /// The method; `state` and `input` give the sizes.
+    /// Return the method. The sizes of `state` and `input` determine the sizes of its memory.
     pub fn new(state: B, input: U) -> Self {
         let (k, y, sum) = (state.clone(), state.clone(), state);
         Explicit { k, y, sum, inputs: vec![input; C::INSTANTS.len()], end_time: f64::NAN, tableau: PhantomData }

@@ -2,7 +2,7 @@
 
 use super::{EqualSteps, Explicit, Stage};
 
-/// Its tableau.
+/// The tableau of the explicit Euler method.
 pub struct Forward1;
 
 impl EqualSteps for Forward1 {

@@ -1,27 +1,27 @@
 //! Zero crossings of functions `g_i(t, x)` along a run, located on the dense output of each step.
 //!
-//! An event is a change of sign from one accepted step to the next. Rising: `g` was last negative and is now zero or positive.
-//! Falling: the reverse. A `g` that starts at zero has no sign until it differs from zero. Two changes within one step
-//! cancel and are missed: limit the step if that matters. The root is bracketed until no time lies between its ends.
-//! The method is that of Chandrupatla 1997: inverse quadratic interpolation where it is safe, bisection elsewhere. The
-//! later end is the event, so that a run that starts there begins on the new side.
+//! An event is a change of the sign of `g` between two accepted steps. At a rising crossing, `g` was negative before, and is now zero or
+//! positive. At a falling crossing, it was positive and is now zero or negative. A `g` that starts at zero has no sign until it differs
+//! from zero. Two changes within one step cancel and are missed. A smaller step limit avoids this. The root is bracketed until no number
+//! lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic interpolation where it is safe, otherwise bisection.
+//! The event is at the later end, so that a run that starts there begins after the change of sign.
 
 use super::{Adaptive, Buffer, System};
 use crate::scalar::sign;
 use crate::status::Status;
 
-/// One monitored event.
+/// The settings of one event.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Event {
-    /// Rising crossings only where positive, falling only where negative, both where zero.
+    /// Positive: only rising crossings count. Negative: only falling crossings count. Zero: both count.
     pub direction: f64,
-    /// End the run at this many crossings; zero to record them alone.
+    /// The number of crossings after which the run ends. Zero: the run does not end.
     pub stop_after: usize,
 }
 
-/// The event functions, evaluated by index.
+/// Event functions, identified by an index.
 pub trait Watched {
-    /// Value of event function `i` at time `t` and state `x`.
+    /// The value of event function `i` at time `t`, s, and state `x`.
     fn value(&mut self, i: usize, t: f64, x: &[f64]) -> f64;
 }
 
@@ -31,37 +31,37 @@ impl<G: FnMut(usize, f64, &[f64]) -> f64> Watched for G {
     }
 }
 
-/// A crossing: which function, when.
+/// A crossing: the index of the event and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
-    /// Index of the event.
+    /// The index of the event.
     pub index: usize,
-    /// Time of the crossing.
+    /// The time of the crossing, s.
     pub t: f64,
-    /// The run ends here.
+    /// Whether the run ends at this crossing.
     pub stops: bool,
 }
 
-/// The events of one run.
+/// The state of event detection in one run.
 pub struct Watch<B> {
     events: Vec<Event>,
     counts: Vec<usize>,
-    /// The last sign, zero before the first one.
+    /// The last nonzero sign of each function. It is zero before the first such sign.
     signs: Vec<f64>,
     values: Vec<f64>,
-    /// The crossings of the last step, in order of time.
+    /// The crossings in the last step, in order of time.
     pub crossings: Vec<Crossing>,
     at: B,
 }
 
 impl<B: Buffer<f64>> Watch<B> {
-    /// A search of these events; `state` gives the size.
+    /// Detect `events`. The size of `state` determines the size of the memory.
     pub fn new(events: Vec<Event>, state: B) -> Self {
         let n = events.len();
         Watch { events, counts: vec![0; n], signs: vec![0.0; n], values: vec![0.0; n], crossings: Vec::with_capacity(n), at: state }
     }
 
-    /// Begin, or begin again after a jump, at `(t, x)`.
+    /// Begin the detection at time `t` and state `x`, at the start of a run or after a jump.
     pub fn begin<G: Watched>(&mut self, watched: &mut G, t: f64, x: &[f64]) -> Result<(), Status> {
         for i in 0..self.events.len() {
             self.values[i] = watched.value(i, t, x);
@@ -73,7 +73,7 @@ impl<B: Buffer<f64>> Watch<B> {
         Ok(())
     }
 
-    /// Look at the step that `method` has just accepted: `self.crossings`, none later than the first that ends the run.
+    /// Find the crossings in the step that `method` has just accepted. Crossings after the end of the run are removed.
     pub fn scan<F, G, M>(&mut self, system: &mut F, method: &mut M, watched: &mut G) -> Result<Option<f64>, Status>
     where
         F: System<f64>,
@@ -105,7 +105,7 @@ impl<B: Buffer<f64>> Watch<B> {
         let mut end = None;
         for k in 0..self.crossings.len() {
             let crossing = &mut self.crossings[k];
-            // A crossing at the end counts too, independent of its place in the list.
+            // A crossing at exactly the end counts, whatever its place in the list.
             if end.is_some_and(|end| crossing.t > end) {
                 self.crossings.truncate(k);
                 break;
@@ -121,13 +121,13 @@ impl<B: Buffer<f64>> Watch<B> {
     }
 }
 
-/// The later end of a bracket of a root of `g` between `a` and `b`, with no number between its ends.
+/// Return the later end of a bracket of a root of `g` between `a` and `b`. No number lies between the two ends.
 pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> f64 {
-    // `b` is the newest point, `a` the one on the other side of the root, `c` the one before.
+    // `b` is the newest point, `a` is on the other side of the root, and `c` is the previous point.
     let (mut a, mut b) = (b, a);
     let mut c;
     let mut part = 0.5;
-    // Bisection alone ends after at most 200 steps, because there are no more bits to halve. NaN also ends it.
+    // Bisection alone ends after at most 200 steps, because all bits are then determined. The limit also ends the loop for NaN.
     for _ in 0..200 {
         let middle = a.0 + part * (b.0 - a.0);
         let inside = |t: f64| (t > a.0 && t < b.0) || (t > b.0 && t < a.0);
@@ -157,7 +157,7 @@ pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> 
         } else {
             0.5
         };
-        // One step short of each end at least; NaN becomes the middle.
+        // The next point has a distance from both ends. NaN is replaced by the middle.
         part = if part.is_nan() { 0.5 } else { part.clamp(least, 1.0 - least) };
     }
     a.0.max(b.0)
@@ -181,11 +181,11 @@ mod tests {
                 g(t)
             };
             let t = crossing(counted, (1.0, g(1.0)), (2.0, g(2.0)));
-            // The bracket's later end, one number wide.
+            // `t` is the later end of the bracket, whose ends are adjacent numbers.
             assert!((t - root).abs() <= 2.0 * f64::EPSILON * root || g(t) == 0.0, "{t} {root}");
             assert!(g(t) >= 0.0);
         }
-        // Bisection would take 52 each.
+        // Bisection alone would take 52 evaluations per root.
         assert!(calls < 160, "{calls}");
     }
 

@@ -1,6 +1,6 @@
-//! A method of fixed step with the interface of the adaptive ones: `t_k = t_0 + k h`, and a shorter step at the end.
+//! Methods of fixed step size with the interface of adaptive methods: `t_k = t_0 + k h`, and a shorter step at the end.
 //!
-//! Dense output is the cubic Hermite polynomial between two steps (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6):
+//! Dense output is the cubic Hermite polynomial over a step (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6):
 //!
 //! `x(s) = (1-s) x_0 + s x_1 + s (s-1) ((1-2s)(x_1 - x_0) + (s-1) h f_0 + s h f_1)`.
 
@@ -10,10 +10,10 @@ use super::{Buffer, FixedStep, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// A fraction of the span, or of a step. A smaller remainder is a rounding error, and is not a separate step.
+/// A fraction of the time span, or of a step. A smaller remainder of the span is a rounding error, and needs no separate step.
 const SLIVER: f64 = 1e-9;
 
-/// Steps of `h` by `method`.
+/// A method of fixed step size `h` as an adaptive method.
 pub struct Steps<M, B, U> {
     method: M,
     h: f64,
@@ -30,12 +30,13 @@ pub struct Steps<M, B, U> {
     input_end: f64,
     dense: bool,
     work: Work,
-    /// The cost of one step.
+    /// The work of one step.
     each: Work,
 }
 
 impl<M, B: Clone, U: Clone> Steps<M, B, U> {
-    /// A method with steps of `h > 0`; `each` is the work of one step.
+    /// Return a method with steps of size `h > 0`, s. `each` is the work of one step. The sizes of `state` and `input` determine the
+    /// memory.
     pub fn new(method: M, h: f64, each: Work, state: B, input: U) -> Self {
         let (x_old, f_old, f) = (state.clone(), state.clone(), state.clone());
         Steps {
@@ -143,7 +144,7 @@ where
     fn work(&self) -> Work {
         self.work
     }
-    /// The step is fixed, so a limit has no effect.
+    /// Has no effect, because the step size is fixed.
     fn limit_step(&mut self, _: f64) {}
     fn first_step(&mut self, _: f64) {}
 }

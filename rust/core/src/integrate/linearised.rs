@@ -1,36 +1,36 @@
-//! The Jacobian of any system from the same right-hand side on dual numbers.
+//! Jacobians from the right-hand side evaluated on dual numbers.
 //!
-//! Column `j` of `df/dx` is the rate of `f` along `x_j`. An evaluation gives `RATES` columns.
+//! Column `j` of `df/dx` is the derivative of `f` along `x_j`. One evaluation computes `RATES` columns.
 
 use super::{Differentiable, System};
 use crate::linalg::Pairs;
 use crate::scalar::{Duals, Real};
 
-/// A right-hand side on dual numbers.
+/// A system whose right-hand side is evaluated on dual numbers.
 pub trait DualSystem<V: Real>: System<Duals<V>> {
-    /// The input at `t`; its derivative along direction 0 is its time derivative.
+    /// Write the input at time `t` to `u`. Its derivative along direction 0 is the time derivative.
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
-    /// Hold the input of a sampled loop, and the rate of its law.
+    /// Hold the input of the plant and the rate of the law's state, in a sampled loop.
     fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}
-    /// Set the switches to the states of the system on plain numbers.
+    /// Set the switches of this system to the states `sides` of the system on plain numbers.
     fn follow(&mut self, _sides: &[i8]) {}
     /// Whether the input is constant.
     fn autonomous(&self) -> bool {
         false
     }
-    /// The number of components, from the first on, that the slope depends on. The derivatives along others, such as quadratures, are zero.
+    /// The number of leading components on which the slope depends. Derivatives along other components, such as quadratures, are zero.
     fn leading(&self, n: usize) -> usize {
         n
     }
 }
 
-/// A system, and the same system on dual numbers. Together they are [`Differentiable`].
+/// A system on plain numbers with the same system on dual numbers. The pair is [`Differentiable`].
 pub struct Linearised<F, G, V: Real, X, U> {
     /// The system on plain numbers.
     pub system: F,
     /// The same system on dual numbers.
     pub twin: G,
-    /// Scratch for the twin: state, slope, input.
+    /// The memory of the twin for state, slope and input.
     x: X,
     dx: X,
     u: U,
@@ -43,7 +43,7 @@ where
     G: DualSystem<V, Input = U>,
     X: Clone + AsMut<[Duals<V>]>,
 {
-    /// `state` is as long as the system's; `input` is one of the twin's.
+    /// Combine a system and its twin. `state` has the length of the system's state, and `input` is an input of the twin.
     pub fn new(system: F, twin: G, state: X, input: U) -> Self {
         Linearised { system, twin, dx: state.clone(), x: state, u: input, rates: std::marker::PhantomData }
     }

@@ -1,4 +1,4 @@
-//! The table of the methods by name. A caller needs code only for each of the four kinds, not for each method.
+//! The table of integration methods by name. Callers need code for the four kinds of methods, not for each method.
 
 use super::{
     Accuracy, Adaptive, Advance, Differentiable, Dop853, Dopri5, EqualSteps, Euler, FixedStep, Forward1, Kutta4, Order8, Pair54, Radau5,
@@ -7,7 +7,7 @@ use super::{
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
-/// The methods with their names in Python, by kind.
+/// Defines the methods with their names in Python, for each kind.
 macro_rules! methods {
     ($($(#[$doc:meta])* $kind:ident { $($(#[$text:meta])* $method:ident $name:literal,)* })*) => {
         /// The numerical method of a run.
@@ -16,7 +16,7 @@ macro_rules! methods {
             $($($(#[$text])* $method,)*)*
         }
 
-        /// Whether a method is explicit or implicit, and whether its steps are fixed or adaptive.
+        /// The kind of a method: explicit or implicit, with fixed or adaptive steps.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Kind {
             $($(#[$doc])* $kind($kind),)*
@@ -31,17 +31,17 @@ macro_rules! methods {
         )*
 
         impl Method {
-            /// All of them.
+            /// All methods.
             pub const ALL: &'static [Method] = &[$($(Method::$method,)*)*];
 
-            /// Its name in Python.
+            /// The name of the method in Python.
             pub fn name(self) -> &'static str {
                 match self {
                     $($(Method::$method => $name,)*)*
                 }
             }
 
-            /// Its kind.
+            /// The kind of the method.
             pub fn kind(self) -> Kind {
                 match self {
                     $($(Method::$method => Kind::$kind($kind::$method),)*)*
@@ -52,7 +52,7 @@ macro_rules! methods {
 }
 
 methods! {
-    /// Explicit, by steps of one size.
+    /// Explicit, with steps of fixed size.
     ExplicitSteps {
         /// Explicit Euler, order 1.
         Euler "euler",
@@ -61,7 +61,7 @@ methods! {
         /// The classical Runge-Kutta method, order 4.
         Rk4 "rk4",
     }
-    /// Implicit, by steps of one size.
+    /// Implicit, with steps of fixed size.
     ImplicitSteps {
         /// An L-stable Rosenbrock method of order 2.
         Ros2 "ros2",
@@ -83,13 +83,13 @@ methods! {
 }
 
 impl Method {
-    /// The method of this name in Python.
+    /// Return the method with this name in Python.
     pub fn from_name(name: &str) -> Result<Self> {
         let found = Self::ALL.iter().copied().find(|method| method.name() == name);
         found.ok_or_else(|| Error::unknown("method", "", Self::ALL.iter().map(|method| method.name()), name))
     }
 
-    /// Whether it chooses its own steps.
+    /// Whether the method chooses its step sizes.
     pub fn is_adaptive(self) -> bool {
         match self.kind() {
             Kind::ExplicitSteps(_) | Kind::ImplicitSteps(_) => false,
@@ -97,7 +97,7 @@ impl Method {
         }
     }
 
-    /// Whether it needs the derivatives of the system.
+    /// Whether the method needs the derivatives of the system.
     pub fn is_implicit(self) -> bool {
         match self.kind() {
             Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) => false,
@@ -105,7 +105,7 @@ impl Method {
         }
     }
 
-    /// Evaluations of the right-hand side in a step of fixed size; `None` for an adaptive method.
+    /// The number of evaluations of the right-hand side per step, for a method of fixed steps. `None` for an adaptive method.
     pub fn evaluations_per_step(self) -> Option<u64> {
         match self.kind() {
             Kind::ExplicitSteps(method) => Some(method.evaluations()),
@@ -114,7 +114,7 @@ impl Method {
         }
     }
 
-    /// Whether it solves only linear equations, and therefore requires `df/dt` too.
+    /// Whether the method solves only linear equations. Such a method also requires `df/dt`.
     pub fn is_rosenbrock(self) -> bool {
         match self.kind() {
             Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
@@ -122,7 +122,7 @@ impl Method {
         }
     }
 
-    /// Whether its order requires exact derivatives. `radau5` iterates; `ros2` keeps its order with any matrix.
+    /// Whether the order of the method requires exact derivatives. `radau5` iterates, and `ros2` has its order with any matrix.
     pub fn needs_exact_derivatives(self) -> bool {
         match self.kind() {
             Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) => false,
@@ -132,21 +132,21 @@ impl Method {
     }
 }
 
-/// A task for a method of fixed steps.
+/// A task that needs a method of fixed steps.
 pub trait WithSteps<S: Real, F: System<S>> {
-    /// The result.
+    /// The result of the task.
     type Output;
 
-    /// Run the task.
+    /// Run the task with `method`, from the state `x` of `system`.
     fn with<M: FixedStep<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, x: Vec<S>, method: M) -> Self::Output;
 }
 
-/// A task for an explicit method of fixed steps, whose stages can be recorded. A task for any method of fixed steps is a special case.
+/// A task that needs an explicit method of fixed steps, whose stages can be recorded. Every [`WithSteps`] task is such a task.
 pub trait WithExplicitSteps<S: Real, F: System<S>> {
-    /// The result.
+    /// The result of the task.
     type Output;
 
-    /// Run the task.
+    /// Run the task with `method`, from the state `x` of `system`.
     fn with_explicit<M: FixedStep<S, F, Vec<S>> + Advance<S, F, Vec<S>> + Send + Sync + 'static>(
         self,
         system: F,
@@ -169,7 +169,7 @@ impl<S: Real, F: System<S>, T: WithSteps<S, F>> WithExplicitSteps<S, F> for T {
 }
 
 impl ExplicitSteps {
-    /// The instants of the inputs, as parts of the step.
+    /// The times of the inputs, as increasing fractions of the step.
     pub fn instants(self) -> &'static [f64] {
         match self {
             ExplicitSteps::Euler => Forward1::INSTANTS,
@@ -178,7 +178,7 @@ impl ExplicitSteps {
         }
     }
 
-    /// Evaluations of the right-hand side in a step.
+    /// The number of evaluations of the right-hand side per step.
     pub fn evaluations(self) -> u64 {
         match self {
             ExplicitSteps::Euler => Forward1::STAGES.len() as u64,
@@ -187,8 +187,8 @@ impl ExplicitSteps {
         }
     }
 
-    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`. It refuses a system that the method cannot
-    /// integrate.
+    /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input. Fails if the method cannot integrate the
+    /// system.
     pub fn apply<S, F, T>(self, system: F, x: Vec<S>, u: F::Input, task: T) -> Result<T::Output>
     where
         S: Real,
@@ -208,14 +208,14 @@ impl ExplicitSteps {
 }
 
 impl ImplicitSteps {
-    /// Evaluations of the right-hand side in a step.
+    /// The number of evaluations of the right-hand side per step.
     pub fn evaluations(self) -> u64 {
         match self {
             ImplicitSteps::Ros2 => 2,
         }
     }
 
-    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`.
+    /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input.
     pub fn apply<F, T>(self, system: F, x: Vec<f64>, u: F::Input, task: T) -> T::Output
     where
         F: Differentiable<f64, Input: Send + Sync + 'static>,
@@ -231,26 +231,26 @@ impl ImplicitSteps {
     }
 }
 
-/// A task for an adaptive method.
+/// A task that needs an adaptive method.
 pub trait WithAdaptive<S: Real, F: System<S>> {
-    /// The result.
+    /// The result of the task.
     type Output;
 
-    /// Run the task.
+    /// Run the task with `method` on `system`.
     fn with<M: Adaptive<S, F, Vec<S>> + Send + Sync + 'static>(self, system: F, method: M) -> Self::Output;
 }
 
-/// A task for the stages of an adaptive explicit method.
+/// A task that needs the tableau of an adaptive explicit method.
 pub trait WithScheme {
-    /// The result.
+    /// The result of the task.
     type Output;
 
-    /// Run the task.
+    /// Run the task with the tableau `C`.
     fn with<C: Scheme>(self) -> Self::Output;
 }
 
 impl ExplicitAdaptive {
-    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`.
+    /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input.
     pub fn apply<S, F, A, T>(self, system: F, accuracy: A, x: Vec<S>, u: F::Input, task: T) -> T::Output
     where
         S: Real,
@@ -264,7 +264,7 @@ impl ExplicitAdaptive {
         }
     }
 
-    /// Its stages.
+    /// Run `task` with the tableau of this method.
     pub fn scheme<T: WithScheme>(self, task: T) -> T::Output {
         match self {
             ExplicitAdaptive::Dopri5 => task.with::<Pair54>(),
@@ -274,7 +274,7 @@ impl ExplicitAdaptive {
 }
 
 impl ImplicitAdaptive {
-    /// Run the task for `system` from the state `x`, with memory for inputs such as `u`.
+    /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input.
     pub fn apply<F, A, T>(self, system: F, accuracy: A, x: Vec<f64>, u: F::Input, task: T) -> T::Output
     where
         F: Differentiable<f64, Input: Send + Sync + 'static>,

@@ -1,11 +1,11 @@
-//! Radau IIA of three stages, order 5, L-stable (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8):
+//! Radau IIA with three stages, order 5, L-stable (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8):
 //!
 //! `z_i = h sum_j a_ij f(t + c_j h, x + z_j)`, `x_new = x + z_3`,
 //!
-//! by simplified Newton on `w = T^-1 z`, in which `A^-1` splits into one real and one complex pole:
-//! `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and `((a + ib)/h - J)(dw_2 + i dw_3) = ..`.
-//! Error: `(m/h - J)^-1 (f(t, x) + (e_1 z_1 + e_2 z_2 + e_3 z_3)/h)`. The collocation polynomial of degree 3 is the dense output
-//! and, extrapolated, the start of the next Newton iteration. Predictive step control (Gustafsson 1994).
+//! The solver is simplified Newton iteration on `w = T^-1 z`. In these variables, `A^-1` has one real and one complex pole:
+//! `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and `((a + ib)/h - J)(dw_2 + i dw_3) = ..`. The error estimate is
+//! `(m/h - J)^-1 (f(t, x) + (e_1 z_1 + e_2 z_2 + e_3 z_3)/h)`. The collocation polynomial of degree 3 is the dense output. Its
+//! extrapolation starts the next Newton iteration. The step-size control is predictive (Gustafsson 1994).
 
 mod newton;
 
@@ -23,21 +23,21 @@ use crate::status::Status;
 const ITERATIONS: usize = 6;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
-/// A step that would grow by less than this keeps its length, so that the decompositions can be reused.
+/// If the step size would grow by a smaller factor, it does not change, so that the matrix decompositions can be reused.
 const WORTHWHILE: f64 = 1.2;
-/// Rounding of the error estimate in units of that of one slope, `|(1, e A)|`.
+/// The rounding error of the error estimate, divided by the error of one slope: `|(1, e A)|`.
 const GAIN: f64 = 2.0;
-/// Contraction of Newton above which the Jacobian is renewed after an accepted step.
+/// If Newton's iteration contracts by a larger factor, the next step evaluates the Jacobian again.
 const SLOW: f64 = 1e-3;
 
-/// The method of order 5 on a state `B`.
+/// The method Radau IIA of order 5 for a state `B`.
 pub struct Radau5<S, B, U, A = Tolerance> {
     controller: StepController<A>,
     newton_tolerance: f64,
     z: [B; 3],
     w: [B; 3],
     f: [B; 3],
-    /// The stages of the last step: its polynomial.
+    /// The stages of the last step, which define its polynomial.
     z_old: [B; 3],
     slope: B,
     y: B,
@@ -54,19 +54,19 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     complex_work: Vec<Complex<S>>,
     real_pivots: Vec<usize>,
     complex_pivots: Vec<usize>,
-    /// The step size for which the matrices are factored; NaN before the first factorisation.
+    /// The step size of the present matrix decompositions, or NaN before the first decomposition.
     h_factored: f64,
-    /// Whether the Jacobian is that of the present state.
+    /// Whether the Jacobian is evaluated at the present state.
     current: bool,
-    /// Whether there is a last step to extrapolate.
+    /// Whether a last step exists that can be extrapolated.
     warm: bool,
-    /// Step first proposed and error of the last accepted step.
+    /// For the last accepted step, its first proposed size and its error.
     last: Option<(f64, f64)>,
     chatter: Chatter<B>,
 }
 
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
-    /// The method with these tolerances; `state` and `input` give the sizes.
+    /// Return the method with this tolerance. The sizes of `state` and `input` determine the sizes of its memory.
     pub fn new(tolerance: A, state: B, input: U) -> Self {
         let n = state.as_ref().len();
         let three = || std::array::from_fn(|_| state.clone());
@@ -101,7 +101,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         }
     }
 
-    /// Slope and Jacobian at the present state.
+    /// Compute the slope and the Jacobian at the present state.
     fn linearise<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
         let (t, x) = (self.controller.t, self.x.as_ref());
         system.input(self.controller.input_time(t), &mut self.u);
@@ -113,14 +113,14 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.h_factored = f64::NAN;
     }
 
-    /// Correct the slope at the rounded numbers to that of the compensated state.
+    /// Correct the slope from the rounded state to the compensated state.
     fn compensate_slope(&mut self) {
         if self.rounding.compensated {
             add_product(&self.jacobian, self.rounding.rest.as_ref(), self.slope.as_mut());
         }
     }
 
-    /// Decompose both matrices for a step `h`.
+    /// Decompose both matrices for a step of size `h`. Return whether both are regular.
     fn factor<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> bool {
         let (n, j, pairs) = (self.x.as_ref().len(), &self.jacobian, system.pairs());
         let (real, complex) = poles::<S>(h);
@@ -131,7 +131,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         sound
     }
 
-    /// The polynomial of the last step, `s` steps of `h_old` after its start, less `from`.
+    /// Component `c` of the polynomial of the last step, at the fraction `s` of this step.
     fn extrapolate(z: &[B; 3], x_old: &[S], s: f64, c: usize) -> S {
         let mut sum = x_old[c];
         for i in 0..3 {
@@ -140,7 +140,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         sum
     }
 
-    /// The stages' start, from the last polynomial.
+    /// Set the start of the Newton iteration for a step of size `h`. It is the extrapolated last polynomial, if one exists.
     fn start(&mut self, h: f64) {
         let h_old = self.controller.t - self.controller.t_old;
         for i in 0..3 {
@@ -156,9 +156,9 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         transform(&T_INVERSE, &self.z, &mut self.w);
     }
 
-    /// Check after a rejected step of `h` whether rounding is the reason.
+    /// Check whether rounding errors caused the rejection of a step of size `h`.
     fn rejected<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Result<(), Status> {
-        // This check requires a decomposition for this step.
+        // The check requires the matrix decomposition for this step size.
         if !self.rounding.rejected() || self.h_factored != h {
             return Ok(());
         }
@@ -169,13 +169,13 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         let known = (&self.x, &self.slope, &j[..]);
         let finest = (GAIN, self.newton_tolerance);
         if let Some(left) = self.rounding.look(system, &mut self.controller, known, (&mut self.y, dy), &mut self.u, finest, solve)? {
-            // Newton's increments cannot fall below rounding.
+            // Newton's increments cannot become smaller than the rounding error.
             self.newton_tolerance = self.newton_tolerance.max(4.0 * left);
         }
         Ok(())
     }
 
-    /// The error of the step in `y`, from the slope in `f[0]`.
+    /// Return the error of the step to `y`, computed with the slope in `f[0]`.
     fn estimate(&mut self, pairs: Pairs, h: f64) -> f64 {
         let n = self.x.as_ref().len();
         let error = self.error.as_mut();
@@ -191,7 +191,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
-    /// Write to `f[0]` the slope at the start, moved by the first error estimate, whose stiff components are too large.
+    /// Write to `f[0]` the slope at the initial state plus the first error estimate. Its stiff components are too large in this estimate.
     fn filter<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
         let (x, filtered, rest) = (self.x.as_ref(), self.error.as_ref(), self.rounding.rest.as_ref());
         let [slope, at, lost] = &mut self.f;
@@ -206,13 +206,13 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.work.evaluations += 1;
     }
 
-    /// `error^(-1/4)`, reduced if the error has increased since the last step.
+    /// Return `error^(-1/4)`, reduced if the error has increased since the last step.
     fn predict(&self, h: f64, error: f64) -> f64 {
         let trend = match self.last {
             Some((h_old, error_old)) if error > 0.0 => (h / h_old * (error_old / error).powf(0.25)).min(1.0),
             _ => 1.0,
         };
-        // With an error of zero the step grows by the largest factor.
+        // The limit applies if the error is zero.
         (trend * error.powf(-0.25)).min(1e10)
     }
 }
@@ -299,7 +299,7 @@ where
             if !renew && factor < WORTHWHILE {
                 factor = 1.0;
             }
-            // The step that was proposed first. So after rejections the growth is limited for one more step.
+            // Store the first proposed step size. After rejections, this limits the growth for one more step.
             self.last = Some((h_begun, error));
             self.controller.accept(t_new, h * factor);
             std::mem::swap(&mut self.x_old, &mut self.x);

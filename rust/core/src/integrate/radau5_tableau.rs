@@ -1,4 +1,4 @@
-//! The coefficients of Radau IIA of three stages (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8).
+//! The coefficients of Radau IIA with three stages (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8).
 
 use super::Buffer;
 use crate::linalg::lu::Complex;
@@ -20,19 +20,19 @@ pub(super) const T_INVERSE: [[f64; 3]; 3] = [
     [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
     [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
 ];
-/// `x(t_old + s h) = x_old + sum_i z_i (P_i0 s + P_i1 s^2 + P_i2 s^3)`
+/// The coefficients of the polynomial `x(t_old + s h) = x_old + sum_i z_i (P_i0 s + P_i1 s^2 + P_i2 s^3)`.
 pub(super) const P: [[f64; 3]; 3] = [
     [13.0 / 3.0 + 7.0 * ROOT6 / 3.0, -23.0 / 3.0 - 22.0 * ROOT6 / 3.0, 10.0 / 3.0 + 5.0 * ROOT6],
     [13.0 / 3.0 - 7.0 * ROOT6 / 3.0, -23.0 / 3.0 + 22.0 * ROOT6 / 3.0, 10.0 / 3.0 - 5.0 * ROOT6],
     [1.0 / 3.0, -8.0 / 3.0, 10.0 / 3.0],
 ];
 
-/// The shifts of the two systems for a step `h`.
+/// Return the shifts of the real and the complex linear system for a step of size `h`.
 pub(super) fn poles<S: Real>(h: f64) -> (S, Complex<S>) {
     (S::splat(REAL_POLE / h), Complex(S::splat(COMPLEX_POLE.0 / h), S::splat(COMPLEX_POLE.1 / h)))
 }
 
-/// `out = M in` over the three stages.
+/// Multiply each component of the three stages with the matrix: `to = m from`.
 pub(super) fn transform<S: Real, B: Buffer<S>>(m: &[[f64; 3]; 3], from: &[B; 3], to: &mut [B; 3]) {
     for i in 0..3 {
         let out = to[i].as_mut();

@@ -5,7 +5,7 @@
 
 use super::{EqualSteps, Explicit, Stage};
 
-/// Its tableau.
+/// The tableau of the classical Runge-Kutta method.
 pub struct Kutta4;
 
 impl EqualSteps for Kutta4 {

@@ -1,9 +1,9 @@
-//! RODAS, a stiffly accurate L-stable Rosenbrock method of order 4 with an embedded one of order 3 and dense output of order 3.
+//! RODAS: a stiffly accurate, L-stable Rosenbrock method of order 4, with an embedded method of order 3 and dense output of order 3.
 //!
-//! See Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7; the coefficients are those of its code `rodas.f`.
+//! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7. The coefficients are from its code `rodas.f`.
 //!
-//! `(I/(g h) - df/dx) u_i = f(t + c_i h, x + sum_j a_ij u_j) + sum_j c_ij u_j / h + d_i h df/dt`, six stages,
-//! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, error `u_6`.
+//! For six stages, `(I/(g h) - df/dx) u_i = f(t + c_i h, x + sum_j a_ij u_j) + sum_j c_ij u_j / h + d_i h df/dt`. Then
+//! `x_5 = x + sum a_5j u_j + u_5`, `x_new = x_5 + u_6`, and the error estimate is `u_6`.
 
 use super::adaptive::{Accuracy, Adaptive, Tolerance, Work};
 use super::chatter::Chatter;
@@ -14,11 +14,11 @@ use crate::scalar::Real;
 use crate::status::Status;
 
 const GAMMA: f64 = 0.25;
-/// Times of the stages.
+/// The times of the stages, as fractions of the step.
 const C: [f64; 6] = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
-/// Weights of `h df/dt`.
+/// The weights of `h df/dt` in the stages.
 const D: [f64; 6] = [0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0];
-/// Arguments of the stages; the last adds all of stage 5.
+/// The weights of earlier stages in the argument of each stage. The last argument contains stage 5 with weight 1.
 const A: [[f64; 5]; 6] = [
     [0.0; 5],
     [1.544, 0.0, 0.0, 0.0, 0.0],
@@ -27,7 +27,7 @@ const A: [[f64; 5]; 6] = [
     [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 0.0],
     [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0],
 ];
-/// Coupling of the stages, over `h`.
+/// The weights `c_ij` of earlier stages on the right-hand side. They are divided by `h`.
 const K: [[f64; 5]; 6] = [
     [0.0; 5],
     [-5.6688, 0.0, 0.0, 0.0, 0.0],
@@ -36,17 +36,18 @@ const K: [[f64; 5]; 6] = [
     [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.7089089320616, 0.0],
     [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054],
 ];
-/// Rows of the dense output.
+/// The weights of the stages in the rows of the dense output.
 const DENSE: [[f64; 5]; 2] = [
     [10.12623508344586, -7.487995877610167, -34.80091861555747, -7.992771707568823, 1.025137723295662],
     [-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872],
 ];
-/// Rounding of `u_6` in units of that of one slope, `|row 6 of (I - g c)^-1|`: from 1 for `J` much larger than `1/h` to 11 for a negligible
-/// `J`.
+/// The rounding error of `u_6`, divided by the error of one slope: `|row 6 of (I - g c)^-1|`. It is 1 if `J` is much larger than `1/h`, and
+/// 11 if `J` is negligible.
 const GAIN: f64 = 5.0;
 const CONTROL: Control = Control { safety: 0.9, alpha: 0.25, beta: 0.0, shrink: 0.2, grow: 6.0 };
 
-/// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for others.
+/// The method RODAS. `B`: a state. `M`: an `(n, n)` matrix. `P`: `n` indices. These are arrays for small closed-form systems, otherwise
+/// vectors.
 pub struct Rodas4<B, M, P, U, T = Tolerance> {
     controller: StepController<T>,
     stages: [B; 6],
@@ -62,13 +63,13 @@ pub struct Rodas4<B, M, P, U, T = Tolerance> {
     u: U,
     start: U,
     rounding: Rounding<B>,
-    /// Whether slope and Jacobian belong to `x`.
+    /// Whether `slope` and the Jacobian are evaluated at the state `x`.
     linear: bool,
     chatter: Chatter<B>,
 }
 
 impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
-    /// The method with these tolerances; the other arguments give the sizes.
+    /// Return the method with this tolerance. The sizes of the other arguments determine the sizes of its memory.
     pub fn new(tolerance: T, state: B, matrix: M, pivots: P, input: U) -> Self {
         Rodas4 {
             controller: StepController::new(tolerance),
@@ -90,7 +91,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         }
     }
 
-    /// Slope, Jacobian and time derivative at the start of a step.
+    /// Compute the slope, the Jacobian and the time derivative at the start of a step.
     fn linearise<S, F>(&mut self, system: &mut F)
     where
         S: Real,
@@ -112,7 +113,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         self.linear = true;
     }
 
-    /// Try a step of `h`: the new state in `y`; returns the error.
+    /// Try a step of size `h`, write the new state to `y`, and return the error.
     fn attempt<S, F>(&mut self, system: &mut F, h: f64) -> f64
     where
         S: Real,
@@ -183,7 +184,7 @@ impl<B: Clone, M: Clone, P, U: Clone, T: Accuracy> Rodas4<B, M, P, U, T> {
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
-    /// Check after a rejected step of `h` whether rounding is the reason.
+    /// Check whether rounding errors caused the rejection of a step of size `h`.
     #[cold]
     fn look<S, F>(&mut self, system: &mut F, h: f64) -> Result<(), Status>
     where

@@ -1,17 +1,18 @@
-//! ROS2, the L-stable Rosenbrock-W method of order 2 with a fixed step (Verwer, Spee, Blom and Hundsdorfer 1999):
+//! ROS2, an L-stable Rosenbrock-W method of order 2 with fixed step size (Verwer, Spee, Blom and Hundsdorfer 1999):
 //!
 //! `W k1 = f(t, x) + g h f_t`, `W k2 = f(t + h, x + h k1) - 2 k1 - g h f_t`, `W = I - g h df/dx`,
 //! `x += h (3 k1 + k2) / 2`, `g = 1 - 1/sqrt 2`.
 //!
-//! `g = 1 + 1/sqrt 2` is L-stable too and stays positive on real negative poles, with an error constant 20 times larger.
-//! A singular `W` gives NaN, and the check of the run reports it.
+//! The method with `g = 1 + 1/sqrt 2` is also L-stable, and stays positive for real negative poles. But its error constant is 20 times
+//! larger. If `W` is singular, the new state is NaN, and the run reports divergence.
 
 use super::{Buffer, Differentiable, FixedStep};
 use crate::scalar::Real;
 
 const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
-/// `M` holds an `(n, n)` matrix and `P` `n` indices: arrays for small closed-form systems, the heap for others.
+/// The method ROS2. `B`: a state. `M`: an `(n, n)` matrix. `P`: `n` indices. These are arrays for small closed-form systems, otherwise
+/// vectors.
 pub struct Ros2<B, M, P, U> {
     k1: B,
     k2: B,
@@ -26,7 +27,7 @@ pub struct Ros2<B, M, P, U> {
 }
 
 impl<B: Clone, M: Clone, P, U: Clone> Ros2<B, M, P, U> {
-    /// The method; the arguments give the sizes.
+    /// Return the method. The sizes of the arguments determine the sizes of its memory.
     pub fn new(state: B, matrix: M, pivots: P, input: U) -> Self {
         Ros2 {
             k1: state.clone(),
@@ -72,7 +73,7 @@ where
             x.fill(S::splat(f64::NAN));
             return;
         }
-        // I - gamma h J is 1 / s of the matrix decomposed.
+        // The decomposed matrix is `s (I - gamma h J)`, so that the right-hand side is multiplied with `s`.
         let mut solve = |k: &mut [S]| {
             for i in 0..n {
                 k[i] = s * k[i];

@@ -1,12 +1,13 @@
-//! Rounding in implicit methods at tight tolerances.
+//! Rounding errors of implicit methods at tight tolerances.
 //!
-//! A state `x` is stored with an error of `eps |x|`. So a stiff slope has an error of `eps |J| |x|`, and the error estimate of a step `h` one
-//! of `(s I - J)^-1 eps |J| |x|` with `s ~ 1/h`. This error rises as the step falls. No step satisfies a tolerance below it. There are two
-//! remedies, in this order:
+//! A stored state `x` has an error of `eps |x|`, where `eps` is the machine precision. A stiff slope then has an error of `eps |J| |x|`.
+//! The error estimate of a step `h` has an error of `(s I - J)^-1 eps |J| |x|`, where `s ~ 1/h`. This error increases if the step size
+//! decreases. If it exceeds the tolerance, no step size is accepted. The remedies, in order:
 //!
-//! 1. Compensated states. The state is `x + rest`. Where a stage `x + z` is rounded to `y`, `f(x + z) = f(y) + J (x + z - y)`. The
-//!    difference is exact (Knuth's sum), and `J` has more than enough digits. Only the rounding error of `f` itself remains.
-//! 2. If that also exceeds the tolerance, the run ends with [`Status::ExcessAccuracy`], and reports a feasible tolerance.
+//! 1. Compensated states. The state is `x + rest`. If the argument `x + z` of a stage is rounded to `y`, then
+//!    `f(x + z) = f(y) + J (x + z - y)`.
+//!    The difference is exact (Knuth's sum), and `J` is accurate enough. Only the rounding error of `f` itself remains.
+//! 2. If the remaining error also exceeds the tolerance, the run ends with [`Status::ExcessAccuracy`], and reports a feasible tolerance.
 
 use super::adaptive::Accuracy;
 use super::step_controller::StepController;
@@ -14,40 +15,41 @@ use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// A counter of rejections: a rejected attempt adds this number, and an accepted one subtracts one. Above `MOST` the rounding error is measured.
-/// This happens after five rejections in a row, or 30 attempts with a third of them rejected.
+/// The counter of rejections: a rejected attempt adds `REJECTED`, and an accepted attempt subtracts one. At `MOST` the rounding error is
+/// measured. This happens after five rejections in a row, or after 30 attempts of which a third are rejected.
 const REJECTED: u32 = 4;
 const MOST: u32 = 20;
-/// The fraction of the method's resolution above which rounding errors count.
+/// The smallest relevant rounding error, as a fraction of the method's resolution.
 const NOTED: f64 = 0.05;
-/// The rounding error of the error estimate, in units of the tolerance, above which no step-size controller works.
+/// If the rounding error of the error estimate exceeds this fraction of the tolerance, no step-size control works.
 const EXCESS: f64 = 0.3;
-/// A feasible tolerance for the whole run is this factor times the rounding error at one state. The factor is for smaller states: rates
-/// decrease towards rest, but the rounding error of positions does not.
+/// The feasible tolerance for a whole run is the rounding error at one state, multiplied by `MARGIN`. The margin allows for slower motion:
+/// rates decrease towards rest, but the rounding error of positions does not.
 const MARGIN: f64 = 100.0;
 const AT_REST: f64 = 1e-3;
 
+/// The compensation and the measurement of rounding errors.
 #[derive(Clone, Debug)]
 pub(super) struct Rounding<B> {
     /// Whether states are compensated.
     pub compensated: bool,
-    /// The difference of the state and `x`.
+    /// The state minus its rounded numbers `x`.
     pub rest: B,
-    /// The difference of the last argument of `f` and its rounded numbers.
+    /// The last argument of `f` minus its rounded numbers.
     pub lost: B,
     strain: u32,
     looks: u64,
 }
 
-/// `a + b` rounded, and the rounding error.
+/// Return the rounded sum `a + b` and its rounding error.
 pub(super) fn two_sum<S: Real>(a: S, b: S) -> (S, S) {
     let sum = a + b;
     let part = sum - a;
     (sum, (a - (sum - part)) + (b - part))
 }
 
-/// A random direction of rounding for component `c` of measurement `k` (splitmix64). With a regular pattern, for example, a position and
-/// its motor could move together.
+/// A random direction of rounding for component `c` in measurement `k` (splitmix64). In a regular pattern, two components could always move
+/// together, for example a link and its motor.
 fn coin(k: u64, c: u64) -> bool {
     let mut z = (k << 32 | c).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -55,7 +57,7 @@ fn coin(k: u64, c: u64) -> bool {
     (z ^ (z >> 31)) & 1 == 0
 }
 
-/// `y += J x`, `J` row-major.
+/// `y += J x`, where `J` is row-major.
 pub(super) fn add_product<S: Real>(j: &[S], x: &[S], y: &mut [S]) {
     let n = x.len();
     for (y, row) in y.iter_mut().zip(j.chunks_exact(n)) {
@@ -73,7 +75,7 @@ impl<B> Rounding<B> {
         Rounding { compensated: false, rest: state.clone(), lost: state, strain: 0, looks: 0 }
     }
 
-    /// A segment begins: its state is exactly the numbers given.
+    /// Begin a segment. Its state has no compensation yet.
     pub fn begin<S: Real>(&mut self)
     where
         B: Buffer<S>,
@@ -81,7 +83,7 @@ impl<B> Rounding<B> {
         self.rest.as_mut().fill(S::zero());
     }
 
-    /// `y` and `lost` of `x + z`. On entry `y` is `z`, and includes `rest`.
+    /// Compute the rounded sum `y = x + z` and its rounding error `lost`. On entry, `y` contains `z`, which includes `rest`.
     pub fn place<S: Real>(&mut self, x: &[S], y: &mut [S])
     where
         B: Buffer<S>,
@@ -92,7 +94,7 @@ impl<B> Rounding<B> {
         }
     }
 
-    /// The step is accepted, so the rounding error of its last sum belongs to the state.
+    /// Accept a step. The rounding error of the new state becomes its compensation.
     pub fn accepted(&mut self) {
         self.strain = self.strain.saturating_sub(1);
         if self.compensated {
@@ -100,7 +102,7 @@ impl<B> Rounding<B> {
         }
     }
 
-    /// Count a rejected step. The result is true if the rounding error shall be measured.
+    /// Count a rejected step. Return true if the rounding error must be measured.
     pub fn rejected(&mut self) -> bool {
         self.strain += REJECTED;
         if self.strain < MOST {
@@ -110,11 +112,12 @@ impl<B> Rounding<B> {
         true
     }
 
-    /// Measure the rounding error of the error estimate at `x`, whose slope is known, by representing the same state with other numbers.
+    /// Measure the rounding error of the error estimate at the state `x` with slope `slope`. The state is rounded again in random
+    /// directions.
     ///
-    /// `solve` is the method's `(s I - J)^-1`, and `gain` its rounding error in units of that of one slope. `finest` is the resolution of
-    /// the method in units of the tolerance. `y` and `dy` are scratch. If the rounding error may exceed the tolerance, states are
-    /// compensated from now on. The result is the remaining error, if there is one.
+    /// `solve` multiplies with the method's `(s I - J)^-1`, and `gain` is its rounding error divided by the error of one slope. `finest` is
+    /// the resolution of the method, divided by the tolerance. `y` and `dy` are memory for states. If the rounding error may exceed the
+    /// tolerance, states are compensated from now on. Return the remaining error, if one exists.
     #[cold]
     pub fn look<S, F, A>(
         &mut self,
@@ -177,7 +180,7 @@ mod tests {
         for (a, b) in [(1.0, 1e-17), (1e-17, 1.0), (0.1, 0.2), (-1.6, 1e-3), (3.0, -3.0), (0.0, 5.0)] {
             let (sum, lost) = two_sum(a, b);
             assert_eq!(sum, a + b);
-            // In integers of 2^-110 the sums of these are exact.
+            // As integers in units of 2^-110, the sums of these numbers are exact.
             let whole = |x: f64| (x * 2f64.powi(110)) as i128;
             assert_eq!(whole(sum) + whole(lost), whole(a) + whole(b), "{a} {b}");
         }
@@ -199,7 +202,7 @@ mod tests {
         };
         assert_eq!(attempts(0), Some(5));
         assert!(attempts(2).unwrap() <= 30);
-        // A step-size controller may reject one step in five.
+        // One rejection in five attempts is usual for a step-size controller, and is not counted as rounding.
         assert_eq!(attempts(4), None);
     }
 }

@@ -1,28 +1,28 @@
 //! The semi-implicit (symplectic) Euler method, order 1 (Hairer, Lubich and Wanner, Geometric Numerical Integration, I.1.4):
 //!
-//! `v += h v'(t, q, v)`, then `q += h v` with the new `v`; every other component as in the explicit method.
+//! First `v += h v'(t, q, v)`, then `q += h v` with the new `v`. All other components are computed as in the explicit Euler method.
 //!
-//! The system maps each rate to its component: [`System::rate_of`].
+//! The system reports the rate of each position: [`System::rate_of`].
 
 use super::{Advance, Buffer, FixedStep, System};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
-/// The instants of the inputs, as parts of the step.
+/// The instants of the inputs, as fractions of the step.
 pub(super) const INSTANTS: &[f64] = &[0.0];
 
-/// The semi-implicit Euler method.
+/// The semi-implicit Euler method for a state `B` and an input `U`.
 pub struct SemiImplicit<B, U> {
     k: B,
     u: U,
-    /// `(position, its rate)`
+    /// The pairs `(index of a position, index of its rate)`.
     pairs: Vec<(usize, usize)>,
-    /// -1 if the system's time runs backwards, so that positions change by minus their velocity.
+    /// 1, or -1 if the system's time runs backwards. Then positions change with minus their rates.
     sign: f64,
 }
 
 impl<B: Clone, U: Clone> SemiImplicit<B, U> {
-    /// Refuses a system without a component that is the rate of another one.
+    /// Return the method. A system without pairs of positions and rates is refused.
     pub fn new<S, F>(system: &F, state: B, input: U) -> Result<Self>
     where
         S: Real,
@@ -57,7 +57,7 @@ impl<S: Real, F: System<S>, B: Buffer<S>> Advance<S, F, B> for SemiImplicit<B, F
     fn advance(&mut self, system: &mut F, h: S, x: &mut B) {
         let (x, k) = (x.as_mut(), self.k.as_mut());
         system.rhs(&self.u, x, k);
-        // The positions' own slopes are the old velocities.
+        // The slopes of positions use the old velocities, and are replaced below.
         for &(position, _) in &self.pairs {
             k[position] = S::zero();
         }

@@ -1,54 +1,54 @@
-//! One run of a method from `t0` to `t_end`: states at the requested times, events, and the polynomials of the steps.
+//! Runs a method from `t0` to `t_end`. Results are states at requested times, events, and the polynomials of the steps.
 //!
-//! A polynomial of degree `d` is returned as its values at the `d + 1` Chebyshev points of its step,
-//! `t_k = t_old + (1 - cos(pi k / d))/2 (t - t_old)`. Barycentric interpolation recovers it (Berrut and Trefethen 2004).
+//! A polynomial of degree `d` is represented by its values at the `d + 1` Chebyshev points of its step,
+//! `t_k = t_old + (1 - cos(pi k / d))/2 (t - t_old)`. Barycentric interpolation evaluates it (Berrut and Trefethen 2004).
 
 use super::events::{Event, Watch, Watched};
 use super::{Adaptive, Buffer, System, Work};
 use crate::status::Status;
 
-/// Receives the results of a run while it proceeds.
+/// Receives the results of a run during the run.
 pub trait Recorder {
-    /// The state at a requested time, or after a step.
+    /// Receives the state at a requested time, or after a step. `t`: time, s.
     fn state(&mut self, t: f64, x: &[f64]);
-    /// A crossing of event `index`.
+    /// Receives a crossing of event `index`, with its time, s, and state.
     fn event(&mut self, _index: usize, _t: f64, _x: &[f64]) {}
-    /// A value of the polynomial of the step that ends at `t`; called for every node in turn.
+    /// Receives one value of the polynomial of the last step, for each Chebyshev point in order.
     fn node(&mut self, _t: f64, _x: &[f64]) {}
-    /// After every step; `true` ends the run.
+    /// Is called after every step. If the result is `true`, the run ends.
     fn interrupted(&mut self) -> bool {
         false
     }
 }
 
-/// The requested results.
+/// The requested results of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Request<'a> {
-    /// Increasing, within the span; `None` for every step.
+    /// The times of the requested states, s, increasing and within the time span. `None` requests the state after every step.
     pub times: Option<&'a [f64]>,
-    /// Return the polynomials.
+    /// Whether to return the polynomials of the steps.
     pub dense: bool,
-    /// Events to locate.
+    /// The events to locate.
     pub events: &'a [Event],
 }
 
-/// How a run ended, when, and the work it took.
+/// The end of a run: its status, its time and its work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOutcome {
-    /// How it ended.
+    /// The reason of the end.
     pub status: Status,
-    /// Time reached.
+    /// The time at the end, s.
     pub t: f64,
-    /// Work done.
+    /// The work of the run.
     pub work: Work,
 }
 
-/// The position of node `k` of a polynomial of degree `d`, in [0, 1].
+/// The position of Chebyshev point `k` for a polynomial of degree `d`, as a fraction of the step.
 pub fn node(k: usize, d: usize) -> f64 {
     0.5 * (1.0 - (std::f64::consts::PI * k as f64 / d as f64).cos())
 }
 
-/// Run `system` from the state in `method`.
+/// Run `method` on `system` from the state stored in `method`. `(t0, t_end)`: time span, s.
 pub fn solve<F, B, M, G, R>(
     system: &mut F,
     method: &mut M,

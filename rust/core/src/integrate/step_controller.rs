@@ -1,7 +1,7 @@
-//! The time and the step of an adaptive method: the length of the next step, and the end of a run without progress.
+//! Step-size control of adaptive methods: time, next step size, and the end of a run without progress.
 //!
 //! PI control (Gustafsson; Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.2):
-//! `h_new = h safety error^-alpha error_old^beta`, within `[shrink, grow]`, never longer right after a rejection.
+//! `h_new / h = safety error^-alpha error_old^beta`, within `[shrink, grow]`. Just after a rejection, the step size does not increase.
 
 use super::adaptive::{Accuracy, Work};
 use super::stall::StallDetector;
@@ -9,7 +9,7 @@ use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// The constants of the step control.
+/// The constants of the step-size control.
 #[derive(Clone, Copy, Debug)]
 pub struct Control {
     pub safety: f64,
@@ -19,23 +19,24 @@ pub struct Control {
     pub grow: f64,
 }
 
-/// Lower bound of the last error in the PI control (Hairer's dopri5.f).
+/// The lower bound of the previous error in the PI control, as in Hairer's dopri5.f.
 const LEAST_ERROR: f64 = 1e-4;
-/// The factor of the step after a stage that is not finite.
+/// The factor of the step size after a stage that is not finite.
 const BLOWN: f64 = 0.2;
 
+/// The time and the step size of an adaptive method.
 #[derive(Clone, Debug)]
 pub struct StepController<T> {
     pub tolerance: T,
     pub t: f64,
     pub t_old: f64,
-    /// End of the segment, and the latest time at which its input is taken.
+    /// The end of the segment, and the latest time at which its input is evaluated.
     pub t_end: f64,
     pub input_end: f64,
-    /// The step proposed.
+    /// The size of the next attempt.
     pub h: f64,
     pub h_max: f64,
-    /// The first step of the caller; zero for a guess.
+    /// The first step size, if the caller chose one, otherwise zero.
     pub h_first: f64,
     pub work: Work,
     stall: StallDetector,
@@ -69,12 +70,12 @@ impl<T: Accuracy> StepController<T> {
         self.stall.begin(&self.work, t);
     }
 
-    /// The latest of `t` and the end of the input.
+    /// Return `t`, but at most the latest time of the input.
     pub fn input_time(&self, t: f64) -> f64 {
         t.min(self.input_end)
     }
 
-    /// The place of `t` in the last step as a fraction of its size, and this size; `None` at its end.
+    /// Return the fraction of the last step at `t`, and the size of this step. The result is `None` at the end of the step.
     pub fn within(&self, t: f64) -> Option<(f64, f64)> {
         let h = self.t - self.t_old;
         if h == 0.0 || t >= self.t { None } else { Some(((t - self.t_old) / h, h)) }
@@ -84,7 +85,7 @@ impl<T: Accuracy> StepController<T> {
         self.t >= self.t_end
     }
 
-    /// Root mean square over the controlled components of `e(i)` in units of the allowed error at `x` and `y`.
+    /// The root mean square of `e(i)` divided by the allowed error at `x` and `y`, over the components with error control.
     pub fn norm<S: Real>(&self, x: &[S], y: &[S], e: impl Fn(usize) -> S) -> f64 {
         let m = self.tolerance.controlled().min(x.len());
         let mut sum = 0.0;
@@ -95,8 +96,8 @@ impl<T: Accuracy> StepController<T> {
         (sum / m.max(1) as f64).sqrt()
     }
 
-    /// A first step from the sizes of the state, its slope `k` and its curvature (Hairer, section II.4); `order` is that of
-    /// the error. `y` and `dy` are scratch.
+    /// Estimate the first step size from the state, its slope `k` and its curvature (Hairer, section II.4). `order` is the order of the
+    /// error. `y` and `dy` are memory for states.
     pub fn guess<S, F, B>(&mut self, system: &mut F, u: &mut F::Input, x: &B, k: &B, y: &mut B, dy: &mut B, order: f64)
     where
         S: Real,
@@ -109,7 +110,7 @@ impl<T: Accuracy> StepController<T> {
         }
         let span = self.t_end - self.t;
         let (x, k) = (x.as_ref(), k.as_ref());
-        // The squares of a very steep slope overflow.
+        // A very steep slope has a square that overflows.
         let d0 = self.norm(x, x, |i| x[i]).min(f64::MAX);
         let d1 = self.norm(x, x, |i| k[i]).min(f64::MAX);
         let h0 = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(span);
@@ -120,7 +121,7 @@ impl<T: Accuracy> StepController<T> {
         system.rhs(u, y.as_ref(), dy.as_mut());
         self.work.evaluations += 1;
         let dy = dy.as_ref();
-        // If the slope is not finite a little later, the first step is shorter than that.
+        // If the slope is not finite at the end of the trial step, the first step is much shorter than this step.
         let (d2, most) = if finite(dy) {
             (self.norm(x, x, |i| dy[i] - k[i]) / h0, span)
         } else {
@@ -128,22 +129,22 @@ impl<T: Accuracy> StepController<T> {
         };
         let steepest = d1.max(d2).min(f64::MAX);
         let h1 = if steepest <= 1e-15 { (1e-3 * h0).max(1e-6) } else { (0.01 / steepest).powf(1.0 / (order + 1.0)) };
-        // The first step advances the time, even with a smaller limit.
+        // The first step must advance the time, even if a limit is smaller.
         let smallest = self.smallest();
         self.h = (100.0 * h0).min(h1).max(2.0 * smallest).min(most).min(self.h_max).max(smallest);
     }
 
-    /// The least step that still advances the time.
+    /// The smallest step size that advances the time.
     fn smallest(&self) -> f64 {
         10.0 * (self.t.next_up() - self.t)
     }
 
-    /// Before the first attempt of a step.
+    /// Begin a step, before its first attempt.
     pub fn open(&mut self) {
         (self.rejected, self.blown) = (false, false);
     }
 
-    /// The step to attempt and where it ends, or why there is none.
+    /// Return the step size of the next attempt and its end. The error is the reason why no attempt is possible.
     pub fn propose(&mut self) -> Result<(f64, f64), Status> {
         let smallest = self.smallest();
         self.stall.check(&self.work, self.t, self.t_end)?;
@@ -151,11 +152,11 @@ impl<T: Accuracy> StepController<T> {
         if !(self.h >= smallest) && self.h < left {
             return Err(if self.blown { Status::Diverged } else { Status::StepUnderflow });
         }
-        // If the remainder after a last step would be tiny, the step includes it.
+        // The step includes the remainder of the segment if the remainder would be tiny.
         Ok(if self.h >= left - smallest { (left, self.t_end) } else { (self.h, self.t + self.h) })
     }
 
-    /// Whether the attempt of step `h` is accepted. In both cases the next step is set.
+    /// Return whether an attempt of size `h` is accepted, and set the size of the next attempt.
     pub fn judge(&mut self, error: f64, h: f64, t_new: f64, control: &Control) -> bool {
         if error < 1.0 {
             let mut factor = control.grow;
@@ -190,7 +191,7 @@ impl<T: Accuracy> StepController<T> {
     }
 }
 
-/// `x^p`. The fourth and the eighth root, which Rosenbrock methods and dop853 need in every step, are square roots.
+/// Return `x^p`. Rosenbrock methods and dop853 need the fourth and the eighth root in every step, which are computed as square roots.
 fn power(x: f64, p: f64) -> f64 {
     match p {
         -0.25 => 1.0 / x.sqrt().sqrt(),
@@ -199,7 +200,7 @@ fn power(x: f64, p: f64) -> f64 {
     }
 }
 
-/// Whether all numbers are finite, without a branch per number.
+/// Return whether all numbers are finite. The loop has no branch per number.
 pub(super) fn finite<S: Real>(x: &[S]) -> bool {
     let mut zero = S::zero();
     for &value in x {
@@ -208,7 +209,7 @@ pub(super) fn finite<S: Real>(x: &[S]) -> bool {
     zero.lane(0) == 0.0
 }
 
-/// The parts of [`super::Adaptive`] that the step-size controller provides, for a method with fields `controller` and `x`.
+/// Methods of [`super::Adaptive`] that use only the fields `controller` and `x`.
 macro_rules! step_controlled {
     ($degree:expr) => {
         fn dense_degree(&self) -> usize {

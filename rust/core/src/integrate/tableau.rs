@@ -1,21 +1,21 @@
-//! The stages of an explicit method as numbers, for the differentiation of a step:
+//! Tableaus of explicit methods, for the derivatives of a step:
 //!
-//! `k_i = f(t + c_i h, x + h sum_j a_ij k_j)`, `x + h sum_i b_i k_i` is the next state.
+//! `k_i = f(t + c_i h, x + h sum_j a_ij k_j)`, and the next state is `x + h sum_i b_i k_i`.
 //!
-//! The semi-implicit method is the exception: positions take the new rates, see [`Tableau::follows`].
+//! The semi-implicit method is an exception, because its positions use the new rates: see [`Tableau::follows`].
 
 use super::{EqualSteps, ExplicitAdaptive, ExplicitSteps, Forward1, Kind, Kutta4, Method, Order8, Pair54, Scheme};
 
-/// The stages of one step.
+/// The coefficients of one step of an explicit method.
 #[derive(Clone, Debug)]
 pub struct Tableau {
-    /// The instants of the stages, as parts of the step.
+    /// The instants `c_i` of the stages, as fractions of the step.
     pub c: Vec<f64>,
-    /// The weights of earlier slopes in the argument of each stage.
+    /// The weights `a_ij` of earlier slopes in the argument of each stage.
     pub a: Vec<Vec<f64>>,
-    /// The weights of the slopes in the step.
+    /// The weights `b_i` of the slopes in the step.
     pub b: Vec<f64>,
-    /// Whether positions follow the new rates, `x_p += h x_r`.
+    /// Whether positions are computed with the new rates: `x_p += h x_r`.
     pub follows: bool,
 }
 
@@ -37,7 +37,7 @@ impl Tableau {
 }
 
 impl Method {
-    /// Its tableau; `None` for an implicit method.
+    /// Return the tableau of the method, or `None` for an implicit method.
     pub fn tableau(self) -> Option<Tableau> {
         match self.kind() {
             Kind::ExplicitSteps(ExplicitSteps::Euler) => Some(Tableau::equal::<Forward1>(false)),

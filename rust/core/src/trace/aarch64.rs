@@ -2,10 +2,10 @@
 //!
 //! Source: Arm Architecture Reference Manual for A-profile, chapter C7 (SIMD and floating-point instructions).
 //!
-//! An instruction is a word of 32 bits. It is a pattern with the registers `d` in bits 0 to 4, `n` in bits 5 to 9 and `m` in bits 16 to 20.
-//! Only loads and stores access memory, so that an operand in memory is first loaded into a scratch register. Register x0 points to the
-//! frame, x1 to the constants, and x2 to the stream. Register x3 has the number of remaining iterations. In scalar code, the bits of a
-//! register beyond the first number are undefined.
+//! An instruction is a word of 32 bits: a pattern and three register numbers. Register `d` is in bits 0 to 4, `n` in bits 5 to 9, and `m`
+//! in bits 16 to 20. Only loads and stores access memory, so that an operand in memory is first loaded into a scratch register. Register x0
+//! points to the frame, x1 to the constants, and x2 to the stream. Register x3 has the number of remaining iterations. In scalar code, the
+//! bits of a register beyond the first number are undefined.
 
 use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 

@@ -1,4 +1,4 @@
-//! The stages of one step of Radau IIA, by simplified Newton on the transformed stages `w`: see `radau5`.
+//! The stages of one step of Radau IIA: simplified Newton iteration on the transformed stages `w` (see `radau5`).
 
 use super::{ITERATIONS, Radau5};
 use crate::integrate::adaptive::Accuracy;
@@ -9,7 +9,7 @@ use crate::integrate::{Buffer, Differentiable};
 use crate::linalg::lu::Complex;
 use crate::scalar::Real;
 
-/// How Newton's iteration ended.
+/// The result of a Newton iteration.
 pub(super) struct Newton {
     pub converged: bool,
     pub iterations: usize,
@@ -17,7 +17,7 @@ pub(super) struct Newton {
 }
 
 impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
-    /// `y = x + z_i`.
+    /// Compute the argument `y = x + z_i` of stage `i`.
     pub(super) fn place(&mut self, i: usize) {
         let (x, y, z, rest) = (self.x.as_ref(), self.y.as_mut(), self.z[i].as_ref(), self.rounding.rest.as_ref());
         if self.rounding.compensated {
@@ -32,7 +32,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         }
     }
 
-    /// Solve the stages of a step `h`, from `z` and `w`.
+    /// Solve the stages of a step of size `h`. The start of the iteration is in `z` and `w`.
     pub(super) fn newton<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> Newton {
         let n = self.x.as_ref().len();
         let (mut rate, mut norm_old) = (f64::NAN, f64::NAN);
@@ -73,7 +73,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
             let norm = (parts.iter().map(|p| p * p).sum::<f64>() / 3.0).sqrt();
             rate = norm / norm_old;
             let left = (ITERATIONS - k) as i32;
-            // NaN fails as well, except in the first iteration, which has no rate.
+            // The iteration also fails for NaN. The first iteration is an exception, because its `rate` is NaN.
             if !norm.is_finite() || rate >= 1.0 || rate.powi(left) / (1.0 - rate) * norm > self.newton_tolerance {
                 return Newton { converged: false, iterations: k + 1, rate };
             }
