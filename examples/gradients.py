@@ -42,7 +42,7 @@ if len(sys.argv) > 1:
     figure = plt.figure(figsize=(9.0, 3.6), layout="constrained")
     errors, descent = figure.subplots(1, 2)
     before = al.simulate(plant, law(np.log([8.0, 6.0, 6.0, 4.0])), q0, t_end=2.0, dt=2e-3)
-    for each, label, style in ((before, "at the start", ":"), (run, "found", "-")):
+    for each, label, style in ((before, "first gains", ":"), (run, "last gains", "-")):
         for k in range(2):
             color = ("#0072B2", "#D55E00")[k]
             errors.plot(each.t, target[k] - each.q[:, k], style, color=color, linewidth=1.4, label=f"joint {k + 1}, {label}")
