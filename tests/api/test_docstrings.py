@@ -89,6 +89,25 @@ def test_docstring_has_all_parts(name: str) -> None:
     assert lacks(name) == ALLOWED.get(name, [])
 
 
+def indented(text: str) -> list[str]:
+    """Lines of a docstring that are indented below a line that opens no list: Sphinx reports an unexpected indentation."""
+    return re.findall(r"^\S.*[^:\n]\n +(\S.*)", inspect.cleandoc(text).split("\n>>>")[0], re.MULTILINE)
+
+
+def test_paragraphs_have_one_indentation() -> None:
+    texts = {name: getattr(al, name).__doc__ for name in al.__all__ if callable(getattr(al, name))}
+    for name in [name for name in texts if inspect.isclass(getattr(al, name))]:
+        members = {member: value for member, value in vars(getattr(al, name)).items() if not member.startswith("_")}
+        texts |= {f"{name}.{member}": v.__doc__ for member, v in members.items() if inspect.isroutine(v) or inspect.isdatadescriptor(v)}
+    assert len(texts) > 300
+    assert {name: lines for name, text in texts.items() if (lines := indented(text or ""))} == {}
+
+
+def test_indented_lines_are_seen() -> None:
+    assert indented("Sum.\n\nLong text that\n    goes on.\n\nArgs:\n    x: m.\n") == ["goes on."]
+    assert indented(FULL) == []
+
+
 def test_allowances_name_what_exists() -> None:
     assert set(ALLOWED) <= {*callables(), *methods()}
     assert len(methods()) > 30

@@ -67,7 +67,7 @@ fn cartesian<'py>(
 /// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)`, `u = J'(K (x_d - x) - D J v) + g(q)`: motors of inertia `B` behave
 /// like motors of inertia `B0`. The equilibrium is `x_E = x_d + K^-1 F` with `tau_E = g(q_E) - J'F` if that pose is reachable, regular and
 /// stable: see `equilibrium`. The law has no inverse of `J`; `terms()` gives the target's mass and Coriolis matrices `M_x`, `S_x` for
-///     diagnosis, NaN where `J` loses rank.
+/// diagnosis, NaN where `J` loses rank.
 ///
 /// Args:
 ///     arm: the model of the links: its kinematics and its gravity.
