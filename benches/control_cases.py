@@ -1,9 +1,10 @@
 """The control laws that `bench_control_laws.py` times, each twice: as a law of armlet, and as CasADi expressions that become C.
 
 `CONTROL` lists the cases. The laws are null-space control, PID with all its options, adaptation of friction and composite adaptation. Two
-more cases have a momentum observer (`Guarded`) and a plant with LuGre friction. The C uses armlet's algorithms. It inverts matrices with clamped eigenvalues by Jacobi
-sweeps. It computes tanh and exp from a rational approximation by repeated doubling of the argument. Composite adaptation has filters
-that stay zero; armlet and the C omit them. The function `beside` returns loops with an option and loops without it.
+more cases have a momentum observer (`Guarded`) and a plant with LuGre friction. The C uses armlet's algorithms. It inverts matrices with
+clamped eigenvalues by Jacobi sweeps. It computes tanh and exp from a rational approximation by repeated doubling of the argument.
+Composite adaptation has filters that stay zero; armlet and the C omit them. The function `beside` returns loops with an option and loops
+without it.
 """
 
 from __future__ import annotations
