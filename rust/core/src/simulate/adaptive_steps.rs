@@ -1,4 +1,4 @@
-//! A run of an adaptive method: segments between jumps and samples, records by dense output.
+//! Runs of adaptive methods. A segment is the time between two jumps or samples. Records within a step use the dense output.
 
 use super::bound::Bound;
 use super::schedule::{Times, require_times};
@@ -8,29 +8,29 @@ use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// A time this close to a sample, in periods, is that sample.
+/// A time is taken as a sample if its distance to the sample, divided by the period, is below this limit.
 const ON_SAMPLE: f64 = 1e-9;
 
-/// The segments and records of an adaptive run.
+/// The segments and records of an adaptive run, prepared before the run.
 #[derive(Clone, Debug)]
 pub struct Segments {
     pub t_end: f64,
     pub times: Times,
-    /// Jumps of the input strictly inside the run, increasing.
+    /// The times at which the input jumps, within the run, s, increasing.
     pub breaks: Vec<f64>,
     pub clock: Clock,
-    /// The bound of the state.
+    /// The limit of the state.
     pub bound: Bound,
 }
 
 /// The instants at which a sampled law is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clock {
-    /// In every stage.
+    /// The law is evaluated in every stage.
     None,
-    /// Once per period, s.
+    /// The law is evaluated once per period, s.
     Every(f64),
-    /// At every break; the loop knows which breaks are samples.
+    /// The loop is called at every break. The loop knows which breaks are samples.
     Breaks,
 }
 
@@ -45,7 +45,7 @@ impl Segments {
         Ok(Segments { t_end, times, breaks, clock, bound })
     }
 
-    /// The same run with additional breaks.
+    /// Return the segments with the additional breaks `more`.
     pub fn with_breaks(&self, more: &[f64]) -> Self {
         let mut all = self.clone();
         if !more.is_empty() {
@@ -56,7 +56,7 @@ impl Segments {
         all
     }
 
-    /// Whether a sample falls on `t`.
+    /// Whether a sample is taken at time `t`.
     fn is_sample(&self, t: f64) -> bool {
         match self.clock {
             Clock::None => false,
@@ -65,7 +65,7 @@ impl Segments {
         }
     }
 
-    /// The end of the segment that starts at `t`, and whether the input jumps there.
+    /// Return the end of the segment that starts at `t`, and whether the input jumps at this end.
     fn next(&self, t: f64, sample: u64) -> (f64, bool) {
         let mut end = (self.t_end, false);
         if let Some(&b) = self.breaks.get(self.breaks.partition_point(|&b| b <= t)) {
@@ -73,7 +73,7 @@ impl Segments {
         }
         if let Clock::Every(period) = self.clock {
             let next = (sample + 1) as f64 * period;
-            // A sample that is, up to rounding, the end is the end.
+            // A sample that equals the end up to rounding is the end.
             if next < end.0 - ON_SAMPLE * period {
                 end = (next, false);
             }
@@ -82,30 +82,30 @@ impl Segments {
     }
 }
 
-/// How a step is shortened.
+/// The reason why a step is shortened.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cut {
-    /// The system switches at this time: the step is repeated up to it.
+    /// The system switches at this time, and the step is repeated up to it.
     Switch(f64),
     /// The run ends at this time.
     End(f64),
 }
 
-/// An observer that is called for every step of a run.
+/// An observer of every step of a run.
 pub trait Watcher<F, B, M> {
-    /// Whether it has to be called at all.
+    /// Whether the observer must be called.
     fn active(&self) -> bool;
-    /// The run begins at `t` and `x`.
+    /// Is called at the start of the run, with time `t` and state `x`.
     fn begin(&mut self, system: &mut F, t: f64, x: &B) -> Result<(), Status>;
-    /// Check the step that `method` has just accepted.
+    /// Check the step that `method` has just accepted. The result is the time at which the step must be shortened, if any.
     fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
-    /// The last step of `method` is part of the run up to `t`.
+    /// Is called when the last step of `method` is part of the run up to `t`.
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
-    /// The system switches at `t` and `x`. The observer may move `x` exactly to the switch.
+    /// Is called when the system switches at time `t` and state `x`. The observer may move `x` exactly to the switch.
     fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
 }
 
-/// How a run ended, when, and the work it took.
+/// The end of a run: its status, its time and its work.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
     pub status: Status,
@@ -116,32 +116,32 @@ pub struct Outcome {
 /// An accepted step.
 struct Step {
     reached: f64,
-    /// An event ends the run there.
+    /// Whether an event ends the run at `reached`.
     ends: bool,
-    /// It is the last step of the run.
+    /// Whether this is the last step of the run.
     finished: bool,
-    /// The sample that falls on its end.
+    /// The time of the sample at the end of the step, if there is one.
     sample: Option<f64>,
 }
 
-/// Which records come next.
+/// The records that are still due.
 struct Due<'a> {
     times: &'a Times,
-    /// The number of past records at requested times.
+    /// The number of records already taken at requested times.
     wanted: usize,
-    /// Accepted steps.
+    /// The number of accepted steps.
     accepted: usize,
 }
 
 impl Due<'_> {
-    /// Whether the start is recorded.
+    /// Return whether the initial state is recorded.
     fn at_start(&mut self) -> bool {
         let Times::At(t_eval) = self.times else { return true };
         self.wanted = usize::from(t_eval.first() == Some(&0.0));
         self.wanted == 1
     }
 
-    /// The records of a step; `at`: a state to interpolate into.
+    /// Record the states of a step that are due. `at` is memory for an interpolated state.
     fn record<S, F, B, M>(&mut self, system: &mut F, method: &mut M, step: &Step, at: &mut B, record: &mut impl FnMut(f64, &mut F, &B))
     where
         S: Real,
@@ -171,7 +171,7 @@ impl Due<'_> {
                     let t = t_eval[self.wanted];
                     method.interpolate(system, t, at);
                     system.still(at.as_mut());
-                    // The input recorded is that from this instant on.
+                    // At a sample, the record contains the input from the sample on.
                     if step.sample == Some(t) {
                         system.sample(t, at.as_ref());
                     }
@@ -183,8 +183,8 @@ impl Due<'_> {
     }
 }
 
-/// Run `system` from `method.x`. The watcher checks every step, and `record(t, system, x)` is called for every record.
-// Long: one loop, whose branches share its state; it is read from top to bottom.
+/// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record.
+// The function is long because it is one loop whose branches share their state.
 pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,
@@ -203,13 +203,13 @@ where
     let (mut t, mut sample) = (0.0, 0u64);
     let mut due = Due { times: &segments.times, wanted: 0, accepted: 0 };
     let mut at = method.x().clone();
-    // The start of a step that the watcher checks.
+    // The state at the start of a step that the watcher checks.
     let mut start = at.clone();
     let mut started = false;
     let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };
-    // The end of a piece that is repeated up to a switch.
+    // The time of a switch, if the step is being repeated up to this switch.
     let mut switch_at: Option<f64> = None;
-    // Whether this piece begins inside a segment.
+    // Whether the next step begins inside a segment, not at its start.
     let mut inside = false;
     if !segments.bound.holds(method.x().as_ref()) {
         return outcome(Status::Diverged, t, method);
@@ -268,7 +268,7 @@ where
                 match watch.look(system, method) {
                     Err(status) => return outcome(status, method.t(), method),
                     Ok(Some(Cut::Switch(cut))) => {
-                        // Back to the start of the step, and on to the switch.
+                        // Return to the start of the step, and step to the switch.
                         (t, inside) = (method.t_old(), true);
                         method.x_mut().clone_from(&start);
                         if cut > t {

@@ -1,4 +1,4 @@
-//! Whole attempts of explicit methods as programs: all stages of a small loop at once.
+//! Programs of whole attempts of adaptive explicit methods. Such a program computes all stages of a small loop.
 
 use super::closed_loop::ClosedLoop;
 use super::general::assemble;
@@ -13,18 +13,18 @@ use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, Part, Program, Scratch, SlotTable, Sym, engine, form, sym};
 
-/// The largest number of operations of the rates of all stages for which an attempt is one program. The code of a larger one does not fit
-/// the instruction cache, and would save little time outside of the rates.
+/// If the rates of all stages have more operations than this limit, an attempt is not one program. The code of a larger attempt exceeds the
+/// instruction cache. It also saves little time, because the time outside of the rates is short.
 const LARGE: usize = 3000;
 
-/// An attempt of one structure.
+/// The program of an attempt, for loops of one structure.
 pub struct AttemptProgram {
     program: Program,
     places: Layout,
 }
 
-/// The places of the quantities of an attempt in its frame. The numbers of the set-up are first, then the exogenous inputs of the stages,
-/// and then these.
+/// The slots of an attempt in its frame. First are the numbers of the set-up, then the exogenous inputs of the stages, then the quantities
+/// below.
 struct Layout {
     slots: Slots,
     stages: usize,
@@ -35,18 +35,18 @@ impl Layout {
     fn state(&self) -> usize {
         self.slots.given + self.stages * (self.slots.desired + self.slots.wrench)
     }
-    /// The first slope, behind the state.
+    /// The first slot of the slope at the start of the step, after the state.
     fn slope(&self) -> usize {
         self.state() + self.slots.states()
     }
     fn step(&self) -> usize {
         self.slope() + self.slots.states()
     }
-    /// The held input and the other results of a law.
+    /// The first slot of the held input and of the law's other results.
     fn held(&self) -> usize {
         self.step() + 1
     }
-    /// Behind all inputs: the new state, the slopes of the stages, the estimates.
+    /// The first slot of the results: the new state, the slopes of the stages, the error estimates.
     fn results(&self) -> usize {
         self.held() + self.slots.inputs + self.slots.answer
     }
@@ -55,14 +55,14 @@ impl Layout {
     }
 }
 
-/// The attempts of the run `run` of a problem, which are recorded if they are not too large.
+/// The recording of an attempt for run `run` of a problem, unless it is too large.
 struct Attempts<'a> {
     problem: &'a Problem<'a>,
     run: usize,
     common: Common,
     held: bool,
     slots: &'a Slots,
-    /// The operations of its rates.
+    /// The number of operations of the rates.
     operations: usize,
 }
 
@@ -78,8 +78,8 @@ impl WithScheme for Attempts<'_> {
 }
 
 impl AttemptProgram {
-    /// The program for the problem's method. `None` if the method has no attempts, if the loop has too many `operations`, or if its code
-    /// branches on data.
+    /// Return the program for the method of the problem. The result is `None` if the method has no attempts, if the loop has too many
+    /// `operations`, or if its code branches on data.
     pub fn of(problem: &Problem, run: usize, common: Common, held: bool, (slots, operations): (&Slots, usize)) -> Option<Self> {
         match problem.options.method.kind() {
             Kind::ExplicitAdaptive(method) => method.scheme(Attempts { problem, run, common, held, slots, operations }),
@@ -115,7 +115,7 @@ impl AttemptProgram {
         Some(AttemptProgram { program: Program::new(part, None, scratch, form(false), engine()), places })
     }
 
-    /// Its frame, for a run whose set-up has the numbers `values`.
+    /// Return a frame of the program for a run whose set-up has the numbers `values`.
     pub fn frame(&self, values: &[f64]) -> Frame {
         let mut frame = Frame::new(self.program.slots(), 1);
         self.program.prepare(&mut frame);
@@ -123,13 +123,13 @@ impl AttemptProgram {
         frame
     }
 
-    /// Hold the input `tau` and the other results of the law.
+    /// Write the held input `tau` and the other results of the law to the frame.
     pub fn hold<S: Real>(&self, frame: &mut Frame, tau: &[S], answer: &[S]) {
         write(frame, self.places.held(), tau);
         write(frame, self.places.held() + tau.len(), answer);
     }
 
-    /// Compute an attempt whose exogenous inputs `input(t, u)` gives; whether it is valid.
+    /// Compute an attempt, and return whether it is valid. `input(t, u)` writes the exogenous input at time `t` to `u`.
     pub fn run<S: Real, B: Buffer<S>>(
         &self,
         frame: &mut Frame,

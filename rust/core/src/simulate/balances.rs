@@ -1,13 +1,14 @@
-//! Balances of recorded runs that do not close. They detect wrong runs with finite numbers.
+//! Residuals of balances over recorded runs. They detect runs that are wrong although all numbers are finite.
 //!
-//! `E(t) - E(0) - int P dt = 0` and `V1(0) - V1(t) - int s'Kd s dt = 0` hold for the loop. So their residual is the error of the
-//! method.
+//! The balances `E(t) - E(0) - int P dt = 0` and `V1(0) - V1(t) - int s'Kd s dt = 0` are exact for the loop, where `E` is the energy, `P`
+//! the input power and `V1` the Lyapunov function. So their residuals are errors of the method.
 
-/// Names of the balances of a run, in the order of `Run::balances`.
+/// The names of the residuals, in the order of `Run::balances`.
 pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise", "lyapunov_error"];
 
-/// The largest `energy_balance` as a fraction of the largest energy stored or exchanged, and in J. Then the largest Lyapunov function as a
-/// multiple of its first value, and its largest balance as a fraction of it. NaN for monitors that `series(name)` does not have.
+/// Return the residuals: 1. the largest `energy_balance`, divided by the largest energy stored or exchanged. 2. The largest
+/// `energy_balance`, J. 3. The largest Lyapunov function, divided by its first value. 4. The largest Lyapunov balance, divided by the
+/// largest Lyapunov function. Residuals of monitors for which `series(name)` is `None` are NaN.
 pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     let mut found = [f64::NAN; 4];
     if let (Some(energy @ [first, ..]), Some(balance)) = (series("energy"), series("energy_balance")) {
@@ -19,17 +20,17 @@ pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     }
     if let (Some(value @ [first, ..]), Some(balance)) = (series("lyapunov"), series("lyapunov_balance")) {
         let most = largest(value.len(), |i| value[i]);
-        // A function that starts at zero does not rise by a factor.
+        // If the function starts at zero, its growth as a factor is not defined.
         found[2] = if *first > 0.0 { most / first } else { 0.0 };
         found[3] = largest(balance.len(), |i| balance[i].abs()) / most;
     }
     found
 }
 
-/// The largest of `count` numbers, at least zero, without those that are NaN.
+/// Return the largest of `count` numbers, at least zero. NaN is ignored.
 #[inline(always)]
 fn largest(count: usize, number: impl Fn(usize) -> f64) -> f64 {
-    // Eight independent maxima: a single one would be a chain of dependent operations.
+    // Eight independent maxima are faster than one, because their operations do not depend on each other.
     let mut most = [0.0f64; 8];
     let whole = count / 8 * 8;
     let keep = |most: &mut f64, x: f64| *most = if *most < x { x } else { *most };

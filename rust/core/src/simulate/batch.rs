@@ -1,7 +1,7 @@
-//! Many runs: lanes side by side, groups of lanes over threads.
+//! Batches of runs: a group of lanes computes several runs at the same time, and threads compute different groups.
 //!
-//! Each group writes its own rows, so the bits do not depend on the number of threads or on the order of the groups.
-//! A group that is not full repeats its last run in the spare lanes.
+//! Each group writes only its own rows, so that the bits do not depend on the number of threads or on the order of groups. In a group that
+//! is not full, the unused lanes repeat the last run.
 
 use super::batch_rows::{self, GroupRecorder};
 use super::columns::Columns;
@@ -20,7 +20,7 @@ use crate::status::Status;
 use crate::trace::pages::in_large_pages;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The results that a batch keeps of each run.
+/// The results of each run that a batch stores.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Keep {
     /// All records.
@@ -31,52 +31,54 @@ pub enum Keep {
     Metrics(Measures),
 }
 
-/// A quantity of a summary: its name, its width where a run has several numbers, and the numbers, row-major.
+/// A quantity of a summary: its name, the count of its numbers per run if this is not one, and its numbers, row-major.
 pub type Metric = (&'static str, Option<usize>, Vec<f64>);
 
-/// The records of a batch; arrays are row-major, `(B, K, ..)`. The arrays of an interrupted batch have no meaning.
+/// The records of a batch of `B` runs with `K` records. Arrays are row-major. After an interruption, the content of the arrays is
+/// undefined.
 #[derive(Clone, Debug, Default)]
 pub struct BatchRuns {
-    /// Times of the records `(K,)`, s.
+    /// Times of the records, shape `(K,)`, s.
     pub t: Vec<f64>,
-    /// Positions `(B, K, n)`.
+    /// Joint positions, shape `(B, K, n)`, rad or m.
     pub q: Vec<f64>,
-    /// Velocities `(B, K, n)`.
+    /// Joint velocities, shape `(B, K, n)`, rad/s or m/s.
     pub v: Vec<f64>,
-    /// Inputs of the plant `(B, K, n)`.
+    /// Inputs of the plant, shape `(B, K, n)`, N m or N. They are velocities for a velocity-controlled plant.
     pub tau: Vec<f64>,
-    /// Motors of elastic plants; else empty.
+    /// Motor positions of elastic plants, shape `(B, K, n)`, rad. Empty for other plants.
     pub theta: Vec<f64>,
-    /// Motor velocities.
+    /// Motor velocities of elastic plants, shape `(B, K, n)`, rad/s. Empty for other plants.
     pub theta_dot: Vec<f64>,
-    /// States of the laws `(B, K, p)`.
+    /// States of the laws, shape `(B, K, p)`.
     pub z: Vec<f64>,
-    /// Deflections of the bristles of LuGre friction, `(B, K, n)`; else empty.
+    /// Bristle deflections of LuGre friction, shape `(B, K, n)`. Empty for other plants.
     pub bristles: Vec<f64>,
-    /// Torques of dry friction, `(B, K, n)`; empty without.
+    /// Torques of dry friction, shape `(B, K, n)`, N m or N. Empty without dry friction.
     pub friction: Vec<f64>,
-    /// Monitors by name, `(B, K)` each.
+    /// Name and values of each monitor, shape `(B, K)`.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
-    /// Residuals of the balances of recorded runs, see [`super::BALANCES`]; NaN for a run that did not reach its end.
+    /// Residuals of the balances, shape `(B,)` each, see [`super::BALANCES`]. NaN for a run that did not reach its end.
     pub balances: [Vec<f64>; 4],
-    /// The metrics of the runs; NaN for a run that did not reach its end.
+    /// The metrics of the runs. NaN for a run that did not reach its end.
     pub metrics: Vec<Metric>,
-    /// How each run ended.
+    /// Status of each run, shape `(B,)`.
     pub status: Vec<Status>,
-    /// When each run ended.
+    /// Time at which each run ended, shape `(B,)`, s.
     pub ended: Vec<f64>,
     /// Whether the caller interrupted the batch.
     pub interrupted: bool,
-    /// How the runs were computed: "machine", "portable" or "direct".
+    /// The kind of evaluation: "machine" or "portable" code of programs, or "direct" without programs.
     pub engine: &'static str,
 }
 
-/// The number of runs that a batch computes side by side.
+/// Return the number of runs that one group computes at the same time.
 pub fn lanes() -> usize {
     programs::Lanes::LANES
 }
 
-/// Run every run of `problem` on `threads` threads. `poll` is called every 20 ms, and may stop the runs.
+/// Run all runs of `problem` on `threads` threads, and return their records. `poll` is called every 20 ms. If it returns true, the runs
+/// stop.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -151,7 +153,7 @@ pub fn simulate_batch(mut problem: Problem, keep: Keep, threads: usize, poll: &m
     Ok(out)
 }
 
-/// Memory for the records, which nothing accesses before the groups write their rows. If it does not fit, there is an error at once.
+/// Reserve memory for the records. Each group writes to its rows first. The result is an error if the memory is insufficient.
 fn allocate(problem: &Problem, t: Vec<f64>, plan: Option<&Plan>) -> Result<BatchRuns> {
     let (runs, records, columns) = (problem.runs(), t.len(), Columns::of(problem));
     let (n, p) = (columns.n, columns.p);

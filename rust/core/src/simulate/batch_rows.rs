@@ -1,7 +1,7 @@
-//! The rows of a group of runs in the result arrays of a batch. Only the group writes them, once.
+//! The rows of one group of runs in the result arrays of a batch. Only this group writes to them.
 //!
-//! Large arrays are not filled beforehand: the thread that writes a row is the first to touch its memory. Where a run ends early, its rows
-//! are filled with NaN.
+//! Large arrays are not initialised. The thread that writes a row is the first to access its memory. If a run ends early, the rest of its
+//! rows is filled with NaN.
 
 use super::balances;
 use super::batch::BatchRuns;
@@ -19,51 +19,52 @@ use crate::status::Status;
 use std::ops::Range;
 use std::slice::ChunksMut;
 
-/// One array: the range of its numbers in a record `[x, tau, monitors]`, and the rows of the group, `(runs, records, numbers)`.
+/// One result array: the range of its numbers in a record `[x, tau, monitors]`, and its rows for the group, shape
+/// `(runs, records, numbers)`.
 struct Series<'a> {
     numbers: Range<usize>,
     rows: &'a mut [f64],
 }
 
 impl Series<'_> {
-    /// The place of some records of a run of `all`.
+    /// The range of the records `records` of run `run` in `rows`. A run has `all` records.
     fn place(&self, run: usize, all: usize, records: &Range<usize>) -> Range<usize> {
         let width = self.numbers.len();
         (run * all + records.start) * width..(run * all + records.end) * width
     }
 }
 
-/// The rows of one group.
+/// Receives the records of one group, and writes them to the rows of the group.
 pub struct GroupRecorder<'a> {
     problem: &'a Problem<'a>,
     records: usize,
-    /// One series after another; those of the monitors are the last ones.
+    /// All series, one after another. The last ones are the series of the monitors.
     series: Vec<Series<'a>>,
     monitors: usize,
-    /// The torques of friction, `(runs, records, n)`, or nothing.
+    /// The torques of friction, shape `(runs, records, n)`, or empty.
     friction: &'a mut [f64],
     /// The times of the records.
     times: &'a [f64],
-    /// Monitors that are computed record by record. They are made on first use, because each compiles an arm.
+    /// The monitors of records that no program computed. They are created at first use, because creation compiles an arm.
     checks: Vec<Option<Box<Monitors<'a>>>>,
     first: usize,
     status: &'a mut [Status],
     ended: &'a mut [f64],
     balances: [&'a mut [f64]; 4],
-    /// The record that is being written.
+    /// Memory for the present record.
     record: Vec<f64>,
-    /// The records of each run that are written.
+    /// For each run, the number of written records.
     written: Vec<usize>,
-    /// When a monitor of each run stopped being finite.
+    /// For each run, the time at which a monitor was not finite.
     faults: Vec<f64>,
-    /// The runs with metrics, and the places of their numbers.
+    /// The metrics of each run during the run, and the rows to which they are written.
     summed: Vec<Measuring<'a>>,
     metrics: Vec<&'a mut [f64]>,
 }
 
 impl Sink for GroupRecorder<'_> {
     fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
-        // The spare lanes of a group that is not full have no rows.
+        // In a group that is not full, the unused lanes have no rows.
         if lane >= self.status.len() {
             return;
         }
@@ -72,7 +73,7 @@ impl Sink for GroupRecorder<'_> {
             return;
         }
         if i == 0 {
-            // A run that restarts.
+            // The run starts or restarts.
             (self.faults[lane], self.written[lane]) = (f64::INFINITY, 0);
         }
         if self.faults[lane].is_finite() {
@@ -115,7 +116,7 @@ impl Sink for GroupRecorder<'_> {
     }
 }
 
-/// The rows of each group of `lanes` runs.
+/// Return the rows of each group of `lanes` runs.
 pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> Result<Vec<GroupRecorder<'a>>> {
     let (records, monitors) = (out.t.len(), out.monitors.len());
     let numbers = Columns::of(problem).series(problem.state_size(), monitors);
@@ -133,7 +134,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
     let mut balances = out.balances.each_mut().map(|numbers| numbers.chunks_mut(lanes));
-    // The parts of the series and the metrics are many small vectors.
+    // Each group also has many small vectors, for its series and metrics.
     let parts = arrays.len() * size_of::<Series>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
     memory::require(ended.len() * (size_of::<GroupRecorder>() + parts + 32))?;
     let mut series = || {
@@ -164,7 +165,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
 }
 
 impl GroupRecorder<'_> {
-    /// Make the buffers that the group needs while it runs.
+    /// Create the buffers that the group needs during its runs.
     pub fn watch(&mut self, plans: &[Plan]) {
         let rows = self.status.len();
         (self.faults, self.written) = (vec![f64::INFINITY; rows], vec![0; rows]);
@@ -176,7 +177,7 @@ impl GroupRecorder<'_> {
         self.summed = (self.first..self.first + rows).map(|i| Measuring::new(self.problem, i, plan(i), self.monitors)).collect();
     }
 
-    /// Record `i` of a run, with the monitors in `self.record`.
+    /// Write record `i` of a run. Its monitors are already in `self.record`.
     fn write(&mut self, run: usize, i: usize, x: &[f64], tau: &[f64]) {
         self.record[..x.len()].copy_from_slice(x);
         self.record[x.len()..x.len() + tau.len()].copy_from_slice(tau);
@@ -187,7 +188,7 @@ impl GroupRecorder<'_> {
         self.written[run] = i + 1;
     }
 
-    /// The records of a block, those of the lanes from `lane` on, for these runs.
+    /// Write the records of a block to the rows of `runs`. The first of these runs is in lane `lane`.
     fn write_block<const R: usize>(&mut self, block: &Block, lane: usize, runs: [usize; R]) {
         let (records, own) = (block.first..block.first + block.count, self.series.len() - self.monitors);
         let mut sound = true;
@@ -207,7 +208,7 @@ impl GroupRecorder<'_> {
         }
     }
 
-    /// Note how each run of the group ended, and fill the missing rows. Returns whether the group was interrupted.
+    /// Write the end of each run, and fill the missing rows with NaN. Return whether the group was interrupted.
     pub fn finish(&mut self, ended: &Ended, t_end: f64) -> bool {
         self.checks = Vec::new();
         let mut summed = std::mem::take(&mut self.summed);
@@ -253,7 +254,7 @@ impl GroupRecorder<'_> {
         interrupted
     }
 
-    /// The torques of friction of the records that are written; NaN behind them.
+    /// Compute the torques of friction for the written records. Other records are NaN.
     fn rub(&mut self, written: &[usize]) {
         if self.friction.is_empty() {
             return;
@@ -275,7 +276,7 @@ impl GroupRecorder<'_> {
         }
     }
 
-    /// The residuals of the balances of a run, if it reached its end.
+    /// Compute the residuals of the balances of a run that reached its end.
     fn balance(&mut self, run: usize) {
         if self.status[run] != Status::Success || self.written[run] < self.records {
             return;
@@ -290,7 +291,7 @@ impl GroupRecorder<'_> {
         self.balances.iter_mut().zip(open).for_each(|(to, open)| to[run] = open);
     }
 
-    /// The last record of a run and its metrics.
+    /// Write the last record of a run and its metrics.
     fn write_summary(&mut self, lane: usize, run: &mut Measuring) {
         let summary = run.summary();
         let place = self.record.len() - self.monitors;

@@ -1,4 +1,4 @@
-//! Single steps of many arms of one kind, side by side. Each row has a separate input, which is held for some steps.
+//! Single steps of many arms of one kind. Each row of the batch is an arm with a separate input, which is held during a call.
 
 use super::key::Common;
 use super::problem::{Options, Problem};
@@ -15,21 +15,22 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form, rows};
 use std::sync::Arc;
 
-/// Rows of one piece of work of a thread. Fewer rows are computed on the calling thread, because waking another one takes as long.
+/// The number of rows that a thread computes as one piece of work. Fewer rows are computed on the calling thread, because starting another
+/// thread takes as long.
 const CHUNK: usize = 64;
 
-/// Steps the rows. The caller has their states.
+/// Computes the steps of all rows. The caller stores the states.
 pub struct BatchStepper {
     plant: PlantSpec,
     law: LawSpec,
     options: Options,
-    /// The step as a program, and the numbers of its set-up; `None` if it cannot be recorded.
+    /// The program of a step with the numbers of its set-up. `None` means that the step cannot be recorded.
     recorded: Option<(Arc<Recorded>, Vec<f64>)>,
     lanes: usize,
 }
 
 impl BatchStepper {
-    /// For `count` rows of `plant`, by steps of `dt` of the classical Runge-Kutta method.
+    /// Prepare steps of size `dt`, s, of the classical Runge-Kutta method, for `count` rows of `plant`.
     pub fn new(plant: &PlantSpec, count: usize, dt: f64) -> Result<Self> {
         positive("dt", dt)?;
         let law = LawSpec::External(ExternalSpec::idle(plant.model(), plant.kind()));
@@ -59,7 +60,7 @@ impl BatchStepper {
         Ok(made)
     }
 
-    /// Numbers of a row's state.
+    /// The number of states of a row.
     pub fn states(&self) -> usize {
         self.plant.states()
     }
@@ -76,8 +77,8 @@ impl BatchStepper {
         }
     }
 
-    /// Advance the states `x`, `(B, states)`, by `steps` steps under `tau`, `(B, n)`. Returns whether `poll` stopped this after some rows.
-    /// A row that diverges is not finite.
+    /// Advance the states `x`, shape `(B, states)`, by `steps` steps. `tau`: inputs, shape `(B, n)`, N m or N. Return whether `poll`
+    /// stopped the work before all rows were complete. A row that diverges is not finite.
     pub fn advance(&self, tau: &[f64], steps: usize, threads: usize, poll: &mut dyn FnMut() -> bool, x: &mut [f64]) -> bool {
         let (states, n) = (self.states(), self.plant.n());
         assert!(steps > 0 && x.len() * n == tau.len() * states, "a state and an input for each row");
@@ -109,7 +110,7 @@ impl BatchStepper {
                 rows::write(&frame, layout.state(), states, x);
                 continue;
             }
-            // An angle of some row is outside of the range of the programs' sines.
+            // Check whether an angle of a row is outside of the range of the programs' sines. Such a row is repeated without a program.
             for (lane, (x, tau)) in x.chunks_exact_mut(states).zip(tau.chunks_exact(n)).enumerate() {
                 if frame.slot_mut(layout.reach())[lane] < REDUCTION_LIMIT {
                     (0..states).for_each(|k| x[k] = frame.slot_mut(layout.state() + k)[lane] + 0.0);

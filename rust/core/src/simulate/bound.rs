@@ -1,15 +1,16 @@
-//! The bound of a state: `|q_i|, |v_i| <= limit` for the positions and velocities of a plant, links and motors alike.
+//! The limit of a state: `|q_i|, |v_i| <= limit` for the positions and velocities of the plant, including those of motors.
 //!
-//! Coarse steps of a stiff loop make a state meaningless long before it stops being finite: it is far beyond any state of a robot.
+//! In a stiff loop with large steps, a state becomes meaningless long before it stops being finite. The limit detects this early.
 
 use crate::scalar::Real;
 
-/// rad, m, rad/s or m/s: a million, a hundred thousand turns.
+/// The default limit, rad, m, rad/s or m/s. A million rad are about 160 000 revolutions.
 pub const DEFAULT_STATE_LIMIT: f64 = 1e6;
 
+/// The limit of a state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// Size of the plant's state, the first part of a loop's state.
+    /// The size of the plant's state, which is the first part of a loop's state.
     states: usize,
     /// The smallest number above the limit.
     beyond: f64,
@@ -20,7 +21,7 @@ impl Bound {
         Bound { states, beyond: limit.next_up() }
     }
 
-    /// Whether every lane of `x` is finite and within the bound.
+    /// Whether every lane of `x` is finite and within the limit.
     pub fn holds<S: Real>(&self, x: &[S]) -> bool {
         let (mut zero, mut largest) = (S::zero(), S::zero());
         for (i, &value) in x.iter().enumerate() {
@@ -29,11 +30,11 @@ impl Bound {
                 largest = largest.max(value.abs());
             }
         }
-        // Zero times a number is zero if the number is finite, and NaN otherwise. No comparison with NaN is true.
+        // For a finite number, the product with zero is zero. Otherwise it is NaN. A comparison with NaN is false.
         S::all(zero.lt(S::splat(1.0))) && S::all(largest.lt(S::splat(self.beyond)))
     }
 
-    /// Whether one lane is within the bound.
+    /// Whether lane `lane` of `x` is finite and within the limit.
     pub fn holds_lane<S: Real>(&self, x: &[S], lane: usize) -> bool {
         x.iter().all(|x| x.lane(lane).is_finite()) && x.iter().take(self.states).all(|x| x.lane(lane).abs() < self.beyond)
     }

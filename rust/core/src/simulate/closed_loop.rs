@@ -1,7 +1,8 @@
-//! Any plant under any law: `x = [plant, law, quadratures]`, two calls per evaluation.
+//! The closed loop of any plant with any law, `x' = f(u, x)` with `x = [plant, law, quadratures]`: one call of the law, one of the plant.
 //!
-//! The quadratures are the two integrals that the identities need: the power that the law dissipates, and the power put into the stored
-//! energy. A law with a storage function replaces the first by its part of the external power, and the second by the rate of its function.
+//! The two quadratures are integrals for the monitors: of the power that the law dissipates, and of the power supplied to the stored
+//! energy. A law with a storage function `E` replaces them by the integrals of `F.x_dot - E'` and of `E'`, where `F.x_dot` is the external
+//! power.
 
 use super::force::Wrench;
 use super::sampler::Sampler;
@@ -13,19 +14,19 @@ use crate::plant::{Plant, Touch};
 use crate::scalar::{Duals, Real};
 use std::borrow::Cow;
 
-/// How the loop is closed.
+/// Options of a loop.
 pub struct Closing<'a> {
-    /// Largest |tau| per joint, where the input saturates.
+    /// The saturation of the input: the largest `|tau|` per joint, if there is one.
     pub tau_max: Option<Cow<'a, [f64]>>,
-    /// The law is evaluated at samples and its output held; else in every stage.
+    /// Whether the law is evaluated at samples and its output held. If false, it is evaluated in every stage.
     pub held: bool,
     pub monitored: bool,
-    /// The monitored energy is the law's storage function.
+    /// Whether the monitored energy is the law's storage function.
     pub storage: bool,
 }
 
 impl Closing<'_> {
-    /// Whether the integral of the law's dissipation is monitored.
+    /// Whether the integral of the power that the law dissipates is monitored.
     pub fn watches_dissipation(&self) -> bool {
         self.monitored && !self.storage
     }
@@ -36,27 +37,27 @@ pub struct ClosedLoop<'a, S: Real> {
     law: Box<dyn Law<S> + Send>,
     world: World<'a>,
     closing: Closing<'a>,
-    /// The limits of the input; empty without any.
+    /// The saturation limits of the input. Empty if there is no saturation.
     limits: Vec<S>,
-    /// The sampler of a controller with delay, jitter, noise or resolution; `None` for an ideal one.
+    /// The clock of a controller with delay, jitter, noise or resolution. `None` for an ideal controller.
     sampler: Option<Sampler<S>>,
-    /// Size of the plant's state and of the part that the law reads, and which joints are angles.
+    /// The size of the plant's state, the size of its part that the law reads, and for each joint whether it is an angle.
     states: usize,
     seen: usize,
     angles: Vec<bool>,
     trig: Vec<(S, S)>,
-    /// The plant's input as of the last evaluation.
+    /// The plant's input from the last evaluation of the law.
     pub tau: Vec<S>,
-    /// The rate of the law's state, followed by its dissipation if that is monitored: all outputs beside `tau`.
+    /// The other results of the last evaluation of the law: the rate of its state, then its dissipation if that is monitored.
     dz: Vec<S>,
-    /// Size of the law's state.
+    /// The size of the law's state.
     p: usize,
-    /// One as long as every result of the law since the last reset was valid, else zero.
+    /// One if all results of the law since the last reset are valid, otherwise zero.
     pub stands: S,
     now: Exogenous<S>,
-    /// Buffer for the present output while the next one is computed.
+    /// Memory for the acting output while the next one is computed.
     acting: (Vec<S>, Vec<S>),
-    /// The plants that determine the dissipation in the Lyapunov balance; `None` if the law alone determines it.
+    /// The plants that determine the dissipation in the Lyapunov balance. `None` if the law alone determines it.
     truth: Option<Truth<S>>,
 }
 
@@ -96,18 +97,18 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The same loop, whose dissipation is computed with these plants.
+    /// Return the loop with a dissipation that is computed with the plants `truth`.
     pub fn judged_by(self, truth: Option<Truth<S>>) -> Self {
         ClosedLoop { truth, ..self }
     }
 
-    /// The same loop, whose law knows the limits of its input and its sample time.
+    /// Return the loop after passing the sample period and the limits of the input to the law.
     pub fn asked_every(mut self, period: Option<f64>) -> Self {
         self.law.configure(period, &self.limits);
         self
     }
 
-    /// The same loop with other motions, forces and limits.
+    /// Return the loop with owned copies of its motions, forces and limits.
     pub fn into_owned(self) -> ClosedLoop<'static, S> {
         let Closing { tau_max, held, monitored, storage } = self.closing;
         ClosedLoop {
@@ -131,27 +132,27 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Size of the state with the quadratures.
+    /// The size of the state with its quadratures.
     pub fn size(&self) -> usize {
         self.states + self.p + if self.closing.monitored { 2 } else { 0 }
     }
 
-    /// Components whose error is controlled.
+    /// The number of leading components whose error is controlled.
     pub fn controlled(&self) -> usize {
         self.states + self.p
     }
 
-    /// The instants of a controller with a separate clock.
+    /// The sample and action times of a controller with a separate clock, s.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
         self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
     }
 
-    /// Buffer for the exogenous input of one instant.
+    /// Return memory for the exogenous input at one instant.
     pub fn instant(&self) -> Exogenous<S> {
         self.world.instant()
     }
 
-    /// The law's output and rate at the plant state `measured` and its own state `z`, within the limits of the input.
+    /// Evaluate the law at the plant state `measured` and the law's state `z`, and apply the saturation.
     fn control(&mut self, desired: &[S], measured: &[S], z: &[S]) {
         let measured = &measured[..self.seen];
         let (rate, dissipated) = self.dz.split_at_mut(self.p);
@@ -174,7 +175,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The input is `tau` from now on, and the law's state is constant. With `None` the law computes the input again.
+    /// Use `tau` as input from now on, with a constant law state. If `tau` is `None`, the law computes the input again.
     pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
         self.closing.held = held || tau.is_some();
         if let Some(tau) = tau {
@@ -184,19 +185,19 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Hold the results of the law from now on: the input `tau`, and the rate from [`ClosedLoop::law_rate`].
+    /// Hold results of the law from now on: the input `tau` and the other results `dz` ([`ClosedLoop::law_rate`]).
     pub fn hold_input(&mut self, tau: &[S], dz: &[S]) {
         self.closing.held = true;
         self.tau.copy_from_slice(tau);
         self.dz.copy_from_slice(dz);
     }
 
-    /// The rate of the law's state at the last evaluation, followed by its dissipation if that is monitored.
+    /// The rate of the law's state at the last evaluation, followed by the law's dissipation if that is monitored.
     pub fn law_rate(&self) -> &[S] {
         &self.dz
     }
 
-    /// The sines and cosines of the joints at state `x`.
+    /// Compute the sines and cosines of the joint angles at state `x`.
     pub fn turn_to(&mut self, x: &[S]) {
         for (i, trig) in self.trig.iter_mut().enumerate() {
             if self.angles[i] {
@@ -205,13 +206,13 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The law's input `tau` and rate at state `x`, if the sines and cosines are already computed.
+    /// Compute the law's input and rate at state `x`. Requires [`ClosedLoop::turn_to`] at this state.
     pub fn answer(&mut self, u: &Exogenous<S>, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.control(&u.desired, measured, &z[..self.p]);
     }
 
-    /// The rates `dx` of state `x`, if the sines and cosines are already computed.
+    /// Compute the rates `dx` of state `x`. Requires [`ClosedLoop::turn_to`] at this state.
     pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
         if !self.closing.held {
             self.answer(u, x);
@@ -230,39 +231,39 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Whether the exogenous input is constant.
+    /// Whether the exogenous input is constant in time.
     pub fn autonomous(&self) -> bool {
         (self.closing.held || self.world.has_targets()) && !self.world.has_smooth_force()
     }
 
-    /// The exogenous input at `t`, and its derivative.
+    /// Compute the exogenous input at time `t` and its time derivative.
     pub fn drift(&mut self, t: f64, u: &mut Exogenous<S>, u_dot: &mut Exogenous<S>) {
         self.world.drift(t, u, u_dot);
     }
 
-    /// Hold every contact of the plant in these states.
+    /// Hold all contacts of the plant in the modes `contacts`.
     pub fn hold_contacts(&mut self, contacts: &[Touch]) {
         self.plant.hold(contacts);
     }
 
-    /// Penetration depth and force of a contact of the plant at state `x`, after [`ClosedLoop::turn_to`].
+    /// Return depth and force of contact `i` of the plant at state `x`. Requires [`ClosedLoop::turn_to`] at this state.
     pub fn contact(&mut self, i: usize, x: &[S]) -> [S; 2] {
         self.plant.contact(i, &self.trig, &x[..self.states])
     }
 
-    /// Apply this wrench instead of the forces of the problem; `None` restores them.
+    /// Apply `wrench` instead of the forces of the problem. `None` restores the forces.
     pub fn push(&mut self, wrench: Option<&Wrench>) {
         self.world.push(wrench);
     }
 
-    /// Restart at `t = 0`.
+    /// Forget all samples, for a restart at `t = 0`.
     pub fn rewind(&mut self) {
         if let Some(sampler) = &mut self.sampler {
             sampler.forget();
         }
     }
 
-    /// Evaluate the law at state `x` and time `t`, into `self.tau`: the held input of a sampled loop, or the input to record.
+    /// Evaluate the law at time `t` and state `x`, and store its output. The output is the held or the recorded input.
     pub fn observe(&mut self, t: f64, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.evaluate_law(t, measured, &z[..self.p]);
@@ -277,7 +278,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.now = now;
     }
 
-    /// Take a sample of a controller with a separate clock.
+    /// Take a sample of a controller with a separate clock, at time `t` and state `x`.
     #[inline(never)]
     fn sample_by(&mut self, mut sampler: Sampler<S>, t: f64, x: &[S]) -> Sampler<S> {
         let (plant, z) = x.split_at(self.states);
@@ -295,12 +296,12 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         sampler
     }
 
-    /// Whether the input is held.
+    /// Whether the input is held between samples.
     pub fn is_held(&self) -> bool {
         self.closing.held
     }
 
-    /// The forces at time `t` and the sines and cosines of state `x`, for [`ClosedLoop::load_plant`].
+    /// Compute the forces at time `t` and the sines and cosines of state `x`, for [`ClosedLoop::load_plant`].
     pub fn look(&mut self, t: f64, x: &[S]) {
         let mut now = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [S::zero(); 6] });
         self.world.sample(t, &mut now);
@@ -308,17 +309,17 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.now = now;
     }
 
-    /// Write the loads of the plant at state `x` into its friction model, with the forces of the last `look`.
+    /// Write the loads of the plant at state `x` into its friction model, with the forces from the last call of `look`.
     pub fn load_plant(&mut self, x: &[S]) {
         self.plant.load_friction(&self.trig, &x[..self.states], &self.tau, &self.now.wrench);
     }
 
-    /// The plant.
+    /// The plant of the loop.
     pub fn plant_mut(&mut self) -> &mut dyn Plant<S> {
         self.plant.as_mut()
     }
 
-    /// The same as [`ClosedLoop::observe`] if the law is evaluated in every stage. A held input does not change.
+    /// Call [`ClosedLoop::observe`] if the law is evaluated in every stage. A held input does not change.
     pub fn observe_unheld(&mut self, t: f64, x: &[S]) {
         if !self.closing.held {
             self.observe(t, x);
@@ -357,7 +358,7 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
         self.closing.held.then_some((&self.tau, &self.dz))
     }
     fn pairs(&self) -> Pairs {
-        // [q, v] or [q, v, theta, theta_dot]; [q] alone has no rates.
+        // The state is [q, v], [q, v, theta, theta_dot], or [q] without rates.
         let n = self.tau.len();
         Pairs { joints: n, count: self.states / (2 * n) }
     }

@@ -1,21 +1,21 @@
-//! The places of the recorded quantities in a loop's state.
+//! The positions of the recorded quantities in a loop's state and in a record.
 
 use super::problem::Problem;
 use crate::plant::PlantKind;
 use std::ops::Range;
 
-/// The sizes of a loop's records.
+/// The sizes of a loop's state.
 #[derive(Clone, Copy, Debug)]
 pub struct Columns {
     pub kind: PlantKind,
     pub n: usize,
-    /// Size of the law's state.
+    /// The size of the law's state.
     pub p: usize,
-    /// Numbers of bristles of friction.
+    /// The number of bristles of LuGre friction.
     pub bristles: usize,
 }
 
-/// Where the quantities of a record `[x, tau, monitors]` are.
+/// The ranges of the quantities in a record `[x, tau, monitors]`.
 pub struct SampleColumns {
     pub q: Range<usize>,
     pub v: Range<usize>,
@@ -24,11 +24,11 @@ pub struct SampleColumns {
     pub theta_dot: Range<usize>,
     pub z: Range<usize>,
     pub bristles: Range<usize>,
-    /// The first monitor.
+    /// The index of the first monitor.
     pub monitors: usize,
 }
 
-/// The parts of one record.
+/// The parts of one state or record.
 pub struct Parts<'a, S> {
     pub q: &'a [S],
     pub v: &'a [S],
@@ -44,12 +44,13 @@ impl Columns {
         Columns { kind: plant.kind(), n: plant.n(), p: problem.law(0).initial_state().len(), bristles: plant.bristles() }
     }
 
-    /// Number of motor positions per record: zero without elastic joints.
+    /// The number of motor positions per record. It is zero without elastic joints.
     pub fn motors(&self) -> usize {
         if self.kind.has_motors() { self.n } else { 0 }
     }
 
-    /// The places in a record of a state `x = [plant, z, ..]` of `size` numbers and its input, which is the velocity where it is commanded.
+    /// The ranges in a record. `size` is the size of the state `x = [plant, z, ..]`. For a velocity-controlled plant, the input is the
+    /// velocity.
     pub fn places(&self, size: usize) -> SampleColumns {
         let (n, states, motors) = (self.n, self.kind.states(self.n), self.motors());
         SampleColumns {
@@ -64,15 +65,15 @@ impl Columns {
         }
     }
 
-    /// The numbers of each series in such a record: positions, velocities, inputs, motors, the law's state,
-    /// bristles, and each monitor.
+    /// The ranges of the series in a record: positions, velocities, inputs, motor positions and velocities, the law's state, bristles, and
+    /// each monitor.
     pub fn series(&self, size: usize, monitors: usize) -> Vec<Range<usize>> {
         let SampleColumns { q, v, tau, theta, theta_dot, z, bristles, monitors: first } = self.places(size);
         let own = [q, v, tau, theta, theta_dot, z, bristles].into_iter();
         own.chain((first..first + monitors).map(|k| k..k + 1)).collect()
     }
 
-    /// The parts of a state `x` under the input `tau`.
+    /// Divide a state `x` into its parts. `tau` is the input.
     pub fn split<'a, S>(&self, x: &'a [S], tau: &'a [S]) -> Parts<'a, S> {
         let SampleColumns { q, v, theta, theta_dot, z, bristles, .. } = self.places(x.len());
         let v = if self.kind.has_speeds() { &x[v] } else { tau };

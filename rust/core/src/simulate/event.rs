@@ -1,4 +1,4 @@
-//! Events of a run: zero crossings of functions of time and the plant's state, evaluated natively, except functions of the user.
+//! Events of a run: zero crossings of functions of time and the plant's state. All functions except those of the user are compiled code.
 
 use super::switching::Probe;
 use crate::error::Result;
@@ -6,43 +6,43 @@ use crate::memory::append;
 use crate::spatial::{Vector, Vector3};
 use std::sync::Arc;
 
-/// A function `g(t, x)` of the caller; `None` stops the run.
+/// A function `g(t, x)` of the user. `t`: time, s. `x`: state of the plant. The result `None` stops the run.
 pub type Signal = Arc<dyn Fn(f64, &[f64]) -> Option<f64> + Send + Sync>;
 
-/// The function whose zero is the event.
+/// The function `g` whose zero is the event.
 #[derive(Clone)]
 pub enum EventFunction {
-    /// `q_i - value`, or `value - q_i`.
+    /// `g = q_i - value`, or `g = value - q_i` if `below` is true.
     Joint {
         /// Index of the joint.
         joint: usize,
         /// Position, rad or m.
         value: f64,
-        /// Take `value - q_i`.
+        /// Whether `g = value - q_i`.
         below: bool,
     },
-    /// `v_i - value`; `at` is the index of `v_i` in the plant's state.
+    /// `g = v_i - value`, the velocity of a joint or motor relative to a value.
     Speed {
-        /// Index in the plant's state.
+        /// Index of `v_i` in the plant's state.
         at: usize,
-        /// Speed, rad/s or m/s.
+        /// Velocity, rad/s or m/s.
         value: f64,
     },
-    /// `normal . (p - point)` of the origin of a frame, world axes.
+    /// `g = normal . (p - point)`, where `p` is the origin of a frame, m. All vectors are in world axes.
     Plane {
         /// Index of the frame.
         frame: usize,
-        /// A point of the plane, world axes, m.
+        /// A point of the plane, in world axes, m.
         point: [f64; 3],
-        /// Normal of the plane, world axes.
+        /// Normal of the plane, in world axes.
         normal: [f64; 3],
     },
-    /// A function of the caller.
+    /// A function of the user.
     Function(Signal),
 }
 
 impl EventFunction {
-    /// Value at time `t` and plant state `x`.
+    /// Return the value of `g` at time `t`, s, and plant state `x`.
     pub fn value(&self, probe: &mut Probe, t: f64, x: &[f64]) -> f64 {
         match self {
             EventFunction::Joint { joint, value, below: false } => x[*joint] - value,
@@ -54,30 +54,30 @@ impl EventFunction {
     }
 }
 
-/// The functions of the events.
+/// An event of a run.
 #[derive(Clone)]
 pub struct Event {
-    /// The function.
+    /// The function whose zero is the event.
     pub function: EventFunction,
-    /// Rising crossings only where positive, falling only where negative, both where zero.
+    /// Positive: only rising crossings count. Negative: only falling crossings count. Zero: both count.
     pub direction: f64,
-    /// End the run at this many crossings; zero to record them alone.
+    /// The number of crossings after which the run ends. Zero: the run does not end.
     pub stop_after: usize,
 }
 
-/// The crossings found, in order of time.
+/// All crossings of a run, in order of time.
 #[derive(Clone, Debug, Default)]
 pub struct Crossings {
-    /// Which event.
+    /// Index of the event of each crossing, shape `(m,)`.
     pub index: Vec<usize>,
-    /// Times of the crossings, s.
+    /// Times of the crossings, shape `(m,)`, s.
     pub t: Vec<f64>,
-    /// States of the plant, `(m, states)`.
+    /// States of the plant at the crossings, shape `(m, states)`.
     pub x: Vec<f64>,
 }
 
 impl Crossings {
-    /// Append a crossing.
+    /// Append a crossing of event `index` at time `t`, s, and plant state `x`.
     pub fn add(&mut self, index: usize, t: f64, x: &[f64]) -> Result<()> {
         append(&mut self.index, &[index])?;
         append(&mut self.t, &[t])?;

@@ -1,7 +1,7 @@
-//! A fixed-step run: steps in short blocks, each checked once for numbers that are not finite or beyond the bound of the state.
+//! Runs of fixed steps. The run checks its state once per block of steps: all numbers must be finite and within the limit of the state.
 //!
-//! A faulty block is repeated from its start, step by step, to find the time of each lane's fault. That lane is NaN from there on. The
-//! other lanes repeat the same operations, so they keep their bits.
+//! If a check fails, the block is repeated step by step, to find the time of the fault in each lane. A faulty lane is NaN from this time
+//! on. The other lanes repeat the same operations, and their bits do not change.
 
 use super::bound::Bound;
 use super::schedule::{Schedule, Within};
@@ -9,25 +9,25 @@ use super::stop::Stop;
 use crate::integrate::{Buffer, FixedStep, System};
 use crate::scalar::Real;
 
-/// Steps between checks.
+/// The number of steps between two checks.
 const BLOCK: usize = 32;
 
-/// The faults of the lanes of a run.
+/// The faults of the lanes of a run. A fault is a state that is not finite or beyond the limit.
 pub struct Faults {
-    /// The time of each lane's fault; infinite for a lane without one.
+    /// For each lane, the time of its fault, s. It is infinite for a lane without a fault.
     pub at: Vec<f64>,
     pub interrupted: bool,
     pub steps: u64,
 }
 
-/// Receives every record, with its number and time.
+/// Receives the records of a run of fixed steps.
 pub trait Record<F, B> {
     fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
-    /// All steps up to now are valid, and so are the records that the system noted within them.
+    /// Is called when all steps so far are valid, and with them the records that the system stored within these steps.
     fn accept(&mut self, system: &mut F);
 }
 
-/// Run `system` over the schedule from `x`.
+/// Run `system` from the state `x`, with the steps and records of `schedule`.
 pub fn run<S, F, M, B>(
     system: &mut F,
     method: &mut M,
@@ -50,7 +50,7 @@ where
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
     let mut next = schedule.record(0);
-    // The state of the run while `x` is ahead of it, at a record between two steps.
+    // The state of the run, while `x` is at a record between two steps.
     let (mut start, mut first_break, mut ahead) = (x.clone(), 0, false);
     loop {
         let here = next.filter(|record| record.step == step);
@@ -75,7 +75,7 @@ where
             next = schedule.record(i + 1);
             i += 1;
             if ahead {
-                // Return to the path of the run.
+                // Return to the state of the run.
                 x.clone_from(&start);
                 next_break = first_break;
                 method.restart();
@@ -106,7 +106,7 @@ where
     }
 }
 
-/// The block from step `step` to `to`, from its start `x`. With a new fault in a lane the block is repeated, step by step.
+/// Advance `x` over the block of steps `step..to`. If a check finds a new fault, repeat the block from `start` step by step.
 fn run_block<S, F, M, B>(
     system: &mut F,
     method: &mut M,
@@ -161,8 +161,8 @@ fn run_block<S, F, M, B>(
     }
 }
 
-/// Steps in the block that starts at `step`. A block that starts between two samples ends at the next sample. So the input that is held at
-/// its start is still held when a faulty block is repeated.
+/// Return the number of steps in the block that starts at `step`. A block that starts between two samples ends at the next sample. So a
+/// repeated block uses the same held input.
 fn block(step: usize, hold: usize) -> usize {
     if hold == 0 {
         return BLOCK;
@@ -171,13 +171,13 @@ fn block(step: usize, hold: usize) -> usize {
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
-/// The number of steps of equal size from `step` to at most `to` without a sample or a jump of the input between them.
+/// Return the number of equal steps from `step` to at most `to`. No sample and no jump of the input is between them.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
-    // The first step is separate if metrics or records are computed within steps.
+    // Metrics or records within steps require a separate first step.
     if schedule.within != Within::Nothing && step == 0 {
         return 0;
     }
-    // The last step may be shorter; a jump at the end of a step belongs to it.
+    // The last step may be shorter. A step contains a jump at its end.
     let mut end = to.min(schedule.steps - 1);
     if hold != 0 {
         end = end.min(step - step % hold + hold);
@@ -188,8 +188,8 @@ fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_b
     end.saturating_sub(step)
 }
 
-/// One step, or the part `offset` of it. It is divided where the input jumps inside it or at its end, and each piece takes the input of its
-/// side of the jump.
+/// Compute step number `step`, or only its part of size `offset`. The step is divided where the input jumps, inside or at its end. Each
+/// part uses the input on its side of the jump.
 fn one_step<S, F, M, B>(system: &mut F, method: &mut M, schedule: &Schedule, step: usize, offset: f64, next_break: &mut usize, x: &mut B)
 where
     S: Real,
@@ -239,7 +239,7 @@ fn all_known<S: Real, B: Buffer<S>>(at: &[f64], x: B, bound: Bound) -> bool {
     (0..S::LANES).all(|lane| at[lane].is_finite() || bound.holds_lane(x.as_ref(), lane))
 }
 
-/// Note the lanes that stopped being finite or passed the bound by time `t` and make them NaN throughout.
+/// Mark the lanes that have a fault at time `t`, and set all their numbers to NaN.
 #[cold]
 #[inline(never)]
 fn note_faults<S: Real, B: Buffer<S>>(at: &mut [f64], x: &mut B, bound: Bound, t: f64) {

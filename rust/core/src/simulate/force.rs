@@ -1,25 +1,25 @@
-//! The external wrench over time: constant, in steps, or any function.
+//! External wrenches as functions of time: constant, piecewise constant, or any function.
 
 use crate::error::{Error, Result, finite};
 use std::sync::Arc;
 
-/// `[f; m]`, world axes, at the frame of the force.
+/// A wrench `[f; m]` at the frame of the force, in world axes: force, N, and moment, N m.
 pub type Wrench = [f64; 6];
 
-/// A force as a function of time, `call(t)`; `None` stops the run.
+/// A wrench as a function of time, s. The result `None` stops the run.
 type Signal = Arc<dyn Fn(f64) -> Option<Wrench> + Send + Sync>;
 
-/// An external force in the course of a run.
+/// An external force during a run.
 #[derive(Clone)]
 pub enum Force {
-    /// From `starts[i]` on it is `values[i]`; nothing before the first.
+    /// The wrench is `values[i]` from time `starts[i]` on. Before the first time it is zero.
     Steps {
         /// Times, s, increasing.
         starts: Vec<f64>,
-        /// Wrenches.
+        /// Wrenches, one per time.
         values: Vec<Wrench>,
     },
-    /// A function of the caller.
+    /// A function of the user.
     Signal(Signal),
 }
 
@@ -33,7 +33,7 @@ impl std::fmt::Debug for Force {
 }
 
 impl Force {
-    /// Steps at increasing times.
+    /// Return a force with the wrenches `values` from the increasing times `starts`, s.
     pub fn steps(starts: Vec<f64>, values: Vec<Wrench>) -> Result<Self> {
         finite("force", &starts)?;
         if let Some(i) = (1..starts.len()).find(|&i| starts[i] <= starts[i - 1]) {
@@ -48,7 +48,7 @@ impl Force {
         Ok(Force::Steps { starts, values })
     }
 
-    /// Times at which it jumps.
+    /// The times at which the wrench jumps, s.
     pub fn breaks(&self) -> &[f64] {
         match self {
             Force::Steps { starts, .. } => starts,
@@ -56,7 +56,7 @@ impl Force {
         }
     }
 
-    /// The wrench at `t`; NaN if the function returned `None`.
+    /// Return the wrench at time `t`, s. It is NaN if the function returned `None`.
     pub fn at(&self, t: f64) -> Wrench {
         match self {
             Force::Steps { starts, values } => match starts.partition_point(|&s| s <= t) {

@@ -1,19 +1,19 @@
-//! Metrics of a run, computed during the run, for one run or several side by side.
+//! Metrics of one run or of several runs at the same time, updated at each record of the run.
 //!
-//! The error is `e = q_d - q`, and `w_i = t_{i+1} - t_{i-1}` is twice the weight of record `i` in the trapezoidal rule. The metrics are
+//! The error is `e = q_d - q`, and `w_i = t_{i+1} - t_{i-1}` is twice the trapezoidal weight of record `i`. The metrics are
 //!
-//! `sum w e^2`, `max |e|`, `max q`, the last record with `|e| > settle max |e|`, `sum w |x_d - p|^2`, `sum w tau^2`, `max |tau|`,
-//! the time beyond a limit, `max |E|`, and the number of violations such as `|E(t) - E(0) - int P dt| > tolerance max |E|`.
+//! `sum w e^2`, `max |e|`, `max q`, the last record with `|e| > settle max |e|`, `sum w |x_d - p|^2`, `sum w tau^2`, `max |tau|`, the time
+//! outside of limits, `max |E|`, and the number of violations such as `|E(t) - E(0) - int P dt| > tolerance max |E|`.
 //!
-//! The largest error of a unit is outside of the band, so it does not come after the last record outside. So the band of the largest error
-//! up to now finds the same last record as the final band.
+//! The maximum in `settle max |e|` includes only the records so far. This does not change the last record outside of the band. The record
+//! of the final maximum is outside. From this record on, the maximum so far is the final maximum.
 
 use super::measures::{Plan, Wanted};
 use crate::dynamics::{ArmAt, Model};
 use crate::scalar::Real;
 use crate::spatial::Vector;
 
-/// The numbers of one record.
+/// The quantities of one record from which metrics are computed.
 pub struct Seen<'a, S> {
     /// The law's desired motions, one after another.
     pub desired: &'a [S],
@@ -23,38 +23,39 @@ pub struct Seen<'a, S> {
     pub identities: Identities<S>,
 }
 
-/// The monitored quantities of a record; zero for those that are off.
+/// The monitored quantities of a record. Quantities that are not monitored are zero.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identities<S> {
     pub skewness: S,
     pub energy: S,
     pub lyapunov: S,
-    /// The integrals of the power that the law dissipates, and of the input power.
+    /// The integrals of the power that the law dissipates, and of the power supplied to the stored energy.
     pub quadratures: [S; 2],
 }
 
-/// Whether the stored numbers include the values of the first record.
+/// Whether the stored numbers already contain the values of the first record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// They do, because this is a later record.
+    /// Yes, because this is a later record.
     Known,
-    /// This depends on the number of records.
+    /// The number of records decides this at run time.
     Asked,
 }
 
+/// The metrics of a run with the arms and limits that they need.
 pub struct Gauge<S: Real> {
     pub plan: Plan,
     settle: S,
     tolerance: S,
     target: Vec<S>,
     band: Vec<S>,
-    /// The arm at its position, and the arm at its reference.
+    /// The arm at the present position, and the arm at the reference position.
     arms: Vec<ArmAt<S>>,
     distances: Vec<S>,
 }
 
 impl<S: Real> Gauge<S> {
-    /// For runs with the plans `of(lane)`, of one structure, and the arms `model(lane)`.
+    /// Create the metrics for runs with the plans `of(lane)` and the arms `model(lane)`. All plans have one structure.
     pub fn new<'a>(of: impl Fn(usize) -> &'a Plan, model: impl Fn(usize) -> &'a Model) -> Self {
         let plan = of(0).clone();
         let numbers =
@@ -73,7 +74,7 @@ impl<S: Real> Gauge<S> {
         }
     }
 
-    /// Add a record to the stored numbers `kept`. `h` is the time to the next one, zero after the last.
+    /// Update the stored numbers `kept` with one record. `h` is the time to the next record, s, and zero at the last record.
     pub fn add(&mut self, seen: &Seen<S>, h: S, start: Start, kept: &mut [S]) {
         let weight = kept[self.plan.places.since] + h;
         let count = kept[self.plan.places.count];

@@ -1,4 +1,4 @@
-//! Runs of any plant under any law: one number or lanes, by any method.
+//! Runs of any plant with any law, by any method, on plain numbers or on lanes.
 
 use super::adaptive_steps::{self, Segments};
 use super::closed_loop::{ClosedLoop, Closing};
@@ -19,38 +19,40 @@ use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Array8, Dual8, Float, Real};
 use std::borrow::Cow;
 
-/// The runs `first .. first + LANES` of a problem (the last one repeated to fill the lanes), by an explicit method.
+/// The runs `first .. first + LANES` of a problem. Missing runs at the end repeat the last run.
 pub struct General<'a> {
     pub problem: &'a Problem<'a>,
     pub division: &'a Division,
     pub first: usize,
     pub stop: &'a dyn Stop,
     pub sink: &'a mut dyn Sink,
-    /// Events and polynomials in addition to the records.
+    /// Receives events and polynomials, in addition to the records.
     pub observer: Option<&'a mut RunObserver>,
-    /// The programs of rates, if runs may use them.
+    /// The programs of the state rates, if the runs may use them.
     pub rates: Option<&'a Rates>,
 }
 
-/// A loop that can be recorded.
+/// A loop whose run can be recorded, observed and driven by the caller.
 pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
-    /// The plant's input at state `x` and time `t`.
+    /// Return the plant's input at time `t` and state `x`.
     fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
-    /// Use `tau` as the plant's input instead of the law's output. With `None` the law computes it again, held or not.
+    /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes it, and it is held if `held` is
+    /// true.
     fn drive(&mut self, tau: Option<&[S]>, held: bool);
-    /// Start anew at `t = 0`.
+    /// Restart at `t = 0`.
     fn rewind(&mut self);
     /// Hold the contacts of the plant in the modes `contacts`.
     fn hold_contacts(&mut self, contacts: &[Touch]);
-    /// Replace the external forces by `wrench`; `None` restores them.
+    /// Apply `wrench` instead of the external forces. `None` restores the forces.
     fn push(&mut self, wrench: Option<&Wrench>);
     /// Decide which joints stick at time `t` and state `x`.
     fn settle(&mut self, _t: f64, _x: &[S]) {}
-    /// A joint with stick-slip friction changes its mode at time `t` and state `x`: it slips, or it stops. `None`: check all joints.
+    /// Change the mode of a joint with stick-slip friction, at time `t` and state `x`: a stuck joint slips, a sliding joint stops. `None`:
+    /// check all joints.
     fn switch_joint(&mut self, _t: f64, _x: &mut [S], _joint: Option<usize>) {}
-    /// For each joint with stick-slip friction the number whose change to negative ends its mode.
+    /// For each joint with stick-slip friction, write the number that is negative when its present mode ends.
     fn margins(&mut self, _t: f64, _x: &[S], _out: &mut [f64]) {}
-    /// Pass on the records that were noted within steps. `time` returns the time of each step.
+    /// Pass the records that were stored within steps to the sink. `time(k)` is the time of step `k`.
     fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
 }
 
@@ -82,7 +84,7 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     }
 }
 
-/// A loop, and the same loop on dual numbers.
+/// A loop on plain numbers, with the same loop on dual numbers.
 pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8, Vec<Dual8>, Exogenous<Dual8>>;
 
 impl Watched<f64> for Twins<'_> {
@@ -121,7 +123,7 @@ impl Watched<f64> for Twins<'_> {
 }
 
 impl Twins<'_> {
-    /// The same loop with separate motions, forces and limits.
+    /// Return the loop with owned copies of its motions, forces and limits.
     pub fn into_owned(self) -> Twins<'static> {
         let (closed, twin) = (self.system.into_owned(), self.twin.into_owned());
         let (state, input) = (vec![Dual8::zero(); closed.size()], twin.instant());
@@ -129,12 +131,12 @@ impl Twins<'_> {
     }
 }
 
-/// Passes on the records of one lane at a time. Negative zeros become zeros: only there programs and direct evaluation could differ.
+/// Passes records to the sink, lane by lane. Negative zeros become zeros, because programs and direct evaluation may differ only there.
 struct Recorder<'a> {
     sink: &'a mut dyn Sink,
-    /// The time of each step.
+    /// Returns the time of each step.
     time: &'a dyn Fn(usize) -> f64,
-    /// Numbers of the state. The numbers after them are sums.
+    /// The number of states. The numbers after them in `x` are metrics.
     size: usize,
     x: Vec<f64>,
     tau: Vec<f64>,
@@ -170,12 +172,12 @@ impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
 }
 
 impl<'a> General<'a> {
-    /// A recorder for states with `all` numbers.
+    /// Return a recorder for states with `all` numbers.
     fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> Recorder<'b> {
         Recorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
     }
 
-    /// Fixed steps of `closed` by `method`.
+    /// Run `closed` with fixed steps of `method`.
     pub fn fixed<S, F, M>(self, fixed: &Fixed, closed: &mut F, x: Vec<S>, mut method: M) -> Ended
     where
         S: Real,
@@ -188,7 +190,7 @@ impl<'a> General<'a> {
     }
 }
 
-/// A run by fixed steps.
+/// A run of fixed steps, as a task for any method.
 struct FixedRun<'a, 'b> {
     general: General<'a>,
     fixed: &'b Fixed,
@@ -202,11 +204,11 @@ impl<S: Real, F: Watched<S>> WithSteps<S, F> for FixedRun<'_, '_> {
     }
 }
 
-/// A run of an adaptive method.
+/// A run of an adaptive method, as a task for any method.
 struct AdaptiveRun<'a, 'b> {
     general: General<'a>,
     segments: &'b Segments,
-    /// When the samples are.
+    /// The times of the samples and of the actions of their outputs, s.
     instants: Vec<f64>,
 }
 
@@ -215,7 +217,7 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
 
     fn with<M: Adaptive<S, F, Vec<S>>>(self, mut closed: F, mut method: M) -> Ended {
         let General { problem, first, stop, sink, observer, .. } = self.general;
-        // With random jitter each run has its own instants.
+        // With random jitter, each run has different instants.
         let segments = self.segments.with_breaks(&self.instants);
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
@@ -238,7 +240,7 @@ impl Problem<'_> {
 }
 
 impl<'a> General<'a> {
-    /// Run the one run `first`, with the code of its kind of method.
+    /// Run only the run `first`, with the code for its kind of method.
     pub fn run_single(self) -> Ended {
         match (self.problem.options.method.kind(), self.division) {
             (Kind::ExplicitSteps(method), Division::Fixed(fixed)) => {
@@ -272,19 +274,19 @@ impl<'a> General<'a> {
         }
     }
 
-    /// The loop of the run `first` for an implicit method, and its state at the start.
+    /// Return the loop of run `first` for an implicit method, and the initial state.
     fn implicit(&self) -> (Solved<'a>, Vec<f64>) {
         let (twins, x) = twins(self.problem, self.first);
         (RatesLoop::implicit(twins, self.source()), x)
     }
 
-    /// The source of the programs of the run `first`.
+    /// Return the source of programs for run `first`.
     fn source(&self) -> Option<Source<'a>> {
         self.rates.map(|rates| Source { rates, problem: self.problem, run: self.first })
     }
 }
 
-/// The loop of run `first`, the same loop on dual numbers, and the initial state.
+/// Return the loop of run `first` on plain and on dual numbers, and the initial state.
 pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
     let (closed, x) = close::<f64>(problem, first);
     let (twin, moving) = close::<Dual8>(problem, first);
@@ -292,7 +294,7 @@ pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
     (Linearised::new(closed, twin, moving, input), x)
 }
 
-/// The loop of the runs from `first` on, and its state at the start.
+/// Return the loop of the runs from `first` on, and the initial state.
 #[inline(never)]
 pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
     let last = problem.runs() - 1;
@@ -300,12 +302,12 @@ pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a,
     (assemble(problem, run, problem.watches_storage()), start(problem, run))
 }
 
-/// The desired motions and forces of the runs `run(lane)`.
+/// Return the desired motions and forces of the runs `run(lane)`.
 pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usize) -> World<'a> {
     World::new(lanes, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)))
 }
 
-/// The loop of the runs `run(lane)`; `storage`: [`Problem::watches_storage`].
+/// Return the loop of the runs `run(lane)`. `storage`: see [`Problem::watches_storage`].
 pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize + Copy, storage: bool) -> ClosedLoop<'a, S> {
     let o = &problem.options;
     let plant = PlantSpec::build::<S>(|lane| problem.plant(run(lane)), problem.force_frame());
@@ -319,10 +321,10 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).asked_every(period)
 }
 
-/// The clock of the controllers of the runs `run(lane)`; `None` for a perfect one.
+/// Return the clock of the controllers of the runs `run(lane)`. `None` for an ideal controller.
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
-    // A law of the caller may have a memory: it is called once per sample, even if the sample is used several times.
+    // A law of the user may have a memory. It is called once per sample, even if the sample is used several times.
     let asked_once = problem.law(run(0)).route() == Route::Outside;
     let dissipated = usize::from(o.monitors && !problem.watches_storage());
     let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);
@@ -333,7 +335,7 @@ pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) 
     })
 }
 
-/// The state of the runs `run(lane)` at the start.
+/// Return the initial state of the runs `run(lane)`.
 pub fn start<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize) -> Vec<S> {
     let (states, p) = (problem.plant(0).states(), problem.law(0).initial_state().len());
     let of_plant = (0..states).map(|k| S::from_lanes(|lane| problem.x0[run(lane) * states + k]));

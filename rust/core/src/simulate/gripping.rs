@@ -1,7 +1,8 @@
-//! Stick-slip friction in a loop: when joints stop and slip.
+//! Stick-slip friction in a loop: the changes between sticking and sliding.
 //!
-//! Adaptive methods locate the instants at which the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. There the
-//! velocity is set to zero and the problem at rest is solved. Methods of fixed steps do the same where steps begin and end.
+//! Adaptive methods locate two kinds of instants: the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. At this
+//! instant the velocity is set to zero, and the equations at rest decide which joints stick. Methods of fixed steps do this at the start
+//! and end of steps.
 
 use super::closed_loop::ClosedLoop;
 use crate::scalar::Real;
@@ -17,7 +18,7 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.load_plant(x);
     }
 
-    /// Decide which joints stick at time `t` and state `x`; the joint `leaving` slips. Returns whether the mode of a joint changes.
+    /// Decide which joints stick at time `t` and state `x`. Joint `leaving` slips. Return whether the mode of a joint changes.
     pub fn settle(&mut self, t: f64, x: &[S], leaving: Option<usize>) -> bool {
         if self.plant_mut().stick_slip().is_none() {
             return false;
@@ -27,7 +28,7 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.settle(&x[first..first + n], leaving))
     }
 
-    /// For each joint with stick-slip friction, at time `t` and state `x`, the number whose change to negative ends its mode.
+    /// For each joint with stick-slip friction, write the number that is negative when its present mode ends, at time `t` and state `x`.
     pub fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
         if self.plant_mut().stick_slip().is_some_and(|(friction, _)| friction.holds()) {
             self.load_friction(t, x);
@@ -37,8 +38,8 @@ impl<S: Real> ClosedLoop<'_, S> {
         }
     }
 
-    /// Joint `joint` changes its mode at time `t` and state `x`: a stuck joint slips, and a sliding one comes to rest. `None`: check all
-    /// joints.
+    /// Change the mode of joint `joint` at time `t` and state `x`: a stuck joint slips, a sliding joint stops. If `joint` is `None`, check
+    /// all joints.
     pub fn switch_joint(&mut self, t: f64, x: &mut [S], joint: Option<usize>) {
         let Some((friction, first)) = self.plant_mut().stick_slip() else { return };
         let leaving = joint.filter(|&joint| friction.sides()[joint] == 0);
@@ -49,13 +50,13 @@ impl<S: Real> ClosedLoop<'_, S> {
         self.settle(t, x, leaving);
     }
 
-    /// Stop the joints whose velocity is opposite to their direction of slip. Returns whether there are any.
+    /// Stop the joints whose velocity is opposite to their direction of sliding. Return whether any joint was stopped.
     pub fn arrest(&mut self, x: &mut [S]) -> bool {
         let n = self.tau.len();
         self.plant_mut().stick_slip().is_some_and(|(friction, first)| friction.arrest(&mut x[first..first + n]))
     }
 
-    /// Set the velocities of stuck joints to zero. Implicit methods leave rounding errors in them.
+    /// Set the velocities of stuck joints to zero. Implicit methods cause rounding errors in these velocities.
     pub fn still(&mut self, x: &mut [S]) {
         if let Some((friction, first)) = self.plant_mut().stick_slip() {
             for (side, v) in friction.sides().iter().zip(&mut x[first..]) {
@@ -66,12 +67,12 @@ impl<S: Real> ClosedLoop<'_, S> {
         }
     }
 
-    /// The directions in which joints slide, zero for a stuck one; empty without stick-slip friction.
+    /// For each joint, the direction of sliding, or zero for a stuck joint. Empty without stick-slip friction.
     pub fn sides(&mut self) -> &[i8] {
         self.plant_mut().stick_slip().map_or(&[], |(friction, _)| friction.sides())
     }
 
-    /// Let joints stick and slide as in another loop.
+    /// Set the modes of all joints to the modes `sides` of another loop.
     pub fn follow(&mut self, sides: &[i8]) {
         if let Some((friction, _)) = self.plant_mut().stick_slip() {
             friction.follow(sides);

@@ -1,5 +1,5 @@
-//! The key of a recorded loop, which identifies a known structure without recording. Loops have the same structure if their plants and laws
-//! have the same shape, and their numbers have zeros and ones at the same places.
+//! Keys of recorded loops, which identify a known structure without a recording. Two loops have the same structure if their plants and laws
+//! have the same shape. The zeros and ones among their numbers must also be at the same positions.
 
 use super::measures::{Plan, same_aims};
 use super::monitors::Monitored;
@@ -8,10 +8,10 @@ use crate::integrate::Method;
 use crate::law::LawSpec;
 use crate::plant::PlantSpec;
 
-/// The largest number of numbers of motions in all stored keys: 32 MB.
+/// The largest number of stored values of motions in all keys together: 32 MB.
 pub const MOST_NUMBERS: usize = 1 << 22;
 
-/// The parts of a recording's key other than the numbers of the set-up.
+/// The key of a recorded loop: all its data except the numbers of the set-up.
 pub struct Key {
     plant: PlantSpec,
     law: LawSpec,
@@ -19,23 +19,23 @@ pub struct Key {
     held: bool,
     monitors: bool,
     tau_max: Option<Vec<f64>>,
-    /// The frame at which forces act, and the frame of the argument.
+    /// The frame at which forces act, and the frame given as an argument.
     force_frames: [Option<usize>; 2],
-    /// The metrics in the programs.
+    /// The metrics that the programs compute.
     plan: Option<Plan>,
     common: Common,
 }
 
-/// Properties that all runs of a problem share. They are computed once, because they depend on every run.
+/// Properties that all runs of a problem have in common. They are computed once, because every run affects them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Common {
-    /// Runs side by side, not one.
+    /// Whether programs compute one run per lane.
     pub lanes: bool,
-    /// All have the same exogenous input.
+    /// Whether all runs have the same exogenous input.
     pub shared: bool,
     /// The monitored quantities.
     pub monitored: Monitored,
-    /// Whether the programs compute metrics, with or without the positions of frames.
+    /// Whether the programs compute metrics, and whether these include positions of frames.
     pub sums: bool,
     pub aims: bool,
     /// The number of monitors, if the programs compute records.
@@ -55,7 +55,7 @@ impl Common {
         }
     }
 
-    /// The metrics in the programs of run `run`.
+    /// Return the metrics that the programs of run `run` compute.
     pub fn plan(&self, problem: &Problem, run: usize) -> Option<Plan> {
         let measures = problem.measures.as_ref().filter(|_| self.sums)?;
         Plan::of(problem, run, measures, self.aims).ok()
@@ -92,7 +92,7 @@ impl Key {
             }
     }
 
-    /// Number of numbers of its motions, which stay in memory.
+    /// The number of values of the motions, which remain in memory.
     pub fn numbers(&self) -> usize {
         self.law.motions().iter().map(|motion| motion.numbers()).sum()
     }

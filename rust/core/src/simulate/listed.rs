@@ -1,4 +1,4 @@
-//! The programs of a closed loop as text: their operations at each stage, line by line.
+//! Listings of the programs of a closed loop: the operations of each stage as text.
 
 use super::force::Force;
 use super::key::Common;
@@ -17,27 +17,27 @@ use crate::trace::listing::{self, Listing, Lowered};
 use crate::trace::{engine, form, program};
 use std::collections::BTreeSet;
 
-/// One program of a loop, stage by stage.
+/// The listing of one program of a loop.
 pub struct Listed {
-    /// Its name among the programs of the loop.
+    /// The name of the program among the programs of the loop.
     pub part: String,
-    /// All programs of the loop, with their instructions.
+    /// The names of all programs of the loop, each with its number of instructions.
     pub parts: Vec<(String, usize)>,
-    /// The engine, with the name that runs report.
+    /// The name of the engine, as runs report it.
     pub engine: &'static str,
-    /// The instruction set, and how many numbers a register holds for the program.
+    /// The name of the instruction set, and the number of lanes of a register.
     pub set: &'static str,
     pub lanes: usize,
-    /// Bytes of machine code, and number of values that move to memory; `None` on processors without an emitter.
+    /// The size of the machine code in bytes, and the number of spilled values. `None` on processors without an emitter.
     pub size: Option<(usize, usize)>,
-    /// Its inputs at one of its stages, with the values of numbers of the set-up.
+    /// The inputs of the program at any stage. Inputs from the set-up have a value.
     pub inputs: Vec<(Named, Option<f64>)>,
-    /// "recorded" (where that is possible), "simplified", "lowered" and "machine".
+    /// The stages "recorded" (if available), "simplified", "lowered" and "machine", each with its listing.
     pub stages: Vec<(&'static str, Listing)>,
 }
 
-/// The program `part` of the loop of run 0 of a problem, for a single run or for a `batch`. `None` is its step, or its rates if the step is
-/// in parts.
+/// Return the listing of program `part` of the loop of run 0. `batch`: whether it is the program for lanes. If `part` is `None`, the
+/// program is the whole step, or the rates if the step is divided into parts.
 pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<Listed> {
     let fixed = matches!(problem.options.method.kind(), Kind::ExplicitSteps(_));
     require_recordable(problem, fixed)?;
@@ -92,18 +92,18 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     Ok(Listed { part: chosen.to_owned(), parts, engine: engine().name(), set, lanes: chosen_form.lanes(), size, inputs, stages })
 }
 
-/// Pass every program of the loop of run 0 of a problem with fixed steps to `watch`. Returns the numbers of its set-up, which are first in
-/// a frame, and the slot of the step. `None` if the loop branches on data.
+/// Pass each program of the loop of run 0 to `watch`. The problem has fixed steps. Return the numbers of the set-up, which are the first
+/// slots of a frame, and the slot of the step size. The result is `None` if the loop branches on data.
 pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> Option<(Vec<f64>, usize)> {
     let common = Common::of(problem, batch);
     let recorded = recorded::record_watched(problem, 0, common, None, watch)?;
     Some((recorded::loop_parameters(problem, 0, common).values, recorded.layout.step()))
 }
 
-/// The places of the slots of a recorded loop.
+/// The layout of a recorded loop.
 enum SlotMap {
     Fixed(Layout),
-    /// The rates; the flag is true if their programs include derivatives in time.
+    /// The slots of the rates. The flag is true if the programs include derivatives with respect to time.
     Rates(Slots, bool),
 }
 
@@ -116,7 +116,7 @@ impl SlotMap {
     }
 }
 
-/// Record the loop. With `plain` every operation is kept; its value states whether the step is in parts.
+/// Record the loop. `plain`: if it is not `None`, every operation is kept, and its value selects whether the step is divided into parts.
 fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<SlotMap> {
     if fixed {
         return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| SlotMap::Fixed(recorded.layout));
@@ -126,7 +126,7 @@ fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, w
     Some(SlotMap::Rates(recorded.slots, moves))
 }
 
-/// Refuse a loop that runs directly, with the reason.
+/// Refuse a loop that runs without programs, and report the reason.
 fn require_recordable(problem: &Problem, fixed: bool) -> Result<()> {
     let (o, law) = (&problem.options, problem.law(0));
     let directly = |argument: &str, expected: String, got: String| {

@@ -6,15 +6,15 @@ use super::rates_programs::Slots;
 use crate::trace::label::Label;
 use std::collections::HashSet;
 
-/// A slot: its name, and its kind of quantity.
+/// The name of a slot, and the kind of its quantity.
 pub type Named = (String, &'static str);
 
-/// Names of slots, one after another.
+/// The names of all slots, in slot order.
 pub struct SlotNames(Vec<Named>);
 
 impl SlotNames {
-    /// The numbers of the set-up come first. They have their labels as names, `c17` without a label. An underscore is added to a repeated
-    /// label.
+    /// Name the numbers of the set-up, which are the first slots, by their labels. Slot 17 without a label is `c17`. An underscore is added
+    /// to a repeated label.
     fn of(labels: &[Label]) -> Self {
         let mut seen = HashSet::new();
         let mut unique = |(slot, &label): (usize, &Label)| {
@@ -35,7 +35,7 @@ impl SlotNames {
         self.0.extend(names.into_iter().map(|name| (name, kind)));
     }
 
-    /// The names for a loop of fixed steps, in its program `part`.
+    /// Return the names for a loop of fixed steps, as its program `part` uses them.
     pub fn fixed(problem: &Problem, layout: &Layout, labels: &[Label], part: &str) -> Self {
         let mut all = SlotNames::of(labels);
         let (states, exogenous) = (states(problem), exogenous(problem, layout.desired, layout.wrench));
@@ -63,7 +63,7 @@ impl SlotNames {
         all
     }
 
-    /// The names for the rates of a loop, in its program `part`.
+    /// Return the names for the rates of a loop, as its program `part` uses them.
     pub fn rates(problem: &Problem, slots: &Slots, labels: &[Label], moves: bool, part: &str) -> Self {
         let mut all = SlotNames::of(labels);
         let (states, exogenous) = (states(problem), exogenous(problem, slots.desired, slots.wrench));
@@ -91,20 +91,20 @@ impl SlotNames {
         self.add("force", names(&exogenous[desired..]));
     }
 
-    /// The results of a law.
+    /// Name the results of a law: inputs of the plant, and other results.
     fn held(&mut self, inputs: usize, answer: usize) {
         self.add("held", (1..=inputs).map(|k| format!("tau{k}")));
         self.add("held", (1..=answer).map(|k| format!("answer{k}")));
     }
 
-    /// The name of `slot`. Slots after the named ones hold values that one program passes to the next.
+    /// Return the name of `slot`. The slots after all named slots contain values that one program passes to another.
     pub fn at(&self, slot: u32) -> Named {
         let slot = slot as usize;
         self.0.get(slot).cloned().unwrap_or_else(|| (format!("kept{}", slot - self.0.len()), "kept"))
     }
 }
 
-/// The components of a loop's state.
+/// Return the names of the components of a loop's state.
 fn states(problem: &Problem) -> Vec<String> {
     let (plant, law) = (problem.plant(0), problem.law(0));
     let own = if law.adaptive().is_some() { "estimate" } else { "z" };
@@ -115,7 +115,8 @@ fn states(problem: &Problem) -> Vec<String> {
     plant.chain(bristles).chain(law).chain(monitors.iter().map(|&name| name.to_owned())).collect()
 }
 
-/// The desired motions and the wrench at one instant: of the joints `q_d1, v_d1, a_d1`, of motion `k` in other coordinates `x1_d1`, ..
+/// Return the names of the desired motions and of the wrench at one instant. Motions of the joints are `q_d1, v_d1, a_d1`. Motion `k` of
+/// other coordinates begins with `xk_d1`.
 fn exogenous(problem: &Problem, desired: usize, wrench: usize) -> Vec<String> {
     let law = problem.law(0);
     let motions = law.motions();

@@ -1,4 +1,4 @@
-//! The records of some steps of a group of lanes, as programs write them, and their transfer to the rows of the caller's arrays.
+//! The log of a group of lanes: records that programs write during some steps, until they are copied to the caller's arrays.
 
 use super::layout::Layout;
 use super::program_loop::MOST_LANES;
@@ -7,20 +7,20 @@ use crate::memory;
 use crate::trace::{Frame, rows};
 use std::ops::Range;
 
-/// The capacity of a log: the records of a block of steps, and the last one of a run.
+/// The capacity of a log in records: a block of steps, and the last record of a run.
 const ROOM: usize = 40;
 
-/// The records that were not yet passed on, frame by frame.
+/// The records that are not yet passed on, separately for each frame.
 pub struct Log {
-    /// Number of steps between records.
+    /// The number of steps between two records.
     pub every: usize,
     /// The index of the first stored record, and the number of stored records.
     first: usize,
     count: usize,
-    /// Record after record: the state, then its other numbers, each of all lanes of the frame.
+    /// For each frame, its records one after another. A record is the state, then its other numbers, with all lanes of each number.
     frames: Vec<Vec<f64>>,
     lanes: usize,
-    /// The places of both in a frame.
+    /// The slots of the state and of the other numbers in a frame.
     state: Range<usize>,
     noted: Range<usize>,
 }
@@ -40,12 +40,12 @@ impl Log {
         }
     }
 
-    /// Numbers of a record.
+    /// The number of values in a record.
     fn width(&self) -> usize {
         self.state.len() + self.noted.len()
     }
 
-    /// The place of record `i`. Records arrive in order; after a repeated step they restart from an earlier one.
+    /// Return the memory of record `i` of a frame. Records arrive in order. After a repeated step, they restart from an earlier one.
     fn row(&mut self, i: usize, frame: usize) -> &mut [f64] {
         if self.count == 0 {
             self.first = i;
@@ -55,19 +55,19 @@ impl Log {
         &mut self.frames[frame][row * size..(row + 1) * size]
     }
 
-    /// Store the state in a frame as that of record `i`, before the step replaces it.
+    /// Store the state in `frame` as the state of record `i`, before the step replaces it.
     pub fn note_state(&mut self, i: usize, k: usize, frame: &Frame) {
         let (from, lanes) = (self.state.clone(), self.lanes);
         self.row(i, k)[..from.len() * lanes].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
     }
 
-    /// Store the other numbers of record `i`, when the frame has them.
+    /// Store the other numbers of record `i` after they have been computed in `frame`.
     pub fn note_rest(&mut self, i: usize, k: usize, frame: &Frame) {
         let (from, lanes, states) = (self.noted.clone(), self.lanes, self.state.len());
         self.row(i, k)[states * lanes..].copy_from_slice(&frame.numbers()[from.start * lanes..from.end * lanes]);
     }
 
-    /// Pass on the records and remove them. `time` returns the time of each step.
+    /// Pass all records to `take` and remove them. `time(k)` is the time of step `k`.
     pub fn pass_on(&mut self, time: &dyn Fn(usize) -> f64, take: impl FnOnce(&Block)) {
         if self.count > 0 {
             let all = self.frames.len() * self.lanes;
@@ -78,52 +78,52 @@ impl Log {
     }
 }
 
-/// Records of a group of lanes: numbers `[state, input, monitors]` each.
+/// Consecutive records of a group of lanes. A record has the numbers `[state, input, monitors]`.
 pub struct Block<'a> {
     log: &'a Log,
     time: &'a dyn Fn(usize) -> f64,
     /// The index of the first record, and the number of records.
     pub first: usize,
     pub count: usize,
-    /// The run of each lane; `None` without records.
+    /// The run of each lane, or `None` for a lane without records.
     pub lanes: [Option<usize>; MOST_LANES],
 }
 
 impl Block<'_> {
-    /// The same records, with run `i` replaced by run `of(i)`.
+    /// Return the records with each run `i` replaced by run `of(i)`.
     pub fn of_lanes(&self, of: impl Fn(usize) -> Option<usize>) -> Self {
         Block { log: self.log, time: self.time, first: self.first, count: self.count, lanes: self.lanes.map(|lane| lane.and_then(&of)) }
     }
 
-    /// The time of record `i` of this block.
+    /// Return the time of record `i` of this block, s.
     pub fn time(&self, i: usize) -> f64 {
         (self.time)((self.first + i) * self.log.every)
     }
 
-    /// Numbers of a record.
+    /// The number of values in a record.
     pub fn width(&self) -> usize {
         self.log.width()
     }
 
-    /// Number `k` of record `i` of this block, in lane `lane`.
+    /// Return number `k` of record `i` of this block, in lane `lane`.
     pub fn number(&self, i: usize, k: usize, lane: usize) -> f64 {
         let lanes = self.log.lanes;
         self.log.frames[lane / lanes][(i * self.width() + k) * lanes + lane % lanes] + 0.0
     }
 
-    /// The first record from which a number of `numbers` is not finite in a lane.
+    /// Return the first record in which a number of the range `numbers` is not finite in lane `lane`.
     pub fn fault(&self, numbers: Range<usize>, lane: usize) -> Option<usize> {
         (0..self.count).find(|&i| numbers.clone().any(|k| !self.number(i, k, lane).is_finite()))
     }
 
-    /// The numbers `numbers` of all records of the lanes from `lane` on, record after record, a row for each lane; whether all are finite.
+    /// Copy the range `numbers` of all records to one row per lane, from lane `lane` on. Return whether all numbers are finite.
     pub fn write(&self, numbers: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
         let lanes = self.log.lanes;
         let series = rows::Series { numbers: &self.log.frames[lane / lanes], lanes, record: self.width(), count: self.count };
         series.write(numbers, lane % lanes, out)
     }
 
-    /// The numbers `numbers` of all records of the first lane to the end of a series; whether all are finite.
+    /// Append the range `numbers` of all records of the first lane to `series`. Return whether all numbers are finite.
     pub fn append(&self, numbers: Range<usize>, series: &mut Vec<f64>) -> Result<bool> {
         let (before, more) = (series.len(), self.count * numbers.len());
         memory::more(series, more)?;
@@ -131,7 +131,7 @@ impl Block<'_> {
         Ok(self.write(numbers, 0, &mut [&mut series[before..]]))
     }
 
-    /// Lanes that are written at a time.
+    /// The number of lanes that [`Block::write`] copies in one call.
     pub fn at_once(&self) -> usize {
         self.log.lanes.min(4)
     }

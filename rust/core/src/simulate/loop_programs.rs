@@ -1,75 +1,76 @@
-//! The programs of a recorded loop.
+//! The programs of a recorded loop: law, step, rates, metrics and records.
 
 use super::layout::Layout;
 use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream, engine, form, segments};
 
-/// Which entries of a recording are the results.
+/// The entries of a recording that are results of programs.
 pub struct Tracing {
-    /// The law's input and rate, and whether they are valid.
+    /// The law's input and rate, then a flag whether they are valid.
     pub law: Vec<u32>,
-    /// The rates of a stage, where they are a separate program, and the law's input there.
+    /// The rates of a stage and the law's input in this stage, if the rates are a separate program.
     pub rates: Option<(Vec<u32>, Vec<u32>)>,
-    /// The cuts of the step before each stage. The last one has the next state, and whether it is valid.
+    /// The cuts that divide a step before each stage.
     pub cuts: Vec<Cut>,
+    /// The next state, then a flag whether the step is valid.
     pub next: Vec<u32>,
-    /// The program that updates the metrics.
+    /// The results of the program that updates the metrics.
     pub sums: Option<Summing>,
-    /// The program of the records.
+    /// The results of the program that computes records.
     pub notes: Option<Noting>,
 }
 
-/// The entries of a recording that are the results of a record, without the state.
+/// The results of a record without its state.
 pub struct Noting {
-    /// The results for the input that is stored in the frame.
+    /// The results for an input that is stored in the frame.
     pub alone: Vec<u32>,
     /// The results for the input that acts in the step.
     pub along: Vec<u32>,
-    /// The reference values of the monitors, at the first record.
+    /// The reference values of the monitors at the first record.
     pub firsts: Vec<u32>,
-    /// Whether the norms of levels are valid.
+    /// A flag whether the norms of levels are valid.
     pub stands: Vec<u32>,
-    /// Whether a step that begins at the record is valid.
+    /// A flag whether a step that begins with this record is valid.
     pub next: Vec<u32>,
 }
 
-/// The entries of a recording that are the metrics after a record.
+/// The results of an update of the metrics.
 pub struct Summing {
-    /// The results for the input that is stored in the frame, at any record.
+    /// The results at any record, for an input that is stored in the frame.
     pub alone: Vec<u32>,
-    /// The results for the input that is stored in the frame, at records after the first.
+    /// The results at records after the first one, for an input that is stored in the frame.
     pub stage: Vec<u32>,
-    /// The results for the input that acts in the step, at records after the first.
+    /// The results at records after the first one, for the input that acts in the step.
     pub along: Vec<u32>,
 }
 
-/// A callback for each part of a recording that becomes a program: its name, and whether it is for lanes.
+/// A callback for each part of a recording that becomes a program. It receives the name of the program, and whether it computes lanes.
 pub type Watch<'a> = &'a mut dyn FnMut(String, Part, Option<Stream>, Scratch, bool);
 
-/// The programs of one structure.
+/// The programs of all loops of one structure.
 pub struct Programs {
-    /// From the state and the input at the first instant to the law's input and rate.
+    /// Computes the law's input and rate from the state and the exogenous input at the first instant.
     law: Program,
     step: Step,
-    /// From the state, the first instant, the input and `h` to the numbers kept.
+    /// Updates the metrics from the state, the first instant, the input and the step size.
     sums: Option<Program>,
-    /// The program of the numbers kept, at records after the first. It is a whole step that starts with them, or the part after the first
-    /// stage of a step in parts.
+    /// Updates the metrics at records after the first one. It is a whole step that begins with this update, or a program that runs after
+    /// the first stage of a step in parts.
     along: Option<Program>,
-    /// From the state, the first instant and the input to the rest of a record.
+    /// Computes a record without its state, from the state, the first instant and the input.
     notes: Option<Program>,
-    /// A whole step that starts with a record.
+    /// Computes a whole step that begins with a record.
     noted_step: Option<Program>,
 }
 
-/// From the state, the inputs and `h` to the next state.
+/// Computes the next state from the state, the exogenous inputs and the step size.
 enum Step {
     Whole(Program),
-    /// The parts before, between and after the stages, and the rates of a stage.
+    /// The parts of the step before, between and after the stages, and the rates of one stage.
     Stages {
         segments: Vec<Program>,
         rates: Program,
-        /// The first slot and the number of the rates of a stage. The stored rates of every stage follow.
+        /// The first slot of the rates of a stage, and the number of rates. The stored rates of every stage follow.
         first: usize,
         count: usize,
     },
@@ -84,67 +85,67 @@ impl Programs {
         parts.iter().chain(rates).chain([&self.law]).chain(&self.sums).chain(&self.along).chain(&self.notes).chain(&self.noted_step)
     }
 
-    /// Slots of a frame that they run on.
+    /// The number of slots of a frame for all programs.
     pub fn slots(&self) -> usize {
         self.all().map(Program::slots).max().unwrap_or(0)
     }
 
-    /// Write their constants into a new frame.
+    /// Write the constants of all programs into a new frame.
     pub fn prepare(&self, frame: &mut Frame) {
         self.all().for_each(|program| program.prepare(frame));
     }
 
-    /// How they run.
+    /// The engine that runs the programs.
     pub fn engine(&self) -> Engine {
         self.law.engine()
     }
 
-    /// The law's input and rate at the state and input of the frame.
+    /// Compute the law's input and rate at the state and the exogenous input of the frame.
     pub fn answer(&self, frame: &mut Frame) {
         self.law.run(frame);
     }
 
-    /// The numbers kept, from the state, the first instant, the input and `h` of the frame.
+    /// Update the metrics from the state, the first instant, the input and the step size in the frame.
     pub fn sum_up(&self, frame: &mut Frame) {
         if let Some(sums) = &self.sums {
             sums.run(frame);
         }
     }
 
-    /// Add a later record to the metrics, after the first stage of a step in parts.
+    /// Update the metrics with a record after the first one, between the first stage and the rest of a step in parts.
     pub fn sum_up_later(&self, frame: &mut Frame) {
         if let Some(along) = &self.along {
             along.run(frame);
         }
     }
 
-    /// Compute the record, without the state, from the state, the first instant and the input of the frame.
+    /// Compute a record without its state, from the state, the first instant and the input of the frame.
     pub fn note(&self, frame: &mut Frame) {
         if let Some(notes) = &self.notes {
             notes.run(frame);
         }
     }
 
-    /// The program of whole steps along a stream of inputs. Each step first writes its record. `None` if the step is in parts or there are no
-    /// records.
+    /// The program that repeats whole steps along a stream of inputs, where each step begins with a record. It is `None` if the step is in
+    /// parts or if records are not computed.
     pub fn noted_step(&self) -> Option<&Program> {
         self.noted_step.as_ref()
     }
 
-    /// The program that repeats whole steps along a stream of inputs. Each step first adds to the metrics, if the state has them. `None` for
-    /// a loop whose step is in parts.
+    /// The program that repeats whole steps along a stream of inputs. Each step begins with an update of the metrics, if the loop has
+    /// metrics. It is `None` if the step is in parts.
     pub fn repeated(&self) -> Option<&Program> {
         let whole = self.whole()?;
         Some(self.along.as_ref().unwrap_or(whole))
     }
 
-    /// The program that repeats whole steps along a stream of inputs; `None` for a loop whose step is in parts.
+    /// The program that repeats whole steps along a stream of inputs. It is `None` if the step is in parts.
     pub fn whole(&self) -> Option<&Program> {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// The state after one step in parts, from the state, inputs and `h` of the frame. `first_stage` is called when the
-    /// first stage has written the law's input to the frame.
+    /// Compute one step in parts, from the state, inputs and step size in the frame. `first_stage` is called after the first stage has
+    /// written the law's input to the frame.
     pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
@@ -210,7 +211,7 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
         along = Some(match step {
             Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
-            // The first stage writes the law's input to the frame.
+            // In a step in parts, the first stage writes the law's input to the frame before this program runs.
             Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
         });
     }

@@ -1,4 +1,4 @@
-//! The metrics of a run, and the index of each quantity among their numbers.
+//! The metrics of a run, and the layout of the numbers that they store between records.
 
 use super::problem::Problem;
 use crate::dynamics::Model;
@@ -6,18 +6,18 @@ use crate::error::{Error, Result, finite};
 use crate::law::{Aim, JointReference};
 use std::ops::Range;
 
-/// The metrics that the caller requests.
+/// The metrics that the user requests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measures {
-    /// The band of the settling time as a fraction of the largest error so far of the joints of the same unit.
+    /// The settling band, as a fraction of the largest error so far of all joints with the same unit.
     pub settle: f64,
-    /// The band of each joint, `(n,)`, instead of `settle`.
+    /// The settling band of each joint, shape `(n,)`, rad or m. It replaces `settle`.
     pub band: Option<Vec<f64>>,
     /// The relative tolerance of the monitors.
     pub tolerance: f64,
-    /// The reference of the joints, `(n,)`, in place of that of the law.
+    /// The reference position of the joints, shape `(n,)`, rad or m. It replaces the reference of the law.
     pub reference: Option<Vec<f64>>,
-    /// Measure the distance of this frame from its position at the joints' reference, instead of the law's tasks.
+    /// Name of a frame. Its distance from its position at the joints' reference is measured, instead of the errors of the law's tasks.
     pub frame: Option<String>,
 }
 
@@ -27,16 +27,16 @@ impl Default for Measures {
     }
 }
 
-/// The source of the joints' reference.
+/// The reference of the joints from which errors are measured.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wanted {
     Nothing,
-    /// The law's desired motion of the joints, which comes first among its desired motions.
+    /// The law's desired joint motion, which is the first of its desired motions.
     Motion,
     Target(Vec<f64>),
 }
 
-/// Limits of each joint, `(n,)`.
+/// The limits of all joints, shape `(n,)` each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bounds {
     pub lower: Vec<f64>,
@@ -45,73 +45,75 @@ pub struct Bounds {
     pub effort: Vec<f64>,
 }
 
-/// The numbers that metrics keep between records, by name. The numbers of the last record are at the end.
+/// The indices of the numbers that metrics store between records. The last indices are quantities of the last record.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasureLayout {
-    /// The time since the last record, and the number of records.
+    /// The time between the last two records, and the number of records.
     pub since: usize,
     pub count: usize,
-    /// The error: twice the integral of its square, its peak, then the largest and least position and reference.
+    /// The error: twice the integral of its square and its peak, then the maxima and minima of position and reference.
     pub error: Range<usize>,
     pub error_peak: Range<usize>,
     pub upper: Range<usize>,
     pub lower: Range<usize>,
     pub wanted_upper: Range<usize>,
     pub wanted_lower: Range<usize>,
-    /// The number of the last record outside of the band, and the peak of each unit.
+    /// The index of the last record outside of the settling band, and the largest error of each unit.
     pub outside: usize,
     pub unit_peak: Range<usize>,
-    /// The squared distances of frames.
+    /// Twice the integral of the squared distance of each frame, and its peak. The ranges of `tau` below have the same content for the
+    /// input.
     pub distance: Range<usize>,
     pub distance_peak: Range<usize>,
     pub tau: Range<usize>,
     pub tau_peak: Range<usize>,
-    /// Twice the time outside of the limits.
+    /// Twice the time outside of the limits, s.
     pub beyond: usize,
-    /// Energy at the first record, then the largest energy, power put in and balance.
+    /// The energy minus the supplied energy at the first record, then maxima: of the energy, the supplied energy and the balance.
     pub energy: Range<usize>,
-    /// The Lyapunov function at the first record, the largest so far, the last, and the largest balance.
+    /// Four numbers: the Lyapunov function plus the dissipation integral at the first record; the largest and the last Lyapunov function;
+    /// the largest balance.
     pub lyapunov: Range<usize>,
     pub violations: usize,
-    /// The sum of all monitors. It is not finite if one of them was not finite.
+    /// The sum of the residuals of all monitors. It is not finite if a residual was not finite.
     pub sum: usize,
     pub error_final: Range<usize>,
     pub distance_final: Range<usize>,
-    /// Their number, and how many of them every record updates.
+    /// The number of stored numbers, and how many of them are updated at every record. The other numbers describe only the last record.
     pub all: usize,
     pub lasting: usize,
 }
 
-/// The metrics of runs of one structure.
+/// The metrics of runs of one structure, with the settings that they need.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub n: usize,
     pub wanted: Wanted,
     pub aims: Vec<Aim>,
-    /// The frame that is measured against the joints' reference.
+    /// The frame whose distance from its position at the joints' reference is measured.
     pub frame: Option<usize>,
-    /// The joints of each unit.
+    /// The joints of each unit: rad or m.
     pub units: Vec<Vec<usize>>,
     pub band: Option<Vec<f64>>,
     pub settle: f64,
     pub tolerance: f64,
     pub bounds: Option<Bounds>,
-    /// Whether energy and skewness are monitored, and the Lyapunov function.
+    /// Whether energy and skewness are monitored, and whether the Lyapunov function is.
     pub energy: bool,
     pub lyapunov: bool,
-    /// The input is the velocity.
+    /// Whether the input is a velocity.
     pub velocity: bool,
     pub places: MeasureLayout,
 }
 
 impl Plan {
-    /// The metrics of each run of a problem: one plan for all, or one per run.
+    /// Return the metrics of the runs of a problem: one plan for all runs, or one per run.
     pub fn all(problem: &Problem, measures: &Measures) -> Result<Vec<Self>> {
         let aims = same_aims(problem);
         (0..problem.plants.len().max(problem.laws.len())).map(|run| Plan::of(problem, run, measures, aims)).collect()
     }
 
-    /// Whether both measure the same, apart from numbers.
+    /// Whether both plans have the same metrics, apart from the values of numbers.
     pub fn same_shape(&self, other: &Plan) -> bool {
         self.places == other.places
             && std::mem::discriminant(&self.wanted) == std::mem::discriminant(&other.wanted)
@@ -119,7 +121,7 @@ impl Plan {
             && (&self.units, &self.bounds, self.velocity) == (&other.units, &other.bounds, other.velocity)
     }
 
-    /// The metrics of run `run` of a problem; `aims`: the law's tasks are the same, see [`same_aims`].
+    /// Return the metrics of run `run` of a problem. `aims`: the result of [`same_aims`].
     pub fn of(problem: &Problem, run: usize, measures: &Measures, aims: bool) -> Result<Self> {
         let (plant, law) = (problem.plant(run), problem.law(run));
         let n = plant.n();
@@ -149,7 +151,7 @@ impl Plan {
             aims,
             frame,
             units,
-            // A band that is NaN contains no error, like a negative one.
+            // A band that is NaN contains no error. A negative band has the same effect.
             band: measures.band.as_ref().map(|band| band.iter().map(|&band| if band >= 0.0 { band } else { -1.0 }).collect()),
             settle: measures.settle,
             tolerance: measures.tolerance,
@@ -163,7 +165,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Frames whose distance is measured.
+    /// The number of frames whose distance is measured.
     pub fn distances(&self) -> usize {
         self.aims.len() + usize::from(self.frame.is_some())
     }
@@ -205,7 +207,7 @@ impl Plan {
         places
     }
 
-    /// The numbers before the first record. All are finite, since a state that is not ends its run.
+    /// Return the stored numbers before the first record. All are finite, because a state that is not finite ends its run.
     pub fn start(&self) -> Vec<f64> {
         let mut kept = vec![0.0; self.places.all];
         for range in [&self.places.upper, &self.places.wanted_upper] {
@@ -230,12 +232,12 @@ pub fn same_aims(problem: &Problem) -> bool {
     problem.laws.iter().all(|law| law.aims().len() == count) && problem.plants.iter().all(|plant| matches!(plant.model(), Model::Tree(_)))
 }
 
-/// The limits that the model states; `None` for a model that states none.
+/// Return the limits of the model's joints. `None` for a model without limits.
 fn bounds(model: &Model, velocity: bool) -> Option<Bounds> {
     let Model::Tree(arm) = model else { return None };
     let of = |get: &dyn Fn(&crate::arm::Joint) -> f64| arm.independent().map(get).collect::<Vec<f64>>();
     let speed = of(&|joint| joint.limits.velocity);
-    // The input of an arm under velocity control is compared with its speed limit.
+    // For a velocity-controlled arm, the input is compared with the speed limit.
     let effort = if velocity { speed.clone() } else { of(&|joint| joint.limits.effort) };
     Some(Bounds { lower: of(&|joint| joint.limits.lower), upper: of(&|joint| joint.limits.upper), speed, effort })
 }

@@ -1,7 +1,7 @@
-//! Metrics of runs of a batch, computed during the runs: a sink that keeps no records.
+//! Metrics of the runs of a batch, computed during the runs. This sink does not store records.
 //!
-//! A record is added when the next one arrives, because its weight depends on both of its neighbours. Programs add the records themselves
-//! and pass the stored numbers on.
+//! A record is added when the next one arrives, because its trapezoidal weight depends on both neighbours. Programs add records by
+//! themselves, and pass the stored numbers to this sink.
 
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, Seen, Start};
@@ -13,7 +13,7 @@ use crate::error::all_finite;
 use crate::law::LawSpec;
 use crate::motion::sample_all;
 
-/// One run with metrics.
+/// The metrics of one run, in progress.
 pub struct Measuring<'a> {
     law: &'a LawSpec,
     columns: Columns,
@@ -23,7 +23,7 @@ pub struct Measuring<'a> {
     pub values: Vec<f64>,
     desired: Vec<f64>,
     kept: Vec<f64>,
-    /// The last record: its number, time, state and input.
+    /// The last record: its index, time, state and input.
     count: usize,
     pub t: f64,
     pub x: Vec<f64>,
@@ -31,14 +31,14 @@ pub struct Measuring<'a> {
     first_time: f64,
     first: Vec<f64>,
     settled: Option<f64>,
-    /// When a monitor stopped being finite.
+    /// The time at which a monitor was not finite.
     pub fault: f64,
     /// Whether a program passed the stored numbers.
     given: bool,
 }
 
 impl<'a> Measuring<'a> {
-    /// The metrics of run `run` of a problem with `monitors` monitors.
+    /// Create the metrics of run `run` of a problem with `monitors` monitors.
     pub fn new(problem: &'a Problem<'a>, run: usize, plan: &Plan, monitors: usize) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Measuring {
@@ -61,7 +61,7 @@ impl<'a> Measuring<'a> {
         }
     }
 
-    /// Add the last record; the next one is at `t`.
+    /// Add the last record. `t` is the time of the next record, s.
     fn add(&mut self, t: f64) {
         sample_all(self.law.motions(), self.t, &mut self.desired);
         let plan = &self.gauge.plan;
@@ -88,7 +88,7 @@ impl<'a> Measuring<'a> {
 
     pub fn record(&mut self, i: usize, t: f64, x: &[f64], tau: &[f64]) {
         if i == 0 {
-            // A run that restarts.
+            // The run starts or restarts.
             self.kept = self.gauge.plan.start();
             (self.count, self.fault, self.given) = (0, f64::INFINITY, false);
             self.first_time = t;
@@ -114,7 +114,7 @@ impl<'a> Measuring<'a> {
         self.tau.copy_from_slice(tau);
     }
 
-    /// Take the metrics `kept` that a program has computed up to the present record. `time(i)` is the time of record `i`.
+    /// Take the stored numbers `kept` that a program has computed up to the present record. `time(i)` is the time of record `i`.
     pub fn take(&mut self, kept: &[f64], time: &dyn Fn(usize) -> f64) {
         self.given = true;
         self.kept.copy_from_slice(kept);
@@ -124,7 +124,7 @@ impl<'a> Measuring<'a> {
         self.settled = (after < records).then(|| time(after as usize));
     }
 
-    /// The metrics of the run, after its last record.
+    /// Return the metrics of the run, after its last record.
     pub fn summary(&mut self) -> Vec<f64> {
         if !self.given {
             self.add(self.t);

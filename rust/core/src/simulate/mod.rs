@@ -1,5 +1,15 @@
-//! Closed loops: an arm, a law and a motion, run by a method, alone or in batches, with the theory's
-//! identities monitored.
+//! Closed loops: an arm, a law and a motion, integrated by a method, alone or in batches. Monitors check the identities of the theory.
+//!
+//! Terms of this directory:
+//!
+//! - A *loop* is a plant with a law. Its state is `x = [plant, law, quadratures]`. The *input* `tau` is the output of the law.
+//! - The *exogenous input* is the desired motion and the external force.
+//! - A *record* is the stored data at one time: state, input and monitors. *Metrics* are numbers that summarise all records of a run.
+//! - A *sample* is one evaluation of a sampled law. Its output is *held* until the next sample.
+//! - A *lane* is one element of a SIMD register. A *group* is the runs that the lanes of a number compute at the same time.
+//! - The *set-up* is the constant part of a loop: parameters, gains, targets, limits.
+//! - A *program* is a recorded computation ([`crate::trace`]). Its *frame* is its memory, and a *slot* of the frame has one number per
+//!   lane.
 
 mod adaptive_steps;
 mod attempt_programs;

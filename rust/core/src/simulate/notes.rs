@@ -1,6 +1,6 @@
-//! The parts of a record other than the state, as operations on the state, for the recording of a loop: the input and the monitors.
+//! Records within programs: the input and the monitors of a record as recorded operations on the state.
 //!
-//! Monitors round like plain `f64`, so that a record of a program has the bits of a record that is computed directly.
+//! Monitors round like plain `f64`. So a record of a program has the same bits as a record that is computed directly.
 
 use super::monitors::{Checks, Monitored, Scope};
 use super::problem::Problem;
@@ -9,25 +9,27 @@ use super::world::Exogenous;
 use crate::law::RecordedSolver;
 use crate::trace::{Sym, sym};
 
-/// Numbers of the first record that monitors refer to.
+/// The number of values of the first record that monitors refer to.
 pub const FIRSTS: usize = 2;
 
-/// The entries of a record.
+/// The entries of a recording that are a record.
 pub struct Noted {
     pub numbers: Vec<Sym>,
     /// The reference values of the monitors, if this is the first record.
     pub firsts: Vec<Sym>,
-    /// One if the norms of levels are valid, zero if the regular route is not; `None` without levels.
+    /// One if the norms of levels are valid, zero if another route of the solver is required. `None` without levels.
     pub stands: Option<Sym>,
 }
 
+/// The recorded operations that compute a record without its state.
 pub struct Notes {
     checks: Option<Checks<RecordedSolver>>,
     monitors: usize,
 }
 
 impl Problem<'_> {
-    /// Whether the programs of its loops can compute complete records: at steps, with norms of levels by a route without a branch.
+    /// Whether programs can compute complete records. This requires records at steps, and norms of levels whose computation does not
+    /// branch.
     pub fn notes_in_programs(&self) -> bool {
         let branches = self.options.monitors && self.laws.iter().any(|law| !law.route().is_recordable());
         self.measures.is_none() && matches!(self.options.times, Times::Every(_)) && !branches
@@ -35,18 +37,18 @@ impl Problem<'_> {
 }
 
 impl Notes {
-    /// The notes of run `run` of a problem with `monitors` monitors. For `monitored` see [`Scope`].
+    /// Create the operations for run `run` of a problem with `monitors` monitors. `monitored`: see [`Scope`].
     pub fn new(problem: &Problem, run: usize, monitors: usize, monitored: Monitored) -> Self {
         Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }
 
-    /// The numbers of monitors, of norms of levels among them, and of reference values.
+    /// Return the number of monitors, the number of norms of levels among them, and the number of reference values.
     pub fn sizes(&self) -> (usize, usize, usize) {
         let norms = self.checks.as_ref().map_or(0, Checks::norms);
         (self.monitors, norms, if self.monitors > norms { FIRSTS } else { 0 })
     }
 
-    /// The record of the state `x` under the exogenous input and the input `tau`; `firsts`: [`Noted::firsts`] of the first one.
+    /// Record the operations for state `x`, exogenous input `u` and input `tau`. `firsts`: the reference values, empty at the first record.
     pub fn take(&mut self, u: &Exogenous<Sym>, x: &[Sym], tau: &[Sym], firsts: &[Sym]) -> Noted {
         let mut noted = Noted { numbers: tau.to_vec(), firsts: Vec::new(), stands: None };
         let Some(checks) = &mut self.checks else { return noted };

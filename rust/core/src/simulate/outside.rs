@@ -1,4 +1,5 @@
-//! Positions of a problem outside of joint limits. Starts have the limits of the plant's arm, targets those of the law's arm.
+//! Positions of a problem that are outside of joint limits. Initial positions have the limits of the plant's arm, and targets those of the
+//! law's arm.
 
 use super::problem::Problem;
 use crate::arm::{Arm, Outside};
@@ -6,7 +7,7 @@ use crate::dynamics::Model;
 use crate::law::{JointReference, LawSpec};
 use crate::plant::PlantSpec;
 
-/// The arm of a model; `None` for arms without limits.
+/// Return the arm of a model, or `None` for a model without joint limits.
 fn limited(model: &Model) -> Option<&Arm> {
     match model {
         Model::Tree(arm) => Some(arm),
@@ -14,7 +15,7 @@ fn limited(model: &Model) -> Option<&Arm> {
     }
 }
 
-/// Positions to which a law moves the joints: its target, or both ends of its motion.
+/// Return the positions to which a law moves the joints: its target, or both ends of its motion.
 fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
     match law.joint_reference() {
         Some(JointReference::Target(q)) if !motion => vec![q],
@@ -33,8 +34,9 @@ fn wanted(law: &LawSpec, motion: bool) -> Vec<Vec<f64>> {
     }
 }
 
-/// The positions outside of the joint limits, with the name of the argument. It is `q0` for `starts`, pairs of a plant and `q` `(n,)`, and
-/// `law.target` or `law.motion` for the laws. The index of a start includes its row only in a batch.
+/// Return the positions that are outside of the joint limits, with the name of their argument. `starts`: plants with their initial
+/// positions, shape `(n,)`, rad or m. The argument is `q0`, `law.target` or `law.motion`. If `batch` is true, the index of an initial
+/// position includes its row.
 pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, laws: &[&LawSpec], batch: bool) -> Vec<(String, Outside)> {
     let starts = starts.filter_map(|(plant, q)| Some((limited(plant.model())?, q)));
     let mut found: Vec<_> = Outside::first(starts).map(|start| (format!("q0{}", start.index(batch)), start)).into_iter().collect();
@@ -43,7 +45,7 @@ pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, law
         let all: Vec<(&Arm, Vec<f64>)> = arms.flat_map(|(arm, rows)| rows.into_iter().map(move |q| (arm, q))).collect();
         if let Some(mut target) = Outside::first(all.iter().map(|(arm, q)| (*arm, &q[..]))) {
             if laws.len() == 1 {
-                // Both ends of one motion.
+                // A motion has two ends, but it is one argument.
                 target.of = 1;
             }
             found.push((format!("{name}[{}]", target.joint), target));
@@ -53,9 +55,9 @@ pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, law
 }
 
 impl Problem<'_> {
-    /// Call [`outside`] for the starts and laws of this problem.
+    /// Call [`outside`] for the initial positions and laws of this problem.
     pub fn outside(&self, batch: bool) -> Vec<(String, Outside)> {
-        // Before the problem is validated: there may be more starts than plants.
+        // The problem may not be validated yet: the number of initial states may exceed the number of plants.
         let starts = self.x0.chunks_exact(self.plants[0].states()).enumerate();
         outside(starts.map(|(run, x)| (self.plants[run.min(self.plants.len() - 1)], x)), &self.laws, batch)
     }

@@ -1,5 +1,4 @@
-//! Prioritised velocities for many rows, in threads. Every row has the bits of a single solve. They do not depend on the other rows of its
-//! lane group, chunk or thread.
+//! Prioritised velocities for many rows, on several threads. A row has the same bits as a single solve. They do not depend on other rows.
 
 use crate::interrupt::{Watch, interruptible};
 use crate::law::{ArmBatch, ArmSolver};
@@ -8,14 +7,15 @@ use crate::priority::{PrioritySolver, StackAnswers, StackBatch, StackRows};
 use crate::status::Status;
 use std::sync::atomic::Ordering;
 
-/// Rows solved between two checks for a stop. It is a multiple of all numbers of lanes, so that lane groups do not depend on it.
+/// The number of rows between two checks for a stop. All numbers of lanes divide it, so that groups of lanes do not depend on it.
 const CHUNK: usize = 1024;
 
-/// Fewer rows than this are not worth a thread.
+/// Fewer rows than this number are solved on one thread.
 const FEW: usize = 2 * CHUNK;
 
-/// Solve row by row for an arm: `q` `(rows, n)`, `velocities` `(rows, m)` or one `(m,)` for all, answers into `v` `(rows, n)` and
-/// `status` `(rows,)`. A row that fails is NaN with `Status::Diverged`. Returns whether the work was interrupted.
+/// Solve the rows for an arm. `q`: positions, shape `(rows, n)`, rad or m. `velocities`: task velocities, shape `(rows, m)`, or `(m,)` for
+/// all rows. Results: joint velocities `v`, shape `(rows, n)`, rad/s or m/s, and `status`, shape `(rows,)`. A row that fails is NaN and has
+/// the status `Status::Diverged`. Return whether the work was interrupted.
 pub fn solve_rows(
     solver: &ArmSolver,
     q: &[f64],
@@ -41,7 +41,7 @@ pub fn solve_rows(
     )
 }
 
-/// Solve a batch of `rows` stacks from plain matrices. Returns whether the work was interrupted.
+/// Solve a batch of stacks of tasks, given as matrices. Return whether the work was interrupted.
 pub fn solve_stacks(
     solver: &PrioritySolver,
     given: &StackRows,
@@ -52,7 +52,7 @@ pub fn solve_stacks(
     solve_stacks_by(&StackBatch::new(solver, answers.status.len()), given, answers, threads, poll)
 }
 
-/// Like [`solve_stacks`], with copies of `batch`, for callers with several parts of a batch.
+/// Solve a batch like [`solve_stacks`], with copies of the solver `batch`. Callers with several parts of a batch reuse it.
 pub fn solve_stacks_by(
     batch: &StackBatch,
     given: &StackRows,
@@ -75,7 +75,7 @@ pub fn solve_stacks_by(
     )
 }
 
-/// Call `work` on every part, with one solver per thread. Returns whether the work was interrupted.
+/// Call `work` on every part, with one solver per thread. Return whether the work was interrupted.
 fn each<P: Send, L>(
     parts: Vec<P>,
     threads: usize,
@@ -94,7 +94,7 @@ fn each<P: Send, L>(
         return false;
     }
     parallel::run(threads, parts.len(), poll, |stop| {
-        // Contiguous shares: a solver is made once per thread, and threads do not write to each other's pages.
+        // Each thread takes a contiguous share of the parts. So it creates one solver, and writes to its own pages of memory.
         let share = parts.len().div_ceil(4 * threads).max(1);
         let mut shares: Vec<Vec<P>> = Vec::new();
         for (k, part) in parts.into_iter().enumerate() {
@@ -107,7 +107,7 @@ fn each<P: Send, L>(
         }
         parallel::each_with(shares, &solver, |own, share| {
             for part in share {
-                // A solver that was interrupted is not used again: the others stop too.
+                // A solver that was interrupted is not used again. The other threads stop, too.
                 if stop.load(Ordering::Relaxed) || interruptible(Watch::Flag(stop.clone()), || work(own, part)).is_err() {
                     break;
                 }

@@ -1,4 +1,4 @@
-//! A problem: the loops to run, and their validation.
+//! A problem is a set of runs with one set of options. This file also validates it.
 
 use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
@@ -14,98 +14,98 @@ use crate::law::{LawSpec, Route};
 use crate::memory;
 use crate::plant::{PlantKind, PlantSpec};
 
-/// How to run it.
+/// The options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// End of the run, s.
+    /// End time of the run, s. The run starts at time 0.
     pub t_end: f64,
-    /// Step of a fixed-step method.
+    /// Step size of a fixed-step method, s.
     pub dt: Option<f64>,
-    /// The numerical method.
+    /// The integration method.
     pub method: Method,
-    /// Relative tolerance of an adaptive method.
+    /// Relative tolerance of an adaptive method, dimensionless.
     pub rtol: f64,
-    /// Absolute tolerance of an adaptive method.
+    /// Absolute tolerance of an adaptive method, in the units of the state.
     pub atol: f64,
-    /// `None`: the law is evaluated in every stage. Else it is evaluated at samples, and its output is held.
+    /// `None`: the law is evaluated in every stage. Otherwise it is evaluated at samples, and its output is held.
     pub sampling: Option<Sampling>,
-    /// Times of the records.
+    /// The times of the records.
     pub times: Times,
-    /// Largest |tau| per joint, `(n,)`.
+    /// The saturation of the input: the largest `|tau|` per joint, shape `(n,)`, N m or N.
     pub tau_max: Option<Vec<f64>>,
-    /// Compute the monitors of the identities.
+    /// Whether to compute the monitors of the identities.
     pub monitors: bool,
-    /// Positions and velocities of the plant beyond this end the run, rad or m and per second; infinite for none.
+    /// A run ends if a position (rad, m) or velocity (rad/s, m/s) of the plant exceeds this limit. Infinity means no limit.
     pub state_limit: f64,
 }
 
 impl Options {
-    /// The step of a fixed-step method; 0 for an adaptive one.
+    /// The step size of a fixed-step method, s. It is zero for an adaptive method.
     pub fn grid(&self) -> f64 {
         if self.method.is_adaptive() { 0.0 } else { self.dt.or(self.sampling.as_ref().map(|s| s.period)).unwrap_or(0.0) }
     }
 }
 
-/// Runs that share everything but their initial states, and possibly their plants, laws and forces.
+/// Runs with the same options. They differ in their initial states, and may differ in plants, laws and forces.
 #[derive(Clone, Debug)]
 pub struct Problem<'a> {
-    /// One, or one per run.
+    /// The plants: one for all runs, or one per run.
     pub plants: Vec<&'a PlantSpec>,
-    /// One, or one per run.
+    /// The laws: one for all runs, or one per run.
     pub laws: Vec<&'a LawSpec>,
-    /// Initial states of the plants, `(B, states)`, row-major.
+    /// Initial states of the plants, shape `(B, states)`, row-major.
     pub x0: Vec<f64>,
-    /// None, one, or one per run.
+    /// The external forces: none, one for all runs, or one per run.
     pub forces: Vec<&'a Force>,
-    /// Where a force acts; `None`: at the law's own frame.
+    /// The frame at which a force acts. `None` means the frame of the law.
     pub force_frame: Option<usize>,
-    /// How to run it.
+    /// The options of all runs.
     pub options: Options,
-    /// The metrics that are computed during the runs.
+    /// The metrics that are computed during the runs, if any.
     pub measures: Option<Measures>,
 }
 
-/// The time grid of a run: fixed steps, or the steps of an adaptive method.
+/// The prepared time grid of a run: fixed steps, or segments of an adaptive method.
 pub enum Division {
     Fixed(Fixed),
     Adaptive(Segments),
 }
 
-/// How a group of lanes ended, by kind of time grid.
+/// The end of the runs of a group, for each kind of time grid.
 pub enum Ended {
     Fixed(Faults),
     Adaptive(Outcome),
 }
 
-/// Steps of one size.
+/// The time grid of a method with fixed steps.
 pub struct Fixed {
     pub schedule: Schedule,
-    /// Steps per sample of a sampled law, 0 without sampling.
+    /// The number of steps per sample of a sampled law, or 0 without sampling.
     pub hold: usize,
 }
 
 impl<'a> Problem<'a> {
-    /// Number of runs `B`.
+    /// The number of runs `B`.
     pub fn runs(&self) -> usize {
         self.x0.len() / self.plants[0].states()
     }
 
-    /// The plant of a run.
+    /// The plant of run `run`.
     pub fn plant(&self, run: usize) -> &'a PlantSpec {
         self.plants[if self.plants.len() == 1 { 0 } else { run }]
     }
 
-    /// The law of a run.
+    /// The law of run `run`.
     pub fn law(&self, run: usize) -> &'a LawSpec {
         self.laws[if self.laws.len() == 1 { 0 } else { run }]
     }
 
-    /// Numbers of a loop's state: plant, law and quadratures.
+    /// The number of states of a loop: plant, law and quadratures.
     pub fn state_size(&self) -> usize {
         self.plant(0).states() + self.law(0).initial_state().len() + if self.options.monitors { 2 } else { 0 }
     }
 
-    /// The force of a run.
+    /// The external force of run `run`, if there is one.
     pub fn force(&self, run: usize) -> Option<&'a Force> {
         match self.forces.as_slice() {
             [] => None,
@@ -124,7 +124,7 @@ impl<'a> Problem<'a> {
         self.forces.len() <= 1 && self.laws.iter().all(same)
     }
 
-    /// The frame at which the forces of this problem act, if there are any.
+    /// The frame at which the forces of this problem act. `None` without forces.
     pub fn force_frame(&self) -> Option<usize> {
         if self.forces.is_empty() {
             return None;
@@ -132,7 +132,7 @@ impl<'a> Problem<'a> {
         self.force_frame.or_else(|| self.laws[0].coordinates().map(|coordinates| coordinates.frame))
     }
 
-    /// Whether the monitored energy of a run is the law's own storage function.
+    /// Whether the monitored energy is the law's storage function.
     pub fn watches_storage(&self) -> bool {
         let o = &self.options;
         let runs = self.plants.len().max(self.laws.len());
@@ -142,8 +142,8 @@ impl<'a> Problem<'a> {
             && (0..runs).all(|run| self.law(run).storage().is_some_and(|law| law.has_storage(self.plant(run))))
     }
 
-    /// Whether the target model of an impedance is monitored. This requires a law that acts alone and at every instant, on links without
-    /// other forces than the external one.
+    /// Whether the target model of an impedance law is monitored. The law must act alone and at every instant. The external force must be
+    /// the only other force on the links.
     pub fn watches_target(&self) -> bool {
         let o = &self.options;
         let alone =
@@ -153,18 +153,18 @@ impl<'a> Problem<'a> {
         o.monitors && o.sampling.is_none() && o.tau_max.is_none() && all
     }
 
-    /// Whether some law has a projector, whose loss is a monitor.
+    /// Whether a law has a projector. Its loss is then monitored.
     pub fn watches_loss(&self) -> bool {
         let impedance = self.law(0).coordinates().is_some() && !matches!(self.law(0), LawSpec::Guarded(_));
         self.options.monitors && impedance && self.laws.iter().any(|law| law.has_projection_loss())
     }
 
-    /// The plans of the metrics: none, one for all runs, or one per run.
+    /// Return the plans of the metrics: none, one for all runs, or one per run.
     pub fn plans(&self) -> Result<Vec<Plan>> {
         self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))
     }
 
-    /// Refuse a law that requires a sample period and has none.
+    /// Refuse a law that requires a sample period if the problem has none.
     fn require_period(&self, law: &LawSpec) -> Result<()> {
         let problem = match law {
             _ if self.options.sampling.is_some() => return Ok(()),
@@ -252,9 +252,9 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Refuse arms that are too large for the memory, before the workspaces of `at_once` runs are made.
+    /// Refuse arms that are too large for the memory, before the workspaces of `at_once` runs are allocated.
     pub fn require_memory(&self, at_once: usize) -> Result<()> {
-        // Matrices of the dynamics and the law; Jacobians and their decompositions; vectors of both.
+        // The number of matrices for the dynamics and the law, of Jacobians with their decompositions, and of vectors.
         const MATRICES: usize = 6;
         const JACOBIANS: usize = 8;
         const VECTORS: usize = 64;
@@ -263,7 +263,7 @@ impl<'a> Problem<'a> {
         memory::require((MATRICES * n * n + jacobians + VECTORS * states).saturating_mul(8 * at_once))
     }
 
-    /// Refuse a loop that cannot be closed for any time and initial state.
+    /// Refuse a loop that cannot be closed for any times and any initial state.
     pub(super) fn validate_loop(&self) -> Result<()> {
         let o = &self.options;
         self.validate_pairs()?;
@@ -297,7 +297,7 @@ impl<'a> Problem<'a> {
         }
         breaks.sort_by(f64::total_cmp);
         breaks.dedup();
-        // Arguments that a method does not use are checked too.
+        // Arguments that the method does not use are also checked.
         o.dt.map_or(Ok(()), |dt| positive("dt", dt))?;
         positive("rtol", o.rtol)?;
         if o.rtol < 1e-15 {

@@ -1,4 +1,4 @@
-//! A recorded loop with the interface of a loop. The driver of fixed steps runs it like any other, by [`super::program_step`].
+//! A recorded loop with the interface of a closed loop. The driver of fixed steps runs it with [`super::program_step`].
 
 use super::force::Wrench;
 use super::general::Watched;
@@ -16,35 +16,35 @@ use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form};
 use std::sync::Arc;
 
-/// Lanes of the widest number that a loop runs on.
+/// The number of lanes of the widest number type.
 pub(super) const MOST_LANES: usize = 8;
 
-/// The loop of one run (`f64`) or of several side by side, of one structure.
+/// The loop of one run (`f64`), or of several runs with one structure, one per lane.
 pub struct ProgramLoop<'a, S: Real> {
     pub(super) recorded: Arc<Recorded>,
     pub(super) world: World<'a>,
-    /// Frames for the lanes of `S`; each has the number of lanes of the code.
+    /// The frames for all lanes of `S`. The number of lanes of a frame depends on the instruction set.
     pub(super) frames: Vec<Frame>,
     now: Exogenous<S>,
     pub(super) held: bool,
-    /// The clock of a controller with delay, jitter, noise or resolution; `None` for an ideal one.
+    /// The clock of a controller with delay, jitter, noise or resolution. `None` for an ideal controller.
     sampler: Option<Sampler<S>>,
     pub(super) tau: Vec<S>,
     pub(super) dz: Vec<S>,
-    /// The input that acts while the next one is computed.
+    /// Memory for the acting input while the next one is computed.
     acting: (Vec<S>, Vec<S>),
-    /// The state as the controller sees it.
+    /// The state that the controller measures.
     seen: Vec<S>,
-    /// The exogenous inputs of all whole steps from the first one on, if they were sampled in advance.
+    /// The exogenous inputs of all whole steps from the first one on, if they were evaluated before the run.
     pub(super) table: Option<&'a [f64]>,
     /// Repeats the steps that the programs decline.
     pub(super) redo: Redo<'a, S>,
-    /// The log of the records; `None` without records.
+    /// The log of records within steps. `None` if records are not computed within steps.
     pub(super) log: Option<Log>,
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
-    /// The loop of runs whose set-ups have the numbers `given(lane)`.
+    /// Create the loop of runs whose set-ups have the numbers `given(lane)`.
     pub fn new<'b>(
         recorded: Arc<Recorded>,
         world: World<'a>,
@@ -87,12 +87,12 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Note a record every `steps` steps.
+    /// Store a record within steps, every `steps` steps.
     pub fn note_every(&mut self, steps: usize) {
         self.log = Some(Log::new(&self.recorded.layout, steps, &self.frames));
     }
 
-    /// Note the state at the start of step `step` if a record is due there.
+    /// Store the state at the start of step `step` in the log if a record is due.
     pub(super) fn note_if_due(&mut self, step: usize, t: f64, x: &[S]) {
         if let Some(log) = &self.log
             && step.is_multiple_of(log.every)
@@ -102,7 +102,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// The input at state `x` and time `t` in the frames, held or not.
+    /// Compute the input at time `t` and state `x` in the frames. A held input is copied.
     fn answer_in_frames(&mut self, t: f64, x: &[S]) {
         if !self.held {
             return self.observe(t, x);
@@ -119,7 +119,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         !(self.number(self.recorded.layout.reach(), lane) < REDUCTION_LIMIT)
     }
 
-    /// The number of a slot in a lane.
+    /// The number in slot `slot` of lane `lane`.
     pub(super) fn number(&self, slot: usize, lane: usize) -> f64 {
         let lanes = self.frames[0].lanes();
         self.frames[lane / lanes].numbers()[slot * lanes + lane % lanes]
@@ -130,7 +130,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         self.frames[lane / lanes].slot_mut(slot)[lane % lanes] = x;
     }
 
-    /// The law at state `x = [plant, law, ..]` and time `t`, into `self.tau` and the frames.
+    /// Evaluate the law at time `t` and state `x = [plant, law, ..]`, and write its results to `self.tau` and the frames.
     fn observe(&mut self, t: f64, x: &[S]) {
         let recorded = self.recorded.clone();
         let layout = &recorded.layout;
@@ -147,13 +147,13 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
     }
 }
 
-/// The exogenous input of one instant into the slots from `first` on.
+/// Write the exogenous input of one instant to the slots from `first` on.
 fn write_instant<S: Real>(frames: &mut [Frame], layout: &Layout, first: usize, u: &Exogenous<S>) {
     write(frames, first, &u.desired);
     write(frames, first + layout.desired, &u.wrench[..layout.wrench]);
 }
 
-/// `values` into the slots from `first` on.
+/// Write `values` to the slots from `first` on.
 fn write<S: Real>(frames: &mut [Frame], first: usize, values: &[S]) {
     let lanes = frames[0].lanes();
     let mut row = [0.0; MOST_LANES];
@@ -165,7 +165,7 @@ fn write<S: Real>(frames: &mut [Frame], first: usize, values: &[S]) {
     }
 }
 
-/// The slots from `first` on into `values`.
+/// Read `values` from the slots from `first` on.
 fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
     let lanes = frames[0].lanes();
     let mut row = [0.0; MOST_LANES];
@@ -178,7 +178,7 @@ fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
 }
 
 impl<S: Real> ProgramLoop<'_, S> {
-    /// Advance the state `x` by some steps of `h`; `run` advances frame `k`.
+    /// Advance the state `x` by some steps of size `h`. `run(frame, k)` advances frame `k`.
     pub(super) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
         let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
         write(&mut self.frames, state, x);
@@ -189,7 +189,7 @@ impl<S: Real> ProgramLoop<'_, S> {
         read(&self.frames, state, x);
     }
 
-    /// Take a sample of a controller with a separate clock.
+    /// Take a sample of a controller with a separate clock, at time `t` and state `x`.
     fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
         let (n, p) = (self.tau.len(), self.dz.len());
         let states = self.recorded.plant_states();

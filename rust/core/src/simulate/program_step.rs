@@ -1,7 +1,7 @@
-//! Steps of a recorded loop with the interface of a method.
+//! Steps of a recorded loop with the interface of a fixed-step method.
 //!
-//! The exogenous inputs of some steps are sampled in advance into a stream. The program of a small loop repeats itself along this stream. The
-//! parts of a large step read the inputs from their frame.
+//! A stream has the exogenous inputs of some steps, which are evaluated in advance. The program of a small loop repeats itself along the
+//! stream. The step of a large loop consists of parts, which read the inputs from the frame.
 
 use super::layout::Layout;
 use super::log::Log;
@@ -20,28 +20,28 @@ use std::marker::PhantomData;
 /// The capacity of a stream, in steps.
 const TURNS: usize = 32;
 
-/// Numbers of the largest table: a larger one does not fit the cache and saves no time.
+/// The largest size of a table of exogenous inputs, in numbers. A larger table exceeds the cache and saves no time.
 const LARGEST_TABLE: usize = 1 << 20;
 
-/// Steps as a program.
+/// The fixed-step method of a recorded loop.
 pub struct ProgramStep<S> {
     /// The instants of some steps, one after another.
     times: Vec<f64>,
-    /// The exogenous inputs at these instants: one stream for all frames, or one for each.
+    /// The exogenous inputs at these instants: one stream for all frames, or one stream per frame.
     streams: Vec<Frame>,
-    /// The inputs of one lane, if lanes differ.
+    /// Memory for the inputs of one lane, if lanes have different inputs.
     lane: Vec<f64>,
-    /// A table whose rows are used as the stream if the instants are its knots, and their places.
+    /// A table of a desired motion. If its knots are the instants, its rows are used as the stream. `at` is the first of these numbers.
     table: Option<Table>,
     at: Option<usize>,
-    /// Whether all inputs are constant, and the number of instants that the streams then hold permanently.
+    /// Whether all inputs are constant, and for how many instants the streams are then filled.
     still: bool,
     filled: usize,
     lanes: PhantomData<S>,
 }
 
-/// The instants of steps of size `h` that end at `end`, each with its start. The last instant of a step is omitted if it is the first
-/// one of the next step.
+/// List the instants of steps. `steps` yields start, step size and end. The last instant of a step is omitted if the next step begins with
+/// it.
 fn instants(layout: &Layout, steps: impl Iterator<Item = [f64; 3]>, times: &mut Vec<f64>) {
     times.clear();
     let mut last = None;
@@ -52,7 +52,7 @@ fn instants(layout: &Layout, steps: impl Iterator<Item = [f64; 3]>, times: &mut 
     times.extend(last.filter(|_| layout.ends_at_last()));
 }
 
-/// Steps `from..to` of equal size `h`: start, size and end of each.
+/// Return start, size and end of the equal steps `from..to` of size `h`.
 fn equal(from: usize, to: usize, h: f64) -> impl ExactSizeIterator<Item = [f64; 3]> {
     (from..to).map(move |step| [step as f64 * h, h, (step + 1) as f64 * h])
 }
@@ -76,7 +76,7 @@ impl<S: Real> ProgramStep<S> {
         }
     }
 
-    /// The exogenous inputs of these steps, each with start, size and end.
+    /// Evaluate the exogenous inputs of these steps and write them to the streams. `steps` yields start, size and end.
     fn sample(&mut self, layout: &Layout, world: &World, steps: impl ExactSizeIterator<Item = [f64; 3]>) {
         let (count, width) = (layout.new_instants() * steps.len() + usize::from(layout.ends_at_last()), layout.exogenous());
         if width == 0 || self.still && count <= self.filled {
@@ -108,7 +108,7 @@ impl<S: Real> ProgramStep<S> {
         }
     }
 
-    /// Copy the exogenous inputs of step `turn` of stream `k` to the slots from which the parts of a step read them.
+    /// Copy the exogenous inputs of step `turn` of stream `k` to the slots from which the parts of a step read.
     fn place(&self, layout: &Layout, frame: &mut Frame, k: usize, turn: usize) {
         let (width, lanes) = (if layout.shared { 1 } else { frame.lanes() }, frame.lanes());
         let slots = layout.instants.len() * layout.exogenous();
@@ -123,8 +123,8 @@ impl<S: Real> ProgramStep<S> {
 }
 
 impl<S: Real> ProgramStep<S> {
-    /// Several steps, like `stride`, for steps in parts: the state stays in the frames. Steps that a program may decline are taken one by
-    /// one.
+    /// Compute several steps in parts, while the state remains in the frames. Return false if programs may decline steps. Such steps are
+    /// computed one by one.
     fn stride_in_parts(&mut self, system: &mut ProgramLoop<'_, S>, first: usize, count: usize, h: f64, x: &mut [S]) -> bool {
         if !system.redo.is_empty() {
             return false;
@@ -157,7 +157,7 @@ impl<S: Real> ProgramStep<S> {
     }
 }
 
-/// Whole steps of frame `k` from step `from` on, and the records that are due among them.
+/// Compute whole steps of frame `k` from step `from` on, with the records that are due.
 fn run_noting(
     programs: &Programs,
     width: usize,
@@ -184,7 +184,8 @@ fn run_noting(
     }
 }
 
-/// The exogenous inputs of `steps` whole steps of `h`, which all runs of a problem share: they are sampled once.
+/// Evaluate the exogenous inputs of `steps` whole steps of size `h`, if all runs share them. The result is `None` if they do not, or if
+/// they are too many.
 pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Option<Vec<f64>> {
     let layout = &recorded.layout;
     let (width, new) = (layout.exogenous(), layout.new_instants());
@@ -240,7 +241,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             });
             system.log = log;
             if (0..S::LANES).any(|lane| system.declined(lane)) {
-                // One by one from the start: the other lanes take the same steps again.
+                // Compute these steps again, one by one. The lanes that did not decline repeat the same operations.
                 (0..S::LANES).for_each(|lane| system.back(lane));
                 x.copy_from_slice(system.redo.before());
                 for step in from..from + turns {

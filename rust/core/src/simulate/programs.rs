@@ -1,7 +1,7 @@
-//! Runs as programs: the structures of their loops, and groups of rows.
+//! Runs of loops as programs. This file finds the structure of each run, and groups runs with one structure.
 //!
-//! Rows are grouped by structure, so that the program of a row, and with it its bits, depends on that row alone. A row whose angles exceed
-//! the range of the programs' sines is repeated directly.
+//! All lanes of a program have the same structure. So the program of a run, and with it the bits, depends only on this run. A run whose
+//! angles exceed the range of the programs' sines is repeated without programs.
 
 use super::fixed_steps::Faults;
 use super::general::{General, sampler, start, world};
@@ -20,17 +20,17 @@ use crate::scalar::{Array8, Real};
 use crate::trace::Engine;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The number of steps below which a direct run is faster than making a program.
+/// Runs with fewer steps are faster without a program, because making a program takes longer.
 const SHORT: usize = 20;
 
-/// Runs side by side.
+/// The number type of a group of runs.
 pub type Lanes = Array8;
 
-/// The structures of the runs of a problem, recorded as they appear.
+/// The structures of the runs of a problem. Each is recorded when it first occurs.
 pub struct Structures {
-    /// The structures so far.
+    /// The structures recorded so far.
     seen: Mutex<Vec<Arc<SeenLoop>>>,
-    /// The numbers of the set-up, if all runs have the same.
+    /// The numbers of the set-up, if they are equal in all runs.
     shared: Option<Vec<f64>>,
     /// The exogenous inputs of all steps, if all runs of a batch share them.
     table: Option<Vec<f64>>,
@@ -39,12 +39,13 @@ pub struct Structures {
 }
 
 impl Structures {
-    /// The structures of a problem whose loops run as programs; `None` for other problems. `lanes` selects programs for runs side by side.
+    /// Return the structures of a problem whose loops run as programs, or `None` for other problems. `lanes`: whether programs compute
+    /// lanes.
     pub fn of(problem: &Problem, division: &Division, lanes: bool) -> Option<Self> {
         let Division::Fixed(fixed) = division else { return None };
-        // All lanes of a group would share one random jitter.
+        // In a group, all lanes have the same sample times. Random jitter requires different ones.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        // The routes of a law that decides ranks differ in rounding. Other laws have the same bits when they run directly.
+        // A guarded law decides ranks, and its two routes round differently. All other laws have the same bits without programs.
         let short = !lanes && fixed.schedule.steps < SHORT && problem.law(0).route() != Route::Guarded;
         if short || late || !recorded::is_recordable(problem) {
             return None;
@@ -60,12 +61,12 @@ impl Structures {
         Some(Structures { seen: Mutex::new(vec![seen]), shared: same.then_some(parameters.values), table, common, engine })
     }
 
-    /// How the programs run.
+    /// The engine that runs the programs.
     pub fn engine(&self) -> Engine {
         self.engine
     }
 
-    /// The structure of run `run`, and the numbers of its set-up; `None` where its code branches on data.
+    /// Return the structure of run `run` and the numbers of its set-up. The result is `None` if the code branches on data.
     fn of_run(&self, problem: &Problem, run: usize) -> Option<(Arc<Recorded>, Vec<f64>)> {
         let seen = || self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(values) = &self.shared {
@@ -84,10 +85,10 @@ impl Structures {
     }
 }
 
-/// The records of some lanes of a group.
+/// Passes the records of some lanes of a group to the sink.
 struct Chosen<'a> {
     sink: &'a mut dyn Sink,
-    /// The lane of the group for each lane; `None` without records.
+    /// For each lane, the lane of the group, or `None` to ignore the records.
     lanes: Vec<Option<usize>>,
 }
 
@@ -109,7 +110,7 @@ impl Sink for Chosen<'_> {
     }
 }
 
-/// The runs of a group, `S::LANES` from its first one on, by fixed steps.
+/// Run a group of `S::LANES` runs with fixed steps.
 pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> Ended {
     let General { problem, division, first, stop, sink, .. } = group;
     let last = problem.runs() - 1;
@@ -126,7 +127,8 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
         let mut lanes = vec![None; S::LANES];
         left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
-        // Lanes with other structures run as the first one: their motions may have another number.
+        // Lanes with another structure compute the run of lane `lead`, and their results are ignored. Their motions could have another
+        // size.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
         let held = problem.options.sampling.is_some();
@@ -181,14 +183,14 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
     Ended::Fixed(faults)
 }
 
-/// The sums of the runs `run(lane)` before their first record.
+/// Return the stored numbers of the metrics before the first record, for the runs `run(lane)`.
 fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize) -> Vec<S> {
     let lanes: Vec<Vec<f64>> =
         (0..S::LANES).map(|lane| common.plan(problem, run(lane)).map_or_else(Vec::new, |plan| plan.start())).collect();
     (0..lanes[0].len()).map(|k| S::from_lanes(|lane| lanes[lane][k])).collect()
 }
 
-/// Run `run`, lane `lane` of a group, without a program.
+/// Compute run `run` in lane `lane` of a group without a program.
 fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
     let General { problem, division, stop, sink, .. } = group;
     let mut chosen = Chosen { sink, lanes: vec![Some(lane)] };

@@ -1,9 +1,9 @@
-//! A closed loop whose rates and derivatives run as programs, with the interface of a loop.
+//! A closed loop whose state rates and their derivatives are programs, with the interface of a closed loop.
 //!
-//! A run uses known programs from the start. Otherwise it starts directly, and its programs are made after a fixed amount of work, because
-//! many runs end before that. The bits are the same in both cases. For implicit methods the programs are made before the first step,
-//! because the Jacobian by dual numbers rounds differently. If an angle exceeds the range of the programs' sines, the loop continues
-//! directly from that evaluation.
+//! A run uses known programs from the start. Otherwise it starts without programs, because many runs end early. After a fixed amount of
+//! work, its programs are made. The bits are the same in both cases. For implicit methods the programs are made before the first step,
+//! because the Jacobian from dual numbers rounds differently. If an angle exceeds the range of the programs' sines, the loop continues
+//! without programs.
 
 use super::force::Wrench;
 use super::general::{Twins, Watched, twins};
@@ -16,41 +16,41 @@ use crate::linalg::Pairs;
 use crate::plant::Touch;
 use crate::scalar::Real;
 
-/// Evaluations of the rates after which programs are made for a run by an explicit method. For six axes, recording the rates takes as long
-/// as 200 evaluations, and making their program as long as 700.
+/// The number of evaluations of the rates after which an explicit method makes programs. For six axes, recording the rates takes as long as
+/// 200 evaluations, and making their program as long as 700.
 const WAIT: usize = 500;
 
-/// Where the programs of a run come from.
+/// The data from which the programs of a run are made.
 pub struct Source<'a> {
     pub rates: &'a Rates,
     pub problem: &'a Problem<'a>,
     pub run: usize,
 }
 
-/// A loop that may use programs; `D` is the same loop computed directly.
+/// A loop that may use programs. `direct` is the same loop without programs.
 pub struct RatesLoop<'a, S: Real, D> {
     pub direct: D,
     source: Option<Source<'a>>,
-    /// Evaluations so far.
+    /// The number of evaluations so far.
     work: usize,
     /// The number of evaluations after which programs are made.
     wait: usize,
-    /// The programs under the law, and under a held input.
+    /// The programs of the rates with the law's output, and of the rates with a held input.
     running: [Option<Running<S>>; 2],
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// The loop of an explicit method, which uses programs if there is a source.
+    /// Create the loop of an explicit method. It uses programs if a source exists.
     pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
     }
 
-    /// The loop of an implicit method, which uses programs from the first evaluation on if there is a source.
+    /// Create the loop of an implicit method. If a source exists, it uses programs from the first evaluation on.
     pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: 0, running: [None, None] }
     }
 
-    /// Whether the rates run as programs.
+    /// Whether the rates are computed by programs.
     pub fn is_running(&self) -> bool {
         self.running[self.which()].is_some()
     }
@@ -59,14 +59,14 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         usize::from(self.direct.held().is_some())
     }
 
-    /// Write the held input and rate of the law into the frames.
+    /// Write the held input and the held rate of the law's state to the frames.
     fn hold(&mut self) {
         if let (Some((tau, dz)), [_, Some(running)]) = (self.direct.held(), &mut self.running) {
             running.hold(tau, dz);
         }
     }
 
-    /// Use known programs from the start, and make them after the waiting time.
+    /// Use known programs, or make programs after the waiting time.
     fn take(&mut self) {
         let worth = self.work >= self.wait;
         if !worth && self.work > 0 {
@@ -82,17 +82,17 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         self.hold();
     }
 
-    /// Continue directly.
+    /// Continue without programs.
     fn leave(&mut self) {
         (self.running, self.source) = ([None, None], None);
     }
 }
 
-/// A loop that is solved for by an implicit method.
+/// The loop of an implicit method.
 pub type Solved<'a> = RatesLoop<'a, f64, Twins<'a>>;
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// The loop of the one run of a problem, for a stepper. It has programs from the start, if its code does not branch on data.
+    /// Create the loop of the one run of a problem, for a stepper. It uses programs from the start, if its code does not branch on data.
     pub fn stepped(direct: D, problem: &Problem) -> Self {
         let running = record_both(problem).map(|rates| rates.map(|(recorded, values)| Running::new(recorded, &values)));
         let mut closed = RatesLoop { running, ..RatesLoop::implicit(direct, None) };
@@ -101,24 +101,24 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
     }
 }
 
-/// The loop of the one run of a problem with an implicit method, for a stepper, and its initial state.
+/// Return the loop of the one run of a problem with an implicit method, for a stepper, and the initial state.
 pub fn recorded_loop(problem: &Problem) -> (Solved<'static>, Vec<f64>) {
     let (twins, x) = twins(problem, 0);
     (RatesLoop::stepped(twins.into_owned(), problem), x)
 }
 
 impl Solved<'_> {
-    /// Memory for the exogenous input of one instant.
+    /// Return memory for the exogenous input at one instant.
     pub fn instant(&self) -> Exogenous<f64> {
         self.direct.system.instant()
     }
 
-    /// How many numbers of the state the tolerances count.
+    /// The number of leading states whose error is controlled.
     pub fn controlled(&self) -> usize {
         self.direct.system.controlled()
     }
 
-    /// When the samples before `t_end` are taken.
+    /// Return the sample times before `t_end`, s.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
         self.direct.system.instants(t_end)
     }

@@ -1,8 +1,9 @@
-//! The rates of a closed loop and their derivatives as programs, for methods that choose their steps or solve for them.
+//! Programs of the state rates of a closed loop and of their derivatives, for adaptive and implicit methods.
 //!
-//! The rates are a program for one run. The derivatives run in lanes, one direction per lane. A first program computes the rates and all
-//! values that the derivatives read. A second one then computes `x_dot -> f'(x) x_dot` in several passes, for all directions. The states of
-//! the law have a separate program: few operations depend on them, and there may be many.
+//! The rates are a program for one run. The derivatives are programs for lanes, with one direction per lane. A first program computes the
+//! rates and all values that the derivatives read. A second program computes `x_dot -> f'(x) x_dot`, in several passes over all directions.
+//! The directions of the law's states have a separate program, because few operations depend on these states, and their number may be
+//! large.
 
 use super::attempt_programs::AttemptProgram;
 use super::closed_loop::ClosedLoop;
@@ -22,18 +23,19 @@ use crate::trace::{Cut, Part, Program, Scratch, SlotTable, Sym, engine, form, se
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// The places of the quantities of a loop in a frame, in slots. The numbers of the set-up are first, then these.
+/// The slots of a loop's quantities in a frame. The numbers of the set-up are first. The quantities below follow in the order of the
+/// functions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slots {
     pub given: usize,
-    /// Numbers of the desired motions and of the wrench: zero without a force.
+    /// The sizes of the desired motions and of the wrench. The size of the wrench is zero without a force.
     pub desired: usize,
     pub wrench: usize,
-    /// States of the plant, of the law, and of the quadratures behind them.
+    /// The numbers of states of the plant and of the law, then the number of quadratures.
     pub plant: usize,
     pub law: usize,
     pub quadratures: usize,
-    /// The plant's inputs, and the other results of a law.
+    /// The number of the plant's inputs, and the number of the law's other results.
     pub inputs: usize,
     pub answer: usize,
 }
@@ -48,34 +50,34 @@ impl Slots {
     pub fn states(&self) -> usize {
         self.plant + self.law + self.quadratures
     }
-    /// The held input and the held rate of the law's state.
+    /// The first slot of the held input. The held rate of the law's state follows.
     pub fn tau(&self) -> usize {
         self.state() + self.states()
     }
     pub fn law_rate(&self) -> usize {
         self.tau() + self.inputs
     }
-    /// Behind all inputs: the rates of one run.
+    /// The first slot of the rates of one run, after all inputs.
     pub fn rates(&self) -> usize {
         self.law_rate() + self.answer
     }
-    /// The largest angle of one run.
+    /// The slot of the largest angle of one run.
     pub fn reach(&self) -> usize {
         self.rates() + self.states()
     }
 }
 
-/// The derivatives of the rates, in lanes.
+/// The programs of the derivatives of the rates, for lanes.
 pub struct Derivatives {
-    /// The rates, and the values that the derivatives use.
+    /// Computes the rates, and the values that the derivatives read.
     pub values: Program,
-    /// Along the plant's states and the exogenous input; along the law's states.
+    /// The derivatives along the plant's states and the exogenous input, then the derivatives along the law's states.
     pub plant: Program,
     pub law: Option<Program>,
-    /// Slots of the directions, and of the results.
+    /// The first slots of the directions of the two programs. Below, the slots of the results.
     pub along_plant: usize,
     pub along_law: usize,
-    /// Whether the exogenous input varies. Its rates are then after those of the plant's states.
+    /// Whether the exogenous input varies. The rates of the input then follow those of the plant's states.
     pub moves: bool,
     pub rates: usize,
     pub derivatives: usize,
@@ -83,7 +85,7 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// Slots of a frame that they run on.
+    /// The number of slots of a frame for all these programs.
     pub fn slots(&self) -> usize {
         self.all().map(Program::slots).max().unwrap_or(0)
     }
@@ -93,21 +95,21 @@ impl Derivatives {
     }
 }
 
-/// The programs of one structure.
+/// The programs of all loops of one structure.
 pub struct RatesPrograms {
     pub rates: Program,
-    /// A whole attempt, for small loops under an adaptive explicit method.
+    /// The program of a whole attempt, for small loops with an adaptive explicit method.
     pub attempt: Option<AttemptProgram>,
     pub derivatives: Option<Derivatives>,
 }
 
-/// The required derivatives.
+/// The derivatives that a method requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     Rates,
-    /// Along the states.
+    /// Derivatives along the states.
     States,
-    /// Along the states and in time.
+    /// Derivatives along the states and with respect to time.
     Time,
 }
 
@@ -124,21 +126,21 @@ impl Wanted {
     }
 }
 
-/// The rates of a loop of one structure, recorded.
+/// The recorded rates of all loops of one structure.
 pub struct RecordedRates {
     pub slots: Slots,
     pub programs: RatesPrograms,
 }
 
-/// A known recording of rates. Its tag is whether the input is held, and which derivatives it has.
+/// A known recording of rates. Its tag contains whether the input is held, and the derivatives.
 type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
 
 static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
 
-/// Whether the rates of a problem's loops may be recorded.
+/// Whether the rates of a problem's loops can be recorded.
 pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
-    // An adaptive method holds the mode of every contact within a step.
+    // An adaptive method holds the mode of every contact within a step. The program would have to change with the mode.
     let free = |plant: &&PlantSpec| match method {
         _ if method.is_adaptive() => plant.is_free(),
         _ if method.is_implicit() => plant.wall().is_none(),
@@ -147,17 +149,17 @@ pub fn is_recordable(problem: &Problem) -> bool {
     problem.plants.iter().all(|plant| free(plant) && !plant.sticks()) && !problem.law(0).route().is_scalar()
 }
 
-/// The rates of a run, and the numbers of its set-up.
+/// The rates of a run as programs, and the numbers of the run's set-up.
 pub type RatesOfRun = (Arc<RecordedRates>, Vec<f64>);
 
-/// The rates of the one run of a problem, under its law (if it is not sampled) and under a held input.
+/// Record the rates of the one run of a problem, with the output of an unsampled law and with a held input.
 pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
     let sampled = problem.options.sampling.is_some();
     [false, true]
         .map(|held| if is_recordable(problem) && (held || !sampled) { of_run(problem, 0, Common::of(problem, false), held) } else { None })
 }
 
-/// The rates of run `run`, under a held input or under the law; `None` where the code branches on data.
+/// Return the rates of run `run`. `held`: whether the input is held. The result is `None` if the code branches on data.
 fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
     let (parameters, wanted) = (recorded::loop_parameters(problem, run, common), Wanted::of(problem, run));
     let record = || record(problem, run, (common, held, wanted), true, &mut |_, _, _, _, _| ());
@@ -165,15 +167,15 @@ fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<R
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
-/// The same rates as [`of_run`], if they are already recorded; otherwise `None`.
+/// Return the rates of [`of_run`] if they are already recorded, otherwise `None`.
 fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
     let (parameters, tag) = (recorded::loop_parameters(problem, run, common), (held, Wanted::of(problem, run)));
     let seen = Seen::known(&KNOWN, (problem, run, common), &parameters, &tag)?;
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
-/// Record the rates of run `run` for a listing, with the derivatives that the method uses. Without `folds` every operation of the
-/// source is kept, and there are no derivatives.
+/// Record the rates of run `run` for a listing, with the derivatives that the method uses. If `folds` is false, every operation of the
+/// source is recorded, without derivatives.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> Option<RecordedRates> {
     let (held, wanted) = (problem.options.sampling.is_some(), if folds { Wanted::of(problem, run) } else { Wanted::Rates });
     record(problem, run, (common, held, wanted), folds, watch)
@@ -219,7 +221,7 @@ fn record(
     Some(RecordedRates { slots, programs })
 }
 
-/// `(slot, entry)` from slot `first` on.
+/// Pair the entries with consecutive slots from `first` on: `(slot, entry)`.
 fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
     entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
 }
@@ -273,16 +275,16 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
     Derivatives { values, plant, law, along_plant: inputs, along_law, moves, rates, derivatives, reach }
 }
 
-/// The rates of the runs of a problem, recorded on first use.
+/// The recorded rates of the runs of a problem. They are recorded on first use.
 pub struct Rates {
     common: Common,
-    /// The rates of all runs, if plants and laws are the same.
+    /// The rates of all runs, if all runs have the same plant and law.
     shared: Option<OnceLock<Option<RatesOfRun>>>,
     used: AtomicBool,
 }
 
 impl Rates {
-    /// The rates for methods that use them; `None` if no loop of the problem can be recorded.
+    /// Prepare the rates for methods that use them. The result is `None` if no loop of the problem can be recorded.
     pub fn of(problem: &Problem) -> Option<Self> {
         let shared = (problem.plants.len() == 1 && problem.laws.len() == 1).then(OnceLock::new);
         let method = problem.options.method;
@@ -290,12 +292,13 @@ impl Rates {
         takes.then(|| Rates { common: Common::of(problem, false), shared, used: AtomicBool::new(false) })
     }
 
-    /// How the runs were computed.
+    /// The name of the engine that computed the runs.
     pub fn engine(&self) -> &'static str {
         if self.used.load(Ordering::Relaxed) { engine().name() } else { "direct" }
     }
 
-    /// The rates of run `run`, if they are known, or if `worth` allows to record them. `None` also if the code branches on data.
+    /// Return the rates of run `run` if they are known, or record them if `worth` is true. The result is also `None` if the code branches
+    /// on data.
     pub fn of_run(&self, problem: &Problem, run: usize, worth: bool) -> Option<RatesOfRun> {
         let held = problem.options.sampling.is_some();
         let found = match &self.shared {

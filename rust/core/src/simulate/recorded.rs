@@ -1,16 +1,16 @@
-//! A closed loop, recorded: one step of its method, its rates and its law alone, once per structure.
+//! Recorded closed loops. For each structure, the programs of a step of its method, of its rates and of its law are made once.
 //!
-//! The frame of its programs holds, slot after slot:
+//! A frame of these programs has the following slots in order:
 //! - the numbers of the run's set-up (parameters, gains, targets, limits);
 //! - the exogenous input at each instant of the step;
-//! - the state with its sums, which a step replaces by the next one, and the step `h`;
-//! - the input and the rate of the law, and the values that the parts of a step pass on;
+//! - the state and the stored numbers of the metrics, which a step updates, and the step size `h`;
+//! - the input and the rate of the law, and the values that one part of a step passes to a later part;
 //! - the largest angle so far, and the numbers of a record without the state.
 //!
-//! Rows with the same structure, that is the same zeros and ones among their numbers, share the programs.
+//! Runs share programs if they have the same structure: zeros and ones at the same positions among their numbers.
 //!
-//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. The rates of a large loop are a
-//! separate program, which every stage runs. The code of a whole step would not fit the processor's instruction cache.
+//! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. In a large loop, the rates are a
+//! separate program, which runs in every stage. The code of a whole step would exceed the processor's instruction cache.
 
 use super::closed_loop::ClosedLoop;
 use super::force::Force;
@@ -34,20 +34,20 @@ use crate::trace::tape::Op;
 use crate::trace::{Cut, Engine, Sym, sym};
 use std::sync::Arc;
 
-/// The largest number of operations of rates that are part of the program of a step.
+/// Rates with at most this number of operations are part of the program of a step.
 const LARGE: u32 = 700;
 
-/// A loop of one structure, recorded.
+/// The recorded loop of all runs with one structure.
 pub struct Recorded {
     pub layout: Layout,
     pub programs: Programs,
     plant_states: usize,
-    /// The recording, to check that a loop of the same key has the same one.
+    /// The recording. Debug builds check that loops with the same key have the same recording.
     #[cfg(debug_assertions)]
     ops: Vec<Op>,
 }
 
-/// The numbers of one run's set-up, and the entries that identify its structure.
+/// The numbers of a run's set-up, and the entries that identify the run's structure.
 pub struct LoopParameters {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
@@ -55,18 +55,18 @@ pub struct LoopParameters {
 }
 
 impl Recorded {
-    /// Numbers of the plant's state, the first part of the state.
+    /// The number of states of the plant, which are the first states.
     pub fn plant_states(&self) -> usize {
         self.plant_states
     }
 
-    /// How the programs run.
+    /// The engine that runs the programs.
     pub fn engine(&self) -> Engine {
         self.programs.engine()
     }
 }
 
-/// Whether the loops of a problem may run as programs: fixed explicit steps, a law with a route that does not branch on data.
+/// Whether the loops of a problem can be programs. This requires fixed explicit steps and a law that does not branch on data.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), Kind::ExplicitSteps(_))
         && problem.law(0).route().is_recordable()
@@ -74,7 +74,7 @@ pub fn is_recordable(problem: &Problem) -> bool {
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 
-/// The numbers of the set-up of run `run`.
+/// Return the numbers of the set-up of run `run`.
 pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopParameters {
     sym::begin();
     drop(set_up(problem, run, common));
@@ -82,13 +82,13 @@ pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopPar
     LoopParameters { values: recording.values, structure: recording.structure, labels: recording.labels }
 }
 
-/// The metrics and records that the programs of a loop compute in addition to its steps.
+/// The metrics and records that the programs of a loop compute in addition to steps.
 struct Beside {
     sums: Option<Sums<Sym>>,
     notes: Option<Notes>,
 }
 
-/// The loop of run `run`, and its metrics and records.
+/// Return the loop of run `run`, and its metrics and records.
 fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Beside) {
     let closed = assemble(problem, |_| run, common.monitored.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
@@ -96,23 +96,23 @@ fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'
     (closed, Beside { sums, notes })
 }
 
-/// A known structure and its recording; `tag` distinguishes several recordings of one loop.
+/// A known structure and its recording. `tag` distinguishes several recordings of one loop.
 pub struct Seen<R, T> {
     key: Key,
     tag: T,
-    /// The entries of its set-up.
+    /// The entries of the loop's set-up.
     structure: Vec<u32>,
-    /// `None` where its code branches on data.
+    /// The recording. `None` means that the code branches on data.
     pub recorded: Option<Arc<R>>,
 }
 
 impl<R, T: PartialEq> Seen<R, T> {
-    /// Whether run `run` of a problem, whose set-up has these numbers, has this structure.
+    /// Whether run `run` of a problem has this structure. `parameters` are the numbers of its set-up.
     pub fn fits(&self, problem: &Problem, run: usize, common: Common, parameters: &LoopParameters) -> bool {
         self.structure == parameters.structure && self.key.is_of(problem, run, common)
     }
 
-    /// The structure of run `run`, if it is stored.
+    /// Return the structure of run `run` if it is stored.
     pub fn known(
         kept: &Cache<Arc<Self>>,
         (problem, run, common): (&Problem, usize, Common),
@@ -122,7 +122,7 @@ impl<R, T: PartialEq> Seen<R, T> {
         kept.find(|seen| seen.tag == *tag && seen.fits(problem, run, common, parameters))
     }
 
-    /// The structure of run `run`: a stored one, or a new recording.
+    /// Return the stored structure of run `run`, or record a new one.
     pub fn of_run(
         kept: &Cache<Arc<Self>>,
         of: (&Problem, usize, Common),
@@ -143,12 +143,12 @@ impl<R, T: PartialEq> Seen<R, T> {
     }
 }
 
-/// A known loop of fixed steps.
+/// A known structure of loops with fixed steps.
 pub type SeenLoop = Seen<Recorded, ()>;
 
 static KNOWN: Cache<Arc<SeenLoop>> = Cache::new();
 
-/// The structure of run `run`: one that is known, or a new recording.
+/// Return the stored structure of run `run`, or record a new one.
 pub fn of_run(problem: &Problem, run: usize, common: Common, parameters: &LoopParameters) -> Arc<SeenLoop> {
     let seen = Seen::of_run(&KNOWN, (problem, run, common), parameters, (), || record(problem, run, common));
     #[cfg(debug_assertions)]
@@ -163,8 +163,8 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
 }
 
-/// Record the loop of run `run` for a listing. With `plain` every operation of the source is kept; its value is whether the step is in
-/// parts.
+/// Record the loop of run `run` for a listing. `plain`: if it is not `None`, every operation of the source is recorded, and its value
+/// selects whether the step is divided into parts.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
     sym::begin_that(plain.is_none());
     let (closed, beside) = set_up(problem, run, common);
@@ -207,20 +207,20 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
     })
 }
 
-/// New inputs of a program.
+/// Declare `count` new inputs of a program.
 pub fn inputs(count: usize) -> Vec<Sym> {
     (0..count).map(|_| sym::input()).collect()
 }
 
-/// New inputs for the exogenous input at one instant: the desired numbers, and those of a wrench.
+/// Declare new inputs for the exogenous input at one instant: the desired motions, then the wrench.
 pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
     let mut instant = Exogenous { t: 0.0, desired: inputs(desired), wrench: [Sym::zero(); 6] };
     instant.wrench[..wrench].copy_from_slice(&inputs(wrench));
     instant
 }
 
-/// Record the law if `with_law`, the rates and the step. `in_parts` may state whether the step is in parts; otherwise this follows from
-/// its size. `None` for a method that is not recorded.
+/// Record the rates and the step, and the law if `with_law` is true. `in_parts` selects whether the step is divided into parts. If it is
+/// `None`, the size of the rates decides. The result is `None` for a method that cannot be recorded.
 fn trace(
     closed: ClosedLoop<Sym>,
     beside: Beside,
@@ -246,7 +246,7 @@ fn trace(
         closed.closed.hold_input(&tau, &dz);
         acting.clone_from(&tau);
     }
-    // Here, because the step also starts with the law's result at this state.
+    // The metrics are recorded at this point, because the step also starts with the law's result at this state.
     let sums = beside.sums.map(|mut sums| {
         let mut sum_up = |tau: &[Sym], start: Start| {
             let mut kept = kept.clone();
@@ -271,7 +271,7 @@ fn trace(
     let first = u[0].clone();
     let (next, cuts) = method.apply(closed, x, first, OneStep { u, h }).ok()?;
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    // A step whose record is not valid is declined.
+    // If a record is not valid, the step that begins with the record is declined.
     let notes = notes.map(|[along, alone]| Noting {
         next: entries(next[layout.states..].iter().map(|&stands| along.stands.map_or(stands, |noted| stands.min(noted))).collect()),
         along: entries(along.numbers),
@@ -286,14 +286,14 @@ fn entries(values: Vec<Sym>) -> Vec<u32> {
     values.into_iter().map(Sym::index).collect()
 }
 
-/// A step of size `h` under the inputs `u`.
+/// Records a step of size `h` with the exogenous inputs `u`.
 struct OneStep {
     u: Vec<Exogenous<Sym>>,
     h: Sym,
 }
 
 impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
-    /// The next state and whether it is valid, and the cuts of a step in parts.
+    /// The next state and whether it is valid, then the cuts of a step in parts.
     type Output = (Vec<Sym>, Option<Vec<Cut>>);
 
     fn with_explicit<M>(self, mut closed: RecordedLoop<'a>, mut x: Vec<Sym>, mut method: M) -> Self::Output
@@ -309,7 +309,7 @@ impl<'a> WithExplicitSteps<Sym, RecordedLoop<'a>> for OneStep {
     }
 }
 
-/// A loop whose evaluations are recorded.
+/// A loop that records its evaluations.
 struct RecordedLoop<'a> {
     closed: ClosedLoop<'a, Sym>,
     layout: &'a Layout,
@@ -319,7 +319,7 @@ struct RecordedLoop<'a> {
 
 impl System<Sym> for RecordedLoop<'_> {
     type Input = Exogenous<Sym>;
-    /// The inputs are already set.
+    /// Does nothing, because the inputs are already set.
     fn input(&mut self, _: f64, _: &mut Exogenous<Sym>) {}
     fn rhs(&mut self, u: &Exogenous<Sym>, x: &[Sym], dx: &mut [Sym]) {
         let Some(cuts) = &mut self.cuts else {

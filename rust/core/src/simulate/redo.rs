@@ -1,7 +1,7 @@
-//! Steps that a program declines, computed directly.
+//! Steps that a program declines are computed again without the program.
 //!
-//! A law that decides ranks is recorded by its route for regular stacks, which also reports where it is not valid. Such a step of one run
-//! is repeated from the state before it, by all routes. It starts from that state alone, so that the bits of a run depend on nothing else.
+//! Programs of a law that decides ranks contain only the route for regular stacks of tasks. This route reports where it is not valid. The
+//! step of such a run is repeated with all routes, from the state before it. So the bits of a run depend only on this run.
 
 use super::closed_loop::ClosedLoop;
 use super::general::assemble;
@@ -12,17 +12,17 @@ use super::program_loop::{MOST_LANES, ProgramLoop};
 use crate::integrate::{Advance, Kind, System, WithExplicitSteps};
 use crate::scalar::{Float, Real};
 
-/// One run on plain numbers.
+/// One run on plain numbers, without programs.
 pub trait Direct {
-    /// The law's input and rate at state `x` and time `t`.
+    /// Compute the law's input and rate at time `t` and state `x`.
     fn answer(&mut self, t: f64, x: &[f64], tau: &mut [f64], dz: &mut [f64]);
-    /// The state after the step `[t, end]` of size `h`; `held`: the input and the rate of the law that act.
+    /// Advance `x` by the step `[t, end]` of size `h`. `held`: the held input and rate of the law, if the law is sampled.
     fn step(&mut self, t: f64, h: f64, end: f64, held: Option<(&[f64], &[f64])>, x: &mut [f64]);
-    /// The norms of levels at state `x` and time `t`.
+    /// Compute the norms of levels at time `t` and state `x`.
     fn norms(&mut self, t: f64, x: &[f64], out: &mut [f64]);
 }
 
-/// The run `run` of a problem; `norms`: whether records have the norms of its levels.
+/// Return run `run` of a problem without programs. `norms`: whether records have the norms of its levels.
 pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn Direct + 'a> {
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
@@ -33,7 +33,7 @@ pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn 
     }
 }
 
-/// Steps that are redone, by any method.
+/// Creates the repeated steps for any method.
 struct Redone<'a> {
     problem: &'a Problem<'a>,
     run: usize,
@@ -101,21 +101,21 @@ impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for Steps<'a,
     }
 }
 
-/// The direct loops and buffers with which a loop of programs repeats steps.
+/// The loops without programs and the memory with which a loop of programs repeats steps.
 pub struct Redo<'a, S> {
-    /// One for each lane; empty if the programs decline nothing.
+    /// One loop for each lane. The list is empty if the programs decline no step.
     direct: Vec<Box<dyn Direct + 'a>>,
     /// The state and the largest angles before a step that may be declined.
     before: Vec<S>,
     reach: [f64; MOST_LANES],
-    /// State, input and rate of one lane.
+    /// Memory for the state, input and rate of one lane.
     row: (Vec<f64>, Vec<f64>, Vec<f64>),
     /// Norms of levels of one lane.
     norms: Vec<f64>,
 }
 
 impl<S: Real> Redo<'_, S> {
-    /// Without direct loops.
+    /// Return an instance without loops.
     pub fn new(layout: &Layout) -> Self {
         let row = (vec![0.0; layout.states], vec![0.0; layout.inputs], vec![0.0; layout.answer]);
         Redo {
@@ -137,7 +137,7 @@ impl<S: Real> Redo<'_, S> {
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
-    /// Use these loops for declined steps, one per lane.
+    /// Set the loops that repeat declined steps, one per lane.
     pub(super) fn redo_by(&mut self, direct: Vec<Box<dyn Direct + 'a>>) {
         self.redo.direct = direct;
     }
@@ -154,20 +154,20 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Whether a lane was declined. A state that is NaN is never declined.
+    /// Whether the programs declined the step of a lane. A state that is NaN is never declined.
     pub(super) fn declined(&self, lane: usize) -> bool {
         !self.redo.direct.is_empty()
             && self.number(self.recorded.layout.stands(), lane) != 1.0
             && self.redo.before.iter().all(|x| x.lane(lane).is_finite())
     }
 
-    /// Restore the lane's state before the step. The angles of the declined step do not count.
+    /// Restore the lane's state before the step, and its largest angle.
     pub(super) fn back(&mut self, lane: usize) {
         self.redo.row.0.iter_mut().zip(&self.redo.before).for_each(|(to, from)| *to = from.lane(lane));
         self.set_number(self.recorded.layout.reach(), lane, self.redo.reach[lane]);
     }
 
-    /// Repeat the step `[t, end]` of size `h` in the lanes that were declined.
+    /// Repeat the step `[t, end]` of size `h` in the lanes in which it was declined.
     pub(super) fn step_again(&mut self, t: f64, h: f64, end: f64, x: &mut [S]) {
         for lane in 0..S::LANES {
             if !self.declined(lane) {
@@ -185,7 +185,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Compute the norms of levels at state `x` again in the lanes whose record is not valid. A state that is NaN is never declined.
+    /// Compute the norms of levels at state `x` again in lanes whose record is not valid. A state that is NaN is ignored.
     pub(super) fn norms_again(&mut self, t: f64, x: &[S]) {
         let (stands, first) = (self.recorded.layout.noted_stands(), self.recorded.layout.own_firsts() - self.redo.norms.len());
         let lanes = if self.redo.norms.is_empty() { 0 } else { S::LANES };
@@ -202,7 +202,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Evaluate the law again in the lanes that were declined.
+    /// Evaluate the law again in the lanes in which it was declined.
     pub(super) fn answer_again(&mut self, t: f64) {
         let (first, rate) = (self.recorded.layout.tau(), self.recorded.layout.law_rate());
         for lane in 0..S::LANES {

@@ -1,4 +1,4 @@
-//! The programs of the rates of one run, on their frames.
+//! The programs of the state rates of one run, with their frames.
 
 use super::rates_programs::{RatesPrograms, RecordedRates};
 use super::world::Exogenous;
@@ -11,18 +11,18 @@ use std::sync::Arc;
 pub struct Running<S> {
     recorded: Arc<RecordedRates>,
     frame: Frame,
-    /// The frame of a whole attempt.
+    /// The frame of the program of whole attempts.
     attempt: Option<Frame>,
-    /// The frame of the derivatives.
+    /// The frame of the programs of derivatives.
     lanes: Option<Frame>,
-    /// The exogenous input and its rate at the state that is linearised about.
+    /// The exogenous input and its time derivative at the state of the linearisation.
     instants: [Exogenous<S>; 2],
-    /// The derivative in time at that state.
+    /// The derivative of the rates with respect to time at this state.
     dft: Vec<S>,
 }
 
 impl<S: Real> Running<S> {
-    /// Buffers for a run whose set-up has the numbers `values`.
+    /// Create the frames for a run whose set-up has the numbers `values`.
     pub fn new(recorded: Arc<RecordedRates>, values: &[f64]) -> Self {
         let (slots, programs) = (&recorded.slots, &recorded.programs);
         let frame = |slots: usize, lanes: usize, programs: &mut dyn Iterator<Item = &Program>| {
@@ -38,7 +38,7 @@ impl<S: Real> Running<S> {
         Running { frame: single, attempt, lanes, instants: [still.clone(), still], dft: vec![S::zero(); slots.states()], recorded }
     }
 
-    /// Hold the input `tau` and the rate `dz` of the law.
+    /// Hold the input `tau` of the plant and the rate `dz` of the law's state.
     pub fn hold(&mut self, tau: &[S], dz: &[S]) {
         let slots = &self.recorded.slots;
         for frame in [&mut self.frame].into_iter().chain(&mut self.lanes) {
@@ -50,13 +50,14 @@ impl<S: Real> Running<S> {
         }
     }
 
-    /// A whole attempt with the exogenous inputs `input(t, u)`, if there is a program for it. Returns whether it is valid.
+    /// Compute a whole attempt, and return whether it is valid. The result is `None` if no program exists. `input(t, u)` writes the
+    /// exogenous input.
     pub fn attempt<B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>, input: impl FnMut(f64, &mut Exogenous<S>)) -> Option<bool> {
         let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) else { return None };
         Some(program.run(frame, attempt, (&mut self.instants[0], input)))
     }
 
-    /// The rates of state `x` into `dx`. Returns whether they are valid.
+    /// Compute the rates of state `x`, write them to `dx`, and return whether they are valid.
     pub fn rates(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
         let frame = &mut self.frame;
@@ -69,18 +70,18 @@ impl<S: Real> Running<S> {
         frame.numbers()[slots.reach()] < REDUCTION_LIMIT
     }
 
-    /// Whether [`Running::linearise`] takes the rate of the exogenous input.
+    /// Whether [`Running::linearise`] requires the time derivative of the exogenous input.
     pub fn is_moving(&self) -> bool {
         self.recorded.programs.derivatives.as_ref().is_some_and(|derivatives| derivatives.moves)
     }
 
-    /// Memory for the exogenous input and its rate.
+    /// The memory of the exogenous input and its time derivative.
     pub fn instants(&mut self) -> &mut [Exogenous<S>; 2] {
         &mut self.instants
     }
 
-    /// The rates of state `x` into `dx`, their derivatives along the state into `j`, `(n, n)`, and that in time into
-    /// [`Running::time_derivative`]; whether they are valid.
+    /// Write the rates of state `x` to `dx`, and their derivatives along the state to `j`, shape `(n, n)`. [`Running::time_derivative`]
+    /// then has the derivative with respect to time. Return whether the results are valid.
     pub fn linearise(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S], j: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
         let (RatesPrograms { derivatives: Some(all), .. }, Some(frame)) = (programs, &mut self.lanes) else { return false };
@@ -96,7 +97,7 @@ impl<S: Real> Running<S> {
         j.fill(S::zero());
         let [_, u_dot] = &self.instants;
         let drift = || u_dot.desired.iter().chain(&u_dot.wrench[..slots.wrench]);
-        // One direction per lane; the last one of the plant's is time.
+        // Each lane has one direction. Time is the last direction of the plant's program.
         let mut along = |program: &Program, seeds: usize, column: usize, count: usize, moves: bool| {
             let directions = count + usize::from(moves);
             for first in (0..directions).step_by(frame.lanes()) {
@@ -127,13 +128,13 @@ impl<S: Real> Running<S> {
         true
     }
 
-    /// The derivative in time at the last linearisation.
+    /// The derivative of the rates with respect to time, from the last linearisation.
     pub fn time_derivative(&self) -> &[S] {
         &self.dft
     }
 }
 
-/// `values` into all lanes of the slots from `first` on.
+/// Write `values` to all lanes of the slots from `first` on.
 pub fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
     let lanes = frame.lanes();
     let slots = &mut frame.numbers_mut()[first * lanes..(first + values.len()) * lanes];
@@ -144,7 +145,7 @@ pub fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
     }
 }
 
-/// Lane `lane` of the slots from `first` on into `values`.
+/// Read `values` from lane `lane` of the slots from `first` on.
 fn read<'a, S: Real>(frame: &Frame, first: usize, lane: usize, values: impl Iterator<Item = &'a mut S>) {
     let lanes = frame.lanes();
     let slots = frame.numbers()[first * lanes + lane..].iter().step_by(lanes);

@@ -1,13 +1,13 @@
-//! The clock of a sampled loop: the sample of a time, the law's output there, and the output that acts.
+//! The clock of a sampled loop. It evaluates the law at sample times, and selects the output that acts on the plant.
 
 use super::sampling::{CHANNELS, ON_TIME, Sampling};
 use super::torque_sensing::{Sensed, TorqueSensing};
 use crate::scalar::Real;
 
-/// Number of stored outputs: a faulty block of steps is repeated from its start, whose input must still be known.
+/// The number of stored outputs. A faulty block of steps is repeated from its start, and needs its old input.
 const KEPT: usize = 64;
 
-/// One sample: the measurement, and the output of the law.
+/// One sample: the measurement and the output of the law.
 #[derive(Clone, Debug)]
 struct Entry<S> {
     index: u64,
@@ -20,9 +20,9 @@ struct Entry<S> {
 #[derive(Clone, Debug)]
 pub struct Sampler<S> {
     sampling: Sampling,
-    /// One per lane.
+    /// The seed of the random numbers of each lane.
     seeds: Vec<u64>,
-    /// Steps of a fixed-step method, to which lateness is rounded; 0 for an adaptive one.
+    /// The step size of a fixed-step method, to which sample times are rounded, s. It is 0 for an adaptive method.
     grid: f64,
     ring: Vec<Entry<S>>,
     delayed: u64,
@@ -53,10 +53,10 @@ impl<S: Real> Sampler<S> {
         (k % self.ring.len() as u64) as usize
     }
 
-    /// At time `t` and plant state `x`: take the sample that is due, and apply the output that is due.
-    /// `law(measured, tau, dz)` is called for a sample. `tau` and `dz` are the values that act from now on.
+    /// At time `t` and plant state `x`, evaluate the law if a sample is due, and select the acting output. `law(measured, tau, dz)`
+    /// evaluates the law for a sample. On return, `tau` and `dz` are the acting values.
     pub fn run(&mut self, t: f64, x: &[S], n: usize, mut law: impl FnMut(&[S], &mut [S], &mut [S]), tau: &mut [S], dz: &mut [S]) {
-        // At an instant that is both a record and the start of a step, it samples once.
+        // At an instant with both a record and the start of a step, the law is evaluated only once.
         if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.ring[self.slot(k)].index != k) {
             let slot = self.slot(k);
             let empty = Entry { index: k, measured: Vec::new(), sensed: Sensed::new(0), tau: Vec::new(), dz: Vec::new() };
@@ -81,7 +81,7 @@ impl<S: Real> Sampler<S> {
                 dz.copy_from_slice(&entry.dz);
             }
         } else {
-            // Nothing has reached the plant yet.
+            // No output acts on the plant yet.
             tau.fill(S::zero());
             dz.fill(S::zero());
         }
@@ -98,7 +98,7 @@ impl<S: Real> Sampler<S> {
         }
     }
 
-    /// The reading of the torque sensors, whose filters continue from the sample before.
+    /// Compute the reading of the torque sensors. Their filters continue from the previous sample.
     fn sense(&mut self, k: u64, x: &[S], entry: &mut Entry<S>) {
         let Some(mut sensing) = self.sensing.take() else { return };
         let before = k.checked_sub(1).map(|k| (k, &self.ring[self.slot(k)])).filter(|(k, entry)| entry.index == *k);
@@ -107,7 +107,8 @@ impl<S: Real> Sampler<S> {
         self.sensing = Some(sensing);
     }
 
-    /// The output changes by at most the rate limit from the one before; the first one changes from zero. Both are within the saturation.
+    /// Limit the change of the output since the previous sample. The first output changes from zero. All outputs are already within the
+    /// saturation.
     fn limit_rate(&self, k: u64, tau: &mut [S]) {
         if !self.sampling.rate_limit.is_finite() {
             return;
@@ -121,12 +122,12 @@ impl<S: Real> Sampler<S> {
         }
     }
 
-    /// Forget every sample, because the run restarts.
+    /// Forget all samples, because the run restarts.
     pub fn forget(&mut self) {
         self.ring.iter_mut().for_each(|entry| entry.index = u64::MAX);
     }
 
-    /// All instants inside a run, increasing: samples and the times at which their outputs act.
+    /// Return all sample times and the times at which their outputs act, within the run, s, increasing.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
         let samples = (t_end / self.sampling.period).ceil() as u64 + 1;
         let mut all: Vec<f64> =

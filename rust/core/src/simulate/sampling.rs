@@ -1,50 +1,50 @@
-//! A sampled controller: its sample times, its measurements, and the times at which its outputs act.
+//! Settings of a sampled controller: sample times, measurements, and the times at which outputs act.
 //!
-//! Sample `k` is taken at `t_k = k T + j_k`, `j_k` uniform in [0, jitter]. The law gets the measurement of `sensor_delay` samples
-//! before, with noise and in steps of the encoders' resolution. Its output acts from `t_k + delay` on, with a limited rate of
-//! change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea and Flood 2014). So a run repeats to
-//! the bit, and so does a run that continues from its middle.
+//! Sample `k` is taken at `t_k = k T + j_k`, where the jitter `j_k` is uniform in [0, jitter]. The law receives the measurement that is
+//! `sensor_delay` samples old. The measurement has noise and the resolution of the encoders. The law's output acts from `t_k + delay` on,
+//! with a limited rate of change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea and Flood 2014).
+//! So a repeated run has the same bits. A run that continues from the middle also has them.
 
 use super::schedule::require_memory;
 use crate::error::{Error, Result, positive};
 use crate::plant::sensors::TorqueSensor;
 
-/// The largest number of samples that are stored for late outputs and measurements. More indicates an error in the arguments.
+/// The largest number of stored samples for delayed outputs and measurements. More samples indicate an error in the arguments.
 const MOST_LATE: f64 = 1e5;
-/// More samples than this in one run also indicate an error.
+/// More samples than this limit in one run also indicate an error.
 const MOST_SAMPLES: f64 = 1e12;
 
-/// A time this close to an instant, in periods, is that instant.
+/// A time is taken as an instant if their difference, divided by the period, is below this limit.
 pub(super) const ON_TIME: f64 = 1e-9;
 
 /// The measured quantities of a plant, in the order of its state.
 pub const CHANNELS: [&str; 4] = ["q", "v", "theta", "theta_dot"];
 
-/// How a sampled law measures and acts.
+/// The settings of a sampled law.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
-    /// `T`, s.
+    /// The sample period `T`, s.
     pub period: f64,
-    /// The time from a sample until its output acts, s.
+    /// The time from a sample until the law's output acts, s.
     pub delay: f64,
-    /// Largest lateness of a sample, s.
+    /// The largest delay of a sample after its nominal time, s.
     pub jitter: f64,
-    /// Samples between a measurement and its arrival at the law.
+    /// The age of a measurement when the law receives it, in samples.
     pub sensor_delay: usize,
-    /// Standard deviation of the noise of each channel, in its unit.
+    /// Standard deviations of the noise of the four channels, in the units of the channels.
     pub noise: [f64; 4],
-    /// Step of each channel; 0 for none.
+    /// Resolutions of the four channels, in the units of the channels. Zero means an exact measurement.
     pub resolution: [f64; 4],
-    /// Largest change of the input per second; infinite for none.
+    /// The largest change of the input per second, N m/s or N/s. Infinity means no limit.
     pub rate_limit: f64,
-    /// Elastic joints: the law knows the links through this sensor and the motors' encoders.
+    /// The joint torque sensors of a plant with elastic joints. The law then computes link positions from sensors and motor encoders.
     pub torque_sensor: Option<TorqueSensor>,
-    /// Seed of the noise.
+    /// The seed of all random numbers.
     pub seed: u64,
 }
 
 impl Sampling {
-    /// A perfect controller of this period.
+    /// Return an ideal controller with the sample period `period`, s.
     pub fn every(period: f64) -> Self {
         Sampling {
             period,
@@ -59,7 +59,7 @@ impl Sampling {
         }
     }
 
-    /// Refuse numbers out of range.
+    /// Refuse numbers that are out of range.
     pub fn validate(&self) -> Result<()> {
         positive("sample_time", self.period)?;
         let nonnegative = |name: &str, x: f64| {
@@ -89,7 +89,7 @@ impl Sampling {
         Ok(())
     }
 
-    /// Refuse more samples in a run of length `t_end` than the memory holds.
+    /// Refuse a run of length `t_end`, s, whose samples exceed the memory.
     pub fn require_memory(&self, t_end: f64) -> Result<()> {
         if t_end / self.period > MOST_SAMPLES {
             let least = t_end / MOST_SAMPLES;
@@ -99,37 +99,37 @@ impl Sampling {
         if self.is_plain() { Ok(()) } else { require_memory((t_end / self.period) as u128) }
     }
 
-    /// Whether it only holds the law's output.
+    /// Whether the controller only holds the law's output.
     pub fn is_plain(&self) -> bool {
         *self == Sampling { seed: self.seed, ..Sampling::every(self.period) }
     }
 
-    /// When sample `k` is taken; `grid > 0` rounds its lateness down to whole steps of that size.
+    /// Return the time of sample `k`, s. If `grid > 0`, the jitter is rounded down to a multiple of `grid`, s.
     pub fn instant(&self, seed: u64, k: u64, grid: f64) -> f64 {
         let late = if self.jitter > 0.0 { self.jitter * uniform(seed, k, JITTER) } else { 0.0 };
         let late = if grid > 0.0 { (late / grid).floor() * grid } else { late };
         k as f64 * self.period + late
     }
 
-    /// The last sample taken at or before `t`; `None` before the first.
+    /// Return the last sample at or before time `t`. The result is `None` before the first sample.
     fn last_sample(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
         let slack = ON_TIME * self.period;
         let k = ((t + slack) / self.period).floor().max(0.0) as u64;
         if self.instant(seed, k, grid) <= t + slack { Some(k) } else { k.checked_sub(1) }
     }
 
-    /// The sample whose output acts at `t`.
+    /// Return the sample whose output acts at time `t`.
     pub(super) fn acting(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
         self.last_sample(seed, grid, t - self.delay)
     }
 
-    /// The sample to take at `t`, if one falls there.
+    /// Return the sample that is due at time `t`, if any.
     pub(super) fn due(&self, seed: u64, grid: f64, t: f64) -> Option<u64> {
         let k = self.last_sample(seed, grid, t)?;
         ((self.instant(seed, k, grid) - t).abs() <= ON_TIME * self.period).then_some(k)
     }
 
-    /// The measurement of entry `i` of channel `channel` at sample `k`.
+    /// Return the measurement of element `i` of channel `channel` at sample `k`. `x` is the exact value.
     pub fn measure(&self, seed: u64, k: u64, channel: usize, i: usize, x: f64) -> f64 {
         let noise = self.noise[channel];
         let x = if noise > 0.0 { x + noise * gaussian(seed, k, (4 * i + channel) as u64) } else { x };
@@ -138,10 +138,10 @@ impl Sampling {
     }
 }
 
-/// The channel of the jitter, different from those of all measurements.
+/// The random channel of the jitter. No measurement uses it.
 const JITTER: u64 = u64::MAX;
 
-/// A pseudo-random 64-bit number of `seed`, `k` and `channel`.
+/// Return a pseudo-random 64-bit number that depends on `seed`, `k` and `channel`.
 fn mixed(seed: u64, k: u64, channel: u64) -> u64 {
     let mut z = seed;
     for word in [k, channel] {
@@ -153,12 +153,12 @@ fn mixed(seed: u64, k: u64, channel: u64) -> u64 {
     z
 }
 
-/// Uniform in [0, 1).
+/// Return a random number that is uniform in [0, 1).
 fn uniform(seed: u64, k: u64, channel: u64) -> f64 {
     (mixed(seed, k, channel) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Standard normal (Box and Muller 1958).
+/// Return a random number with the standard normal distribution (Box and Muller 1958).
 pub(super) fn gaussian(seed: u64, k: u64, channel: u64) -> f64 {
     let (a, b) = (uniform(seed, k, 2 * channel), uniform(seed, k, 2 * channel + 1));
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()

@@ -1,30 +1,30 @@
-//! The times of a run: its steps, its records, and its restarts.
+//! The times of a run: steps, records, and jumps of the input.
 
 use super::bound::Bound;
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
 use crate::memory;
 
-/// A time this close to a step's end, in steps, is that end.
+/// A time is taken as the end of a step if their difference, divided by the step size, is below this limit.
 const ON_GRID: f64 = 1e-9;
-/// More steps than this indicate an error in the arguments.
+/// A larger number of steps indicates an error in the arguments.
 const MAX_STEPS: f64 = 1e12;
-/// The least memory of one record: its place in the schedule, time, state, input and monitors of a small arm.
+/// The smallest memory of one record, in bytes: its place in the schedule, time, state, input and monitors for a small arm.
 const BYTES_PER_RECORD: u128 = 160;
 
-/// Records that are placed between two checks for a stop.
+/// The number of records that are placed between two checks for a stop.
 const LOOK: usize = 1 << 12;
 
-/// The times of the records.
+/// The times of the records of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Times {
-    /// Fixed steps: the start and every `k`-th step, and the end; adaptive methods: every `k`-th accepted step.
+    /// At the start and after every `k`-th accepted step. A run of fixed steps also records its end.
     Every(usize),
-    /// Exactly these times, increasing, within `[0, t_end]`.
+    /// At these times, s, increasing, within `[0, t_end]`.
     At(Vec<f64>),
 }
 
-/// Refuse times that do not increase or leave the run.
+/// Refuse times that do not increase, or that are outside of the run.
 pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
     finite("t_eval", t_eval)?;
     for (i, &t) in t_eval.iter().enumerate() {
@@ -38,8 +38,8 @@ pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
     Ok(())
 }
 
-/// Refuse more records than memory holds, before any is made: the system refuses one large reservation, while many small ones would end the
-/// process.
+/// Refuse more records than memory can store. The check is one large reservation, which the system can refuse. Many small reservations
+/// would end the process instead.
 pub fn require_memory(records: u128) -> Result<()> {
     let bytes = records * BYTES_PER_RECORD;
     let refused = Error::Memory { bytes };
@@ -47,7 +47,7 @@ pub fn require_memory(records: u128) -> Result<()> {
     Vec::<u8>::new().try_reserve_exact(size).map_err(|_| refused)
 }
 
-/// A record of a fixed-step run: after `step` steps, and a further `offset` seconds.
+/// A record of a fixed-step run, `offset` seconds after the end of step number `step`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record {
     pub step: usize,
@@ -55,25 +55,25 @@ pub struct Record {
     pub t: f64,
 }
 
-/// Which records a run has.
+/// The records of a run.
 #[derive(Clone, Debug)]
 enum Records {
-    /// The start and every `k`-th step, and the end.
+    /// At the start, after every `k`-th step, and at the end.
     Every(usize),
-    /// The start and the end.
+    /// At the start and at the end.
     Ends,
-    /// The end.
+    /// Only at the end.
     Last,
     At(Vec<Record>),
 }
 
-/// The additional results that the system computes within the steps of a run.
+/// Results that the system computes within the steps of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Within {
     Nothing,
-    /// Every step is added to sums in the state.
+    /// Every step updates the metrics in the state.
     Sums,
-    /// A record is noted at regular steps, and as record `last` at the end.
+    /// Every `every`-th step stores a record. Record `last` is at the end.
     Notes {
         every: usize,
         last: usize,
@@ -87,9 +87,9 @@ pub struct Schedule {
     pub t_end: f64,
     pub steps: usize,
     records: Records,
-    /// Times of jumps strictly inside the run, increasing.
+    /// Times of the jumps of the input within the run, s, increasing.
     pub breaks: Vec<f64>,
-    /// The bound of the state.
+    /// The limit of the state.
     pub bound: Bound,
     pub within: Within,
 }
@@ -101,7 +101,7 @@ impl Schedule {
         if exact > MAX_STEPS {
             return Err(Error::input("dt", format!("is too small for the run: expected at least {}, got {dt}", t_end / MAX_STEPS)));
         }
-        // A last step shorter than the rest ends a run whose length is not a multiple of dt.
+        // If the length of the run is not a multiple of `dt`, the last step is shorter.
         let steps = (exact - ON_GRID * exact.max(1.0)).ceil().max(0.0) as usize;
         let breaks = breaks.iter().copied().filter(|&b| b > 0.0 && b < t_end).collect();
         let mut schedule = Schedule { dt, t_end, steps, records: Records::Ends, breaks, bound, within: Within::Nothing };
@@ -116,18 +116,18 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// The same steps, each added to sums in the state, with records only at the start and the end.
+    /// Return the steps with an update of the metrics at every step, and with records only at the start and the end.
     pub fn summing_up(&self) -> Self {
         Schedule { records: Records::Ends, within: Within::Sums, ..self.clone() }
     }
 
-    /// The same steps, with records at regular steps noted within; `None` for records at other times.
+    /// Return the steps with records that are stored within steps. The result is `None` if the records are not at regular steps.
     pub fn noting(&self) -> Option<Self> {
         let Records::Every(every) = self.records else { return None };
         Some(Schedule { records: Records::Last, within: Within::Notes { every, last: self.count() - 1 }, ..self.clone() })
     }
 
-    /// The record that is noted before step `step`, if there is one.
+    /// Return the record that is stored before step `step`, if there is one.
     #[inline(always)]
     pub fn noted(&self, step: usize) -> Option<usize> {
         match self.within {
@@ -136,7 +136,7 @@ impl Schedule {
         }
     }
 
-    /// Number of records.
+    /// The number of records.
     pub fn count(&self) -> usize {
         match &self.records {
             Records::Every(every) => self.steps / every + 1 + usize::from(!self.steps.is_multiple_of(*every)),
@@ -146,7 +146,7 @@ impl Schedule {
         }
     }
 
-    /// Record `i`; `None` behind the last one.
+    /// Return record `i`, or `None` after the last record.
     pub fn record(&self, i: usize) -> Option<Record> {
         let on_step = |step: usize| {
             let step = step.min(self.steps);
@@ -160,7 +160,7 @@ impl Schedule {
         }
     }
 
-    /// The times of all records.
+    /// Return the times of all records, s.
     pub fn record_times(&self) -> Result<Vec<f64>> {
         require_memory(self.count() as u128)?;
         let mut times = memory::reserved(self.count())?;
@@ -173,9 +173,9 @@ impl Schedule {
         Ok(times)
     }
 
-    /// The time after `step` steps.
+    /// Return the time after `step` steps, s.
     pub fn time(&self, step: usize) -> f64 {
-        // Signed conversion is one instruction.
+        // The conversion of a signed integer is one instruction.
         if step >= self.steps { self.t_end } else { step as i64 as f64 * self.dt }
     }
 
@@ -194,7 +194,7 @@ impl Schedule {
         matches!(self.records, Records::Every(1))
     }
 
-    /// Whether `t` is, up to rounding, the end of a step that ends at `end`.
+    /// Whether `t` equals, up to rounding, the end `end` of a step.
     pub fn is_end(&self, t: f64, end: f64) -> bool {
         (t - end).abs() <= ON_GRID * self.dt
     }

@@ -1,4 +1,4 @@
-//! One run, on one number.
+//! One run on plain numbers, and its records.
 
 use super::balances;
 use super::columns::Columns;
@@ -18,59 +18,59 @@ use crate::plant::{FrictionTorque, Rubbed};
 use crate::status::Status;
 use std::ops::Range;
 
-/// The records of one run; arrays are row-major with time first.
+/// The records of one run with `K` records. Arrays are row-major, and time is the first axis.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
-    /// Times of the records `(K,)`, s.
+    /// Times of the records, shape `(K,)`, s.
     pub t: Vec<f64>,
-    /// `(K, n)`
+    /// Joint positions, shape `(K, n)`, rad or m.
     pub q: Vec<f64>,
-    /// Velocities `(K, n)`.
+    /// Joint velocities, shape `(K, n)`, rad/s or m/s.
     pub v: Vec<f64>,
-    /// Inputs of the plant `(K, n)`.
+    /// Inputs of the plant, shape `(K, n)`, N m or N. They are velocities for a velocity-controlled plant.
     pub tau: Vec<f64>,
-    /// Motors of an elastic plant, `(K, n)`; else empty.
+    /// Motor positions of an elastic plant, shape `(K, n)`, rad. Empty for other plants.
     pub theta: Vec<f64>,
-    /// Motor velocities.
+    /// Motor velocities of an elastic plant, shape `(K, n)`, rad/s. Empty for other plants.
     pub theta_dot: Vec<f64>,
-    /// The law's state, `(K, p)`.
+    /// States of the law, shape `(K, p)`.
     pub z: Vec<f64>,
-    /// Deflections of the bristles of LuGre friction, `(K, n)`; else empty.
+    /// Bristle deflections of LuGre friction, shape `(K, n)`. Empty for other plants.
     pub bristles: Vec<f64>,
-    /// Torques of dry friction, `(K, n)`; empty without.
+    /// Torques of dry friction, shape `(K, n)`, N m or N. Empty without dry friction.
     pub friction: Vec<f64>,
-    /// `(K,)` per monitor.
+    /// Name and values of each monitor, shape `(K,)`.
     pub monitors: Vec<(&'static str, Vec<f64>)>,
-    /// How it ended.
+    /// The reason of the end of the run.
     pub status: Status,
-    /// When it ended: `t_end`, or the time of the fault.
+    /// The end of the run, s: `t_end`, or the time of a fault.
     pub ended: f64,
-    /// Evaluations of the loop.
+    /// The number of evaluations of the state rates.
     pub evaluations: u64,
-    /// Accepted steps.
+    /// The number of accepted steps.
     pub steps: u64,
-    /// Rejected steps.
+    /// The number of rejected steps.
     pub rejections: u64,
-    /// How it was computed: "machine", "portable" or "direct".
+    /// The kind of evaluation: "machine" or "portable" code of programs, or "direct" without programs.
     pub engine: &'static str,
-    /// The residuals of its balances, see [`super::BALANCES`].
+    /// The residuals of the balances of the run, see [`super::BALANCES`].
     pub balances: [f64; 4],
-    /// See [`crate::integrate::Work::coarsen`].
+    /// The factor that makes the tolerances feasible, see [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,
 }
 
 struct RunRecorder<'a> {
     run: &'a mut Run,
     columns: Columns,
-    /// The numbers of each series in a record.
+    /// The range of each series in a record.
     numbers: Vec<Range<usize>>,
     problem: &'a Problem<'a>,
-    /// Made at the first record that no program computed, because it compiles an arm.
+    /// The monitors. They are created at the first record that no program computed, because creation compiles an arm.
     monitor: Option<Box<Monitors<'a>>>,
     values: Vec<f64>,
-    /// When a monitor stopped being finite.
+    /// The time at which a monitor was not finite.
     fault: f64,
-    /// Why no more is recorded: the memory is full.
+    /// The error after which no more records are stored, because the memory is full.
     full: Result<()>,
 }
 
@@ -127,7 +127,7 @@ impl RunRecorder<'_> {
         Ok(())
     }
 
-    /// The records of a block, up to one with a monitor that is not finite.
+    /// Append the records of a block, up to a record with a monitor that is not finite.
     fn keep_block(&mut self, block: &Block) -> Result<()> {
         let (run, monitors) = (&mut *self.run, self.values.len());
         let (mut sound, numbers) = (true, &self.numbers);
@@ -167,12 +167,12 @@ impl RunRecorder<'_> {
     }
 }
 
-/// Run the one run of `problem`. The result has the records before a fault, and the status.
+/// Run the one run of `problem`. If a fault occurs, the result has the records before the fault, and the status of the fault.
 pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
     simulate_observed(problem, stop, None)
 }
 
-/// The same as [`simulate`], with the events and polynomials of an adaptive method if the observer requests them.
+/// Run like [`simulate`]. With an adaptive method, the observer also receives the events and polynomials that it requests.
 pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
     let division = problem.validate()?;
     problem.require_memory(1)?;
@@ -237,12 +237,12 @@ pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Optio
 }
 
 impl Run {
-    /// Drop the records from the fault on.
+    /// Remove the records from time `t` on.
     fn keep_before(&mut self, t: f64) {
         self.truncate(self.t.iter().position(|&s| s >= t).unwrap_or(self.t.len()));
     }
 
-    /// Add the torques of friction.
+    /// Compute the torques of friction of all records.
     fn rub(&mut self, problem: &Problem) -> Result<()> {
         let Some(mut friction) = FrictionTorque::of(problem.plant(0), problem.force_frame()) else { return Ok(()) };
         let mut torques = memory::zeros(self.q.len())?;
@@ -253,7 +253,7 @@ impl Run {
         Ok(())
     }
 
-    /// Keep the first `k` records.
+    /// Remove all records but the first `k`.
     fn truncate(&mut self, k: usize) {
         if k >= self.t.len() {
             return;

@@ -1,15 +1,15 @@
-//! The destination of the records of a group of lanes.
+//! The receiver of the records of a group of lanes.
 
 use super::log::Block;
 
 /// Receives the records of a group of lanes.
 pub trait Sink {
-    /// Record `i` of `lane`: time, state `[q, v, z, quadratures]` and input.
+    /// Receive record `i` of `lane`: time, s, state `[q, v, z, quadratures]` and input.
     fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]);
 
-    /// Records of all lanes that were noted within the steps of a program, monitors included.
+    /// Receive records of all lanes with their monitors, which programs stored within steps.
     fn block(&mut self, block: &Block);
 
-    /// The stored numbers of the metrics up to the last record of a run; `time(i)` is the time of record `i`.
+    /// Receive the stored numbers of a run's metrics up to its last record. `time(i)` is the time of record `i`, s.
     fn take(&mut self, _lane: usize, _kept: &[f64], _time: &dyn Fn(usize) -> f64) {}
 }

@@ -1,4 +1,4 @@
-//! A loop with one step of fixed size per call. The input comes from the law or from the caller.
+//! A loop that computes one step of fixed size per call. The law or the caller provides the input.
 
 use super::bound::Bound;
 use super::force::Wrench;
@@ -12,42 +12,43 @@ use crate::law::Route;
 use crate::scalar::{Float, Real};
 use crate::status::Status;
 
-/// A stepped loop, for every kind of number.
+/// A loop with one step per call, for every number type.
 pub trait Stepping: Send {
-    /// Advance by one step under `tau` `(n,)`, or under the law if it is `None`, and under the wrench `push` instead of the
-    /// problem's force. A step that diverges changes neither state nor input. The status then remains until the caller sets a new state.
+    /// Advance by one step. `tau`: the input of the plant, shape `(n,)`; if it is `None`, the law computes the input. `push`: the wrench
+    /// instead of the problem's force. A step that diverges changes neither state nor input. All later steps then have the same status,
+    /// until the caller sets a new state.
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status;
-    /// The plant's state and the law's, `(states + p,)`, into `x`; the input of the last step, within its limits, into `tau`.
+    /// Write the states of the plant and of the law to `x`, shape `(states + p,)`. Write the saturated input of the last step to `tau`.
     fn read(&self, x: &mut [f64], tau: &mut [f64]);
-    /// Restart at `t = 0` from `x`, `(states + p,)`.
+    /// Restart at `t = 0` from `x`, the states of plant and law, shape `(states + p,)`.
     fn reset(&mut self, x: &[f64]);
-    /// Continue at the present time from `x`, `(states + p,)`.
+    /// Continue at the present time from `x`, the states of plant and law, shape `(states + p,)`.
     fn put(&mut self, x: &[f64]);
     /// The status: `Success`, or `Diverged`.
     fn status(&self) -> Status;
-    /// The number of steps taken.
+    /// The number of steps so far.
     fn steps(&self) -> u64;
-    /// Whether [`Stepping::resume`] reproduces the bits from here. Between two samples it would need more than the state and the input.
+    /// Whether [`Stepping::resume`] can reproduce the bits of the next steps. Between two samples, state and input are not sufficient.
     fn resumable(&self) -> bool;
-    /// Continue after `steps` steps from the state `x` and the input `tau` of [`Stepping::read`], with the status of a diverged step if
-    /// `diverged`.
+    /// Continue after `steps` steps from the state `x` and the input `tau` of [`Stepping::read`]. `diverged`: whether the last step had
+    /// diverged.
     fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64], diverged: bool);
 }
 
-/// The loop, its method and its state.
+/// A loop with its method and its state.
 struct Stepper<S, F, M> {
     closed: F,
     method: M,
     x: Vec<S>,
     tau: Vec<S>,
     dt: f64,
-    /// Steps per sample; 0 for a law that is evaluated in every stage.
+    /// The number of steps per sample, or 0 for a law that is evaluated in every stage.
     hold: u64,
-    /// The past affects the loop only by the last sample, and this only by `tau`.
+    /// Whether the past affects the loop only through the last sample, and this sample only through `tau`.
     plain: bool,
     simple: bool,
     steps: u64,
-    /// The state at the start of the last step, and the input of the one before.
+    /// The state at the start of the last step, and the input of the step before.
     before: (Vec<S>, Vec<S>),
     bound: Bound,
     status: Status,
@@ -67,7 +68,7 @@ where
         self.before.0.copy_from_slice(&self.x);
         self.before.1.copy_from_slice(&self.tau);
         if push.is_some() || self.pushed {
-            // The force jumps.
+            // The force jumps, so that the method must not use values of the previous step.
             self.closed.push(push);
             self.method.restart();
             self.pushed = push.is_some();
@@ -169,7 +170,7 @@ pub fn require_fixed_steps(method: Method) -> Result<()> {
     Ok(())
 }
 
-/// The stepper of the one run of a problem, without monitors: their integrals would be part of the state.
+/// Return the stepper of the one run of a problem. Monitors are not allowed, because their integrals would be part of the state.
 pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     let o = &problem.options;
     require_fixed_steps(o.method)?;
@@ -190,7 +191,7 @@ pub fn stepper(problem: &Problem) -> Result<Box<dyn Stepping>> {
     }
 }
 
-/// A stepper for any method of fixed steps.
+/// Creates a stepper for any method of fixed steps.
 struct Boxed<'a>(&'a Problem<'a>);
 
 impl<S: Real, F: Watched<S> + Send + 'static> WithSteps<S, F> for Boxed<'_> {

@@ -1,17 +1,17 @@
-//! Whether a run shall stop: set by another thread, or found by a regular check.
+//! Requests to stop a run: by another thread, or by a regular check.
 
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The time between two checks of a run.
+/// The time between two checks.
 const SLICE: Duration = Duration::from_millis(20);
-/// Calls between two readings of the clock. There is one call per block of steps.
+/// The number of calls between two readings of the clock. Each block of steps makes one call.
 const QUESTIONS: u32 = 16;
 
 /// The regular check of a run.
 pub trait Stop {
-    /// Whether the run is to stop.
+    /// Whether the run must stop.
     fn requested(&self) -> bool;
 }
 
@@ -21,7 +21,7 @@ impl Stop for AtomicBool {
     }
 }
 
-/// Calls `poll` every 20 ms on the thread of the run, so that Ctrl-C requires no other thread.
+/// Calls `poll` every 20 ms on the thread of the run. So Ctrl-C requires no other thread.
 pub struct Poller<'a> {
     poll: RefCell<&'a mut dyn FnMut() -> bool>,
     questions: Cell<u32>,
@@ -30,7 +30,7 @@ pub struct Poller<'a> {
 }
 
 impl<'a> Poller<'a> {
-    /// Call this function.
+    /// Create a check that calls `poll`.
     pub fn new(poll: &'a mut dyn FnMut() -> bool) -> Self {
         Poller { poll: RefCell::new(poll), questions: Cell::new(0), next: Cell::new(None), stopped: Cell::new(false) }
     }

@@ -1,28 +1,29 @@
-//! The summary of a run, from the numbers of a [`Gauge`](super::gauge::Gauge).
+//! The summary of a run: its metrics as final numbers, from the stored numbers of a [`Gauge`](super::gauge::Gauge).
 
 use super::measures::{Plan, Wanted};
 use std::ops::Range;
 
-/// There is no overshoot if the reference moves less than this, rad or m. The same applies if it still moves faster than this at the end.
+/// If the reference moves by less than this, rad or m, overshoot is not computed. The same limit, per second, applies to its speed at the
+/// end.
 const STILL: f64 = 1e-9;
 
-/// The data of the summary of a run besides the stored numbers.
+/// Data of a run for its summary, in addition to the stored numbers.
 pub struct Ends<'a> {
-    /// The times of the first and of the last record.
+    /// The times of the first and of the last record, s.
     pub times: [f64; 2],
-    /// The time of the record after the last one outside of the band; `None` where there is none.
+    /// The time of the record after the last record outside of the settling band, s. `None` if the last record is outside.
     pub settled: Option<f64>,
-    /// Positions at the first record.
+    /// The joint positions at the first record, rad or m.
     pub q: &'a [f64],
     /// The law's desired motions at the last record.
     pub desired: &'a [f64],
 }
 
-/// A quantity of the summary: its name, and its width where it has one number per joint or frame.
+/// A quantity of the summary: its name, and its width if it has one number per joint or frame.
 pub type Column = (&'static str, Option<usize>);
 
 impl Plan {
-    /// The quantities, in the order of [`Plan::summary`].
+    /// Return the quantities, in the order of [`Plan::summary`].
     pub fn columns(&self) -> Vec<Column> {
         let (n, m) = (Some(self.n), Some(self.distances()).filter(|&m| m > 0));
         let mut columns = vec![("error_rms", n), ("error_peak", n), ("error_final", n), ("overshoot", n), ("tau_rms", n), ("tau_peak", n)];
@@ -35,12 +36,12 @@ impl Plan {
         columns
     }
 
-    /// The numbers of all quantities, one after another.
+    /// Return the values of all quantities, one after another.
     pub fn summary(&self, kept: &[f64], ends: &Ends) -> Vec<f64> {
         let places = &self.places;
         let [t0, t1] = ends.times;
         let of = |range: &Range<usize>| kept[range.clone()].iter().copied();
-        // A single record has all the weight.
+        // If the run has one record, the root mean square is the value of this record.
         let alone = t1 == t0;
         let rms = |sum: f64, only: f64| if alone { only } else { (sum / (2.0 * (t1 - t0))).sqrt() };
         let mut all = Vec::with_capacity(6 * self.n + 3 * self.distances() + 7);
@@ -62,13 +63,13 @@ impl Plan {
         let (energy, lyapunov) = (&kept[places.energy.clone()], &kept[places.lyapunov.clone()]);
         all.push(energy_error(energy).unwrap_or(f64::NAN));
         all.push(energy.get(3).copied().unwrap_or(f64::NAN));
-        // A function that starts at zero does not rise by a factor.
+        // If the function starts at zero, its growth as a factor is not defined.
         all.push(lyapunov.first().map_or(f64::NAN, |&first| if first > 0.0 { lyapunov[1] / first } else { 0.0 }));
         all.push(lyapunov.first().map_or(f64::NAN, |_| lyapunov[3] / lyapunov[1]));
         all
     }
 
-    /// The distance of joint `i` beyond the farthest point of the reference, as a fraction of the distance to the reference's end.
+    /// Return the overshoot of joint `i`: its distance beyond the extreme of the reference, divided by the distance from start to end.
     fn overshoot(&self, kept: &[f64], ends: &Ends, i: usize) -> f64 {
         let places = &self.places;
         let (end, speed) = match &self.wanted {
@@ -85,7 +86,7 @@ impl Plan {
     }
 }
 
-/// The largest balance as a fraction of the largest energy stored or exchanged; `kept`: see [`super::measures::MeasureLayout::energy`].
+/// The largest balance, divided by the largest energy stored or exchanged. `kept`: see [`super::measures::MeasureLayout::energy`].
 fn energy_error(kept: &[f64]) -> Option<f64> {
     let &[_, energy, power, missing] = kept else { return None };
     Some(if missing > 0.0 { missing / energy.max(power) } else { missing })

@@ -1,4 +1,4 @@
-//! The sums of the metrics as operations on the state at a record, for the recording of a loop.
+//! Updates of metrics as recorded operations on the state at a record.
 
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, Seen, Start};
@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::schedule::Times;
 use crate::scalar::Real;
 
-/// The metrics of one run or of several side by side.
+/// The metrics of one run, or of several runs at the same time.
 pub struct Sums<S: Real> {
     columns: Columns,
     gauge: Gauge<S>,
@@ -16,14 +16,14 @@ pub struct Sums<S: Real> {
 }
 
 impl Problem<'_> {
-    /// Whether the programs of its loops can compute metrics, at every step.
+    /// Whether programs can compute metrics. This requires records at every step.
     pub fn sums_in_programs(&self) -> bool {
         self.measures.is_some() && self.options.times == Times::Every(1)
     }
 }
 
 impl<S: Real> Sums<S> {
-    /// The sums of run `run` of a problem, for the metrics of `plan`.
+    /// Create the metrics `plan` of run `run` of a problem.
     pub fn new(problem: &Problem, run: usize, plan: &Plan, storage: bool) -> Self {
         let (plant, law) = (problem.plant(run), problem.law(run));
         Sums {
@@ -33,12 +33,12 @@ impl<S: Real> Sums<S> {
         }
     }
 
-    /// The number of stored numbers, and how many of them every record updates.
+    /// Return the number of stored numbers, and how many of them are updated at every record.
     pub fn sizes(&self) -> (usize, usize) {
         (self.gauge.plan.places.all, self.gauge.plan.places.lasting)
     }
 
-    /// Add the state `x` under the desired motions and the input `tau`; `h`: the time to the next one.
+    /// Update the metrics with the state `x`, the desired motions and the input `tau`. `h`: the time to the next record, s.
     pub fn add(&mut self, desired: &[S], x: &[S], tau: &[S], h: S, start: Start, kept: &mut [S]) {
         let parts = self.columns.split(x, tau);
         let identities = self.theory.as_mut().map_or_else(Identities::default, |theory| {

@@ -1,12 +1,12 @@
-//! The contacts of a plant, its wall and its joint stops. Each is `Apart`, `Pressed` or `Slack`. It has functions whose change of sign ends
-//! this mode.
+//! Contacts of a plant: its wall and its joint stops. The mode of a contact is `Apart`, `Pressed` or `Slack`. Each mode has two guards,
+//! which are functions whose change of sign ends the mode.
 
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
 use crate::plant::{PlantSpec, Stop, Stops, Touch, Wall};
 use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
 
-/// The position and the velocity of a frame at a plant state.
+/// Computes the position and the velocity of a frame.
 pub struct Probe {
     arm: AnyArm<f64>,
     ws: Workspace<f64>,
@@ -20,7 +20,7 @@ impl Probe {
         Probe { ws: arm.workspace(), arm, trig: vec![(0.0, 1.0); n], jacobian: vec![0.0; 6 * n] }
     }
 
-    /// Position and velocity of the origin of `frame`, world axes, at `x = [q, v, ..]`.
+    /// Return position, m, and velocity, m/s, of the origin of `frame` in world axes. The plant's state is `x = [q, v, ..]`.
     pub fn frame(&mut self, frame: usize, x: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
         let n = self.trig.len();
         for (trig, &q) in self.trig.iter_mut().zip(x) {
@@ -32,18 +32,18 @@ impl Probe {
     }
 }
 
-/// The contacts of one plant, the wall first, then the stops.
+/// The contacts of one plant: the wall, then the stops.
 pub struct Switching {
     probe: Probe,
     wall: Option<Wall>,
     stops: Option<Stops>,
     which: Vec<Stop>,
-    /// The present state of each contact.
+    /// The present mode of each contact.
     pub touches: Vec<Touch>,
 }
 
 impl Switching {
-    /// `None` for a plant that touches nothing.
+    /// Return the contacts of a plant. The result is `None` for a plant without contacts.
     pub fn of(plant: &PlantSpec) -> Option<Self> {
         if plant.is_free() {
             return None;
@@ -54,7 +54,7 @@ impl Switching {
         Some(Switching { probe: Probe::new(plant), wall, stops, which, touches })
     }
 
-    /// Depth and push `k d + c d_dot` of contact `i` at plant state `x`.
+    /// Return the depth and the push `k d + c d_dot` of contact `i` at plant state `x`.
     fn contact(&mut self, i: usize, x: &[f64]) -> (f64, f64) {
         let (mut i, n) = (i, self.probe.trig.len());
         if let Some(wall) = &self.wall {
@@ -78,7 +78,7 @@ impl Switching {
         damping > 0.0
     }
 
-    /// Set the contacts to their state at `x`.
+    /// Set the mode of each contact to its mode at state `x`.
     pub fn begin(&mut self, x: &[f64]) {
         for i in 0..self.touches.len() {
             let (depth, push) = self.contact(i, x);
@@ -86,22 +86,22 @@ impl Switching {
         }
     }
 
-    /// How many guards there are: two of each contact.
+    /// The number of guards: two for each contact.
     pub fn guards(&self) -> usize {
         2 * self.touches.len()
     }
 
-    /// Guard `k` at `x`: negative if its contact has another state than the assumed one.
+    /// Return guard `k` at state `x`. It is negative if the contact is not in its present mode.
     pub fn guard(&mut self, k: usize, x: &[f64]) -> f64 {
         let (depth, push) = self.contact(k / 2, x);
         self.touches[k / 2].guards(depth, push)[k % 2]
     }
 
-    /// The contact of guard `k` changes at `x`.
+    /// Change the mode of the contact of guard `k` at state `x`.
     pub fn switch(&mut self, k: usize, x: &[f64]) {
         let i = k / 2;
         let (depth, _) = self.contact(i, x);
-        // A contact without damper ends at the surface, on both sides of the state's small error.
+        // A contact without damper ends exactly at the surface. The state has a small error there, on either side.
         let depth = if self.damped(i) { depth } else { 0.0 };
         self.touches[i] = self.touches[i].next(k % 2, depth);
     }

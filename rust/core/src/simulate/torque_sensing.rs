@@ -1,9 +1,9 @@
-//! Joint-torque sensors in a sampled loop: at sample `k`, with `tau_J = K (theta - q)` of the plant,
+//! Joint torque sensors in a sampled loop. With the torque `tau_J = K (theta - q)` of the plant's springs at sample `k`,
 //!
 //! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
-//! `q = theta - K_law^-1 reading`
+//! `q = theta - K_law^-1 reading`.
 //!
-//! in place of the measured `q`. So the law's `K_law (theta - q)` is the reading. The filters begin at rest.
+//! This `q` replaces the measured one, so that `K_law (theta - q)` in the law is the reading. The filters start at rest.
 
 use super::problem::Problem;
 use super::sampling::{Sampling, gaussian};
@@ -12,10 +12,10 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::plant::sensors::TorqueSensor;
 use crate::scalar::Real;
 
-/// The noise of the torque sensor of joint `i` uses the random channel `TORQUE + i`. No other measurement uses these channels.
+/// The random channel of the torque sensor of joint `i` is `TORQUE + i`. No other measurement uses these channels.
 const TORQUE: u64 = 1 << 32;
 
-/// The torques of one sample, `(n,)` each.
+/// The exact and the filtered torques of one sample, shape `(n,)` each, N m.
 #[derive(Clone, Debug)]
 pub struct Sensed<S> {
     torque: Vec<S>,
@@ -28,20 +28,20 @@ impl<S: Real> Sensed<S> {
     }
 }
 
-/// The sensors of the joints of all lanes.
+/// The torque sensors of all joints and lanes.
 #[derive(Clone, Debug)]
 pub struct TorqueSensing<S> {
     sensor: TorqueSensor,
-    /// `K` of the plant.
+    /// The stiffness `K` of the plant.
     stiffness: AnyGain<S>,
-    /// `K_law^-1`.
+    /// The inverse `K_law^-1` of the law's stiffness.
     compliance: AnyGain<S>,
     stretch: Vec<S>,
     readings: Vec<S>,
 }
 
 impl<S: Real> TorqueSensing<S> {
-    /// The sensors of a problem that has them; `run` is that of a lane.
+    /// Return the sensors of a problem, or `None` without sensors. `run(lane)` is the run of a lane.
     pub fn of(problem: &Problem, sampling: &Sampling, run: impl Fn(usize) -> usize) -> Option<Self> {
         let sensor = sampling.torque_sensor.clone()?;
         let springs: Vec<(&Gain, Gain)> = (0..S::LANES)
@@ -60,7 +60,7 @@ impl<S: Real> TorqueSensing<S> {
         })
     }
 
-    /// At sample `k` and plant state `x`, compute `now` from the sample before, and the positions of the links in `measured`.
+    /// Compute the torques `now` at sample `k` and plant state `x` from the previous sample, and write the link positions to `measured`.
     pub fn sense(&mut self, seeds: &[u64], k: u64, x: &[S], before: Option<(&Sensed<S>, f64)>, now: &mut Sensed<S>, measured: &mut [S]) {
         let n = self.stretch.len();
         for i in 0..n {

@@ -1,4 +1,4 @@
-//! One run on nalgebra's types: its options, its start, its records as matrices.
+//! Runs with the types of nalgebra: options, initial state, and records as matrices.
 
 use super::{DEFAULT_STATE_LIMIT, Method, Options, Problem, Run, Times, simulate};
 use crate::error::{Error, Result};
@@ -8,13 +8,14 @@ use nalgebra::{DMatrixView, DVector};
 use std::sync::atomic::AtomicBool;
 
 impl Options {
-    /// Steps of `dt` seconds by RK4 up to `t_end`, the law in every stage, every step recorded, with monitors.
+    /// Return options for RK4 with steps of `dt`, s, up to `t_end`, s. The law is evaluated in every stage. Every step has a record with
+    /// monitors.
     pub fn fixed(t_end: f64, dt: f64) -> Self {
         Options { dt: Some(dt), method: Method::Rk4, ..Options::adaptive(t_end) }
     }
 
-    /// Steps by Dormand and Prince's method of order 5 up to `t_end`, relative tolerance 1e-8, absolute tolerance 1e-10, every step
-    /// recorded, with monitors.
+    /// Return options for Dormand and Prince's method of order 5 up to `t_end`, s. The relative tolerance is 1e-8, the absolute tolerance
+    /// 1e-10. Every step has a record with monitors.
     pub fn adaptive(t_end: f64) -> Self {
         Options {
             t_end,
@@ -32,8 +33,8 @@ impl Options {
 }
 
 impl<'a> Problem<'a> {
-    /// One run from the joint positions `q0` `(n,)` and velocities `v0` `(n,)`. An elastic plant starts with its springs at rest, a
-    /// velocity-controlled one takes `v0 = 0`.
+    /// Return one run from the joint positions `q0` and velocities `v0`, shape `(n,)` each. An elastic plant starts with unloaded springs.
+    /// A velocity-controlled plant requires `v0 = 0`.
     pub fn new(plant: &'a PlantSpec, law: &'a LawSpec, q0: &DVector<f64>, v0: &DVector<f64>, options: Options) -> Result<Self> {
         let n = plant.n();
         for (name, value) in [("q0", q0), ("v0", v0)] {
@@ -49,39 +50,39 @@ impl<'a> Problem<'a> {
         Ok(Problem { plants: vec![plant], laws: vec![law], x0, forces: Vec::new(), force_frame: None, options, measures: None })
     }
 
-    /// One run from rest at `q0` `(n,)`.
+    /// Return one run from rest at the joint positions `q0`, shape `(n,)`, rad or m.
     pub fn from_rest(plant: &'a PlantSpec, law: &'a LawSpec, q0: &DVector<f64>, options: Options) -> Result<Self> {
         Problem::new(plant, law, q0, &DVector::zeros(plant.n()), options)
     }
 
-    /// Run it on the calling thread. How the run ended is [`Run::status`]; errors are those of the arguments.
+    /// Run it on the calling thread. [`Run::status`] reports the reason of the end. Errors concern the arguments.
     pub fn run(&self) -> Result<Run> {
         simulate(self, &AtomicBool::new(false))
     }
 }
 
 impl Run {
-    /// `(n, K)`: column `k` holds `q` at time `t[k]`.
+    /// The joint positions, shape `(n, K)`, rad or m. Column `k` is `q` at time `t[k]`.
     pub fn positions(&self) -> DMatrixView<'_, f64> {
         self.columns(&self.q)
     }
 
-    /// `(n, K)`: column `k` holds `v` at time `t[k]`.
+    /// The joint velocities, shape `(n, K)`, rad/s or m/s. Column `k` is `v` at time `t[k]`.
     pub fn velocities(&self) -> DMatrixView<'_, f64> {
         self.columns(&self.v)
     }
 
-    /// `(n, K)`: column `k` holds the input of the plant from time `t[k]` on.
+    /// The inputs of the plant, shape `(n, K)`, N m or N. Column `k` is the input from time `t[k]` on.
     pub fn inputs(&self) -> DMatrixView<'_, f64> {
         self.columns(&self.tau)
     }
 
-    /// The series of a monitor, `(K,)`; `None` where the run has none of that name.
+    /// The values of the monitor `name`, shape `(K,)`. The result is `None` if the run has no monitor of this name.
     pub fn monitor(&self, name: &str) -> Option<&[f64]> {
         self.monitors.iter().find(|(known, _)| *known == name).map(|(_, series)| series.as_slice())
     }
 
-    /// Time is the first axis of a series, so that its records are the columns of a matrix.
+    /// Return a series as a matrix whose columns are records. Time is the first axis of the series.
     fn columns<'a>(&self, series: &'a [f64]) -> DMatrixView<'a, f64> {
         let records = self.t.len();
         DMatrixView::from_slice(series, series.len().checked_div(records).unwrap_or(0), records)

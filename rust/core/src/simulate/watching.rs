@@ -1,7 +1,8 @@
-//! Events of a run with an adaptive method: changes of contact, joints that stick and slip, and events of the user. It also keeps the
-//! polynomials of the steps.
+//! Observation of runs of adaptive methods: changes of contacts, joints that stick and slip, and events of the user. The observer also
+//! stores the polynomials of the steps.
 //!
-//! A step with a change of contact is repeated up to the change. The mode of a contact is constant within a step, so no step has a corner.
+//! If a contact changes in a step, the step is repeated up to the change. So the mode of each contact is constant in a step, and the state
+//! rates have no corner.
 //!
 //! Functions are evaluated at four times of every step. Two changes of sign between two of these times cancel and are missed.
 
@@ -18,41 +19,41 @@ use crate::plant::{PlantSpec, Touch};
 use crate::scalar::{Real, sign};
 use crate::status::Status;
 
-/// Evaluations per step.
+/// The number of evaluations of each function per step.
 const LOOKS: usize = 4;
-/// Steps are shortened to a change of contact. After this number of successive changes at practically the same time, the step is accepted
-/// in full.
+/// After this number of successive contact changes at practically the same time, a step is accepted in full, without a change of its
+/// length.
 const STUCK: usize = 8;
 const PROGRESS: f64 = 1e-14;
 
-/// The polynomials of the steps of a run, each as its values at the Chebyshev points of its step.
+/// The polynomials of the steps of a run, given by their values at the Chebyshev points of each step.
 #[derive(Clone, Debug, Default)]
 pub struct Polynomials {
     pub degree: usize,
-    /// End of each step.
+    /// The end of each step, s.
     pub ends: Vec<f64>,
-    /// `(steps, degree + 1, states)`, the states of plant and law.
+    /// The values, shape `(steps, degree + 1, states)`. The states are those of plant and law.
     pub nodes: Vec<f64>,
 }
 
-/// The function whose change of sign changes the mode of a contact: its penetration depth or its force.
+/// Identifies a function whose change of sign changes the mode of a contact: the penetration depth or the push.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
-    /// The wall first, then the stops.
+    /// The index of the contact. The wall is first, then the stops.
     pub contact: usize,
     pub by_push: bool,
 }
 
-/// The modes of the contacts from the time `t` on.
+/// The modes of all contacts from the time `t`, s, on.
 #[derive(Clone, Debug)]
 pub struct Switched {
     pub t: f64,
-    /// The function that changed sign; `None` if the modes are those of the state at `t`.
+    /// The function that changed its sign. `None` if the modes are computed from the state at `t`.
     pub by: Option<Guard>,
     pub touches: Vec<Touch>,
 }
 
-/// The requested events and polynomials of a run, and their results.
+/// The requests for events and polynomials of a run, and their results.
 #[derive(Default)]
 pub struct RunObserver {
     /// The modes of the contacts at the start and after each change.
@@ -60,12 +61,12 @@ pub struct RunObserver {
     pub events: Vec<Event>,
     pub crossings: Crossings,
     pub polynomials: Option<Polynomials>,
-    /// Why no more results are stored: the memory is full.
+    /// The error after which no more results are stored, because the memory is full.
     pub full: Option<Error>,
 }
 
 impl RunObserver {
-    /// Store the modes of the contacts from `t` on.
+    /// Store the modes of the contacts from time `t` on.
     fn keep_contacts(&mut self, t: f64, by: Option<Guard>, touches: &[Touch]) {
         self.keep(|observer| {
             let Some(contacts) = &mut observer.contacts else { return Ok(()) };
@@ -77,7 +78,7 @@ impl RunObserver {
         });
     }
 
-    /// Store a result, as long as there is memory.
+    /// Store a result, unless the memory is already full.
     fn keep(&mut self, answer: impl FnOnce(&mut Self) -> CoreResult<()>) {
         if self.full.is_none() {
             self.full = answer(self).err();
@@ -85,10 +86,10 @@ impl RunObserver {
     }
 }
 
-/// The last evaluation of an event.
+/// The last evaluation of an event function.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
-    /// Zero for none yet.
+    /// The last sign that is not zero. It is zero before the first evaluation.
     sign: f64,
     value: f64,
     count: usize,
@@ -99,17 +100,17 @@ pub struct Watching<'a, S> {
     probe: Probe,
     observer: Option<&'a mut RunObserver>,
     events: Vec<Seen>,
-    /// The crossings of the last step: time and event.
+    /// The crossings in the last step: time, s, and index of the event.
     crossed: Vec<(f64, usize)>,
-    /// Guards of the contacts at the last evaluation, then those of joints that stick and slip; and the number of the latter.
+    /// The last values of the guards of contacts, then of those of joints that stick and slip. Below, the number of the latter guards.
     guards: Vec<f64>,
     sticking: usize,
     now: Vec<f64>,
     trial: Vec<f64>,
-    /// The guard whose contact switches next.
+    /// The guard that changes the next mode.
     switches: usize,
     stuck: usize,
-    /// States of the plant, and of plant and law.
+    /// The number of states of the plant, and that of plant and law.
     states: usize,
     width: usize,
     at: Vec<S>,
@@ -117,7 +118,7 @@ pub struct Watching<'a, S> {
 }
 
 impl<'a, S: Real> Watching<'a, S> {
-    /// `width` states of plant and law are kept of a state like `x`.
+    /// Create the observer. The first `width` numbers of a state like `x` are the states of plant and law.
     pub fn new(plant: &PlantSpec, observer: Option<&'a mut RunObserver>, width: usize, x: &[S]) -> Self {
         let switching = Switching::of(plant);
         let contacts = switching.as_ref().map_or(0, Switching::guards);
@@ -141,7 +142,7 @@ impl<'a, S: Real> Watching<'a, S> {
         }
     }
 
-    /// Hold the contacts as they are at the state in `self.x`.
+    /// Hold the contacts in their modes at the state in `self.x`.
     fn find_contacts<F: Watched<S>>(&mut self, system: &mut F, t: f64) {
         let Some(switching) = &mut self.switching else { return };
         switching.begin(&self.x);
@@ -151,7 +152,7 @@ impl<'a, S: Real> Watching<'a, S> {
         }
     }
 
-    /// The first switch in the last step of `method`, if there is one.
+    /// Return the time of the first mode change in the last step of `method`, if any.
     fn switch_in<F, M>(&mut self, system: &mut F, method: &mut M) -> Result<Option<f64>, Status>
     where
         F: Watched<S>,
@@ -212,17 +213,17 @@ impl<'a, S: Real> Watching<'a, S> {
         }
         self.stuck = 0;
         if i >= contacts {
-            // Joints reverse each other's change within rounding: continue to the end of the step with the present modes.
+            // Joints reverse each other's change within rounding. Continue to the end of the step with the present modes.
             self.switches = self.guards.len();
             return Ok(Some(t1));
         }
-        // Contacts reverse each other's change within rounding: continue with their modes at the end of the step.
+        // Contacts reverse each other's change within rounding. Continue with their modes at the end of the step.
         interpolate(system, method, t1, &mut self.at, &mut self.x);
         self.find_contacts(system, t1);
         Ok(None)
     }
 
-    /// The events up to `t1` in the last step; the time of the one that ends the run.
+    /// Record the events up to `t1` in the last step. Return the time of the event that ends the run, if any.
     fn events_in<F, M>(&mut self, system: &mut F, method: &mut M, t1: f64) -> Result<Option<f64>, Status>
     where
         F: System<S>,
@@ -271,12 +272,12 @@ impl<'a, S: Real> Watching<'a, S> {
     }
 }
 
-/// The time of evaluation `k` in a step from `t0` to `t1`.
+/// Return the time of evaluation `k` in a step from `t0` to `t1`.
 fn place(k: usize, t0: f64, t1: f64) -> f64 {
     if k == LOOKS { t1 } else { t0 + k as f64 / LOOKS as f64 * (t1 - t0) }
 }
 
-/// The state at `t` in the last step of `method`, into `at` and `x`.
+/// Write the state at time `t` in the last step of `method` to `at` and `x`.
 fn interpolate<S, F, M>(system: &mut F, method: &mut M, t: f64, at: &mut Vec<S>, x: &mut [f64])
 where
     S: Real,

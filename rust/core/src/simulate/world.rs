@@ -1,37 +1,37 @@
-//! The exogenous inputs of a loop: desired motions and applied forces, of one run or of several side by side.
+//! The exogenous inputs of a loop: desired motions and external forces, of one run or of one run per lane.
 
 use super::force::{Force, Wrench};
 use crate::motion::{Motion, Table};
 use crate::scalar::Real;
 use std::borrow::Cow;
 
-/// The time step for differences of the desired acceleration, s. The resulting error of the Jacobian is of second order, and far below the
-/// error of a step.
+/// The time step of finite differences of the desired acceleration, s. The resulting error of the Jacobian has second order, and is far
+/// below the error of a step.
 const JERK_STEP: f64 = 1e-6;
 
-/// The exogenous inputs of the loop at one instant.
+/// The exogenous input of a loop at one instant.
 #[derive(Clone)]
 pub struct Exogenous<S> {
     pub t: f64,
-    /// The desired motions one after another, `[x_d, x_d', x_d'']` each.
+    /// The desired motions, one after another. Each is `[x_d, x_d', x_d'']`.
     pub desired: Vec<S>,
     pub wrench: [S; 6],
 }
 
-/// The sources: for each desired motion one for all lanes, or one per lane; the same of forces.
+/// The sources of exogenous inputs. Each desired motion is one for all lanes, or one per lane. The same rule applies to forces.
 pub struct World<'a> {
     motions: Vec<Vec<Cow<'a, Motion>>>,
     forces: Vec<Cow<'a, Force>>,
-    /// The wrench in place of the forces.
+    /// The wrench that replaces the forces, if any.
     pushed: Option<Wrench>,
-    /// A sample per lane, of the widest motion.
+    /// Memory for one sample per lane of the widest motion.
     rows: Vec<f64>,
     lanes: usize,
     width: usize,
 }
 
 impl<'a> World<'a> {
-    /// `motions(lane)` and `force(lane)` of each lane.
+    /// Create the sources for `lanes` lanes from `motions(lane)` and `force(lane)`.
     pub fn new(lanes: usize, motions: impl Fn(usize) -> Vec<&'a Motion>, force: impl Fn(usize) -> Option<&'a Force>) -> Self {
         let per_lane: Vec<Vec<&Motion>> = (0..lanes).map(motions).collect();
         let gather = |k: usize| {
@@ -50,7 +50,7 @@ impl<'a> World<'a> {
         World { motions, forces, pushed: None, rows: vec![0.0; widest * lanes], lanes, width }
     }
 
-    /// The same world with separate motions and forces.
+    /// Return the sources with owned copies of motions and forces.
     pub fn into_owned(self) -> World<'static> {
         World {
             motions: self.motions.into_iter().map(|lanes| lanes.into_iter().map(|m| Cow::Owned(m.into_owned())).collect()).collect(),
@@ -72,17 +72,17 @@ impl<'a> World<'a> {
         self.motions.iter().flatten().all(|motion| matches!(**motion, Motion::Hold(_)))
     }
 
-    /// Whether the input is the same at all times.
+    /// Whether the exogenous input is constant.
     pub fn is_still(&self) -> bool {
         self.has_targets() && self.forces.is_empty() && self.pushed.is_none()
     }
 
-    /// Apply this wrench instead of the forces; `None` restores them.
+    /// Apply `wrench` instead of the forces. `None` restores the forces.
     pub fn push(&mut self, wrench: Option<&Wrench>) {
         self.pushed = wrench.copied();
     }
 
-    /// Memory for one instant.
+    /// Return memory for the input at one instant.
     pub fn instant<S: Real>(&self) -> Exogenous<S> {
         Exogenous { t: f64::NAN, desired: vec![S::zero(); self.width], wrench: [S::zero(); 6] }
     }
@@ -118,7 +118,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// The exogenous input at `t`, and its derivative.
+    /// Compute the exogenous input at time `t`, s, and its time derivative.
     pub fn drift<S: Real>(&mut self, t: f64, u: &mut Exogenous<S>, u_dot: &mut Exogenous<S>) {
         self.sample(t, u);
         self.sample(t + JERK_STEP, u_dot);
@@ -133,20 +133,20 @@ impl<'a> World<'a> {
             at += 3 * m;
         }
         for (rate, &from) in u_dot.wrench.iter_mut().zip(&u.wrench) {
-            // A force in steps is constant between its jumps.
+            // A piecewise constant force has the derivative zero between its jumps.
             *rate = if self.has_smooth_force() { slope(from, *rate) } else { S::zero() };
         }
     }
 
-    /// The table whose rows are the whole exogenous input, if there is one.
+    /// Return the table whose rows are the complete exogenous input. The result is `None` for other inputs.
     pub fn only_table(&self) -> Option<&Table> {
         let ([motions], []) = (self.motions.as_slice(), self.forces.as_slice()) else { return None };
         let [motion] = motions.as_slice() else { return None };
         if let Motion::Table(table) = &**motion { Some(table) } else { None }
     }
 
-    /// The exogenous input of lane `lane` at each of `times`: rows of `width` numbers, the desired motions and then the wrench if it
-    /// fits. Values that lanes share are written only for lane 0.
+    /// Write the exogenous input of lane `lane` at each time of `times` to a row of `width` numbers. A row has the desired motions, then
+    /// the wrench if it fits. Values that lanes share are written only for lane 0.
     pub fn sample_each(&self, lane: usize, times: &[f64], width: usize, out: &mut [f64]) {
         let own = |count: usize| if count > 1 { Some(lane) } else { (lane == 0).then_some(0) };
         let mut at = 0;

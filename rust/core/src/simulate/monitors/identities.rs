@@ -1,7 +1,7 @@
-//! The quantities of the identities at one state. They are `N + N'` with `N = dM/dt - 2 C`, the energy `E` and the Lyapunov function `V1`.
-//! `E` is stored in the plant, or in the law's own storage function.
+//! The quantities of the identities at one state: the largest entry of `N + N'` with `N = dM/dt - 2 C`, the energy `E` and the Lyapunov
+//! function `V1`. `E` is the energy stored in the plant, or the law's storage function.
 //!
-//! `M`, `a` and `E` are those of the true plant; `dM/dt` comes from dual numbers, so that it does not share its formula with `C`.
+//! `M`, `a` and `E` are the quantities of the true plant. `dM/dt` comes from dual numbers, so that its formula is independent of `C`.
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::dynamics::ArmAt;
@@ -10,11 +10,11 @@ use crate::plant::{PlantSpec, Stored};
 use crate::scalar::{Dual, Real};
 use crate::simulate::gauge::Identities;
 
-/// The quantities of the identities, of one run or of several side by side.
+/// Computes the quantities of the identities, for one run or for several runs at the same time.
 pub struct Theory<S: Real> {
     states: usize,
     pub arm: ArmAt<S>,
-    /// The arm on dual numbers, for derivatives in time.
+    /// The arm on dual numbers, for time derivatives.
     moving: ArmAt<Dual<S>>,
     moving_q: Vec<Dual<S>>,
     moving_m: Vec<Dual<S>>,
@@ -25,7 +25,8 @@ pub struct Theory<S: Real> {
 }
 
 impl<S: Real> Theory<S> {
-    /// For the plants and laws of the lanes, of one shape each. With `storage`, the energy is the law's storage function.
+    /// Create it for the plants and laws of the lanes, which have one shape. If `storage` is true, the energy is the law's storage
+    /// function.
     pub fn new<'a>(plant: impl Fn(usize) -> &'a PlantSpec, law: impl Fn(usize) -> &'a LawSpec, storage: bool) -> Self {
         let n = plant(0).n();
         Theory {
@@ -41,7 +42,7 @@ impl<S: Real> Theory<S> {
         }
     }
 
-    /// At state `x = [plant, z, int s' Kd s, int P]`, with the arm moved to its `q`.
+    /// Compute the quantities at state `x = [plant, z, int s' Kd s, int P]`. The arm must already be at the position `q` of `x`.
     pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
         let n = self.moving_q.len();
         let (plant, rest) = x.split_at(self.states);
@@ -58,7 +59,7 @@ impl<S: Real> Theory<S> {
         Identities { skewness: self.skewness(q, v), energy, lyapunov, quadratures: [quadratures[0], quadratures[1]] }
     }
 
-    /// The largest entry of `N + N'`.
+    /// Return the largest absolute entry of `N + N'`.
     fn skewness(&mut self, q: &[S], v: &[S]) -> S {
         let n = q.len();
         for i in 0..n {
@@ -72,7 +73,7 @@ impl<S: Real> Theory<S> {
         for i in 0..n {
             for j in i..n {
                 let sum = (entry(i, j) + entry(j, i)).abs();
-                // `max` would hide a sum that is NaN.
+                // A maximum would ignore a sum that is NaN.
                 worst = S::select(sum.lt(worst), worst, sum);
             }
         }
@@ -80,7 +81,7 @@ impl<S: Real> Theory<S> {
     }
 }
 
-/// The largest entry of `N + N'`, a unit of `M` per second.
+/// The largest absolute entry of `N + N'`, in the unit of `M` per second.
 pub struct Skewness;
 
 impl MonitorKind for Skewness {
@@ -101,7 +102,7 @@ impl<S: Real> Monitor<S> for Skewness {
     }
 }
 
-/// `E` and `E(t) - E(0) - int P dt`, J.
+/// The energy `E` and its balance `E(t) - E(0) - int P dt`, J.
 pub struct Energy;
 
 impl MonitorKind for Energy {
@@ -124,7 +125,7 @@ impl<S: Real> Monitor<S> for Energy {
     }
 }
 
-/// `int F.x_dot - (E(t) - E(0))` with the law's own storage function `E`, J: never negative in a passive loop.
+/// The passivity `int F.x_dot - (E(t) - E(0))` with the law's storage function `E`, J. It is never negative in a passive loop.
 pub struct Passivity;
 
 impl MonitorKind for Passivity {
@@ -146,7 +147,7 @@ impl<S: Real> Monitor<S> for Passivity {
     }
 }
 
-/// `V1` and `V1(0) - V1(t) - int s' Kd s dt`, J.
+/// The Lyapunov function `V1` and its balance `V1(0) - V1(t) - int s' Kd s dt`, J.
 pub struct LyapunovBalance;
 
 impl MonitorKind for LyapunovBalance {

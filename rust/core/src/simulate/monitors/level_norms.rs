@@ -1,9 +1,9 @@
-//! Norms of the error and of the residual of each level of a law of tasks in priority, which is evaluated again at the records.
+//! Norms of error and residual for each level of a law with task priorities. The law is evaluated again at the records.
 
 use crate::law::{Law, LawSpec, PriorityAcceleration, PriorityVelocity, Solve};
 use crate::scalar::Real;
 
-/// The names of the norms; further levels have no norms.
+/// The names of the norms. Levels after the eighth have no norms.
 const NAMES: [&str; 16] = [
     "error_1",
     "residual_1",
@@ -23,7 +23,7 @@ const NAMES: [&str; 16] = [
     "residual_8",
 ];
 
-/// The names of the norms of a law's levels. A guarded law has none: its levels end at contact.
+/// Return the names of the norms of a law's levels. A guarded law has no norms, because its levels change at contact.
 pub fn names(law: &LawSpec) -> &'static [&'static str] {
     match law {
         LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) => &NAMES[..NAMES.len().min(2 * law.levels().len())],
@@ -31,7 +31,7 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
     }
 }
 
-/// On plain numbers with all routes of the solver, or recorded with the regular route.
+/// Computes the norms: on plain numbers with all routes of the solver, or on recorded values with the regular route.
 pub struct LevelNorms<P: Solve> {
     law: Engine<P>,
     u: Vec<P::Number>,
@@ -43,7 +43,7 @@ enum Engine<P: Solve> {
 }
 
 impl<P: Solve> LevelNorms<P> {
-    /// The norms of a law; `None` without levels, or if its solver does not have this route.
+    /// Return the norms of a law. The result is `None` without levels, or if its solver does not have this route.
     pub fn of(law: &LawSpec) -> Option<Self> {
         let engine = match law {
             LawSpec::PriorityVelocity(spec) => Engine::Velocity(Box::new(spec.engine()?)),
@@ -53,8 +53,8 @@ impl<P: Solve> LevelNorms<P> {
         Some(LevelNorms { law: engine, u: vec![P::Number::zero(); law.model().n()] })
     }
 
-    /// The norms at plant state `x` and its (sin, cos) under the desired motions, as many as `out` holds. Returns one if they are valid and
-    /// zero if another route is required; `None` if they are always valid.
+    /// Compute as many norms as `out` has elements, at plant state `x` with the sines and cosines `trig`. Return one if the norms are
+    /// valid, and zero if another route is required. The result is `None` if they are always valid.
     pub fn evaluate(
         &mut self,
         desired: &[P::Number],

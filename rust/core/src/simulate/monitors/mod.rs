@@ -1,4 +1,4 @@
-//! The identities of a run, at its recorded times:
+//! Monitors: identities of the theory, evaluated at the records of a run.
 //!
 //! ```text
 //! V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2 never increases
@@ -7,11 +7,12 @@
 //! E(t) - E(0) - int P dt = 0
 //! ```
 //!
-//! `E` is stored in the plant, or in the law's own storage function, and `P` is the power put into it. Cartesian impedance of a rigid arm
-//! adds the largest term and the residual of its target model. A law of elastic joints adds `max |tau_J - u|`. With its own storage
-//! function it adds the passivity at the port, `int F.x_dot - (E(t) - E(0))`, which is never negative in a passive loop.
+//! `E` is the energy stored in the plant, or the law's storage function. `P` is the power supplied to it. `V1` is the Lyapunov function.
+//! For a rigid arm with Cartesian impedance, a monitor checks its target model. For a law of elastic joints, a monitor is
+//! `max |tau_J - u|`. A law with a storage function also has the passivity at its port, `int F.x_dot - (E(t) - E(0))`, which is never
+//! negative in a passive loop.
 //!
-//! [`Checks`] computes them on any number, so that programs do so within a step.
+//! [`Checks`] computes the monitors on any number type, so that programs can compute them within a step.
 
 pub mod identities;
 mod level_norms;
@@ -32,26 +33,26 @@ use crate::scalar::Real;
 use identities::Theory;
 use level_norms::LevelNorms;
 
-/// A run.
+/// A run whose monitors are computed.
 pub struct Scope<'p, 'a> {
     pub problem: &'p Problem<'a>,
     pub run: usize,
     pub monitored: Monitored,
 }
 
-/// Properties of the monitors that all runs of a problem share.
+/// Properties of the monitors that all runs of a problem have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Monitored {
-    /// The energy is the law's own storage function.
+    /// Whether the energy is the law's storage function.
     pub storage: bool,
-    /// The target model of an impedance.
+    /// Whether the target model of an impedance law is monitored.
     pub target: bool,
-    /// The loss of a projector.
+    /// Whether the loss of a projector is monitored.
     pub loss: bool,
 }
 
 impl Monitored {
-    /// Of a problem.
+    /// Determine these properties for a problem.
     pub fn of(problem: &Problem) -> Self {
         Monitored { storage: problem.watches_storage(), target: problem.watches_target(), loss: problem.watches_loss() }
     }
@@ -67,28 +68,28 @@ impl<'a> Scope<'_, 'a> {
     }
 }
 
-/// The data of a record for a monitor.
+/// The quantities of one record from which monitors are computed.
 pub struct Moment<'a, S: Real> {
     /// The law's desired motions, one after another, and the wrench at the frame of the force.
     pub desired: &'a [S],
     pub wrench: &'a [S; 6],
-    /// The plant's state, the law's, and the input.
+    /// The states of the plant and of the law, and the input of the plant.
     pub x: &'a [S],
     pub z: &'a [S],
     pub tau: &'a [S],
-    /// The plant's arm at its `q`.
+    /// The plant's arm at the position of the record.
     pub arm: &'a mut ArmAt<S>,
-    /// The quantities of the identities, with the integrals of the dissipation of the law and of the input power.
+    /// The quantities of the identities, with the integrals of the law's dissipation and of the supplied power.
     pub identities: Identities<S>,
-    /// `E - int P` and `V1 + int s' Kd s` of the first record.
+    /// `E - int P` and `V1 + int s' Kd s` at the first record.
     pub first: [S; 2],
-    /// The loss of the law's projector; `None` for a law without one.
+    /// The loss of the law's projector. `None` for a law without a projector.
     pub loss: Option<S>,
 }
 
-/// A monitor of one run, on plain numbers or recorded.
+/// A monitor of one run, on plain numbers or on recorded values.
 pub trait Monitor<S: Real> {
-    /// Its series at a record, as many as [`MonitorKind::NAMES`].
+    /// Write the values of the monitor's series at a record, one for each of [`MonitorKind::NAMES`].
     fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]);
 }
 
@@ -97,20 +98,20 @@ type Series<S> = Vec<(usize, Box<dyn Monitor<S> + Send>)>;
 
 /// A kind of monitor.
 pub trait MonitorKind {
-    /// Its series.
+    /// The names of its series.
     const NAMES: &'static [&'static str];
 
-    /// Whether a run has it.
+    /// Whether this monitor applies to a run.
     fn applies(scope: &Scope) -> bool;
 
-    /// The monitor of a run that has it.
+    /// Create the monitor of a run to which it applies.
     fn build<S: Real>(scope: &Scope) -> Option<Box<dyn Monitor<S> + Send>>;
 }
 
-/// The kinds of monitors, in the order of their series. A monitor is in its own file and here.
+/// Lists the kinds of monitors, in the order of their series. Each kind is in its own file and in this list.
 macro_rules! monitors {
     ($($kind:ty,)*) => {
-        /// The series of a run, without the norms of levels.
+        /// The names of the series of a run, without the norms of levels.
         fn series(scope: &Scope) -> Vec<&'static str> {
             let mut all = Vec::new();
             $(if <$kind>::applies(scope) {
@@ -119,7 +120,7 @@ macro_rules! monitors {
             all
         }
 
-        /// The monitors of a run.
+        /// Create the monitors of a run.
         fn build<S: Real>(scope: &Scope) -> Series<S> {
             let mut all = Vec::new();
             $(if <$kind>::applies(scope) {
@@ -140,7 +141,7 @@ monitors! {
     identities::LyapunovBalance,
 }
 
-/// The names of the monitors of a problem's loops, in the order of [`Monitors::evaluate`].
+/// Return the names of the monitors of a problem's loops, in the order of [`Monitors::evaluate`].
 pub fn names(problem: &Problem) -> Vec<&'static str> {
     if !problem.options.monitors {
         return Vec::new();
@@ -151,20 +152,21 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
     all
 }
 
-/// The monitors of one run: on plain numbers with all routes of a law that decides ranks, or recorded with its regular route.
+/// The monitors of one run. On plain numbers, the solver of a law that decides ranks has all routes. On recorded values, it has the regular
+/// route.
 pub struct Checks<P: Solve> {
     theory: Theory<P::Number>,
     monitors: Series<P::Number>,
     levels: Option<LevelNorms<P>>,
     loss: Option<ProjectionLoss<P::Number>>,
-    /// Numbers of the plant's state that a law reads, of the bristles after them, and of norms of levels.
+    /// The number of plant states that a law reads, the number of bristles after them, and the number of norms of levels.
     states: usize,
     bristles: usize,
     norms: usize,
 }
 
 impl<P: Solve> Checks<P> {
-    /// Of a run.
+    /// Create the monitors of a run.
     pub fn new(scope: &Scope) -> Self {
         let (plant, law) = (scope.plant(), scope.law());
         let levels = LevelNorms::of(law);
@@ -179,20 +181,20 @@ impl<P: Solve> Checks<P> {
         }
     }
 
-    /// How many of the monitors are norms of levels.
+    /// The number of monitors that are norms of levels.
     pub fn norms(&self) -> usize {
         self.norms
     }
 
-    /// The norms of levels alone, as [`LevelNorms::evaluate`].
+    /// Compute only the norms of levels, like [`LevelNorms::evaluate`].
     pub fn evaluate_norms(&mut self, desired: &[P::Number], x: &[P::Number], out: &mut [P::Number]) -> Option<P::Number> {
         let arm = &mut self.theory.arm;
         arm.move_to(&x[..arm.trig().len()]);
         self.levels.as_mut()?.evaluate(desired, arm.trig(), &x[..self.states], out)
     }
 
-    /// The monitors at state `x = [plant, z, int s' Kd s, int P]` and input `tau` under the desired motions and the wrench, into `out`.
-    /// `first` computes `E - int P` and `V1 + int s' Kd s` of the first record from those of this one. The result is that of
+    /// Compute the monitors at state `x = [plant, z, int s' Kd s, int P]` and input `tau`, and write them to `out`. `first` receives
+    /// `E - int P` and `V1 + int s' Kd s` of this record, and returns their values at the first record. The result is that of
     /// [`LevelNorms::evaluate`].
     pub fn evaluate(
         &mut self,
@@ -222,25 +224,25 @@ impl<P: Solve> Checks<P> {
     }
 }
 
-/// What the monitors of one run need besides the record.
+/// The monitors of one run with its desired motions and force.
 pub struct Monitors<'a> {
     motions: Vec<&'a Motion>,
     force: Option<&'a Force>,
     checks: Checks<PrioritySolver>,
     desired: Vec<f64>,
-    /// `E` and `V1` at the first record, each with its integral there.
+    /// `E` and `V1` at the first record, each combined with its integral.
     first: Option<[f64; 2]>,
 }
 
 impl<'a> Monitors<'a> {
-    /// Of run `run` of a problem.
+    /// Create the monitors of run `run` of a problem.
     pub fn new(problem: &Problem<'a>, run: usize) -> Self {
         let law = problem.law(run);
         let scope = Scope { problem, run, monitored: Monitored::of(problem) };
         Monitors { motions: law.motions(), force: problem.force(run), checks: Checks::new(&scope), desired: law.desired(0.0), first: None }
     }
 
-    /// The monitors at time `t`, state `x` and input `tau` into `out`.
+    /// Compute the monitors at time `t`, s, state `x` and input `tau`, and write them to `out`.
     pub fn evaluate(&mut self, t: f64, x: &[f64], tau: &[f64], out: &mut [f64]) {
         if out.is_empty() {
             return;
@@ -251,7 +253,7 @@ impl<'a> Monitors<'a> {
         self.checks.evaluate((&self.desired, &wrench), (x, tau), first, out);
     }
 
-    /// The norms of levels alone, at time `t` and state `x`.
+    /// Compute only the norms of levels, at time `t`, s, and state `x`.
     pub fn evaluate_norms(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
         sample_all(self.motions.iter().copied(), t, &mut self.desired);
         self.checks.evaluate_norms(&self.desired, x, out);

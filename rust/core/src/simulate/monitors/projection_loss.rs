@@ -1,9 +1,9 @@
-//! The loss by the clamp of a law's projector or of its coupling near a singularity: see [`crate::law::ProjectionLoss`].
+//! The loss due to the clamp of a law's projector or coupling near a singularity: see [`crate::law::ProjectionLoss`].
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::scalar::Real;
 
-/// The loss. In a batch it is zero for a law without a projector.
+/// The loss as a monitor. In a batch it is zero for a law without a projector.
 pub struct Loss;
 
 impl MonitorKind for Loss {

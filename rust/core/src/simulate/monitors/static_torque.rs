@@ -1,6 +1,7 @@
-//! The torque of a static null space, by another route than the law's: with `J J'` factored, which has no clamp,
+//! The torque of a static null space, by another method than the law's. It factors `J J'`, and has no clamp:
 //!
-//! `N' tau_0 = tau_0 - J' (J J')^-1 J tau_0`, `tau_0 = K_n (q_n - q) + D_n (q_n' - v)`. It accelerates the frame by `J M^-1 N' tau_0`.
+//! `N' tau_0 = tau_0 - J' (J J')^-1 J tau_0`, `tau_0 = K_n (q_n - q) + D_n (q_n' - v)`. This torque accelerates the frame by
+//! `J M^-1 N' tau_0`.
 
 use crate::law::{CartesianImpedanceSpec, NullProjection};
 use crate::linalg::cholesky;
@@ -11,17 +12,17 @@ pub struct StaticTorque<S: Real> {
     stiffness: AnyGain<S>,
     damping: AnyGain<S>,
     work: Vec<S>,
-    /// `N' tau_0`, `(n,)`.
+    /// The torque `N' tau_0`, shape `(n,)`, N m or N.
     pub torque: Vec<S>,
-    /// A wrench, `(m,)`.
+    /// Memory for a wrench, shape `(m,)`.
     pub wrench: Vec<S>,
-    /// `(m, m)`
+    /// The matrix `J J'`, shape `(m, m)`, and its factor.
     square: Vec<S>,
     factor: Vec<S>,
 }
 
 impl<S: Real> StaticTorque<S> {
-    /// The torque of a law; `None` unless its null space has the static projector.
+    /// Return the torque of a law. The result is `None` unless the law's null space has the static projector.
     pub fn new(law: &CartesianImpedanceSpec) -> Option<Self> {
         let null_space = law.options().null_space.as_ref().filter(|null_space| null_space.projection == NullProjection::Static)?;
         let (n, m) = (law.model.n(), law.coordinates.m());
@@ -37,7 +38,7 @@ impl<S: Real> StaticTorque<S> {
         })
     }
 
-    /// `N' tau_0` at `q`, `v` and `J`, under `posture`, `q_n` and its rate.
+    /// Compute `N' tau_0` at `q`, `v` and `J`. `posture`: the desired posture `q_n`, then its rate.
     pub fn evaluate(&mut self, posture: &[S], q: &[S], v: &[S], jacobian: &[S]) {
         let (n, m) = (q.len(), self.wrench.len());
         let StaticTorque { stiffness, damping, work, torque, wrench, square, factor } = self;

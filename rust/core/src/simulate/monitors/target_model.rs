@@ -1,12 +1,13 @@
-//! The target model of Cartesian impedance (Hogan 1985), which holds at every instant for an arm under that law alone:
+//! The target model of Cartesian impedance (Hogan 1985). It holds at every instant for an arm on which only this law acts:
 //!
-//! `M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F`, `M_x = (J M^-1 J')^-1`, `S_x x' = M_x (J M^-1 C v - J' v)`,
+//! `M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F`, `M_x = (J M^-1 J')^-1`, `S_x x' = M_x (J M^-1 C v - J' v)`.
 //!
-//! with `J'` the rate of `J` in the last term. That form of `S_x x'` needs no inverse of `J`, so it holds for redundant arms too. `x''` is
-//! `J a + J' v` with the acceleration `a` of the plant; the rate of `J` comes from dual numbers. A moving target has `D_m (x' - x_d')`.
+//! In the last term, `J'` is the rate of `J`, computed with dual numbers. This form of `S_x x'` needs no inverse of `J`, so that it also
+//! holds for redundant arms. `x'' = J a + J' v`, where `a` is the acceleration of the plant. For a moving target, `D_m (x' - x_d')`
+//! replaces `D_m x'`.
 //!
-//! Options of the law add to `F`: the wrench that is fed forward, the integral wrench, and the wrench of a static null space
-//! ([`StaticTorque`]). With the coupling compensated, `M_x (x'' - x_d'')` replaces `M_x x'' + S_x x'`.
+//! Options of the law add to `F`: the feedforward wrench, the integral wrench, and the wrench of a static null space ([`StaticTorque`]). If
+//! the law compensates the coupling, `M_x (x'' - x_d'')` replaces `M_x x'' + S_x x'`.
 
 use super::static_torque::StaticTorque;
 use super::{Moment, Monitor, MonitorKind, Scope};
@@ -18,37 +19,37 @@ use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::{Plant, PlantSpec};
 use crate::scalar::{Dual, Real};
 
-/// `M_x` counts as defined where the smallest singular value of `J`, its rows scaled to length one, is above this. A law with a projector
-/// must lose nothing there either.
+/// `M_x` is regarded as defined if the smallest singular value of `J` with rows of length one exceeds this limit. A projector of the law
+/// must also have no loss there.
 const EPS: f64 = 0.02;
 
-/// One run's, on plain numbers or recorded.
+/// The target model of one run, on plain numbers or on recorded values.
 pub struct TargetModel<S: Real> {
     coordinates: Coordinates,
     stiffness: AnyGain<S>,
     damping: AnyGain<S>,
     plant: Box<dyn Plant<S> + Send>,
-    /// The frame at which the force acts, if it is not in the law's own axes.
+    /// The frame at which the force acts, if the force is not in the law's axes.
     elsewhere: Option<usize>,
     moving: ArmAt<Dual<S>>,
     moving_q: Vec<Dual<S>>,
     rates: Vec<S>,
-    /// `(n, n)`: `M` and its factor, `C`.
+    /// `M`, its factor and `C`, shape `(n, n)` each.
     mass: Vec<S>,
     factor: Vec<S>,
     coriolis: Vec<S>,
-    /// `(m, n)`: `J` and `J L^-T` of `M = L L'`; `(n,)`: `L^-1` of a torque.
+    /// `J` and `J L^-T` with `M = L L'`, shape `(m, n)` each, then `L^-1 tau`, shape `(n,)`.
     jacobian: Vec<S>,
     spread: Vec<S>,
     torque: Vec<S>,
-    /// `(m, m)`: a matrix and its factor.
+    /// A matrix and its factor, shape `(m, m)` each.
     square: Vec<S>,
     square_factor: Vec<S>,
-    /// `(m,)`: `x_d - x`, `x' - x_d'`, and the terms of the model.
+    /// `x_d - x`, `x' - x_d'`, and the terms of the model, shape `(m,)` each.
     e: Vec<S>,
     slip: Vec<S>,
     terms: [Vec<S>; 5],
-    /// `x_d'` and `x_d''`, where they are not the samples of the target themselves.
+    /// `x_d'` and `x_d''`, if they differ from the samples of the desired motion.
     rates_of_target: Option<[Vec<S>; 2]>,
     coupled: bool,
     feedforward: Option<Vec<S>>,
@@ -60,7 +61,7 @@ fn dot<S: Real>(a: &[S], b: &[S]) -> S {
 }
 
 impl<S: Real> TargetModel<S> {
-    /// The target model of a run that has this monitor.
+    /// Return the target model of a run to which this monitor applies.
     fn new(scope: &Scope) -> Option<Self> {
         let (problem, plant, law) = (scope.problem, scope.plant(), scope.law().impedance()?);
         let (n, m) = (plant.n(), law.coordinates.m());
@@ -96,8 +97,8 @@ impl<S: Real> TargetModel<S> {
         })
     }
 
-    /// The largest term of the model and the largest residual. `arm` is at `q` of the moment. Zeros where `M_x` is not defined, or where
-    /// the law's projector loses something.
+    /// Return the largest term of the model and the largest residual. `arm` must be at the position `q` of the record. Both are zero where
+    /// `M_x` is not defined, or where the law's projector has a loss.
     fn evaluate(
         &mut self,
         arm: &mut ArmAt<S>,
@@ -174,7 +175,7 @@ impl<S: Real> TargetModel<S> {
         })
     }
 
-    /// Add the wrenches of the law's options, and that of a static null space, to the force.
+    /// Add the wrenches of the law's options, and the wrench of a static null space, to the force.
     fn add_options(&mut self, posture: &[S], q: &[S], v: &[S], z: &[S]) {
         let (n, m) = (q.len(), self.e.len());
         let [_, _, _, _, force] = &mut self.terms;
@@ -192,13 +193,13 @@ impl<S: Real> TargetModel<S> {
         }
     }
 
-    /// The largest term and the largest residual.
+    /// Return the largest term and the largest residual.
     fn largest_and_worst(&self) -> [S; 2] {
         let [inertial, coupling, damping, spring, force] = &self.terms;
         let (mut largest, mut worst) = (S::zero(), S::zero());
         for k in 0..self.e.len() {
             let residual = (inertial[k] + coupling[k] + damping[k] + spring[k] - force[k]).abs();
-            // `max` would hide a NaN.
+            // `max` would ignore a residual that is NaN.
             worst = S::select(residual.lt(worst), worst, residual);
             for term in [inertial, coupling, damping, spring, force] {
                 let term = term[k].abs();
@@ -208,7 +209,7 @@ impl<S: Real> TargetModel<S> {
         [largest, worst]
     }
 
-    /// `x_d'` and `x_d''` of a target whose rotation vector moves.
+    /// Compute `x_d'` and `x_d''` for a target with a moving rotation vector.
     fn turn_target(&mut self, desired: &[S]) {
         let m = self.e.len();
         if let Some([rate, second]) = &mut self.rates_of_target {
@@ -218,7 +219,7 @@ impl<S: Real> TargetModel<S> {
         }
     }
 
-    /// One if `J` is far enough from a singularity: with rows of length one, the smallest eigenvalue of `J J'` is above `EPS^2`.
+    /// Return one if the smallest eigenvalue of `J J'` exceeds `EPS^2`, where rows of `J` have length one. Otherwise return zero.
     fn is_regular(&mut self, n: usize, m: usize) -> S {
         for k in 0..m {
             for l in 0..m {
@@ -231,7 +232,7 @@ impl<S: Real> TargetModel<S> {
     }
 }
 
-/// As monitors of runs: the largest term and the largest residual.
+/// The target model as a monitor: the largest term and the largest residual.
 pub struct Target;
 
 impl MonitorKind for Target {

@@ -1,5 +1,5 @@
-//! The error of an inner torque loop: the largest `|tau_J - u|` over the joints. `tau_J` is the torque of the springs, and `u` the command
-//! of the outer loop.
+//! The error of an inner torque loop: the largest `|tau_J - u|` over the joints, N m. `tau_J` is the torque of the springs, and `u` is the
+//! torque that the outer loop commands.
 
 use super::{Moment, Monitor, MonitorKind, Scope};
 use crate::law::{Law, LawSpec};
@@ -7,7 +7,7 @@ use crate::scalar::Real;
 
 pub struct TorqueError<S: Real> {
     law: Box<dyn Law<S> + Send>,
-    /// `(n, n)`
+    /// The stiffness of the springs, shape `(n, n)`.
     stiffness: Vec<S>,
     u: Vec<S>,
     /// The rate of the law's state.
@@ -15,7 +15,7 @@ pub struct TorqueError<S: Real> {
 }
 
 impl<S: Real> TorqueError<S> {
-    /// For an elastic plant under a law with an inner loop; its motions are those of the outer loop.
+    /// Create it for an elastic plant and a law with an inner loop. The motions of this law are those of its outer loop.
     fn new(scope: &Scope) -> Option<Self> {
         let (outer, stiffness) = (scope.law().outer()?, &scope.plant().elastic()?.stiffness);
         let n = scope.plant().n();
@@ -28,7 +28,7 @@ impl<S: Real> TorqueError<S> {
     }
 }
 
-/// As monitors of runs.
+/// The error of the inner loop as a monitor.
 pub struct InnerLoop;
 
 impl MonitorKind for InnerLoop {
@@ -55,7 +55,7 @@ impl<S: Real> Monitor<S> for TorqueError<S> {
                 spring += self.stiffness[n * i + j] * (x[2 * n + j] - x[j]);
             }
             let error = (spring - self.u[i]).abs();
-            // `max` would hide a NaN.
+            // `max` would ignore an error that is NaN.
             worst = S::select(error.lt(worst), worst, error);
         }
         out[0] = worst;
