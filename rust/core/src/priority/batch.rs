@@ -1,5 +1,5 @@
-//! Many stacks of the same sizes: (5) by the program of `regular`, one stack per lane. If that route declines a stack, it is solved
-//! alone. So every row has the bits, ranks and status of a single solve, independent of the other rows.
+//! Batches of stacks with equal sizes. A program of the route `regular` solves Equation (5), one stack per lane. If this route declines a
+//! stack, another route solves it alone. So every row has the bits, ranks and status of a single solve, and does not depend on other rows.
 
 use super::method::PriorityMethod;
 use super::regular::regular_ranks;
@@ -10,16 +10,16 @@ use crate::status::Status;
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 
-/// The largest size of a program. The code of a larger one does not fit the caches, so its stacks are solved one by one.
+/// The largest size of a program. The code of a larger program exceeds the caches, and its stacks are solved one by one instead.
 pub(super) const MOST: usize = 12_000;
 
-/// Before a program exists, fewer rows than this are solved one by one, with the same bits.
+/// If no program exists yet, batches of fewer rows are solved one by one, with the same bits.
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
-    /// The regular route for one row or for lanes. `stack` makes its arguments, rounding, Jacobians and command, from `inputs` numbers. The
-    /// results are one if the route is valid and zero if it declines, then `v` and, if requested, the residuals. `None` if the program
-    /// would be too long.
+    /// Record the route `regular` as a program, for one row or for lanes. `stack` computes rounding, Jacobians and command from `inputs`
+    /// numbers. The results are a flag, then `v` and, if requested, the residuals. The flag is one if the route is valid, and zero if it
+    /// declines. The return value is `None` if the program would be too long.
     pub fn recorded<T>(
         &self,
         lanes: bool,
@@ -43,8 +43,8 @@ impl PrioritySolver {
 }
 
 impl PrioritySolver {
-    /// The regular route of plain stacks, for one or for lanes: from Jacobians, command and rounding to one if it is valid, `v` and
-    /// residuals.
+    /// Record the route `regular` for stacks of plain matrices. The arguments are Jacobians, command and rounding. The results are the flag
+    /// of validity, `v` and the residuals.
     pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
         let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
         let stack = |(), inputs: &[Sym]| {
@@ -55,16 +55,17 @@ impl PrioritySolver {
     }
 }
 
-/// A batch of stacks from plain matrices: per level Jacobians `(count, rows_i, n)` and velocities `(count, rows_i)`, row-major, or one of
-/// them for all rows.
+/// A batch of stacks, row-major. Each level has Jacobians, shape `(count, rows_i, n)`, and velocities, shape `(count, rows_i)`. One
+/// Jacobian or velocity may apply to all stacks.
 #[derive(Clone, Copy)]
 pub struct StackRows<'a> {
     pub jacobians: &'a [&'a [f64]],
     pub velocities: &'a [&'a [f64]],
 }
 
-/// The answers of some rows: `v` `(count, n)`, per level residuals `(count, rows_i)`, `ranks` and `scales` `(count, levels)`,
-/// `status` `(count,)` by code. A row that fails is NaN with `Status::Diverged` and ranks of zero.
+/// The results of a batch: `v`, shape `(count, n)`, and for each level residuals, shape `(count, rows_i)`. `ranks` and `scales` have the
+/// shape `(count, levels)`. `status` has the shape `(count,)`, with codes. A row that fails is NaN, with `Status::Diverged` and ranks of
+/// zero.
 pub struct StackAnswers<'a> {
     pub v: &'a mut [f64],
     pub residuals: Vec<&'a mut [f64]>,
@@ -74,7 +75,7 @@ pub struct StackAnswers<'a> {
 }
 
 impl<'a> StackAnswers<'a> {
-    /// Split off the results of the first `count` rows, for `n` joints and levels with these `rows`.
+    /// Split off the results of the first `count` stacks. `n`: number of joints. `rows`: number of rows of each level.
     pub fn first(&mut self, count: usize, n: usize, rows: &[usize]) -> StackAnswers<'a> {
         StackAnswers {
             v: cut(&mut self.v, count * n),
@@ -86,14 +87,14 @@ impl<'a> StackAnswers<'a> {
     }
 }
 
-/// Split off the first `size` entries.
+/// Split off the first `size` elements.
 fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
     let (head, tail) = std::mem::take(all).split_at_mut(size);
     *all = tail;
     head
 }
 
-/// Solves batches of stacks on the calling thread, and keeps its buffers.
+/// A solver for batches of stacks on the calling thread, with its memory.
 #[derive(Clone)]
 pub struct StackBatch {
     program: Option<Evaluation>,
@@ -103,7 +104,7 @@ pub struct StackBatch {
 }
 
 impl StackBatch {
-    /// Buffers for batches of `rows` stacks with the sizes and options of `solver`.
+    /// Create a solver for batches of `rows` stacks, with the sizes and options of `solver`.
     pub fn new(solver: &PrioritySolver, rows: usize) -> Self {
         let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
         let mut program = if rows < FEW { None } else { solver.of_stacks(true) };
@@ -114,17 +115,17 @@ impl StackBatch {
         StackBatch { program, single: solver.clone(), ranks, declined: Vec::new() }
     }
 
-    /// The solver of single stacks that it was made with.
+    /// The solver of single stacks from which this solver was made.
     pub fn solver(&self) -> &PrioritySolver {
         &self.single
     }
 
-    /// Whether a row takes microseconds at most: by a program, or without iterations over bounds.
+    /// Whether a row takes at most microseconds: it is solved by a program, or without a search over bounds.
     pub fn is_quick(&self) -> bool {
         self.program.is_some() && self.single.method() != PriorityMethod::Sns
     }
 
-    /// Solve rows `first..last` of the batch.
+    /// Solve the stacks `first..last` of the batch.
     pub fn solve(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
         let count = last - first;
         self.declined.clear();
@@ -156,7 +157,7 @@ impl StackBatch {
         }
     }
 
-    /// Solve all rows by the program, and note those that it declines.
+    /// Solve all stacks with the program, and list those that it declines.
     fn run(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
         let StackBatch { program, single, declined, .. } = self;
         let Some(program) = program else { return };
@@ -183,7 +184,7 @@ impl StackBatch {
     }
 }
 
-/// Solve row `i` of the batch alone. The regular route may have declined it already.
+/// Solve stack `i` of the batch alone. `declined`: whether the regular route has already declined it.
 fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, declined: bool) -> Result<Status> {
     let (n, levels) = (solver.n(), solver.rows().len());
     let (mut at, mut to) = (0, 0);
@@ -198,7 +199,7 @@ fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, declined:
     if declined { solver.run_declined() } else { solver.run() }
 }
 
-/// Row `i` of values with rows of this width, or the only one.
+/// Return row `i` of values with `width` numbers per row. If the values have only one row, return this row.
 fn row(values: &[f64], width: usize, i: usize) -> &[f64] {
     let i = if values.len() == width { 0 } else { i };
     &values[i * width..(i + 1) * width]

@@ -1,13 +1,14 @@
-//! Joint limits as velocity bounds for one sample of length `dt` (Flacco, De Luca, Khatib 2015, `flacco2015saturation`):
+//! Joint limits as velocity bounds for one sample period `dt`, s (Flacco, De Luca, Khatib 2015, `flacco2015saturation`):
 //!
-//! `v_max' = min( (q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)) )`, `v_min'` likewise from below.
+//! `v_max' = min( (q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)) )`. The lower bound `v_min'` is the mirror image of this formula.
 //!
-//! With the last term, a joint can brake before the limit. Outside of a limit the bound points inside, at most at `v_max`.
+//! The last term is the speed from which the joint can still brake before the limit. Beyond a limit, the bound points back, at most with
+//! `v_max`.
 
 use crate::error::{Error, Result, positive};
 
-/// Velocity bounds `(v_min, v_max)` of each joint, rad/s or m/s, written into `lower` and `upper`; all slices have one entry per joint.
-/// `a_max` may hold infinities: no braking distance.
+/// Compute the velocity bounds of each joint, rad/s or m/s. `lower` and `upper` receive them. All slices have shape `(n,)`. An infinite
+/// `a_max` means no braking distance.
 pub fn velocity_bounds(
     q: &[f64],
     q_min: &[f64],
@@ -40,8 +41,8 @@ pub fn velocity_bounds(
     Ok(())
 }
 
-/// Bounds of one joint's velocity within `(v_min, v_max)`. At the distance `d` from a limit, the bound towards it is
-/// `min(d/dt, sqrt(k d))`, with `k` twice the deceleration. Beyond the limit, it points back.
+/// Return the velocity bounds of one joint, within `(v_min, v_max)`. At the distance `d` from a limit, the bound towards the limit is
+/// `min(d/dt, sqrt(k d))`, where `k` is twice the deceleration. Beyond the limit, the bound points back.
 pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max): (f64, f64), dt: f64, k: f64) -> (f64, f64) {
     let allowed_speed = |distance: f64| {
         let speed = if distance > 0.0 { (k * distance).sqrt() } else { f64::INFINITY };
@@ -51,7 +52,7 @@ pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max):
     let (lower, upper) = ((-allowed_speed(down)).max(v_min).min(v_max), allowed_speed(q_max - q).max(v_min).min(v_max));
     match lower <= upper {
         true => (lower, upper),
-        // Beyond one limit, the return is no faster than the braking before the other limit allows.
+        // Beyond one limit, the return speed is at most the speed from which the joint can stop before the other limit.
         false if down < 0.0 => (upper, upper),
         false => (lower, lower),
     }
@@ -67,10 +68,10 @@ mod tests {
         let (mut lower, mut upper) = ([0.0; 3], [0.0; 3]);
         velocity_bounds(&[1.0, 0.0, 1.5], &[-1.0; 3], &[1.0; 3], &[2.0; 3], &[inf, 0.5, inf], 0.01, &mut lower, &mut upper).unwrap();
         assert_eq!((lower[0], upper[0]), (-2.0, 0.0));
-        // sqrt(2 * 0.5 * 1) is exact.
+        // The value sqrt(2 * 0.5 * 1) is exact.
         assert_eq!((lower[1], upper[1]), (-1.0, 1.0));
         assert_eq!((lower[2], upper[2]), (-2.0, -2.0));
-        // Far beyond the limit with weak brakes: the return is as fast as a stop before the other limit allows, sqrt(2 * 0.5 * 4).
+        // Far beyond a limit with weak brakes, the return speed allows a stop before the other limit: sqrt(2 * 0.5 * 4).
         velocity_bounds(&[3.0], &[-1.0], &[1.0], &[9.0], &[0.5], 0.01, &mut lower[..1], &mut upper[..1]).unwrap();
         assert_eq!((lower[0], upper[0]), (-2.0, -2.0));
         assert!(velocity_bounds(&[f64::NAN], &[0.0], &[1.0], &[1.0], &[1.0], 0.1, &mut [0.0], &mut [0.0]).is_err());

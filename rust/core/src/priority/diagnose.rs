@@ -1,8 +1,8 @@
-//! Which directions of which level can be commanded, and why not (SPEC system 2, "In general").
+//! Diagnosis of a stack of tasks: the directions of each level that can be commanded, and the reason for each lost direction.
 //!
-//! `overlap = sum rank J_i - rank J_E`; **algorithmic** iff `rank J_E < min(sum rank J_i, n)`; **kinematic** iff some `rank J_i` is
-//! below its number of rows. Projected ranks by the null-basis rule of `levels`, stacked rank = their sum, so the numbers agree;
-//! `rank J_i` counts `s > rounding s_max`. Each level has its own scale, since tasks have different units.
+//! `overlap = sum rank J_i - rank J_E`. The singularity is **algorithmic** if `rank J_E < min(sum rank J_i, n)`. It is **kinematic** if a
+//! `rank J_i` is below its number of rows. Projected ranks follow the null-basis rule of `levels`. The rank of the stack `J_E` is their
+//! sum. `rank J_i` is the number of singular values `s > rounding s_max`. Each level has its own scale, because tasks have different units.
 
 use std::fmt;
 
@@ -12,24 +12,24 @@ use crate::error::Result;
 use crate::linalg::svd::Svd;
 use crate::linalg::{axpy, dot};
 
-/// A lost part of a command is rounding below this multiple of `rounding c (|v_i| + |J_i| |v|)`.
+/// The lost part of a command is taken as rounding error if it is below this multiple of `rounding c (|v_i| + |J_i| |v|)`.
 const COMPATIBLE: f64 = 1e3;
 
 /// The kind of singularity of the stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Full rank at every level.
+    /// Every level has full rank.
     Regular,
-    /// Tasks of full rank that compete for the same joints.
+    /// Each task has full rank, but tasks compete for the same joints.
     Algorithmic,
-    /// A task alone is singular.
+    /// At least one task is singular by itself.
     Kinematic,
-    /// Both kinds of singularity.
+    /// The stack has both kinds of singularity.
     Both,
 }
 
 impl Kind {
-    /// The name used in Python.
+    /// The name of the kind in Python.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Regular => "regular",
@@ -40,50 +40,51 @@ impl Kind {
     }
 }
 
-/// One level of a diagnosis.
+/// The diagnosis of one level.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LevelDiagnosis {
-    /// Rows of the level.
+    /// The number of rows of the level.
     pub rows: usize,
-    /// Rank of `J_i` alone, and of `J_i N` below the levels above.
+    /// The rank of `J_i` alone.
     pub rank: usize,
-    /// Rank in the null space of the higher levels.
+    /// The rank of `J_i N`, where `N` projects on the null space of the levels above.
     pub projected_rank: usize,
-    /// Descending, in the unit of the task over that of the joints.
+    /// The singular values of `J_i`, in descending order, in the unit of the task divided by the unit of the joints.
     pub singular_values: Vec<f64>,
-    /// Singular values in the null space of the higher levels.
+    /// The singular values of `J_i N`, in descending order.
     pub projected_singular_values: Vec<f64>,
-    /// `rank < rows`.
+    /// Whether `rank < rows`.
     pub kinematic: bool,
-    /// `projected_rank < min(rank, freedom left by the levels above)`.
+    /// Whether `projected_rank < min(rank, number of directions that the levels above leave free)`.
     pub algorithmic: bool,
-    /// Orthonormal directions of the level's command, shape `(rows,)` each, that no joint velocity in the null space of the levels above produces.
+    /// Orthonormal directions of the level's command, shape `(rows,)` each. No joint velocity in the null space of the levels above
+    /// produces them.
     pub lost: Vec<Vec<f64>>,
 }
 
-/// The loss of a command at one level.
+/// The part of a command that one level cannot execute.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compatibility {
-    /// The part of `v_i - J_i v_above` along `lost`, shape `(rows,)`, in the unit of the task.
+    /// The part of `v_i - J_i v_above` along the lost directions, shape `(rows,)`, in the unit of the task.
     pub loss: Vec<f64>,
-    /// Whether it is zero up to rounding: the command can be executed exactly.
+    /// Whether the loss is zero up to rounding, so that the command can be executed exactly.
     pub compatible: bool,
 }
 
-/// Ranks, singular values and lost directions of a stack of levels.
+/// The ranks, singular values and lost directions of a stack of levels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnosis {
-    /// Number of joints.
+    /// The number of joints.
     pub n: usize,
-    /// One diagnosis per level.
+    /// The diagnosis of each level.
     pub levels: Vec<LevelDiagnosis>,
-    /// Rank of all levels stacked.
+    /// The rank of all levels stacked.
     pub stacked_rank: usize,
-    /// Directions that levels share.
+    /// The number of directions that levels share.
     pub overlap: usize,
-    /// The kind of singularity.
+    /// The kind of singularity of the stack.
     pub kind: Kind,
-    /// Per level, if commands were given.
+    /// The lost part of the command of each level, if a command was given.
     pub compatibility: Option<Vec<Compatibility>>,
 }
 
@@ -93,16 +94,17 @@ impl Diagnosis {
         self.levels.iter().map(|l| l.rank).collect()
     }
 
-    /// Rank of each level below the levels above, level 1 included.
+    /// The rank of each level in the null space of the levels above. Level 1 is included.
     pub fn projected_ranks(&self) -> Vec<usize> {
         self.levels.iter().map(|l| l.projected_rank).collect()
     }
 }
 
-/// Diagnose row-major `(rows_i, n)` Jacobians, highest level first, and the command if one is given.
+/// Diagnose a stack of Jacobians, shape `(rows_i, n)` each, row-major, the highest level first. If `velocities` is given, also diagnose the
+/// command.
 ///
-/// `rows`: rows of each level. `rounding`: relative error of the entries, `DEFAULT_ROUNDING` if `None`, `8 eps (1 + sum|q|)` when an arm made
-/// them. Errors: `Input` for wrong sizes or numbers that are not finite.
+/// `rows`: number of rows of each level. `rounding`: relative error of the entries, by default `DEFAULT_ROUNDING`; for the Jacobian of an
+/// arm it is `8 eps (1 + sum|q|)`. Errors: `Input` for wrong sizes or numbers that are not finite.
 pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Option<&[&[f64]]>, rounding: Option<f64>) -> Result<Diagnosis> {
     let rounding = rounding.unwrap_or(DEFAULT_ROUNDING);
     let mut solver =
@@ -122,7 +124,7 @@ pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Opti
         full.decompose(jacobians[i], m, n)?;
         let singular_values = full.s().to_vec();
         let rank = full.rank(rounding * singular_values.first().copied().unwrap_or(0.0));
-        // The left vectors beyond the rank, from the transpose, whose right basis is complete.
+        // The left singular vectors beyond the rank come from the transpose, because only the right basis is complete.
         let transposed: Vec<f64> = (0..freedom).flat_map(|c| (0..m).map(move |r| r * freedom + c)).map(|at| w.a[at]).collect();
         full.decompose(&transposed, freedom, m)?;
         let lost: Vec<Vec<f64>> = (projected_rank..m).map(|j| full.v(j).to_vec()).collect();

@@ -1,16 +1,16 @@
-//! The recursion over levels by singular values. `X` is an orthonormal basis of the directions that the levels above leave free, and
-//! `0 < scale <= 1` the remaining fraction of each direction. Then
+//! The general recursion over levels with singular values. `X` is an orthonormal basis of the directions that are still free. The entries
+//! of `scale`, with `0 < scale <= 1`, are the remaining fractions of these directions. For each level,
 //!
 //! `A_i = J_i X diag(scale) = U diag(s) V'`,  `v += X V g(s) U' (v_i - J_i v)`,  `X diag(scale) <- X diag(scale) V_k diag(d)`,
 //!
-//! where `g` is the method's inverse, and `d` the fraction that it leaves free. For `exact`, `d` is 0 or 1 by the rank rule. For `clamp` and
-//! `damped` it is `1 - min(1, (s/eps)^2)`. Columns with `d = 0` are removed.
+//! Here `g` is the inverse of the method, and `d` is the fraction of a direction that the level leaves free. For `exact`, `d` is 0 or 1 by
+//! the rank rule. For `clamp` and `damped`, `d = 1 - min(1, (s/eps)^2)`. Columns with `d = 0` are removed.
 //!
-//! An SVD factors the product on the right into the form `X diag(scale)`. So the projector `X diag(scale) X'` is symmetric and continuous. Its
-//! range is orthogonal to every direction with `s >= eps` above.
+//! An SVD brings the product on the right back to the form `X diag(scale)`. So the projector `X diag(scale) X'` is symmetric and
+//! continuous. Its range is orthogonal to every direction with `s >= eps` of the levels above.
 //!
-//! Rank rule: `s` counts iff `s > rounding |J_i| c`. Here `c` is the product of `|J_l| / (smallest counted s of level l)` over the levels above,
-//! the relative error of their null basis. For two levels `c = cond(J1)`.
+//! Rank rule: a singular value `s` counts if `s > rounding |J_i| c`. Here `c` is the product of `|J_l| / (smallest counted s of level l)`
+//! over all levels `l` above. It estimates the relative error of their null basis. For two levels, `c = cond(J1)`.
 
 use super::workspace::Workspace;
 use crate::error::Result;
@@ -31,12 +31,12 @@ impl Workspace {
         self.y.fill(0.0);
     }
 
-    /// Whether a level uses the freedom that level `i` leaves.
+    /// Whether a later level uses the directions that level `i` leaves free.
     fn is_followed(&self, i: usize) -> bool {
         i + 1 < self.rows.len()
     }
 
-    /// `A = J_i X diag(scale)` into `a`, decomposed in `svd`; returns its number of columns.
+    /// Compute `A = J_i X diag(scale)`, and decompose it in `svd`. Return its number of columns.
     pub(super) fn project(&mut self, i: usize) -> Result<usize> {
         let (n, free, level) = (self.n, self.free, self.level(i));
         let (m, k) = (level.len(), n - free);
@@ -55,7 +55,7 @@ impl Workspace {
         Ok(k)
     }
 
-    /// `r = v_i - J_i y` into `r`.
+    /// Compute the remaining command `r = v_i - J_i y`.
     pub(super) fn rest(&mut self, i: usize) {
         let n = self.n;
         for (r, row) in self.level(i).enumerate() {
@@ -63,7 +63,7 @@ impl Workspace {
         }
     }
 
-    /// Spectral norm of `J_i`, the scale of its rank decisions.
+    /// Return the spectral norm of `J_i`, which is the scale of its rank decisions.
     pub(super) fn spectral_norm(&mut self, i: usize) -> Result<f64> {
         let (n, level) = (self.n, self.level(i));
         if self.free == 0 {
@@ -73,7 +73,7 @@ impl Workspace {
         Ok(self.svd2.s().first().copied().unwrap_or(0.0))
     }
 
-    /// `y += X (gain v_j)` for right singular vector `j` of the current level.
+    /// Compute `y += X (gain v_j)` for right singular vector `j` of the present level.
     pub(super) fn move_along(&mut self, j: usize, gain: f64) {
         let n = self.n;
         if gain != 0.0 {
@@ -84,7 +84,7 @@ impl Workspace {
         }
     }
 
-    /// `exact`, all levels.
+    /// Solve all levels with the method `exact`.
     pub(super) fn solve_exact(&mut self) -> Result<()> {
         self.begin();
         let mut condition = 1.0;
@@ -105,10 +105,10 @@ impl Workspace {
         Ok(())
     }
 
-    /// `(counted, spent)` singular directions of level `i` after `project`. `condition` is updated.
+    /// Return `(counted, spent)`, two numbers of singular directions of level `i` after `project`. `condition` is updated.
     ///
-    /// Directions between the rounding error and the cut-off of the rule are neither counted nor passed to lower levels. They may be noise, so
-    /// this level must not command them. They may be real, so a lower level could disturb this one through them.
+    /// Some directions are between the rounding error and the cut-off of the rule. They are spent but not counted. They may be noise, so
+    /// that this level must not command them. They may also be real, so that motion of a lower level along them would disturb this level.
     pub(super) fn consume_exact_rank(&mut self, i: usize, condition: &mut f64) -> Result<(usize, usize)> {
         let norm = self.spectral_norm(i)?;
         let rank = self.svd.rank(self.rounding * norm * *condition);
@@ -119,7 +119,7 @@ impl Workspace {
         Ok((rank, spent))
     }
 
-    /// Rotate the free basis into the singular directions of the current level, and mark the first `spent` of them as used.
+    /// Rotate the free basis into the singular directions of the present level, and mark the first `spent` directions as used.
     pub(super) fn consume(&mut self, spent: usize) {
         if self.identity {
             for j in 0..self.n {
@@ -133,7 +133,7 @@ impl Workspace {
         self.free += spent;
     }
 
-    /// `clamp` and `damped`, all levels.
+    /// Solve all levels with the method `clamp` or `damped`.
     pub(super) fn solve_clamped(&mut self, damped: bool) -> Result<()> {
         self.begin();
         for i in 0..self.rows.len() {
@@ -158,10 +158,10 @@ impl Workspace {
         Ok(())
     }
 
-    /// Pass on the freedom of a clamped level: `X diag(scale) V_k diag(d)` in the form `X diag(scale)`.
+    /// Pass the free directions of a clamped level to the next level: bring `X diag(scale) V_k diag(d)` to the form `X diag(scale)`.
     fn leave(&mut self, eps: f64, k: usize) -> Result<()> {
         let n = self.n;
-        // s descends, so the directions with d = 0 come first.
+        // The singular values descend, so that directions with d = 0 are first.
         let spent = self.svd.s().iter().filter(|s| clamp_remainder(**s, eps) == 0.0).count();
         let plain = self.scale[self.free..].iter().all(|s| *s == 1.0);
         let partial = self.svd.s()[spent..].iter().any(|s| clamp_remainder(*s, eps) < 1.0);
@@ -175,7 +175,7 @@ impl Workspace {
             }
             return Ok(());
         }
-        // Rows: the vectors d_j V_j' diag(scale) in the coordinates of X, whose right singular vectors are the new directions.
+        // The rows are the vectors d_j V_j' diag(scale) in the coordinates of X. Their right singular vectors are the new directions.
         let kept = k - spent;
         for j in spent..k {
             let d = remainder(&self.svd, j);
@@ -184,7 +184,7 @@ impl Workspace {
             }
         }
         self.svd2.decompose(&self.a[..kept * k], kept, k)?;
-        // Kept directions go to the end, largest scale first; the complement is spent.
+        // The kept directions are moved to the end, the largest scale first. The other directions are spent.
         turn_basis(&mut self.basis, &mut self.t, &self.svd2, n, self.free);
         let alive = self.svd2.rank(0.0);
         self.basis[self.free * n..].rotate_left(alive * n);
@@ -195,7 +195,8 @@ impl Workspace {
         Ok(())
     }
 
-    /// `chiaverini`: `v = sum P_{i-1} J_i# v_i`, `J_i#` clamped, `P` the projector on the null space of the whole stack above.
+    /// Solve all levels with the method `chiaverini`: `v = sum P_{i-1} J_i# v_i`. The inverse `J_i#` is clamped, and `P` projects on the
+    /// null space of the levels above.
     pub(super) fn solve_chiaverini(&mut self) -> Result<()> {
         self.begin();
         let n = self.n;
@@ -218,7 +219,7 @@ impl Workspace {
             let k = self.project(i)?;
             let (rank, spent) = self.consume_exact_rank(i, &mut condition)?;
             self.ranks[i] = rank;
-            // A level without freedom loses none.
+            // A level without free directions loses none.
             self.lost[i] = kinematic && k > 0 || rank < m.min(k);
             if self.is_followed(i) {
                 self.consume(spent);

@@ -1,16 +1,16 @@
-//! The arithmetic of `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
+//! LQ and QR factorisations for the route `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
 //!
-//! It has Householder reflections of a row (`J_E = L Q`), least squares of a level with more rows than freedom, and `|T^-1|_F`.
+//! Contents: `J_E = L Q` by Householder reflections of rows, least squares for a level with more rows than free directions, and `|T^-1|_F`.
 
 use crate::scalar::Real;
 
-/// `L`, the reflectors, the reciprocals of the diagonal and the coordinates `y`.
+/// An LQ factorisation: `L`, the reflectors `w`, `beta`, the reciprocals of the diagonal, and the coordinates `y` of the solution.
 #[derive(Debug, Clone)]
 pub(super) struct Factor<S> {
     n: usize,
-    /// `(fit, n)`
+    /// The factor `L`, shape `(fit, n)`.
     pub l: Vec<S>,
-    /// Row `at` is zero before `at`.
+    /// The reflectors, shape `(fit, n)`. Row `at` is zero before column `at`.
     w: Vec<S>,
     beta: Vec<S>,
     inverse: Vec<S>,
@@ -19,7 +19,7 @@ pub(super) struct Factor<S> {
 }
 
 impl<S: Real> Factor<S> {
-    /// For `fit <= n` rows.
+    /// Allocate a factorisation of `fit <= n` rows.
     pub fn new(n: usize, fit: usize) -> Self {
         let zeros = |k: usize| vec![S::zero(); k];
         let (l, w) = (zeros(fit * n), zeros(fit * n));
@@ -30,7 +30,7 @@ impl<S: Real> Factor<S> {
         self.beta.len()
     }
 
-    /// Reduce row `at` by a reflection, apply it to the rows below, and substitute forward.
+    /// Reduce row `at` by a reflection, apply the reflection to the rows below, and compute coordinate `at` of the solution.
     pub fn eliminate(&mut self, at: usize, command: S) {
         let Factor { n, l, w, beta, inverse, products, y } = self;
         let n = *n;
@@ -40,10 +40,10 @@ impl<S: Real> Factor<S> {
         if at + 1 == n {
             inverse[at] = S::splat(1.0) / x0;
         } else {
-            // `w = x - alpha e1`, `alpha = -sign(x0) |x|`.
+            // The reflector is `w = x - alpha e1` with `alpha = -sign(x0) |x|`.
             let w = &mut w[at * n + at..(at + 1) * n];
             w.copy_from_slice(&row[at..]);
-            // w'y = x'y - alpha y1: the products do not wait for the norm.
+            // w'y = x'y - alpha y1, so that these products need not wait for the norm.
             for (product_of, row) in products.iter_mut().zip(below.chunks_exact(n)) {
                 *product_of = product(w, &row[at..]);
             }
@@ -54,7 +54,7 @@ impl<S: Real> Factor<S> {
             let minus_alpha = S::select(negative, -norm, norm);
             // A row of zeros gives NaN, and the route then declines.
             beta[at] = S::splat(1.0) / (norm * reach);
-            // 1/alpha without a second division.
+            // This is 1/alpha, computed without a second division.
             let size = beta[at] * reach;
             inverse[at] = S::select(negative, size, -size);
             for (&product_of, row) in products.iter().zip(below.chunks_exact_mut(n)) {
@@ -64,7 +64,7 @@ impl<S: Real> Factor<S> {
         y[at] = (command - product(&row[..at], &y[..at])) * inverse[at];
     }
 
-    /// `x <- x H_at`, for a row or for coordinates; the last row of a square `L` has no reflection.
+    /// Compute `x <- x H_at` for a row or for coordinates. The last row of a square `L` has no reflection.
     fn reflect(&self, at: usize, x: &mut [S]) {
         if at + 1 < self.n {
             let w = &self.w[at * self.n + at..(at + 1) * self.n];
@@ -72,17 +72,17 @@ impl<S: Real> Factor<S> {
         }
     }
 
-    /// A row that is not reduced, in the coordinates of `L`.
+    /// Transform a row that is not reduced to the coordinates of `L`.
     pub fn turn(&self, row: &mut [S]) {
         (0..self.fit()).for_each(|at| self.reflect(at, row));
     }
 
-    /// `v = Q' y`.
+    /// Compute `v = Q' y`.
     pub fn turn_back(&self, v: &mut [S]) {
         self.turn_back_first(self.n, v);
     }
 
-    /// `v = Q' y` from the first `used` coordinates of `y`; the others are zero.
+    /// Compute `v = Q' y` from the first `used` coordinates of `y`. The other coordinates are taken as zero.
     pub fn turn_back_first(&self, used: usize, v: &mut [S]) {
         let (first, rest) = v.split_at_mut(used);
         first.copy_from_slice(&self.y[..used]);
@@ -90,13 +90,14 @@ impl<S: Real> Factor<S> {
         (0..self.fit().min(used)).rev().for_each(|at| self.reflect(at, v));
     }
 
-    /// `|T^-1|_F^2` of the diagonal block of `m` rows from `used` on.
+    /// Return `|T^-1|_F^2` of the diagonal block `T` with `m` rows, from row `used` on.
     pub fn inverse_norm2(&self, used: usize, m: usize, z: &mut [S]) -> S {
         inverse_norm2(m, z, |i, j| if i == j { self.inverse[used + i] } else { self.l[(used + i) * self.n + used + j] })
     }
 }
 
-/// A level with more rows than the free directions: least squares by a QR factorisation of its free columns, those from `used` on.
+/// Solve a level with more rows than free directions: least squares by a QR factorisation of its columns from `used` on. Return
+/// `|T^-1|_F^2`.
 pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut [S], r: &mut [S], z: &mut [S]) -> S {
     let (n, m) = (y.len(), command.len());
     let zero = S::zero();
@@ -124,11 +125,11 @@ pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut 
         let rest = (used + a + 1..n).fold(r[a], |rest, c| rows[a * n + c].neg_mul_add(y[c], rest));
         y[used + a] = rest * rows[a * n + used + a];
     }
-    // The norm of the inverse is that of the transposed triangle.
+    // The inverses of a triangle and of its transpose have the same norm.
     inverse_norm2(n - used, z, |i, j| rows[j * n + used + i])
 }
 
-/// `|T^-1|_F^2` of a lower triangle whose diagonal is given by its reciprocals.
+/// Return `|T^-1|_F^2` of a lower triangle `T`. `t(i, i)` is the reciprocal of a diagonal element.
 fn inverse_norm2<S: Real>(m: usize, z: &mut [S], t: impl Fn(usize, usize) -> S) -> S {
     let mut sum = S::zero();
     for b in 0..m {
@@ -142,14 +143,14 @@ fn inverse_norm2<S: Real>(m: usize, z: &mut [S], t: impl Fn(usize, usize) -> S) 
     sum
 }
 
-/// `y += s w`
+/// Compute `y += s w`.
 fn add<S: Real>(s: S, w: &[S], y: &mut [S]) {
     for (y, &w) in y.iter_mut().zip(w) {
         *y = s.mul_add(w, *y);
     }
 }
 
-/// Scalar product, in two chains.
+/// Return the scalar product. Two independent sums shorten the chain of operations.
 pub(super) fn product<S: Real>(a: &[S], b: &[S]) -> S {
     let (mut even, mut odd) = (S::zero(), S::zero());
     for (i, (&a, &b)) in a.iter().zip(b).enumerate() {

@@ -1,10 +1,11 @@
-//! One prioritised solve on nalgebra's types.
+//! One prioritised solve with the types of nalgebra.
 
 use super::{PriorityOptions, Solution, solve_priority};
 use crate::error::{Error, Result};
 use nalgebra::{DMatrix, DVector};
 
-/// Solve `J_i v = v_i` in priority from pairs `(J_i, v_i)`, the highest level first: `J_i` is `(rows_i, n)`, `v_i` is `(rows_i,)`.
+/// Solve `J_i v = v_i` with priorities, the highest level first. `levels`: pairs of `J_i`, shape `(rows_i, n)`, and `v_i`, shape
+/// `(rows_i,)`.
 ///
 /// Errors: `Input` for shapes that do not fit or numbers that are not finite.
 ///
@@ -26,7 +27,7 @@ pub fn solve_levels(levels: &[(DMatrix<f64>, DVector<f64>)], options: &PriorityO
             return Err(Error::wrong_shape("levels", &[velocity.len(), n], &[rows, columns]).at([i]));
         }
     }
-    // nalgebra stores columns, the solver reads rows.
+    // nalgebra stores columns, but the solver reads rows.
     let jacobians: Vec<DMatrix<f64>> = levels.iter().map(|(jacobian, _)| jacobian.transpose()).collect();
     let jacobians: Vec<&[f64]> = jacobians.iter().map(|jacobian| jacobian.as_slice()).collect();
     let velocities: Vec<&[f64]> = levels.iter().map(|(_, velocity)| velocity.as_slice()).collect();
@@ -34,7 +35,7 @@ pub fn solve_levels(levels: &[(DMatrix<f64>, DVector<f64>)], options: &PriorityO
 }
 
 impl Solution {
-    /// The joint velocities, `(n,)`.
+    /// The joint velocities, shape `(n,)`, rad/s or m/s.
     pub fn velocities(&self) -> DVector<f64> {
         DVector::from_column_slice(&self.v)
     }

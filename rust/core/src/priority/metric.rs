@@ -1,11 +1,12 @@
-//! Weighted joint metric by a change of coordinates: `W = L L'`, `y = L' v`, so `v' W v = y' y` and `J v = (J L^-T) y`.
+//! The joint metric `v' W v` by a change of coordinates: with `W = L L'` and `y = L' v`, `v' W v = y' y` and `J v = (J L^-T) y`.
 //!
-//! The maps run unchanged on `J L^-T`; `v = L^-T y` at the end. Singular values then have the unit of `J` over the root of that of `W`.
+//! The methods use `J L^-T` instead of `J`, and `v = L^-T y` at the end. Singular values have the unit of `J` divided by the root of the
+//! unit of `W`.
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
-/// The Cholesky factor `L`, row-major, lower.
+/// The Cholesky factor `L` of the metric, lower triangle, row-major.
 #[derive(Debug, Clone)]
 pub struct Metric<S = f64> {
     n: usize,
@@ -13,7 +14,7 @@ pub struct Metric<S = f64> {
 }
 
 impl Metric {
-    /// Factor the row-major `(n, n)` weight. Errors: `Input` unless it is finite, symmetric and positive definite.
+    /// Factor `weight`, shape `(n, n)`, row-major. Errors: `Input` if it is not finite, symmetric and positive definite.
     pub fn new(weight: &[f64], n: usize) -> Result<Self> {
         if weight.len() != n * n {
             return Err(Error::wrong("weight", "size", format!("({n}, {n})"), format!("{} entries", weight.len())));
@@ -23,7 +24,7 @@ impl Metric {
         let mut l = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..=i {
-                // Symmetric up to the rounding of whoever computed it.
+                // The matrix must be symmetric up to rounding errors of its computation.
                 if (weight[i * n + j] - weight[j * n + i]).abs() > 1e-12 * biggest {
                     return Err(Error::input(
                         "weight",
@@ -44,12 +45,12 @@ impl Metric {
         Ok(Metric { n, l })
     }
 
-    /// The metric on another number type.
+    /// Return the metric with another number type.
     pub fn lift<S: Real>(&self) -> Metric<S> {
         Metric { n: self.n, l: self.l.iter().map(|&x| S::from_lanes(|_| x)).collect() }
     }
 
-    /// `v -> y = L' v`, in place.
+    /// Replace `v` by its coordinates `y = L' v`.
     pub fn coordinates(&self, v: &mut [f64]) {
         for i in 0..self.n {
             v[i] = (i..self.n).map(|k| self.l[k * self.n + i] * v[k]).sum();
@@ -58,7 +59,7 @@ impl Metric {
 }
 
 impl<S: Real> Metric<S> {
-    /// `x <- x L^-T` for a row of a Jacobian, that is `L x' = row'`.
+    /// Replace the row `x` of a Jacobian by `x L^-T`, the solution of `L x' = row'`.
     pub fn row(&self, x: &mut [S]) {
         for i in 0..self.n {
             let rest = (0..i).fold(x[i], |rest, k| self.l[i * self.n + k].neg_mul_add(x[k], rest));
@@ -66,7 +67,7 @@ impl<S: Real> Metric<S> {
         }
     }
 
-    /// `y -> v = L^-T y`, in place.
+    /// Replace the coordinates `y` by the velocity `v = L^-T y`.
     pub fn velocity(&self, y: &mut [S]) {
         for i in (0..self.n).rev() {
             let rest = (i + 1..self.n).fold(y[i], |rest, k| self.l[k * self.n + i].neg_mul_add(y[k], rest));

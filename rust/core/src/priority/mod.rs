@@ -1,14 +1,15 @@
-//! Task priority at velocity level from plain matrices (SPEC system 2; Siciliano and Slotine 1991, `siciliano1991priority`):
+//! Task priority at velocity level (Siciliano and Slotine 1991, `siciliano1991priority`):
 //!
 //! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`                                        (5)
 //!
-//! with any number of levels of any size. Five maps realise it (`PriorityMethod`); `diagnose` reports which directions of which level can
-//! be commanded, and why others cannot. Derivation, limits and a table of the methods: `docs/priority.md`.
+//! The number and the sizes of the levels are arbitrary. A *level* is a task with a priority, and a *stack* is the list of all levels. Five
+//! methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can be commanded, and why others cannot.
+//! The page `docs/priority.md` has the derivation, the limits and a table of the methods.
 //!
-//! Four layers: `regular` solves by LQ factorisations where it can prove that every singular value is large and no bound is met.
-//! `pairs` has levels of one or two rows in closed form, at singularities too. `levels` is the general recursion over singular values,
-//! and `sns` adds bounds. `batch` solves many stacks by machine code that is recorded from `regular`. `solver` owns the buffers and selects
-//! the layer.
+//! A *route* is one way to compute the solution. `regular` uses LQ factorisations. It requires a proof that every singular value is large
+//! and that no bound is met. `pairs` solves levels of one or two rows in closed form, also at singularities. `levels` is the general
+//! recursion with singular values, and `sns` adds bounds. `batch` solves many stacks with a program that is recorded from `regular`.
+//! `solver` owns the memory and selects the route.
 
 #[doc(hidden)]
 mod batch;

@@ -1,31 +1,31 @@
-//! `J_i# v_i` of each level alone, away from singularities, for the method `chiaverini`.
+//! The solution `J_i# v_i` of each level alone, away from singularities, for the method `chiaverini`.
 //!
-//! It uses an LQ factorisation of the rows, or least squares for a level with more rows than joints.
+//! It uses an LQ factorisation of the rows. A level with more rows than joints is solved by least squares.
 
 use super::lq::{Factor, tall};
 use super::metric::Metric;
 use super::regular::load;
 use crate::scalar::Real;
 
-/// The levels, with their buffers.
+/// The solver of single levels, with its memory.
 #[derive(Debug, Clone)]
 pub(super) struct Own<S> {
     levels: Vec<Level<S>>,
     r: Vec<S>,
     z: Vec<S>,
-    /// `J_i# v_i`, `(n,)`.
+    /// The solution `J_i# v_i`, shape `(n,)`.
     pub v: Vec<S>,
 }
 
 #[derive(Debug, Clone)]
 struct Level<S> {
     factor: Factor<S>,
-    /// The rows of a level with more rows than joints.
+    /// The rows of a level with more rows than joints. Empty for other levels.
     tall: Vec<S>,
 }
 
 impl<S: Real> Own<S> {
-    /// For levels of these rows.
+    /// Allocate memory for levels with these numbers of rows.
     pub fn new(n: usize, rows: &[usize]) -> Self {
         let zeros = |k: usize| vec![S::zero(); k];
         let most = rows.iter().copied().max().unwrap_or(0).max(n);
@@ -36,7 +36,7 @@ impl<S: Real> Own<S> {
         Own { levels: rows.iter().map(level).collect(), r: zeros(most), z: zeros(most), v: zeros(n) }
     }
 
-    /// Solve level `i` into `v`; `|J_i#|_F^2` and the square of the largest row norm.
+    /// Solve level `i`, and write the solution to `v`. Return `|J_i#|_F^2` and the square of the largest row norm.
     pub fn solve(&mut self, i: usize, jacobian: &[S], metric: Option<&Metric<S>>, command: &[S]) -> [S; 2] {
         let Own { levels, r, z, v } = self;
         let Level { factor, tall: rows } = &mut levels[i];

@@ -1,13 +1,13 @@
-//! Levels of at most two rows in closed form, at singularities too. One rotation makes the rows of a projected level orthogonal
-//! (one step of one-sided Jacobi; Golub and Van Loan, Matrix Computations, 8.6). Their norms are the singular values then:
+//! Levels of at most two rows in closed form, also at singularities. One rotation makes the rows of a projected level orthogonal (one step
+//! of one-sided Jacobi; Golub and Van Loan, Matrix Computations, 8.6). The norms of these rows are the singular values:
 //!
 //! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`
 //!
-//! with `h = q` for `clamp` and `h = 1 / (s^2 + lambda^2)` for `damped`. It is the map of `levels` where `P` is a projector before
-//! every level that others follow. Only the last two levels may use a direction in part; otherwise the route declines. It also declines if
-//! a threshold is so small that one rotation is not accurate enough.
+//! For `clamp`, `h = q`. For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals that of `levels` if `P` is a projector before every
+//! level that has a following level. So only the last two levels may use a direction partially. Otherwise the route declines. It also
+//! declines if a threshold is so small that one rotation is not accurate enough.
 //!
-//! Nothing here branches on the numbers: a program of a recording and a direct solve agree to the bit.
+//! The code does not branch on numbers, so that a recorded program and a direct solve have the same bits.
 
 use super::batch::MOST;
 use super::lq::product;
@@ -20,51 +20,53 @@ use crate::scalar::{Float, Real};
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 
-/// Squares of thresholds below this share of that of a level are left to singular values: rounding over the threshold is then 1e-13.
+/// If the square of a threshold is below this fraction of the square of a level, the route declines. Otherwise the rounding error divided
+/// by the threshold is at most 1e-13.
 const LEAST: f64 = 1e-6;
 
-/// Singular values below the root of this times the threshold use nothing of their direction.
+/// A singular value below the threshold multiplied by the root of this number does not use its direction.
 const UNUSED: f64 = 1e-16;
 
-/// Number of direct solves after which a program is made.
+/// The number of direct solves after which a program is made.
 const OFTEN: u64 = 16;
 
-/// The route for stacks of one size, with its buffers.
+/// The route for stacks of one size, with its memory.
 #[derive(Debug, Clone)]
 pub(super) struct Pairs<S> {
     n: usize,
     rows: Vec<usize>,
     damped: bool,
-    /// Squares of the thresholds of the options.
+    /// The squares of the thresholds in the options.
     eps2: Option<Vec<S>>,
     metric: Option<Metric<S>>,
-    /// The stack in the coordinates of the metric, and its rows times the projectors of the levels above them.
+    /// The stack in the coordinates of the metric, and its rows multiplied with the projectors of the levels above.
     j: Vec<S>,
     projected: Vec<S>,
     y: Vec<S>,
-    /// `1 / s^2` of each row that has been turned and uses its direction up, else zero.
+    /// For each rotated row, `1 / s^2` if the row uses its direction completely, otherwise zero.
     full: Vec<S>,
-    /// The squares of the thresholds in force.
+    /// The squares of the present thresholds.
     threshold2: Vec<S>,
-    /// The answer: joint velocities `(n,)`, residuals `(sum rows,)`, and for each level the directions realised and whether one is lost.
+    /// The results: joint velocities `(n,)`, residuals `(sum rows,)`, and for each level the number of realised directions and whether one
+    /// is lost.
     v: Vec<S>,
     residual: Vec<S>,
     ranks: Vec<S>,
     lost: Vec<S>,
 }
 
-/// One direction of a level: its row `g`, its command, and what it does.
+/// One direction of a level: its row `g`, its command, and its use.
 struct Direction<'a, S> {
     g: &'a [S],
-    /// `s^2 = g g'`.
+    /// The square of the singular value, `s^2 = g g'`.
     s2: S,
     command: S,
-    /// One if there is freedom for it, else zero.
+    /// One if the direction is still free, otherwise zero.
     open: S,
 }
 
 impl<S: Real> Pairs<S> {
-    /// For levels of these sizes, thresholds and metric; `None` if the closed form does not apply.
+    /// Return the route for levels of these sizes, thresholds and metric. The result is `None` if the closed form does not apply.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         if !matches!(method, PriorityMethod::Clamp | PriorityMethod::Damped) || rows.iter().any(|&m| m > 2) {
             return None;
@@ -93,7 +95,7 @@ impl<S: Real> Pairs<S> {
         own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
     }
 
-    /// Solve for the stack `(sum rows, n)` and its command; one if the route is valid, else zero.
+    /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. Return one if the route is valid, otherwise zero.
     pub fn solve(&mut self, jacobian: &[S], command: &[S]) -> S {
         let (zero, one) = (S::zero(), S::splat(1.0));
         let Pairs { n, rows, j, projected, metric, y, eps2, threshold2: thresholds, .. } = self;
@@ -139,7 +141,8 @@ impl<S: Real> Pairs<S> {
         })
     }
 
-    /// Level `i`, whose rows begin at `at`, after `used` used directions. Returns one if a projector remains, else zero.
+    /// Solve level `i`, whose rows begin at `at`, when `used` directions are already used. Return one if `P` is still a projector,
+    /// otherwise zero.
     fn level(&mut self, i: usize, at: usize, command: &[S], used: S) -> S {
         let Pairs { n, rows, j, projected, y, full, damped, threshold2, ranks, lost, .. } = self;
         let (n, m, threshold2, zero, one) = (*n, rows[i], threshold2[i], S::zero(), S::splat(1.0));
@@ -148,7 +151,7 @@ impl<S: Real> Pairs<S> {
         let rows = j[at * n..(at + m) * n].chunks_exact(n);
         rest.iter_mut().zip(&command[at..]).zip(rows).for_each(|((rest, &command), row)| *rest = command - product(row, y));
         let (turned, own) = above.split_at_mut(at * n);
-        // Once more: rounding errors along used directions would be multiplied by the inverse of the threshold's square.
+        // The projection is repeated, because rounding errors along used directions would be divided by the square of the threshold.
         for row in own.chunks_exact_mut(n) {
             turned.chunks_exact(n).zip(&*full).for_each(|(g, &share)| remove(row, [(g, share)]));
         }
@@ -158,7 +161,7 @@ impl<S: Real> Pairs<S> {
         }
         let free = S::splat(n as f64) - used;
         let squares = [product(first, first), product(second, second)];
-        // If only one direction is free, the larger one uses it.
+        // If only one direction is free, the larger row uses it.
         let (some, both) = (S::select(S::splat(0.5).lt(free), one, zero), S::select(S::splat(1.5).lt(free), one, zero));
         let mut open = [some, zero];
         if m == 2 {
@@ -195,7 +198,7 @@ impl<S: Real> Pairs<S> {
     }
 }
 
-/// `x <- x - x sum share g' g`
+/// Compute `x <- x - x sum share g' g` for the rows `g` with their weights `share`.
 fn remove<S: Real, const K: usize>(x: &mut [S], directions: [(&[S], S); K]) {
     let parts = directions.map(|(g, share)| -share * product(x, g));
     for ((g, _), part) in directions.into_iter().zip(parts) {
@@ -203,7 +206,7 @@ fn remove<S: Real, const K: usize>(x: &mut [S], directions: [(&[S], S); K]) {
     }
 }
 
-/// Turn two rows and their commands so that the rows are orthogonal, by the smaller angle.
+/// Rotate two rows and their commands so that the rows become orthogonal. Of the two possible angles, use the smaller one.
 fn rotate<S: Real>(a: &mut [S], b: &mut [S], rest: &mut [S; 2]) {
     let (one, both) = (S::splat(1.0), product(a, b));
     let (d, w) = (product(b, b) - product(a, a), both + both);
@@ -217,7 +220,7 @@ fn rotate<S: Real>(a: &mut [S], b: &mut [S], rest: &mut [S; 2]) {
     (rest[0], rest[1]) = turn(r0, r1);
 }
 
-/// The square of `lambda = eps (1 - prod min(1, s / eps))`.
+/// Return the square of `lambda = eps (1 - prod min(1, s / eps))`.
 fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
     let one = S::splat(1.0);
     let manipulability = directions.iter().fold(one, |all, direction| {
@@ -232,12 +235,12 @@ fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
 #[derive(Debug, Clone)]
 pub(super) struct SinglePairs {
     direct: Pairs<Float>,
-    /// The program of the route, with the same bits, after it is made.
+    /// The program of the route, after it has been made. It has the same bits as `direct`.
     program: Option<Evaluation>,
     solves: u64,
 }
 
-/// The results: joint velocities, residuals, directions realised and whether one is lost.
+/// The results: joint velocities, residuals, numbers of realised directions, and whether a direction is lost.
 pub(super) struct Answer<'a> {
     pub v: &'a mut [f64],
     pub residual: &'a mut [f64],
@@ -246,29 +249,29 @@ pub(super) struct Answer<'a> {
 }
 
 impl SinglePairs {
-    /// As [`Pairs::new`].
+    /// Create the route with [`Pairs::new`].
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         Pairs::new(n, rows, method, eps, metric).map(|direct| SinglePairs { direct, program: None, solves: 0 })
     }
 
-    /// Set the thresholds. The program then no longer applies.
+    /// Set the thresholds, and discard the program, which contains the old ones.
     pub fn set_eps(&mut self, eps: &[f64]) {
         (self.program, self.solves) = (None, 0);
         self.direct.set_eps(eps);
     }
 
-    /// Whether a program should be made now, after repeated calls.
+    /// Whether a program should be made now, because of repeated calls.
     pub fn wants_program(&self) -> bool {
         self.program.is_none() && self.solves == OFTEN
     }
 
-    /// Use this program of [`PrioritySolver::of_pairs`] from now on.
+    /// Use this program from [`PrioritySolver::of_pairs`] from now on.
     pub fn take(&mut self, program: Option<Evaluation>) {
         self.solves += 1;
         self.program = program;
     }
 
-    /// Solve; false where the route declines.
+    /// Solve a stack. Return false if the route declines.
     pub fn solve(&mut self, jacobian: &[f64], command: &[f64], answer: Answer) -> bool {
         let Answer { v, residual, ranks, lost } = answer;
         let (n, total, levels) = (v.len(), residual.len(), ranks.len());
@@ -294,8 +297,8 @@ impl SinglePairs {
 }
 
 impl PrioritySolver {
-    /// The closed form as a program for single stacks: from Jacobians and command to one if it is valid, `v`, residuals, ranks and lost
-    /// directions.
+    /// Record the closed form as a program for single stacks. The arguments are Jacobians and command. The results are a flag of validity,
+    /// `v`, residuals, ranks and lost directions.
     pub(super) fn of_pairs(&self) -> Option<Evaluation> {
         let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
         if n * total * (total + levels) > MOST {

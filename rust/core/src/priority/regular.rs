@@ -1,16 +1,17 @@
-//! Equation (5) away from singularities: with the stack `J_E = [J1; J2; ..] = L Q` (LQ factorisation by Householder reflections),
-//! the prioritised solution is `v = Q' y` with `L y = [v1; v2; ..]` by forward substitution. The reason is that the diagonal block
-//! `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
+//! Equation (5) away from singularities. The stack is factored as `J_E = [J1; J2; ..] = L Q` (LQ factorisation by Householder reflections).
+//! The prioritised solution is `v = Q' y`, where forward substitution solves `L y = [v1; v2; ..]`. The reason: the diagonal block `T_i` of
+//! `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
 //!
-//! The route is valid only if it is provably the same map as the recursion over singular values. `1/|T_i^-1|_F` is a lower bound of the
-//! smallest singular value of `J_i N_{i-1}`. It must reach `eps_i` (`clamp`, `damped`), or pass the rank rule with a margin of
-//! six digits (`exact`). Otherwise the route declines, and `levels` solves the stack.
+//! The route is valid only if it provably gives the result of the recursion in `levels`. The number `1/|T_i^-1|_F` is a lower bound of the
+//! smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For `exact`, it must satisfy the rank rule
+//! with a margin of six digits. Otherwise the route declines, and `levels` solves the stack.
 //!
-//! `sns` is `exact` where zero and the velocities of every level with those above are within the bounds. `chiaverini` sums
-//! `P_{i-1} J_i# v_i` with the ranks of `exact`: `P_{i-1}` drops the coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
+//! For `sns`, the solution is that of `exact` if zero and the solutions of levels 1 to `i`, for every `i`, are within the bounds. For
+//! `chiaverini`, it is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}` removes the coordinates of the levels above, and
+//! `1/|J_i#|_F` must reach `eps_i`.
 //!
-//! A single stack and a recording use the same source. It never branches on the numbers, so a program and a
-//! direct solve of the same instruction set agree to the bit.
+//! Direct solves and recordings use the same code, which never branches on numbers. So a program and a direct solve with the same
+//! instruction set have the same bits.
 
 use super::lq::{Factor, product, tall};
 use super::method::{DEFAULT_EPS, PriorityMethod};
@@ -20,39 +21,39 @@ use super::workspace::TAME;
 use crate::scalar::{Float, Real};
 use crate::trace::Evaluation;
 
-/// `exact` uses this route only for relative singular values above this, where forward substitution loses no significant digits.
+/// `exact` uses this route only for relative singular values above this limit. Forward substitution then loses no significant digits.
 const EXACT_FLOOR: f64 = 1e-6;
 
-/// The route for stacks of one size, with its buffers.
+/// The route for stacks of one size, with its memory.
 #[derive(Debug, Clone)]
 pub struct Regular<S> {
     n: usize,
     rows: Vec<usize>,
-    /// Levels that fit into the freedom left: their rows come first and are rows of `L`.
+    /// The number of levels that fit into the free directions. Their rows are the first rows of the stack, and are the rows of `L`.
     fitting: usize,
     method: PriorityMethod,
-    /// Squares of the thresholds of the options.
+    /// The squares of the thresholds in the options.
     eps2: Option<Vec<S>>,
     metric: Option<Metric<S>>,
-    /// Velocity bounds of `sns`, least and most.
+    /// The lower and upper velocity bounds of `sns`.
     bounds: [Vec<S>; 2],
-    /// The single levels of `chiaverini`.
+    /// The solver of single levels for `chiaverini`.
     own: Option<Own<S>>,
     factor: Factor<S>,
-    /// The rows of the first level with more rows than remaining freedom.
+    /// The rows of the first level with more rows than free directions.
     tall: Vec<S>,
-    /// Squares of the largest row norm and of the Frobenius norm of each level.
+    /// For each level, the square of its largest row norm and of its Frobenius norm.
     most2: Vec<S>,
     norm2: Vec<S>,
     r: Vec<S>,
     z: Vec<S>,
-    /// The results: joint velocities `(n,)` and residuals `(sum rows,)`.
+    /// The results: joint velocities, shape `(n,)`, rad/s or m/s, and residuals, shape `(sum rows,)`, in the units of the tasks.
     pub v: Vec<S>,
     pub residual: Vec<S>,
 }
 
 impl<S: Real> Regular<S> {
-    /// For levels of these sizes, thresholds and metric; the bounds of `sns` follow.
+    /// Create the route for levels of these sizes, thresholds and metric. The bounds of `sns` are set later.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Self {
         let (mut fit, mut fitting) = (0, 0);
         while fitting < rows.len() && fit + rows[fitting] <= n {
@@ -86,7 +87,7 @@ impl<S: Real> Regular<S> {
         route
     }
 
-    /// Bounds of `sns`, `(n,)`.
+    /// Set the velocity bounds of `sns`, shape `(n,)` each, rad/s or m/s.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
         for (own, given) in self.bounds.iter_mut().zip([v_min, v_max]) {
             own.iter_mut().zip(given).for_each(|(own, &bound)| *own = S::from_lanes(|_| bound));
@@ -94,13 +95,13 @@ impl<S: Real> Regular<S> {
     }
 
     pub fn set_eps(&mut self, eps: &[f64]) {
-        // Some searches set thresholds in every step: existing memory is reused.
+        // Some searches set thresholds in every step, so that existing memory is reused.
         let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
         own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
     }
 
-    /// Solve into `v` and `residual` for the stack `(sum rows, n)` and its command. Returns one if the route is valid. It returns zero if
-    /// some level is not provably regular or some number is extreme.
+    /// Solve the stack `jacobian`, shape `(sum rows, n)`, and write the results to `v` and `residual`. Return one if the route is valid.
+    /// Return zero if a level is not provably regular, or if a number is extreme.
     pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
         self.load(jacobian);
         self.factor.y.fill(S::zero());
@@ -124,7 +125,7 @@ impl<S: Real> Regular<S> {
         })
     }
 
-    /// The joint velocities of the first `used` coordinates into `v`.
+    /// Compute the joint velocities `v` from the first `used` coordinates.
     fn joint_velocities(&mut self, used: usize) {
         self.factor.turn_back_first(used, &mut self.v);
         if let Some(metric) = &self.metric {
@@ -132,7 +133,7 @@ impl<S: Real> Regular<S> {
         }
     }
 
-    /// `stands` if zero is within the bounds, and also the velocities of every level together with those above; else zero.
+    /// Return `stands` if the bounds contain zero and the solutions of levels 1 to `i` for every `i`. Otherwise return zero.
     fn stay_within(&mut self, stands: S) -> S {
         let (mut stands, mut used) = (stands, 0);
         self.v.fill(S::zero());
@@ -144,7 +145,7 @@ impl<S: Real> Regular<S> {
         self.within(stands)
     }
 
-    /// `stands` if `v` is within the bounds, else zero.
+    /// Return `stands` if `v` is within the bounds, otherwise zero.
     fn within(&self, stands: S) -> S {
         let [lower, upper] = &self.bounds;
         let bounds = lower.iter().zip(upper);
@@ -154,13 +155,14 @@ impl<S: Real> Regular<S> {
             .fold(stands, |stands, (&v, (&lower, &upper))| S::select(v.lt(lower), S::zero(), S::select(upper.lt(v), S::zero(), stands)))
     }
 
-    /// The coordinates of `sum P_{i-1} J_i# v_i`; Returns `stands` if every single level is away from its singularities, else zero.
+    /// Compute the coordinates of `sum P_{i-1} J_i# v_i`. Return `stands` if every single level is away from its singularities, otherwise
+    /// zero.
     fn sum_up(&mut self, mut stands: S, jacobian: &[S], command: &[S]) -> S {
         let Regular { n, rows, eps2, metric, factor, own, .. } = self;
         let (Some(own), mut start) = (own, 0) else { return S::zero() };
         factor.y.fill(S::zero());
         for (i, &m) in rows.iter().enumerate().filter(|(_, m)| **m > 0) {
-            // A level without freedom has no effect here, too.
+            // A level without free directions has no effect in this method either.
             if start >= *n {
                 break;
             }
@@ -177,7 +179,7 @@ impl<S: Real> Regular<S> {
         stands
     }
 
-    /// The stack in the coordinates of the metric, and the norms of its levels.
+    /// Write the stack in the coordinates of the metric, and the norms of its levels.
     fn load(&mut self, jacobian: &[S]) {
         let Regular { n, rows, fitting, metric, factor, tall, most2, norm2, .. } = self;
         let (n, fit) = (*n, factor.l.len());
@@ -190,14 +192,14 @@ impl<S: Real> Regular<S> {
         }
     }
 
-    /// Whether every level is regular, with the coordinates of the level that does not fit.
+    /// Return one if every level is regular, otherwise zero. This also computes the coordinates of the level that does not fit.
     fn judge(&mut self, rounding: S, command: &[S]) -> S {
         let Regular { n, rows, fitting, method, eps2, factor, tall: behind, most2, norm2, r, z, .. } = self;
         let (one, zero) = (S::splat(1.0), S::zero());
         let (mut stands, mut used, mut condition) = (one, 0, one);
         for (i, &m) in rows.iter().enumerate() {
             let p = m.min(*n - used);
-            // A level without rows or freedom has no effect on the route of the levels above it.
+            // A level without rows or free directions has no effect.
             if p == 0 {
                 continue;
             }
@@ -218,14 +220,14 @@ impl<S: Real> Regular<S> {
             } else {
                 inverse2 * threshold2(eps2.as_deref(), i, most2[i])
             };
-            // NaN fails every comparison and declines.
+            // NaN fails every comparison, so that the route declines.
             stands = S::select(one.lt(excess), zero, S::select(excess.lt(S::splat(2.0)), stands, zero));
         }
         stands
     }
 }
 
-/// Rows of a Jacobian, in the coordinates of the metric; the squares of the largest row norm and of the Frobenius norm.
+/// Write the rows of a Jacobian in the coordinates of the metric. Return the squares of the largest row norm and of the Frobenius norm.
 pub(super) fn load<S: Real>(jacobian: &[S], metric: Option<&Metric<S>>, rows: &mut [S], n: usize) -> [S; 2] {
     let (mut most, mut sum) = (S::zero(), S::zero());
     for (row, given) in rows.chunks_exact_mut(n).zip(jacobian.chunks_exact(n)) {
@@ -240,12 +242,12 @@ pub(super) fn load<S: Real>(jacobian: &[S], metric: Option<&Metric<S>>, rows: &m
     [most, sum]
 }
 
-/// The square of the threshold of level `i`, whose largest row norm is the root of `most2`.
+/// Return the square of the threshold of level `i`. `most2` is the square of the level's largest row norm.
 pub(super) fn threshold2<S: Real>(eps2: Option<&[S]>, i: usize, most2: S) -> S {
     eps2.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2, |eps2| eps2[i])
 }
 
-/// Directions of every level that are realised, if this method applies.
+/// Return the number of realised directions of every level, for a stack that this route solves.
 pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = usize> {
     rows.iter().scan(n, |free, &m| {
         let p = m.min(*free);
@@ -258,34 +260,34 @@ pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = us
 #[derive(Debug, Clone)]
 pub(super) struct Single {
     direct: Regular<Float>,
-    /// The program of the route, with the same bits, after it is made.
+    /// The program of the route, after it has been made. It has the same bits as `direct`.
     program: Option<Evaluation>,
 }
 
 impl Single {
-    /// As [`Regular::new`].
+    /// Create the route with [`Regular::new`].
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Self {
         Single { direct: Regular::new(n, rows, method, eps, metric), program: None }
     }
 
-    /// Use this program of [`PrioritySolver::of_stacks`](super::PrioritySolver) from now on.
+    /// Use this program from [`PrioritySolver::of_stacks`](super::PrioritySolver) from now on.
     pub fn take(&mut self, program: Option<Evaluation>) {
         self.program = program;
     }
 
-    /// Set the thresholds. The program then no longer applies.
+    /// Set the thresholds, and discard the program, which contains the old ones.
     pub fn set_eps(&mut self, eps: &[f64]) {
         self.program = None;
         self.direct.set_eps(eps);
     }
 
-    /// Set the bounds. The program then no longer applies.
+    /// Set the bounds, and discard the program, which contains the old ones.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
         self.program = None;
         self.direct.set_bounds(v_min, v_max);
     }
 
-    /// Solve into `v` and `residual`; false where the route declines.
+    /// Solve a stack, and write the results to `v` and `residual`. Return false if the route declines.
     pub fn solve(&mut self, rounding: f64, jacobian: &[f64], command: &[f64], v: &mut [f64], residual: &mut [f64]) -> bool {
         if let Some(program) = &mut self.program {
             let (given, rest) = program.inputs(0, jacobian.len() + command.len() + 1).split_at_mut(jacobian.len());

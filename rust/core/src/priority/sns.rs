@@ -1,34 +1,34 @@
-//! Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`). At each level it finds the largest `s <= 1` with
+//! Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`). Each level finds the largest scale `s <= 1` with
 //!
-//! `J_i v = s v_i`,  `v = v_above + N z`,  `v_min <= v <= v_max`,  `N` the null basis of the levels above.
+//! `J_i v = s v_i`,  `v = v_above + N z`,  `v_min <= v <= v_max`. `N` is the null basis of the levels above.
 //!
-//! `v(s) = s a + b` is affine in `s`. While `s = 1` violates a bound, the joint that limits `s` most is fixed at its bound. Its
-//! direction is removed from `N`, and the others take over. The largest scale of this search is kept. A level without a feasible scale
-//! (`s < 0` only) does not change `v_above`. Ranks are those of `exact`, so higher levels are never disturbed.
+//! The solution `v(s) = s a + b` is affine in `s`. As long as `s = 1` violates a bound, the joint that limits `s` most is fixed at its
+//! bound. Its direction is removed from `N`, and the other joints take over. The search keeps the largest feasible scale. A level without a
+//! feasible scale (only `s < 0`) does not change `v_above`. Ranks are those of `exact`, so that higher levels are never disturbed.
 
 use super::workspace::Workspace;
 use crate::error::Result;
 use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{axpy, dot};
 
-/// A joint moves within the remaining null space if its row there is longer than this; below, fixing it would amplify rounding 1e10 times.
+/// A joint can be fixed if its row in the remaining null space is longer than this limit. A shorter row would amplify rounding 1e10 times.
 const MOBILE: f64 = 1e-10;
 
-/// The rounding error of `v(s)` relative to its largest parts, which cancel near singularities. Below it, the distance of a joint from its
-/// bound counts as zero, and so does the rate of a joint.
+/// The rounding error of `v(s)`, divided by its largest parts, which cancel near singularities. A smaller distance of a joint from its
+/// bound is taken as zero. The same limit applies to the rate of a joint.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
-/// An excess over a bound is cut off if it is noise: at most this fraction of the fastest joint, or this much.
+/// An excess over a bound is removed if it is rounding noise: at most these fractions of the velocity of the fastest joint.
 const MOST_EDGE: f64 = 1e-11;
 const LEAST_EDGE: f64 = 1e-13;
 
-/// Scales that differ by less, relative to the larger, count as one.
+/// Scales whose relative difference is below this limit are taken as equal.
 const ALIKE: f64 = 1e-9;
 
-/// Buffers of the method, shape `(n,)` each.
+/// Memory of the method, shape `(n,)` each.
 #[derive(Debug, Clone)]
 pub(super) struct Saturation {
-    /// `v(s) = s a + b`, in metric coordinates and in joint velocities.
+    /// The coefficients of `v(s) = s a + b`: `a` and `b` in metric coordinates, `va` and `vb` in joint velocities.
     a: Vec<f64>,
     b: Vec<f64>,
     va: Vec<f64>,
@@ -47,7 +47,7 @@ impl Saturation {
 }
 
 impl Workspace {
-    /// All levels, from zero velocity or, where that is out of bounds, from the nearest velocity within.
+    /// Solve all levels. The start is zero velocity or, if zero is out of bounds, the nearest velocity within the bounds.
     pub(super) fn solve_sns(&mut self, sat: &mut Saturation) -> Result<()> {
         self.begin();
         self.start_within(sat);
@@ -59,14 +59,14 @@ impl Workspace {
             let cut = self.rounding * self.spectral_norm(i)? * above;
             self.ranks[i] = rank;
             self.lost[i] = rank < self.rows[i].min(k);
-            // `consume` writes the rotated free basis to t. The level works on that copy, and the next level gets the basis.
+            // `consume` writes the rotated free basis to t. This level changes that copy, and the next level uses the basis.
             self.consume(spent);
             self.task_scale[i] = self.saturate(i, k, rank, cut, sat)?;
         }
         Ok(())
     }
 
-    /// Metric coordinates of the velocity within bounds that is nearest to zero joint by joint.
+    /// Compute the metric coordinates of the velocity within the bounds whose components are nearest to zero.
     fn start_within(&mut self, sat: &mut Saturation) {
         let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
         for ((v, l), u) in sat.vb.iter_mut().zip(lower).zip(upper) {
@@ -78,7 +78,7 @@ impl Workspace {
         self.y.copy_from_slice(&sat.vb);
     }
 
-    /// One level; returns its scale, 0 if no scale in `[0, 1]` is feasible.
+    /// Solve one level. Return its scale, or 0 if no scale in `[0, 1]` is feasible.
     fn saturate(&mut self, i: usize, columns: usize, rank: usize, cut: f64, sat: &mut Saturation) -> Result<f64> {
         let (n, level) = (self.n, self.level(i));
         let m = level.len();
@@ -104,7 +104,8 @@ impl Workspace {
                 let (low, high) = interval(sat.va[j], sat.vb[j], lower[j], upper[j], noise);
                 to = to.min(high);
                 let violates = low > 1.0 || high < 1.0;
-                // Among joints with equal limits of the scale, such as those that higher levels moved to their bounds, the fastest.
+                // Several joints may limit the scale equally, for example joints that higher levels moved to their bounds. The fastest of
+                // them is fixed.
                 let alike = (high - least).abs() <= ALIKE * least.abs() || high == least;
                 if violates && (critical.is_none() || if alike { sat.va[j].abs() > rate } else { high < least }) {
                     let above = sat.va[j] + sat.vb[j] > upper[j];
@@ -127,7 +128,7 @@ impl Workspace {
         Ok(scale.max(0.0))
     }
 
-    /// `a = N (J N)# v_i` and `b = base - N (J N)# J base`, with their joint velocities.
+    /// Compute `a = N (J N)# v_i` and `b = base - N (J N)# J base`, also as joint velocities.
     fn affine(&mut self, i: usize, rank: usize, k: usize, sat: &mut Saturation) {
         let (n, level) = (self.n, self.level(i));
         for (r, row) in level.clone().enumerate() {
@@ -152,8 +153,8 @@ impl Workspace {
         }
     }
 
-    /// `v(s)` into `a`, evaluated as `base + N (J N)# (s v_i - J base)`: near singularities `s a` and `b` are huge and cancel.
-    /// Cut off at its bounds; false if it is out of bounds by more than rounding.
+    /// Compute `v(s)` as `base + N (J N)# (s v_i - J base)`, because `s a` and `b` are huge and cancel near singularities. Restrict it to
+    /// the bounds. Return false if it is out of bounds by more than rounding.
     fn candidate(&mut self, i: usize, rank: usize, k: usize, s: f64, noise: f64, sat: &mut Saturation) -> bool {
         let (n, level) = (self.n, self.level(i));
         sat.a.copy_from_slice(&sat.base);
@@ -171,7 +172,7 @@ impl Workspace {
             metric.velocity(&mut sat.va);
         }
         let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
-        // Near singularities the noise is large. To cut off that much would change results of higher levels.
+        // Near singularities the noise is large. A correction of this size would change the results of higher levels.
         let fastest = largest(&sat.va);
         let edge = noise.min(MOST_EDGE * fastest).max(LEAST_EDGE * fastest);
         if !(0..n).all(|j| sat.va[j] >= lower[j] - edge && sat.va[j] <= upper[j] + edge) {
@@ -191,7 +192,8 @@ impl Workspace {
         true
     }
 
-    /// Fix a joint's velocity at `bound` and remove the direction that moves it from the `k` rows of `t`; false if none moves it.
+    /// Fix a joint's velocity at `bound`, and remove the direction that moves the joint from the `k` rows of `t`. Return false if no
+    /// direction moves it.
     fn fix(&mut self, joint: usize, bound: f64, k: usize, sat: &mut Saturation) -> bool {
         let n = self.n;
         sat.row.fill(0.0);
@@ -207,7 +209,7 @@ impl Workspace {
         }
         let (alpha, beta) = reflector(&mut self.z[..k]);
         if beta != 0.0 {
-            // H from the left on the rows of t: one column of t at a time.
+            // Apply H from the left to the rows of t, one column of t at a time.
             for col in 0..n {
                 for c in 0..k {
                     sat.va[c] = self.t[c * n + col];
@@ -230,7 +232,8 @@ fn largest(v: &[f64]) -> f64 {
     v.iter().fold(0.0, |most, v| most.max(v.abs()))
 }
 
-/// The `s` with `lower <= s a + b <= upper`; empty as `(inf, -inf)`. Rates and distances up to `noise` are zero.
+/// Return the interval of `s` with `lower <= s a + b <= upper`. An empty interval is `(inf, -inf)`. Rates and distances up to `noise` count
+/// as zero.
 fn interval(a: f64, b: f64, lower: f64, upper: f64, noise: f64) -> (f64, f64) {
     let [a, below, above] = [a, lower - b, upper - b].map(|x| if x.abs() <= noise { 0.0 } else { x });
     if a == 0.0 {

@@ -1,4 +1,4 @@
-//! One prioritised solve from plain matrices, and its result.
+//! One prioritised solve with row-major matrices, and its result.
 
 use super::{PriorityOptions, PrioritySolver};
 use crate::error::Result;
@@ -7,19 +7,21 @@ use crate::status::Status;
 /// The result of `solve_priority`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// Joint velocities, shape `(n,)`.
+    /// Joint velocities, shape `(n,)`, rad/s or m/s.
     pub v: Vec<f64>,
-    /// `v_i - J_i v` per level, in the unit of the task.
+    /// Residuals `v_i - J_i v` of each level, shape `(rows_i,)`, in the unit of the task.
     pub residuals: Vec<Vec<f64>>,
-    /// Directions of each level that were realised: counted by the rank rule (`exact`, `chiaverini`, `sns`), or with `s >= eps` (`clamp`, `damped`).
+    /// The number of realised directions of each level. For `exact`, `chiaverini` and `sns`, the rank rule counts them. For `clamp` and
+    /// `damped`, they are those with `s >= eps`.
     pub ranks: Vec<usize>,
-    /// Scale of each level's command; 1 except for `sns`.
+    /// The scale of each level's command. It is 1 except for `sns`.
     pub scales: Vec<f64>,
     /// `Success`, or `Degraded` if directions are lost.
     pub status: Status,
 }
 
-/// One prioritised solve from plain matrices: row-major `(rows_i, n)` Jacobians and `(rows_i,)` velocities, highest level first.
+/// Solve one prioritised problem. `jacobians`: shape `(rows_i, n)` each, row-major, the highest level first. `velocities`: task velocities,
+/// shape `(rows_i,)` each.
 ///
 /// ```
 /// use armlet_core::priority::{PriorityOptions, solve_priority};

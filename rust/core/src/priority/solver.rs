@@ -1,7 +1,7 @@
-//! The solver: one construction, then solves without allocation.
+//! The solver of stacks. Its construction allocates all memory, and solves do not allocate.
 //!
-//! `levels of (J_i, v_i) -> v`, with residuals `v_i - J_i v`, ranks and a status. Inputs are checked here once; the maps below only receive
-//! finite numbers of moderate magnitude.
+//! It maps levels `(J_i, v_i)` to joint velocities `v`, with residuals `v_i - J_i v`, ranks and a status. The solver checks its inputs. So
+//! all routes receive only finite numbers of moderate magnitude.
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
 use super::metric::Metric;
@@ -15,7 +15,7 @@ use crate::memory;
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// Prioritised inverse kinematics for `n` joints and levels of fixed sizes; `solve` does not allocate.
+/// Prioritised inverse kinematics for `n` joints and levels of fixed sizes. [`PrioritySolver::solve`] does not allocate.
 ///
 /// ```
 /// use armlet_core::priority::{Kind, PriorityMethod, PriorityOptions, PrioritySolver, diagnose};
@@ -34,26 +34,27 @@ pub struct PrioritySolver {
     method: PriorityMethod,
     work: Workspace,
     saturation: Option<Saturation>,
-    /// The closed form for levels of at most two rows, if it applies.
+    /// The route for levels of at most two rows in closed form, if it applies.
     pairs: Option<SinglePairs>,
     status: Status,
     uses: u64,
 }
 
-/// Number of calls after which a caller counts as frequent.
+/// The number of calls after which a program is made.
 const OFTEN: u64 = 16;
 
 impl PrioritySolver {
-    /// `n`: number of joints; `rows`: rows of each level, first the highest; zero rows and more rows than joints are allowed.
+    /// Create a solver. `n`: number of joints. `rows`: number of rows of each level, the highest level first. A level may have no row, or
+    /// more rows than joints.
     ///
-    /// Errors: `Input` for `n = 0`, a wrong number of `eps` or `eps <= 0`, a weight that is not positive definite, bounds out of order,
-    /// `sns` without bounds.
+    /// Errors: `Input` for `n = 0`, a wrong number of `eps`, `eps <= 0`, or a weight that is not positive definite. Also for bounds that
+    /// are not in order, and for `sns` without bounds.
     pub fn new(n: usize, rows: &[usize], options: &PriorityOptions) -> Result<Self> {
         if n == 0 {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
         }
         let levels = rows.len();
-        // Jacobians twice, two decompositions with their bases, and the buffers of the regular route.
+        // The memory contains the Jacobians twice, two decompositions with their bases, and the regular route.
         let (total, most) = rows.iter().fold((0, n), |(total, most): (usize, usize), &m| (total.saturating_add(m), most.max(m)));
         memory::require((16_usize.saturating_mul(most)).saturating_add(8_usize.saturating_mul(total)).saturating_mul(8 * most))?;
         let eps = match options.eps.as_deref() {
@@ -78,7 +79,7 @@ impl PrioritySolver {
             }
             (None, None) => {}
             (lower, upper) => {
-                // A missing bound is minus the other one.
+                // A bound that is not given is the negative of the other bound.
                 let mirror = |x: &Vec<f64>| x.iter().map(|b| -b).collect::<Vec<f64>>();
                 let low = lower.clone().unwrap_or_else(|| mirror(upper.as_ref().unwrap_or(&Vec::new())));
                 let high = upper.clone().unwrap_or_else(|| mirror(lower.as_ref().unwrap_or(&Vec::new())));
@@ -89,17 +90,17 @@ impl PrioritySolver {
         Ok(solver)
     }
 
-    /// Number of joints.
+    /// The number of joints.
     pub fn n(&self) -> usize {
         self.work.n
     }
 
-    /// Rows of each level.
+    /// The number of rows of each level.
     pub fn rows(&self) -> &[usize] {
         &self.work.rows
     }
 
-    /// How the levels are inverted.
+    /// The method that inverts the levels.
     pub fn method(&self) -> PriorityMethod {
         self.method
     }
@@ -108,17 +109,17 @@ impl PrioritySolver {
         self.work.rounding
     }
 
-    /// Thresholds of each level, if the options have them.
+    /// The threshold of each level, if the options have thresholds.
     pub fn eps(&self) -> Option<&[f64]> {
         self.work.eps.as_deref()
     }
 
-    /// Bounds of the joint velocities, lower and upper, if there are any.
+    /// The lower and upper bounds of the joint velocities, if there are any.
     pub fn bounds(&self) -> Option<&(Vec<f64>, Vec<f64>)> {
         self.work.bounds.as_ref()
     }
 
-    /// The route without a branch, for stacks away from singularities, on another number.
+    /// Return the route for stacks away from singularities, with another number type. Its code does not branch on numbers.
     pub fn regular<S: Real>(&self) -> Regular<S> {
         let mut route = Regular::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref());
         if let Some((v_min, v_max)) = self.bounds() {
@@ -127,12 +128,12 @@ impl PrioritySolver {
         route
     }
 
-    /// The closed form for levels of at most two rows, on another number; `None` if it does not apply.
+    /// Return the route for levels of at most two rows, with another number type. The result is `None` if it does not apply.
     pub(super) fn pairs<S: Real>(&self) -> Option<Pairs<S>> {
         Pairs::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
     }
 
-    /// Relative error of the entries of the next Jacobians, `8 eps (1 + sum|q|)` when an arm made them.
+    /// Set the relative error of the entries of the next Jacobians. For the Jacobian of an arm it is `8 eps (1 + sum|q|)`.
     pub fn set_rounding(&mut self, rounding: f64) -> Result<()> {
         if !(0.0..1.0).contains(&rounding) {
             return Err(Error::input("rounding", format!("is not a relative error: expected 0 <= rounding < 1, got {rounding}")));
@@ -141,7 +142,7 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Thresholds on the singular values of each level for the next solves, in the unit of its Jacobian.
+    /// Set the threshold on the singular values of each level for the next solves, in the unit of the level's Jacobian.
     pub fn set_eps(&mut self, eps: &[f64]) -> Result<()> {
         if eps.len() != self.work.rows.len() {
             return Err(Error::wrong("eps", "length", self.work.rows.len(), eps.len()));
@@ -158,7 +159,8 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Joint velocity bounds for the next solves, shape `(n,)`, rad/s or m/s; infinities allowed. Errors: wrong length, NaN, `v_min > v_max`.
+    /// Set the joint velocity bounds for the next solves, shape `(n,)` each, rad/s or m/s. Infinite bounds are allowed. Errors: wrong
+    /// length, NaN, `v_min > v_max`.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) -> Result<()> {
         let n = self.work.n;
         for (name, x) in [("v_min", v_min), ("v_max", v_max)] {
@@ -166,7 +168,7 @@ impl PrioritySolver {
                 return Err(Error::wrong(name, "length", n, x.len()));
             }
         }
-        // Not `v_min > v_max`: NaN must be refused too, and so must a bound that leaves no finite velocity.
+        // The condition is not `v_min > v_max`, because NaN must also be refused. Bounds that allow no finite velocity are refused, too.
         let fine = |l: f64, u: f64| l <= u && l < f64::INFINITY && u > f64::NEG_INFINITY;
         if let Some(i) = (0..n).find(|&i| !fine(v_min[i], v_max[i])) {
             return Err(
@@ -181,22 +183,23 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// The buffers to fill before `run`: the stacked Jacobians, row-major `(sum rows, n)`, and the stacked task velocities.
+    /// The memory that the caller fills before `run`: the stacked Jacobians, shape `(sum rows, n)`, row-major, and the stacked task
+    /// velocities.
     pub fn inputs(&mut self) -> (&mut [f64], &mut [f64]) {
         (&mut self.work.jacobian, &mut self.work.command)
     }
 
-    /// Solve for one row-major `(rows_i, n)` Jacobian and one `(rows_i,)` task velocity per level.
+    /// Solve for one Jacobian per level, shape `(rows_i, n)`, row-major, and one task velocity per level, shape `(rows_i,)`.
     ///
-    /// Returns `Success`, or `Degraded` when some level lost a direction or was scaled. Errors: `Input` for wrong sizes or
-    /// numbers that are not finite, `Solve` if the answer overflows.
+    /// Returns `Success`, or `Degraded` if a level lost a direction or was scaled. Errors: `Input` for wrong sizes or numbers that are not
+    /// finite, `Solve` if the result overflows.
     pub fn solve(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<Status> {
         self.load(jacobians, velocities)?;
         self.run()
     }
 
-    /// Count a repeated call. After some calls a program is made for stacks away from singularities, which takes some
-    /// 0.2 ms. Later solves are faster, with the same bits.
+    /// Count a repeated call. After some calls, a program for stacks away from singularities is made, which takes about 0.2 ms. Later
+    /// solves are faster, with the same bits.
     #[inline]
     pub fn used(&mut self) {
         self.uses += 1;
@@ -216,7 +219,7 @@ impl PrioritySolver {
         &mut self.work
     }
 
-    /// Check the sizes and copy into `inputs`.
+    /// Check the sizes, and copy the numbers to `inputs`.
     pub(super) fn load(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<()> {
         let levels = self.work.rows.len();
         for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
@@ -251,7 +254,7 @@ impl PrioritySolver {
         self.run_declined()
     }
 
-    /// Like [`PrioritySolver::run`], for a stack that the regular route has declined.
+    /// Solve a stack that the regular route has declined.
     pub fn run_declined(&mut self) -> Result<Status> {
         let PrioritySolver { work: w, pairs, .. } = self;
         let Workspace { jacobian, command, v, residual, ranks, lost, .. } = w;
@@ -265,7 +268,7 @@ impl PrioritySolver {
         self.run_singular()
     }
 
-    /// Like [`PrioritySolver::run`], by singular values alone.
+    /// Solve only with the routes that use singular values.
     pub fn run_singular(&mut self) -> Result<Status> {
         self.prepare()?;
         let w = &mut self.work;
@@ -279,7 +282,7 @@ impl PrioritySolver {
         self.finish()
     }
 
-    /// Refuse numbers that are not finite, change to metric coordinates, scale levels whose squares would overflow or vanish.
+    /// Refuse numbers that are not finite, change to metric coordinates, and scale levels whose squares would overflow or underflow.
     pub(super) fn prepare(&mut self) -> Result<()> {
         let w = &mut self.work;
         let n = w.n;
@@ -303,7 +306,7 @@ impl PrioritySolver {
             if !TAME.contains(&norm2) {
                 let biggest = block.iter().fold(0.0f64, |b, x| b.max(x.abs()));
                 if biggest > 0.0 {
-                    // Two factors, because one alone can itself overflow; powers of two change no digit.
+                    // Two factors are used, because a single factor could overflow. Powers of two change no digit.
                     let e = -(biggest.log2().floor() as i32);
                     w.exponent[i] = e;
                     (f, g) = (2f64.powi(e / 2), 2f64.powi(e - e / 2));
@@ -318,7 +321,7 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Joint velocities from metric coordinates, bounds to the last digit, residuals, status.
+    /// Compute the joint velocities from the metric coordinates, remove rounding excess over bounds, and compute residuals and status.
     fn finish(&mut self) -> Result<Status> {
         let w = &mut self.work;
         let n = w.n;
@@ -347,37 +350,37 @@ impl PrioritySolver {
         Ok(self.status)
     }
 
-    /// Joint velocities of the last solve, shape `(n,)`.
+    /// The joint velocities of the last solve, shape `(n,)`, rad/s or m/s.
     pub fn v(&self) -> &[f64] {
         &self.work.v
     }
 
-    /// Residual `v_i - J_i v` of level `i`, shape `(rows_i,)`.
+    /// The residual `v_i - J_i v` of level `i`, shape `(rows_i,)`, in the unit of the task.
     pub fn residual(&self, i: usize) -> &[f64] {
         &self.work.residual[self.work.level(i)]
     }
 
-    /// Residuals of all levels, stacked.
+    /// The stacked residuals of all levels, shape `(sum rows,)`.
     pub fn residuals(&self) -> &[f64] {
         &self.work.residual
     }
 
-    /// Directions of each level that were realised.
+    /// The number of realised directions of each level.
     pub fn ranks(&self) -> &[usize] {
         &self.work.ranks
     }
 
-    /// Scale of each level's command; 1 except for `sns`.
+    /// The scale of each level's command. It is 1 except for `sns`.
     pub fn scales(&self) -> &[f64] {
         &self.work.task_scale
     }
 
-    /// Whether each level lost a direction that its rows and the freedom left to it would allow.
+    /// For each level, whether it lost a direction that its rows and the free directions would allow.
     pub fn lost(&self) -> &[bool] {
         &self.work.lost
     }
 
-    /// Status of the last solve.
+    /// The status of the last solve.
     pub fn status(&self) -> Status {
         self.status
     }

@@ -1,4 +1,4 @@
-//! The buffers of a solve: allocated once, sized by the number of joints and the rows of each level.
+//! The memory of a solver. It is allocated once, for a number of joints and the rows of each level.
 
 use super::method::PriorityMethod;
 use super::metric::Metric;
@@ -11,23 +11,23 @@ pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
     pub n: usize,
-    /// Rows of each level and the index of its first row in the stack.
+    /// For each level, its number of rows and the index of its first row in the stack.
     pub rows: Vec<usize>,
     pub start: Vec<usize>,
-    /// The original stack: Jacobians `(sum rows, n)` and task velocities.
+    /// The original stack: Jacobians, shape `(sum rows, n)`, and task velocities.
     pub jacobian: Vec<f64>,
     pub command: Vec<f64>,
-    /// The stack in the coordinates of the metric, each level scaled by a power of two where its entries are extreme.
+    /// The stack in the coordinates of the metric. Levels with extreme entries are scaled by a power of two.
     pub j: Vec<f64>,
     pub c: Vec<f64>,
-    /// Power of two by which a level of extreme magnitude is scaled.
+    /// For each level, the exponent of the power of two by which it is scaled.
     pub exponent: Vec<i32>,
-    /// The threshold in force, per level.
+    /// The present threshold of each level.
     pub threshold: Vec<f64>,
-    /// Rows: an orthonormal basis of joint space. Higher levels use those before `free`. The others have the factor `scale`, the fraction
-    ///     that clamped levels leave.
+    /// The rows are an orthonormal basis of joint space. Higher levels use the rows before `free`. The other rows have the factors `scale`,
+    /// which are the fractions that clamped levels leave free.
     pub basis: Vec<f64>,
-    /// Whether no level has rotated the basis yet.
+    /// Whether the basis is still the identity, because no level has rotated it.
     pub identity: bool,
     pub free: usize,
     pub scale: Vec<f64>,
@@ -37,18 +37,18 @@ pub(super) struct Workspace {
     pub r: Vec<f64>,
     pub t: Vec<f64>,
     pub z: Vec<f64>,
-    /// The regular route.
+    /// The route `regular`.
     pub regular: Single,
     /// The result in metric coordinates.
     pub y: Vec<f64>,
-    /// Results.
+    /// The results of the solver.
     pub v: Vec<f64>,
     pub residual: Vec<f64>,
     pub ranks: Vec<usize>,
     pub lost: Vec<bool>,
     pub task_scale: Vec<f64>,
     pub metric: Option<Metric>,
-    /// Thresholds of each level, in the unit of its Jacobian.
+    /// The threshold of each level, in the unit of the level's Jacobian.
     pub eps: Option<Vec<f64>>,
     pub rounding: f64,
     pub bounds: Option<(Vec<f64>, Vec<f64>)>,
@@ -94,7 +94,7 @@ impl Workspace {
         }
     }
 
-    /// Solve into `v`, `residual` and `ranks`; false if some level is not provably regular or some number is extreme.
+    /// Solve with the route `regular`, and write `v`, `residual` and `ranks`. Return false if the route declines.
     pub fn solve_regular(&mut self) -> bool {
         let Workspace { n, rows, regular, jacobian, command, rounding, v, residual, ranks, task_scale, .. } = self;
         let stands = regular.solve(*rounding, jacobian, command, v, residual);
@@ -105,7 +105,7 @@ impl Workspace {
         stands
     }
 
-    /// Row range of level `i` in the stack.
+    /// The range of rows of level `i` in the stack.
     pub fn level(&self, i: usize) -> std::ops::Range<usize> {
         self.start[i]..self.start[i] + self.rows[i]
     }
