@@ -1,8 +1,9 @@
-//! Adaptive tracking of any arm: the estimated parameters, and the metric of their adaptation.
+//! Adaptive tracking of any arm: the choice of estimated parameters, and the metric of their adaptation.
 //!
-//! - all of them, or a base set `b = P pi`: then `Y pi = Y_b b` with `Y_b` some columns of `Y`;
-//! - Euclidean, `a_hat' = Gamma Y' s`, or natural (Lee, Kwon and Park 2018), body by body `P_hat' = gamma P_hat L P_hat` in
-//!   the pseudo-inertia, which always stays physically possible. Lyapunov function: `s' M s / 2 + sum d(P || P_hat) / gamma`.
+//! - The law estimates all parameters `pi`, or a base set `b = P pi`. Then `Y pi = Y_b b`, where `Y_b` has some columns of `Y`.
+//! - The metric is Euclidean, `a_hat' = Gamma Y' s`, or natural (Lee, Kwon and Park 2018). In the natural metric, the pseudo-inertia of
+//!   each body has the rate `P_hat' = gamma P_hat L P_hat`, and always remains physically possible. The Lyapunov function is then `s' M s /
+//!   2 + sum d(P || P_hat) / gamma`.
 
 use super::adaptive::{Adaptive, AdaptiveSpec};
 use super::composite::LaneComposite;
@@ -19,18 +20,18 @@ use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::{is_positive_definite, natural_rate};
 
-/// The rate of the estimate.
+/// The adaptation law of the estimate, with its gain.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Adaptation {
-    /// `Gamma`, of the size of the estimate.
+    /// `Gamma`, of the size `p` of the estimate. Entry `i, j` has the units of parameter `i` times parameter `j` per joule.
     Euclidean(Gain),
-    /// `gamma` of each body, > 0; then of each parameter of a joint's column.
+    /// `gamma` of each body, 1/J, > 0; then `gamma` of each parameter of a joint column, in its squared unit per joule.
     Natural(Vec<f64>),
 }
 
 impl Adaptation {
-    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` parameters belong to
-    /// no body.
+    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` parameters are
+    /// parameters of joint columns.
     pub(super) fn validate(&self, estimate: &[f64], beside: usize) -> Result<()> {
         match self {
             Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
@@ -61,7 +62,7 @@ impl Adaptation {
 }
 
 impl AdaptiveSpec {
-    /// The same law, its estimates kept physically possible; an initial estimate outside is moved to the nearest one inside.
+    /// Keep the estimates physically possible. An initial estimate that is not is replaced by the nearest one that is.
     pub fn projected(mut self, projection: Projection) -> Result<Self> {
         if matches!(self.adaptation, Adaptation::Natural(_)) {
             return Err(Error::input("projection", "has nothing to do: expected None for natural adaptation, which stays consistent"));
@@ -76,12 +77,12 @@ impl AdaptiveSpec {
     }
 }
 
-/// A base set of parameters: the independent columns of the regressor, and `P` `(b, p)`, row-major.
+/// A base set of `b` parameters: the independent columns of the regressor, and the projection `P`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Base {
-    /// Indices of the adapted parameters.
+    /// Indices of the estimated parameters, `(b,)`.
     pub columns: Vec<usize>,
-    /// Projection onto them, row-major.
+    /// The projection `P`, `(b, p)`, row-major.
     pub projection: Vec<f64>,
 }
 
@@ -97,42 +98,45 @@ impl Base {
         finite("base", &self.projection)
     }
 
-    /// `P pi`.
+    /// Compute the base parameters `P pi`, `(b,)`, from all parameters `pi`, `(p,)`.
     pub fn project(&self, pi: &[f64]) -> Vec<f64> {
         self.projection.chunks_exact(pi.len()).map(|row| row.iter().zip(pi).map(|(p, x)| p * x).sum()).collect()
     }
 }
 
-/// The law on vectors of any size.
+/// The adaptive law on vectors of any size.
 type OnHeap<S> = Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>;
 
-/// The law in a loop of any arm.
+/// The adaptive law in a loop, for any arm.
 pub struct AnyAdaptive<S: Real> {
     law: OnHeap<S>,
-    /// Known rotor inertias; empty where there are none.
+    /// Known rotor inertias, `(n,)`; empty if there are none.
     armature: Vec<S>,
     columns: Vec<usize>,
-    /// `gamma` of each body; empty in the Euclidean metric.
+    /// `gamma` of each body, then of each joint column; empty in the Euclidean metric.
     natural: Vec<S>,
-    /// All parameters, if a base set of them is estimated; then the independent columns of `Y' s`.
+    /// All parameters, if a base set is estimated; else empty.
     full: Vec<S>,
+    /// The entries of `Y' s` for the base set.
     kept: Vec<S>,
     projector: Option<Projector<S>>,
     /// The options beyond the plain adaptation.
     more: Option<More<S>>,
 }
 
-/// Columns of joints, leakage, dead zone and projection.
+/// Joint columns, restraint, and additional adaptation.
 struct More<S> {
     joints: LaneColumns<S>,
     restraint: LaneRestraint<S>,
     composite: Option<LaneComposite<S>>,
     concurrent: Option<LaneConcurrent<S>>,
-    /// The entries of the columns of joints.
+    /// The entries of the joint columns of `Y`.
     entries: Vec<S>,
-    /// `y = Y' s`, `w` and `y - w`, of the size of the estimate; the last two are empty for an estimate without restraint.
+    /// `y = Y' s`, `(p,)`.
     y: Vec<S>,
+    /// The vector `w` that `Gamma` multiplies, `(p,)`; empty without restraint and without additional adaptation.
     w: Vec<S>,
+    /// The difference `y - w`, `(p,)`; empty if `w` is.
     back: Vec<S>,
 }
 
@@ -201,7 +205,7 @@ impl<S: Real> AnyAdaptive<S> {
         }
     }
 
-    /// The torque of the estimate `z` of the bodies and of known rotors; `Y' s` stays in the law.
+    /// Compute the torque for the estimate `z` of the bodies, plus the torque of known rotors. The law stores `Y' s`.
     fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S]) {
         if self.columns.is_empty() {
             self.law.torque(desired, trig, x, z, tau);
@@ -216,7 +220,7 @@ impl<S: Real> AnyAdaptive<S> {
         }
     }
 
-    /// The torque and the rate with columns of joints and a restraint.
+    /// Compute the torque, and the rate of the estimate, with the options in `more`.
     fn evaluate_more(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         let Some(mut more) = self.more.take() else { return };
         let n = tau.len();
@@ -260,7 +264,7 @@ impl<S: Real> AnyAdaptive<S> {
         self.more = Some(more);
     }
 
-    /// The rates in the natural metric: of each body, and of the other estimated parameters.
+    /// Compute the rates of the estimate in the natural metric: of each body, then of each joint column.
     fn natural_rates(&self, z: &[S], w: &[S], dz: &mut [S]) {
         let bodies = (z.len() - self.natural.len()) / (PARAMETERS - 1);
         let (of_bodies, beside) = dz.split_at_mut(PARAMETERS * bodies);

@@ -3,8 +3,8 @@
 //! `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`,
 //! `tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot = Y a_hat + Kd s`, `a_hat_dot = Gamma Y^T s`.
 //!
-//! Rotor inertias (armature) are among the parameters `a` where they are asked for, as friction is (`joint_columns`). Else they are known, and
-//! `armature a_r` is added.
+//! Rotor inertias (armature) and friction may be among the estimated parameters `a` (`joint_columns`). If rotor inertias are not estimated,
+//! they are known, and the torque `armature a_r` is added.
 
 use super::adaptation::{Adaptation, AnyAdaptive, Base};
 use super::composite::Composite;
@@ -47,35 +47,37 @@ use crate::scalar::Real;
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdaptiveSpec {
     pub(super) model: Model,
-    /// Desired motion.
+    /// Desired motion of the joints, `(n,)`, rad or m.
     pub motion: Motion,
-    /// Position gain `Kp = Kd Lambda`.
+    /// Position gain `Kp = Kd Lambda`, of size `n`, N m/rad or N/m.
     pub kp: Gain,
-    /// Gain `Kd` on `s`.
+    /// Gain `Kd` of `s`, of size `n`, N m s/rad or N s/m.
     pub kd: Gain,
-    /// `Kd^-1 Kp`.
+    /// `Lambda = Kd^-1 Kp`, of size `n`, 1/s.
     pub lambda: Gain,
-    /// The adaptation law of the estimate.
+    /// The adaptation law of the estimate, with its gain.
     pub adaptation: Adaptation,
-    /// The parameters that are estimated; `None` for all.
+    /// The base set of parameters that is estimated; `None` if all parameters are estimated.
     pub base: Option<Base>,
     pub(super) estimate: Vec<f64>,
-    /// The projection that keeps the estimate physically possible.
+    /// The projection that keeps the estimate physically possible; `None` without a projection.
     pub projection: Option<Projection>,
-    /// Rotor inertias and friction that are estimated too. Their columns follow those of the bodies.
+    /// Rotor inertias and friction that are estimated. Their parameters follow the parameters of the bodies.
     pub columns: JointColumns,
-    /// Leakage and dead zone.
+    /// Leakage and dead zone of the adaptation.
     pub restraint: Restraint,
-    /// Adaptation by the filtered dynamics too.
+    /// Additional adaptation from the filtered dynamics.
     pub composite: Option<Composite>,
-    /// Learning from stored samples too.
+    /// Additional adaptation from stored samples.
     pub concurrent: Option<Concurrent>,
     /// The law's state at the start of a run from rest.
     pub(super) start: Vec<f64>,
 }
 
 impl AdaptiveSpec {
-    /// `estimate = None` starts from zero: the law needs no prior knowledge of the parameters.
+    /// Create the law. `kp` and `kd` have the units of their fields.
+    ///
+    /// `estimate`, `(p,)`, is the initial estimate. `None` starts from zero, without prior knowledge of the parameters.
     pub fn new(
         model: Model,
         motion: Motion,
@@ -88,7 +90,9 @@ impl AdaptiveSpec {
         Self::with_columns(model, motion, [kp, kd], adaptation, base, JointColumns::default(), estimate)
     }
 
-    /// The same for an estimate of the bodies, or of a base set, and then of columns of joints; `gains` are `Kp` and `Kd`.
+    /// Create the law with joint columns; `gains` are `[Kp, Kd]`.
+    ///
+    /// `estimate`, `(p,)`, has the parameters of the bodies, or of the base set, and then the parameters of the joint columns.
     pub fn with_columns(
         model: Model,
         motion: Motion,
@@ -137,7 +141,7 @@ impl AdaptiveSpec {
         })
     }
 
-    /// Names of the parameters that are estimated, in their order: of the bodies or a base set, then of the columns of joints.
+    /// Names of the estimated parameters: of the bodies or the base set, then of the joint columns.
     pub fn parameter_names(&self) -> Vec<String> {
         let all = self.model.column_names(false, false);
         let mut names = match &self.base {
@@ -148,19 +152,19 @@ impl AdaptiveSpec {
         names
     }
 
-    /// The number of joints `n` and of parameters `p` that are estimated.
+    /// The number of joints `n`, and the number of estimated parameters `p`.
     pub fn parameter_sizes(&self) -> (usize, usize) {
         (self.model.n(), self.estimate.len())
     }
 
-    /// The entries of the columns of joints.
+    /// The entries of the joint columns of `Y`.
     fn joint_entries(&self, v_r: &[f64], a_r: &[f64]) -> Vec<f64> {
         let mut entries = vec![0.0; self.columns.count()];
         LaneColumns::from_lanes(|_| &self.columns).fill(v_r, a_r, &mut entries);
         entries
     }
 
-    /// Whether the bodies alone are estimated, freely.
+    /// Whether the law estimates the bodies alone, without restraint and without additional adaptation.
     pub(super) fn is_plain(&self) -> bool {
         self.columns.is_empty() && self.restraint.is_none() && self.composite.is_none() && self.concurrent.is_none()
     }
@@ -175,7 +179,7 @@ impl Definition for AdaptiveSpec {
         self.composite.is_some()
     }
 
-    /// `Y`, `s`, `v_r`, `a_r`, `e`, `e_dot`, the torque and the rate of the estimate.
+    /// The terms `Y`, `s`, `v_r`, `a_r`, `e`, `e_dot`, the torque and the rate of the estimate.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (p, z) = (self.estimate.len(), at.z);
@@ -245,7 +249,7 @@ impl Build for AdaptiveSpec {
         AnyAdaptive::build(of)
     }
 
-    /// Whether both estimate the same parameters in the same metric, so that they can share lanes.
+    /// Whether both laws estimate the same parameters in the same metric, so that they can run in lanes of one register.
     fn same_shape(&self, other: &Self) -> bool {
         let columns = |law: &AdaptiveSpec| law.base.as_ref().map(|base| base.columns.clone());
         std::mem::discriminant(&self.adaptation) == std::mem::discriminant(&other.adaptation)
@@ -258,7 +262,7 @@ impl Build for AdaptiveSpec {
     }
 }
 
-/// The law in a loop: `B` holds joint vectors, `P` parameter vectors.
+/// The law in a loop. `B` is the type of joint vectors, `P` the type of parameter vectors.
 pub struct Adaptive<S, D: Dynamics<S>, J, G, B, P>
 where
     S: Real,
@@ -277,7 +281,7 @@ where
 }
 
 impl<S: Real, D: Dynamics<S>, J, G, B: Clone, P> Adaptive<S, D, J, G, B, P> {
-    /// The law on these numbers, with its buffers.
+    /// Create the law with its buffers.
     pub fn new(arm: D, lambda: J, kd: J, gamma: G, joints: B, parameters: P) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();
@@ -293,7 +297,7 @@ where
     B: Clone + AsRef<[S]> + AsMut<[S]>,
     P: AsRef<[S]> + AsMut<[S]>,
 {
-    /// `tau` for the parameters `pi`; `s`, `a_r` and `Y' s` stay in the law.
+    /// Compute `tau` for the parameters `pi`. The law stores `s`, `a_r` and `Y' s`.
     pub(super) fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], pi: &[S], tau: &mut [S]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
@@ -304,7 +308,7 @@ where
             e_dot[i] = desired[n + i] - v[i];
             (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
         }
-        // Lambda e twice, fused with its two sums: no more work than once and two additions.
+        // Compute `Lambda e` twice, fused with its two sums. This is no more work than one product and two additions.
         self.lambda.add_to(e, s);
         self.lambda.add_to(e, v_r);
         self.lambda.add_to(e_dot, a_r);

@@ -7,9 +7,9 @@ use crate::motion::Motion;
 /// The desired positions of the joints.
 #[derive(Clone, Debug, PartialEq)]
 pub enum JointReference {
-    /// Its motion: the first of [`Definition::motions`](super::Definition::motions).
+    /// The motion of the law: the first of [`Definition::motions`](super::Definition::motions).
     Motion,
-    /// A fixed position, `(n,)`.
+    /// A fixed position, `(n,)`, rad or m.
     Target(Vec<f64>),
 }
 
@@ -20,12 +20,12 @@ pub struct Aim {
     pub frame: usize,
     /// The controlled axes: 0, 1 and 2 for x, y and z.
     pub rows: Vec<usize>,
-    /// The places of the target's rows in [`LawSpec::desired`].
+    /// Index of each row's target in [`LawSpec::desired`].
     pub places: Vec<usize>,
 }
 
 impl JointReference {
-    /// The reference of a constant motion.
+    /// The reference of a motion at rest.
     pub(super) fn held(motion: &Motion) -> Self {
         let mut sample = vec![0.0; 3 * motion.dof()];
         motion.sample(0.0, &mut sample);
@@ -35,7 +35,7 @@ impl JointReference {
 }
 
 impl LawSpec {
-    /// The tasks of the law that are positions of frames.
+    /// The tasks of the law that move a frame to a position.
     pub fn aims(&self) -> Vec<Aim> {
         if self.levels().is_empty() {
             return self.coordinates().and_then(|coordinates| aim(coordinates, 0)).into_iter().collect();
@@ -51,7 +51,7 @@ impl LawSpec {
     }
 }
 
-/// The rows of position among these coordinates, whose target begins at `first`; `None` where there are none.
+/// The position rows of `coordinates`, whose target begins at index `first`; `None` if there are none.
 fn aim(coordinates: &Coordinates, first: usize) -> Option<Aim> {
     let positions = || coordinates.rows.iter().enumerate().filter(|(_, row)| **row < 3);
     let (rows, places): (Vec<usize>, Vec<usize>) = positions().map(|(place, &row)| (row, first + place)).unzip();

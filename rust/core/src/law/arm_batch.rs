@@ -1,4 +1,4 @@
-//! The maps of `priority` on an arm for many rows of joint angles: kinematics and solution as one program, one row per lane.
+//! The maps of `priority` on an arm, for many rows of joint angles. One program has kinematics and solution, with one row per SIMD lane.
 
 use super::ArmSolver;
 use crate::interrupt::look;
@@ -7,8 +7,8 @@ use crate::status::Status;
 use crate::trace::{Evaluation, Sym};
 use std::sync::{Arc, Mutex};
 
-/// Solves many rows on the calling thread, and keeps its buffers between calls. Every row has the bits and the status of
-/// [`ArmSolver::solve`] of the same instruction set.
+/// A solver for many rows on the calling thread. Its buffers are kept between calls. Every row has the bits and the status of
+/// [`ArmSolver::solve`] on the same instruction set.
 #[derive(Clone)]
 pub struct ArmBatch {
     program: Option<Evaluation>,
@@ -16,17 +16,17 @@ pub struct ArmBatch {
     declined: Vec<usize>,
 }
 
-/// The settings of a program: thresholds and bounds.
+/// The settings of a program: thresholds `eps`, and bounds.
 type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
 
-/// The program of a solver, and its settings.
+/// The program of a solver with its settings. The outer `None` means that it was not made yet, the inner `None` that it cannot be made.
 type Made = Option<(With, Option<Evaluation>)>;
 
-/// The program of a solver, shared by its copies.
+/// The program of a solver, shared by copies of the solver.
 pub(super) type SharedProgram = Arc<Mutex<Made>>;
 
-/// The program of a solver that has made it already, or a new one. It never waits for the lock: in a process that was forked while another
-/// thread held the lock, it would wait without end.
+/// Return the program that the solver has already made, or make a new one. This never waits for the lock. Another thread may hold the lock
+/// while the process is forked. The forked process would then wait without end.
 fn program(solver: &ArmSolver) -> Option<Evaluation> {
     let (eps, bounds) = (solver.solver().eps(), solver.solver().bounds());
     let mut kept = solver.kept().try_lock().ok();
@@ -42,7 +42,7 @@ fn program(solver: &ArmSolver) -> Option<Evaluation> {
     program
 }
 
-/// From the angles and the command to the velocities.
+/// Record the program from the joint angles and the command to the joint velocities.
 fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
     let (n, total) = (solver.n(), solver.rows().iter().sum::<usize>());
     solver.solver().recorded(
@@ -61,14 +61,15 @@ fn recorded(solver: &ArmSolver) -> Option<Evaluation> {
 }
 
 impl ArmBatch {
-    /// For the tasks and options of `solver`, and `rows` rows.
+    /// Create a batch for the tasks and options of `solver`, and for `rows` rows.
     pub fn new(solver: &ArmSolver, rows: usize) -> Self {
         let program = if rows < FEW { None } else { program(solver) };
         ArmBatch { program, single: solver.clone(), declined: Vec::new() }
     }
 
-    /// `q` `(rows, n)`, `velocities` `(rows, m)` or one `(m,)` for all; answers into `v` `(rows, n)` and `status` `(rows,)`. A row that
-    /// fails is NaN with `Status::Diverged`.
+    /// Solve for `q`, `(rows, n)`, and `velocities`, `(rows, m)`, or `(m,)` for all rows.
+    ///
+    /// The results are written to `v`, `(rows, n)`, and `status`, `(rows,)`. A row that fails is NaN with `Status::Diverged`.
     pub fn solve(&mut self, q: &[f64], velocities: &[f64], v: &mut [f64], status: &mut [Status]) {
         let ArmBatch { program, single, declined } = self;
         let (n, m) = (single.n(), single.rows().iter().sum::<usize>());

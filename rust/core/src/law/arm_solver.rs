@@ -1,4 +1,4 @@
-//! The maps of `priority` on an arm: `v` solves `J_i(q) v = v_i` for the tasks of an arm, kinematics included.
+//! The maps of `priority` for the tasks of an arm: `v` solves `J_i(q) v = v_i`. Kinematics are included.
 
 use super::arm_batch::SharedProgram;
 use crate::arm::Arm;
@@ -8,19 +8,19 @@ use crate::priority::{Diagnosis, PriorityOptions, PrioritySolver, diagnose};
 use crate::scalar::Float;
 use crate::status::Status;
 
-/// Tasks of one arm with a solver; `solve` does not allocate.
+/// A solver for tasks of one arm. `solve` does not allocate.
 #[derive(Clone, Debug)]
 pub struct ArmSolver {
     stack: TaskStack,
-    /// The same tasks on the number of direct evaluation.
+    /// A copy of the tasks, on the number type of direct evaluation.
     running: TaskStack<Float>,
     solver: PrioritySolver,
-    /// The program for many rows, after it is made.
+    /// The recorded program for many rows of joint angles, if it was made.
     program: SharedProgram,
 }
 
 impl ArmSolver {
-    /// A solver for the tasks `functions` of an arm, the highest priority first.
+    /// Create a solver for the tasks `functions` of an arm, the highest priority first.
     pub fn new(arm: &Arm, functions: Vec<TaskFunction>, options: &PriorityOptions) -> Result<Self> {
         if functions.is_empty() {
             return Err(Error::input("tasks", "is empty: expected at least one task, got 0"));
@@ -35,7 +35,7 @@ impl ArmSolver {
         self.stack.n()
     }
 
-    /// Rows of each task.
+    /// Number of rows of each task.
     pub fn rows(&self) -> &[usize] {
         self.stack.rows()
     }
@@ -53,12 +53,12 @@ impl ArmSolver {
         &self.program
     }
 
-    /// The solver of the maps.
+    /// The solver of the task priorities.
     pub fn solver(&self) -> &PrioritySolver {
         &self.solver
     }
 
-    /// The solver of the maps, to be changed.
+    /// The solver of the task priorities, mutable.
     pub fn solver_mut(&mut self) -> &mut PrioritySolver {
         &mut self.solver
     }
@@ -72,22 +72,22 @@ impl ArmSolver {
         Ok(solver.inputs().1)
     }
 
-    /// The Jacobians at `q` `(n,)` as the solver sees them, `(sum rows, n)`; the relative error of their entries.
+    /// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`, as the solver uses them. Return the relative error of their entries.
     pub fn jacobians(&mut self, q: &[f64], out: &mut [f64]) -> f64 {
         jacobians(&mut self.running, q, out)
     }
 
-    /// Solve for `q` `(n,)` and the stacked task velocities `(sum rows,)`. The joint velocities are `solver().v()`.
+    /// Solve at `q`, `(n,)`, for the stacked task velocities, `(sum rows,)`. The joint velocities are `solver().v()`, `(n,)`.
     pub fn solve(&mut self, q: &[f64], velocities: &[f64]) -> Result<Status> {
         self.prepare(q)?.copy_from_slice(velocities);
         self.solver.run().or_else(|error| {
-            // Jacobians are not finite only if `q` is not.
+            // Jacobians are not finite only if `q` is not finite.
             finite("q", q)?;
             Err(error)
         })
     }
 
-    /// The directions of each task that can be commanded at `q`, and the loss of `velocities`, if there are any.
+    /// Report the directions of each task that can be commanded at `q`, and the loss of `velocities`, if they are `Some`.
     pub fn diagnose(&mut self, q: &[f64], velocities: Option<&[f64]>) -> Result<Diagnosis> {
         finite("q", q)?;
         let (n, rows) = (self.n(), self.rows().to_vec());
@@ -107,7 +107,7 @@ impl ArmSolver {
     }
 }
 
-/// Jacobians `(sum rows, n)` at `q` `(n,)`; the relative error of their entries.
+/// Write the Jacobians at `q`, `(n,)`, to `out`, `(sum rows, n)`. Return the relative error of their entries.
 fn jacobians(stack: &mut TaskStack<Float>, q: &[f64], out: &mut [f64]) -> f64 {
     stack.place(Float::of(q));
     stack.jacobians(Float::of_mut(out));

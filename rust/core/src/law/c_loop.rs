@@ -1,18 +1,18 @@
-//! The loop around a law that is written as C.
+//! The control loop around a law that is printed as C.
 
 use super::LawSpec;
 use crate::error::{Error, Result, positive};
 
-/// The sampled loop whose bits a law in C has.
+/// The sampled loop of armlet whose bits the C code reproduces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CLoop {
-    /// The step by which the law's own state advances, s; `None`: the time between two calls is one step.
+    /// Step of the law's state, s. `None`: one step covers the time between two calls.
     pub dt: Option<f64>,
-    /// The sample time, s, for laws that need it; `None`: `dt`.
+    /// Sample time, s, for laws that require it. `None` means `dt`.
     pub sample_time: Option<f64>,
-    /// Whether a step is one of rk4; else one of euler.
+    /// Whether a step uses the method rk4; else euler.
     pub rk4: bool,
-    /// The limits of the input, `(n,)`; `None`: no limits.
+    /// Limits of the plant's input, `(n,)`, N m or N; `None` means no limits.
     pub tau_max: Option<Vec<f64>>,
 }
 
@@ -23,7 +23,7 @@ impl Default for CLoop {
 }
 
 impl CLoop {
-    /// The sample time that a law needs, and the limits; refuses those that no loop has.
+    /// Validate the loop. Return the sample time, if the law requires it, and the limits.
     pub(super) fn checked(&self, law: &LawSpec) -> Result<(Option<f64>, &[f64])> {
         for (name, value) in [("dt", self.dt), ("sample_time", self.sample_time)] {
             value.map_or(Ok(()), |value| positive(name, value))?;

@@ -1,10 +1,10 @@
-//! Cartesian impedance (Hogan 1985): spring and damper between a frame and its target, gravity compensated,
+//! Cartesian impedance (Hogan 1985): a spring and a damper between a frame and its target, with gravity compensation:
 //!
-//! `tau = J' (K_m e + D_m (x_d' - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and
-//! orientation. No inverse of `J`: the law stays defined at singularities. [`ImpedanceOptions`] has its options.
+//! `tau = J' (K_m e + D_m (x_d' - J v)) + g(q)`, `e = x_d - x` (orientation: `log(R_d R')`), in any rows of position and orientation. The
+//! law uses no inverse of `J`, so it is defined at singularities. [`ImpedanceOptions`] has its options.
 //!
-//! The rows of orientation of a moving target are a rotation vector, with zeros for missing rows. Their `x_d'` and `x_d''` are the angular
-//! velocity and acceleration of its exponential.
+//! The orientation of a moving target is a rotation vector, with zeros for missing rows. Its `x_d'` and `x_d''` are the angular velocity
+//! and the angular acceleration of that rotation.
 
 use super::impedance_options::{Extras, ImpedanceOptions};
 use super::null_space::{NullSpace, Place};
@@ -45,21 +45,21 @@ use crate::spatial::{Vector3, rotation_rate};
 pub struct CartesianImpedanceSpec {
     /// The arm.
     pub model: Model,
-    /// The controlled rows of a frame.
+    /// The controlled rows: the frame and its `m` axes.
     pub coordinates: Coordinates,
-    /// A fixed pose is a motion that holds.
+    /// Target motion of the rows, `(m,)`, m and rad. A fixed pose is a motion that holds.
     pub target: Motion,
-    /// `K_m`, N/m, N m/rad.
+    /// Stiffness `K_m`, of size `m`, N/m and N m/rad.
     pub stiffness: Gain,
-    /// `D_m`, N s/m, N m s/rad.
+    /// Damping `D_m`, of size `m`, N s/m and N m s/rad.
     pub damping: Gain,
     pub(super) options: ImpedanceOptions,
-    /// Where the integral starts: zeros, `(m,)` or `(0,)`.
+    /// The integral at the start of a run: zeros, `(m,)`; empty without an integral.
     start: Vec<f64>,
 }
 
 impl CartesianImpedanceSpec {
-    /// The law for the rows `axes` of `frame`; `target`, `stiffness` and `damping` have that many rows.
+    /// Create the law for the rows `axes` of `frame`. `target`, `stiffness` and `damping` have one row per axis.
     pub fn new(model: Model, target: Motion, stiffness: Gain, damping: Gain, frame: &str, axes: &str) -> Result<Self> {
         let coordinates = Coordinates::new(model.tree("arm")?, frame, axes)?;
         let m = coordinates.m();
@@ -79,7 +79,7 @@ impl CartesianImpedanceSpec {
         })
     }
 
-    /// The same law with these options.
+    /// Replace the options of the law.
     pub fn with(self, options: ImpedanceOptions) -> Result<Self> {
         let m = self.coordinates.m();
         options.validate(m, self.model.n())?;
@@ -87,18 +87,18 @@ impl CartesianImpedanceSpec {
         Ok(CartesianImpedanceSpec { options, start, ..self })
     }
 
-    /// The options of the law, besides its spring and damper.
+    /// The options of the law.
     pub fn options(&self) -> &ImpedanceOptions {
         &self.options
     }
 
-    /// The same law without a limit of its torque.
+    /// Remove the torque limits of the law.
     pub(super) fn without_torque_limits(mut self) -> Self {
         self.options.tau_max = None;
         self
     }
 
-    /// Whether the rates of the target are those of a rotation vector that moves.
+    /// Whether the target has a rotation vector that changes with time.
     pub fn turns_target(&self) -> bool {
         self.coordinates.turns() && !matches!(self.target, Motion::Hold(_))
     }
@@ -197,7 +197,7 @@ impl Build for CartesianImpedanceSpec {
     }
 }
 
-/// The law in a loop; through elastic joints it is the outer loop.
+/// The law in a loop: of a rigid arm, or as the outer loop of an elastic arm.
 pub struct CartesianImpedance<S: Real> {
     pub(super) arm: AnyArm<S>,
     pub(super) workspace: Workspace<S>,
@@ -205,16 +205,16 @@ pub struct CartesianImpedance<S: Real> {
     pub(super) stiffness: AnyGain<S>,
     pub(super) damping: AnyGain<S>,
     full: Vec<S>,
-    /// `(m, n)`
+    /// Jacobian of the rows, `(m, n)`.
     pub(super) jacobian: Vec<S>,
     pub(super) e: Vec<S>,
-    /// `x_d' - x'`
+    /// Velocity error `x_d' - x'`, `(m,)`.
     pub(super) slip: Vec<S>,
-    /// `K_m e`
+    /// Spring wrench `K_m e`, `(m,)`.
     spring: Vec<S>,
-    /// `F`: `K_m e + D_m (x_d' - x')` and the terms of the options.
+    /// Wrench `F`: `K_m e + D_m (x_d' - x')` and the terms of the options.
     force: Vec<S>,
-    /// `x_d''`
+    /// Acceleration of the target, `x_d''`.
     acceleration: Vec<S>,
     turns_target: bool,
     null_space: Option<NullSpace<S>>,
@@ -222,16 +222,17 @@ pub struct CartesianImpedance<S: Real> {
 }
 
 impl<S: Real> CartesianImpedance<S> {
-    /// `J v`.
+    /// Velocity `J v` of the rows, `(m,)`.
     fn velocity(&self, v: &[S]) -> Vec<S> {
         self.jacobian.chunks_exact(v.len()).map(|row| row.iter().zip(v).fold(S::zero(), |sum, (&j, &v)| j.mul_add(v, sum))).collect()
     }
 }
 
 impl<S: Real> CartesianImpedance<S> {
-    /// `x_dot.(force) + (x_d' - x_dot).K_m e` at the last evaluation: the power of the law's spring and the loss of its damper. For a
-    /// target at rest it is `-x_dot'D_m x_dot`. With a null space or a compensated coupling also the power of their torque,
-    /// `v.(N' tau_0 + C v)`.
+    /// The power `x_dot.(force) + (x_d' - x_dot).K_m e` at the last evaluation, W: the power of the spring and the loss of the damper.
+    ///
+    /// For a target at rest it is `-x_dot'D_m x_dot`. A null space or a compensated coupling adds the power of its torque, `v.(N' tau_0 + C
+    /// v)`.
     pub(super) fn power(&self, x: &[S]) -> S {
         let (m, n) = (self.e.len(), self.jacobian.len() / self.e.len());
         let mut sum = S::zero();
@@ -250,7 +251,7 @@ impl<S: Real> CartesianImpedance<S> {
     }
 }
 
-/// `x_d'` and `x_d''` of the rows of orientation of a target whose rotation vector moves, by its samples `desired`.
+/// Compute `x_d'` and `x_d''` for the rows of orientation, from the samples `desired` of a rotation vector that changes with time.
 pub(crate) fn turn_rates<S: Real>(rows: &[usize], desired: &[S], rate: &mut [S], second: &mut [S]) {
     let m = rows.len();
     let part = |k: usize| {

@@ -1,25 +1,26 @@
-//! Composite adaptation (SlotineLi1989): the estimate also follows the error of the filtered dynamics, of which no acceleration is part.
+//! Composite adaptation (SlotineLi1989): the estimate also follows the error of the filtered dynamics, which requires no acceleration.
 //!
 //! ```text
 //! a_hat' = Gamma (Y' s + W' R e_W),   e_W = tau_W - W a_hat,   V' = -s'Kd s - e_W' R e_W
 //! ```
 //!
-//! `W` and `tau_W` are the dynamics through the filter `1/(p + lambda)`. With `M v = Y_M(q, v) a` and `g - C' v = Y_D(q, v) a`,
-//! `d/dt (M v) = tau + C' v - g`, and the filtered derivative is integrated by parts:
+//! `W` and `tau_W` are the regressor and the torque of the dynamics after the filter `1/(p + lambda)`. With `M v = Y_M(q, v) a` and `g - C'
+//! v = Y_D(q, v) a`, the dynamics are `d/dt (M v) = tau + C' v - g`. The filtered derivative is integrated by parts:
 //!
 //! ```text
 //! W = Y_M + X,   X' = -lambda (Y_M + X) + Y_D,   X(0) = -Y_M(q_0, v_0)
 //! ```
 //!
-//! so that `W(0) = 0`: the start of `X` carries the momentum at the start, `exp(-lambda t) M(q_0) v_0`. Of the columns of joints armature is
-//! such a momentum, of `v`, and friction such a drift. Rotors `B` that are known: `tau_W = X_tau - B v`, `X_tau' = -lambda X_tau + tau + lambda B v`.
+//! so that `W(0) = 0`: the initial value of `X` includes the momentum at the start, `exp(-lambda t) M(q_0) v_0`. The joint columns of
+//! armature are part of `Y_M`, and those of friction are part of `Y_D`. Known rotors `B` change the torque: `tau_W = X_tau - B v`, `X_tau'
+//! = -lambda X_tau + tau + lambda B v`.
 //!
-//! `Y_M = Y(q, 0, 0, v) - Y_g` and `Y_g = Y(q, 0, 0, 0)`; row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
+//! `Y_M = Y(q, 0, 0, v) - Y_g` with `Y_g = Y(q, 0, 0, 0)`. Row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
 //!
-//! Many entries of `Y_M` and `Y_D` are zero at every state. A joint does not carry the bodies before it, and a planar arm shows four of the ten
-//! parameters of a body. The `X` of these entries stays zero, and is not computed.
+//! Many entries of `Y_M` and `Y_D` are zero at every state. The torque of a joint does not depend on the bodies before it. A planar arm
+//! depends on four of the ten parameters of a body. The `X` of a zero entry remains zero, and is not computed.
 //!
-//! The law's state is the estimate, then `X` of the bodies `(n, b)`, of the columns of joints, and `X_tau` `(n,)`.
+//! The law's state is the estimate, then `X` of the `b` parameters of bodies, `(n, b)`, `X` of the joint columns, and `X_tau`, `(n,)`.
 
 use super::adaptive::AdaptiveSpec;
 use super::joint_columns::{JointColumn, LaneColumns};
@@ -32,16 +33,16 @@ use crate::scalar::Real;
 /// The filter and the weight of composite adaptation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Composite {
-    /// `lambda` of the filter, 1/s, > 0.
+    /// Rate `lambda` of the filter, 1/s, > 0.
     pub rate: f64,
-    /// `R`, of the size of the joints.
+    /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints.
     pub weight: Gain,
-    /// Whether each entry of `Y_M` or `Y_D` can differ from zero, `(n, bodies)`. The geometry of the arm determines this.
+    /// `(n, bodies)`: whether each entry of `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
     present: Vec<bool>,
 }
 
 impl AdaptiveSpec {
-    /// The same law, whose estimate follows the filtered dynamics too: `lambda`, 1/s, and `R`, of the size of the joints.
+    /// Add adaptation from the filtered dynamics. `rate` is `lambda`, 1/s, and `weight` is `R`, of size `n`.
     pub fn composite(mut self, rate: f64, weight: Gain) -> Result<Self> {
         positive("composite_rate", rate)?;
         require_size("composite", &weight, self.model.n())?;
@@ -50,7 +51,8 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// Entries of `Y_M` and `Y_D` that are zero at generic states are zero at all: both are analytic.
+    /// Find the entries of `Y_M` and `Y_D` that can differ from zero. Both are analytic, so an entry that is zero at generic states is zero
+    /// at all.
     fn present(&self) -> Vec<bool> {
         const STATES: u32 = 3;
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -69,7 +71,7 @@ impl AdaptiveSpec {
         found
     }
 
-    /// The state at the start of a run from rest: the estimate, and filters that are empty.
+    /// Set the state at the start of a run from rest: the estimate, and filters at zero.
     pub(super) fn lengthen(&mut self) {
         self.start.clone_from(&self.estimate);
         if self.composite.is_some() {
@@ -79,7 +81,7 @@ impl AdaptiveSpec {
         }
     }
 
-    /// `W` `(n, p)`, `tau_W` and `e_W` at a state.
+    /// `W`, `(n, p)`, and `tau_W` and `e_W`, `(n,)` each, at a state; `None` without composite adaptation.
     pub(super) fn filtered(&self, trig: &[(f64, f64)], x: &[f64], z: &[f64]) -> Option<[Vec<f64>; 3]> {
         self.composite.as_ref()?;
         let (n, p) = (self.model.n(), self.estimate.len());
@@ -96,33 +98,40 @@ impl AdaptiveSpec {
     }
 }
 
-/// The filters in a loop.
+/// Composite adaptation in a loop.
 pub(super) struct LaneComposite<S> {
     rate: S,
     weight: AnyGain<S>,
-    /// Columns of `Y` that are estimated.
+    /// Indices of the estimated columns of `Y`.
     columns: Vec<usize>,
     bodies: usize,
-    /// The number of joint columns that are momenta: those of the armature.
+    /// The number of joint columns of armature, which are part of `Y_M`.
     rotors: usize,
-    /// Known rotors `(n,)`.
+    /// Known rotor inertias, `(n,)`; zeros if they are estimated.
     armature: Vec<S>,
     /// Whether each entry of `W` of the bodies can differ from zero.
     present: Vec<bool>,
-    /// All of `Y_M`, `Y_g` and one row of `Y_D`.
+    /// `Y(q, 0, 0, v)` for all parameters.
     momentum: Vec<S>,
+    /// `Y_g` for all parameters.
     gravity: Vec<S>,
+    /// `Y(q, v, e_i, 0)' v` for all parameters, for one joint `i`.
     row: Vec<S>,
-    /// `Y_M` and `Y_D` of the columns that are estimated, `(n, bodies)`, and the entries of the columns of joints.
+    /// `Y_M` of the estimated columns, `(n, bodies)`.
     y_m: Vec<S>,
+    /// `Y_D` of the estimated columns, `(n, bodies)`.
     y_d: Vec<S>,
+    /// The entries of the joint columns of `Y`.
     entries: Vec<S>,
-    /// `W`: of the bodies, and the entries of the columns of joints.
+    /// `W` of the bodies, `(n, bodies)`.
     w: Vec<S>,
+    /// The entries of the joint columns of `W`.
     beside: Vec<S>,
+    /// `tau_W`, `(n,)`.
     tau: Vec<S>,
-    /// `e_W` and `R e_W`.
+    /// `e_W`, `(n,)`.
     error: Vec<S>,
+    /// `R e_W`, `(n,)`.
     push: Vec<S>,
     zeros: Vec<S>,
     nothing: Vec<S>,
@@ -165,7 +174,7 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// `Y_M`, `Y_D` and the entries of the columns of joints at the plant's state `x`.
+    /// Compute `Y_M`, `Y_D` and the entries of the joint columns at the plant's state `x`.
     pub fn look<D: Dynamics<S>>(&mut self, arm: &D, ws: &mut D::Workspace, joints: &LaneColumns<S>, trig: &[(S, S)], x: &[S]) {
         let (n, all) = (self.zeros.len(), self.nothing.len());
         let (q, v, zero) = (&x[..n], &x[n..2 * n], &self.zeros);
@@ -188,17 +197,17 @@ impl<S: Real> LaneComposite<S> {
         joints.fill(v, v, &mut self.entries);
     }
 
-    /// The entries of `Y_M` and `Y_D` of the bodies, pair by pair.
+    /// The entries of `Y_M` and `Y_D` of the bodies, in pairs.
     pub fn momentum_and_drift(&self) -> impl Iterator<Item = (S, S)> {
         self.y_m.iter().copied().zip(self.y_d.iter().copied())
     }
 
-    /// The entries of the columns of joints.
+    /// The entries of the joint columns of `Y`.
     pub fn entries(&self) -> &[S] {
         &self.entries
     }
 
-    /// `X` where nothing has been filtered yet.
+    /// Set the filters `x` to their values at the start of a run, at the velocity `v`.
     pub fn begin(&self, v: &[S], x: &mut [S]) {
         let (of_bodies, rest) = x.split_at_mut(self.y_m.len());
         let (beside, of_tau) = rest.split_at_mut(self.entries.len());
@@ -213,7 +222,7 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// `W`, `tau_W` and `e_W` of the estimate and the filters `x`.
+    /// Compute `W`, `tau_W` and `e_W` from the estimate and the filters `x`.
     fn compare(&mut self, v: &[S], estimate: &[S], x: &[S]) {
         let (n, bodies) = (self.zeros.len(), self.bodies);
         let (of_bodies, rest) = x.split_at(self.y_m.len());
@@ -235,7 +244,8 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// `W' R e_W` is added to `w` and taken from `back`; the filters' rate under the torque goes to `dx`. After [`Self::look`].
+    /// Add `W' R e_W` to `w`, and subtract it from `back`. Write the rate of the filters under the torque `tau` to `dx`. [`Self::look`]
+    /// must precede.
     pub fn push(&mut self, v: &[S], tau: &[S], [estimate, x]: [&[S]; 2], [w, back, dx]: [&mut [S]; 3]) {
         let (n, bodies) = (self.zeros.len(), self.bodies);
         self.compare(v, estimate, x);

@@ -17,14 +17,14 @@ pub struct ComputedTorqueSpec {
     pub(crate) model: Model,
     /// Desired motion.
     pub motion: Motion,
-    /// Position gain, 1/s^2.
+    /// Position gain, of size `n`, 1/s^2.
     pub kp: Gain,
-    /// Velocity gain, 1/s.
+    /// Velocity gain, of size `n`, 1/s.
     pub kd: Gain,
 }
 
 impl ComputedTorqueSpec {
-    /// The law of this model for a desired motion.
+    /// Create the law for a desired motion of `n` joints. Both gains have the size `n`.
     pub fn new(model: Model, motion: Motion, kp: Gain, kd: Gain) -> Result<Self> {
         let n = model.n();
         require_same_dof(n, &motion)?;
@@ -37,7 +37,7 @@ impl ComputedTorqueSpec {
 impl Definition for ComputedTorqueSpec {
     facts!("ComputedTorque", Rigid, motion);
 
-    /// `e`, `e_dot`, the commanded acceleration and the torque.
+    /// The terms `e`, `e_dot`, the commanded acceleration and the torque.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (q, v, desired) = (&at.x[..n], &at.x[n..2 * n], at.desired);
@@ -76,7 +76,7 @@ impl Build for ComputedTorqueSpec {
     }
 }
 
-/// The law in a loop.
+/// The computed-torque law in a loop.
 pub struct ComputedTorque<S: Real, D: Dynamics<S>, J, B> {
     arm: D,
     workspace: D::Workspace,
@@ -90,7 +90,7 @@ pub struct ComputedTorque<S: Real, D: Dynamics<S>, J, B> {
 }
 
 impl<S: Real, D: Dynamics<S>, J, B: Clone> ComputedTorque<S, D, J, B> {
-    /// The law on these numbers, with its buffers.
+    /// Create the law with its buffers.
     pub fn new(arm: D, kp: J, kd: J, joints: B) -> Self {
         let workspace = arm.workspace();
         let zero = || joints.clone();

@@ -3,11 +3,11 @@
 //! ```text
 //! a_hat' = Gamma (Y' s + sum_j W_j' R e_j),   e_j = tau_j - W_j a_hat,   V' = -s'Kd s - sum_j e_j' R e_j where tau_j = W_j a
 //! W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque there                                          a sample with its acceleration
-//! W_j = [Y_M(q, v)] + int Y_D(q, v) dt, tau_j = int tau dt, [.] the change over the window     a window of a record, without accelerations
+//! W_j = [Y_M(q, v)] + int Y_D(q, v) dt, tau_j = int tau dt, [.] the change over the window     a window of a record without accelerations
 //! ```
 //!
-//! `Y_M` and `Y_D` are those of composite adaptation. A loop needs `sum W_j' R W_j` and `sum W_j' R tau_j` alone. The torque of known
-//! rotors `B` is subtracted: `tau_j - B a_j`, or `tau_j - B [v]`.
+//! `composite` defines `Y_M` and `Y_D`. A loop only requires `sum W_j' R W_j` and `sum W_j' R tau_j`. The torque of known rotors `B` is
+//! subtracted from `tau_j`: `tau_j - B a_j`, or `tau_j - B [v]`.
 
 use super::adaptive::AdaptiveSpec;
 use super::composite::LaneComposite;
@@ -20,43 +20,45 @@ use crate::linalg::gain::Gain;
 use crate::memory;
 use crate::scalar::Real;
 
-/// Stored samples and their weight.
+/// Stored samples, and their weighted sums.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Concurrent {
-    /// `W_j` `(N, n, p)` and `tau_j` `(N, n)`.
+    /// `W_j` of all samples, `(N, n, p)`.
     rows: Vec<f64>,
+    /// `tau_j` of all samples, `(N, n)`.
     torques: Vec<f64>,
-    /// `sum W_j' R W_j` `(p, p)` and `sum W_j' R tau_j` `(p,)`.
+    /// `sum W_j' R W_j`, `(p, p)`.
     gram: Vec<f64>,
+    /// `sum W_j' R tau_j`, `(p,)`.
     moment: Vec<f64>,
 }
 
-/// A record of motion: positions, velocities and torques `(K, n)` each, and accelerations where they are known.
+/// A record of a motion at `K` instants: positions, velocities and torques, `(K, n)` each.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<'a> {
-    /// Positions.
+    /// Positions, rad or m.
     pub q: &'a [f64],
-    /// Velocities.
+    /// Velocities, rad/s or m/s.
     pub v: &'a [f64],
-    /// Torques.
+    /// Torques, N m or N.
     pub tau: &'a [f64],
 }
 
-/// Windows of a record whose samples are `step` apart.
+/// Windows of a record at evenly spaced instants.
 #[derive(Clone, Copy, Debug)]
 pub struct Windows {
-    /// Time from record to record, s.
+    /// Time between two instants, s.
     pub step: f64,
-    /// Length of a window, s: the nearest even number of steps.
+    /// Length of a window, s. It is rounded to an even number of steps.
     pub length: f64,
-    /// Each torque acts until the next record, as in a sampled loop.
+    /// Whether each torque is constant until the next instant, as in a sampled loop.
     pub held: bool,
 }
 
 impl Windows {
-    /// The windows of records at the times `t` `(K,)`, which must be evenly spaced.
+    /// Create windows for a record at the times `t`, `(K,)`, s, which must be evenly spaced. `length` is in s.
     pub fn of_times(t: &[f64], length: f64, held: bool) -> Result<Self> {
-        /// Tolerance of evenly spaced times, as a fraction of a step: the times may be rounded.
+        /// Tolerance for evenly spaced times, as a fraction of a step, because the times may be rounded.
         const UNEVEN: f64 = 1e-6;
         finite("t", t)?;
         let step = if t.len() > 1 { (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64 } else { 0.0 };
@@ -74,17 +76,17 @@ impl Windows {
     }
 }
 
-/// Samples for concurrent learning: `W` `(N, n, p)` and `tau` `(N, n)`.
+/// `N` samples for concurrent learning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredRows {
-    /// `W`.
+    /// `W`, `(N, n, p)`, row-major.
     pub rows: Vec<f64>,
-    /// `tau`.
+    /// `tau`, `(N, n)`, N m or N; with windows, their integrals.
     pub torques: Vec<f64>,
 }
 
 impl AdaptiveSpec {
-    /// The same law, which learns from stored samples too: `W` `(N, n, p)`, `tau` `(N, n)` and `R`, of the size of the joints.
+    /// Add learning from stored samples. `weight` is `R`, of size `n`.
     pub fn concurrent(mut self, stored: StoredRows, weight: &Gain) -> Result<Self> {
         let (n, p, StoredRows { rows, torques }) = (self.model.n(), self.estimate.len(), stored);
         require_size("concurrent_weight", weight, n)?;
@@ -122,7 +124,7 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// `e_j` of the stored samples, `(N, n)`; `None` without any.
+    /// The errors `e_j` of the stored samples, `(N, n)`; `None` without stored samples.
     pub(super) fn stored_errors(&self, estimate: &[f64]) -> Option<Vec<f64>> {
         let Concurrent { rows, torques, .. } = self.concurrent.as_ref()?;
         let p = self.estimate.len();
@@ -130,7 +132,7 @@ impl AdaptiveSpec {
         Some(rows.chunks_exact(p).zip(torques).map(error).collect())
     }
 
-    /// The samples of a record with these accelerations `(K, n)`.
+    /// Compute the samples of a record with the accelerations `a`, `(K, n)`, rad/s^2 or m/s^2.
     pub fn samples(&self, record: Record, a: &[f64]) -> Result<StoredRows> {
         let (n, p, all) = (self.model.n(), self.estimate.len(), self.model.parameter_count());
         let (count, bodies) = (record.q.len() / n, p - self.columns.count());
@@ -151,7 +153,7 @@ impl AdaptiveSpec {
         Ok(StoredRows { rows, torques: memory::collected(torques)? })
     }
 
-    /// The samples of windows of a record, each half a window after the one before.
+    /// Compute the samples of windows of a record. Each window starts half a window after the previous one.
     pub fn window_samples(&self, record: Record, windows: Windows) -> Result<StoredRows> {
         let (n, p) = (self.model.n(), self.estimate.len());
         positive("window", windows.length)?;
@@ -182,7 +184,7 @@ impl AdaptiveSpec {
                 let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
                 lanes.look(&arm, &mut workspace, &joints, &trig, &x);
                 let end = if k == first { -1.0 } else { f64::from(u8::from(k == last)) };
-                // Simpson's rule, and the left rectangle rule for a held torque.
+                // Simpson's rule for `Y_D` and a measured torque, the left rectangle rule for a held torque.
                 let part = if k == first || k == last { 1.0 } else { 2.0 + 2.0 * ((k - first) % 2) as f64 };
                 let (weight, held) = (part * windows.step / 3.0, if k == last { 0.0 } else { windows.step });
                 for (sum, (y_m, y_d)) in inertial.iter_mut().zip(lanes.momentum_and_drift()) {
@@ -200,7 +202,7 @@ impl AdaptiveSpec {
         Ok(stored)
     }
 
-    /// Rotors that are not estimated, `(n,)`.
+    /// Rotor inertias that are not estimated, `(n,)`; zeros if they are estimated.
     fn known_rotors(&self) -> Vec<f64> {
         if self.columns.has(JointColumn::Armature) { vec![0.0; self.model.n()] } else { self.model.armature() }
     }
@@ -211,7 +213,7 @@ fn rows_of(record: Record, k: usize, n: usize) -> Vec<f64> {
     [&record.q[k * n..(k + 1) * n], &record.v[k * n..(k + 1) * n]].concat()
 }
 
-/// `W` `(n, p)` from the columns of the bodies and the entries of the columns of joints.
+/// Write `W`, `(n, p)`, from the entries of the bodies and of the joint columns.
 fn place(w: &mut [f64], p: usize, of_bodies: impl Fn(usize, usize) -> f64, bodies: usize, entries: &[f64]) {
     let n = w.len() / p;
     for (i, row) in w.chunks_exact_mut(p).enumerate() {
@@ -220,7 +222,7 @@ fn place(w: &mut [f64], p: usize, of_bodies: impl Fn(usize, usize) -> f64, bodie
     }
 }
 
-/// The stored samples in a loop.
+/// The sums over the stored samples in a loop.
 pub(super) struct LaneConcurrent<S> {
     gram: Vec<S>,
     moment: Vec<S>,
@@ -235,7 +237,7 @@ impl<S: Real> LaneConcurrent<S> {
         Some(LaneConcurrent { gram: each(&|own| &own.gram), moment: each(&|own| &own.moment) })
     }
 
-    /// `sum W_j' R e_j` is added to `w` and taken from `back`.
+    /// Add `sum W_j' R e_j` to `w`, and subtract it from `back`.
     pub fn push(&self, estimate: &[S], w: &mut [S], back: &mut [S]) {
         for ((row, &moment), (w, back)) in self.gram.chunks_exact(estimate.len()).zip(&self.moment).zip(w.iter_mut().zip(back)) {
             let push = row.iter().zip(estimate).fold(moment, |left, (&g, &a)| g.neg_mul_add(a, left));

@@ -1,4 +1,5 @@
-//! Laws that decide ranks. On plain numbers they use every algorithm. Recorded, they use the regular algorithm and report whether it is valid.
+//! Laws that decide ranks. On plain numbers they use every algorithm of `priority`. Recorded, they use the regular algorithm, and report
+//! whether it is valid.
 
 use super::Law;
 use crate::error::Result;
@@ -11,19 +12,19 @@ use std::any::Any;
 pub trait Solve {
     type Number: Real;
 
-    /// The route of this kind with the sizes and options of `solver`; `None` if its method has no such route.
+    /// Create a solver with the sizes and options of `solver`; `None` if this kind does not support its method.
     fn of(solver: PrioritySolver) -> Option<Self>
     where
         Self: Sized;
-    /// The stacked Jacobians and task velocities, to be filled.
+    /// The stacked Jacobians and task velocities, which the caller writes.
     fn inputs(&mut self) -> (&mut [Self::Number], &mut [Self::Number]);
-    /// Solve for the present Jacobians, whose entries have this relative error, within bounds if there are any.
+    /// Solve for the present Jacobians, whose entries have the relative error `rounding`. `bounds` sets the bounds, if the method has any.
     fn solve(&mut self, rounding: Self::Number, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()>;
-    /// The joint velocities found.
+    /// The computed joint velocities, `(n,)`.
     fn v(&self) -> &[Self::Number];
     /// The residuals of each level's task velocities, stacked.
     fn residuals(&self) -> &[Self::Number];
-    /// One if the results are valid, zero if another route is required; `None` if they are always valid.
+    /// 1 if the results are valid, 0 if another algorithm is required; `None` if they are always valid.
     fn stands(&self) -> Option<Self::Number>;
 }
 
@@ -52,7 +53,7 @@ impl Solve for PrioritySolver {
     }
 }
 
-/// The regular route on recorded numbers.
+/// The regular algorithm on recorded numbers.
 pub struct RecordedSolver {
     route: Regular<Sym>,
     jacobian: Vec<Sym>,
@@ -75,7 +76,7 @@ impl Solve for RecordedSolver {
         (&mut self.jacobian, &mut self.command)
     }
     fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
-        // Rounds like a single solve, also if the other operations are recorded with the rounding of plain numbers.
+        // This part is rounded like a single solve, even if the other operations are recorded with the rounding of plain numbers.
         self.stands = sym::fused(|| self.route.solve(rounding, &self.jacobian, &self.command));
         Ok(())
     }
@@ -90,13 +91,13 @@ impl Solve for RecordedSolver {
     }
 }
 
-/// One of the two kinds of solvers, for the number type of a loop.
+/// A law with one of two kinds of solvers, chosen by the number type of the loop.
 pub enum Decided<L, R> {
     Plain(L, Buffers<f64>),
     Recorded(R, Buffers<Sym>),
 }
 
-/// The inputs and outputs of a law, on its number type.
+/// Inputs and outputs of a law, converted to its number type.
 pub struct Buffers<T> {
     desired: Vec<T>,
     trig: Vec<(T, T)>,
@@ -131,7 +132,7 @@ fn same<A: Any, B: Any + Copy>(x: A) -> Option<B> {
 }
 
 impl<L, R> Decided<L, R> {
-    /// The law for the number `S`. `sizes` are the numbers of desired values, joints and states.
+    /// Create the law for the number type `S`. `sizes` are the numbers of desired values, joints and plant states.
     pub fn new<S: Real>(sizes: [usize; 3], plain: impl FnOnce() -> L, recorded: impl FnOnce() -> Option<R>) -> Self {
         let recorded = if same::<S, Sym>(S::zero()).is_some() { recorded() } else { None };
         match recorded {

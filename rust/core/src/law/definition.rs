@@ -1,4 +1,4 @@
-//! The functions of a law that the core calls. Most of them have a default that suits most laws.
+//! The functions of a law that the core calls. Most of them have a default.
 
 use super::{AdaptiveSpec, CartesianImpedanceSpec, ElasticImpedanceSpec, JointReference, Law, LawSpec, Level, ReductionSpec};
 use crate::dynamics::Model;
@@ -8,17 +8,17 @@ use crate::motion::Motion;
 use crate::plant::PlantKind;
 use crate::scalar::Real;
 
-/// A law as the user states it, validated.
+/// A law with validated parameters.
 pub trait Definition {
     /// The name of the class in Python.
     fn name(&self) -> &'static str;
-    /// The plants that the law is made for.
+    /// The kind of plant that the law controls.
     fn plant(&self) -> PlantKind;
-    /// The arm that the law was made for.
+    /// The model of the arm.
     fn model(&self) -> &Model;
     /// The desired motions, in the order in which [`Law::evaluate`] reads them.
     fn motions(&self) -> Vec<&Motion>;
-    /// The named parts of the law at one instant.
+    /// The named terms of the law at one instant.
     fn terms(&self, at: &Instant) -> Vec<Term>;
 
     /// The law's state at the start of a run, `(p,)`.
@@ -26,7 +26,7 @@ pub trait Definition {
         &[]
     }
 
-    /// Whether a part of the law's state starts from the plant's state, by [`Law::restart`].
+    /// Whether [`Law::restart`] sets a part of the law's state from the plant's state.
     fn restarts(&self) -> bool {
         false
     }
@@ -36,7 +36,7 @@ pub trait Definition {
         false
     }
 
-    /// Whether its equations at samples depend on the period.
+    /// Whether the law's equations at samples depend on the sample period.
     fn samples(&self) -> bool {
         false
     }
@@ -51,63 +51,63 @@ pub trait Definition {
         None
     }
 
-    /// The frame and axes in which the law takes an external force; `None` for a law of joints alone.
+    /// The frame and the axes in which an external force acts on the law; `None` for a law of joints alone.
     fn coordinates(&self) -> Option<&Coordinates> {
         None
     }
 
-    /// The levels of a law of tasks in priority; none for any other.
+    /// The priority levels of the law; empty for a law without tasks in priority.
     fn levels(&self) -> &[Level] {
         &[]
     }
 
-    /// The adaptation of a law that has one.
+    /// The adaptive law, if this law is one or contains one.
     fn adaptive(&self) -> Option<&AdaptiveSpec> {
         None
     }
 
-    /// The law itself, if it is a spring of a frame on a rigid arm.
+    /// The Cartesian impedance law of a rigid arm, if this law is one.
     fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
         None
     }
 
-    /// The law itself, if it has a storage function.
+    /// The impedance law of an elastic arm, which has a storage function, if this law is one.
     fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         None
     }
 
-    /// The motor-inertia reduction inside, for a law that has one.
+    /// The motor-inertia reduction, if the law contains one.
     fn reduction(&self) -> Option<&ReductionSpec> {
         None
     }
 
-    /// The stiffness of the joints in the law's model, for a law that reads their torques.
+    /// The joint stiffness in the law's model, if the law reads joint torques.
     fn joint_stiffness(&self) -> Option<&Gain> {
         self.reduction().map(|reduction| &reduction.joint_stiffness)
     }
 
-    /// `(I + Kt)^-1` of a law of motors. Multiplied by it, the output at rest is the derivative of a potential.
+    /// `(I + Kt)^-1`, if this is a law of motors. This matrix times the output at rest is the derivative of a potential.
     fn torque_share(&self) -> Option<Gain> {
         None
     }
 
-    /// The target of the links of a law of motors, `(n,)`.
+    /// The target positions of the links, `(n,)`, if this is a law of motors.
     fn link_target(&self) -> Option<Vec<f64>> {
         None
     }
 
-    /// The law of the links that commands the joint torque: the outer loop, or a law of rigid arms with a spring.
+    /// The law that computes the torque on the links: the outer loop of an elastic arm, or a law of a rigid arm with a spring.
     fn outer(&self) -> Option<LawSpec> {
         None
     }
 
-    /// The stiffness of that spring.
+    /// The stiffness of the spring in [`Self::outer`].
     fn outer_stiffness(&mut self) -> Option<&mut Gain> {
         None
     }
 }
 
-/// Name, plant, model and motion of a law with the field `model`, and the named field for its only motion.
+/// Implement name, plant, model and motions for a law with the field `model`, and with one motion in the named field.
 macro_rules! facts {
     ($name:expr, $plant:ident, $motion:ident) => {
         fn name(&self) -> &'static str {
@@ -126,17 +126,17 @@ macro_rules! facts {
 }
 pub(super) use facts;
 
-/// A law that can be built into loops, for any number type.
+/// A law that can be built for loops on any number type.
 pub trait Build: Definition {
-    /// The law in a loop, on the number `S`.
+    /// The law in a loop on the number type `S`.
     type Lanes<S: Real>: Law<S> + Send + 'static;
 
-    /// The laws of the lanes as one; all have the same shape.
+    /// Build one law for all lanes. The laws of the lanes must have the same shape.
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> Self::Lanes<S>
     where
         Self: 'a;
 
-    /// Whether both can run side by side in lanes: their arms, coordinates and states have the same shape.
+    /// Whether both laws can run in lanes of one register. Their arms, coordinates and states have the same shape.
     fn same_shape(&self, _: &Self) -> bool {
         true
     }
@@ -145,18 +145,18 @@ pub trait Build: Definition {
 /// How a law can be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// The same operations for every state: it can be recorded and has derivatives.
+    /// The same operations for every state. Such a law can be recorded, and has derivatives.
     Straight,
-    /// By decisions on plain numbers. Recorded, it has a route without a branch that reports where it is not valid.
+    /// Branches on plain numbers. The recorded law has no branch, and reports where it is not valid.
     Guarded,
-    /// Only by decisions on plain numbers.
+    /// Branches on plain numbers. Such a law cannot be recorded.
     Deciding,
-    /// By a function of the caller, only at samples.
+    /// A function of the caller, evaluated only at samples.
     Outside,
 }
 
 impl Route {
-    /// Whether the law requires plain numbers, and accepts neither lanes nor dual numbers.
+    /// Whether the law requires plain numbers. Such a law accepts neither registers nor dual numbers.
     pub fn is_scalar(self) -> bool {
         self != Route::Straight
     }
@@ -167,13 +167,13 @@ impl Route {
     }
 }
 
-/// The arguments of a law.
+/// The arguments of a law at one instant.
 pub struct Instant<'a> {
-    /// The time.
+    /// Time, s.
     pub t: f64,
     /// Samples of the desired motions.
     pub desired: &'a [f64],
-    /// (sin, cos) of the joints.
+    /// (sin, cos) of each joint.
     pub trig: &'a [(f64, f64)],
     /// State of the plant.
     pub x: &'a [f64],
@@ -181,5 +181,5 @@ pub struct Instant<'a> {
     pub z: &'a [f64],
 }
 
-/// A named part of a law: its values, row-major, in its shape.
+/// A named term of a law: its name, shape, and values in row-major order.
 pub type Term = (&'static str, Vec<usize>, Vec<f64>);

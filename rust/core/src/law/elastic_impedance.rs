@@ -1,13 +1,13 @@
-//! Cartesian impedance through elastic joints (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008). The impedance law computes `u`, and the inner
-//! loop converts it into the motor torque
+//! Cartesian impedance through elastic joints (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008). The outer loop is an impedance law, which
+//! computes `u`. The inner loop converts `u` into the motor torque
 //!
 //! `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 ( J'[K_m (x_d - x) - D_m J v] + g(q) - D0 w )`
 //!
-//! The options are those of the rigid law, but `tau_max` limits the motor torque `tau`. The part of the integral wrench `w` in it is
-//! `B B0^-1 J' w`.
+//! with the damped velocity `w` of `inertia_reduction`. The options are the options of the rigid law, except that `tau_max` limits the
+//! motor torque `tau`. An integral wrench `F_I` contributes `B B0^-1 J' F_I` to it.
 //!
-//! `E = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2` obeys the identity
-//! `dE/dt = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`, whose last term has no sign.
+//! The storage function `E = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2` obeys the identity `dE/dt = F.x_dot
+//! - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u`. Its last term has no definite sign.
 
 use super::cartesian_impedance::{CartesianImpedance, CartesianImpedanceSpec};
 use super::impedance_options::held;
@@ -22,15 +22,17 @@ use crate::scalar::Real;
 /// Cartesian impedance of an arm with elastic joints, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticImpedanceSpec {
-    /// The impedance law of the links.
+    /// The outer loop: the impedance law of the links.
     pub outer: CartesianImpedanceSpec,
-    /// The reduction of motor inertia.
+    /// The inner loop: the reduction of motor inertia.
     pub inner: ReductionSpec,
 }
 
 impl ElasticImpedanceSpec {
-    /// Whether `E` (with the springs of wall and stops) is a storage function for this plant. The plant must have no losses except the
-    /// law's, and the motor torque no limit. Rows of orientation are excluded: there the rate of `e` is not `-J v`.
+    /// Whether `E`, plus the energy of wall and stops, is a storage function on this plant.
+    ///
+    /// The plant must agree with the law's model and have no losses. The motor torque must have no limit. Rows of orientation are excluded,
+    /// because there the rate of `e` is not `-J v`.
     pub fn has_storage(&self, plant: &PlantSpec) -> bool {
         !self.outer.coordinates.turns()
             && self.outer.options.tau_max.is_none()
@@ -93,8 +95,10 @@ impl Build for ElasticImpedanceSpec {
 }
 
 impl ElasticImpedanceSpec {
-    /// `M`, `S` (the Coriolis matrix), `g`, `Jdot` and the target's `M_x = (J M^-1 J')^-1`,
-    /// `S_x = M_x (J M^-1 S - Jdot) M^-1 J' M_x`, NaN where `J` loses rank. They are only for diagnosis: the law inverts nothing.
+    /// Terms for diagnosis: `M`, `S` (Coriolis matrix), `g`, `Jdot`, and in the task space `M_x = (J M^-1 J')^-1` and `S_x = M_x (J M^-1 S
+    /// - Jdot) M^-1 J' M_x`.
+    ///
+    /// `M_x` and `S_x` are NaN where `J` loses rank. The law itself inverts nothing.
     fn target_dynamics(&self, outer: &mut CartesianImpedance<f64>, trig: &[(f64, f64)], q: &[f64], v: &[f64]) -> Vec<Term> {
         let (n, m) = (q.len(), self.outer.coordinates.m());
         let (mut mass, mut coriolis, mut g) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n]);
@@ -108,7 +112,7 @@ impl ElasticImpedanceSpec {
         }
         let jacobian = &outer.jacobian;
         let nan = || vec![f64::NAN; m * m];
-        // Rows of J M^-1.
+        // `spread` has the rows of J M^-1.
         let spread = cholesky::factor(n, &mass).map(|l| {
             let mut rows = jacobian.clone();
             rows.chunks_exact_mut(n).for_each(|row| cholesky::solve(n, &l, row));
@@ -117,11 +121,11 @@ impl ElasticImpedanceSpec {
         let (mut m_x, mut s_x) = (nan(), nan());
         if let Some(rows) = &spread {
             let product = |a: &[f64], b: &[f64]| -> Vec<f64> {
-                // a b', both (m, n).
+                // The product a b' of two matrices (m, n).
                 (0..m * m).map(|at| (0..n).map(|k| a[at / m * n + k] * b[at % m * n + k]).sum()).collect()
             };
             if let Some(l) = cholesky::factor(m, &product(jacobian, rows)) {
-                // Columns of M_x, which is symmetric; X M_x row by row.
+                // Multiply by M_x from the right, row by row: M_x is symmetric.
                 let times_m_x = |x: &mut [f64]| x.chunks_exact_mut(m).for_each(|row| cholesky::solve(m, &l, row));
                 m_x = (0..m * m).map(|at| f64::from(u8::from(at / m == at % m))).collect();
                 times_m_x(&mut m_x);
@@ -143,19 +147,20 @@ impl ElasticImpedanceSpec {
     }
 }
 
-/// The law in a loop.
+/// Cartesian impedance through elastic joints in a loop.
 pub struct ElasticImpedance<S: Real> {
     outer: CartesianImpedance<S>,
     inner: Reduction<S>,
-    /// Of the motor torque.
+    /// Limits of the motor torque, `(n,)`.
     limits: Option<Vec<S>>,
-    /// `J_k' w_k'`, and its effect on the motor torque, `(n,)`.
+    /// `J_k' w_k'` of one row `k` of the integral wrench, `(n,)`.
     column: Vec<S>,
+    /// The contribution of `column` to the motor torque, `(n,)`.
     push: Vec<S>,
 }
 
 impl<S: Real> ElasticImpedance<S> {
-    /// Limit the motor torque, and stop the rate `dz` of the integral if it would move the torque further beyond a limit.
+    /// Limit the motor torque. Stop the rate `dz` of the integral where it would move a torque further beyond its limit.
     fn limit(&mut self, tau: &mut [S], dz: &mut [S]) {
         let Some(limits) = &self.limits else { return };
         let n = tau.len();

@@ -1,5 +1,6 @@
-//! A law that is evaluated at single instants, like `law(t, q, v)` in Python. The first calls run directly, later ones by its program, with
-//! the same bits.
+//! Evaluation of a law at single instants, like `law(t, q, v)` in Python.
+//!
+//! The first calls evaluate the law directly. Later calls run its recorded program, with the same bits.
 
 use super::{Law, LawSpec, Route};
 use crate::motion::{Motion, sample_all};
@@ -7,10 +8,10 @@ use crate::scalar::{Float, Real};
 use crate::trace::function::{self, CALLS, Evaluation, Recorded, record};
 use crate::trace::sym::Sym;
 
-/// The largest number of joints for which a law becomes a program here. For larger arms the recording takes longer than the calls save.
+/// The largest number of joints for which a law is recorded. For larger arms, recording takes longer than the calls save.
 const MOST_JOINTS: usize = 12;
 
-/// A law on one number, with its buffers.
+/// A law on one number type, with its buffers.
 struct Engine<S: Real> {
     law: Box<dyn Law<S> + Send>,
     trig: Vec<(S, S)>,
@@ -31,20 +32,20 @@ impl<S: Real> Engine<S> {
         }
     }
 
-    /// Start the filters in the law's state at the state of the plant.
+    /// Initialise the filters in the law's state `z` from the plant's state `x`.
     fn restart(&mut self, x: &[S], z: &mut [S]) {
         self.turn(x);
         self.law.restart(&self.trig, x, z);
     }
 
-    /// The plant's input under the desired motion, at the state of the plant and of the law.
+    /// The plant's input for the desired motion, at the plant's state `x` and the law's state `z`.
     fn input(&mut self, desired: &[S], x: &[S], z: &[S]) -> &[S] {
         self.turn(x);
         self.law.evaluate(desired, &self.trig, x, z, &mut self.tau, &mut self.dz);
         &self.tau
     }
 
-    /// The plant's input from one array: the desired motion, the state of the plant and that of the law, with these widths.
+    /// The plant's input from one array: the desired motion, the plant's state and the law's state, of these widths.
     fn input_of(&mut self, inputs: &[S], widths: [usize; 3]) -> &[S] {
         let (desired, state) = inputs.split_at(widths[0]);
         let (x, z) = state.split_at(widths[1]);
@@ -52,20 +53,21 @@ impl<S: Real> Engine<S> {
     }
 }
 
-/// The buffers of one law between calls. A call allocates nothing.
+/// A law that is evaluated at single instants, with its buffers. A call allocates nothing.
 pub struct LawEvaluator {
     direct: Engine<Float>,
     spec: LawSpec,
     calls: usize,
     program: Option<Evaluation>,
     motions: Vec<Motion>,
-    /// The desired motion, the state of the plant and that of the law, one after another.
+    /// The desired motion, the plant's state and the law's state, one after another.
     inputs: Vec<f64>,
-    /// The number of numbers of each of the three.
+    /// The lengths of these three parts of `inputs`.
     widths: [usize; 3],
 }
 
 impl LawEvaluator {
+    /// Create the buffers for the law `spec`.
     pub fn new(spec: &LawSpec) -> Self {
         let desired = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
         let widths = [desired, spec.plant().states(spec.model().n()), spec.initial_state().len()];
@@ -80,8 +82,9 @@ impl LawEvaluator {
         }
     }
 
-    /// The plant's input `(n,)` at time `t`, for the parts of the plant's state one after another, and the law's state `z`. `None` is the
-    /// state at the start of a run.
+    /// Compute the plant's input `tau`, `(n,)`, at time `t`, s.
+    ///
+    /// `parts` has the parts of the plant's state, one after another. `z` is the law's state; `None` means the state at the start of a run.
     pub fn input(&mut self, t: f64, parts: &[&[f64]], z: Option<&[f64]>, tau: &mut [f64]) {
         let (desired, state) = self.inputs.split_at_mut(self.widths[0]);
         sample_all(&self.motions, t, Float::of_mut(desired));
@@ -108,8 +111,8 @@ impl LawEvaluator {
     }
 }
 
-/// The law as a program. `None` for a law of the caller, of a large arm, and for a law that decides ranks, whose program is not always
-/// valid.
+/// Record the law as a program. The result is `None` for a function of the caller, for a large arm, and for a law that decides ranks. The
+/// program of the latter is not always valid.
 fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
     if spec.route() == Route::Outside || spec.model().n() > MOST_JOINTS {
         return None;
@@ -128,9 +131,11 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
     program.filter(|_| !guarded)
 }
 
-/// The law as operations. Its inputs are the desired motion, the state of the plant and that of the law, of these widths. Its results are
-/// the plant's input, the rate of the law's state, and whether both are valid if the law reports this. `period` is the time between two
-/// calls, if it is known; `limits` are those of the input, `(n,)` or none. `None` if the code branches on data.
+/// Record the law as operations; `None` if the code branches on data.
+///
+/// The inputs are the desired motion, the plant's state and the law's state, of these widths. The results are the plant's input and the
+/// rate of the law's state, then whether both are valid, if the law reports this. `period` is the time between two calls, s, if it is
+/// known. `limits` are the limits of the plant's input, `(n,)` or empty.
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
     let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
     let set_up = || {
@@ -149,7 +154,8 @@ pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>,
     })
 }
 
-/// The law's state at the start of a run as operations on the plant's state of this width. `None` if it does not depend on that state.
+/// Record the law's state at the start of a run, as operations on the plant's state of this length. `None` if it does not depend on that
+/// state.
 pub(super) fn start_recording(spec: &LawSpec, states: usize) -> Option<Recorded> {
     if !spec.restarts() {
         return None;

@@ -1,4 +1,4 @@
-//! An external law: any function of time and the measured state, evaluated at samples.
+//! An external law: a function of the caller, of time and measured state, evaluated at samples.
 
 use super::{Build, Definition, Instant, Law, Route, Term};
 use crate::dynamics::Model;
@@ -7,7 +7,7 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 use std::sync::Arc;
 
-/// `call(t, x, tau)`; `false` without a result, which ends the run.
+/// The function `call(t, x, tau)`, which writes `tau`, `(n,)`. Its result is `false` if it fails, which ends the run.
 pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 
 /// A law that is a function of the caller.
@@ -15,9 +15,9 @@ pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 pub struct ExternalSpec {
     /// The arm.
     pub model: Model,
-    /// The kind of plant it drives.
+    /// The kind of plant that the law drives.
     pub plant: PlantKind,
-    /// The function.
+    /// The function of the caller.
     pub call: Call,
 }
 
@@ -34,7 +34,7 @@ impl PartialEq for ExternalSpec {
 }
 
 impl ExternalSpec {
-    /// No law: every input comes from the caller.
+    /// A placeholder law, for a problem whose inputs all come from the caller.
     pub fn idle(model: &Model, plant: PlantKind) -> Self {
         ExternalSpec { model: model.clone(), plant, call: Arc::new(|_, _, _| false) }
     }
@@ -57,7 +57,7 @@ impl Definition for ExternalSpec {
         Route::Outside
     }
 
-    /// The torque is its only term.
+    /// The torque is the only term.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let mut tau = vec![0.0; self.model.n()];
         if !(self.call)(at.t, at.x, &mut tau) {
@@ -70,7 +70,7 @@ impl Definition for ExternalSpec {
 impl Build for ExternalSpec {
     type Lanes<S: Real> = External;
 
-    /// For one run: such a law cannot run in lanes.
+    /// Build the law for one run. Such a law cannot run in lanes.
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self) -> External {
         let spec = of(0);
         let n = spec.model.n();

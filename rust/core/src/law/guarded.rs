@@ -1,22 +1,22 @@
-//! A law under the eyes of a momentum observer (`DeLuca2006`), with a reaction to contact (`Haddadin2017`).
+//! A law with a momentum observer (`DeLuca2006`), which detects contact and starts a reaction (`Haddadin2017`).
 //!
 //! ```text
 //! r = K (p - w),   w' = tau - tau_f + C' v - g + r,   w(0) = p(0),   p = M v        =>        r' = K (tau_ext - r)
-//! sampled: K_T = K (I + K T)^-1 in place of K, and w' held:   r_k = (I + K T)^-1 (r_(k-1) + K (p_k - p_(k-1) - (..)_(k-1) T))
+//! sampled: K_T = K (I + K T)^-1 replaces K, and w' is constant:   r_k = (I + K T)^-1 (r_(k-1) + K (p_k - p_(k-1) - (..)_(k-1) T))
 //! ```
 //!
-//! Contact is the first sample at which some `|r_i|` is above its threshold. From that sample on, in place of the law:
+//! Contact is the first sample at which some `|r_i|` exceeds its threshold. From that sample on, this reaction replaces the law:
 //!
 //! ```text
 //! tau = g(q) + K_c (y_c - y) + D_c (y_c' - y'),   y = q, or the motors' theta of elastic joints
 //! stop: y_c the position at contact      float: K_c = 0      retract: y_c' = V r_c / max |r_c| for a time, r_c the residual at contact
 //! ```
 //!
-//! Elastic joints: `tau` of the observer is the torque of the joints, `K_J (theta - q)`.
+//! For elastic joints, `tau` of the observer is the torque of the joints, `K_J (theta - q)`.
 //!
-//! The law's state is that of the inner law, then `w`, and `R` with `R' = r`. A reaction adds `c`, `s`, `y_c c` and `r_c c`. At the sample of
-//! contact alone their rates are `c' = 1`, `(y_c c)' = y` and `(r_c c)' = r`. From there on `s' = 1`. So the quotients are the latched
-//! values, also where the answer of that sample acts late.
+//! The law's state is the state of the inner law, then `w`, then `R` with `R' = r`. A reaction adds `c`, `s`, `y_c c` and `r_c c`. Only at
+//! the sample of contact, the rates are `c' = 1`, `(y_c c)' = y` and `(r_c c)' = r`. From that sample on, `s' = 1`. So the quotients by `c`
+//! are the values at contact, even if the result of that sample acts late.
 
 use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Level, ReductionSpec, Route, Term, require_rows, require_size};
 use crate::dynamics::Model;
@@ -29,11 +29,12 @@ use crate::plant::PlantKind;
 /// The reaction of the law after contact.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reaction {
-    /// Hold the position at contact: stiffness and damping.
+    /// Hold the position at contact, with a stiffness and a damping of size `n`.
     Stop(Gain, Gain),
-    /// Compensate gravity, with damping if there is some.
+    /// Compensate gravity, with an optional damping of size `n`.
     Float(Option<Gain>),
-    /// Move away along the torque from outside: stiffness, damping, the speed `V` of the fastest joint, and for how long, s.
+    /// Move away in the direction of the external torque: stiffness, damping, speed `V` of the fastest joint (rad/s or m/s), and duration
+    /// (s).
     Retract(Gain, Gain, f64, f64),
 }
 
@@ -42,7 +43,7 @@ pub enum Reaction {
 pub struct GuardedSpec {
     /// The law before contact.
     pub inner: Box<LawSpec>,
-    /// The model of the observer and of the reaction's gravity.
+    /// The model of the observer. The reaction compensates the gravity of this model.
     pub(super) model: Model,
     pub(super) gain: Gain,
     pub(super) friction: [Vec<f64>; 2],
@@ -53,8 +54,11 @@ pub struct GuardedSpec {
 }
 
 impl GuardedSpec {
-    /// `inner` with an observer of this model: `gain` is `K`, 1/s; `friction`: viscous and Coulomb friction that it knows, `(n,)` each.
-    /// `thresholds` `(n,)` are needed by a reaction; `joint_stiffness` by laws of elastic arms that know none themselves.
+    /// Add an observer with `model` to the law `inner`. `gain` is `K`, of size `n`, 1/s. `friction` is the known viscous and Coulomb
+    /// friction, `(n,)` each.
+    ///
+    /// A reaction requires `thresholds`, `(n,)`, N m or N. If `inner` is a law of an elastic arm without joint stiffness, `joint_stiffness`
+    /// is required.
     pub fn new(
         inner: LawSpec,
         (model, gain, friction): (Model, Gain, [Vec<f64>; 2]),
@@ -113,12 +117,12 @@ impl GuardedSpec {
         self.reaction.is_some()
     }
 
-    /// The thresholds of contact `(n,)`; empty where there are none.
+    /// Thresholds of contact, `(n,)`, N m or N; empty without thresholds.
     pub fn thresholds(&self) -> &[f64] {
         &self.thresholds
     }
 
-    /// `K` of the observer.
+    /// Gain `K` of the observer, of size `n`, 1/s.
     pub fn gain(&self) -> &Gain {
         &self.gain
     }
@@ -158,7 +162,7 @@ impl Definition for GuardedSpec {
         true
     }
 
-    /// The terms of the inner law, then the momentum, the residual in a continuous loop, whether the reaction acts, and the torque.
+    /// The terms of the inner law, then the momentum, the residual of a continuous loop, whether the reaction acts, and the torque.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let own = self.inner.initial_state().len();

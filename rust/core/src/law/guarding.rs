@@ -1,4 +1,4 @@
-//! A guarded law in a loop: the equations are those of [`super::guarded`].
+//! A guarded law in a loop, with the equations of [`super::guarded`].
 
 use super::guarded::{GuardedSpec, Reaction};
 use super::{Build, Law, LawSpec};
@@ -34,7 +34,7 @@ impl Build for GuardedSpec {
         let lanes = |get: &dyn Fn(usize) -> Gain| -> Vec<Gain> { (0..S::LANES).map(get).collect() };
         let gain = |name, gains: &[Gain]| AnyGain::labelled(name, |i| &gains[i]);
         let acts = first.reacts();
-        // Through a pointer: the inner law is built by the same generic function, which would otherwise be an instance inside of itself.
+        // `inner` is passed as a trait object. The same generic function builds the inner law, and would otherwise contain itself.
         let inner = |i: usize| &*of(i).inner;
         Guarded {
             inner: LawSpec::build(&inner as &dyn Fn(usize) -> &'a LawSpec),
@@ -81,44 +81,45 @@ impl Build for GuardedSpec {
     }
 }
 
-/// The law in a loop.
+/// A guarded law in a loop.
 pub struct Guarded<S: Real> {
     inner: Box<dyn Law<S> + Send>,
-    /// Size of the inner law's state.
+    /// Length of the inner law's state.
     own: usize,
     arm: AnyArm<S>,
     workspace: Workspace<S>,
-    /// `K`, or `K_T` of a sampled loop; `K` of the lanes, from which it is made.
+    /// Observer gain `K`, or `K_T` in a sampled loop.
     gain: AnyGain<S>,
+    /// `K` of each lane, from which `gain` is computed.
     gains: Vec<Gain>,
     viscous: Vec<S>,
     coulomb: Vec<S>,
-    /// `K_J` of elastic joints.
+    /// Joint stiffness `K_J` of an elastic arm.
     springs: Option<AnyGain<S>>,
-    /// Empty without a reaction.
+    /// Thresholds of contact, `(n,)`; empty without a reaction.
     thresholds: Vec<S>,
     stiffness: Option<AnyGain<S>>,
     damping: Option<AnyGain<S>>,
-    /// `V` and how long.
+    /// Speed `V` and duration of a retreat.
     retreat: Option<[S; 2]>,
-    /// Limits of the input; empty without any.
+    /// Limits of the plant's input; empty without limits.
     limits: Vec<S>,
     mass: Vec<S>,
     coriolis: Vec<S>,
     pub(super) momentum: Vec<S>,
     gravity: Vec<S>,
     pub(super) residual: Vec<S>,
-    /// The torque that the observer takes into account.
+    /// The torque that the observer uses as `tau`.
     observed: Vec<S>,
     work: Vec<S>,
     push: Vec<S>,
     reaction: Vec<S>,
-    /// One from contact on, else zero.
+    /// 1 from contact on, else 0.
     pub(super) reacting: S,
 }
 
 impl<S: Real> Guarded<S> {
-    /// `p` and `g` at the plant's state.
+    /// Compute the momentum `p` and the gravity torque `g` at the plant's state `x`.
     fn look(&mut self, trig: &[(S, S)], x: &[S]) {
         let n = self.momentum.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
@@ -129,7 +130,7 @@ impl<S: Real> Guarded<S> {
         self.arm.gravity(&mut self.workspace, trig, q, &mut self.gravity);
     }
 
-    /// Detect contact, and compute the torque of the reaction. `z` and `dz` start at `c`.
+    /// Detect contact, and compute the torque of the reaction. `z` and `dz` start at the state `c`.
     fn react(&mut self, x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         let n = tau.len();
         let at = if self.springs.is_some() { 2 * n } else { 0 };
@@ -218,7 +219,7 @@ impl<S: Real> Law<S> for Guarded<S> {
             *tau = tau.clamped(-limit, limit);
         }
 
-        // w' = tau - tau_f + C' v - g + r
+        // The observer: w' = tau - tau_f + C' v - g + r.
         match &self.springs {
             None => self.observed.copy_from_slice(tau),
             Some(springs) => {
@@ -242,7 +243,7 @@ impl<S: Real> Law<S> for Guarded<S> {
     }
 }
 
-/// `K (I + K T)^-1`.
+/// The sampled gain `K_T = K (I + K T)^-1` for the sample time `period`, s.
 fn implicit(gain: &Gain, period: f64) -> Gain {
     let n = gain.n();
     if gain.is_diagonal() {

@@ -1,10 +1,11 @@
-//! Options of a Cartesian impedance law: a feed-forward wrench `F_ff`, integral action, limits, a null space and a compensated coupling
-//! ([`super::NullSpaceSpec`]).
+//! Options of a Cartesian impedance law: a feed-forward wrench `F_ff`, integral action `w`, limits, a null space, and compensation of the
+//! coupling ([`super::NullSpaceSpec`]).
 //!
 //! `F = K_m e + D_m (x_d' - x') + F_ff + w` within `wrench_max`, `w' = K_i e`, `tau = J' F + ..` within `tau_max`.
 //!
-//! Conditional integration (Astrom and Hagglund, Advanced PID Control, 3.5): row `k` of `w` stops in two cases. `F_k` is beyond its limit,
-//! and `w_k'` would move it further. Or some torque `tau_i` is beyond its limit, and `J_ki w_k'` would move it further.
+//! Conditional integration (Astrom and Hagglund, Advanced PID Control, 3.5) stops row `k` of `w` in two cases. In the first, `F_k` exceeds
+//! its limit, and `w_k'` would increase the excess. In the second, a torque `tau_i` exceeds its limit, and `J_ki w_k'` would increase the
+//! excess.
 
 use super::null_space::{NULL_SPACE_EPS, NullSpaceSpec};
 use super::require_size;
@@ -12,25 +13,25 @@ use crate::error::{Error, Result, finite, positive};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
-/// The smallest clamp: its square is above the rounding of `J M^-1 J'`, whose rows are scaled to one.
+/// The smallest `eps`. Its square is above the rounding error of `J M^-1 J'`, whose rows are scaled to one.
 const LEAST_EPS: f64 = 1e-7;
 
 /// Options of a Cartesian impedance law, validated by [`super::CartesianImpedanceSpec::with`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImpedanceOptions {
-    /// The posture in the null space.
+    /// The posture control in the null space; `None` without it.
     pub null_space: Option<NullSpaceSpec>,
-    /// Add `C v` and `L (x_d'' - J_dot v)`.
+    /// Whether to add the torque `C v` and the wrench `L (x_d'' - J_dot v)`, with the inertia `L` of the rows.
     pub compensate_coupling: bool,
-    /// The clamp of `L`, relative to the root mean square of the rows of a unit; between 0 and 1.
+    /// The clamp of `L`, relative to the root mean square of the rows with the same unit, m or rad; from 1e-7 to below 1.
     pub eps: f64,
-    /// `F_ff`, `(m,)`, N and N m.
+    /// Feed-forward wrench `F_ff`, `(m,)`, N and N m.
     pub feedforward: Option<Vec<f64>>,
-    /// `K_i`, N/(m s) and N m/(rad s).
+    /// Integral gain `K_i`, of size `m`, N/(m s) and N m/(rad s).
     pub integral_gain: Option<Gain>,
-    /// The largest wrench in each row, N and N m; infinity is no limit.
+    /// The largest wrench of each row, `(m,)`, N and N m; infinity means no limit.
     pub wrench_max: Option<Vec<f64>>,
-    /// The largest torque of each joint, N m or N; infinity is no limit.
+    /// The largest torque of each joint, `(n,)`, N m or N; infinity means no limit.
     pub tau_max: Option<Vec<f64>>,
 }
 
@@ -92,17 +93,17 @@ impl ImpedanceOptions {
         (self.null_space.as_ref(), self.compensate_coupling, self.eps)
     }
 
-    /// Whether the law has limits, beyond which its wrench is not that of a spring and a damper.
+    /// Whether the wrench or the torque has limits. Beyond a limit, the wrench is not the wrench of a spring and a damper.
     pub fn have_limits(&self) -> bool {
         self.wrench_max.is_some() || self.tau_max.is_some()
     }
 
-    /// Whether the torque is `J' F + g` with the `F` of a potential and a constant.
+    /// Whether the torque is `J' F + g`, where `F` comes from a potential and a constant wrench.
     pub fn has_potential(&self) -> bool {
         self.null_space.is_none() && self.integral_gain.is_none() && self.wrench_max.is_none() && self.tau_max.is_none()
     }
 
-    /// Whether loops with both options have the same shape.
+    /// Whether the loops of both options have the same shape.
     pub(super) fn same_shape(&self, other: &Self) -> bool {
         let shape = |o: &Self| {
             let projection = o.null_space.as_ref().map(|null_space| null_space.projection);
@@ -113,7 +114,7 @@ impl ImpedanceOptions {
     }
 }
 
-/// The wrench that is fed forward, the integral and the limits, on one number.
+/// The feed-forward wrench, the integral and the limits in a loop.
 pub(super) struct Extras<S> {
     feedforward: Option<Vec<S>>,
     integral_gain: Option<AnyGain<S>>,
@@ -122,7 +123,7 @@ pub(super) struct Extras<S> {
 }
 
 impl<S: Real> Extras<S> {
-    /// The terms for the options `of(lane)`, which have the same shape in all lanes.
+    /// Create the terms for the options `of(lane)`, which have the same shape in all lanes.
     pub fn new<'a>(of: impl Fn(usize) -> &'a ImpedanceOptions) -> Self {
         let numbers = |name: &'static str, get: fn(&ImpedanceOptions) -> &Option<Vec<f64>>| {
             let count = get(of(0)).as_ref()?.len();
@@ -139,7 +140,7 @@ impl<S: Real> Extras<S> {
         }
     }
 
-    /// Add `F_ff` and `w` to the wrench, within its limits, and compute the rate `dz` of `w` for the error `e`.
+    /// Add `F_ff` and `w` to the wrench `force`, limit it, and compute the rate `dz` of `w` from the error `e`.
     pub fn add(&self, e: &[S], z: &[S], force: &mut [S], dz: &mut [S]) {
         if let Some(feedforward) = &self.feedforward {
             force.iter_mut().zip(feedforward).for_each(|(force, &added)| *force += added);
@@ -158,12 +159,12 @@ impl<S: Real> Extras<S> {
         }
     }
 
-    /// The limits of the torque, for a law that limits another one.
+    /// Remove and return the torque limits, for a law that contains this law and limits its torque itself.
     pub fn take_torque_limits(&mut self) -> Option<Vec<S>> {
         self.tau_max.take()
     }
 
-    /// Limit the torque, and stop the rate `dz` of the integral if it would move the torque further beyond a limit.
+    /// Limit the torque. Stop the rate `dz` of the integral where it would move a torque further beyond its limit.
     pub fn limit(&self, jacobian: &[S], tau: &mut [S], dz: &mut [S]) {
         let Some(limits) = &self.tau_max else { return };
         let n = tau.len();
@@ -178,7 +179,7 @@ impl<S: Real> Extras<S> {
     }
 }
 
-/// `rate`, or zero if `push` moves `free` further beyond its limit.
+/// Return `rate`, or zero if `push` would move `free` further beyond its limit.
 pub(super) fn held<S: Real>(free: S, limit: S, push: S, rate: S) -> S {
     let zero = S::zero();
     let down = S::select(free.lt(-limit), S::select(push.lt(zero), zero, rate), rate);

@@ -1,10 +1,10 @@
-//! Motor-inertia reduction (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): under torque feedback, motors of inertia `B` behave like motors
+//! Motor-inertia reduction (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008): torque feedback makes motors of inertia `B` behave like motors
 //! of inertia `B0`.
 //!
 //! `tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 w)` gives `B0 theta_ddot + D0 w + tau_J = u`, `tau_J = K_J (theta - q)`,
 //!
-//! `w = theta_dot`, or `theta_dot - v` with relative damping; `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`
-//! unless given. The order is `B B0^-1`: it matters for full matrices.
+//! `w = theta_dot`, or `w = theta_dot - v` with relative damping. The default damping is `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2
+//! B0^1/2`. For full matrices the order of the product `B B0^-1` matters.
 
 use super::{Term, require_size};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use crate::linalg::ratio_damping;
 use crate::plant::{ElasticSpec, PlantSpec};
 use crate::scalar::Real;
 
-/// The common functions of laws with the fields `outer`, a law of the links, and `inner`, this reduction.
+/// Implement the common functions of laws with the fields `outer`, a law of the links, and `inner`, a reduction.
 macro_rules! reduced_facts {
     ($name:literal) => {
         fn name(&self) -> &'static str {
@@ -67,22 +67,24 @@ pub(super) use reduced_facts;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReductionSpec {
-    /// `K_J`, N m/rad.
+    /// Joint stiffness `K_J`, of size `n`, N m/rad.
     pub joint_stiffness: Gain,
-    /// `B`, kg m^2.
+    /// Motor inertia `B`, of size `n`, kg m^2.
     pub motor_inertia: Gain,
-    /// `B0`, kg m^2.
+    /// Reduced motor inertia `B0`, of size `n`, kg m^2.
     pub reduced_inertia: Gain,
-    /// `D0`, N m s/rad.
+    /// Motor damping `D0`, of size `n`, N m s/rad.
     pub motor_damping: Gain,
-    /// Damping acts on `theta_dot - v` instead of `theta_dot`.
+    /// Whether damping acts on `theta_dot - v` instead of `theta_dot`.
     pub relative: bool,
-    /// `B B0^-1`.
+    /// Inertia ratio `B B0^-1`.
     ratio: Gain,
 }
 
 impl ReductionSpec {
-    /// `motor_damping = None`: by the ratio `damping_ratio`.
+    /// Create the reduction for `n` joints. Gains have the size `n` and the units of their fields.
+    ///
+    /// `motor_damping = None` computes `D0` from the dimensionless `damping_ratio`.
     pub fn new(
         n: usize,
         joint_stiffness: Gain,
@@ -106,7 +108,7 @@ impl ReductionSpec {
         Ok(ReductionSpec { joint_stiffness, motor_inertia, reduced_inertia, motor_damping, relative, ratio })
     }
 
-    /// Whether a plant has the springs and motors of the law's model, and no other loss.
+    /// Whether a plant has the springs and motors of the law's model, and no losses.
     pub(super) fn matches(&self, plant: &ElasticSpec) -> bool {
         plant.stiffness == self.joint_stiffness
             && plant.motor_inertia == self.motor_inertia
@@ -128,24 +130,24 @@ impl ReductionSpec {
     }
 }
 
-/// The inner loop.
+/// The inner loop: the reduction in a loop.
 pub struct Reduction<S: Real> {
     joint_stiffness: AnyGain<S>,
     motor_damping: AnyGain<S>,
     ratio: AnyGain<S>,
     /// 1 with relative damping, else 0.
     relative: S,
-    /// The outer loop's input at the last evaluation.
+    /// The output `u` of the outer loop at the last evaluation.
     pub u: Vec<S>,
-    /// `tau_J`
+    /// Joint torque `tau_J`.
     pub spring: Vec<S>,
-    /// `D0 w`
+    /// Damping torque `D0 w`.
     damped: Vec<S>,
     work: Vec<S>,
 }
 
 impl<S: Real> Reduction<S> {
-    /// From `u` in `tau` to the motor torque, at plant state `x`.
+    /// Replace `u` in `tau` by the motor torque, at the plant's state `x`.
     pub fn apply(&mut self, x: &[S], tau: &mut [S]) {
         let n = tau.len();
         let (q, v, theta, theta_dot) = (&x[..n], &x[n..2 * n], &x[2 * n..3 * n], &x[3 * n..4 * n]);
@@ -165,12 +167,12 @@ impl<S: Real> Reduction<S> {
         self.ratio.add_to(&self.work, tau);
     }
 
-    /// The effect of a part of `u` on the motor torque, `B B0^-1 u`.
+    /// Compute the contribution of a part of `u` to the motor torque, `B B0^-1 u`.
     pub fn spread(&self, u: &[S], out: &mut [S]) {
         self.ratio.multiply(u, out);
     }
 
-    /// `(theta_dot - v).u - theta_dot.D0 w` at the last evaluation.
+    /// The power `(theta_dot - v).u - theta_dot.D0 w` at the last evaluation, W.
     pub fn power(&self, x: &[S]) -> S {
         let n = self.u.len();
         let mut sum = S::zero();
@@ -190,7 +192,7 @@ impl Reduction<f64> {
     }
 }
 
-/// The elastic plant that `law`'s model and inner loop describe exactly, if `plant` is one.
+/// The elastic plant, if the law's model and inner loop describe it exactly; else `None`.
 pub(super) fn described<'a>(plant: &'a PlantSpec, model: &crate::dynamics::Model, reduction: &ReductionSpec) -> Option<&'a ElasticSpec> {
     plant.elastic().filter(|plant| plant.model == *model && plant.dry.is_none() && reduction.matches(plant))
 }

@@ -1,8 +1,8 @@
-//! The touched link, from the external torque: a force on a link loads no joint beyond that link.
+//! Isolation of the touched link from the external torque: a force on a link does not load the joints beyond that link.
 
 use crate::dynamics::Model;
 
-/// The joint that bears each joint; `None` at the base.
+/// The parent joint of each joint; `None` at the base.
 pub fn parents(model: &Model) -> Vec<Option<usize>> {
     match model {
         Model::Tree(arm) => arm.parents(),
@@ -10,12 +10,13 @@ pub fn parents(model: &Model) -> Vec<Option<usize>> {
     }
 }
 
-/// The outermost joint with `|r_i|` above its threshold; `None` without one. Of several branches, the one furthest above counts.
+/// The outermost joint with `|r_i|` above its threshold; `None` if there is none. Among several branches, the joint with the largest ratio
+/// of `|r_i|` to its threshold counts.
 pub fn touched(model: &Model, thresholds: &[f64], r: &[f64]) -> Option<usize> {
     let n = r.len();
     let parents = parents(model);
     let above = |i: usize| r[i].abs() > thresholds[i];
-    // A joint inwards of another joint above its threshold carries the same force.
+    // Joints from here to the base carry the same force.
     let mut inner = vec![false; n];
     for i in (0..n).filter(|&i| above(i)) {
         let mut next = parents[i];

@@ -1,5 +1,5 @@
-//! Parameters that adaptation estimates beside the bodies: rotors and friction of each joint, as columns of the regressor after the
-//! inertial ones.
+//! Joint columns: adaptation can also estimate rotor inertia and friction of each joint. Their regressor columns follow those of the
+//! bodies:
 //!
 //! ```text
 //! armature (rotors)  diag(a_r)
@@ -8,29 +8,29 @@
 //! Stribeck           diag(exp(-(v_r / v_s)^2) tanh(v_r / v_s))
 //! ```
 //!
-//! in this order. `v_s` smooths the jump of Coulomb friction. Source: `SlotineLi1987` for parameters
-//! that enter linearly; Stribeck: `Armstrong1994`.
+//! The columns are in this order. `v_s` smooths the jump of Coulomb friction. Sources: `SlotineLi1987` for parameters that enter linearly,
+//! `Armstrong1994` for the Stribeck effect.
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
 use crate::scalar::Real;
 use crate::scalar::hyperbolic::{decay, tanh};
 
-/// One column per joint.
+/// A kind of joint column. Each kind has one parameter per joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum JointColumn {
-    /// `a_r`: the rotor's inertia.
+    /// `a_r`: rotor inertia, kg m^2 or kg.
     Armature,
-    /// `v_r`: viscous friction.
+    /// `v_r`: viscous friction, N m s/rad or N s/m.
     Viscous,
-    /// `tanh(v_r / v_s)`: Coulomb friction.
+    /// `tanh(v_r / v_s)`: Coulomb friction, N m or N.
     Coulomb,
-    /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`: the additional friction at low speed.
+    /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`: the additional friction at low speed, N m or N.
     Stribeck,
 }
 
 impl JointColumn {
-    /// The name of its parameter, as in [`Model::column_names`].
+    /// The name of the parameter, as in [`Model::column_names`].
     fn name(self) -> &'static str {
         match self {
             JointColumn::Armature => "armature",
@@ -41,7 +41,7 @@ impl JointColumn {
     }
 }
 
-/// The estimated columns.
+/// The joint columns that are estimated.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct JointColumns {
     kinds: Vec<JointColumn>,
@@ -50,7 +50,7 @@ pub struct JointColumns {
 }
 
 impl JointColumns {
-    /// These kinds for `n` joints, each once, in their own order; `speed`: `v_s` of each joint, > 0.
+    /// Create columns of these kinds for `n` joints, each once, in the order of [`JointColumn`]. `speed` is `v_s` of each joint, > 0.
     pub fn new(n: usize, kinds: &[JointColumn], speed: Vec<f64>) -> Result<Self> {
         if speed.len() != n {
             return Err(Error::wrong_shape("friction_speed", &[n], &[speed.len()]));
@@ -67,7 +67,7 @@ impl JointColumns {
         self.kinds.is_empty()
     }
 
-    /// The number of their parameters.
+    /// The number of parameters of all columns.
     pub fn count(&self) -> usize {
         self.kinds.len() * self.speeds.len()
     }
@@ -81,7 +81,7 @@ impl JointColumns {
         self.kinds == other.kinds
     }
 
-    /// Their names, `armature[joint]` and so on.
+    /// The names of the parameters, `armature[joint]` and so on.
     pub fn names(&self, model: &Model) -> Vec<String> {
         let joints: Vec<String> = match model {
             Model::PlanarPr(_) => ["p1", "r2"].map(String::from).to_vec(),
@@ -90,7 +90,7 @@ impl JointColumns {
         self.kinds.iter().flat_map(|kind| joints.iter().map(move |joint| format!("{}[{joint}]", kind.name()))).collect()
     }
 
-    /// The true parameters of a plant with this arm. `friction` states whether its friction acts.
+    /// The true parameters of the plant with this model. `friction` states whether the plant's friction acts.
     pub(super) fn truth(&self, plant: &Model, friction: bool) -> Vec<f64> {
         let n = plant.n();
         let [damping, coulomb] = plant.friction(friction);
@@ -104,7 +104,7 @@ impl JointColumns {
     }
 }
 
-/// The columns in a loop.
+/// The joint columns in a loop.
 pub(super) struct LaneColumns<S> {
     kinds: Vec<JointColumn>,
     speeds: Vec<S>,
@@ -118,7 +118,7 @@ impl<S: Real> LaneColumns<S> {
         LaneColumns { kinds: first.kinds.clone(), speeds }
     }
 
-    /// The entries of the columns, `(kinds n,)`, kind by kind.
+    /// Compute the entries of the columns, `(kinds n,)`, one kind after another.
     pub fn fill(&self, v_r: &[S], a_r: &[S], out: &mut [S]) {
         for (i, &speed) in self.speeds.iter().enumerate() {
             let n = self.speeds.len();

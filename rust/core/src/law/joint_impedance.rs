@@ -1,5 +1,5 @@
-//! Joint impedance through elastic joints: `u = K (q_d - q) - D v + g(q)` outside, motor-inertia reduction inside
-//! (Albu-Schaeffer, Ott and Hirzinger 2007).
+//! Joint impedance through elastic joints (Albu-Schaeffer, Ott and Hirzinger 2007): `u = K (q_d - q) - D v + g(q)` as the outer loop, and
+//! motor-inertia reduction as the inner loop.
 
 use super::inertia_reduction::{Reduction, ReductionSpec, reduced_facts};
 use super::pd_gravity::{PdGravity, PdGravitySpec};
@@ -9,9 +9,9 @@ use crate::scalar::Real;
 /// Joint impedance of an arm with elastic joints, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointImpedanceSpec {
-    /// The impedance law of the links.
+    /// The outer loop: the impedance law of the links.
     pub outer: PdGravitySpec,
-    /// The reduction of motor inertia.
+    /// The inner loop: the reduction of motor inertia.
     pub inner: ReductionSpec,
 }
 
@@ -46,7 +46,7 @@ impl Build for JointImpedanceSpec {
     }
 }
 
-/// The law in a loop.
+/// Joint impedance in a loop.
 pub struct JointImpedance<S: Real> {
     outer: PdGravity<S>,
     inner: Reduction<S>,

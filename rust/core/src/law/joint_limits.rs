@@ -1,18 +1,20 @@
-//! Limits of an arm as bounds of the command of a law, at every evaluation (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
+//! Joint limits as bounds of a law's command, computed at every evaluation (Flacco, De Luca, Khatib 2015, `flacco2015saturation`).
 //!
-//! Velocities, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`, beyond the limit `u <= d/h`.
-//! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`. The velocity loop is four times
-//! as fast as the position loop, so that it does not overshoot. It brakes at half of `a_max`, as a reserve for corrections.
-//! The lower bounds are alike. A loop with a sample time or steps of at most `h` stays within the limits.
+//! Velocities, with the distance `d = q_max - q` and the horizon `h`: `u <= min(v_max, d/h, sqrt(2 a_max d))`; beyond the limit `u <= d/h`.
+//!
+//! Accelerations: `a <= (v' - v)/h` within `+-a_max`, with `v' = min(v_max, d/(4 h), sqrt(a_max d))`. The velocity loop is four times as
+//! fast as the position loop, so that it does not overshoot. It brakes at half of `a_max`, as a reserve for corrections.
+//!
+//! Lower bounds have the same form. A loop with a sample time or steps of at most `h` remains within the limits.
 
 use crate::dynamics::Model;
 use crate::error::{Error, Result, positive};
 use crate::priority::{PriorityMethod, PriorityOptions, joint_velocity_bounds};
 
-/// The default horizon, s: the least time in which a joint may reach its limit.
+/// The default horizon `h`, s: the shortest time in which a joint may reach its limit.
 pub const HORIZON: f64 = 0.1;
 
-/// Limits of the caller, `(n,)` each, in rad or m, per second and per second squared. `None` takes the arm's limit; the arm has no `a_max`.
+/// Limits that replace the limits of the arm. `None` uses the arm's limit; an arm has no `a_max`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LimitOverrides {
     /// Least positions `(n,)`, rad or m.
@@ -25,12 +27,12 @@ pub struct LimitOverrides {
     pub v_max: Option<Vec<f64>>,
     /// Largest accelerations `(n,)`, rad/s^2 or m/s^2.
     pub a_max: Option<Vec<f64>>,
-    /// Time in which a joint can stop at its limit, s.
+    /// Horizon `h`, s: the shortest time in which a joint may reach its limit.
     pub horizon: Option<f64>,
 }
 
 impl LimitOverrides {
-    /// Refuse limits for a map without bounds.
+    /// Refuse limits for a priority map without bounds.
     pub fn require_sns(&self, method: PriorityMethod) -> Result<()> {
         let given = [
             ("q_min", self.q_min.is_some()),
@@ -49,7 +51,7 @@ impl LimitOverrides {
     }
 }
 
-/// Limits of every joint, infinite where there is none.
+/// Limits of every joint; infinite where there is no limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointLimits {
     q_min: Vec<f64>,
@@ -61,8 +63,9 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
-    /// The limits of the caller, and those of the arm for missing ones. Errors: wrong lengths, NaN, limits out of order or on the wrong
-    /// side of zero, no finite limit at all.
+    /// Combine the limits in `given` with the limits of the arm for missing ones.
+    ///
+    /// Errors: wrong lengths, NaN, limits out of order, an `a_max` that is not positive, or no finite limit at all.
     pub fn new(model: &Model, given: &LimitOverrides) -> Result<Self> {
         let joints: Vec<&crate::arm::Joint> = model.tree("arm")?.independent().collect();
         let n = joints.len();
@@ -71,7 +74,7 @@ impl JointLimits {
         let limits = JointLimits {
             q_min: given.q_min.clone().unwrap_or_else(|| own(|limits| limits.lower)),
             q_max: given.q_max.clone().unwrap_or_else(|| own(|limits| limits.upper)),
-            // A missing bound is minus the other one.
+            // A missing velocity bound is minus the other bound.
             v_min: given.v_min.clone().or(given.v_max.as_ref().map(mirrored)).unwrap_or_else(|| own(|limits| -limits.velocity)),
             v_max: given.v_max.clone().or(given.v_min.as_ref().map(mirrored)).unwrap_or_else(|| own(|limits| limits.velocity)),
             a_max: given.a_max.clone().unwrap_or_else(|| vec![f64::INFINITY; n]),
@@ -88,7 +91,7 @@ impl JointLimits {
             let refuse = |name: &str, expected: &str, low: f64, high: f64| {
                 Err(Error::input(name, format!("is out of order: expected {expected}, got {low} and {high}")).at([i]))
             };
-            // Not `>`: NaN must be refused too.
+            // The comparisons are negated, because NaN must be refused too.
             if !(q_min[i] <= q_max[i]) {
                 return refuse("q_min", "q_min <= q_max", q_min[i], q_max[i]);
             }
@@ -107,21 +110,21 @@ impl JointLimits {
         Ok(limits)
     }
 
-    /// The options with bounds for a solver whose bounds change at every evaluation.
+    /// Set infinite bounds in the options of a solver. The bounds themselves change at every evaluation.
     pub fn open(&self, mut options: PriorityOptions) -> PriorityOptions {
         let n = self.q_min.len();
         (options.v_min, options.v_max) = (Some(vec![f64::NEG_INFINITY; n]), Some(vec![f64::INFINITY; n]));
         options
     }
 
-    /// Bounds of the joint velocities at joint positions `q(i)`; `(n,)`.
+    /// Compute bounds of the joint velocities, `(n,)`, at the joint positions `q(i)`.
     pub fn velocities(&self, q: impl Fn(usize) -> f64, lower: &mut [f64], upper: &mut [f64]) {
         for i in 0..lower.len() {
             (lower[i], upper[i]) = self.velocity(i, q(i), self.horizon, 2.0 * self.a_max[i]);
         }
     }
 
-    /// Bounds of the joint accelerations at joint positions `q(i)` and velocities `v(i)`; `(n,)`.
+    /// Compute bounds of the joint accelerations, `(n,)`, at the joint positions `q(i)` and velocities `v(i)`.
     pub fn accelerations(&self, q: impl Fn(usize) -> f64, v: impl Fn(usize) -> f64, lower: &mut [f64], upper: &mut [f64]) {
         for i in 0..lower.len() {
             let (slow, fast) = self.velocity(i, q(i), 4.0 * self.horizon, self.a_max[i]);

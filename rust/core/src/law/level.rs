@@ -1,4 +1,4 @@
-//! A task with its target or motion, and the gain of its error.
+//! A level of priority: a task, its target motion, and the gain of its error.
 
 use crate::arm::Arm;
 use crate::error::{Error, Result};
@@ -44,16 +44,16 @@ use crate::scalar::Real;
 pub struct Level {
     /// The task function.
     pub function: TaskFunction,
-    /// The desired motion. A constant target is a motion at rest; a task without a target has a motion without numbers.
+    /// The desired motion. A constant target is a motion at rest. A task without a target has a motion of size zero.
     pub target: Motion,
-    /// `K`, 1/s (1/s^2 at acceleration level), `(rows, rows)`.
+    /// Gain `K`, `(rows, rows)`: 1/s, or 1/s^2 in a law of accelerations.
     pub gain: Gain,
-    /// The gain of the error's rate, 1/s, at acceleration level; `None`: critical damping, `2 K^1/2`.
+    /// Gain of the error's rate, `(rows, rows)`, 1/s, in a law of accelerations. `None` means critical damping, `2 K^1/2`.
     pub damping: Option<Gain>,
 }
 
 impl Level {
-    /// One level; `damping = None` is critical damping.
+    /// Create a level. `damping = None` means critical damping.
     pub fn new(function: TaskFunction, target: Motion, gain: Gain, damping: Option<Gain>) -> Result<Self> {
         match &target {
             Motion::Hold(target) => function.require_target(target)?,
@@ -68,7 +68,7 @@ impl Level {
         Ok(Level { function, target, gain, damping })
     }
 
-    /// The gain of the error's rate.
+    /// The gain of the error's rate, `(rows, rows)`, 1/s.
     pub fn rate_gain(&self) -> Gain {
         self.damping.clone().unwrap_or_else(|| self.gain.square_root().scaled(2.0))
     }
@@ -79,7 +79,7 @@ pub(crate) fn stack<S: Real>(arm: &Arm, levels: &[Level]) -> TaskStack<S> {
     TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())
 }
 
-/// The total size of the desired motions, with their rates and accelerations.
+/// The number of values of the desired motions, including their rates and accelerations.
 pub(crate) fn desired_size(levels: &[Level]) -> usize {
     levels.iter().map(|level| 3 * level.function.target_size()).sum()
 }
@@ -89,7 +89,7 @@ pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
     if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
 }
 
-/// The norms of `e` and of `residuals` of each level with these `rows`, in turn, as many as `out` holds.
+/// Write two norms per level, of `e` and of `residuals`, until `out` is full. `rows` has the number of rows of each level.
 pub(super) fn norms<S: Real>(rows: &[usize], e: &[S], residuals: &[S], out: &mut [S]) {
     let mut at = 0;
     for (pair, m) in out.chunks_exact_mut(2).zip(rows) {
@@ -99,7 +99,7 @@ pub(super) fn norms<S: Real>(rows: &[usize], e: &[S], residuals: &[S], out: &mut
     }
 }
 
-/// Whether both solve the same tasks by the same route: they may differ in targets, gains and thresholds.
+/// Whether both laws solve the same tasks with the same algorithm. Targets, gains and thresholds may differ.
 pub(super) fn same_tasks((levels, options): (&[Level], &PriorityOptions), (others, other): (&[Level], &PriorityOptions)) -> bool {
     let given = |options: &PriorityOptions| (options.method, options.eps.is_some(), options.weight.is_some());
     levels.iter().map(|level| &level.function).eq(others.iter().map(|level| &level.function)) && given(options) == given(other)

@@ -1,4 +1,4 @@
-//! The Lyapunov function of the adaptive laws, with the true parameters `a` of the plant:
+//! The Lyapunov function of the adaptive laws. It uses the true parameters `a` of the plant:
 //!
 //! `V1 = s' M s / 2 + (a - a_hat)' Gamma^-1 (a - a_hat) / 2`, or `s' M s / 2 + sum d(P || P_hat) / gamma` in the natural metric.
 
@@ -10,21 +10,21 @@ use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::divergence;
 
-/// The distance of an estimate from the true parameters.
+/// The metric of the distance between an estimate and the true parameters.
 enum Metric<S> {
     /// The diagonal of `Gamma`.
     Diagonal(Vec<S>),
     /// `Gamma^-1`.
     Full(AnyGain<S>),
-    /// `gamma` of each body.
+    /// `gamma` of each body, then of each joint column.
     Natural(Vec<S>),
 }
 
-/// The Lyapunov functions of the laws of the lanes.
+/// The Lyapunov functions of the laws in the lanes.
 pub struct Lyapunov<S: Real> {
     lambda: AnyGain<S>,
     metric: Metric<S>,
-    /// The estimated parameters, with the plant's values.
+    /// The plant's values of the estimated parameters, `(p,)`.
     truth: Vec<S>,
     e: Vec<S>,
     s: Vec<S>,
@@ -71,7 +71,7 @@ impl<S: Real> Lyapunov<S> {
         })
     }
 
-    /// `V1` under the desired motion at `q`, `v` and the estimate. The arm `links` is already at `q`.
+    /// Compute `V1` for the desired motion, at `q`, `v` and the estimate. The arm `links` must already be at `q`.
     pub fn value(&mut self, desired: &[S], links: &mut ArmAt<S>, q: &[S], v: &[S], estimate: &[S]) -> S {
         let n = self.e.len();
         for i in 0..n {
@@ -114,7 +114,7 @@ fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
     if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
 }
 
-/// The divergence of all bodies, and half the squares of the other parameter errors, each over its gain.
+/// The divergence of each body over its gain, plus half the squared error of each other parameter over its gain.
 fn natural<S: Real>(gamma: &[S], truth: &[S], error: &[S], estimate: &[S]) -> S {
     let bodies = (truth.len() - gamma.len()) / (PARAMETERS - 1);
     let ((pi, _), (pi_hat, _)) = (truth.as_chunks::<PARAMETERS>(), estimate.as_chunks::<PARAMETERS>());

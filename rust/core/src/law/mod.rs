@@ -1,6 +1,13 @@
-//! Control laws: from the desired motion and the measured state to the plant's input.
+//! Control laws: they compute the plant's input from the desired motion and the measured state.
 //!
 //! A law is declared once ([`Definition`], with all laws in [`LawSpec`]), and built for a number type ([`Law`]).
+//!
+//! Terms of this folder:
+//! - `n` is the number of joints, and `m` the number of rows of a task.
+//! - `p` is the length of the law's state `z`, or the number of estimated parameters.
+//! - A *lane* is one entry of a SIMD register. A loop on registers runs one problem per lane. All its laws have the *same shape*.
+//! - A *program* is the list of operations of a law, recorded once. It runs with the same bits as the law itself.
+//! - *Joint columns* are the columns of the regressor for armature (rotor inertia) and friction, after the columns of the bodies.
 
 mod adaptation;
 mod adaptive;
@@ -89,43 +96,45 @@ use crate::motion::{Motion, sample_all};
 use crate::scalar::Real;
 use std::ops::{Deref, DerefMut};
 
-/// A law in a loop. One evaluation computes its output and the rate of its state.
+/// A law in a control loop.
 pub trait Law<S: Real> {
-    /// Compute `tau` `(n,)` and the rate `dz` `(p,)` of the law's state `z`. Arguments are the desired motions one after another, each
-    /// `[x_d, x_d', x_d'']`, the (sin, cos) of the joints and the plant's state `x`.
+    /// Compute the plant's input `tau`, `(n,)`, and the rate `dz`, `(p,)`, of the law's state `z`.
+    ///
+    /// `desired` has the desired motions one after another, each `[x_d, x_d', x_d'']`. `trig` has (sin, cos) of each joint, and `x` is the
+    /// plant's state.
     fn evaluate(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]);
 
-    /// Start the filters in the law's state `z` at the plant's state `x`, with the (sin, cos) of its joints.
+    /// Initialise the filters in the law's state `z` from the plant's state `x`. `_trig` has (sin, cos) of each joint.
     fn restart(&mut self, _trig: &[(S, S)], _x: &[S], _z: &mut [S]) {}
 
-    /// Set the time of the next samples, for laws that are functions of time and are evaluated only at samples.
+    /// Set the time of the next samples, s, for a law that is a function of time and is evaluated only at samples.
     fn at(&mut self, _t: f64) {}
 
-    /// Set the sample period of the loop, and the limits of its input, empty or `(n,)`.
+    /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
     fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
-    /// One if the last evaluation is valid, zero if it has to be computed directly; `None` for a law that is always valid.
+    /// 1 if the last evaluation is valid, 0 if it must be repeated directly; `None` for a law that is always valid.
     fn stands(&self) -> Option<S> {
         None
     }
 
-    /// The rate at which the law's Lyapunov function decreases at the last evaluation; zero without one.
+    /// The rate at which the law's Lyapunov function decreases at the last evaluation; zero for a law without such a function.
     fn dissipation(&self) -> S {
         S::zero()
     }
 
-    /// The rate at which the Lyapunov function decreases on the true plant. `x` is the plant's state, and `z` the law's state.
+    /// The rate at which the Lyapunov function decreases on the true plant. `x` is the plant's state, `z` the law's state.
     fn dissipation_of(&self, _: &Truth<S>, _x: &[S], _z: &[S]) -> S {
         self.dissipation()
     }
 
-    /// The rate of the law's own storage function at the last evaluation, with the external power `outside`.
+    /// The rate of the law's storage function at the last evaluation, W. `outside` is the power of external forces, W.
     fn storage_rate(&self, _x: &[S], outside: S) -> S {
         outside
     }
 }
 
-/// The kinds of laws: the enum, its conversions, and the construction of loops. A law is in its own file and in this list.
+/// Declare the kinds of laws: the enum, its conversions, and the construction of loops. Each law has one file and one entry in this list.
 macro_rules! laws {
     ($($(#[$doc:meta])* $law:ident($definition:ty),)*) => {
         /// A law of any kind, with the interface [`Definition`].
@@ -159,12 +168,12 @@ macro_rules! laws {
         }
 
         impl LawSpec {
-            /// The laws of the lanes as one, all of the same shape.
+            /// Build one law for all lanes. The laws of the lanes must have the same shape.
             pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
                 Self::of_lanes(&of)
             }
 
-            /// Compiled once per number, not once per caller.
+            /// The closure is a reference, so that this is compiled once per number type, not once per caller.
             fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
                 match of(0) {
                     $(LawSpec::$law(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
@@ -174,7 +183,7 @@ macro_rules! laws {
                 }
             }
 
-            /// Whether both can run side by side in lanes.
+            /// Whether both laws can run in lanes of one register.
             pub fn same_shape(&self, other: &LawSpec) -> bool {
                 self.model().same_geometry(other.model())
                     && self.coordinates() == other.coordinates()
@@ -225,14 +234,14 @@ impl LawSpec {
         breaks
     }
 
-    /// The law's state at the start of a run from the plant's state `x0`.
+    /// The law's state at the start of a run, if the plant's state is `x0`.
     pub fn start(&self, x0: &[f64]) -> Vec<f64> {
         let mut z = self.initial_state().to_vec();
         self.restart(x0, &mut z);
         z
     }
 
-    /// Start the filters in the law's state `z` at the plant's state `x`.
+    /// Initialise the filters in the law's state `z` from the plant's state `x`.
     pub fn restart(&self, x: &[f64], z: &mut [f64]) {
         if self.restarts() {
             let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
@@ -248,14 +257,14 @@ impl LawSpec {
         desired
     }
 
-    /// The named parts of the law at time `t`, at the plant's state `x` and the law's own `z`.
+    /// The named terms of the law at time `t`, at the plant's state `x` and the law's state `z`.
     pub fn terms_at(&self, t: f64, x: &[f64], z: &[f64]) -> Vec<Term> {
         let desired = self.desired(t);
         let trig: Vec<(f64, f64)> = x[..self.model().n()].iter().map(|q| Real::sin_cos(*q)).collect();
         self.terms(&Instant { t, desired: &desired, trig: &trig, x, z })
     }
 
-    /// The same law with the stiffness of its outer spring times `kappa`; `None` for a law without one.
+    /// A copy of the law whose outer spring is `kappa` times as stiff; `None` for a law without an outer spring.
     pub fn with_stiffness(&self, kappa: f64) -> Option<LawSpec> {
         let mut law = self.clone();
         let stiffness = law.outer_stiffness()?;
@@ -263,7 +272,7 @@ impl LawSpec {
         Some(law)
     }
 
-    /// Rows of each level of a law of tasks in priority; empty for any other.
+    /// The number of rows of each priority level; empty for a law without levels.
     pub fn level_rows(&self) -> Vec<usize> {
         self.levels().iter().map(|level| level.function.rows()).collect()
     }

@@ -1,8 +1,8 @@
-//! Regulation of an arm with elastic joints from its motors: `theta_d = q_d + K_J^-1 g(q_d)`,
+//! Regulation of an arm with elastic joints by feedback of the motors, with the desired motor positions `theta_d = q_d + K_J^-1 g(q_d)`:
 //!
-//! `tau = g + Kp (theta_d - theta) - Kd theta_dot` (Tomei 1991), `g = g(q_d)`, or online `g(theta - K_J^-1 g(q_d))`
-//! (De Luca, Siciliano and Zollo 2005); with the joint torque fed back also
-//! `+ Kt (g(q_d) - tau_J) - Ks tau_J_dot` (Albu-Schaeffer and Hirzinger 2001).
+//! `tau = g + Kp (theta_d - theta) - Kd theta_dot` (Tomei 1991). Here `g` is `g(q_d)`, or it is computed online, `g(theta - K_J^-1 g(q_d))`
+//! (De Luca, Siciliano and Zollo 2005). Feedback of the joint torque adds `Kt (g(q_d) - tau_J) - Ks tau_J_dot` (Albu-Schaeffer and
+//! Hirzinger 2001).
 
 use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_size};
@@ -12,7 +12,7 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
 use crate::scalar::Real;
 
-/// `TORQUE`: the joint torque and its rate are fed back.
+/// Regulation by feedback of the motors, validated. With `TORQUE`, the joint torque and its rate are fed back too.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -37,26 +37,28 @@ use crate::scalar::Real;
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotorRegulationSpec<const TORQUE: bool> {
     model: Model,
-    /// `theta_d`, as a motion at rest.
+    /// Desired motor positions `theta_d`, as a motion at rest.
     target: Motion,
-    /// Position gain of the motors.
+    /// Position gain `Kp` of the motors, of size `n`, N m/rad.
     pub kp: Gain,
-    /// Velocity gain of the motors.
+    /// Velocity gain `Kd` of the motors, of size `n`, N m s/rad.
     pub kd: Gain,
-    /// `Kt` and `Ks`; the identity, unused, without torque feedback.
+    /// Gain `Kt` of the joint torque; the identity, unused, without torque feedback.
     kt: Gain,
+    /// Gain `Ks` of the rate of the joint torque, s; the identity, unused, without torque feedback.
     ks: Gain,
     joint_stiffness: Gain,
-    /// Gravity is computed from the motor positions, instead of at the target.
+    /// Whether gravity is computed from the motor positions, instead of at the target.
     online: bool,
-    /// `g(q_d)` and `K_J^-1 g(q_d)`.
+    /// Gravity torque `g(q_d)`, `(n,)`.
     load: Vec<f64>,
+    /// Deflection of the joints at rest, `K_J^-1 g(q_d)`, `(n,)`.
     sag: Vec<f64>,
 }
 
-/// PD of the motors.
+/// PD control of the motors with gravity compensation.
 pub type MotorPdSpec = MotorRegulationSpec<false>;
-/// PD of the motors and feedback of the joint torque.
+/// PD control of the motors with gravity compensation, and feedback of the joint torque.
 pub type StateFeedbackSpec = MotorRegulationSpec<true>;
 
 impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
@@ -76,7 +78,7 @@ impl<const TORQUE: bool> MotorRegulationSpec<TORQUE> {
 }
 
 impl MotorPdSpec {
-    /// `target` is `q_d` of the links.
+    /// Create the law. `target` is the position `q_d` of the links, `(n,)`, rad. Gains have the size `n`.
     pub fn new(model: Model, target: &[f64], kp: Gain, kd: Gain, joint_stiffness: Gain, online: bool) -> Result<Self> {
         let one = Gain::scalar("kt", model.n(), 1.0)?;
         Self::regulation(model, target, [kp, kd, one.clone(), one], joint_stiffness, online)
@@ -84,7 +86,7 @@ impl MotorPdSpec {
 }
 
 impl StateFeedbackSpec {
-    /// `gains` are `Kp, Kd, Kt, Ks`; `target` is `q_d` of the links.
+    /// Create the law. `gains` are `Kp, Kd, Kt, Ks`, of size `n`. `target` is the position `q_d` of the links, `(n,)`, rad.
     pub fn new(model: Model, target: &[f64], gains: [Gain; 4], joint_stiffness: Gain) -> Result<Self> {
         Self::regulation(model, target, gains, joint_stiffness, false)
     }
@@ -116,7 +118,7 @@ impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
     fn joint_stiffness(&self) -> Option<&Gain> {
         Some(&self.joint_stiffness)
     }
-    /// The identity without torque feedback.
+    /// `(I + Kt)^-1`; the identity without torque feedback.
     fn torque_share(&self) -> Option<Gain> {
         let n = self.model.n();
         let fed = |k: usize| if TORQUE { self.kt.at(k / n, k % n) } else { 0.0 };
@@ -150,7 +152,7 @@ impl<const TORQUE: bool> Build for MotorRegulationSpec<TORQUE> {
             online: (0..S::LANES).any(|i| of(i).online),
             load: (0..n).map(|k| S::from_lanes(|i| of(i).load[k])).collect(),
             sag: (0..n).map(|k| S::from_lanes(|i| of(i).sag[k])).collect(),
-            // A lane without this option keeps the load of the target.
+            // A lane without `online` uses gravity at the target.
             follow: S::from_lanes(|i| f64::from(of(i).online)),
             trig: vec![(S::zero(), S::zero()); n],
             spring: zeros.clone(),
@@ -160,7 +162,7 @@ impl<const TORQUE: bool> Build for MotorRegulationSpec<TORQUE> {
     }
 }
 
-/// The law in a loop.
+/// Regulation by feedback of the motors in a loop.
 pub struct MotorRegulation<S: Real, const TORQUE: bool> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,
@@ -177,7 +179,7 @@ pub struct MotorRegulation<S: Real, const TORQUE: bool> {
 }
 
 impl<S: Real, const TORQUE: bool> MotorRegulation<S, TORQUE> {
-    /// The gravity that is compensated, into `self.part`.
+    /// Write the compensated gravity torque to `self.part`.
     fn compensate(&mut self, theta: &[S]) {
         if !self.online {
             self.part.copy_from_slice(&self.load);

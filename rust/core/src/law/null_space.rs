@@ -1,15 +1,15 @@
 //! The null space of an impedance law, and the coupling between its motion and the frame (Khatib 1987; Ott 2008):
 //!
-//! `tau_0 = K_n (q_n - q) + D_n (q_n' - v)` acts as `N' tau_0`, `N' = I - J' L J W^-1`, `L = (J W^-1 J')^-1`, with
+//! The torque `tau_0 = K_n (q_n - q) + D_n (q_n' - v)` acts as `N' tau_0`, with `N' = I - J' L J W^-1` and `L = (J W^-1 J')^-1`:
 //!
-//! - `W = M`, dynamically consistent: `J M^-1 N' = 0`, so `tau_0` gives the frame no acceleration;
-//! - `W = I`, static: `N' = I - J' (J')#`.
+//! - dynamically consistent, `W = M`: `J M^-1 N' = 0`, so `tau_0` does not accelerate the frame;
+//! - static, `W = I`: `N' = I - J' (J')#`.
 //!
-//! With the coupling compensated the law adds `C v`, and `L (x_d'' - J_dot v)` to its wrench: then `L x'' = F` for every null motion.
+//! Compensation of the coupling adds the torque `C v` and the wrench `L (x_d'' - J_dot v)`. Then `L x'' = F` for every null motion.
 //!
-//! Near singularities `L = max(J W^-1 J', eps^2)^-1`, position and orientation each in units of the root mean square of their rows of
-//! `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. Along a direction with the
-//! singular value `sigma` the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these is the loss.
+//! Near singularities, `L = max(J W^-1 J', eps^2)^-1`. Rows of position and rows of orientation are scaled by the root mean square of their
+//! rows of `J W^-1/2`. So `W^-1/2 J' L` is the pseudo-inverse with the spectral clamp `sigma / max(sigma, eps)^2`. In a direction with the
+//! singular value `sigma`, the fraction `1 - min(1, (sigma/eps)^2)` of `tau_0` remains. The largest of these fractions is the loss.
 
 use super::{Term, require_rows, require_size};
 use crate::dynamics::{AnyArm, Dynamics, Workspace};
@@ -20,20 +20,20 @@ use crate::linalg::{ClampedInverse, cholesky};
 use crate::motion::Motion;
 use crate::scalar::Real;
 
-/// The default clamp, equal to the `eps` of task priority.
+/// The default `eps` of the clamp, equal to the `eps` of task priority.
 pub const NULL_SPACE_EPS: f64 = 0.02;
 
-/// How a joint torque is projected into the null space.
+/// The metric in which a joint torque is projected into the null space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NullProjection {
-    /// In the metric of the mass matrix: the frame is not accelerated.
+    /// The metric of the mass matrix. The projected torque does not accelerate the frame.
     Consistent,
     /// In the metric of the joint coordinates.
     Static,
 }
 
 impl NullProjection {
-    /// The projection of this name.
+    /// The projection with this name, `consistent` or `static`.
     pub fn of_name(name: &str) -> Result<Self> {
         match name {
             "consistent" => Ok(NullProjection::Consistent),
@@ -46,18 +46,18 @@ impl NullProjection {
 /// A spring and a damper of the joints in the null space of an impedance law, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NullSpaceSpec {
-    /// `q_n`; a fixed posture is a motion that holds.
+    /// Desired posture `q_n`, `(n,)`, rad or m. A fixed posture is a motion that holds.
     pub posture: Motion,
-    /// `K_n`, N m/rad or N/m.
+    /// Stiffness `K_n`, of size `n`, N m/rad or N/m.
     pub stiffness: Gain,
-    /// `D_n`, N m s/rad or N s/m.
+    /// Damping `D_n`, of size `n`, N m s/rad or N s/m.
     pub damping: Gain,
-    /// The projector.
+    /// The metric of the projection.
     pub projection: NullProjection,
 }
 
 impl NullSpaceSpec {
-    /// For an arm of `n` joints.
+    /// Create a null space for an arm of `n` joints.
     pub fn new(n: usize, posture: Motion, stiffness: Gain, damping: Gain, projection: NullProjection) -> Result<Self> {
         require_rows("nullspace.q_d", n, posture.dof())?;
         require_size("nullspace.stiffness", &stiffness, n)?;
@@ -66,31 +66,33 @@ impl NullSpaceSpec {
     }
 }
 
-/// The null space and the compensated coupling of a law in a loop, on one number type.
+/// Null space and compensated coupling of a law in a loop.
 pub(super) struct NullSpace<S: Real> {
     posture: Option<(AnyGain<S>, AnyGain<S>, NullProjection)>,
     coupling: bool,
     /// `eps^2`.
     floor: S,
-    /// `(n, n)`: `M` and its factor.
+    /// The mass matrix `M`, `(n, n)`.
     mass: Vec<S>,
+    /// The Cholesky factor of `M`, `(n, n)`.
     factor: Vec<S>,
     consistent: Projector<S>,
     fixed: Projector<S>,
     rate: Vec<S>,
     full: Vec<S>,
-    /// `(m,)`
+    /// A wrench, `(m,)`.
     wrench: Vec<S>,
     work: Vec<S>,
-    /// `tau_0` and `N' tau_0`, `(n,)`.
+    /// `tau_0`, `(n,)`.
     tau_0: Vec<S>,
+    /// `N' tau_0`, `(n,)`.
     projected: Vec<S>,
-    /// `N' tau_0 + C v`, `(n,)`.
+    /// The added torque `N' tau_0 + C v`, `(n,)`.
     pub torque: Vec<S>,
 }
 
 impl NullSpace<f64> {
-    /// `L` `(m, m)` of the projector, its loss, `tau_0` and `N' tau_0` at the last evaluation.
+    /// The terms of the last evaluation: `L` of the projector, `(m, m)`, its loss, `tau_0` and `N' tau_0`.
     pub fn terms(&self) -> Vec<Term> {
         let (projector, n) = (self.projector(), self.tau_0.len());
         let m = self.wrench.len();
@@ -102,16 +104,17 @@ impl NullSpace<f64> {
     }
 }
 
-/// `L` of the rows `J W^-1/2`.
+/// `L`, computed from the rows of `J W^-1/2`.
 pub(super) struct Projector<S: Real> {
     inverse: ClampedInverse<S>,
-    /// `(m, n)`
+    /// The rows of `J W^-1/2`, `(m, n)`.
     pub spread: Vec<S>,
-    /// `(m, m)`
+    /// `J W^-1 J'`, `(m, m)`.
     square: Vec<S>,
+    /// `L`, `(m, m)`.
     l: Vec<S>,
     scales: Vec<S>,
-    /// `1 - min(1, (sigma/eps)^2)` of the smallest singular value.
+    /// The loss `1 - min(1, (sigma/eps)^2)` for the smallest singular value `sigma`.
     pub loss: S,
 }
 
@@ -128,7 +131,7 @@ impl<S: Real> Projector<S> {
         }
     }
 
-    /// `L` from the rows in `spread`, of these rows of a pose.
+    /// Compute `L` from the rows in `spread`. `rows` are their indices in a pose, and `floor` is `eps^2`.
     pub fn prepare(&mut self, rows: &[usize], floor: S) {
         let (m, one, zero) = (rows.len(), S::splat(1.0), S::zero());
         let n = self.spread.len() / m;
@@ -143,7 +146,7 @@ impl<S: Real> Projector<S> {
             let of = |&k: &usize| (rows[k] > 2) == turns;
             let count = (0..m).filter(of).count();
             let sum = (0..m).filter(of).fold(zero, |sum, k| sum + self.square[k * m + k]) * S::splat(1.0 / count.max(1) as f64);
-            // Rows that no joint moves have no unit.
+            // Rows that no joint moves are not scaled.
             let moved = S::splat(f64::MIN_POSITIVE).lt(sum);
             let scale = S::select(moved, one / S::select(moved, sum, one).sqrt(), one);
             (0..m).filter(of).for_each(|k| self.scales[k] = scale);
@@ -162,7 +165,7 @@ impl<S: Real> Projector<S> {
         self.loss = one - (least.max(zero) / floor).min(one);
     }
 
-    /// `L x`.
+    /// Write `L x` to `out`.
     fn apply(&self, x: &[S], out: &mut [S]) {
         for (row, out) in self.l.chunks_exact(x.len()).zip(out) {
             *out = row.iter().zip(x).fold(S::zero(), |sum, (&l, &x)| l.mul_add(x, sum));
@@ -176,16 +179,17 @@ pub(super) struct Place<'a, S> {
     pub q: &'a [S],
     pub v: &'a [S],
     pub jacobian: &'a [S],
-    /// `x_d''`.
+    /// Desired acceleration `x_d''`, `(m,)`.
     pub acceleration: &'a [S],
-    /// `q_n` and `q_n'`; empty without a null space.
+    /// Desired posture `q_n` and its rate `q_n'`; empty without a null space.
     pub posture: &'a [S],
-    /// `g(q)`.
+    /// Gravity torque `g(q)`, `(n,)`.
     pub gravity: &'a [S],
 }
 
 impl<S: Real> NullSpace<S> {
-    /// For the laws of the lanes, of `m` rows and `n` joints; `None` without a null space and without compensation of the coupling.
+    /// Create the terms for the laws in the lanes, with `m` rows and `n` joints. `None` if there is neither a null space nor a compensated
+    /// coupling.
     pub fn new<'a>(of: impl Fn(usize) -> (Option<&'a NullSpaceSpec>, bool, f64), [m, n]: [usize; 2]) -> Option<Self> {
         let (first, coupling, _) = of(0);
         if first.is_none() && !coupling {
@@ -216,7 +220,7 @@ impl<S: Real> NullSpace<S> {
         })
     }
 
-    /// The projector of the null space, or that of the coupling.
+    /// The projector of the null space; without a null space, the projector of the coupling.
     fn projector(&self) -> &Projector<S> {
         match self.posture {
             Some((_, _, NullProjection::Static)) => &self.fixed,
@@ -224,7 +228,7 @@ impl<S: Real> NullSpace<S> {
         }
     }
 
-    /// Write the torque that is added to `J' F + g` to `self.torque`, and add the wrench that compensates the coupling to `force`.
+    /// Write the torque that is added to `J' F + g` to `self.torque`. Add the wrench that compensates the coupling to `force`.
     pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let n = at.q.len();
         let consistent = matches!(self.posture, Some((_, _, NullProjection::Consistent)));
@@ -246,7 +250,7 @@ impl<S: Real> NullSpace<S> {
         }
     }
 
-    /// `F += L (x_d'' - J_dot v)`.
+    /// Add the wrench `L (x_d'' - J_dot v)` to `force`.
     fn couple(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let (n, m) = (at.q.len(), force.len());
         if let AnyArm::Tree(tree) = arm {
@@ -260,7 +264,7 @@ impl<S: Real> NullSpace<S> {
         force.iter_mut().zip(&self.work).for_each(|(force, &added)| *force += added);
     }
 
-    /// `N' tau_0`, added to the torque.
+    /// Compute `N' tau_0`, and add it to the torque.
     fn project(&mut self, rows: &[usize], at: &Place<S>) {
         let (n, m) = (at.q.len(), self.wrench.len());
         let Some((stiffness, damping, projection)) = &self.posture else { return };

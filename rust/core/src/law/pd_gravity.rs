@@ -9,7 +9,7 @@ use crate::motion::Motion;
 use crate::scalar::Real;
 use nalgebra::DVector;
 
-/// PD with gravity compensation, validated.
+/// PD control with gravity compensation, validated.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -31,14 +31,14 @@ use nalgebra::DVector;
 pub struct PdGravitySpec {
     model: Model,
     target: Motion,
-    /// Position gain, N m/rad or N/m.
+    /// Position gain, of size `n`, N m/rad or N/m.
     pub kp: Gain,
-    /// Velocity gain, N m s/rad or N s/m.
+    /// Velocity gain, of size `n`, N m s/rad or N s/m.
     pub kd: Gain,
 }
 
 impl PdGravitySpec {
-    /// The law of this model for a target `(n,)`.
+    /// Create the law for a target position `(n,)`, rad or m. Both gains have the size `n`.
     pub fn new(model: Model, target: impl Into<DVector<f64>>, kp: Gain, kd: Gain) -> Result<Self> {
         let target = Vec::from(target.into().data);
         let n = model.n();
@@ -90,7 +90,7 @@ impl Build for PdGravitySpec {
     }
 }
 
-/// The law in a loop.
+/// PD control with gravity compensation in a loop.
 pub struct PdGravity<S: Real> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,

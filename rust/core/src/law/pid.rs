@@ -1,4 +1,4 @@
-//! PID control with gravity compensation (Arimoto and Miyazaki 1984), and what goes with it on most arms:
+//! PID control with gravity compensation (Arimoto and Miyazaki 1984), with options that most arms use:
 //!
 //! ```text
 //! u   = g(q) + f(v_d) + M(q) a_d + Kp (q_d - q) + Kd (v_d - v_f) + w - d,   tau = u within the limits
@@ -8,11 +8,12 @@
 //! d   = h (m v_f - s),   s' = tau - g - f + d           disturbance observer h/(p + h), nominal inertia m
 //! ```
 //!
-//! While `u_i` exceeds the limit of joint `i`, `w_i` does not go further that way (conditional integration, Astrom and Hagglund 2006,
-//! section 3.5). A long saturation leaves no integral behind. The observer sees `tau` within the limits, so it does not wind up either.
-//! It makes the joints those of `m a = tau - g - f` (Ohnishi, Shibata and Murakami 1996). So `m a_d` replaces `M a_d` there.
+//! While `u_i` exceeds the limit of joint `i`, `w_i` does not change further in this direction. This is conditional integration (Astrom and
+//! Hagglund 2006, section 3.5). So a long saturation does not increase the integral. The observer reads `tau` within the limits, so it does
+//! not wind up either. With the observer the joints behave like `m a = tau - g - f` (Ohnishi, Shibata and Murakami 1996). So `m a_d`
+//! replaces `M a_d`.
 //!
-//! The law's state is `w`, then `y` and `s` where they are used, `(n,)` each.
+//! The law's state is `w`, then `y` with a filter, then `s` with an observer, `(n,)` each.
 
 use super::definition::facts;
 use super::{Build, Definition, Instant, JointReference, Law, Term, require_rows, require_same_dof, require_size};
@@ -23,38 +24,38 @@ use crate::motion::Motion;
 use crate::scalar::Real;
 use crate::scalar::hyperbolic::tanh;
 
-/// PID with gravity compensation, validated.
+/// PID control with gravity compensation, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PidSpec {
     model: Model,
     motion: Motion,
-    /// Position gain, N m/rad or N/m.
+    /// Position gain, of size `n`, N m/rad or N/m.
     pub kp: Gain,
-    /// Integral gain, N m/(rad s) or N/(m s); `None` without the integral.
+    /// Integral gain, of size `n`, N m/(rad s) or N/(m s); `None` without an integral.
     pub ki: Option<Gain>,
-    /// Velocity gain, N m s/rad or N s/m.
+    /// Velocity gain, of size `n`, N m s/rad or N s/m.
     pub kd: Gain,
     options: PidOptions,
     start: Vec<f64>,
 }
 
-/// The options of a PID law, besides its three gains: each `(n,)` and positive, or `None` if it is not used.
+/// The options of a PID law. Each is `(n,)` and positive, or `None` if it is not used.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct PidOptions {
-    /// The largest torques, N m or N; infinity is no limit.
+    /// The largest torques, N m or N; infinity means no limit.
     pub tau_max: Option<Vec<f64>>,
-    /// `N`, 1/s: the velocity is the filtered derivative of the position.
+    /// `N` of the velocity filter, 1/s. The law then uses the filtered derivative of the position as velocity.
     pub derivative_filter: Option<Vec<f64>>,
-    /// `v_s`, rad/s or m/s: the model's friction at the desired velocity is fed forward.
+    /// `v_s`, rad/s or m/s. The law then adds the model's friction at the desired velocity.
     pub friction_speed: Option<Vec<f64>>,
-    /// `h` of the disturbance observer, 1/s.
+    /// Bandwidth `h` of the disturbance observer, 1/s.
     pub observer_bandwidth: Option<Vec<f64>>,
-    /// `m` of the disturbance observer, kg m^2 or kg; the diagonal of `M` at the first desired position if `None`.
+    /// Nominal inertia `m` of the disturbance observer, kg m^2 or kg. `None` uses the diagonal of `M` at the first desired position.
     pub nominal_inertia: Option<Vec<f64>>,
 }
 
 impl PidSpec {
-    /// The law of this model for a desired motion, with gains `Kp`, `Ki` and `Kd`, without options. It starts with no integral.
+    /// Create the law without options, for a desired motion and gains of size `n`. The integral starts at zero.
     pub fn new(model: Model, motion: Motion, kp: Gain, ki: Option<Gain>, kd: Gain) -> Result<Self> {
         let n = model.n();
         require_same_dof(n, &motion)?;
@@ -64,7 +65,7 @@ impl PidSpec {
         Ok(PidSpec { model, motion, kp, ki, kd, options: PidOptions::default(), start: vec![0.0; n] })
     }
 
-    /// The law with these options in place of those that it has.
+    /// Replace the options of the law.
     pub fn with(mut self, mut options: PidOptions) -> Result<Self> {
         let n = self.model.n();
         positive_rows("tau_max", options.tau_max.as_deref(), n, f64::INFINITY)?;
@@ -89,7 +90,7 @@ impl PidSpec {
     }
 }
 
-/// Numbers `(n,)` that are positive, and at most `most`.
+/// Require `n` positive numbers, each at most `most`.
 fn positive_rows(name: &'static str, numbers: Option<&[f64]>, n: usize, most: f64) -> Result<()> {
     let Some(numbers) = numbers else { return Ok(()) };
     require_rows(name, n, numbers.len())?;
@@ -100,7 +101,7 @@ fn positive_rows(name: &'static str, numbers: Option<&[f64]>, n: usize, most: f6
     }
 }
 
-/// The diagonal of `M` where the motion begins.
+/// The diagonal of `M` at the start of the desired motion.
 fn first_inertia(model: &Model, motion: &Motion) -> Vec<f64> {
     let n = model.n();
     let (mut desired, mut m) = (vec![0.0; 3 * n], vec![0.0; n * n]);
@@ -123,7 +124,7 @@ impl Definition for PidSpec {
         Some(if self.moves() { JointReference::Motion } else { JointReference::held(&self.motion) })
     }
 
-    /// The desired motion, the error, gravity, the integral torque and its rate, what options add, the torque before its limits and within.
+    /// The terms: desired motion, error, gravity, terms of the options, integral torque and its rate, torque before and after its limits.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = Self::build::<f64>(|_| self);
@@ -197,7 +198,7 @@ impl Build for PidSpec {
     }
 }
 
-/// The law in a loop.
+/// PID control with gravity compensation in a loop.
 pub struct Pid<S: Real> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,
@@ -207,29 +208,29 @@ pub struct Pid<S: Real> {
     /// Whether the desired motion moves.
     moves: bool,
     limits: Option<Vec<S>>,
-    /// `N`.
+    /// `N` of the velocity filter, 1/s.
     filter: Option<Vec<S>>,
-    /// Damping, Coulomb friction and `v_s`.
+    /// Viscous friction, Coulomb friction and `v_s`.
     friction: Option<[Vec<S>; 3]>,
-    /// `h` and `m`.
+    /// `h` and `m` of the disturbance observer.
     observer: Option<(Vec<S>, Vec<S>)>,
-    /// `q_d - q`.
+    /// Position error `q_d - q`.
     e: Vec<S>,
-    /// `v_f`.
+    /// Velocity `v_f`.
     speed: Vec<S>,
-    /// `f(v_d)`.
+    /// Feed-forward of friction, `f(v_d)`.
     drag: Vec<S>,
-    /// `d`.
+    /// Disturbance torque `d` that the observer estimates.
     disturbance: Vec<S>,
-    /// `g + f`: what the nominal joints take.
+    /// `g + f`: the part of the torque that does not accelerate the nominal joints.
     nominal: Vec<S>,
     work: Vec<S>,
-    /// `u`: the torque before its limits.
+    /// Torque `u` before its limits.
     free: Vec<S>,
 }
 
 impl<S: Real> Law<S> for Pid<S> {
-    /// The filter starts at the position, and the observer at the momentum, so that both begin at zero.
+    /// Set the states of filter and observer so that `v_f` of the filter and `d` start at zero.
     fn restart(&mut self, _: &[(S, S)], x: &[S], z: &mut [S]) {
         let n = self.e.len();
         if self.filter.is_some() {

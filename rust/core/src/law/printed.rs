@@ -1,7 +1,8 @@
-//! A law as C: `init` and `step` of a sampled controller, see [`crate::trace::c`].
+//! A law as C code: the functions `init` and `step` of a sampled controller (see [`crate::trace::c`]).
 //!
-//! A step takes the desired motion at time `t`, the measured state and the state `z` of the law. It has the bits of [`super::LawEvaluator`]
-//! and of sampled loops. From one sample to the next the rate of `z` is held, and `z` advances by the steps of a fixed-step method:
+//! A step computes the plant's input at time `t` from the measured state of the plant. It has the same bits as [`super::LawEvaluator`] and
+//! as sampled loops. Between two samples, the rate `z'` of the law's state `z` is constant. `z` advances over a step `h` by a fixed-step
+//! method:
 //!
 //! `z += h z'` (euler, semi_implicit),   `z += h/6 (k + 2 k + 2 k + k)`, `k = z'` (rk4)
 
@@ -14,26 +15,28 @@ use crate::plant::PlantKind;
 use crate::scalar::hex::hex;
 use crate::trace::c::{CFile, COptions, CSource, Routine};
 
-/// The largest number of steps between two calls. With more, the time between them is one step.
+/// The largest number of steps of the law's state between two calls. If more are necessary, one step covers the whole time.
 const MOST_STEPS: u32 = 10_000;
 
-/// The largest number of operations of a law that is printed.
+/// The largest number of operations of a law that can be printed as C.
 const LONGEST: f64 = 600_000.0;
 
-/// The sizes of a law.
+/// The sizes of a printed law.
 struct Sizes {
+    /// Number of joints.
     n: usize,
-    /// The law's state.
+    /// Length of the law's state.
     p: usize,
-    /// Number of desired numbers that vary.
+    /// Number of values of the desired motions that change with time.
     moving: usize,
-    /// Number of measured states of the plant.
+    /// Length of the measured state of the plant.
     states: usize,
+    /// Whether the law reports that an evaluation is not valid.
     guarded: bool,
 }
 
 impl LawSpec {
-    /// The law as C: a header, a source file and a CMake file.
+    /// Print the law as C: a header, a source file and a CMake file.
     ///
     /// ```
     /// use armlet_core::arm::Arm;
@@ -89,7 +92,7 @@ impl LawSpec {
         Ok(source.files(&self.about(timing)))
     }
 
-    /// Refuse a law of an arm that is too long.
+    /// Refuse a law whose arm has too many operations.
     fn require_short(&self) -> Result<()> {
         let (model, p) = (self.model(), self.initial_state().len() as f64);
         let query = if self.adaptive().is_some() { Quantity::Regressor } else { Quantity::CoriolisMatrix };
@@ -100,7 +103,7 @@ impl LawSpec {
         Ok(())
     }
 
-    /// Print the functions of the moving motions. Returns the code that calls them.
+    /// Print the functions of the motions that change with time. Return the code that calls them.
     fn print_motions(&self, source: &mut CSource) -> Result<String> {
         let (mut calls, mut at) = (String::new(), 0);
         for (k, motion) in self.motions().into_iter().enumerate() {
@@ -114,7 +117,7 @@ impl LawSpec {
         Ok(calls)
     }
 
-    /// Print a function that starts the law's own state at the first measurement. Returns whether there is one.
+    /// Print a function that sets the law's state at the first measurement. Return whether the law requires it.
     fn print_start(&self, source: &mut CSource, sizes: &Sizes) -> bool {
         let Some(recorded) = start_recording(self, sizes.states) else { return false };
         let given = given(&recorded);
@@ -133,7 +136,7 @@ double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(st
     }
 
     fn parameters(&self, n: usize) -> String {
-        // Every step takes `v`, read or not.
+        // Every `step` has the argument `v`, even if the law does not read it.
         let names = if self.plant().has_speeds() { self.plant().parts() } else { &["q", "v"] };
         names.iter().map(|name| format!("const double {name}[{n}], ")).collect()
     }
@@ -142,7 +145,7 @@ double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(st
         format!("int {prefix}_step({prefix}_state *state, double t, {}double tau[{n}])", self.parameters(n))
     }
 
-    /// The declarations of the header.
+    /// Write the declarations of the header.
     fn declare(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
         let (prefix, n, p) = (source.prefix().to_string(), sizes.n, sizes.p);
         source.define("N", n, "joints");
@@ -176,7 +179,7 @@ On a status other than 0 tau is the last answer that was right. */\n{};\n",
         ));
     }
 
-    /// `init`, and the integration of the law's own state.
+    /// Write `init`, and the function that advances the law's state by one step.
     fn write_state(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
         let (prefix, p) = (source.prefix().to_string(), sizes.p);
         let start = self.initial_state();
@@ -210,7 +213,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         self.write_advance(source);
     }
 
-    /// The integration of the law's own state from the time of the last call to `t`, by whole steps of `advance_by`.
+    /// Write the function that advances the law's state from the last call to `t`, by whole steps of `advance_by`.
     fn write_advance(&self, source: &mut CSource) {
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let mut breaks: Vec<f64> = self.breaks().into_iter().filter(|&t| t > 0.0).collect();
@@ -218,7 +221,7 @@ two = {}, four = {};\n        state->state[i] = {};\n    }}\n",
         let whole = if breaks.is_empty() {
             format!("        {prefix}_advance_by(state, {upper}_DT);\n")
         } else {
-            // A step in which a motion jumps is divided in the same way as in a loop of fixed steps.
+            // A step in which a motion jumps is divided at the jump, as in a loop of fixed steps.
             format!(
                 "        double at = k * {upper}_DT, h = {upper}_DT;
         const double stop = (k + 1.0) * {upper}_DT;
@@ -268,7 +271,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
         ));
     }
 
-    /// `step`.
+    /// Write `step`.
     fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop, (motions, steps, slots, starts): (&str, &str, usize, bool)) {
         let Sizes { n, p, moving, states, guarded } = *sizes;
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
@@ -321,7 +324,7 @@ memcpy(x + {}, state->state, sizeof state->state);\n",
         ));
     }
 
-    /// The description of the law in the header.
+    /// Describe the law for the header.
     fn about(&self, timing: &CLoop) -> String {
         let mut text = format!("The law {} of armlet, for {}.\n\n{}\n", self.name(), self.plant().name(), self.model().described());
         for (k, motion) in self.motions().into_iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Prioritised accelerations under computed torque, for rigid arms (`siciliano1991priority`, `nakanishi2008operational`):
 //!
-//! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority. In the remaining freedom `a = -c v`,
-//! which stops motions that change no task. Then `tau = M a + C v + g`. The map `sns` keeps `a` within bounds that follow from the
-//! limits of the joints at every evaluation: see `joint_limits`.
+//! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority. In the remaining freedom `a = -c v`, which stops
+//! motions that change no task. Then `tau = M a + C v + g`. The map `sns` keeps `a` within bounds. They are computed from the joint limits
+//! at every evaluation (`joint_limits`).
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
@@ -24,16 +24,16 @@ pub struct PriorityAccelerationSpec {
     model: Model,
     /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
-    /// The options of the map.
+    /// Options of the priority map.
     pub options: PriorityOptions,
-    /// `c`, 1/s.
+    /// Joint damping `c`, 1/s.
     pub joint_damping: f64,
-    /// Of the map `sns`.
+    /// Joint limits for the map `sns`; `None` for other maps.
     limits: Option<JointLimits>,
 }
 
 impl PriorityAccelerationSpec {
-    /// For the map `sns` the limits of the caller, and those of the arm for missing ones; `options` has no bounds.
+    /// Create the law. For the map `sns`, the arm's limits replace those missing in `limits`, and `options` must have no bounds.
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
@@ -43,8 +43,8 @@ impl PriorityAccelerationSpec {
         limits.require_sns(options.method)?;
         let limits = if options.method == PriorityMethod::Sns { Some(JointLimits::new(&model, limits)?) } else { None };
         let mut options = limits.as_ref().map_or_else(|| options.clone(), |limits| limits.open(options.clone()));
-        // The Jacobian of the level below all tasks is the identity. Its projected singular values are one, or zero in directions that the
-        // tasks use.
+        // Below all tasks there is one more level, whose Jacobian is the identity. Its projected singular values are one, or zero in
+        // directions that the tasks use.
         if let Some(eps) = options.eps.as_mut().filter(|eps| eps.len() == levels.len() && eps.len() > 1) {
             eps.push(crate::priority::DEFAULT_EPS);
         }
@@ -53,7 +53,7 @@ impl PriorityAccelerationSpec {
         Ok(spec)
     }
 
-    /// Rows of each task.
+    /// Number of rows of each task.
     pub fn rows(&self) -> Vec<usize> {
         self.levels.iter().map(|level| level.function.rows()).collect()
     }
@@ -63,12 +63,12 @@ impl PriorityAccelerationSpec {
         PrioritySolver::new(n, &[self.rows(), vec![n]].concat(), &self.options)
     }
 
-    /// The law with a solver of this kind; `None` where its method has no such route.
+    /// Create the law with a solver of the kind `P`; `None` if this kind does not support the law's method.
     pub fn engine<P: Solve>(&self) -> Option<PriorityAcceleration<P>> {
         P::of(self.solver().ok()?).map(|solver| self.with(solver))
     }
 
-    /// The law on plain numbers.
+    /// Create the law on plain numbers.
     fn plain(&self) -> PriorityAcceleration {
         let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
         law
@@ -110,7 +110,7 @@ impl Definition for PriorityAccelerationSpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// The same as for the velocity law, with `e_dot`, `J_dot` and the acceleration; residuals are of accelerations.
+    /// The terms of the velocity law, with `e_dot`, `J_dot` and the acceleration. Residuals are accelerations.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();
@@ -156,7 +156,7 @@ impl Build for PriorityAccelerationSpec {
     }
 }
 
-/// The law in a loop; its buffers are kept between calls.
+/// The law in a loop. Its buffers are kept between calls.
 pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
     stack: TaskStack<P::Number>,
     solver: P,
@@ -169,12 +169,12 @@ pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
     bounds: (Vec<f64>, Vec<f64>),
     e: Vec<P::Number>,
     e_dot: Vec<P::Number>,
-    /// `dJ/dt`, `(sum rows, n)`.
+    /// Rate of the Jacobians, `dJ/dt`, `(sum rows, n)`.
     rate: Vec<P::Number>,
 }
 
 impl<P: Solve> PriorityAcceleration<P> {
-    /// The norms of the error and of the residual of each level at the last evaluation, in turn: m or rad, m/s^2 or rad/s^2.
+    /// Write two norms per level at the last evaluation: of the error (m or rad), and of the residual (m/s^2 or rad/s^2).
     pub fn norms(&self, out: &mut [P::Number]) {
         level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
     }

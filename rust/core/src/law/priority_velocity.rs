@@ -1,11 +1,11 @@
-//! Prioritised velocities closed over the joint angles (CLIK, `siciliano1990kinematic`):
+//! Prioritised joint velocities with feedback of the task errors (CLIK, `siciliano1990kinematic`):
 //!
-//! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the maps of `priority`; the plant is `q' = u`.
+//! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the maps of `priority`. The plant is `q' = u`.
 //!
-//! The map `sns` keeps `u` within bounds that follow from the limits of the joints at every evaluation: see `joint_limits`.
+//! The map `sns` keeps `u` within bounds. They are computed from the joint limits at every evaluation (`joint_limits`).
 //!
-//! Ranks are decided on entries that carry a relative error of `8 eps (1 + sum|q|)`. The maps branch on singular values, so this law runs on
-//! one number at a time. A recording uses the algorithm for regular stacks, and reports where it is not valid.
+//! The decision about a rank assumes a relative error of `8 eps (1 + sum|q|)` in the entries of the Jacobians. The maps branch on singular
+//! values, so this law runs on plain numbers. A recording uses the algorithm for regular stacks, and reports where it is not valid.
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};
@@ -27,14 +27,14 @@ pub struct PriorityVelocitySpec {
     model: Model,
     /// Tasks, the highest priority first.
     pub levels: Vec<Level>,
-    /// The options of the map.
+    /// Options of the priority map.
     pub options: PriorityOptions,
-    /// Of the map `sns`.
+    /// Joint limits for the map `sns`; `None` for other maps.
     limits: Option<JointLimits>,
 }
 
 impl PriorityVelocitySpec {
-    /// For the map `sns` the limits of the caller, and those of the arm for missing ones; `options` has no bounds.
+    /// Create the law. For the map `sns`, the arm's limits replace those missing in `limits`, and `options` must have no bounds.
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;
@@ -46,7 +46,7 @@ impl PriorityVelocitySpec {
         Ok(spec)
     }
 
-    /// Rows of each level.
+    /// Number of rows of each level.
     pub fn rows(&self) -> Vec<usize> {
         self.levels.iter().map(|level| level.function.rows()).collect()
     }
@@ -55,12 +55,12 @@ impl PriorityVelocitySpec {
         PrioritySolver::new(self.model.n(), &self.rows(), &self.options)
     }
 
-    /// The law with a solver of this kind; `None` where its method has no such route.
+    /// Create the law with a solver of the kind `P`; `None` if this kind does not support the law's method.
     pub fn engine<P: Solve>(&self) -> Option<PriorityVelocity<P>> {
         P::of(self.solver().ok()?).map(|solver| self.with(solver))
     }
 
-    /// The law on plain numbers.
+    /// Create the law on plain numbers.
     fn plain(&self) -> PriorityVelocity {
         let Some(law) = self.engine() else { unreachable!("refused when the law was made") };
         law
@@ -80,7 +80,7 @@ impl PriorityVelocitySpec {
     }
 }
 
-/// Use the arm's velocity limits if the map requires bounds and has none.
+/// Set the arm's velocity limits in the options, if the map requires bounds and has none.
 pub fn with_limits(model: &Model, mut options: PriorityOptions) -> Result<PriorityOptions> {
     let arm = model.tree("arm")?;
     if options.method == PriorityMethod::Sns && options.v_min.is_none() && options.v_max.is_none() {
@@ -106,7 +106,7 @@ impl Definition for PriorityVelocitySpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// `e`, `J` and the residuals of all levels, one after another, `rows` of each; ranks, the velocity.
+    /// The terms: `e`, `J` and the residuals of all levels, one after another, with the numbers in `rows`; ranks and the velocity.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();
@@ -148,7 +148,7 @@ impl Build for PriorityVelocitySpec {
     }
 }
 
-/// The law in a loop; its buffers are kept between calls.
+/// The law in a loop. Its buffers are kept between calls.
 pub struct PriorityVelocity<P: Solve = PrioritySolver> {
     stack: TaskStack<P::Number>,
     solver: P,
@@ -159,7 +159,7 @@ pub struct PriorityVelocity<P: Solve = PrioritySolver> {
 }
 
 impl<P: Solve> PriorityVelocity<P> {
-    /// The norms `|e_i|` and `|v_i - J_i u|` of each level at the last evaluation, in turn: m or rad, m/s or rad/s.
+    /// Write two norms per level at the last evaluation: `|e_i|` (m or rad) and `|v_i - J_i u|` (m/s or rad/s).
     pub fn norms(&self, out: &mut [P::Number]) {
         level::norms(self.stack.rows(), &self.e, self.solver.residuals(), out);
     }
@@ -200,7 +200,7 @@ impl<P: Solve> Law<P::Number> for PriorityVelocity<P> {
         self.stack.place_at(x, trig);
         match self.command(desired, x) {
             Ok(()) => tau.copy_from_slice(self.solver.v()),
-            // The run ends here, with its status.
+            // NaN ends the run, with its status.
             Err(_) => tau.fill(P::Number::splat(f64::NAN)),
         }
     }

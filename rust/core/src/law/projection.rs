@@ -1,17 +1,17 @@
-//! Adaptation that keeps bodies physically possible. The rate is corrected near the boundary (`pomet1992adaptive`, with a convex function
-//! of the pseudo-inertias in place of a ball).
+//! Adaptation that keeps bodies physically possible: near the boundary, the rate of the estimate is corrected. The method is
+//! `pomet1992adaptive`, with a convex function of the pseudo-inertias in place of a ball.
 //!
 //! ```text
-//! P_k(pi_hat) the pseudo-inertia of body k, P_k^min = L L' the least it may be,  Z_k = L^-1 P_k L^-T - 1,  N_k its negative part
+//! P_k(pi_hat) the pseudo-inertia of body k, P_k^min = L L' its lower bound,  Z_k = L^-1 P_k L^-T - 1,  N_k the negative part of Z_k
 //! f^2 = sum |N_k|^2 (Frobenius),   g = grad f^2 / 2,   g . d pi = sum tr(L^-T N_k L^-1 P_k(d pi))
 //! pi_hat' = Gamma (y - c g),   y = Y' s,   c = [min(1, f / LAYER) max(0, g' Gamma y) + PULL f^2] / g' Gamma g
 //! ```
 //!
-//! `f^2` is convex. It is zero wherever every `P_k >= P_k^min`, also at the true `pi`, so that `(pi_hat - pi) . g >= f^2 / 2`. The
-//! correction subtracts `c (pi_hat - pi) . g >= 0` from the derivative of Slotine and Li's Lyapunov function and adds nothing. Where
-//! `f = LAYER`, `f f' <= -PULL f^2`: an estimate that starts with `P_k >= P_k^min` keeps `P_k >= (1 - LAYER) P_k^min`.
-//! The rate is Lipschitz; nothing depends on frames or units. Parameters `(A, B, C)` of the planar PR are one body with
-//! `P = [[A, B], [B, C]]`.
+//! `f^2` is convex. It is zero where every `P_k >= P_k^min`, and so at the true `pi`. Therefore `(pi_hat - pi) . g >= f^2 / 2`. The
+//! correction subtracts `c (pi_hat - pi) . g >= 0` from the derivative of Slotine and Li's Lyapunov function. It adds nothing to this
+//! derivative. Where `f = LAYER`, `f f' <= -PULL f^2`. So an estimate that starts with `P_k >= P_k^min` keeps `P_k >= (1 - LAYER) P_k^min`.
+//! The rate is Lipschitz, and does not depend on frames or units. The parameters `(A, B, C)` of the planar PR arm are one body with `P =
+//! [[A, B], [B, C]]`.
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::gain::Multiply;
@@ -20,24 +20,24 @@ use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::{Pseudo, adjoint, factor, parameters_of, pseudo_inertia};
 
-/// Thickness of the layer in which the rate is corrected, relative to the least bodies.
+/// Thickness of the layer in which the rate is corrected, relative to the lower bounds `P_k^min`.
 const LAYER: f64 = 0.5;
-/// Rate at which an estimate returns, 1/s, after a step of a method moved it across the boundary. It is slow for every method.
+/// Rate at which an estimate returns after an integration step across the boundary, 1/s. It is slow enough for every integration method.
 const PULL: f64 = 10.0;
 /// Sweeps of Jacobi's method. Convergence is quadratic, so after the fourth sweep of a 4 x 4 matrix only rounding errors remain.
 const SWEEPS: usize = 6;
-/// Parameters of the planar PR.
+/// Number of parameters of the planar PR arm.
 const PR: usize = 3;
 
-/// The least bodies `P_k^min`.
+/// The lower bounds `P_k^min` of the pseudo-inertias.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Projection {
     width: usize,
-    /// `L` of each body, lower triangular.
+    /// The lower triangular factor `L` of each `P_k^min`.
     factors: Vec<Pseudo<f64>>,
 }
 
-/// `P` of one body's parameters; the planar PR's is filled up with `rest` on the diagonal.
+/// The pseudo-inertia `P` of one body. For the planar PR arm, `rest` fills the remaining diagonal.
 fn matrix_of<S: Real>(pi: &[S], rest: f64) -> Pseudo<S> {
     if let Ok(pi) = <&[S; PARAMETERS]>::try_from(pi) {
         return pseudo_inertia(pi);
@@ -46,7 +46,7 @@ fn matrix_of<S: Real>(pi: &[S], rest: f64) -> Pseudo<S> {
     [[pi[0], pi[1], o, o], [pi[1], pi[2], o, o], [o, o, r, o], [o, o, o, r]]
 }
 
-/// `g` with `g . pi = tr(W P(pi))`.
+/// Compute the gradient `g`, for which `g . pi = tr(W P(pi))`.
 fn gradient_of<S: Real>(w: &Pseudo<S>, g: &mut [S]) {
     match <&mut [S; PARAMETERS]>::try_from(&mut *g) {
         Ok(g) => *g = adjoint(w),
@@ -54,7 +54,7 @@ fn gradient_of<S: Real>(w: &Pseudo<S>, g: &mut [S]) {
     }
 }
 
-/// `A B`.
+/// The product `A B`.
 fn product<S: Real>(a: &Pseudo<S>, b: &Pseudo<S>) -> Pseudo<S> {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| a[i][0].mul_add(b[0][j], a[i][1].mul_add(b[1][j], a[i][2].mul_add(b[2][j], a[i][3] * b[3][j]))))
@@ -65,7 +65,7 @@ fn transposed<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
-/// `L^-1` of a lower triangular `L`.
+/// The inverse `L^-1` of a lower triangular `L`.
 fn inverse(l: &Pseudo<f64>) -> Pseudo<f64> {
     let mut x = [[0.0; 4]; 4];
     for j in 0..4 {
@@ -77,7 +77,7 @@ fn inverse(l: &Pseudo<f64>) -> Pseudo<f64> {
     x
 }
 
-/// `L^-1 P L^-T - 1`.
+/// The relative excess over the lower bound, `Z = L^-1 P L^-T - 1`.
 fn relative<S: Real>(inverse: &Pseudo<S>, p: &Pseudo<S>) -> Pseudo<S> {
     let mut z = product(&product(inverse, p), &transposed(inverse));
     for (i, row) in z.iter_mut().enumerate() {
@@ -86,7 +86,7 @@ fn relative<S: Real>(inverse: &Pseudo<S>, p: &Pseudo<S>) -> Pseudo<S> {
     z
 }
 
-/// The smallest pivot of elimination: positive iff the matrix is positive definite.
+/// The smallest pivot of Gaussian elimination. It is positive if and only if the matrix is positive definite.
 fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
     let mut a = *a;
     let mut least = a[0][0];
@@ -103,11 +103,11 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
     least
 }
 
-/// `f(A)`, `f(l) = min(l, 0)`, of a symmetric matrix: `V G V'`, by Jacobi's method.
+/// The negative part of a symmetric matrix `A`: `f(A)` with `f(l) = min(l, 0)`, as `V G V'`, by Jacobi's method.
 ///
-/// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)` and `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)`, the divided difference
-/// (Daleckii and Krein). The rates of `V` then cancel in those of the result. For equal eigenvalues they are arbitrary. They
-/// must be bounded, so that a common eigenspace is not rotated: where both eigenvalues have one sign the formula is exact.
+/// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)`. `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` is a divided difference (Daleckii
+/// and Krein). The derivatives of `V` then cancel in the derivative of the result. For equal eigenvalues they are arbitrary, but must be
+/// bounded. So a common eigenspace is not rotated. Where both eigenvalues have the same sign, the formula is exact.
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;
@@ -132,7 +132,7 @@ fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
         for j in 0..i {
             let (low, high) = (a[i][i].min(a[j][j]), a[i][i].max(a[j][j]));
             let (some, both) = (low.lt(zero), high.lt(zero));
-            // For equal signs: 1 or 0, for every distance.
+            // For eigenvalues of equal sign, the divided difference is 1 or 0, at every distance.
             let apart = S::select(both, one, S::select(some, low - high, one));
             let share = S::select(both, one, S::select(some, low / apart, zero));
             g[i][j] = share * a[i][j];
@@ -144,7 +144,7 @@ fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
 }
 
 impl Projection {
-    /// The least bodies by their parameters `(p,)`, each physically possible itself.
+    /// Create lower bounds from parameters `least`, `(p,)`. Each of their bodies must be physically possible.
     pub fn new(p: usize, least: &[f64]) -> Result<Self> {
         if least.len() != p {
             return Err(Error::wrong_shape("projection", &[p], &[least.len()]));
@@ -162,7 +162,7 @@ impl Projection {
         Ok(Projection { width, factors: least.chunks_exact(width).enumerate().map(possible).collect::<Result<_>>()? })
     }
 
-    /// Least bodies of one mass, kg, whose second moments are those of a radius of gyration `length`, m, in every direction.
+    /// Create equal lower bounds: a mass, kg, with second moments from a radius of gyration `length`, m, in every direction.
     pub fn of_mass(p: usize, mass: f64, length: f64) -> Result<Self> {
         crate::error::positive("projection", mass)?;
         let second = mass * length * length;
@@ -171,7 +171,7 @@ impl Projection {
         Self::new(p, &least)
     }
 
-    /// The nearest start with `P >= P_min`, in the metric of `P_min`; bodies inside do not change.
+    /// Move an estimate to the nearest one with `P >= P_min`, in the metric of `P_min`. Bodies within the bounds do not change.
     pub(super) fn start(&self, estimate: &mut [f64]) {
         for (l, pi) in self.factors.iter().zip(estimate.chunks_exact_mut(self.width)) {
             let p = matrix_of(pi, 2.0);
@@ -189,7 +189,7 @@ impl Projection {
     }
 }
 
-/// The correction in a loop, with its buffers.
+/// The projection in a loop, with its buffers.
 pub struct Projector<S> {
     width: usize,
     /// `L^-1` of each body.
@@ -199,7 +199,8 @@ pub struct Projector<S> {
 }
 
 impl<S: Real> Projector<S> {
-    /// Projection `of(i)` in lane `i`; all of the same number of bodies, with which an estimate of `p` numbers begins.
+    /// Create the projection `of(i)` in lane `i`. All lanes have the same number of bodies. An estimate of `p` numbers begins with the
+    /// bodies.
     pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Projection, p: usize) -> Self {
         let Projection { width, factors } = of(0);
         let entry = |k: usize, i: usize, j: usize| S::from_lanes(|lane| inverse(&of(lane).factors[k])[i][j]);
@@ -208,7 +209,8 @@ impl<S: Real> Projector<S> {
         Projector { width: *width, inverses, gradient: zeros.clone(), weighted: zeros }
     }
 
-    /// Correct the rate `dz = Gamma y` of the estimate `z`. A separate call, so that a law without projection lacks this code.
+    /// Correct the rate `dz = Gamma y` of the estimate. This is a separate call, so that a law without projection does not contain this
+    /// code.
     #[inline(never)]
     pub fn correct<G: Multiply<S>>(&mut self, gamma: &G, estimate: &[S], y: &[S], dz: &mut [S]) {
         let zero = S::zero();
@@ -222,7 +224,7 @@ impl<S: Real> Projector<S> {
                 continue;
             }
             touched = true;
-            // Lane by lane: a body inside has no correction, independent of the other lanes.
+            // In each lane, a body within the bounds has no correction, independent of the other lanes.
             let n = negative_part(&z).map(|row| row.map(|x| S::select(inside, zero, x)));
             square = n.as_flattened().iter().fold(square, |sum, &x| x.mul_add(x, sum));
             gradient_of(&product(&product(&transposed(inverse), &n), inverse), g);
@@ -233,7 +235,7 @@ impl<S: Real> Projector<S> {
         gamma.multiply(&self.gradient, &mut self.weighted);
         let dot = |b: &[S]| self.weighted.iter().zip(b).fold(zero, |sum, (&a, &b)| a.mul_add(b, sum));
         let (push, size) = (dot(y), dot(&self.gradient));
-        // Below this the products underflow, and the rate needs no correction.
+        // For a smaller square the products underflow, and the rate requires no correction.
         let there = S::splat(1e-200).lt(square);
         let f = S::select(there, square, S::splat(1.0)).sqrt();
         let share = (f * S::splat(1.0 / LAYER)).min(S::splat(1.0));

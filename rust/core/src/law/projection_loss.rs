@@ -1,7 +1,8 @@
-//! The loss by the clamp of `L = (J W^-1 J')^-1` along a run of an impedance law ([`super::NullSpaceSpec`]):
+//! The loss due to the clamp of `L = (J W^-1 J')^-1` along a run of an impedance law ([`super::NullSpaceSpec`]):
 //!
-//! `loss = 1 - min(1, (sigma / eps)^2)` of the smallest singular value `sigma` of `S J W^-1/2`. Where the null space and the coupling have
-//! two projectors, the larger loss counts. It is zero where projector and coupling are exact, and one at a singularity.
+//! `loss = 1 - min(1, (sigma / eps)^2)`, where `sigma` is the smallest singular value of `S J W^-1/2`, with the row scales `S`. If null
+//! space and coupling have two projectors, the larger loss counts. The loss is zero where projector and coupling are exact, and one at a
+//! singularity.
 
 use super::null_space::{NullProjection, Projector};
 use super::{CartesianImpedanceSpec, LawSpec};
@@ -10,7 +11,7 @@ use crate::kinematics::Coordinates;
 use crate::linalg::cholesky;
 use crate::scalar::Real;
 
-/// The loss of one law, on one number, at the records of a run.
+/// The loss of one law at the records of a run.
 pub struct ProjectionLoss<S: Real> {
     coordinates: Coordinates,
     /// The arm of the law's model.
@@ -18,22 +19,23 @@ pub struct ProjectionLoss<S: Real> {
     floor: S,
     consistent: Option<Projector<S>>,
     fixed: Option<Projector<S>>,
-    /// `(n, n)`: `M` and its factor.
+    /// The mass matrix `M`, `(n, n)`.
     mass: Vec<S>,
+    /// The Cholesky factor of `M`, `(n, n)`.
     factor: Vec<S>,
-    /// `(m,)`, `(m, n)`.
+    /// Target and error of the rows, `(m,)`, and their Jacobian, `(m, n)`.
     target: Vec<S>,
     error: Vec<S>,
     jacobian: Vec<S>,
 }
 
-/// The impedance law inside of `law`.
+/// The Cartesian impedance law that `law` is or contains.
 fn impedance(law: &LawSpec) -> Option<&CartesianImpedanceSpec> {
     law.impedance().or(law.storage().map(|law| &law.outer))
 }
 
 impl LawSpec {
-    /// Whether the law has a projector, or compensates a coupling, whose inverse is clamped.
+    /// Whether the law has a null-space projector or a compensated coupling, whose inverse is clamped.
     pub fn has_projection_loss(&self) -> bool {
         impedance(self).is_some_and(|law| law.options().null_space.is_some() || law.options().compensate_coupling)
     }
@@ -62,7 +64,7 @@ impl<S: Real> ProjectionLoss<S> {
         })
     }
 
-    /// At joint positions `q`.
+    /// Compute the loss at the joint positions `q`, `(n,)`.
     pub fn evaluate(&mut self, q: &[S]) -> S {
         let n = q.len();
         let ProjectionLoss { coordinates, arm, floor, consistent, fixed, mass, factor, target, error, jacobian } = self;

@@ -2,7 +2,7 @@ use super::*;
 use crate::linalg::gain::{AnyGain, Gain};
 use crate::scalar::{Dual, Float, GenericKernel, run_lanes};
 
-/// A heavy core with four point masses; and a body that is physically impossible.
+/// A body with a heavy core and four point masses, and a body that is physically impossible.
 const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
 const WRONG: [f64; 10] = [-0.5, 0.1, 0.3, 0.2, 0.1, -0.03, 0.9, 0.04, -0.02, 0.3];
 
@@ -22,7 +22,7 @@ fn square(pi: &[f64]) -> f64 {
 
 #[test]
 fn negative_parts_of_matrices() {
-    // Diagonal, repeated and indefinite. The result is positive, and orthogonal to the removed part.
+    // Zero, negative and indefinite matrices. The rest is positive, and orthogonal to the negative part.
     let full = [[1.0, 2.0, 0.5, -1.0], [2.0, -1.0, 0.3, 0.2], [0.5, 0.3, 0.1, 4.0], [-1.0, 0.2, 4.0, 1e-3]];
     let zero = [[0.0; 4]; 4];
     let minus = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { -2.0 } else { 0.0 }));
@@ -31,7 +31,7 @@ fn negative_parts_of_matrices() {
     let n = negative_part(&full);
     let rest: Pseudo<f64> = std::array::from_fn(|i| std::array::from_fn(|j| full[i][j] - n[i][j]));
     let cross = product(&n, &rest);
-    // Eigenvalues up to five: rounding of a few products.
+    // The tolerance is the rounding error of a few products, because the eigenvalues are at most five.
     assert!(cross.as_flattened().iter().all(|x| x.abs() < 1e-13), "{cross:?}");
     assert!(negative_part(&rest).as_flattened().iter().all(|x| x.abs() < 1e-14));
     assert!((least_pivot(&full) > 0.0) == (n == zero) && least_pivot(&product(&full, &transposed(&full))) > 0.0);
@@ -47,10 +47,11 @@ fn slope(a: &Pseudo<f64>, d: &Pseudo<f64>) -> Pseudo<f64> {
 fn derivatives_where_eigenvalues_are_equal() {
     let d = [[1.0, 2.0, 0.5, -1.0], [2.0, -1.0, 0.3, 0.2], [0.5, 0.3, 0.1, 4.0], [-1.0, 0.2, 4.0, 1e-3]];
     let diagonal = |x: [f64; 4]| -> Pseudo<f64> { std::array::from_fn(|i| std::array::from_fn(|j| if i == j { x[i] } else { 0.0 })) };
-    // All equal and negative: the derivative is the direction itself; positive: nothing.
+    // All eigenvalues are equal. If they are negative, the derivative is the direction itself. If they are positive, it is zero.
     assert_eq!(slope(&diagonal([-0.5; 4]), &d), d);
     assert_eq!(slope(&diagonal([0.5; 4]), &d), [[0.0; 4]; 4]);
-    // Two pairs, turned: `V (F o V' D V) V'`, `F` 1 in the negative pair, 0 in the other, 2/5 between -2 and 3.
+    // Two pairs of eigenvalues, rotated by `V`: the derivative is `V (F o V' D V) V'`. `F` is 1 in the negative pair, 0 in the other pair,
+    // and 2/5 between -2 and 3.
     let (c, s) = (0.6, 0.8);
     let v: Pseudo<f64> = [[c, 0.0, s, 0.0], [0.0, c, 0.0, -s], [-s, 0.0, c, 0.0], [0.0, s, 0.0, c]];
     let inside = |a: &Pseudo<f64>| product(&product(&transposed(&v), a), &v);
@@ -62,7 +63,7 @@ fn derivatives_where_eigenvalues_are_equal() {
     let expected = outside(&expected);
     let found = slope(&outside(&diagonal([-2.0, -2.0, 3.0, 3.0])), &d);
     for (x, y) in found.as_flattened().iter().zip(expected.as_flattened()) {
-        // Rates of the turned axes are bounded by 1 / SAME, of which rounding is left.
+        // The rates of the rotated axes are bounded by 1 / SAME. Only their rounding error remains.
         assert!((x - y).abs() < 1e-8, "{found:?} {expected:?}");
     }
 }
@@ -83,12 +84,12 @@ fn the_gradient_is_that_of_half_the_square() {
         let n = negative_part(&relative(&i, &matrix_of(&pi[10 * body..][..10], 2.0)));
         let mut g = [0.0; 10];
         gradient_of(&product(&product(&transposed(&i), &n), &i), &mut g);
-        // Central differences of a function of size 1e5: errors of 1e-10 by the step, and of 1e-11 / 1e-5 by rounding.
+        // Central differences of a function of size 1e5 have errors of 1e-10 from the step, and of 1e-11 / 1e-5 from rounding.
         assert!((slope - g[k % 10]).abs() < 1e-5 * (1.0 + slope.abs()), "{k} {slope} {}", g[k % 10]);
     }
 }
 
-/// The rate of a push from an estimate, lane by lane.
+/// The rate of an estimate under a push, computed in lanes.
 struct Rate<'a>(&'a [f64], &'a [f64]);
 
 impl crate::scalar::GenericKernel for &Rate<'_> {
@@ -97,7 +98,7 @@ impl crate::scalar::GenericKernel for &Rate<'_> {
         let gamma = Gain::diagonal("gamma", (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect()).unwrap();
         let (p, gain) = (projection(), AnyGain::<S>::from_lanes(|_| &gamma));
         let mut projector = Projector::<S>::from_lanes(|_| &p, 20);
-        // The other lanes are inside.
+        // The bodies in the other lanes are within the bounds.
         let z: Vec<S> = (0..20).map(|k| S::from_lanes(|lane| if lane == 0 { self.0[k] } else { BODY[k % 10] })).collect();
         let y: Vec<S> = self.1.iter().map(|&y| S::splat(y)).collect();
         let mut dz = vec![S::zero(); 20];
@@ -115,20 +116,20 @@ fn the_bend_is_what_the_proof_needs() {
     let gamma: Vec<f64> = (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect();
     for (share, sign) in [(0.9, 1.0), (0.3, 1.0), (0.02, 1.0), (0.02, -1.0), (-1.0, 1.0)] {
         let pi: Vec<f64> = truth.iter().map(|x| share * x).collect();
-        // Towards the boundary, or away from it.
+        // The push is directed towards the boundary, or away from it.
         let y: Vec<f64> = (0..20).map(|k| -sign * truth[k] * (1.0 + 0.1 * f64::from(k as i32 % 3))).collect();
         let rate = GenericKernel::run::<Float>(&Rate(&pi, &y));
         let taken: f64 = (0..20).map(|k| (pi[k] - truth[k]) / gamma[k] * (gamma[k] * y[k] - rate[k])).sum();
         let f2 = square(&pi);
         let bent = (0..20).any(|k| rate[k] != gamma[k] * y[k]);
         assert!(taken >= 0.0 && bent == (f2 > 0.0), "{share} {sign}: {taken}");
-        // Beyond the layer the rate leads back, at PULL or faster.
+        // Beyond the layer, the estimate returns at the rate PULL or faster.
         let h = 1e-6;
         let moved: Vec<f64> = (0..20).map(|k| pi[k] + h * rate[k]).collect();
         let slope = (square(&moved) - f2) / h;
         assert!(f2 < LAYER * LAYER || slope <= -1.99 * PULL * f2, "{share} {sign}: {slope} {f2}");
         let lanes = run_lanes(&Rate(&pi, &y));
-        // Another order of products.
+        // The tolerance is for products in another order.
         assert!((0..20).all(|k| (lanes[k] - rate[k]).abs() <= 1e-11 * (1.0 + rate[k].abs())), "{share} {sign}");
     }
 }
@@ -140,7 +141,7 @@ fn starts_are_moved_inside_and_no_further() {
     p.start(&mut pi);
     assert_eq!(pi[10..], BODY, "what is inside keeps its bits");
     let z = relative(&inverse(&p.factors[0]), &matrix_of(&pi[..10], 2.0));
-    // On the border to rounding: entries of Z are up to a hundred.
+    // On the boundary, up to rounding: entries of Z are up to a hundred.
     assert!(negative_part(&z).as_flattened().iter().all(|x| x.abs() < 1e-11));
     assert!(least_pivot(&z).abs() < 1e-9, "{}", least_pivot(&z));
     let mut nothing = vec![0.0; 20];

@@ -1,4 +1,4 @@
-//! Restraints of an estimate: leakage and a dead zone.
+//! Restraints of the estimate of an adaptive law: leakage and a dead zone.
 //!
 //! ```text
 //! a_hat' = Gamma w,   w = y - l  where |s| >= s_0,   w = 0 where |s| < s_0 (dead zone),   y = Y' s
@@ -7,13 +7,13 @@
 //! V' = -s'Kd s + (a - a_hat)'(y - w):  with leakage -s'Kd s + (a - a_hat)' l,  in the dead zone -s'Kd s + (a - a_hat)' y
 //! ```
 //!
-//! The estimate stays bounded under disturbances, at the price of an error of the size of `sigma` or `s_0`.
+//! Under disturbances the estimate remains bounded. In return, it has an error of the order of `sigma` or `s_0`.
 
 use super::adaptive::AdaptiveSpec;
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
-/// The weight of the leakage.
+/// The factor of `sigma` in the leakage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeakageForm {
     /// A constant: sigma modification.
@@ -25,13 +25,13 @@ pub enum LeakageForm {
 /// Leakage and dead zone of an adaptation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Restraint {
-    /// `sigma >= 0`; zero without leakage.
+    /// Leakage `sigma >= 0`; zero without leakage. `Gamma sigma` is in 1/s, and with `LeakageForm::Error` in 1/s per unit of `|s|`.
     pub leakage: f64,
-    /// Its weight.
+    /// The factor of `sigma`: one, or the norm of `s`.
     pub form: LeakageForm,
-    /// `a_0`, of the size of the estimate.
+    /// The centre `a_0` of the leakage, `(p,)`, in the units of the parameters.
     pub centre: Vec<f64>,
-    /// `s_0 >= 0`, rad/s; zero without a dead zone.
+    /// Dead zone `s_0 >= 0`, rad/s; zero without a dead zone.
     pub dead_zone: f64,
 }
 
@@ -41,7 +41,7 @@ impl Restraint {
         Restraint { leakage: 0.0, form: LeakageForm::Sigma, centre: Vec::new(), dead_zone: 0.0 }
     }
 
-    /// Whether the estimate moves freely.
+    /// Whether there is neither leakage nor a dead zone.
     pub fn is_none(&self) -> bool {
         self.leakage == 0.0 && self.dead_zone == 0.0
     }
@@ -52,7 +52,7 @@ impl Restraint {
 }
 
 impl AdaptiveSpec {
-    /// The same law with leakage `sigma` towards `centre`, the first estimate unless given.
+    /// Add leakage `sigma` towards `centre`, `(p,)`. `None` means the initial estimate.
     pub fn leaking(mut self, sigma: f64, form: LeakageForm, centre: Option<Vec<f64>>) -> Result<Self> {
         not_negative("leakage", sigma)?;
         let centre = centre.unwrap_or_else(|| self.estimate.clone());
@@ -65,7 +65,7 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// The same law, which does not adapt while `|s| < s_0`.
+    /// Stop the adaptation while `|s| < s_0`, rad/s.
     pub fn resting_below(mut self, s_0: f64) -> Result<Self> {
         not_negative("dead_zone", s_0)?;
         self.restraint.dead_zone = s_0;
@@ -80,7 +80,7 @@ fn not_negative(argument: &str, x: f64) -> Result<()> {
     Err(Error::input(argument, format!("is negative or not finite: expected a finite number >= 0, got {x}")))
 }
 
-/// The restraint in a loop.
+/// Leakage and dead zone in a loop.
 pub(super) struct LaneRestraint<S> {
     leakage: Option<(S, LeakageForm, Vec<S>)>,
     dead_zone: Option<S>,
@@ -98,12 +98,12 @@ impl<S: Real> LaneRestraint<S> {
         LaneRestraint { leakage, dead_zone }
     }
 
-    /// Whether the estimate moves freely.
+    /// Whether there is neither leakage nor a dead zone.
     pub fn is_none(&self) -> bool {
         self.leakage.is_none() && self.dead_zone.is_none()
     }
 
-    /// `w` outside of the dead zone, from `y` and the estimate; `back` takes `y - w`.
+    /// Compute `w` outside of the dead zone from `y` and the estimate, and write `y - w` to `back`.
     pub fn leak(&self, s: &[S], estimate: &[S], y: &[S], w: &mut [S], back: &mut [S]) {
         let Some((sigma, form, centre)) = &self.leakage else {
             back.fill(S::zero());
@@ -119,7 +119,7 @@ impl<S: Real> LaneRestraint<S> {
         }
     }
 
-    /// Set the rate `dz` to zero within the dead zone; `back` is then `y`.
+    /// Within the dead zone, set the rate `dz` to zero, and `back` to `y`.
     pub fn rest(&self, s: &[S], y: &[S], dz: &mut [S], back: &mut [S]) {
         let Some(zone) = self.dead_zone else { return };
         let inside = square(s).lt(zone * zone);
@@ -130,7 +130,7 @@ impl<S: Real> LaneRestraint<S> {
     }
 }
 
-/// `s's`.
+/// The squared norm `s's`.
 fn square<S: Real>(s: &[S]) -> S {
     s.iter().fold(S::zero(), |sum, &s| s.mul_add(s, sum))
 }

@@ -1,10 +1,10 @@
-//! The motor loop of a sampled controller with locked links. Over one sample of length `dt` the torque is held:
+//! The motor loop of a sampled controller with locked links. The torque is constant over one sample of length `dt`:
 //!
 //! `y' = A y + G tau`, `tau = F y` at samples, so `y <- (exp(A dt) + int_0^dt exp(A s) ds G F) y`,
 //!
-//! `y = [theta, theta_dot]`, with a first-order torque sensor of bandwidth `w_c` also `tau_f' = w_c (tau_J - tau_f)`. The
-//! loop is stable iff the spectral radius of that map is below 1. For `B0 << B` and no sensor the limit is
-//! `omega_n dt < min(4 zeta, 1/zeta)`, `omega_n = sqrt(K_J/B0)`; at `B0 = B` that rule gives a limit that is too large.
+//! `y` is `[theta, theta_dot]`. A first-order torque sensor of bandwidth `w_c` adds `tau_f' = w_c (tau_J - tau_f)`. The loop is stable if
+//! and only if the spectral radius of this map is below 1. For `B0 << B` and no sensor, the limit is `omega_n dt < min(4 zeta, 1/zeta)`
+//! with `omega_n = sqrt(K_J/B0)`. At `B0 = B`, that rule gives a limit that is too large.
 
 use super::ReductionSpec;
 use crate::linalg::eigenvalues::spectral_radius;
@@ -12,7 +12,7 @@ use crate::linalg::{Gain, largest};
 use crate::plant::ElasticSpec;
 use nalgebra::DMatrix;
 
-/// Motors with locked links under the inner loop.
+/// Motors with locked links and the inner loop of a law.
 pub struct LockedMotors {
     n: usize,
     /// The matrices of each group of coupled joints; equal groups are stored once.
@@ -24,16 +24,16 @@ struct Group {
     n: usize,
     stiffness: Vec<f64>,
     inverse_inertia: Vec<f64>,
-    /// The friction of the motors, `(n,)`.
+    /// Viscous friction of the motors and joints, `(n,)`, N m s/rad.
     friction: Vec<f64>,
     model_stiffness: Vec<f64>,
-    /// `B B0^-1`
+    /// Inertia ratio `B B0^-1`.
     ratio: Vec<f64>,
-    /// `B B0^-1 D0`
+    /// Damping gain `B B0^-1 D0`.
     damping: Vec<f64>,
-    /// Of the torque sensor, rad/s; infinite without one.
+    /// Bandwidth of the torque sensor, rad/s; infinite without a sensor.
     bandwidth: f64,
-    /// A sample time far below every limit, s.
+    /// A sample time far below every stability limit, s.
     short: f64,
 }
 
@@ -46,7 +46,8 @@ fn norm(n: usize, a: &[f64]) -> f64 {
 }
 
 impl LockedMotors {
-    /// The motors of `plant` under the inner loop `law`; `bandwidth` of the torque sensor in rad/s, infinite without one.
+    /// The motors of `plant` with the inner loop `law`. `bandwidth` is the bandwidth of the torque sensor, rad/s; infinite without a
+    /// sensor.
     pub fn new(plant: &ElasticSpec, law: &ReductionSpec, bandwidth: f64) -> Self {
         let n = law.reduced_inertia.n();
         let friction: Vec<f64> = (0..n).map(|i| plant.joint_damping[i] + plant.motor_friction[i]).collect();
@@ -71,7 +72,7 @@ impl LockedMotors {
         LockedMotors { n, groups }
     }
 
-    /// One motor by its numbers.
+    /// One motor. Inertias are in kg m^2, `stiffness` in N m/rad, `motor_damping` in N m s/rad, and `bandwidth` in rad/s.
     pub fn single(inertia: f64, stiffness: f64, reduced_inertia: f64, motor_damping: f64, bandwidth: f64) -> Self {
         let gains = [stiffness, inertia, stiffness, inertia, reduced_inertia, motor_damping].map(|x| Gain::unchecked(1, vec![x]));
         LockedMotors { n: 1, groups: vec![Group::new(gains, vec![0.0], bandwidth)] }
@@ -82,7 +83,7 @@ impl LockedMotors {
         self.n
     }
 
-    /// Spectral radius over one sample of `dt`; infinite if it cannot be computed.
+    /// Spectral radius of the map over one sample of `dt`, s; infinite if it cannot be computed.
     pub fn radius(&self, dt: f64) -> f64 {
         self.groups.iter().map(|group| group.radius(dt)).fold(0.0, f64::max)
     }
@@ -92,12 +93,12 @@ impl LockedMotors {
         self.groups.iter().map(Group::largest_sample_time).fold(f64::INFINITY, f64::min)
     }
 
-    /// The same as [`LockedMotors::largest_sample_time`] if that is at most `until`, else infinite.
+    /// [`LockedMotors::largest_sample_time`] if it is at most `until`, s; else infinite.
     pub fn unstable_up_to(&self, until: f64) -> f64 {
         self.groups.iter().map(|group| group.first_instability(group.short, until)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The first unstable sample time between `from`, which is stable, and `until`; infinite if there is none.
+    /// The first unstable sample time between the stable `from` and `until`, s; infinite if there is none.
     pub fn unstable_between(&self, from: f64, until: f64) -> f64 {
         self.groups.iter().map(|group| group.first_instability(from, until)).fold(f64::INFINITY, f64::min)
     }
@@ -126,7 +127,7 @@ impl Group {
         }
     }
 
-    /// The map over one sample, row-major, and its size.
+    /// The map over one sample as a row-major matrix, and its size.
     fn map(&self, dt: f64) -> (Vec<f64>, usize) {
         let n = self.n;
         let sensor = self.bandwidth.is_finite();
@@ -148,10 +149,10 @@ impl Group {
                 a[(2 * n + i) * size + 2 * n + i] = -dt * self.bandwidth;
             }
         }
-        // Beyond, the tenth power of nalgebra's norms is infinite, and its halvings do not end.
+        // For larger entries, the tenth power of nalgebra's norms is infinite, and its halvings do not end.
         const MOST: f64 = 1e30;
         let e = if largest(&a) < MOST { DMatrix::from_row_slice(size, size, &a).exp() } else { DMatrix::repeat(size, size, f64::NAN) };
-        // tau = (I - R) tau_J - R D0 theta_dot, tau_J modelled or measured.
+        // tau = (I - R) tau_J - R D0 theta_dot with R = B B0^-1; tau_J is modelled or measured.
         let share = |i: usize, j: usize| f64::from(u8::from(i == j)) - self.ratio[i * n + j];
         let mut f = vec![0.0; n * s];
         for i in 0..n {
@@ -178,7 +179,7 @@ impl Group {
         self.first_instability(self.short, CAP * self.short)
     }
 
-    /// The first unstable sample time of `from..=until`: zero if that is `from`, infinite if there is none.
+    /// The first unstable sample time from `from` to `until`: zero if it is `from`, infinite if there is none.
     fn first_instability(&self, from: f64, until: f64) -> f64 {
         const GROWTH: f64 = 1.02;
         let mut low = from;
@@ -217,7 +218,7 @@ mod tests {
             let omega = f64::sqrt(k / b0);
             let limit = omega * LockedMotors::single(b, k, b0, 2.0 * zeta * (b0 * k).sqrt(), f64::INFINITY).largest_sample_time();
             let rule = (4.0 * zeta).min(1.0 / zeta);
-            // The error of the rule shrinks with B0/B = 1e-6.
+            // The relative error of the rule is of the order of B0/B = 1e-6.
             assert!((limit / rule - 1.0).abs() < 1e-5, "zeta {zeta}: {limit} {rule}");
         }
         // At B0 = B the rule is too large by 8 to 27 %, from critical damping down to half of it.

@@ -1,6 +1,6 @@
 //! The storage function of Cartesian impedance through elastic joints, with the springs and motors of the law's model:
 //!
-//! `E = v' M v / 2 + (theta - q)' K_J (theta - q) / 2 + theta_dot' B0 theta_dot / 2 + e' K_m e / 2`, and the springs of wall and stops.
+//! `E = v' M v / 2 + (theta - q)' K_J (theta - q) / 2 + theta_dot' B0 theta_dot / 2 + e' K_m e / 2`, plus the energy of wall and stops.
 
 use super::LawSpec;
 use crate::dynamics::ArmAt;
@@ -9,7 +9,7 @@ use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::Stored;
 use crate::scalar::Real;
 
-/// The storage functions of the laws of the lanes.
+/// The storage functions of the laws in the lanes.
 pub struct Storage<S: Real> {
     coordinates: Coordinates,
     stiffness: AnyGain<S>,
@@ -37,7 +37,7 @@ impl<S: Real> Storage<S> {
         })
     }
 
-    /// `E` under the desired motions at plant state `x`. The arm `links` is already at its `q`.
+    /// Compute `E`, J, for the desired motions at the plant's state `x`. The arm `links` must already be at its `q`.
     pub fn energy(&mut self, desired: &[S], links: &mut ArmAt<S>, plant: &Stored<S>, x: &[S]) -> S {
         let n = self.stretch.len();
         let target = &desired[..self.error.len()];

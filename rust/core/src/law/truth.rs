@@ -1,12 +1,12 @@
-//! The numbers of the plant in the Lyapunov function of an adaptive law, which the law does not know: parameters and friction.
+//! True parameters and friction of the plant in the Lyapunov function of an adaptive law. The law does not know them.
 //!
-//! The friction of the plant is `tau_f(v)`, and `Y_f a_f` are the law's columns of friction at the plant's parameters. Rotors that are not
-//! estimated are `B` in the plant and `B_0` in the model. Then
+//! `tau_f(v)` is the friction of the plant. `Y_f a_f` is the friction in the law's joint columns with the plant's parameters. Rotors that
+//! are not estimated have the inertia `B` in the plant and `B_0` in the model. Then
 //!
 //! `V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`,
 //!
-//! `y = Y' s`, `a_hat' = Gamma w`. If viscous friction is estimated, `-s' D s` remains of the second term. For Coulomb friction
-//! `s' F (sign v - tanh(v_r / v_s))` remains.
+//! with `y = Y' s` and `a_hat' = Gamma w`. If viscous friction is estimated, `-s' D s` remains of the second term. If Coulomb friction is
+//! estimated, `s' F (sign v - tanh(v_r / v_s))` remains.
 
 use super::LawSpec;
 use super::adaptive::AdaptiveSpec;
@@ -15,7 +15,7 @@ use crate::plant::PlantSpec;
 use crate::scalar::{Real, sign};
 
 impl AdaptiveSpec {
-    /// The true values of the estimated parameters of a plant.
+    /// The plant's values of the estimated parameters, `(p,)`.
     pub(super) fn truth(&self, plant: &PlantSpec) -> Vec<f64> {
         let parameters = plant.model().parameters();
         let mut truth = self.base.as_ref().map_or(parameters.clone(), |base| base.project(&parameters));
@@ -24,25 +24,27 @@ impl AdaptiveSpec {
     }
 }
 
-/// The true parameters of the plants of the lanes, for the Lyapunov balance.
+/// The true parameters of the plants in the lanes, for the derivative of the Lyapunov function.
 pub struct Truth<S> {
-    /// `a`.
+    /// True values `a` of the estimated parameters, `(p,)`.
     parameters: Vec<S>,
-    /// The friction parameters `a_f` of the columns of joints; zero for rotors.
+    /// Friction parameters `a_f` of the joint columns; zero for rotors.
     rubbing: Vec<S>,
-    /// Viscous and Coulomb friction of the plant, and `B - B_0`, `(n,)` each.
+    /// Viscous friction of the plant, `(n,)`.
     viscous: Vec<S>,
+    /// Coulomb friction of the plant, `(n,)`.
     coulomb: Vec<S>,
+    /// Difference `B - B_0` of rotor inertias, `(n,)`.
     rotors: Vec<S>,
 }
 
 impl<S: Real> Truth<S> {
-    /// For laws with more than the plain adaptation; `None` for other laws.
+    /// Create the true parameters for laws with joint columns, restraint or additional adaptation; `None` for other laws.
     pub fn new<'a>(of: impl Fn(usize) -> &'a LawSpec, plant: impl Fn(usize) -> &'a PlantSpec) -> Option<Self> {
         let own = of(0).adaptive().filter(|law| !law.is_plain())?;
         let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).adaptive().unwrap_or(own).truth(plant(lane))).collect();
         let parameters = S::labelled("plant", 1, || (0..truths[0].len()).map(|k| S::from_lanes(|lane| truths[lane][k])).collect());
-        // The other numbers belong to the geometry, which all lanes share.
+        // The other numbers are equal in all lanes, because all lanes share the geometry of the arm.
         let (model, n) = (plant(0).model(), plant(0).n());
         let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
         let [viscous, coulomb] = model.friction(plant(0).has_friction()).map(fixed);
@@ -56,8 +58,9 @@ impl<S: Real> Truth<S> {
         Some(Truth { parameters, rubbing: fixed(rubbing), viscous, coulomb, rotors: fixed(rotors) })
     }
 
-    /// `s'(tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`: the contribution of the plant's friction and of the restraint to `V1'`.
-    /// `columns`: the entries of the columns of joints; `back`: `y - w`.
+    /// The contribution of the plant's friction and of the restraint to `V1'`: `s'(tau_f - Y_f a_f + (B - B_0) a_r) + (a - a_hat)'(y - w)`.
+    ///
+    /// `columns` has the entries of the joint columns, and `back` is `y - w`.
     pub(super) fn added(&self, [s, v, a_r]: [&[S]; 3], columns: &[S], estimate: &[S], back: &[S]) -> S {
         let (n, mut sum) = (s.len(), S::zero());
         for i in 0..n {

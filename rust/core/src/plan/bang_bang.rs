@@ -1,4 +1,4 @@
-//! The feasible durations of the symmetric bang-bang acceleration profile, rest to rest, in closed form.
+//! The feasible durations of the symmetric bang-bang acceleration profile, from rest to rest, in closed form.
 //!
 //! ```text
 //! I theta_ddot + G sin theta = tau,  theta_ddot = +-A,  A = 4 D / T^2,  a = I A,  x = direction theta,  xm = (x0 + x1)/2
@@ -8,8 +8,8 @@
 //! T in [ sqrt(4 I D / a_max), sqrt(4 I D / a_min) ]  iff  a_max > 0 and a_max >= a_min
 //! ```
 //!
-//! Torque is monotone in `a` at every angle, so the two bounds are exact. The extremes of `sin` on an
-//! interval have a closed form, without samples. `docs/minimum_time.md` has the derivation.
+//! At every angle the torque is a monotone function of `a`, so the two bounds are exact. The extremes of `sin` on an interval have a closed
+//! form, without samples. `docs/minimum_time.md` has the derivation.
 
 use super::link::{Link, SLACK, check_ends};
 use super::report::{Bind, Limit, Place, Reason};
@@ -31,7 +31,7 @@ pub struct BangBangReport {
     pub a_min: f64,
     /// Largest `inertia * acceleration` that the limits allow, N m.
     pub a_max: f64,
-    /// Whether the torque can hold the link at rest at the start, at the end.
+    /// Whether the torque limits hold the link at the start.
     pub hold_start: bool,
     /// Whether the torque limits hold the link at the end.
     pub hold_end: bool,
@@ -40,7 +40,7 @@ pub struct BangBangReport {
     link: Link,
 }
 
-/// Bounds on `a` from each phase: (phase 1, phase 2).
+/// Bounds of `a` from each phase: `[phase 1, phase 2]`.
 struct Bounds<S> {
     upper: [S; 2],
     lower: [S; 2],
@@ -53,7 +53,7 @@ fn bounds<S: Real>([g, tau_min, tau_max]: [S; 3], [s0, sm, s1]: &[Sine<S>; 3]) -
     Bounds { upper: [tau_max - high1, low2 - tau_min], lower: [tau_min - low1, high2 - tau_max] }
 }
 
-/// The results of one problem per lane; flags are 1 or 0.
+/// The results of one problem per SIMD lane. Flags are 1 or 0.
 struct Answers<S> {
     /// `t_min`, `t_max`, `a_min`, `a_max`.
     numbers: [S; 4],
@@ -63,7 +63,7 @@ struct Answers<S> {
     valid: S,
 }
 
-/// 1 where both hold, else 0.
+/// 1 in the lanes where both masks are true, else 0.
 #[inline(always)]
 fn both<S: Real>(a: S::Mask, b: S::Mask) -> S {
     S::select(a, S::select(b, S::splat(1.0), S::zero()), S::zero())
@@ -75,7 +75,7 @@ fn between<S: Real>(x: S, low: S, high: S) -> S {
     S::select(x.lt(low), S::zero(), S::select(high.lt(x), S::zero(), S::splat(1.0)))
 }
 
-/// `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`.
+/// Compute the results from `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`.
 #[inline(always)]
 fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> Answers<S> {
     let (zero, one, two) = (S::zero(), S::splat(1.0), S::splat(2.0));
@@ -92,13 +92,13 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
     let sines = [sine(x0), sine(half * x0 + half * x1), sine(x1)];
     let b = bounds([g, low, high], &sines);
     let a_max = b.upper[0].min(b.upper[1]);
-    // Zero must be positive, because it is a divisor.
+    // `abs` makes a zero positive, because `a_min` is a divisor.
     let a_min = b.lower[0].max(b.lower[1]).max(zero).abs();
     let slack = S::splat(SLACK) * tau_max.max(-tau_min);
     let (hold_start, hold_end) =
         (between(g * sines[0].sin, low - slack, high + slack), between(g * sines[2].sin, low - slack, high + slack));
     let moves = zero.lt(distance);
-    // Within the slack the interval is one duration.
+    // If `a_max` is below `a_min` by at most the slack, the interval is one duration.
     let some = S::select(zero.lt(a_max), S::select(a_max.lt(a_min - slack), zero, one), zero);
     let feasible = S::select(moves, some, hold_start);
     let t_min = S::select(moves, two * (inertia * distance / a_max).sqrt(), zero);
@@ -108,10 +108,11 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
     Answers { numbers, flags: [feasible, hold_start, hold_end], valid: ends * limits }
 }
 
-/// The durations for which `theta0 -> thetaf` (rad) by constant acceleration and equal braking obeys the torque bounds (N m).
+/// Compute the durations for which `theta0 -> thetaf` (rad) with constant acceleration and equal braking obeys the torque bounds (N m).
 ///
-/// Any start, end, direction and bounds with `tau_min <= 0 <= tau_max`; every comparison with a bound has a tolerance of `1e-12` of the
-/// larger bound. `theta0 == thetaf` takes no time and is feasible iff the pose can be held.
+/// `inertia` is in kg m^2, `gravity_moment` in N m, and `tau_min <= 0 <= tau_max` is required. Every comparison with a bound has a
+/// tolerance of `1e-12` of the larger bound. If `theta0 == thetaf`, the duration is zero. This motion is feasible if and only if the torque
+/// can hold the pose.
 #[inline]
 pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<BangBangReport> {
     check_ends(theta0, thetaf)?;
@@ -125,7 +126,7 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
 pub struct BangBangTimes<'a> {
     /// Durations and accelerations: `t_min`, `t_max`, `a_min`, `a_max`.
     pub numbers: [&'a mut [f64]; 4],
-    /// Feasible, and whether the link is held at start and end.
+    /// `feasible`, `hold_start` and `hold_end`.
     pub flags: [&'a mut [bool]; 3],
 }
 
@@ -176,8 +177,10 @@ impl GenericKernel for Batch<'_, '_> {
     }
 }
 
-/// [`bang_bang_time`] of many problems in lanes, to the bit. `columns`: `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`, one
-/// number for all or one for each. An error has the index of the first bad problem.
+/// Compute [`bang_bang_time`] for many problems in SIMD lanes, with the same bits.
+///
+/// `columns` are `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`, each one number for all problems or one per problem. An error
+/// has the index of the first invalid problem.
 pub fn bang_bang_times(columns: [&[f64]; 6], mut to: BangBangTimes) -> std::result::Result<(), (usize, Error)> {
     let Some(bad) = run_lanes(Batch { columns, to: &mut to }) else { return Ok(()) };
     let [theta0, thetaf, inertia, g, tau_min, tau_max] = columns.map(|column| if let [x] = column { *x } else { column[bad] });
@@ -195,12 +198,12 @@ impl BangBangReport {
         [sign * self.theta0, sign * (0.5 * self.theta0 + 0.5 * self.thetaf), sign * self.thetaf]
     }
 
-    /// The limit that decides `t_min`.
+    /// The limit that determines `t_min`.
     pub fn active_upper(&self) -> Bind {
         self.bind(true, self.a_max)
     }
 
-    /// The limit that decides `t_max`; none if the motion may be arbitrarily slow.
+    /// The limit that determines `t_max`; `None` if the motion may be arbitrarily slow.
     pub fn active_lower(&self) -> Option<Bind> {
         (self.a_min > 0.0).then(|| self.bind(false, self.a_min))
     }
@@ -227,7 +230,7 @@ impl BangBangReport {
         } else if value(end) >= extreme {
             (if second { Place::End } else { Place::Start }, x[end])
         } else {
-            // The first extreme after `from`; clamped because pi itself is rounded.
+            // The first extreme after `from`, clamped because the constant pi is rounded.
             let turns = ((x[from] - sign * FRAC_PI_2) / TAU).ceil();
             (Place::Interior, (sign * FRAC_PI_2 + turns * TAU).clamp(x[from], x[to]))
         };
@@ -243,7 +246,7 @@ impl BangBangReport {
         Bind { limit, phase: 1 + u8::from(second), place, theta, time, tie: gap.abs() <= tie }
     }
 
-    /// Why the motion is possible or not, with the missing torque.
+    /// Whether the motion is possible, or the reason why not, with the missing torque.
     pub fn reason(&self) -> Reason {
         if self.feasible {
             return Reason::Feasible;
@@ -261,7 +264,7 @@ impl BangBangReport {
         }
     }
 
-    /// Torque (N m) of the motion of duration `t` at its start, just before and just after the switch, and at its end.
+    /// Torques (N m) of the motion of duration `t` (s): at its start, just before and just after the switch, and at its end.
     pub fn torques(&self, t: f64) -> [f64; 4] {
         let sign = if self.forward() { 1.0 } else { -1.0 };
         let [x0, xm, x1] = self.ends();

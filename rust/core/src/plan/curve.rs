@@ -1,27 +1,30 @@
-//! Phases of constant torque with friction that start (or, run backwards, end) at rest, by integration.
+//! Phases of constant torque with friction, by integration. A push starts at rest. A brake ends at rest, and is integrated backwards in
+//! time.
 //!
 //! ```text
 //! push from rest at x0:             I y_ddot = (u_max - c) - G sin(x0 + y) - d y_dot
 //! brake to rest at x1, backwards:   I y_ddot = (c - u_min) - G sin(-x1 + y) + d y_dot
 //! ```
 //!
-//! With viscous friction the energy is not a function of the angle alone. So the phases are integrated (`steps.rs`), and meet where
-//! their speeds agree. At equal angle and speed the push has the larger acceleration, so the two curves cross at most once.
+//! `d` is the viscous and `c` the Coulomb friction coefficient. With viscous friction the energy is not a function of the angle alone. So
+//! the phases are integrated (`steps.rs`), and a push meets a brake where their speeds are equal. At equal angle and speed the push has the
+//! larger acceleration, so the two speed curves cross at most once.
 
 use super::steps::{Progress, Rough, Step, evaluate};
 use crate::interrupt::look;
 
-/// A phase from rest: its steps until the distance is covered or the link stalls.
+/// A phase from rest: its integration steps, until it covers the distance or the link stops.
 #[derive(Default)]
 pub(super) struct Curve {
     steps: Vec<Step>,
     /// The unit of time of the steps, s.
     unit: f64,
-    /// The distance covered while moving forward.
+    /// The distance that the phase covers while it moves forward, rad.
     pub reach: f64,
 }
 
-/// Time since rest, speed and spread at a point of a curve.
+/// A point of a curve: time since rest (s), speed (rad/s), and spread. The spread is the derivative of the angle with respect to the start
+/// angle, at a fixed time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
     pub time: f64,
@@ -32,7 +35,8 @@ pub(super) struct Moment {
 const MAX_STEPS: usize = 2000;
 
 impl Curve {
-    /// From rest at `x` under `torque` less friction. It ends after `distance`, or where the link is faster than on the curve `against`.
+    /// Integrate from rest at `x` under `torque` minus friction. The curve ends after `distance`, or where it is faster than the curve
+    /// `against` from the other end.
     pub fn new(x: f64, torque: f64, link: &Rough, distance: f64, against: Option<&Curve>) -> Self {
         let mut at = Progress::new(x, torque, link);
         let mut curve = Curve { steps: Vec::new(), unit: at.unit, reach: 0.0 };
@@ -46,7 +50,7 @@ impl Curve {
                 break;
             }
             for _ in 0..60 {
-                // Stop at the goal: the curve beyond it is not needed, and may not be finite.
+                // Shorten a step that passes the goal: the curve beyond the goal is not required, and may not be finite.
                 let (next, _) = evaluate(&step.y, step.length);
                 if next.is_finite() && next <= 2.0 * distance {
                     break;
@@ -72,7 +76,7 @@ impl Curve {
         curve
     }
 
-    /// The moment at the distance `y <= reach`.
+    /// Time, speed and spread at the distance `y <= reach`.
     pub fn at(&self, y: f64) -> Moment {
         let k = self.steps.partition_point(|s| s.y[0] <= y).max(1) - 1;
         let Step { time, length, y: c, spread } = &self.steps[k];
@@ -99,7 +103,7 @@ impl Curve {
     }
 }
 
-/// The last moment of forward motion inside a step, if it ends there.
+/// The time after the start of this step at which forward motion ends; `None` if it continues beyond the step.
 fn stall(step: &Step) -> Option<f64> {
     let forward = |h: f64| evaluate(&step.y, h).1 > 0.0;
     let parts = [0.25, 0.5, 0.75, 1.0].map(|part| part * step.length);
@@ -113,7 +117,7 @@ fn stall(step: &Step) -> Option<f64> {
     Some(a)
 }
 
-/// The point where a push meets the brake after it.
+/// The point where a push and the brake after it have equal speeds.
 pub(super) struct Meeting {
     /// The distance from the start.
     pub at: f64,
@@ -121,7 +125,7 @@ pub(super) struct Meeting {
     pub brake: Moment,
 }
 
-/// A push and the brake after it, run backwards, over a distance.
+/// A push over a distance, and the brake after it. The brake is computed backwards.
 pub(super) struct Leg<'a> {
     pub push: &'a Curve,
     pub brake: &'a Curve,
@@ -135,12 +139,12 @@ impl Leg<'_> {
         (a < b).then_some([a, b])
     }
 
-    /// The squared speed of the push minus that of the brake.
+    /// At the distance `y`: the squared speed of the push minus the squared speed of the brake.
     fn lead(&self, y: f64) -> f64 {
         self.push.at(y).speed.powi(2) - self.brake.at(self.distance - y).speed.powi(2)
     }
 
-    /// The crossing of the two curves, if there is one: regula falsi after Illinois.
+    /// The point of equal speeds, if it exists, by regula falsi in the Illinois variant.
     pub fn meeting(&self) -> Option<Meeting> {
         let [a, b] = self.overlap()?;
         let (mut low, mut high) = ((a, self.lead(a)), (b, self.lead(b)));

@@ -1,20 +1,21 @@
-//! The time optimum of one link with viscous and Coulomb friction: monotone, and with one reversal.
+//! The minimum time of one link with viscous and Coulomb friction: the monotone motion, and motions with one reversal.
 //!
 //! ```text
-//! I theta_ddot + G sin theta + d theta_dot + c sign(theta_dot) = tau
-//! back-swing (-, +, -): x0 -> xt = x0 - e -> x1, the middle torque u+ less c after the turn, and with c before it
-//! dT/de = (z/v)_2 + (z/v)_3                     spread and speed (`curve.rs`) at the two switches, before and after the turn
+//! I theta_ddot + G sin theta + d theta_dot + c sign(theta_dot) = tau         d: viscous, c: Coulomb friction coefficient
+//! back-swing (-, +, -): x0 -> xt = x0 - e -> x1      torque less friction of the middle phase: u+ + c before the turn, u+ - c after it
+//! dT/de = (z/v)_2 + (z/v)_3      spread z (`curve.rs`) over speed v at the two switches, 2 before and 3 after the turn
 //! ```
 //!
-//! The switches do not contribute to the derivative, because the speeds agree there. An overshoot is the back-swing of the mirrored motion,
-//! run backwards in time with both frictions negative. Coulomb friction alone only shifts the bounds. A test uses this as an
-//! independent check.
+//! The change of the switching times does not contribute to the derivative, because both phases have equal speeds at a switch. An overshoot
+//! is a back-swing of the mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction alone only shifts
+//! the torque bounds. A test uses this as an independent check.
 //!
-//! Let `phi` be `exp(-d t / 2I)` times the adjoint, whose zeros are the switches: `phi_ddot = (d^2/4I^2 - G cos theta/I) phi`. Sturm's comparison
-//! holds for `phi`. So an overdamped link, `d^2 >= 4 I |G|`, switches at most once. This includes Coulomb friction. Where the motion reverses,
-//! Coulomb friction reduces the acceleration, and with it `phi_dot/phi - d/2I`. After a zero, `|phi|` only grows.
+//! Let `phi` be `exp(-d t / 2I)` times the adjoint variable, whose zeros are the switches. Then `phi_ddot = (d^2/4I^2 - G cos theta/I)
+//! phi`, and Sturm's comparison theorem applies to `phi`. So an overdamped link, with `d^2 >= 4 I |G|`, switches at most once. This is true
+//! with Coulomb friction too. Where the motion reverses, Coulomb friction reduces the acceleration, and with it `phi_dot/phi - d/2I`. After
+//! a zero, `|phi|` only grows.
 //!
-//! With one switch the motion is monotone. From rest, such a link never swings beyond the equilibrium of gravity and torque, because
+//! With one switch the motion is monotone. From rest, an overdamped link never moves beyond the equilibrium of gravity and torque, because
 //! `v < 2 K_dot(x)/d` remains true. So only a brake ends at rest.
 
 use super::curve::{Curve, Leg, Meeting};
@@ -27,25 +28,27 @@ use super::torque_optimal::{Best, Family, TorqueOptimum};
 use super::windows::Windows;
 use crate::error::{Error, Result};
 
-/// The offset, in rad, at which a motion from an equilibrium begins. Its energy there is a rounding error.
+/// The distance from an equilibrium, in rad, at which a motion begins. The energy there is a rounding error.
 const BESIDE: f64 = 1e-7;
 
-/// The back-swings of `x0 -> x1 > x0`.
+/// The search for the fastest back-swing from `x0` to `x1 > x0`.
 struct Search {
     x0: f64,
     x1: f64,
     up: f64,
     down: f64,
     link: Rough,
-    /// Whether the monotone motion is possible.
+    /// Whether the monotone motion is feasible.
     straight: bool,
-    /// The outer phases, and the largest distance back that both cover.
+    /// The first phase, which starts at rest at `x0`.
     leaves: Curve,
+    /// The last phase, which ends at rest at `x1`, computed backwards.
     arrives: Curve,
+    /// The largest distance `e` behind the start that the first and the last phase both cover, rad.
     most: f64,
 }
 
-/// The two rest-to-rest parts of a swing, each as the point where its phases meet.
+/// The two rest-to-rest parts of a swing. Each part is stored as the point where its two phases have equal speeds.
 struct Trial {
     turn: f64,
     away: Meeting,
@@ -53,11 +56,11 @@ struct Trial {
 }
 
 impl Search {
-    /// None if the link cannot move backwards from the start, or cannot come to rest at the end.
+    /// `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
     fn new(x0: f64, x1: f64, up: f64, down: f64, link: Rough, straight: bool, bound: f64) -> Option<Self> {
         let mut search = Search { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
         let (distance, back) = (x1 - x0, link.backwards());
-        // A little farther than the search, so that the end of an integration does not count as an edge.
+        // Integrate a little farther than the search, so that the end of an integration does not count as the edge of an interval.
         let reach = |search: &Search| 1.01 * search.farthest(bound);
         search.arrives = Curve::new(-x1, down, &back, reach(&search) + distance, None);
         search.leaves = Curve::new(-x0, down, &link, reach(&search), None);
@@ -65,26 +68,26 @@ impl Search {
         (search.most > 0.0).then_some(search)
     }
 
-    /// The distances `e` from which the middle phase reaches `x`, with its torque and the friction of `link`.
+    /// The intervals of `e` from which the middle phase reaches `x`. It has the torque `up` and the friction of `link`.
     fn windows_to(&self, x: f64, link: Rough) -> Vec<Window> {
         let (push, from) = (self.up - link.coulomb, x - self.x0);
         if push.abs() >= link.g.abs() {
             return if push > 0.0 { vec![(0.0, self.most)] } else { Vec::new() };
         }
-        // Integrate backwards from rest, at x or at a maximum of gravity, to the start of the same torque.
+        // Integrate backwards in time, from rest at `x` or at a maximum of gravity, with the same torque, until the link stops.
         let recovery = |x: f64| Curve::new(-x, -self.up, &link.backwards(), self.most + from, None).reach;
         let low = recovery(x);
         let (angle, crest) = Phase::new(-x, -push, link.g).least_after(low);
         Windows::new(low - from, crest - from, self.most, || recovery(-angle - BESIDE) + BESIDE).collect()
     }
 
-    /// The meeting of the phases before the turn. The second of them runs backwards.
+    /// The point of equal speeds of the two phases before the turn. The second phase is computed backwards.
     fn away(&self, e: f64) -> Option<Meeting> {
         let to = Curve::new(self.x0 - e, self.up, &self.link.backwards(), e, Some(&self.leaves));
         Leg { push: &self.leaves, brake: &to, distance: e }.meeting()
     }
 
-    /// The meeting of the phases after the turn.
+    /// The point of equal speeds of the two phases after the turn. The second phase is computed backwards.
     fn towards(&self, e: f64) -> Option<Meeting> {
         let distance = e + self.x1 - self.x0;
         let from = Curve::new(self.x0 - e, self.up, &self.link, distance, Some(&self.arrives));
@@ -112,8 +115,8 @@ impl BackSwings for Search {
     }
 
     fn windows(&self, _farthest: f64) -> impl Iterator<Item = Window> {
-        // With friction the phases after the turn are the critical ones: they are longer. In a reversed problem it may be those before the
-        // turn.
+        // With friction, the phases after the turn are longer, so they decide whether a swing is feasible. In a problem run backwards, with
+        // negative coefficients, the phases before the turn may decide too.
         let mut windows = self.windows_to(self.x1, self.link);
         if self.link.viscous < 0.0 || self.link.coulomb < 0.0 {
             let out = self.windows_to(self.x0, self.link.backwards());
@@ -127,10 +130,12 @@ impl BackSwings for Search {
         self.straight.then(|| (1e-3 * (self.x1 - self.x0).min(1.0)).max(1e-6))
     }
 
-    /// A lower bound of the duration: `T > k sqrt(2 I e / p) + T_brake(D)`.
+    /// The largest `e` of a swing that can be faster than `limit`, from a lower bound of the duration: `T > k sqrt(2 I e / p) +
+    /// T_brake(D)`.
     ///
-    /// The first term is for stretches from rest with the full torque and gravity. Afterwards the motion is never faster than the last
-    /// brake. `k = 2` for the stretches to the turn and back to `x0`. Backwards, only the first stretch begins at rest.
+    /// The first term is the time of `k` parts that start at rest under the full torque and gravity, `p`. Then the motion is never faster
+    /// than the last brake. `k = 2` counts the part to the turn and the part back to `x0`. With negative friction only the first part
+    /// starts at rest, so `k = 1`.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;
@@ -142,8 +147,10 @@ impl BackSwings for Search {
     }
 }
 
-/// The fastest `theta0 -> thetaf` (rad), rest to rest, as `torque_optimal_time`, with friction torques `viscous * v` (N m s) and
-/// `coulomb * sign(v)` (N m).
+/// Compute the fastest motion of [`torque_optimal_time`](super::torque_optimal_time) with friction torques `viscous * v` and `coulomb *
+/// sign(v)`.
+///
+/// `theta0` and `thetaf` are in rad, `inertia` in kg m^2, `viscous` in N m s/rad; all other arguments are in N m.
 pub fn torque_optimal_time_with_friction(
     theta0: f64,
     thetaf: f64,
@@ -204,7 +211,7 @@ struct Straight {
 }
 
 impl Straight {
-    /// The point where push and brake meet with both torques larger by `more`, and the ends of both.
+    /// The point of equal speeds of push and brake if both torques are larger by `more`, and the distances that push and brake cover.
     fn meeting(&self, more: f64) -> (Option<Meeting>, [f64; 2]) {
         let (distance, link) = (self.x1 - self.x0, self.link);
         let push = Curve::new(self.x0, self.up + more, &link, distance, None);
@@ -225,8 +232,8 @@ impl Straight {
         meeting.ok_or_else(|| MonotoneReason::Apart { push: x0 + push, brake: x1 - brake, missing: self.missing() })
     }
 
-    /// The missing amount of both torques, to six digits. Both are sufficient if they are larger by gravity and friction, which bounds the
-    /// search.
+    /// The missing amount of both torques, to six digits, by bisection. The search ends at gravity moment plus Coulomb friction: with so
+    /// much more torque, the motion is feasible.
     fn missing(&self) -> f64 {
         let (mut less, mut more) = (0.0, self.link.g.abs() + self.link.coulomb);
         while more - less > 1e-6 * more && more > 1e-12 * self.up.max(self.down) {
@@ -246,7 +253,7 @@ mod tests {
     fn swings_are_possible_in_their_windows_and_nowhere_else() {
         let (mut inside, mut outside) = ([0; 2], [0; 2]);
         for number in 0..600 {
-            // Numbers spread evenly over their ranges: multiples of square roots.
+            // The fractional parts of multiples of a square root are spread evenly over (0, 1).
             let [x0, distance, up, down, viscous, coulomb] =
                 [2.0, 3.0, 5.0, 7.0, 11.0, 13.0].map(|k: f64| (number as f64 * k.sqrt()).fract());
             let (x0, up, down) = (8.0 * x0 - 4.0, 0.05 + 1.5 * up, 0.05 + 1.5 * down);

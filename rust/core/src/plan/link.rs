@@ -3,10 +3,10 @@
 use super::sine::{select, sin_cos};
 use crate::error::{Error, Result, finite, positive};
 
-/// The tolerance of every torque limit, relative to the larger bound: it only covers rounding.
+/// The tolerance of every torque limit, relative to the larger bound. It covers rounding errors only.
 pub const SLACK: f64 = 1e-12;
 
-/// A link and its torque bounds. `gravity_moment` may be negative: theta is then measured from the upward vertical.
+/// A link and its torque bounds. If `gravity_moment` is negative, theta is measured from the upward vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Link {
     /// Inertia about the joint axis, kg m^2.
@@ -26,7 +26,7 @@ impl Link {
         thetaf > theta0 || thetaf == theta0 && self.gravity_moment * sin_cos(theta0).0 >= 0.0
     }
 
-    /// Checks the numbers: `inertia > 0`, `tau_min <= 0 <= tau_max`, not both zero, all finite.
+    /// Create a link. It requires `inertia > 0`, `tau_min <= 0 <= tau_max`, not both zero, and finite numbers.
     #[inline]
     pub fn new(inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<Self> {
         let width = tau_max - tau_min;
@@ -40,13 +40,13 @@ impl Link {
         if valid { Ok(Link { inertia, gravity_moment, tau_min, tau_max }) } else { Err(refuse(inertia, gravity_moment, tau_min, tau_max)) }
     }
 
-    /// The torque that rounding may add to a bound, N m.
+    /// The tolerance of the torque bounds for rounding errors, N m.
     #[inline(always)]
     pub fn slack(&self) -> f64 {
         SLACK * self.tau_max.max(-self.tau_min)
     }
 
-    /// The link in the coordinate along the motion, `x = direction theta`. Because sin is odd, only the bounds change places.
+    /// The link in the coordinate along the motion, `x = direction theta`. The sine is odd, so only the torque bounds are exchanged.
     #[inline(always)]
     pub(super) fn along(&self, forward: bool) -> Self {
         let back = u64::from(!forward);
@@ -73,7 +73,7 @@ fn refuse(inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Erro
     Error::input("tau_max", format!("is too large: expected tau_max - tau_min to be finite, got {tau_max} and {tau_min}"))
 }
 
-/// Refuses end points that are not finite, or whose distance is not.
+/// Refuse end points that are not finite, or whose distance is not finite.
 #[inline]
 pub(super) fn check_ends(theta0: f64, thetaf: f64) -> Result<()> {
     if (thetaf - theta0).abs() < f64::INFINITY {

@@ -1,12 +1,22 @@
 //! Minimum-time planning of one link under gravity: `I theta_ddot + G sin theta = tau`, `tau_min <= tau <= tau_max`.
 //!
 //! - [`bang_bang_time`]: the exact interval of durations of the symmetric bang-bang acceleration profile.
-//! - [`trapezoid_time`], [`minimum_jerk_time`]: the same for trapezoidal speed and for the quintic.
-//! - [`torque_optimal_time`]: the optimum under full torque: monotone, back-swing, overshoot.
-//! - [`torque_optimal_time_with_friction`]: the same with viscous and Coulomb friction, by integration.
-//! - [`TorqueProfile`]: the motion of that optimum, to follow.
+//! - [`trapezoid_time`], [`minimum_jerk_time`]: the exact interval of durations of the trapezoidal-speed profile and of the quintic.
+//! - [`torque_optimal_time`]: the minimum time with any torque between the bounds, over three families of motions.
+//! - [`torque_optimal_time_with_friction`]: the minimum time with viscous and Coulomb friction, by integration.
+//! - [`TorqueProfile`]: the motion of minimum time as a function of time.
 //!
-//! For any arm along a path: [`time_path`].
+//! [`time_path`] plans the motion of any arm along a path.
+//!
+//! Terms of this folder:
+//! - `I` is the inertia and `G` the gravity moment. The *gravity torque* is `G sin theta`.
+//! - `x = direction theta` is the angle along the motion, so that the motion from `x0` to `x1` has `x1 >= x0`. `D` is `x1 - x0`.
+//! - A *phase* is a part of a motion with constant torque. A *push* starts at rest. A *brake* ends at rest, and is computed backwards in
+//!   time.
+//! - A *swing* is a motion with one reversal, the *turn*. A *back-swing* first moves away from the goal. An *overshoot* first passes it.
+//! - `e` is the distance from the start of a back-swing to its turn.
+//! - A *maximum of gravity* is an angle where the kinetic energy of a phase has a local minimum, because gravity opposed the motion before
+//!   it.
 
 mod bang_bang;
 mod curve;

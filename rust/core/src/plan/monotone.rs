@@ -1,10 +1,10 @@
-//! A push and a brake without friction, rest to rest: their lengths, energies and durations.
+//! The monotone motion without friction, from rest to rest: lengths, energies and durations of its push and its brake.
 
 use super::phase::Phase;
 use super::report::MonotoneReason;
 use super::sine::sin_cos;
 
-/// A push and a brake from rest at `x0` to rest at `x1 > x0`, with their lengths.
+/// A push from rest at `x0` and a brake to rest at `x1 > x0`, with their lengths, rad.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Monotone {
     pub push: Phase,
@@ -13,21 +13,22 @@ pub(super) struct Monotone {
     pub brake_length: f64,
 }
 
-/// Kinetic energies of a push and a brake: at the switch, and where gravity opposes the push most, infinite without such a place.
+/// Kinetic energies of a monotone motion: `peak` at the switch, and `push_hump` at the push's local minimum, infinite without a minimum.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Energies {
     pub peak: f64,
     pub push_hump: f64,
 }
 
-/// `cos x0 - cos x1` from the sines of half the sum and of half the difference: accurate also for very small moves.
+/// `cos x0 - cos x1` from the sines of half the sum and of half the difference. It is accurate even for very small moves.
 #[inline]
 pub(super) fn drop(sum: f64, difference: f64) -> f64 {
     2.0 * sum * difference
 }
 
 impl Monotone {
-    /// From the rest point of `push` to that of `brake`, which runs backwards in the mirrored coordinate; `drop = cos x0 - cos x1`.
+    /// The motion from the rest point of `push` to the rest point of `brake`, which is computed backwards in the mirrored coordinate.
+    /// `drop` is `cos x0 - cos x1`.
     #[inline]
     pub fn between(push: Phase, brake: Phase, drop: f64) -> Self {
         let (up, down) = (push.push, brake.push);
@@ -36,7 +37,7 @@ impl Monotone {
         Monotone { push, brake, push_length, brake_length }
     }
 
-    /// Why the motion is impossible, if it is: every test checks the sign of a margin.
+    /// The reason why the motion is impossible, or `Feasible`. Every test checks the sign of a margin.
     #[inline]
     pub fn reason(&self) -> MonotoneReason {
         let Monotone { push, brake, push_length, brake_length } = *self;
@@ -70,7 +71,7 @@ impl Monotone {
         MonotoneReason::Feasible
     }
 
-    /// The kinetic energies, if the motion is possible.
+    /// The kinetic energies; `None` if the motion is impossible.
     #[inline]
     pub fn energies(&self) -> Option<Energies> {
         let Monotone { push, brake, push_length, brake_length } = *self;
@@ -81,24 +82,25 @@ impl Monotone {
         (push_hump > 0.0 && brake.lowest(brake_length) > 0.0 && peak > 0.0).then_some(Energies { peak, push_hump })
     }
 
-    /// Durations of the two phases over `sqrt(I/2)`.
+    /// Durations of push and brake, divided by `sqrt(I/2)`.
     #[inline]
     pub fn time_factors(&self) -> (f64, f64) {
         (self.push.time_factor(self.push_length), self.brake.time_factor(self.brake_length))
     }
 }
 
-/// The monotone motion `x0 -> x1 > x0`, and the quantities that its swings use.
+/// The monotone motion from `x0` to `x1 > x0`, and quantities that its swings use.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Straight {
     pub monotone: Monotone,
-    /// Sine and cosine of the middle of the motion, and of half the distance.
+    /// Sine and cosine of the middle of the motion.
     pub middle: (f64, f64),
+    /// Sine and cosine of half the distance.
     pub half: (f64, f64),
 }
 
 impl Straight {
-    /// `up`, `down`: sizes of the pushing and of the braking torque bound, both >= 0.
+    /// `up` and `down` are the absolute values of the pushing and of the braking torque bound.
     #[inline]
     pub fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Self {
         let (middle, half) = (sin_cos(0.5 * x0 + 0.5 * x1), sin_cos(0.5 * (x1 - x0)));

@@ -1,29 +1,29 @@
-//! Time of a phase of constant torque that starts (or, run backwards, ends) at rest.
+//! Duration of a phase of constant torque without friction that starts at rest, or ends at rest and is computed backwards.
 //!
 //! ```text
-//! from rest at x under constant torque p:   K(y) = p y - G (cos x - cos(x + y)) = y w(y)
-//! w(y) = p - G sin(x + h) sinc(h),  h = y/2                        (mean net torque over the stretch, no cancellation at y -> 0)
+//! from rest at x under constant torque p:   K(y) = p y - G (cos x - cos(x + y)) = y w(y)      (K: kinetic energy after the distance y)
+//! w(y) = p - G sin(x + h) sinc(h),  h = y/2                        (mean net torque over y, no cancellation at y -> 0)
 //! F(x, L) = int_0^L dy / sqrt(K) = 2 sqrt(L) int_0^1 ds / sqrt(w(L s^2)),   time = sqrt(I/2) F
 //! dF/dx  = sqrt(L) int_0^1 G cos(x + h) sinc(h) w^(-3/2) ds,       dF/dL = 1/sqrt(K(L))
 //! ```
 //!
-//! The substitution `y = L s^2` removes the inverse square root at the rest point. The remaining integrand is smooth unless
-//! `w` comes near zero, where the link barely passes a maximum of gravity. There adaptive bisection with the 10-21 point Gauss-Kronrod
-//! pair gains a digit every few panels, because the integrand is analytic up to the near pole. A phase that brakes to rest
-//! at x is the phase from `-x` run backwards, with the braking torque as push.
+//! The substitution `y = L s^2` removes the inverse square root at the rest point. The remaining integrand is smooth unless `w` comes near
+//! zero, where the link barely passes a maximum of gravity. There, adaptive bisection uses the 10-21 point Gauss-Kronrod pair. It gains a
+//! digit every few panels, because the integrand is analytic up to the near pole. A phase that brakes to rest at `x` is computed as a push
+//! from `-x`, run backwards, with the braking torque.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{PI, TAU};
 
-/// The mean net torque, as a fraction of all torques, below which the fixed rule is not sufficient.
+/// The mean net torque, as a fraction of the sum of torque and gravity moment, below which the fixed rule is not sufficient.
 const LEAN: f64 = 1e-3;
-/// Relative accuracy of each panel of a time. With 1e-12, both rules agreed by chance in one of some million links, at a time that was
-/// wrong by 1e-10.
+/// Relative accuracy of each panel of a duration. With 1e-12, both rules agreed by chance for one of some million links, although the
+/// duration was wrong by 1e-10.
 const ACCURACY: f64 = 3e-14;
 
-/// Constant torque `p` from rest at `x` against `g sin`; a negative one pulls back.
+/// A phase from rest at the angle `x` under the constant torque `push`, against the gravity torque `g sin`. A negative `push` pulls back.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Phase {
     pub x: f64,
@@ -31,7 +31,7 @@ pub(super) struct Phase {
     pub g: f64,
     sin: f64,
     cos: f64,
-    /// An angle at which the kinetic energy has a local minimum; NaN if the push exceeds gravity everywhere.
+    /// An angle at which the kinetic energy has a local minimum; NaN if `push` exceeds gravity everywhere.
     least: f64,
 }
 
@@ -55,19 +55,19 @@ impl Phase {
         Phase { x, sin, cos, ..*self }
     }
 
-    /// Sine and cosine of the rest point.
+    /// Sine and cosine of the angle at rest.
     #[inline]
     pub fn angle(&self) -> (f64, f64) {
         (self.sin, self.cos)
     }
 
-    /// Net torque at the rest point; the phase moves forward iff positive.
+    /// Net torque at rest. The phase moves forward if and only if it is positive.
     #[inline]
     pub fn net(&self) -> f64 {
         self.push - self.g * self.sin
     }
 
-    /// Kinetic energy after the stretch `y`.
+    /// Kinetic energy after the distance `y`.
     #[inline]
     pub fn energy(&self, y: f64) -> f64 {
         let h = 0.5 * y;
@@ -76,15 +76,15 @@ impl Phase {
         y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
     }
 
-    /// The first stretch in `[0, 2 pi]` at which the kinetic energy has a local minimum, NaN if none. Later minima are not
-    /// lower, since `K(y + 2 pi) = K(y) + 2 pi p`.
+    /// The first distance in `[0, 2 pi]` at which the kinetic energy has a local minimum; NaN if there is none. Later minima are not lower,
+    /// since `K(y + 2 pi) = K(y) + 2 pi p`.
     #[inline]
     fn first_least(&self) -> f64 {
         let y = self.least - self.x;
         y - TAU * (y / TAU).floor()
     }
 
-    /// The first stretch in `(0, length)` at which the kinetic energy has a local minimum.
+    /// The first distance in `(0, length)` at which the kinetic energy has a local minimum; `None` if there is none.
     #[inline]
     pub fn gravity_crest(&self, length: f64) -> Option<f64> {
         if self.least.is_nan() {
@@ -94,41 +94,40 @@ impl Phase {
         (y > 0.0 && y < length).then_some(y)
     }
 
-    /// The kinetic energy at the first maximum of gravity, infinite without one before `length`.
+    /// The kinetic energy at its first local minimum before `length`; infinite if there is none.
     #[inline]
     pub fn lowest(&self, length: f64) -> f64 {
         self.gravity_crest(length).map_or(f64::INFINITY, |y| self.energy(y))
     }
 
-    /// Whether the phase leaves its rest and passes the first maximum of gravity, if that comes before `length`.
+    /// Whether the phase moves forward from rest, and its kinetic energy is positive at the first local minimum before `length`.
     #[inline]
     pub fn clears(&self, length: f64) -> bool {
         self.net() > 0.0 && self.lowest(length) > 0.0
     }
 
-    /// The distance at which the phase comes to rest again; infinite if it passes the maximum of gravity.
+    /// The distance at which the phase comes to rest again; infinite if its kinetic energy remains positive.
     pub fn reach(&self) -> f64 {
         if self.least.is_nan() {
             return f64::INFINITY;
         }
-        // A phase that leaves its rest reaches a maximum of energy before the energy falls. Rounding errors may hide this if both places
-        // coincide.
+        // The energy first rises to a maximum, and then falls to a minimum. Rounding errors may hide this if both are at the same place.
         let least = self.first_least();
         if self.descent_length() >= least || self.energy(least) > 0.0 { f64::INFINITY } else { self.zero(least) }
     }
 
-    /// The interval of distances in which the energy first falls from zero to a minimum, under a torque that pulls back.
+    /// For a torque that pulls back: the interval of distances in which the energy first falls from zero to a minimum.
     pub fn descent(&self) -> (f64, f64) {
         let least = self.first_least();
         (if self.descent_length() < least { self.zero(least) } else { 0.0 }, least)
     }
 
-    /// The distance from a minimum of the energy to the next point with the same energy, under a torque that pulls back.
+    /// For a torque that pulls back: the distance from a minimum of the energy to the next point with the same energy; else infinite.
     pub fn recovery(&self) -> f64 {
         if self.push < 0.0 { Phase::new(self.least, self.push, self.g).zero(TAU) } else { f64::INFINITY }
     }
 
-    /// The first minimum of the energy after the distance `from`, at which it does not fall: its angle, and its distance.
+    /// The angle and the distance of the first minimum of the energy after the distance `from`. At `from` the energy must not fall.
     pub fn least_after(&self, from: f64) -> (f64, f64) {
         let least = self.first_least();
         // At a minimum, rounding may put the next minimum one turn ahead.
@@ -136,7 +135,7 @@ impl Phase {
         (self.least, least + TAU * ((from - least) / TAU).ceil().max(0.0))
     }
 
-    /// From a maximum of the energy to the minimum after it.
+    /// The distance from a maximum of the energy to the minimum after it.
     fn descent_length(&self) -> f64 {
         let length = 2.0 * self.least - PI;
         length - TAU * (length / TAU).floor()
@@ -155,7 +154,7 @@ impl Phase {
                 break;
             }
             y = (y - step).clamp(0.0, least);
-            // The next step is of third order in this one.
+            // The error after this step is of third order in the step.
             if step.abs() <= 1e-6 * y && step.abs() <= 1e-3 * last {
                 break;
             }
@@ -164,7 +163,7 @@ impl Phase {
         y
     }
 
-    /// `F(x, length)`: phase time over `sqrt(I/2)`.
+    /// `F(x, length)`: the duration of the phase divided by `sqrt(I/2)`.
     pub fn time_factor(&self, length: f64) -> f64 {
         2.0 * length.sqrt() * run_lanes(Integral::<false> { phase: *self, length, accuracy: ACCURACY })
     }
@@ -174,14 +173,14 @@ impl Phase {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
 
-    /// `dF/dx` at fixed length for a known energy. Three digits are correct, and usually more.
+    /// `dF/dx` at fixed length, with at least three correct digits. `energy` is the kinetic energy at the end.
     #[inline]
     pub fn rough_gradient(&self, length: f64, energy: f64) -> f64 {
         let gravity_crest = self.gravity_crest(length);
         let least = gravity_crest.map_or(f64::INFINITY, |y| self.energy(y) / y).min(self.net());
         let (enough, end) = (LEAN * (self.push + self.g.abs()), energy / length);
-        // A phase longer than one turn crosses several maxima of gravity. One that it barely passes makes a narrow peak; at the end the rule is
-        // accurate.
+        // A phase longer than one revolution passes several minima of the energy. A minimum near zero makes a narrow peak of the integrand.
+        // At the end of the phase the fixed rule is accurate.
         if length > TAU || least < enough || end < 0.01 * enough {
             self.time_gradient(length, 1e-3)
         } else {
@@ -190,7 +189,7 @@ impl Phase {
     }
 }
 
-/// `dF/dx` of a phase by a fixed rule.
+/// `dF/dx` of a phase by a fixed quadrature rule.
 struct Rough {
     phase: Phase,
     length: f64,
@@ -203,7 +202,7 @@ impl GenericKernel for Rough {
     fn run<S: Real>(self) -> f64 {
         let Rough { phase, length, gravity_crest } = self;
         let f = &Integral::<true> { phase, length, accuracy: f64::NAN };
-        // Graded from the place where w may be least.
+        // Place more nodes where `w` may be smallest.
         let parts = match gravity_crest.map(|y| (y / length).sqrt()) {
             Some(from) => [Graded { f, from, way: -from }, Graded { f, from, way: 1.0 - from }],
             None => [Graded { f, from: 0.0, way: 0.5 }, Graded { f, from: 1.0, way: -0.5 }],
@@ -223,7 +222,7 @@ impl<const GRADIENT: bool> GenericKernel for Integral<GRADIENT> {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
-        // Split at the maximum of gravity, where w is least, with short panels near it.
+        // Split at the maximum of gravity, where `w` is smallest, with short panels near it.
         match self.phase.gravity_crest(self.length) {
             None => adaptive::<S>(&self, self.accuracy, 0.0),
             Some(y) => {
@@ -241,7 +240,7 @@ impl<const GRADIENT: bool> Integrand for Integral<GRADIENT> {
         let Integral { phase: Phase { push, g, sin, cos, .. }, length, .. } = *self;
         let k = S::splat;
         let y = k(length) * s * s;
-        // Stretches up to pi need no reduction of the angle: with q = y/4 <= pi/4, sinc h = sinc q cos q and cos h = 1 - 2 sin^2 q.
+        // Distances up to pi require no reduction of the angle: with q = y/4 <= pi/4, sinc h = sinc q cos q and cos h = 1 - 2 sin^2 q.
         let (sinc, sin_h, cos_h) = if length <= PI {
             let q = k(0.25) * y;
             let (sinc_q, cos_q) = sinc_cos_small(q);

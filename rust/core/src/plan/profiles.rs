@@ -1,15 +1,15 @@
-//! Trapezoidal-speed and minimum-jerk motions of one link, rest to rest, under torque bounds.
+//! Trapezoidal-speed and minimum-jerk motions of one link, from rest to rest, under torque bounds.
 //!
 //! ```text
 //! theta = theta0 + (thetaf - theta0) s(u),  u = t/T,  x = direction theta,  k = I D / T^2
-//! tau(u) = k s''(u) + G sin x(u)            linear in k: the durations obeying both bounds form one interval
+//! tau(u) = k s''(u) + G sin x(u)            linear in k: the durations that obey both bounds form one interval
 //! trapezoid, ramp fraction r in (0, 1/2]:  s'' = +-1/(r (1 - r)) on the ramps, 0 between;  x at the ramp ends: D r / (2 (1 - r)) from the ends
 //! minimum jerk:  s = 10 u^3 - 15 u^4 + 6 u^5,  s'' = 60 u (1 - u)(1 - 2 u)
 //! ```
 //!
-//! The trapezoid has a closed form: on each stretch only the extremes of `sin` count. `r = 1/2` is `bang_bang_time`. For the
-//! quintic the bounds on `k` are extremes over `u` of `(bound - G sin x)/s''`. They are bracketed on a grid that resolves
-//! every quarter turn, with at most one extreme between grid points. Golden section refines them.
+//! The trapezoid has a closed form: on each part of the motion only the extremes of `sin` count. `r = 1/2` is `bang_bang_time`. For the
+//! quintic, the bounds of `k` are extremes over `u` of `(bound - G sin x)/s''`. A grid with several points per quarter turn brackets them,
+//! with at most one extreme between grid points. Golden-section search refines them.
 
 use super::link::{Link, check_ends};
 use super::sine::{crest_inside, sine, trough_inside};
@@ -25,23 +25,23 @@ pub struct ProfileReport {
     pub t_min: f64,
     /// Longest duration, s; infinite if the motion may be arbitrarily slow, NaN if infeasible.
     pub t_max: f64,
-    /// Bounds on `k = inertia D / T^2`, N m.
+    /// Lower bound of `k = inertia D / T^2`, N m.
     pub k_min: f64,
-    /// Upper bound of `k`, N m.
+    /// Upper bound of `k = inertia D / T^2`, N m.
     pub k_max: f64,
     /// Angle at which the upper bound of `k` is reached, rad.
     pub theta_upper: f64,
-    /// Angle at which the lower bound is reached, rad; NaN if there is none.
+    /// Angle at which the lower bound of `k` is reached, rad; NaN if there is none.
     pub theta_lower: f64,
     /// Whether the torque limits hold the link at the start.
     pub hold_start: bool,
     /// Whether the torque limits hold the link at the end.
     pub hold_end: bool,
-    /// How much wider both torque bounds must be, N m; 0 if feasible.
+    /// The torque by which both bounds would have to be wider, N m; 0 if feasible.
     pub missing: f64,
 }
 
-/// A bound on `k`, and the angle along the motion at which it is reached.
+/// A bound of `k`, and the angle along the motion at which it is reached.
 type At = (f64, f64);
 
 /// Link, ends and direction of a motion.
@@ -69,7 +69,7 @@ impl LinkMotion {
         tau <= self.link.tau_max + slack && tau >= self.link.tau_min - slack
     }
 
-    /// (least, largest) gravity torque on `[a, b]` with their angles.
+    /// The smallest and the largest gravity torque on `[a, b]`, with their angles.
     fn range(&self, a: f64, b: f64) -> (At, At) {
         let (sa, sb, g) = (sine(a), sine(b), self.link.gravity_moment);
         let end = |largest: bool| {
@@ -88,7 +88,7 @@ impl LinkMotion {
         (low, high)
     }
 
-    /// The report from the bounds on `k`. `hold`: where `s'' = 0`, gravity alone fits the bounds.
+    /// The report from the bounds of `k`. `hold`: whether gravity alone is within the torque bounds where `s'' = 0`.
     fn report(&self, lower: At, upper: At, hold: bool, missing: f64) -> ProfileReport {
         let (k_min, k_max, slack) = (lower.0.max(0.0), upper.0, self.link.slack());
         let (hold_start, hold_end) = (self.holds(self.x0), self.holds(self.x1));
@@ -123,7 +123,9 @@ fn most(a: At, b: At) -> At {
     if b.0 > a.0 { b } else { a }
 }
 
-/// The durations for which the trapezoidal-speed motion with ramps of `ramp * T` (0 < ramp <= 1/2) obeys the torque bounds.
+/// Compute the durations for which the trapezoidal-speed motion from `theta0` to `thetaf` (rad) obeys the torque bounds (N m).
+///
+/// `inertia` is in kg m^2, `gravity_moment` in N m. Each ramp of the speed takes `ramp * T`, with 0 < ramp <= 1/2.
 pub fn trapezoid_time(
     theta0: f64,
     thetaf: f64,
@@ -148,7 +150,7 @@ pub fn trapezoid_time(
     let (lo, hi) = (m.link.tau_min, m.link.tau_max);
     let upper = least(((hi - high1.0) / second, high1.1), ((low3.0 - lo) / second, low3.1));
     let lower = most(((lo - low1.0) / second, low1.1), ((high3.0 - hi) / second, high3.1));
-    // The cruise has no acceleration: gravity alone must fit.
+    // Between the ramps there is no acceleration: gravity alone must be within the bounds.
     let slack = m.link.slack();
     let cruise = if ramp == 0.5 { f64::NEG_INFINITY } else { (high2.0 - hi).max(lo - low2.0) };
     let missing = cruise.max((-upper.0).max(0.5 * (lower.0.max(0.0) - upper.0)) * second);
@@ -157,7 +159,7 @@ pub fn trapezoid_time(
 }
 
 fn quintic(u: f64) -> (f64, f64) {
-    // Measured from the nearer end, so that no digits are lost at either end.
+    // `w` is measured from the nearer end, so that no digits are lost at either end.
     let w = u.min(1.0 - u);
     let s = w * w * w * (10.0 - w * (15.0 - 6.0 * w));
     let second = 60.0 * w * (1.0 - w) * (1.0 - 2.0 * w);
@@ -171,7 +173,7 @@ impl LinkMotion {
         if u <= 0.5 { self.x0 + s } else { self.x1 - s }
     }
 
-    /// Bounds on `k` at `u`: `(lower, upper)`.
+    /// The bounds of `k` at the time fraction `u`: `(lower, upper)`.
     fn quintic_bounds(&self, u: f64) -> (f64, f64) {
         let second = quintic(u).1;
         let gravity = self.gravity(self.quintic_angle(u));
@@ -185,7 +187,9 @@ impl LinkMotion {
     }
 }
 
-/// The durations for which the minimum-jerk (quintic) motion obeys the torque bounds.
+/// Compute the durations for which the minimum-jerk (quintic) motion from `theta0` to `thetaf` (rad) obeys the torque bounds (N m).
+///
+/// `inertia` is in kg m^2, `gravity_moment` in N m.
 pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<ProfileReport> {
     let m = LinkMotion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
     let (lo, hi) = (m.link.tau_min, m.link.tau_max);
@@ -193,8 +197,8 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
         let missing = (m.gravity(m.x0) - hi).max(lo - m.gravity(m.x0));
         return Ok(m.report((0.0, m.x0), (0.0, m.x0), true, missing));
     }
-    // A quarter turn spans several points even where the motion is fastest, s' = 15/8. The number is limited: for larger motions, the grid
-    // is coarser.
+    // A quarter turn has several grid points even where the motion is fastest, s' = 15/8. The number of points is limited, so the grid of a
+    // very long motion is coarser.
     let n = (128 + 24 * (m.x1 - m.x0).min(1e4) as usize).next_multiple_of(2);
     let at = |k: usize| k as f64 / n as f64;
     let (mut upper, mut lower) = ((f64::INFINITY, 0.5), (f64::NEG_INFINITY, 0.5));
@@ -216,7 +220,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
         }
     }
     let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
-    // The missing torque: the least widening of both limits with a feasible k. A parabola finds the maximum between grid points.
+    // The missing torque is the smallest widening of both bounds with a feasible k. A parabola finds the maximum between grid points.
     let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 {
         0.0
     } else {
@@ -237,7 +241,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
             }
             worst.max(here)
         };
-        // A maximum of lines, so convex in `k`.
+        // `excess` is a maximum of linear functions, so it is convex in `k`.
         excess(0.0).min(golden(excess, 0.0, hi - lo + gravity_moment.abs(), 60).0)
     };
     Ok(m.report((lower.0, m.quintic_angle(lower.1)), (upper.0, m.quintic_angle(upper.1)), hold, missing))

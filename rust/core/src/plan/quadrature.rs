@@ -1,14 +1,14 @@
-//! Integrals of smooth functions over [0, 1], with the nodes in lanes.
+//! Integrals of smooth functions over [0, 1], with one quadrature node per SIMD lane.
 //!
 //! ```text
-//! int f = sum over panels of the 21-point Kronrod rule; a panel is halved while that differs too much from the 10-point Gauss rule
+//! int f = sum over panels of the 21-point Kronrod rule; a panel is halved while this rule differs too much from the 10-point Gauss rule
 //! ```
 //!
-//! The pair of rules is QUADPACK's (qk21); the 8-point Gauss rule is for results with few digits.
+//! The pair of rules is qk21 of QUADPACK. The 8-point Gauss rule is used for results with few digits.
 
 use crate::scalar::Real;
 
-/// Nodes on (0, 1] of the symmetric 21-point Kronrod rule on [-1, 1] (the centre last), and its weights (QUADPACK, qk21).
+/// Nodes on [0, 1] of the symmetric 21-point Kronrod rule on [-1, 1], the centre last (QUADPACK, qk21).
 const NODES: [f64; 11] = [
     0.995_657_163_025_808_080_735_527_280_689_003,
     0.973_906_528_517_171_720_077_964_012_084_452,
@@ -22,6 +22,7 @@ const NODES: [f64; 11] = [
     0.148_874_338_981_631_210_884_826_001_129_72,
     0.0,
 ];
+/// Weights of the 21-point Kronrod rule, in the order of `NODES`.
 const KRONROD: [f64; 11] = [
     0.011_694_638_867_371_874_278_064_396_062_192,
     0.032_558_162_307_964_727_478_818_972_459_39,
@@ -35,7 +36,7 @@ const KRONROD: [f64; 11] = [
     0.147_739_104_901_338_491_374_841_515_972_068,
     0.149_445_554_002_916_905_664_936_468_389_821,
 ];
-/// Weights of the embedded 10-point Gauss rule, at the odd Kronrod nodes.
+/// Weights of the embedded 10-point Gauss rule, at the Kronrod nodes with odd index.
 const GAUSS: [f64; 5] = [
     0.066_671_344_308_688_137_593_568_809_893_332,
     0.149_451_349_150_580_593_145_863_396_957_658,
@@ -43,7 +44,7 @@ const GAUSS: [f64; 5] = [
     0.269_266_719_309_996_355_091_226_921_569_469,
     0.295_524_224_714_752_870_173_815_619_188_769,
 ];
-/// Nodes and weights of the 8-point Gauss rule, on [0, 1].
+/// Nodes, then weights, of the 8-point Gauss rule on [0, 1].
 const FEW: [[f64; 8]; 2] = {
     const NODES: [f64; 4] = [
         0.960_289_856_497_536_231_683_560_868_569_473,
@@ -66,16 +67,16 @@ const FEW: [[f64; 8]; 2] = {
     }
     rule
 };
-/// Largest number of panels. Moves of a hundred turns need fewer.
+/// Largest number of panels. Motions of a hundred revolutions require fewer.
 const MAX_PANELS: usize = 600;
 const MAX_DEPTH: usize = 60;
 
-/// An integrand, evaluated at several places.
+/// An integrand, evaluated at one place per SIMD lane.
 pub(super) trait Integrand {
     fn at<S: Real>(&self, s: S) -> S;
 }
 
-/// An integral over `s = from + way t^2`, `t` from 0 to 1.
+/// The integrand after the substitution `s = from + way t^2`, with `t` from 0 to 1.
 pub(super) struct Graded<'a, F> {
     pub f: &'a F,
     pub from: f64,
@@ -90,9 +91,9 @@ impl<F: Integrand> Integrand for Graded<'_, F> {
     }
 }
 
-/// Number of nodes of a panel, padded to whole lanes: the nodes of `NODES` with both signs, and the centre once.
+/// Number of nodes of a panel, padded to whole registers: the nodes of `NODES` with both signs, and the centre once.
 const COUNT: usize = 24;
-/// Nodes on [-1, 1], Kronrod weights and Gauss weights.
+/// Nodes on [-1, 1], their Kronrod weights and their Gauss weights.
 const RULE: [[f64; COUNT]; 3] = {
     let mut rule = [[0.0; COUNT]; 3];
     let mut k = 0;
@@ -120,7 +121,7 @@ fn sum<S: Real>(x: S) -> f64 {
     part[0]
 }
 
-/// Integral and error estimate (after QUADPACK) on one panel.
+/// The integral over one panel, and an error estimate as in QUADPACK.
 #[inline(always)]
 fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
     let (centre, half) = (S::splat(0.5 * (a + b)), S::splat(0.5 * (b - a)));
@@ -136,12 +137,12 @@ fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
     }
     let (kronrod, gauss, size, half) = (sum(kronrod), sum(gauss), sum(size), 0.5 * (b - a));
     let difference = (kronrod - gauss).abs() / size;
-    // The 21-point rule is far better than its difference from the 10-point one: QUADPACK's (200 d)^1.5.
+    // The 21-point rule is far better than its difference `d` from the 10-point rule, so QUADPACK estimates (200 d)^1.5.
     let scaled = 200.0 * difference;
     (half * kronrod, half * size * difference.min(scaled * scaled.sqrt()))
 }
 
-/// Over [0, 1], relative to another part of the integral.
+/// The integral over [0, 1] by adaptive bisection. `beside` is another part of the whole integral, which the error is relative to.
 #[inline(always)]
 pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, beside: f64) -> f64 {
     let mut stack = [(0.0, 0.0); MAX_DEPTH];
@@ -166,7 +167,7 @@ pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, beside: f64) 
     sum
 }
 
-/// Over [0, 1], by the 8-point rule.
+/// The integral over [0, 1] by the 8-point Gauss rule.
 #[inline(always)]
 pub(super) fn few<S: Real>(f: &impl Integrand) -> f64 {
     let mut total = S::zero();
@@ -184,7 +185,7 @@ mod tests {
 
     #[test]
     fn rules_integrate_polynomials() {
-        // Kronrod 21 is exact to degree 31, Gauss 10 to degree 19: rounding only.
+        // Kronrod 21 is exact to degree 31, and Gauss 10 to degree 19. So the tolerance covers rounding errors only.
         struct Power(i32);
         impl Integrand for Power {
             fn at<S: Real>(&self, s: S) -> S {
@@ -195,7 +196,7 @@ mod tests {
             let (value, error) = panel::<f64>(&Power(degree), 0.0, 1.0);
             assert!((value * (degree + 1) as f64 - 1.0).abs() < 1e-14, "{degree}: {value}");
             assert!(degree > 19 || error < 1e-15, "{degree}: {error}");
-            // Gauss 8 to degree 15.
+            // Gauss 8 is exact to degree 15.
             assert!(degree > 15 || (few::<f64>(&Power(degree)) * (degree + 1) as f64 - 1.0).abs() < 1e-14, "{degree}");
         }
     }

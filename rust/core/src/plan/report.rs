@@ -1,4 +1,5 @@
-//! The active torque limit, its place, and why a motion is impossible. The plan has these as data; texts are made on request.
+//! The active torque limit, its place, and the reason why a motion is impossible. A plan stores these as data, and `Display` makes the
+//! text.
 
 use std::fmt;
 
@@ -25,9 +26,9 @@ impl fmt::Display for Limit {
 pub enum Place {
     /// The first instant.
     Start,
-    /// Strictly inside the phase, where gravity is extreme.
+    /// Strictly inside the phase, where the gravity torque has an extreme.
     Interior,
-    /// The boundary to the next or from the previous phase.
+    /// The boundary between this phase and the next or the previous one.
     Switch,
     /// The last instant.
     End,
@@ -44,20 +45,20 @@ impl fmt::Display for Place {
     }
 }
 
-/// A torque limit that decides the shortest or the longest duration. Displays as `phase1:switch`.
+/// A torque limit that determines the shortest or the longest duration. `Display` writes it as `phase1:switch`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bind {
     /// The limit.
     pub limit: Limit,
-    /// 1 while accelerating, 2 while braking (of three phases: 1, 2, 3).
+    /// Number of the phase. With two phases, 1 accelerates and 2 brakes. With three phases, they are 1, 2 and 3.
     pub phase: u8,
     /// The place in the phase.
     pub place: Place,
     /// Angle where the limit is reached, rad.
     pub theta: f64,
-    /// Time since the start at which it is reached, s; NaN when the motion is impossible.
+    /// Time since the start at which the limit is reached, s; NaN if the motion is impossible.
     pub time: f64,
-    /// Another phase reaches its limit at the same duration.
+    /// Whether another phase reaches its limit at the same duration.
     pub tie: bool,
 }
 
@@ -67,12 +68,12 @@ impl fmt::Display for Bind {
     }
 }
 
-/// Why a profile is possible or not. `Display` makes the text.
+/// Whether a profile is possible, or the reason why not. `Display` makes the text.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
-    /// It is possible.
+    /// The profile is possible.
     Feasible,
-    /// The motion has equal ends, and the torque cannot hold the link there. `missing`: how much wider the limit must be, N m.
+    /// The motion has equal ends, and the torque cannot hold the link there. `missing`: the torque by which the limit must be wider, N m.
     CannotHold {
         /// The limit.
         limit: Limit,
@@ -88,7 +89,7 @@ pub enum Reason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// One limit requires a slow motion, the other one a fast motion. `missing`: how much wider both must be, N m.
+    /// One limit requires a slower motion, the other one a faster motion. `missing`: the torque by which both limits must be wider, N m.
     Conflict {
         /// The place where the upper limit binds.
         upper: Bind,
@@ -123,10 +124,10 @@ impl fmt::Display for Reason {
     }
 }
 
-/// Why the monotone motion under full torque exists or not. `missing` is in N m.
+/// Whether the monotone motion under full torque exists, or the reason why not. `missing` is in N m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum MonotoneReason {
-    /// It is possible.
+    /// The motion is possible.
     Feasible,
     /// The motion has equal ends, and this limit cannot hold the link there.
     CannotHold {
@@ -137,29 +138,29 @@ pub enum MonotoneReason {
         /// The missing torque, N m.
         missing: f64,
     },
-    /// The pushing torque cannot leave the start.
+    /// The pushing torque cannot move the link away from the start.
     StartBlocked {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// The braking torque cannot come to rest at the end.
+    /// The braking torque cannot bring the link to rest at the end.
     EndBlocked {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// The height between the ends exceeds the work of the torque over the distance.
+    /// The difference of potential energy between the ends exceeds the work of the torque.
     Work {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// The link would come to rest before `x`, where gravity exceeds the torque.
+    /// The link comes to rest before `x`, where gravity exceeds the torque.
     Hump {
         /// Angle along the motion, rad.
         x: f64,
         /// Missing torque, N m.
         missing: f64,
     },
-    /// With friction: the push, which ends at `push`, and the brake, which can begin at `brake`, do not meet at the same speed.
+    /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`.
     Apart {
         /// Angle where the push ends, rad.
         push: f64,
@@ -171,7 +172,7 @@ pub enum MonotoneReason {
 }
 
 impl MonotoneReason {
-    /// From the coordinate along the motion to theta.
+    /// Convert angles along the motion to `theta`: multiply them by `sign`.
     pub(super) fn along(self, sign: f64) -> Self {
         match self {
             MonotoneReason::Hump { x, missing } => MonotoneReason::Hump { x: sign * x, missing },

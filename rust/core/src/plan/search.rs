@@ -1,24 +1,24 @@
 //! The fastest swing of a family: a one-dimensional search over the turning point.
 //!
 //! ```text
-//! minimise T(e),   e > 0 the distance beyond the start, in the intervals where the swing is feasible
-//! dT/de = r(l2) + r(l3),   r(l) = (1 + dy/dx)/v after the stretch l from the turn
-//! dT/de -> -infinity   at the lower edge of an interval, where a push barely passes a maximum or reaches x1
-//! dT/de -> +infinity   at the upper edge, where the link turns on a maximum, or where a brake ends
+//! minimise T(e),   e > 0 the distance of the turn behind the start, in the intervals where the swing is feasible
+//! dT/de = r(l2) + r(l3),   r(l) = (1 + dy/dx)/v after the distance l from the turn, at the speed v
+//! dT/de -> -infinity   at the lower edge of an interval, where a push barely passes a maximum of gravity or reaches x1
+//! dT/de -> +infinity   at the upper edge, where the link turns on a maximum of gravity, or where a brake ends
 //! dT/de -> +infinity   as e -> 0, which is an edge only if the monotone motion is feasible
 //! ```
 //!
-//! `r` decreases along a phase, because its numerator and the speed solve the same linear equation. It decreases from +infinity at the turn
-//! to -infinity at the next rest.
+//! `r` decreases along a phase, from +infinity at the turn to -infinity at the next rest. The reason is that its numerator and the speed
+//! solve the same linear equation.
 //!
-//! So T has a minimum in every interval that does not begin with `e = 0`. It is the only one: half a million intervals of random
-//! links had no other. In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T falls to a minimum and rises
-//! again. Such intervals, and those without a maximum of gravity, are searched for a derivative that changes its sign. The first
-//! derivatives are coarse (see `phase.rs`), and the last ones are accurate.
+//! So T has a minimum in every interval that does not begin with `e = 0`. Half a million intervals of random links had no second minimum.
+//! In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T then falls to a minimum and rises again. In such
+//! intervals, and in those without a maximum of gravity, a sweep finds each derivative that changes its sign. The first derivatives have
+//! few digits (`phase.rs`), and the last ones have many.
 
 use crate::interrupt::look;
 
-/// A motion with one reversal, along the motion, in the unit of time of its family.
+/// A motion with one reversal, as angles along the motion. Times are in units of `sqrt(I/2)` seconds without friction, else in seconds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Swing {
     pub time: f64,
@@ -29,13 +29,13 @@ pub(super) struct Swing {
 }
 
 impl Swing {
-    /// With the angles of its turn and its switches and the times of its four phases, if they are numbers.
+    /// Create a swing from the angles of its turn and switches, and the times of its four phases; `None` if the duration is not finite.
     pub fn new(x_turn: f64, x_switches: [f64; 2], [t1, t2, t3, t4]: [f64; 4]) -> Option<Self> {
         let swing = Swing { time: t1 + t2 + t3 + t4, x_switches, t_switches: [t1, t1 + t2 + t3], x_turn, t_turn: t1 + t2 };
         swing.time.is_finite().then_some(swing)
     }
 
-    /// The motion mirrored and run backwards: a back-swing is then an overshoot.
+    /// The motion mirrored and run backwards: a back-swing becomes an overshoot.
     pub fn reversed(self) -> Self {
         let s = self;
         Swing {
@@ -48,49 +48,51 @@ impl Swing {
     }
 }
 
-/// An open interval of turning points, by their distances beyond the start, rad.
+/// An open interval of turning points, as distances `e` behind the start, rad.
 pub(super) type Window = (f64, f64);
 
-/// The back-swings of a problem, by their distance `e` behind the start.
+/// The back-swings of a problem, as functions of the distance `e` of the turn behind the start.
 pub(super) trait BackSwings {
-    /// `d/(|d| + c)` within an interval, where `d = dT/de` and `c` is its part from the speeds at the switches. `c` is of the order of `T/e`, and
-    /// larger at low speeds. The result is none where rounding errors dominate. `fine`: to many digits.
+    /// A scaled derivative of the duration, `d/(|d| + c)`, with `d = dT/de`. `c` is the sum of the reciprocal speeds at the switches; it is
+    /// of the order of `T/e`. `None` if rounding errors dominate. With `fine`, the derivative has many digits.
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
     /// The swing at `e`; `None` if it is not feasible.
     fn swing(&self, e: f64) -> Option<Swing>;
-    /// The intervals of feasible swings, from the nearest one to the last one that begins before `farthest`, or beyond.
+    /// The intervals of feasible swings, the nearest first. The last one begins before `farthest`, or beyond.
     fn windows(&self, farthest: f64) -> impl Iterator<Item = Window>;
-    /// If the monotone motion is feasible, the least `e` with a possible gain.
+    /// If the monotone motion is feasible, the smallest `e` with a possible gain; else `None`.
     fn nearest(&self) -> Option<f64>;
-    /// No larger `e` is faster than `limit`.
+    /// An upper bound of `e`: no swing with a larger `e` takes less time than `limit`.
     fn farthest(&self, limit: f64) -> f64;
 }
 
-/// A turning point and the derivative there. At the edges of an interval it is the limit.
+/// A turning point `e`, and the scaled derivative there. At the edges of an interval the derivative is its limit.
 type Point = (f64, f64);
 
-/// The change of T in the last step of the turning point, relative to the order of `c e`. The error of T is then far smaller.
+/// The search ends when the last step of `e` times the scaled derivative is below this fraction of `e`. The error of T is then far smaller.
 const FLAT: f64 = 1e-10;
-/// The last step with coarse derivatives, as a fraction of the distance to an edge.
+/// A search with few digits ends when its step is below this fraction of the distance to an edge.
 const NEAR: f64 = 2e-3;
-/// A slope near zero, where T is nearly constant.
+/// The largest scaled derivative at which a search may end.
 const LEVEL: f64 = 0.3;
-/// The largest accurate derivative at a root of the coarse one. Above it, the coarse root is not used.
+/// The largest accurate derivative at a root of the coarse derivative. Above it, the coarse root is not used.
 const ROUGH: f64 = 0.02;
-/// The farthest turning point, rad. Beyond two turns, only a sequence of swings could be faster.
+/// The farthest turning point, rad. Beyond two revolutions, only a sequence of swings could be faster.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// Longer intervals have no maximum of gravity, and may have a minimum in every turn. They begin next to `e = 0`, and the monotone motion
-/// is feasible, unless the torque equals gravity at the start.
+/// The largest length of an interval with a maximum of gravity, rad. A longer interval has none, and may have a minimum of T in every
+/// revolution. Such an interval begins next to `e = 0`, and the monotone motion is feasible, unless the torque equals gravity at the start.
 const ONE_TURN: f64 = 6.5;
-/// The first step of a sweep through such an interval, and the longest step, rad.
+/// The first step of a sweep through such an interval, rad.
 const FIRST: f64 = 0.2;
+/// The longest step of a sweep, rad.
 const LONGEST: f64 = 1.0;
 
 struct Search<'a, B> {
     swings: &'a B,
     best: Option<Swing>,
-    /// The duration that the next swing must beat, and the turning point beyond which no swing can do so.
+    /// The duration that the next swing must beat.
     limit: f64,
+    /// The turning point beyond which no swing is faster than `limit`, rad.
     farthest: f64,
 }
 
@@ -120,7 +122,7 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// The derivative within an interval. Near its edges, rounding errors may prevent one.
+    /// The scaled derivative at `e` within an interval. Near an edge, where rounding errors may dominate, it is the limit at this edge.
     fn point(&self, e: f64, (low, high): Window, fine: bool) -> Point {
         look();
         (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))
@@ -129,7 +131,7 @@ impl<B: BackSwings> Search<'_, B> {
     /// Search an interval in which T falls, has one minimum and rises.
     fn dip(&mut self, window: Window) {
         let (low, high) = window;
-        // Without any motion so far, every swing is an improvement.
+        // Without any motion so far, every swing is an improvement: search the whole interval.
         let within = self.farthest < high && self.limit < f64::INFINITY;
         let end = if within { self.point(self.farthest, window, false) } else { (high, 1.0) };
         if end.1 >= 0.0 {
@@ -137,7 +139,8 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// Every minimum of an interval. `T` has this derivative at its lower edge, and the first point is a `step` away.
+    /// Search an interval for every minimum of T. `slope` is the scaled derivative at its lower edge. The first point is `step` from this
+    /// edge.
     fn sweep(&mut self, window: Window, slope: f64, mut step: f64) {
         let mut low = (window.0, slope);
         while low.0 < self.farthest.min(window.1) {
@@ -150,13 +153,14 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// The minimum of T between turning points: T falls at `low` and rises at `high`.
+    /// The turning point with minimal T between `low`, where T falls, and `high`, where T rises.
     fn minimum(&self, low: Point, high: Point, window: Window) -> f64 {
         let (e, rate) = self.root(low, high, window, false);
         self.secants(e, rate, window).unwrap_or_else(|| self.root(low, high, window, true).0)
     }
 
-    /// Secants of accurate slopes from a nearby point, as long as they converge. The bracket of coarse slopes may not contain the root.
+    /// Improve a nearby root by the secant method with accurate derivatives; `None` if it does not converge. The bracket of the coarse
+    /// derivatives is not used, because it may not contain the root.
     fn secants(&self, e: f64, mut rate: f64, window: Window) -> Option<f64> {
         let mut at = self.point(e, window, true);
         if at.1.abs() > ROUGH {
@@ -179,9 +183,10 @@ impl<B: BackSwings> Search<'_, B> {
         }
     }
 
-    /// The approximate zero of the slope, and its rate there: inverse quadratic interpolation or bisection after Chandrupatla.
+    /// The approximate root of the scaled derivative between `low` and `high`, and the rate of change there, by Chandrupatla's method:
+    /// inverse quadratic interpolation or bisection.
     fn root(&self, low: Point, high: Point, window: Window, fine: bool) -> (f64, f64) {
-        // The last point, one on the other side of the root, and the one before.
+        // `a` is the last point, `b` a point on the other side of the root, and `c` the point before `a`.
         let (mut a, mut b) = (low, high);
         let (mut e, mut rate) = (low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1), 0.0);
         for _ in 0..100 {
@@ -201,7 +206,7 @@ impl<B: BackSwings> Search<'_, B> {
             let step = (e - a.0).abs();
             let near = if fine { step * a.1.abs() <= FLAT * e } else { step <= NEAR * (e - low.0).min(high.0 - e) };
             if a.1.abs() < LEVEL && near || width.abs() <= 1e-15 * e {
-                // The middle does not improve on the last point.
+                // After a bisection, the middle is no better than the last point.
                 return (if smooth { e } else { a.0 }, rate);
             }
         }
@@ -209,13 +214,13 @@ impl<B: BackSwings> Search<'_, B> {
     }
 }
 
-/// The fastest back-swing that takes less than `bound`.
+/// The fastest back-swing with a duration below `bound`.
 pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
     Search { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
 }
 
-/// Check that swings are feasible exactly within their intervals, `beside` each edge and at evenly spaced turning points. Returns the
-/// number of feasible and of infeasible ones.
+/// Check that swings are feasible exactly within their intervals: `beside` each edge, and at evenly spaced turning points. Return the
+/// numbers of feasible and of infeasible swings.
 #[cfg(test)]
 pub(super) fn check_windows(swings: &impl BackSwings, beside: f64, spacing: f64) -> [usize; 2] {
     let windows: Vec<_> = swings.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).collect();

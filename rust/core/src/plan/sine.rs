@@ -1,43 +1,43 @@
-//! `sin` and the extremes of `sin` on an interval, in closed form.
+//! The sine, and the extremes of the sine on an interval, in closed form.
 //!
 //! ```text
 //! x = n pi/2 + r, |r| <= pi/4:   sin x = +-sin r (n even), +-cos r (n odd)
-//! max over [a, b] of sin = 1 iff a point pi/2 + 2 pi k lies in [a, b], else max(sin a, sin b)
+//! max over [a, b] of sin = 1 iff a point pi/2 + 2 pi k is in [a, b], else max(sin a, sin b)
 //! ```
 //!
-//! The reduction of the sine also counts the quarter turns. So the decision whether an interval contains an extreme
-//! always agrees with the values at its ends. Reduction in three parts after Cody and Waite; the kernels are the
-//! Taylor series, whose first dropped term is below 5e-17 at pi/4. Nothing is fused, so that lanes give the bits of one number.
+//! The reduction of the angle also counts the quarter turns. So the decision whether an interval contains an extreme always agrees with the
+//! sines at its ends. The angle is reduced with pi/2 in three parts, as by Cody and Waite. The kernels are Taylor series, whose first
+//! dropped term is below 5e-17 at pi/4. No operation is fused, so a SIMD lane has the same bits as a single number.
 
 use crate::scalar::Real;
 use std::f64::consts::FRAC_2_PI;
 
-// pi/2 in parts of 33 significant bits: n times the first two is exact for |n| < 2^20.
+// pi/2 in three parts. The first two have 33 significant bits, so n times each of them is exact for |n| < 2^20.
 const PART_1: f64 = 1.570_796_326_734_125_6;
 const PART_2: f64 = 6.077_100_506_303_965_976_6e-11;
 const PART_3: f64 = 2.022_266_248_795_950_6e-21;
-/// Beyond this the three parts lose digits and the library's reduction takes over.
+/// The largest angle for the reduction in three parts. Beyond it the parts lose digits, and the standard library computes the sine.
 const REDUCTION_LIMIT: f64 = 8.0e5;
-/// Adding 1.5 * 2^52 rounds to the nearest integer, which is then in the low bits; subtracting it gives the integer.
+/// 1.5 * 2^52. Adding it rounds to the nearest integer, which is then in the low bits. Subtracting it again returns the integer.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// `a` if `flag` is 1, `b` if it is 0, without a branch, which could not be predicted for random angles.
+/// Return `a` if `flag` is 1 and `b` if it is 0, without a branch. A branch could not be predicted for random angles.
 #[inline(always)]
 pub(super) fn select(flag: u64, a: f64, b: f64) -> f64 {
     let mask = flag.wrapping_neg();
     f64::from_bits((a.to_bits() & mask) | (b.to_bits() & !mask))
 }
 
-/// An angle with its sine and its place on the circle.
+/// The sine of an angle, and the quarter of the circle that contains the angle.
 #[derive(Debug, Clone, Copy)]
 pub struct Sine<S = f64> {
     /// The sine.
     pub sin: S,
-    /// floor(x / (pi/2)).
+    /// The number of the quarter, `floor(x / (pi/2))`.
     quarter: S,
 }
 
-/// Taylor coefficients from the highest down: of `sin r / r` to r^14 and of `cos r` to r^16, less the leading terms.
+/// Taylor coefficients, the highest first: of `sin r / r` up to r^14 and of `cos r` up to r^16, without the leading terms.
 const SINE: [f64; 6] =
     [-1.0 / 1_307_674_368_000.0, 1.0 / 6_227_020_800.0, -1.0 / 39_916_800.0, 1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0];
 const COSINE: [f64; 6] =
@@ -88,7 +88,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     if n & 2 == 0 { (s, c) } else { (-s, -c) }
 }
 
-/// The nearest integer, to the even one from half way; for numbers below 2^51.
+/// The nearest integer of a number below 2^51. A number half way between two integers gives the even one.
 #[inline(always)]
 fn round<S: Real>(x: S) -> S {
     (x + S::splat(ROUND)) - S::splat(ROUND)
@@ -101,7 +101,7 @@ fn odd<S: Real>(n: S) -> S::Mask {
     S::splat(0.25).lt((half - round(half)).abs())
 }
 
-/// The sine of a finite angle with the quarter it lies in.
+/// The sine of a finite angle, and the quarter of the circle that contains the angle.
 #[inline(always)]
 pub fn sine<S: Real>(x: S) -> Sine<S> {
     let k = S::splat;
@@ -120,30 +120,30 @@ pub fn sine<S: Real>(x: S) -> Sine<S> {
     Sine { sin: S::select(far, each(f64::sin), near.sin), quarter: S::select(far, each(|x| (x * FRAC_2_PI).floor()), near.quarter) }
 }
 
-/// Whether `quarter + shift` has more whole turns at `b` than at `a`.
+/// Whether `floor((quarter + shift) / 4)` is larger at `b` than at `a`.
 #[inline(always)]
 fn passes<S: Real>(a: &Sine<S>, b: &Sine<S>, shift: f64) -> S::Mask {
-    // floor((quarter + shift) / 4) by rounding a number that is smaller by 3/8. Quarters are integers, so there is never a tie.
+    // To compute floor((quarter + shift) / 4), round a number that is smaller by 3/8. Quarters are integers, so there is never a tie.
     let (quarter, shift, below) = (S::splat(0.25), S::splat(shift), S::splat(0.375));
     round(quarter * (a.quarter + shift) - below).lt(round(quarter * (b.quarter + shift) - below))
 }
 
-/// Whether `sin = 1` is reached strictly inside `[a, b]`.
+/// Whether the sine reaches 1 strictly inside `[a, b]`.
 #[inline(always)]
 pub fn crest_inside<S: Real>(a: &Sine<S>, b: &Sine<S>) -> S::Mask {
     passes(a, b, -1.0)
 }
 
-/// Whether `sin = -1` is reached strictly inside `[a, b]`.
+/// Whether the sine reaches -1 strictly inside `[a, b]`.
 #[inline(always)]
 pub fn trough_inside<S: Real>(a: &Sine<S>, b: &Sine<S>) -> S::Mask {
     passes(a, b, 1.0)
 }
 
-/// (least, largest) value of `G sin` between two angles.
+/// The smallest and the largest value of `G sin` between two angles.
 #[inline(always)]
 pub(super) fn gravity_range<S: Real>(g: S, a: &Sine<S>, b: &Sine<S>) -> (S, S) {
-    // An extreme that is not inside counts as 2 or -2, which no sine reaches. min and max account for the sign of g.
+    // An extreme outside the interval is replaced by 2 or -2, which no sine reaches. min and max account for the sign of g.
     let (one, two) = (S::splat(1.0), S::splat(2.0));
     let low = a.sin.min(b.sin).min(S::select(trough_inside(a, b), -one, two));
     let high = a.sin.max(b.sin).max(S::select(crest_inside(a, b), one, -two));
@@ -157,13 +157,13 @@ mod tests {
 
     #[test]
     fn agrees_with_the_library() {
-        // Two units in the last place of 1: one from the kernel, one from the reduction.
+        // The tolerance is two units in the last place of 1: one for the kernel, one for the reduction.
         for k in -40_000..40_000 {
             for x in [k as f64 * 1.1e-3, k as f64 * 7.3, k as f64 * PI / 8.0] {
                 let (s, c) = sin_cos(x);
                 assert!((s - x.sin()).abs() < 4.5e-16 && (c - x.cos()).abs() < 4.5e-16, "{x}: {s} {c}");
                 assert_eq!(sine(x).sin, s);
-                // At a multiple of pi/2 the product is rounded to the integer: the library's sine there tells on which side x lies.
+                // At a multiple of pi/2 the product is rounded to the integer. The standard library's sine there shows on which side x is.
                 let n = (x * FRAC_2_PI).round();
                 let beyond = [x.sin(), -x.cos(), -x.sin(), x.cos()][(n as i64).rem_euclid(4) as usize];
                 assert_eq!(sine(x).quarter, if beyond < 0.0 { n - 1.0 } else { n }, "{x}");
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn extremes_inside_are_counted() {
-        // Half a turn on either side of the crest at pi/2 + 2 pi k and the trough opposite, k of either sign.
+        // Intervals of half a turn on either side of the maximum at pi/2 + 2 pi k, and of the minimum opposite to it, for both signs of k.
         for k in -5..5 {
             let crest = PI / 2.0 + 2.0 * PI * k as f64;
             let (a, b, c, d) = (sine(crest - 3.0), sine(crest - 1e-6), sine(crest + 1e-6), sine(crest + 3.2));

@@ -1,7 +1,7 @@
-//! Steps of a phase of constant torque with friction: polynomials in time.
+//! Steps of a phase of constant torque with friction: polynomials in time, from Taylor series or from collocation.
 //!
 //! ```text
-//! push from rest at x:                I y_ddot = p - G sin(x + y) - d y_dot          (a brake to rest is one run backwards: d < 0)
+//! push from rest at x:                I y_ddot = p - G sin(x + y) - d y_dot          (a brake to rest is computed backwards: d < 0)
 //! spread z = d(x + y)/dx at fixed t:  I z_ddot = -G cos(x + y) z - d z_dot,   z(0) = 1,  z_dot(0) = 0
 //!
 //! series:       y = sum y_k h^k,   S_k = (1/k) sum_j j y_j C_(k-j),   C_k = -(1/k) sum_j j y_j S_(k-j)
@@ -9,8 +9,8 @@
 //! collocation:  y_ddot = sum a_k (t/h)^k with the equation of motion at Chebyshev's points of (0, h], by Newton's method
 //! ```
 //!
-//! Taylor series of order 24 follow Jorba and Zou, in steps whose last terms are below 1e-17 of the motion. Such a step is at most some
-//! time constants `I/d` of the friction long. After the friction has settled, a slower motion is integrated by collocation. Collocation is
+//! The Taylor series have order 24 and follow Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at
+//! most some time constants `I/d` of the friction long. After 40 time constants, collocation integrates the slower motion. Collocation is
 //! stiffly accurate, and its steps are as long as the slow motion allows.
 
 use super::sine::sin_cos;
@@ -19,16 +19,17 @@ use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 const ORDER: usize = 24;
-/// A polynomial in the time since a step began.
+/// Coefficients of a polynomial in the time since a step began.
 pub(super) type Series = [f64; ORDER + 1];
-/// Points of a step of collocation.
+/// Number of points of a collocation step.
 const POINTS: usize = 12;
-/// Time constants of the friction after which steps are collocated: exp(-40) is below rounding.
+/// Number of friction time constants after which collocation is used: exp(-40) is below rounding.
 const SETTLED: f64 = 40.0;
-/// The largest last term of a collocated speed, relative to the speed.
+/// The largest last term of the speed in a collocation step, relative to the speed.
 const TAIL: f64 = 2e-14;
 
-/// The parameters of the link: inertia, gravity, friction. Backwards in time both frictions are negative.
+/// Parameters of the link: inertia (kg m^2), gravity moment (N m), viscous (N m s) and Coulomb friction (N m). In a motion computed
+/// backwards both friction coefficients are negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rough {
     pub inertia: f64,
@@ -43,7 +44,8 @@ impl Rough {
     }
 }
 
-/// A step that starts at `time` of its phase and has the duration `length`, both in the unit of time of the phase.
+/// A step that starts at `time` of its phase and has the duration `length`, both in the unit of time of the phase. `y` is the distance,
+/// `spread` is `z`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
     pub time: f64,
@@ -52,23 +54,23 @@ pub(super) struct Step {
     pub spread: Series,
 }
 
-/// A phase of constant torque from rest, up to its present point. The unit of time is chosen so that the initial motion is of the order of
-/// one. So no coefficient of a series overflows.
+/// A phase of constant torque from rest, up to its present point. Its unit of time makes the initial motion of order one. So no coefficient
+/// of a series overflows.
 pub(super) struct Progress {
     x: f64,
     push: f64,
     link: Rough,
-    /// Seconds.
+    /// The unit of time, s.
     pub unit: f64,
     pub time: f64,
     pub y: f64,
     pub v: f64,
     spread: (f64, f64),
-    /// The length to try for the next collocated step.
+    /// The length to try for the next collocation step.
     slow: f64,
 }
 
-/// The value of a polynomial and its rate after `h`.
+/// The value of a polynomial and its derivative at the time `h`.
 pub(super) fn evaluate(c: &Series, h: f64) -> (f64, f64) {
     let (mut y, mut v) = (0.0, 0.0);
     for k in (0..=ORDER).rev() {
@@ -78,8 +80,8 @@ pub(super) fn evaluate(c: &Series, h: f64) -> (f64, f64) {
     (y, v)
 }
 
-/// The step whose dropped terms are below 1e-17 of `size`. From rest, and at a maximum of the sine, only every fourth term is not zero. So
-/// the last six terms are used.
+/// The length of a step whose dropped terms are below 1e-17 of `size`. It uses the last six terms. From rest, and at a maximum of the sine,
+/// only every fourth term is not zero.
 fn step_length(c: &Series, size: f64) -> f64 {
     (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
 }
@@ -93,22 +95,22 @@ impl Progress {
         Progress { x, push, link, unit, time: 0.0, y: 0.0, v: 0.0, spread: (1.0, 0.0), slow: 0.0 }
     }
 
-    /// Net torque at the rest point.
+    /// Net torque at rest.
     pub fn net(&self) -> f64 {
         self.push - self.link.g * sin_cos(self.x).0
     }
 
-    /// The rounding error of the torque.
+    /// The rounding error of the torque, N m.
     fn noise(&self) -> f64 {
         1e-15 * (self.push.abs() + self.link.g.abs() * (1.0 + self.x.abs() + self.y))
     }
 
-    /// Whether gravity balances the torque: the link only creeps towards an equilibrium.
+    /// Whether gravity balances the torque, so that the link only moves slowly towards an equilibrium.
     pub fn stands(&self) -> bool {
         self.link.viscous > 0.0 && self.time > 0.0 && self.link.viscous * self.v <= 10.0 * self.noise()
     }
 
-    /// The next step, of full accuracy beside a motion of `size`.
+    /// Compute the next step. Its error is a rounding error of a motion of `size`.
     pub fn step(&mut self, size: f64) -> Step {
         let settles = self.link.inertia / self.link.viscous;
         if self.time > SETTLED * settles
@@ -119,20 +121,20 @@ impl Progress {
         }
         let [y, cos] = self.series();
         let spread = self.spread_series(&cos);
-        // While viscous friction settles, the motion is as small as its time constant.
+        // While viscous friction settles, the motion is of the order of the acceleration times the squared time constant.
         let small = y[2].abs() * settles * settles;
         let length = step_length(&y, if small.is_finite() { size.min(self.y + small) } else { size });
         Step { time: self.time, length, y, spread }
     }
 
-    /// To the end of a step.
+    /// Advance the phase to the end of `step`.
     pub fn advance(&mut self, step: &Step) {
         (self.y, self.v) = evaluate(&step.y, step.length);
         self.spread = evaluate(&step.spread, step.length);
         self.time = step.time + step.length;
     }
 
-    /// Taylor coefficients of the motion, and those of `cos(x + y)`.
+    /// Taylor coefficients of the distance `y`, and of `cos(x + y)`.
     fn series(&self) -> [Series; 2] {
         let Rough { inertia, g, viscous, .. } = self.link;
         let (mut c, mut s, mut k) = ([0.0; ORDER + 1], [0.0; ORDER + 1], [0.0; ORDER + 1]);
@@ -154,7 +156,7 @@ impl Progress {
         [c, k]
     }
 
-    /// Taylor coefficients of the spread along those of `cos(x + y)`.
+    /// Taylor coefficients of the spread, from the coefficients of `cos(x + y)`.
     fn spread_series(&self, cos: &Series) -> Series {
         let Rough { inertia, g, viscous, .. } = self.link;
         let mut z = [0.0; ORDER + 1];
@@ -166,16 +168,16 @@ impl Progress {
         z
     }
 
-    /// A step as long as the slow motion allows, if it is slow.
+    /// A collocation step as long as the slow motion allows; `None` if the motion is too fast.
     fn collocated(&mut self, settles: f64) -> Option<Step> {
         let (mut length, mut shortened) = (self.slow.max(settles), false);
         loop {
             let tried = Collocation::new(self, length);
             let tail = tried.tail(self);
-            // The last term is proportional to its power of the length.
+            // The last term is proportional to the length to the power `POINTS`.
             let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
             if tail <= 1.0 {
-                // The last term may be a rounding error, so every second step tries a longer length.
+                // The last term may be a rounding error, so the next step always tries a longer length.
                 let longer = if tail < 0.1 { 8.0 } else { 2.0 } * length;
                 self.slow = if shortened { longest } else { longer };
                 let [y, spread] = tried.polynomials(self);
@@ -192,7 +194,7 @@ impl Progress {
 type Values = SVector<f64, POINTS>;
 type Square = SMatrix<f64, POINTS, POINTS>;
 
-/// Powers of Chebyshev's points of (0, 1], and their first and second integrals.
+/// Powers of the Chebyshev points of (0, 1], and their first and second integrals.
 static POWERS: LazyLock<[Square; 3]> = LazyLock::new(|| {
     let point = |i: usize| 0.5 - 0.5 * (PI * (i + 1) as f64 / POINTS as f64).cos();
     let power = |i, k: usize| f64::powi(point(i), k as i32);
@@ -203,7 +205,7 @@ static POWERS: LazyLock<[Square; 3]> = LazyLock::new(|| {
     ]
 });
 
-/// Accelerations over a step, of the motion and of its spread, as polynomials in `t/h`.
+/// The accelerations of the motion and of its spread over a step, as coefficients of polynomials in `t/h`.
 struct Collocation {
     length: f64,
     accelerations: [Values; 2],
@@ -231,7 +233,7 @@ impl Collocation {
                 last = now;
                 continue;
             }
-            // No improvement, but a residual far above the rounding error of the angle.
+            // Newton's method does not improve the residual, which is far above the rounding error of the angle.
             if !(now.min(last) <= 1e-12 * size + 1e-15 * straight[0].abs()) {
                 motion.fill(f64::NAN);
             }
@@ -253,7 +255,7 @@ impl Collocation {
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }
 
-    /// Of the motion and of its spread, in the time since the step began.
+    /// The polynomials of the distance and of its spread, in the time since the step began.
     fn polynomials(&self, from: &Progress) -> [Series; 2] {
         let mut series = [[0.0; ORDER + 1]; 2];
         for (c, (start, accelerations)) in series.iter_mut().zip([(from.y, from.v), from.spread].into_iter().zip(&self.accelerations)) {

@@ -1,13 +1,14 @@
-//! The swings of one link without friction.
+//! Back-swings and overshoots of one link without friction.
 //!
 //! ```text
-//! back-swing (-, +, -): x0 -> xt = x0 - e -> x1, each stretch a monotone optimum; no torque change at the turn, so two switches
+//! back-swing (-, +, -): x0 -> xt = x0 - e -> x1, two monotone optima; the torque does not change at the turn, so two switches
 //! T(e) = sqrt(I/2) [ F(-x0, l1; u-) + F(xt, l2; u+) + F(xt, l3; u+) + F(-x1, l4; u-) ],   l1 + l2 = e,  l3 + l4 = e + D
 //! dT/de = sqrt(I/2) [ 1/sqrt(K_12) + 1/sqrt(K_34) - dF/dx(xt, l2) - dF/dx(xt, l3) ]
 //! ```
 //!
-//! Only the middle phase contributes to the derivative: the outer phases start from fixed points, and the switches move along curves of
-//! equal energy. An overshoot is the back-swing of the motion mirrored and run backwards in time.
+//! `F` is the time factor of a phase (`phase.rs`), and `K_12`, `K_34` are the kinetic energies at the switches. In the derivative only the
+//! middle phase contributes. The outer phases start from fixed points, and the switches move along curves of equal energy. An overshoot is
+//! the back-swing of the motion mirrored and run backwards in time.
 
 use super::detour::{Push, detour};
 use super::monotone::{Monotone, Straight, drop};
@@ -18,28 +19,29 @@ use super::windows::Windows;
 use std::cell::OnceCell;
 use std::f64::consts::TAU;
 
-/// Accuracy of the last slopes.
+/// Relative accuracy of the last derivatives.
 const FINE: f64 = 1e-6;
 
-/// The problem of the back-swing.
+/// The search for the fastest back-swing.
 struct Search {
-    /// The monotone motion. Its push is the middle phase at another place, its brake the last phase.
+    /// The monotone motion. Its push, moved to the turn, is the middle phase. Its brake is the last phase.
     straight: Straight,
-    /// The first phase.
+    /// The first phase, from `x0` to the first switch.
     leaves: Phase,
-    /// The push of the monotone motion if that is feasible. It determines the least distance back with a possible gain.
+    /// The push of the monotone motion; `None` if that motion is not feasible.
     push: Option<Push>,
+    /// The smallest `e` with a possible gain; `None` if the monotone motion is not feasible.
     nearest: Option<f64>,
-    /// `F(-x1, D; u-)`, zero where that brake stalls.
+    /// `F(-x1, D; u-)`, the time factor of the brake over the whole distance `D`; zero if this brake stalls.
     brake: OnceCell<f64>,
 }
 
-/// Sine and cosine of the difference of two angles.
+/// Sine and cosine of the difference of two angles, from their sines and cosines.
 fn back((sin, cos): (f64, f64), (less_sin, less_cos): (f64, f64)) -> (f64, f64) {
     (sin * less_cos - cos * less_sin, cos * less_cos + sin * less_sin)
 }
 
-/// Two monotone stretches that meet at the turning point.
+/// Two monotone motions that meet at the turning point.
 struct Trial {
     away: Monotone,
     towards: Monotone,
@@ -47,7 +49,7 @@ struct Trial {
 }
 
 impl Search {
-    /// None if the link cannot move backwards from the start, or cannot come to rest at the end.
+    /// `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
     fn new(straight: &Straight) -> Option<Self> {
         let monotone = &straight.monotone;
         let Monotone { push: turns, brake: arrives, .. } = monotone;
@@ -59,8 +61,8 @@ impl Search {
         let energies = monotone.energies();
         let push = energies.map(|energies| Push::new(monotone, &energies));
         let nearest = energies.map(|energies| {
-            // Below `constant` gravity varies little along the motion, and in a constant field no swing is faster. Below `slow` gravity
-            // adds little to the push where it is slowest.
+            // For `e` below `constant`, gravity varies little along the motion, and in a constant field no swing is faster. For `e` below
+            // `slow`, gravity adds little to the push where the push is slowest.
             let g = turns.g.abs();
             let constant = if energies.push_hump == f64::INFINITY {
                 (0.05 * turns.net() / (g * cos.abs() + (g * turns.net()).sqrt())).min(0.05)
@@ -84,7 +86,7 @@ impl Search {
         Trial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
     }
 
-    /// An upper bound of `e`: no distance above `most` has a gain, nor one above the `bound` of the largest net torques up and down.
+    /// An upper bound of `e`, at most `most`. `bound` computes it from the largest net torques up and down within the distance `e`.
     fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
         let turns = &self.straight.monotone.push;
         let start = sine(turns.x);
@@ -113,8 +115,8 @@ impl BackSwings for Search {
         };
         let (out, into) = (away.brake_length, towards.push_length);
         let (last, second) = rate(out.max(into));
-        // The slope of the shorter phase is at least that of the longer one. If the latter is positive, far from a root, one coarse slope
-        // is sufficient.
+        // The shorter phase has the larger slope. If the slope of the longer phase is positive, `e` is far from a root. Then one coarse
+        // slope is sufficient.
         let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);
@@ -132,7 +134,7 @@ impl BackSwings for Search {
     fn windows(&self, farthest: f64) -> impl Iterator<Item = Window> {
         let Monotone { push, brake, .. } = &self.straight.monotone;
         let distance = self.straight.distance();
-        // From x1 under -u+, mirrored: its energy is W(x1) - W.
+        // The phase from x1 under -u+, in the mirrored coordinate: its energy is W(x1) - W (`windows.rs`).
         let against = Phase::new(brake.x, -push.push, push.g);
         let (low, crest) = if push.push < push.g.abs() { against.descent() } else { (0.0, f64::INFINITY) };
         let most = if low - distance < farthest { self.leaves.reach().min(brake.reach() - distance) } else { 0.0 };
@@ -143,8 +145,8 @@ impl BackSwings for Search {
         self.nearest
     }
 
-    /// A lower bound of a swing: its detour, and from `x0` on the brake `F(-x1, D; u-)`, which is never slower. The bound has to be
-    /// below the duration of the monotone motion.
+    /// The largest `e` of a swing that can be faster than `limit`. A swing takes at least the time to the turn and back to `x0`, plus the
+    /// time of the brake `F(-x1, D; u-)`. From `x0` to `x1` no swing is faster than this brake.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;
@@ -162,12 +164,12 @@ impl BackSwings for Search {
     }
 }
 
-/// The best (-, +, -) motion faster than `bound` (a time over `sqrt(I/2)`).
+/// The fastest (-, +, -) motion with a time below `bound`. Times are in units of `sqrt(I/2)` seconds.
 pub(super) fn back_swing(straight: &Straight, bound: f64) -> Option<Swing> {
     fastest(&Search::new(straight)?, bound)
 }
 
-/// The best (+, -, +) motion faster than `bound`.
+/// The fastest (+, -, +) motion with a time below `bound`. Times are in units of `sqrt(I/2)` seconds.
 pub(super) fn overshoot(straight: &Straight, bound: f64) -> Option<Swing> {
     back_swing(&straight.reversed(), bound).map(Swing::reversed)
 }
@@ -178,7 +180,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Searches for many pairs of start and end angles, and of upper and lower torque bounds.
+    /// The search problems for many pairs of start and end angles, and of upper and lower torque bounds.
     fn searches() -> impl Iterator<Item = Search> {
         let bounds = [0.03, 0.3, 0.9, 1.0, 1.1, 4.0];
         let ends =
@@ -222,7 +224,7 @@ mod tests {
 
     #[test]
     fn a_minimum_beside_an_edge_is_found() {
-        // 1e-7 of 2e-3 rad from the edge; the next interval would take 142.7.
+        // The interval is 2e-3 rad wide, and its minimum is at 1e-7 of that from the edge. The next interval has a minimum time of 142.7.
         let straight = Straight::new(6.2831853083864555, 6.28318550293321, -1.0, 1.2068690262570462e-9, 1.9572908712209023e-7);
         let swing = overshoot(&straight, f64::INFINITY).unwrap();
         assert!((swing.time - 79.92567).abs() < 1e-4, "{}", swing.time);

@@ -1,15 +1,16 @@
-//! The time optimum of one link under torque bounds, rest to rest: monotone, and with one reversal.
+//! The minimum time of one link under torque bounds, from rest to rest: the monotone motion, and motions with one reversal.
 //!
 //! ```text
 //! monotone: push u_max on [x0, xs], brake u_min on [xs, x1], x = direction theta
 //! xs - x0 = ( -u_min D + G (cos x0 - cos x1) ) / (u_max - u_min)
-//! T = int dx / sqrt(2 K(x)/I)     feasible iff K > 0 inside and the net torque is positive at both ends
+//! T = int dx / sqrt(2 K(x)/I), K: kinetic energy     feasible iff K > 0 inside and the net torque is positive at both ends
 //! certified global iff min(u_max, -u_min) >= |G| and T <= pi sqrt(I/|G|)
 //! x0 = x1: T = 0, feasible and certified iff u_min <= G sin x0 <= u_max
 //! ```
 //!
-//! The certificate is Sturm's comparison: the adjoint obeys `psi_ddot = -(G cos theta/I) psi`, so two switches are
-//! more than `pi sqrt(I/|G|)` apart. Without it the optimum may swing back first, or overshoot: see `swing.rs`.
+//! The certificate is Sturm's comparison theorem. The adjoint variable `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the
+//! torque switches. So two switches are more than `pi sqrt(I/|G|)` apart. Without the certificate, the optimum may first swing back, or
+//! overshoot (`swing.rs`).
 
 use super::link::{Link, check_ends};
 use super::monotone::Straight;
@@ -24,11 +25,11 @@ use std::f64::consts::PI;
 /// The torque sequence of an optimum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
-    /// Push, then brake.
+    /// Push towards the goal, then brake.
     Monotone,
-    /// Away from the goal first: (-, +, -) for a motion in the positive direction.
+    /// First move away from the goal: torque signs (-, +, -) for a motion in the positive direction.
     BackSwing,
-    /// Past the goal and back: (+, -, +) for a motion in the positive direction.
+    /// First pass the goal, then return: torque signs (+, -, +) for a motion in the positive direction.
     Overshoot,
     /// No motion was found.
     NoneFound,
@@ -46,43 +47,43 @@ impl Family {
     }
 }
 
-/// The best motion of the three families.
+/// The fastest motion of the three families.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Best {
-    /// Its torque sequence.
+    /// The torque sequence of the motion.
     pub kind: Family,
     /// Duration, s; NaN if none was found.
     pub t: f64,
-    /// Angles (rad) and times (s) of the torque switches, NaN beyond `switches`.
+    /// Angles of the torque switches, rad; NaN beyond the first `switches` entries.
     pub theta_switches: [f64; 2],
-    /// Times of the switches, s.
+    /// Times of the torque switches, s; NaN beyond the first `switches` entries.
     pub t_switches: [f64; 2],
-    /// Number of switches.
+    /// Number of torque switches.
     pub switches: usize,
-    /// The place and the time of the reversal of a swing, NaN for the monotone motion.
+    /// Angle at which a swing reverses, rad; NaN for a monotone motion.
     pub theta_turn: f64,
-    /// When the swing reverses, s.
+    /// Time at which a swing reverses, s; NaN for a monotone motion.
     pub t_turn: f64,
 }
 
-/// The monotone optimum and the best of the three families.
+/// The monotone optimum, and the fastest motion of the three families.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TorqueOptimum {
     /// Whether the monotone motion exists.
     pub feasible: bool,
-    /// Its duration, s, and its switch, rad and s; NaN if none.
+    /// Duration of the monotone motion, s; NaN if it does not exist.
     pub t: f64,
-    /// Angle of the switch, rad.
+    /// Angle at which the monotone motion switches from push to brake, rad; NaN if it does not exist.
     pub theta_switch: f64,
-    /// Time of the switch, s.
+    /// Time at which the monotone motion switches from push to brake, s; NaN if it does not exist.
     pub t_switch: f64,
-    /// Its speed at the switch, rad/s, signed.
+    /// Signed speed of the monotone motion at its switch, rad/s; NaN if it does not exist.
     pub v_peak: f64,
-    /// Whether the monotone motion is proven to be the fastest of all.
+    /// Whether the monotone motion is proven to be the fastest of all motions.
     pub certified_global: bool,
-    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s: without Coulomb friction no optimal motion shorter than this has more than one switch.
+    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s. Without Coulomb friction, an optimal motion shorter than this has at most one switch.
     pub sturm_bound: f64,
-    /// Why the monotone motion exists or not.
+    /// Whether the monotone motion exists, or the reason why not.
     pub reason: MonotoneReason,
     /// The fastest motion of the three families.
     pub best: Best,
@@ -92,8 +93,10 @@ pub struct TorqueOptimum {
     pub(super) link: Rough,
 }
 
-/// The fastest `theta0 -> thetaf` (rad), rest to rest, under `tau_min <= tau <= tau_max` (N m): the monotone optimum with its
-/// certificate, and the best of monotone, back-swing and overshoot.
+/// Compute the fastest motion from rest at `theta0` to rest at `thetaf` (rad), under `tau_min <= tau <= tau_max` (N m).
+///
+/// `inertia` is in kg m^2, `gravity_moment` in N m. The result has the monotone optimum with its certificate, and the fastest of monotone
+/// motion, back-swing and overshoot.
 ///
 /// ```
 /// use armlet_core::plan::{Family, bang_bang_time, torque_optimal_time};
@@ -152,7 +155,7 @@ pub fn torque_optimal_time(
 }
 
 impl TorqueOptimum {
-    /// Without a motion so far.
+    /// A result without a motion.
     #[inline]
     pub(super) fn new(theta0: f64, thetaf: f64, link: &Link, [viscous, coulomb]: [f64; 2]) -> Self {
         let Link { inertia, gravity_moment: g, tau_min, tau_max } = *link;
@@ -173,7 +176,8 @@ impl TorqueOptimum {
         }
     }
 
-    /// For equal ends: no time if the torque and Coulomb friction can hold the pose, else the reason. Returns whether they can.
+    /// For equal ends: set a motion of zero duration if the torque and Coulomb friction can hold the pose, else set the reason. Return
+    /// whether they can hold it.
     pub(super) fn set_still(&mut self, link: &Link) -> bool {
         let (theta, load) = (self.theta0, link.gravity_moment * sin_cos(self.theta0).0);
         let missing = [link.tau_min - load, load - link.tau_max].map(|missing| missing - self.link.coulomb);
@@ -205,7 +209,7 @@ impl Best {
         t_turn: f64::NAN,
     };
 
-    /// From a swing along `sign theta`, whose times are in `unit` seconds.
+    /// The result for a swing in the coordinate `sign theta`, with times in units of `unit` seconds.
     pub(super) fn swing(kind: Family, swing: &Swing, sign: f64, unit: f64) -> Self {
         Best {
             kind,

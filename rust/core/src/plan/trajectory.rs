@@ -1,33 +1,34 @@
-//! The motion of a torque optimum, to follow: angle, speed, acceleration and torque at any time.
+//! The motion of minimum time: angle, speed, acceleration and torque at any time.
 //!
-//! Every phase starts or ends at rest; a phase that ends at rest is computed backwards, in steps of `steps.rs`. This is independent of the
-//! quadrature for durations without friction: the phases meet at the switch only if both are correct.
+//! Every phase starts or ends at rest. A phase that ends at rest is computed backwards, in steps of `steps.rs`. Without friction, the
+//! durations come from quadrature, an independent method. So the phases meet at the switch only if both methods are correct.
 
 use super::sine::sin_cos;
 use super::steps::{Progress, Rough, Step, evaluate};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 
-/// More steps than any phase of a hundred turns takes.
+/// An upper bound of the steps of a phase. A phase of a hundred revolutions has fewer.
 const MAX_STEPS: usize = 4000;
 
-/// A phase of constant torque that leaves or reaches rest at `theta`.
+/// A phase of constant torque that starts or ends at rest at the angle `theta`.
 #[derive(Debug, Clone, PartialEq)]
 struct Run {
     theta: f64,
-    /// `q = theta + direction * y`.
+    /// +1 or -1. The angle after the distance `y` is `q = theta + direction * y`.
     direction: f64,
     tau: f64,
-    /// The time of rest, and +1 if the phase leaves it, -1 if it reaches it.
+    /// The time at which the phase is at rest, s.
     rest: f64,
+    /// +1 if the phase starts at rest, -1 if it ends at rest.
     sense: f64,
-    /// The time at which the phase ends.
+    /// The time at which the phase ends, s.
     end: f64,
     steps: Vec<Step>,
     /// The unit of time of the steps, s.
     unit: f64,
 }
 
-/// State and input of a motion: rad, rad/s, rad/s^2, N m.
+/// State and torque of a motion at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Angle, rad.
@@ -40,7 +41,7 @@ pub struct Sample {
     pub tau: f64,
 }
 
-/// A torque profile with its motion, which is at rest before its start and after its end.
+/// A torque profile with its motion. The link is at rest before the start and after the end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueProfile {
     link: Rough,
@@ -107,7 +108,7 @@ impl TorqueProfile {
         self.duration
     }
 
-    /// Angle, speed, acceleration and torque at time `t` (s), right-continuous; at rest before 0 and from the end on.
+    /// Angle, speed, acceleration and torque at time `t` (s), right-continuous. The link is at rest before 0 and from the end on.
     pub fn at(&self, t: f64) -> Sample {
         let hold = |q: f64| Sample { q, v: 0.0, a: 0.0, tau: self.link.g * sin_cos(q).0 };
         if t < 0.0 {
@@ -121,12 +122,12 @@ impl TorqueProfile {
 }
 
 impl TorqueOptimum {
-    /// The motion of the best family; none if no motion was found.
+    /// The motion of the fastest family; `None` if no motion was found.
     pub fn profile(&self) -> Option<TorqueProfile> {
         TorqueProfile::new(self, &self.best)
     }
 
-    /// The motion of the monotone optimum; none if it does not exist.
+    /// The monotone motion; `None` if it does not exist.
     pub fn monotone_profile(&self) -> Option<TorqueProfile> {
         if !self.feasible {
             return None;

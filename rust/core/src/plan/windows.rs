@@ -1,26 +1,27 @@
-//! The feasible back-swings: open intervals of their distance `e` beyond the start, whose edges are roots of smooth functions.
+//! The feasible back-swings: open intervals of the distance `e` of the turn behind the start, whose edges are roots of smooth functions.
 //!
-//! Under a constant torque from rest at `xt`, the energy is a straight line over the angle, `E = V(xt) + u (x - xt)`. The phase lasts
-//! while this line is above the potential `V = -G cos x`. The line of `u+` rises and those of `u-` fall, so they cross once:
+//! Under a constant torque `u` from rest at `xt`, the energy is a linear function of the angle, `E = V(xt) + u (x - xt)`. The phase
+//! continues while this line is above the potential `V = -G cos x`. The line of the upper torque `u+` rises and the lines of the lower
+//! torque `u-` fall. So they cross once:
 //!
 //! ```text
 //! the back-swing to xt is feasible iff
-//!     both lines of u-, from x0 and from x1 to the left, stay above V as far as xt, and
-//!     the line of u+ from xt stays above V as far as x1:   W(xt) > W(x) for xt < x <= x1,   W(x) = V(x) - u+ x
+//!     both lines of u-, from x0 and from x1 to the left, are above V up to xt, and
+//!     the line of u+ from xt is above V up to x1:   W(xt) > W(x) for xt < x <= x1,   W(x) = V(x) - u+ x
 //! ```
 //!
-//! Leftwards from `x1`, the second condition holds where `W` exceeds all of its earlier values. `W` rises from its value at `x1` to a
-//! maximum. Then it rises from the value of each maximum to the next one, `W(x - 2 pi) = W(x) + 2 pi u+`. So there is one interval per
-//! turn, until a line of `u-` ends. With friction, curves of the phase plane replace the lines. Those of one torque do not cross, and those
-//! of two torques cross once.
+//! From `x1` to the left, the second condition is true where `W` exceeds all its values on the way from `x1`. `W` rises from its value at
+//! `x1` to a maximum. Then it rises from the value of each maximum to the next maximum, because `W(x - 2 pi) = W(x) + 2 pi u+`. So there is
+//! one interval per revolution, until a line of `u-` ends. With friction, curves of the phase plane replace the lines. Two curves of one
+//! torque do not cross, and two curves of different torques cross once.
 
 use super::search::Window;
 use std::cell::LazyCell;
 use std::f64::consts::TAU;
 
-/// The intervals of feasible swings, the nearest first: distances back from `x0`, rad.
+/// The intervals of feasible swings, the nearest first, as distances `e` behind `x0`, rad.
 pub(super) struct Windows<F> {
-    /// The start of the next interval, and the maximum where it ends. Both are infinite if there is no further interval.
+    /// The next interval is from `low` to the maximum of `W` at `crest`. Both are infinite if there is no further interval.
     low: f64,
     crest: f64,
     most: f64,
@@ -28,8 +29,8 @@ pub(super) struct Windows<F> {
 }
 
 impl<F: FnOnce() -> f64> Windows<F> {
-    /// `W` exceeds its value at `x1` from `low` to the maximum `crest`. It exceeds the value of a maximum again at the distance `recovery`
-    /// beyond it. The lines of `u-` end at `most`.
+    /// `W` exceeds its value at `x1` from `low` to its maximum at `crest`. After the distance `recovery` beyond a maximum, `W` exceeds the
+    /// value of this maximum again. The lines of `u-` end at `most`.
     pub fn new(low: f64, crest: f64, most: f64, recovery: F) -> Self {
         let mut windows = Windows { low, crest, most, recovery: LazyCell::new(recovery) };
         if crest <= 0.0 && most > 0.0 {
@@ -39,7 +40,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
                 windows.crest += turn * (-crest / turn).floor();
             }
             windows.climb();
-            // The rounding error of the distance may be many turns.
+            // The distance may have a rounding error of many revolutions.
             if windows.crest < 0.0 {
                 windows.low = f64::INFINITY;
             }
@@ -47,16 +48,17 @@ impl<F: FnOnce() -> f64> Windows<F> {
         windows
     }
 
-    /// From a maximum to the first one beyond its recovery.
+    /// The distance from a maximum to the first maximum beyond `recovery`.
     fn turn(&self) -> f64 {
         TAU * ((*self.recovery / TAU).floor() + 1.0)
     }
 
+    /// Move to the next interval.
     fn climb(&mut self) {
         let last = self.crest;
         self.low = last + if last < self.most { *self.recovery } else { 0.0 };
         self.crest += if self.low < self.most { self.turn() } else { 0.0 };
-        // This was the last maximum, or turns are smaller than rounding errors.
+        // This was the last maximum, or a revolution is smaller than the rounding error of `crest`.
         if !(self.crest > last) {
             self.low = f64::INFINITY;
         }

@@ -1,22 +1,23 @@
-//! Speed limits as bounds of the squared path speed, and the path acceleration that follows such a bound.
+//! Caps: upper bounds of the squared path speed `x` from speed limits `V`, and the slope `b = du/ds` on a segment where `x` follows a cap.
 //!
 //! ```text
-//! x <= C(s) = (V / q')^2,   and for a frame's origin (V / |p'|)^2
-//! u_i + b (s - s_i - h/2) on a segment from C_i to C_(i+1):   x = C_m half way   if   b = 2 (C_i - 2 C_m + C_(i+1)) / h^2
+//! x <= C(s) = (V / q')^2   for a joint,   x <= C(s) = (V / |p'|)^2   for a frame's origin p
+//! u(s) = u_i + b (s - s_i - h/2)   on a segment of length h
+//! b = 2 (C_i - 2 C_m + C_(i+1)) / h^2   gives x = C at both ends and half way, where C = C_m
 //! ```
 //!
-//! With that slope `b` the motion stays on the limit between grid points, up to a term of the order `h^3`. With a constant `u` it would
-//! reach the limit only at grid points, and `u` would jump at each of them.
+//! With this slope `b`, the squared speed `x` differs from the cap between grid points only by a term of order `h^3`. With a constant `u`,
+//! `x` would equal the cap only at grid points, and `u` would jump at each of them.
 
 use super::lines::FASTEST;
 use super::reach::Profile;
 use super::setup::PathProblem;
 
-/// The relative distance to its bound at which `x` counts as following it.
+/// The largest relative distance to a cap at which `x` counts as equal to the cap.
 const ON: f64 = 1e-12;
 
 impl PathProblem<'_> {
-    /// The row of `limits` that limits the path speed at point `i` by a speed, and the path speed then.
+    /// The strictest speed limit at grid point `i`: its row in `limits`, and the largest path speed that it allows.
     pub fn fastest(&self, i: usize) -> (usize, f64) {
         let mut most = (self.speeds.unwrap_or(0), f64::INFINITY);
         for j in 0..self.n {
@@ -35,7 +36,7 @@ impl PathProblem<'_> {
         most
     }
 
-    /// The bounds of `x` from the speed limits.
+    /// Set `widest`: the bounds of `x` at the grid points from the speed limits without reduction.
     pub fn set_widest(&mut self) {
         let bound = |i: usize| {
             let (row, speed) = self.fastest(i);
@@ -44,8 +45,8 @@ impl PathProblem<'_> {
         self.widest = (0..self.rows.s.len()).map(bound).collect();
     }
 
-    /// The bounds of `x` at the grid points, from the speed limits and the stops. At the ends they may be exceeded by the end speeds, up to
-    /// rounding.
+    /// Set the caps at the grid points from the reduced speed limits and the stops. A reduction never lowers the cap of an end below its
+    /// prescribed speed. That speed may exceed its limit by a rounding error.
     pub fn set_caps(&mut self) {
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);
@@ -53,7 +54,7 @@ impl PathProblem<'_> {
             let cap = self.widest[i].1;
             let mut narrow = cap / (1.0 + self.cap_tight[i]);
             for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
-                // 4e-10 of the speed is 8e-10 of its square.
+                // A relative error of 4e-10 of the speed is 8e-10 of its square.
                 if i == at && x <= cap * (1.0 + 8e-10) {
                     narrow = narrow.max(x);
                 }
@@ -67,7 +68,7 @@ impl PathProblem<'_> {
         }
     }
 
-    /// `(N,)`: the slope of `u` on segments that follow the bound of one speed limit from end to end; NaN on others.
+    /// `(N,)`: the slope `du/ds` on each segment where `x` follows the cap of one speed limit at both ends; NaN on other segments.
     pub fn cap_slopes(&self, profile: &Profile) -> Vec<f64> {
         let on = |i: usize| profile.x[i] >= self.widest[i].1 * (1.0 - ON);
         let mut slopes = vec![f64::NAN; self.pieces.len()];
@@ -84,7 +85,7 @@ impl PathProblem<'_> {
         slopes
     }
 
-    /// The bound of `x` by the speed of this row half way between points `i` and `i + 1`; NaN if a piece has too few points.
+    /// The cap half way between points `i` and `i + 1` from the speed limit of this row; NaN if too few points can be interpolated.
     fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
         let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };
         let (joint, limit) = match self.norms {

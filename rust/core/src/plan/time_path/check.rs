@@ -1,16 +1,16 @@
-//! The check of a profile between its grid points.
+//! The check of a profile, `x` at all grid points, against its limits between grid points.
 //!
-//! Every segment is sampled at ten equal steps. Between two samples a row `f` is at most
+//! Every segment is sampled at ten equal steps. Between samples `k` and `k + 1`, the value `f` of a row is at most
 //!
 //! ```text
 //! max(f_k, f_(k+1)) + (d/2 - |f_(k+1) - f_k|)^2 / (2 d)   if |f_(k+1) - f_k| < d/2,   d = max |second difference| there
 //! ```
 //!
-//! The second differences at the ends of the segment are extrapolated from the two beside them.
+//! The second differences at the ends of the segment are extrapolated from the two next to them.
 //!
-//! The limit of a row is reduced on a segment by the excess of the row there. The rows hold at three points of a segment, so the excess is
-//! small, and a few corrections are sufficient. Samples come from the dynamics, or from polynomials through the rows of six
-//! grid points. These are compared with the dynamics in the middle of every segment.
+//! Where a row exceeds its limit, the limit is reduced on that segment by the excess. The profile obeys the rows at three points of a
+//! segment. So the excess is small, and a few corrections are sufficient. Samples are computed by the dynamics, or interpolated by
+//! polynomials through the rows at six grid points. Interpolated torques are compared with the dynamics in the middle of every segment.
 
 use super::along::Along;
 use super::lines::LimitRows;
@@ -20,24 +20,24 @@ use super::tip::TIP;
 use crate::motion::Path;
 use crate::scalar::sign;
 
-/// Samples per segment, less one.
+/// The number of steps of a segment in the check; it has `FINE + 1` samples.
 pub const FINE: usize = 10;
-/// The largest relative excess of a row over its limit: half of the documented 1e-9.
+/// The largest relative excess of a row over its limit: half of 1e-9, the documented tolerance.
 pub(super) const TOLERANCE: f64 = 5e-10;
-/// The largest error of interpolated torques, relative to the limit: a fifth of the other half.
+/// The largest error of interpolated torques, relative to the limit: a fifth of the difference between 1e-9 and `TOLERANCE`.
 pub(super) const INTERPOLATION: f64 = 1e-10;
-/// Points of an interpolation.
+/// Number of grid points in one interpolation.
 pub(super) const WINDOW: usize = 6;
 
-/// Whole blocks of rows: torques and accelerations as in [`LimitRows`], then speeds where they are limited.
+/// The limits of all rows, in blocks of `BLOCK`: torques and accelerations as in [`LimitRows`], then speeds and norms if they are limited.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Limits {
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
-    /// The scale of a relative excess: the limit, or the opposite limit if it is zero.
+    /// The scales of relative excesses: the limit, or the opposite limit if it is zero.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
-    /// The reciprocals of these.
+    /// The reciprocals of the scales.
     pub by_lo: Vec<f64>,
     pub by_hi: Vec<f64>,
 }
@@ -54,49 +54,52 @@ impl Limits {
     }
 }
 
-/// The result of a check.
+/// The result of the check of a profile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LimitCheck {
-    /// Smallest relative distance to a limit on the samples; negative beyond it.
+    /// Smallest relative distance of a sample to a limit; negative if a sample exceeds its limit.
     pub margin: f64,
-    /// Largest relative excess, between the samples too.
+    /// Largest relative excess, including the bound between samples.
     pub excess: f64,
-    /// Its segment and row.
+    /// The segment and the row of the largest excess.
     pub at: (usize, usize),
 }
 
-/// The data of a problem for the check.
+/// The data of a problem that the check requires.
 pub(super) struct Course<'a> {
     pub mover: Mover<'a>,
     pub path: &'a Path,
     pub n: usize,
-    /// The piece of each segment, and the segments of each piece.
+    /// `(N,)`: the index of the piece of each segment.
     pub pieces: &'a [usize],
+    /// The runs of segments of equal length within a piece, as first index and end index.
     pub spans: &'a [(usize, usize)],
-    /// Whether torques are rows, and accelerations.
+    /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],
-    /// `(N + 1, stride)`: `q'`.
+    /// `(N + 1, stride)`: `q'` at the grid points, and `|p'|` of the frame's origin.
     pub slopes: &'a [f64],
     pub stride: usize,
     pub friction: Option<&'a Friction>,
-    /// Limits that vary along the path, and the frame whose origin is limited. Such rows are computed by the dynamics, not interpolated.
+    /// Limits that vary along the path. Rows under such limits are computed by the dynamics, not interpolated.
     pub along: &'a Along,
+    /// The frame whose origin is limited. Its rows are computed by the dynamics, not interpolated.
     pub tip: Option<usize>,
-    /// The first of the rows of speeds, and of the norms of the frame's acceleration and speed.
+    /// The index of the first speed row.
     pub speeds: Option<usize>,
+    /// The index of the first of two rows: the norms of the frame's acceleration and speed.
     pub norms: Option<usize>,
     pub limits: &'a Limits,
     pub stencil: &'a Stencil<WINDOW>,
 }
 
 impl Course<'_> {
-    /// Numbers per measured sample.
+    /// Numbers per sample that the dynamics computes.
     pub fn measured(&self) -> usize {
         3 * self.n + if self.tip.is_some() { TIP } else { 0 }
     }
 }
 
-/// Squared path speed and path acceleration at `z` in segment `i`.
+/// Squared path speed and path acceleration at the fraction `z` of segment `i`.
 #[inline(always)]
 pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64) {
     let (h, b) = (rows.s[i + 1] - rows.s[i], rows.u_slope[i]);
@@ -104,9 +107,10 @@ pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64)
     (here.max(0.0), 0.5 * (x[i + 1] - x[i]) / h + (z - 0.5) * h * b)
 }
 
-/// `[tau, a, v]`, `(3 n,)`, as fractions of limits that vary, and acceleration and velocity of the frame, by the dynamics. There are `per`
-/// places in each listed segment: the middle, or samples evenly in time. Viscous friction is proportional to the root of `x`, which a
-/// parabola in `s` does not approximate near rest.
+/// Compute `[tau, a, v]`, `(3 n,)`, and the frame's acceleration and velocity by the dynamics, as fractions of limits that vary.
+///
+/// Each listed segment has `per` places: its middle, or samples at equal time steps. Equal steps in `s` would not suffice near rest.
+/// Viscous friction is proportional to `sqrt(x)`, which is no parabola in `s`.
 pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
     let (n, stride) = (course.n, course.measured());
     let count = list.len() * per;
@@ -119,7 +123,7 @@ pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usiz
     let place = |k: usize| {
         let (i, t) = (list[k / per], (k % per) as f64 / FINE as f64);
         let (from, to) = (x[i].sqrt(), x[i + 1].sqrt());
-        // At rest at both ends there is no time to divide evenly.
+        // A segment with rest at both ends has no duration to divide: its places have equal steps in `s`.
         let even = if from + to > 0.0 { t * (2.0 * from + t * (to - from)) / (from + to) } else { t };
         (i, if per == 1 { 0.5 } else { even.min(1.0) })
     };
@@ -166,7 +170,7 @@ fn places() -> [f64; FINE + 1] {
     std::array::from_fn(|k| k as f64 / FINE as f64)
 }
 
-/// The places where the stencils of a check interpolate.
+/// The places, as fractions of a segment, at which a check interpolates.
 pub(super) fn inner_places() -> Vec<f64> {
     places()[1..FINE].to_vec()
 }

@@ -1,7 +1,7 @@
-//! The samples of every segment, and their evaluation: see `check`.
+//! The samples of every segment, and their distance to the limits (`check`).
 //!
-//! A register holds a block of rows. The block nearest to its limits is sampled. Another block is sampled only if three samples
-//! and a parabola through them allow it to be as near.
+//! A register holds a block of rows, one row per lane. The block nearest to its limits is sampled first. Another block is sampled only if a
+//! bound from three of its samples allows a smaller distance.
 
 use super::check::{Course, FINE, TOLERANCE, WINDOW};
 use super::lines::{FASTEST, LimitRows, largest, load, store};
@@ -10,11 +10,12 @@ use super::tip::length;
 use crate::interrupt::look;
 use crate::scalar::{GenericKernel, Real};
 
-/// A block of rows at the samples of a segment.
+/// The values of a block of rows at the samples of a segment.
 type Fine<S> = [S; FINE + 1];
 
-/// Places for the samples of a segment, in whole lanes, and where they are in it.
+/// Number of sample places of a segment, padded to whole registers.
 const PLACES: usize = 16;
+/// The sample places as fractions of the segment; one in the padding.
 const AT: [f64; PLACES] = {
     let mut at = [1.0; PLACES];
     let mut sub = 0;
@@ -25,7 +26,7 @@ const AT: [f64; PLACES] = {
     at
 };
 
-/// Squared path speed, path acceleration and path speed at the samples: those of [`state`](super::check::state).
+/// Squared path speed, path acceleration and path speed at the samples, as computed by [`state`](super::check::state).
 #[derive(Clone, Copy, Default)]
 struct States {
     x: [f64; PLACES],
@@ -50,15 +51,15 @@ impl States {
             store((z - S::splat(0.5)).mul_add(S::splat(turn), S::splat(mean)), &mut states.u, k);
             k += S::LANES;
         }
-        // The end itself, to the bit.
+        // The last sample is exactly the end of the segment.
         (states.x[FINE], states.rate[FINE]) = (to, to.sqrt());
         states
     }
 }
 
-/// A relative distance from the limits that is larger than the error of the parabola through three samples.
+/// A relative distance to the limits. It is larger than the error of the parabola through three samples.
 const FAR_ENOUGH: f64 = 0.01;
-/// Segments between two checks for a stop.
+/// Number of segments between two checks for an interrupt.
 const LOOK: usize = 64;
 
 pub(super) struct Examine<'a, F> {
@@ -70,7 +71,8 @@ pub(super) struct Examine<'a, F> {
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
-    /// A block of rows of segment `i` from `k` on at all samples, from the window of points around it. Each point is read once.
+    /// The values of a block of rows, from row `k` on, at all samples of segment `i`. They are interpolated from the grid points after
+    /// `start`. Each point is read once.
     #[inline(always)]
     fn sample<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &States) -> Fine<S> {
         let Examine { course, rows, .. } = self;
@@ -115,7 +117,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
         values
     }
 
-    /// A block of rows at both ends of segment `i` and in its middle.
+    /// The values of a block of rows, from row `k` on, at both ends of segment `i` and in its middle.
     #[inline(always)]
     fn outline<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &States) -> [S; 3] {
         let Examine { course, rows, .. } = self;
@@ -155,7 +157,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
         values
     }
 
-    /// Copy the values from the measured samples, at index `order` among the measured segments.
+    /// Copy the samples that the dynamics computed for one segment. `order` is the index of the segment among those.
     #[inline(always)]
     fn copy(&self, order: usize, values: &mut [f64]) {
         let Examine { course, samples: Samples { values: measured, .. }, .. } = self;
@@ -180,8 +182,8 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
     }
 }
 
-/// The second difference of a row at sample `sub`. A function, because the compiler may not inline a closure, which would then not be
-/// compiled for the instruction set.
+/// The second difference of a row at sample `sub`. This is a function, because the compiler may not inline a closure. Such a closure would
+/// not be compiled for the instruction set.
 #[inline(always)]
 fn second_difference<S: Real>(values: &Fine<S>, sub: usize) -> S {
     values[sub - 1] - (values[sub] + values[sub]) + values[sub + 1]
@@ -212,7 +214,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                 self.copy(order, &mut values);
                 order += 1;
             }
-            // An upper bound of the nearness of each block to its limits: a parabola through three samples, with a margin.
+            // An upper bound of the relative excess of each block: a parabola through three samples, plus a margin.
             let mut nearest = 0;
             if let Some(window) = window {
                 for block in 0..width / S::LANES {
@@ -233,7 +235,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
             }
             let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
             for turn in 0..width / S::LANES {
-                // The nearest block first. The others are not sampled if they stay farther away than it.
+                // Sample the nearest block first. Skip another block if its bound allows no smaller distance.
                 let block = if turn == 0 { nearest } else { turn - usize::from(turn <= nearest) };
                 let k = block * S::LANES;
                 if turn > 0 && window.is_some() && most[block] <= -FAR_ENOUGH && most[block] <= largest(-margin) {
@@ -274,7 +276,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                 let (over, under) = (high - hi, lo - low);
                 let past = (over * by_hi).max(under * by_lo);
                 let worst = largest(past);
-                // Not the other way round: NaN is an excess.
+                // The comparison is negated, because NaN must count as an excess.
                 if !(worst <= excess) {
                     (excess, at) = (worst, k + (0..S::LANES).find(|&lane| !(past.lane(lane) < worst)).unwrap_or(0));
                 }

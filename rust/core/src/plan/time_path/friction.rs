@@ -1,9 +1,16 @@
-//! Viscous friction `d q' r` in rows that are linear in `x = r^2`: its chord from rest, or its tangent, at a profile.
+//! Viscous friction `d q' r` in the rows, which are linear in `x = r^2`. A line in `x` replaces the root `r`:
+//!
+//! ```text
+//! chord:     r = sqrt(x)  ~  x / sqrt(x0)                         exact at 0 and x0
+//! tangent:   r = sqrt(x)  ~  sqrt(x0)/2 + x / (2 sqrt(x0))        exact at x0, with its slope
+//! ```
+//!
+//! `d` is the viscous coefficient of a joint, `q' = dq/ds`, `r = ds/dt`, and `x0` is the value of `x` in an earlier profile.
 
 use super::lines::LimitRows;
 use super::setup::PathProblem;
 
-/// The line that replaces the root of `x`.
+/// The line in `x` that replaces `sqrt(x)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Line {
     Chord,
@@ -11,7 +18,7 @@ pub(super) enum Line {
 }
 
 impl PathProblem<'_> {
-    /// Rows without viscous friction.
+    /// Remove viscous friction from the rows.
     pub fn forget_friction(&mut self) {
         if self.friction.is_none() {
             return;
@@ -27,10 +34,9 @@ impl PathProblem<'_> {
         self.set_middles();
     }
 
-    /// Viscous friction `d q' sqrt(x)` as a line through its value at the profile.
+    /// Add viscous friction `d q' sqrt(x)` to the rows, with `line` in place of the root at the profile `x`, `(N + 1,)`.
     ///
-    /// The line is the chord from rest, `d q' x / sqrt(x0)`, under which low speeds remain feasible. Or it is the tangent,
-    /// `d q' (sqrt(x0)/2 + x / (2 sqrt(x0)))`.
+    /// Under the chord, low speeds remain feasible. The error of the tangent is of second order in the change of `x`.
     pub fn linearise_friction(&mut self, x: &[f64], line: Line) {
         if self.friction.is_none() {
             return;
@@ -48,7 +54,7 @@ impl PathProblem<'_> {
         moving[0].resize((last + 1) * w, 0.0);
         moving[1].resize(last * w, 0.0);
         for k in 0..=2 * last {
-            // Grid points, and the points half way between them. At rest there is no friction.
+            // An even `k` is a grid point, an odd `k` a point half way between two of them. At rest there is no friction.
             let (i, between) = (k / 2, k % 2 == 1);
             let here = if between { 0.5 * (x[i] + x[i + 1]) - 0.25 * (s[i + 1] - s[i]).powi(2) * u_slope[i] } else { x[i] };
             if !(here > 0.0) {

@@ -11,9 +11,10 @@ use crate::motion::Path;
 /// The largest number of grid points.
 const MOST: usize = 1_000_000;
 
-/// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`; at least one of torque,
-/// acceleration and the frame's acceleration. Symmetric ones may vary along the path: `(P + 1, n)`, at its knots, and linear in `s`
-/// between them.
+/// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`.
+///
+/// At least one limit of torque, joint acceleration or frame acceleration is required. Symmetric limits may vary along the path: `(P + 1,
+/// n)`, one row per knot, and linear in `s` between knots.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathLimits {
     /// Least and largest torques, N m or N.
@@ -22,28 +23,28 @@ pub struct PathLimits {
     pub velocity: Option<Vec<f64>>,
     /// Largest accelerations, rad/s^2 or m/s^2.
     pub acceleration: Option<Vec<f64>>,
-    /// Least and largest positions, rad or m; infinite where there is none.
+    /// Least and largest positions, rad or m; infinite where there is no limit.
     pub position: Option<(Vec<f64>, Vec<f64>)>,
-    /// Limits of a frame's origin, which may vary too.
+    /// Limits of the speed and acceleration of a frame's origin.
     pub tip: Option<TipLimits>,
 }
 
-/// Grid, ends and friction of a timing.
+/// Options of a timing: grid, speeds at the ends, stops, friction and torque rate.
 #[derive(Clone, Debug)]
 pub struct TimePathOptions {
-    /// Grid points, some for every piece of the path; `None` refines the grid until the duration converges.
+    /// Number of grid points; each piece of the path has some. `None` refines the grid until the duration converges.
     pub grid: Option<usize>,
-    /// Halve the segments of a grid with `grid` points where it is too coarse for the limits.
+    /// Whether segments are halved where a grid with `grid` points is too coarse for the limits.
     pub refine: bool,
-    /// Path speeds `ds/dt` at the ends.
+    /// Path speed `ds/dt` at the start.
     pub start_speed: f64,
     /// Path speed `ds/dt` at the end.
     pub end_speed: f64,
-    /// Knots of the path where the motion stops.
+    /// Indices of the knots where the motion stops.
     pub stops: Vec<usize>,
-    /// Friction that the torques overcome.
+    /// Joint friction that the torques overcome.
     pub friction: Option<Friction>,
-    /// Limits of `|d tau/dt|`, `(n,)`; for motions from rest to rest without stops and without Coulomb friction.
+    /// Limits of `|d tau/dt|`, `(n,)`, N m/s or N/s. They require a motion from rest to rest without stops and without Coulomb friction.
     pub torque_rate: Option<Vec<f64>>,
 }
 
@@ -67,7 +68,7 @@ fn sized(name: &str, values: &[f64], n: usize) -> Result<()> {
     finite(name, values)
 }
 
-/// Values at each of `rows` knots, `(rows, n)`, or constant ones, `(n,)`.
+/// Validate `values`: `(rows, n)`, one row per knot, or constant, `(n,)`. Return whether they vary.
 fn sized_along(name: &str, values: &[f64], rows: usize, n: usize) -> Result<bool> {
     if values.len() != rows * n {
         sized(name, values, n)?;
@@ -86,7 +87,7 @@ fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
 }
 
 impl PathLimits {
-    /// Bounds of torques, accelerations and speeds, infinite where there is none; one where they vary.
+    /// Bounds of torques, accelerations and speeds, `(3 n,)` each: infinite where there is no limit, one where a limit varies.
     fn bounds(&self, n: usize, rows: usize) -> Result<Checked> {
         let mut bounds = [vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]];
         let mut along = Along { n, ..Along::default() };
@@ -151,7 +152,7 @@ impl PathLimits {
     }
 }
 
-/// The limits of a frame, those that vary moved to `along`.
+/// The limits of a frame's origin. Limits that vary are moved to `along`.
 fn of_tip(tip: &TipLimits, rows: usize, along: &mut Along) -> Result<Tip> {
     let mut of = |part: usize, name: &str, values: &Option<Vec<f64>>| -> Result<Option<f64>> {
         let Some(values) = values else { return Ok(None) };
@@ -169,14 +170,15 @@ fn of_tip(tip: &TipLimits, rows: usize, along: &mut Along) -> Result<Tip> {
 
 /// The limits in the form that the planner uses.
 pub(super) struct Checked {
-    /// `(3 n,)` each.
+    /// `(3 n,)`: lower limits of torques, accelerations and speeds.
     pub lo: Vec<f64>,
+    /// `(3 n,)`: upper limits of torques, accelerations and speeds.
     pub hi: Vec<f64>,
     pub along: Along,
     pub tip: Option<Tip>,
 }
 
-/// The bounds of the limits, if all arguments are valid together.
+/// Validate all arguments, and return the limits.
 pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<Checked> {
     let n = mover.dof();
     if path.dof() != n {

@@ -1,19 +1,19 @@
-//! The grid of path positions: even within each piece of the path, and halved where it is too coarse.
+//! The grid of path positions: equal steps within each piece of the path, halved where a segment is too long.
 
 use super::check::WINDOW;
 use super::setup::PathProblem;
 use crate::motion::Path;
 
-/// Fewest segments of a piece, unless the pieces are many.
+/// The smallest number of segments of a piece, unless the path has too many pieces.
 pub(super) const PIECE: usize = 5;
-/// Segments that are halved together: enough to be interpolated.
+/// Number of neighbouring segments that are halved together: enough points for an interpolation.
 const RUN: usize = WINDOW - 1;
-/// Halvings of a segment from one grid to the next.
+/// The largest number of halvings of a segment from one grid to the next.
 const MOST_HALVINGS: u32 = 3;
 
 impl PathProblem<'_> {
-    /// Halve segment `i` `times(i)` times. Several neighbouring segments are halved together, so that the rows can be interpolated.
-    /// The result is true if any segment was halved.
+    /// Halve segment `i` `times(i)` times. A run of neighbouring segments is halved together, so that its rows can be interpolated. Return
+    /// whether any segment was halved.
     pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
         let (mut fine, mut pieces) = (Vec::new(), Vec::new());
         let s = &self.rows.s;
@@ -21,7 +21,7 @@ impl PathProblem<'_> {
             let runs = ((last - first) / RUN).max(1);
             let end = |run: usize| first + (last - first) * run / runs;
             for run in 0..runs {
-                // The neighbours of a run may be too coarse as well.
+                // The neighbours of a run may require halvings as well.
                 let near = end(run).saturating_sub(1).max(first)..(end(run + 1) + 1).min(last);
                 let parts = 1_usize << near.map(&times).max().unwrap_or(0).min(MOST_HALVINGS);
                 for i in end(run)..end(run + 1) {
@@ -45,13 +45,13 @@ impl PathProblem<'_> {
     }
 }
 
-/// The even runs of segments within the pieces.
+/// Find the runs of segments with equal length within each piece, as first index and end index.
 pub(super) fn spans(s: &[f64], pieces: &[usize], spans: &mut Vec<(usize, usize)>) {
     spans.clear();
     let step = |i: usize| s[i + 1] - s[i];
     let mut first = 0;
     for i in 1..=pieces.len() {
-        // Steps differ by rounding or by a factor of two.
+        // Equal steps differ by rounding. Halved steps differ by a factor of two or more.
         if i == pieces.len() || pieces[i] != pieces[first] || !(1.5 * step(i) > step(first) && step(i) < 1.5 * step(first)) {
             spans.push((first, i));
             first = i;
@@ -59,7 +59,7 @@ pub(super) fn spans(s: &[f64], pieces: &[usize], spans: &mut Vec<(usize, usize)>
     }
 }
 
-/// About `points` points, evenly within each piece, and the piece of each segment.
+/// A grid of about `points` points, with equal steps within each piece, and the index of the piece of each segment.
 pub(super) fn grid(path: &Path, points: usize) -> (Vec<f64>, Vec<usize>) {
     let knots = path.knots();
     let total = knots[knots.len() - 1] - knots[0];

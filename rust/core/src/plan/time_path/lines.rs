@@ -1,67 +1,75 @@
-//! The lines of a segment, in the plane of `x = (ds/dt)^2` and `u`.
+//! The bounds of the path acceleration `u` on one segment, as lines in the plane of `x = (ds/dt)^2` and `u`.
 //!
-//! A segment has rows `lo <= alpha u + beta x + gamma <= hi` at both ends and in the middle. Each row bounds `u` by two lines. So `u` is
-//! between the largest lower line `L(x)` and the smallest upper line `U(x)`.
+//! A segment has rows `lo <= alpha u + beta x + gamma <= hi` at its start, in its middle and at its end. Row `k` bounds `u` by an upper
+//! line `U_k` and a lower line `L_k`. So `u` is between `L(x)`, the largest lower line, and `U(x)`, the smallest upper line.
 //!
 //! ```text
-//! U_k(x) = max(margin_hi, margin_lo)/alpha - (beta/alpha) x,   L_k(x) = min(..)/alpha - (beta/alpha) x,   margin = limit - gamma
+//! U_k(x) = max(margin_hi/alpha, margin_lo/alpha) - (beta/alpha) x,   L_k(x) = min(..) - (beta/alpha) x,   margin = limit - gamma
 //! ```
 //!
-//! `U - L` is concave, so Newton's method on its active pair of lines finds an end of `{x : L(x) <= U(x)}` in a few steps, from
-//! outside. The lanes run over the rows. Lines are kept: a pass forwards and later passes build only those of rows that changed.
+//! `U - L` is a concave function of `x`. So Newton's method on the two active lines, started outside, finds an end of `{x : L(x) <= U(x)}`
+//! in a few steps. A *lane* is one entry of a SIMD register; here each lane has one row. The lines are stored, and a later pass builds only
+//! the lines of rows that changed.
 
 use super::tip::{Ball, Tangent};
 use crate::scalar::Real;
 use nalgebra::Vector3;
 
-/// Above every squared path speed.
+/// A number larger than every squared path speed: the cap where no speed limit exists.
 pub(super) const FASTEST: f64 = 1e60;
-/// A coefficient of `u` below this counts as zero.
+/// A coefficient of `u` with a smaller absolute value counts as zero.
 pub(super) const NONE: f64 = 1e-140;
+/// The value of a bound of `u` that never limits.
 pub(super) const FAR: f64 = 1e200;
-/// The margin of a row in the middle of a segment, as a fraction of its rise above the chord there. A parabola that satisfies
-/// its limit at both ends and with this margin in the middle exceeds it by at most 0.14 of that rise.
+/// In the middle of a segment, a row has a margin: this fraction of its rise above the chord between both ends. A parabola within its limit
+/// at both ends, and with this margin in the middle, exceeds the limit by at most 0.14 of that rise.
 const SHARE: f64 = 0.25;
-/// Slack of `L <= U` against rounding, relative.
+/// The relative tolerance of the test `L <= U`, for rounding errors.
 const ROUNDING: f64 = 1e-13;
-/// A coefficient of `u` below this, relative to the largest of its row, is rounding.
+/// A coefficient of `u` below this fraction of the largest coefficient in its row is a rounding error.
 const ROUNDED: f64 = 1e-14;
-/// The tolerance of a static torque at its limit, relative to the limit.
+/// A static torque may exceed its limit by this fraction of the limit.
 pub(super) const STANDING: f64 = 3e-10;
-/// Lane counts divide this.
+/// The number of rows is padded to a multiple of this number, which every lane count divides.
 pub(super) const BLOCK: usize = 8;
 
-/// The rows of a problem on a grid; widths are padded to whole blocks, with limits that never bind.
+/// The rows of a problem on a grid of `N` segments. Rows that never limit pad their number to `width`, a multiple of `BLOCK`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LimitRows {
     pub width: usize,
-    /// `(N + 1, 3 width)`: `A, B, g` at the grid points, and `(N, 3 width)` half way between them.
+    /// `(N + 1, 3 width)`: `A, B, g` of the rows at the grid points.
     pub coefficients: Vec<f64>,
+    /// `(N, 3 width)`: `A, B, g` of the rows half way between grid points.
     pub middles: Vec<f64>,
-    /// `(N + 1, width)` and `(N, width)`: the part of `g` that vanishes at rest, from tangents of friction; empty without friction.
+    /// The part of `g` that vanishes at rest, from tangents of friction: `(N + 1, width)` at grid points, `(N, width)` half way; else
+    /// empty.
     pub moving: [Vec<f64>; 2],
-    /// `(width,)`: limits, and the scale of `STANDING` and of tolerances.
+    /// `(width,)`: the lower limits of the rows.
     pub lo: Vec<f64>,
+    /// `(width,)`: the upper limits of the rows.
     pub hi: Vec<f64>,
+    /// `(width,)`: the scales of `STANDING` and of relative excesses, for lower and for upper limits.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
-    /// `(N, width)`: the reduction of the limits, segment by segment.
+    /// `(N, width)`: how much the lower limit of each row is raised on each segment, and how much the upper limit is lowered.
     pub tight_lo: Vec<f64>,
     pub tight_hi: Vec<f64>,
-    /// `(N,)`: the slope `du/ds` of the path acceleration in each segment, about its mean.
+    /// `(N,)`: the slope `du/ds` within each segment. It does not change the mean of `u` over the segment.
     pub u_slope: Vec<f64>,
-    /// `(N + 1,)`: bounds of `x`.
+    /// `(N + 1,)`: the caps, upper bounds of `x`.
     pub cap: Vec<f64>,
     /// `(N + 1,)`: path positions.
     pub s: Vec<f64>,
+    /// The prescribed squared path speeds at both ends.
     pub x_start: f64,
     pub x_end: f64,
-    /// First of the three rows that are the acceleration of a frame's origin, and the limit of its norm.
+    /// If a frame's acceleration is limited: the first of its three rows, and the limit of its norm.
     pub ball: Option<(usize, f64)>,
 }
 
 impl LimitRows {
-    /// Where a path turns back, `A` is only a rounding error, and counts as zero. A division by it would turn the last digit of `B x` into any `u`.
+    /// Set `A` to zero where it is only a rounding error. This happens where the path turns back. A division by such an `A` would make `u`
+    /// depend on the last digit of `B x`.
     pub fn drop_rounding(&mut self) {
         let width = self.width;
         let mut least = vec![0.0_f64; width];
@@ -77,26 +85,29 @@ impl LimitRows {
 /// The lines of all segments.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lines {
-    /// `(N, 3 width)`: `U` and `L` at `x = 0`, and the slope of both.
+    /// `(N, 3 width)`: the value of each upper line at `x = 0`.
     upper: Vec<f64>,
+    /// `(N, 3 width)`: the value of each lower line at `x = 0`.
     lower: Vec<f64>,
+    /// `(N, 3 width)`: the slope `du/dx` of the upper and of the lower line.
     slope: Vec<f64>,
-    /// `(N,)`: bounds of `x` from rows without `u`.
+    /// `(N,)`: the lower and the upper bound of `x` from rows without `u`.
     low: Vec<f64>,
     high: Vec<f64>,
-    /// `3 width`.
+    /// The number of upper lines of one segment, three times the number of rows.
     width: usize,
-    /// `(N,)`: the constraint of the frame's acceleration at the three points; empty without one.
+    /// `(N,)`: the limit of the frame's acceleration at the start, end and middle of each segment; empty without this limit.
     balls: Vec<[Ball; 3]>,
 }
 
-/// `U`, `L` at `x`, and the indices of their lines in the lists. The index `WAY` is the condition to reach `K_(i+1)`.
+/// `U` and `L` at one `x`, and the indices of their lines in the lists. `WAY` is the condition that the next `x` is in `K_(i+1)`. `BALL` is
+/// the limit of the frame's acceleration.
 struct Gap {
     upper: f64,
     upper_at: usize,
     lower: f64,
     lower_at: usize,
-    /// The tangents of a limit of the frame's acceleration where that is nearest.
+    /// If `BALL` is active: its tangent, as value at `x = 0` and slope.
     upper_tangent: (f64, f64),
     lower_tangent: (f64, f64),
 }
@@ -121,13 +132,13 @@ pub(super) fn store<S: Real>(x: S, to: &mut [f64], at: usize) {
     x.store(&mut to[at..]);
 }
 
-/// The middle row, raised by a share of its rise above the chord.
+/// The middle value `m` of a row, raised by `SHARE` of its rise above the chord from `x` to `y`.
 #[inline(always)]
 fn raise<S: Real>(m: S, x: S, y: S) -> S {
     S::splat(SHARE).mul_add(S::splat(0.5).neg_mul_add(x + y, m), m)
 }
 
-/// The largest lane, by halves.
+/// The largest entry of a register: each pass compares the two halves of the remaining entries.
 #[inline(always)]
 pub(super) fn largest<S: Real>(x: S) -> f64 {
     const { assert!(S::LANES <= BLOCK) };
@@ -142,7 +153,7 @@ pub(super) fn largest<S: Real>(x: S) -> f64 {
 }
 
 impl Lines {
-    /// Memory for `segments` segments of `width` rows.
+    /// Allocate memory for `segments` segments of `width` rows.
     pub fn resize(&mut self, segments: usize, width: usize, balls: bool) {
         self.width = 3 * width;
         self.balls.resize(if balls { segments } else { 0 }, Default::default());
@@ -154,8 +165,8 @@ impl Lines {
         }
     }
 
-    /// Write the rows of segment `i` into the lists at `place`: those at its start, and those at its end with `x + 2 h u` for `x`. Limits are
-    /// widened by `widen` of their scale.
+    /// Write the lines of segment `i` into the lists at index `place`. Rows at the end of the segment have `x + 2 h u` in place of `x`.
+    /// Limits are wider by `widen` times their scale.
     #[inline(always)]
     pub fn build<S: Real>(&mut self, rows: &LimitRows, i: usize, place: usize, widen: f64) {
         let w = rows.width;
@@ -175,11 +186,12 @@ impl Lines {
             let (tight_hi, tight_lo) = (load::<S>(&rows.tight_hi, i * w + k), load::<S>(&rows.tight_lo, i * w + k));
             let (b0, b2, bm) = (load::<S>(first, w + k), load::<S>(last, w + k), load::<S>(middle, w + k));
             let (g0, g2, gm) = (load::<S>(first, 2 * w + k), load::<S>(last, 2 * w + k), load::<S>(middle, 2 * w + k));
-            // With x + 2 u (s - s_i) for the squared speed.
+            // The coefficients of `u` when `x + 2 u (s - s_i)` is the squared speed.
             let a0 = load::<S>(first, k);
             let a2 = (h + h).mul_add(b2, load::<S>(last, k));
             let am = h.mul_add(bm, load::<S>(middle, k));
-            // The contribution of the slope of u. It does not change the mean of u, nor x at the end. At rest it is zero.
+            // The constants that the slope of `u` adds. The slope changes neither the mean of `u` nor `x` at the end. At rest the constants
+            // are zero.
             let (p0, p2, pm) = (-(turn * a0), turn * load::<S>(last, k), -(dip * bm));
             let (p0, p2, pm) = if rubs {
                 let [points, middles] = &rows.moving;
@@ -190,7 +202,7 @@ impl Lines {
             let points = [(a0, b0, g0, p0), (a2, b2, g2, p2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2), raise(pm, p0, p2))];
             for which in 0..3 {
                 let (alpha, beta, still, moving) = points[which];
-                // A torque that equals its limit at rest, up to rounding, is feasible.
+                // A torque at rest may equal its limit up to rounding: the tolerance is `STANDING`.
                 let (over, under) = (limit_hi - still, limit_lo - still);
                 let room_hi = (over - tight_hi).max(over.min(zero) + standing * scale_hi) - moving;
                 let room_lo = (under + tight_lo).min(under.max(zero) - standing * scale_lo) - moving;
@@ -203,7 +215,7 @@ impl Lines {
                 store(S::select(idle, -far, a.min(b)), &mut self.lower, at);
                 store(S::select(idle, zero, slope), &mut self.slope, at);
                 if S::any(idle) {
-                    // beta x between the margins; without beta the margins must include zero.
+                    // Rows without `u` bound `x`: `beta x` is between the margins. If `beta` is zero too, the margins must include zero.
                     let still = beta.abs().lt(none);
                     let inverse = S::select(still, S::splat(1.0), beta).recip();
                     let (a, b) = (room_hi * inverse, room_lo * inverse);
@@ -222,7 +234,8 @@ impl Lines {
         }
     }
 
-    /// The limit `radius` of the frame's acceleration, rows `k` and the two after it, at the three points of segment `i`.
+    /// Store the limit `radius` of the frame's acceleration at the three points of segment `i`. Its components are the rows from `k` to `k
+    /// + 2`.
     fn build_balls(&mut self, rows: &LimitRows, i: usize, place: usize, k: usize, radius: f64) {
         let w = rows.width;
         let h = rows.s[i + 1] - rows.s[i];
@@ -243,7 +256,7 @@ impl Lines {
         }
     }
 
-    /// The tangents at `x` of the lowest upper and of the highest lower limit of `u` by the frame's acceleration.
+    /// The bounds of `u` from the frame's acceleration at `x`: the tangents of the smallest upper bound and of the largest lower bound.
     #[inline(always)]
     fn ball_tangents(&self, i: usize, x: f64) -> Option<[Tangent; 2]> {
         let [a, b, c] = self.balls.get(i)?.each_ref().map(|ball| ball.tangents(x));
@@ -252,7 +265,7 @@ impl Lines {
         Some([lower(lower(a[0], b[0]), c[0]), higher(higher(a[1], b[1]), c[1])])
     }
 
-    /// `U` at `x` in segment `i`.
+    /// `U(x)` of segment `i`, the largest feasible `u`.
     #[inline(always)]
     pub fn upper<S: Real>(&self, i: usize, x: f64) -> f64 {
         let all = i * self.width..(i + 1) * self.width;
@@ -267,7 +280,8 @@ impl Lines {
         self.ball_tangents(i, x).map_or(least, |[upper, _]| least.min(upper.value))
     }
 
-    /// `U` and `L` at `x`, together with the condition to reach `K_(i+1)`.
+    /// `U` and `L` of segment `i` at `x`. They include the condition that the next `x` is between `low` and `high`. `inverse` is `1 / (2
+    /// h)`.
     #[inline(always)]
     fn gap<S: Real>(&self, i: usize, x: f64, [inverse, low, high]: [f64; 3]) -> Gap {
         let first = i * self.width;
@@ -307,7 +321,7 @@ impl Lines {
         Gap { upper: up, upper_at, lower: down, lower_at, upper_tangent, lower_tangent }
     }
 
-    /// The end of `K_i` on the side of `away`, searched from `from`; never beyond `limit`.
+    /// Search one end of `K_i` from `from`, never beyond `limit`. With `away` = 1 this is the upper end, with -1 the lower end.
     #[inline(always)]
     fn end<S: Real>(&self, i: usize, from: f64, limit: f64, away: f64, target: [f64; 3]) -> Option<f64> {
         let [inverse, low, high] = target;
@@ -325,13 +339,13 @@ impl Lines {
             let (upper_rest, upper_slope) = line(&self.upper, gap.upper_at, high, gap.upper_tangent);
             let (lower_rest, lower_slope) = line(&self.lower, gap.lower_at, low, gap.lower_tangent);
             let slope = upper_slope - lower_slope;
-            // The gap must widen inwards, and the limit must not be reached.
+            // No `x` is feasible if the gap `U - L` does not widen inwards, or if the search is already at its limit.
             if !(slope * away < 0.0) || x == limit {
                 return None;
             }
-            // From the values at zero: a step from a distant x would lose all digits.
+            // Compute the crossing from the values at `x = 0`: a step from a distant `x` would lose all digits.
             let next = (lower_rest - upper_rest) / slope;
-            // The step does not move inwards, up to the rounding of the crossing: this is the end.
+            // If the crossing is not further inside, up to rounding, then `x` is the end.
             if !((x - next) * away > ROUNDING * x.abs()) {
                 return Some(x);
             }
@@ -340,7 +354,7 @@ impl Lines {
         None
     }
 
-    /// `K_i`.
+    /// `K_i`: the interval of `x` at the start of segment `i` from which the motion can continue, below `cap`; `None` if it is empty.
     #[inline(always)]
     pub fn controllable<S: Real>(&self, i: usize, cap: f64, target: [f64; 3]) -> Option<(f64, f64)> {
         let (low, high) = (self.low[i], self.high[i].min(cap));

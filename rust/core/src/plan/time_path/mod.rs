@@ -1,13 +1,25 @@
 //! The fastest timing of a path under limits of torque, acceleration and speed (`docs/time_path.md`).
 //!
-//! 1. The dynamics along the path on a grid: `tau = A u + B x + g` (`rows`).
-//! 2. Reachability analysis on that grid (`reach`).
-//! 3. A check ten times finer (`check`). In each segment, a limit is reduced by its largest excess between grid points. Step 2
-//!    is repeated until no limit is exceeded. A grid that is too coarse for that is halved.
-//! 4. With friction, step 3 may end without a feasible speed. Then the best timing is slowed down (`slow`).
-//! 5. With limits of the torque rate, the timing is averaged over time and slowed down (`rate`).
-//! 6. Limits of a frame's origin (`tip`), limits that vary along the path (`along`), and position limits (`positions`).
-//! 7. Without a feasible timing: the joint, the place, the limit, and the missing amount (`reason`).
+//! The path is `q(s)`, with `q' = dq/ds`. A timing is `s(t)`, with the path speed `r = ds/dt`, its square `x = r^2`, and the path
+//! acceleration `u = d^2 s/dt^2`.
+//!
+//! Terms of this folder:
+//! - A *piece* is one polynomial of the path, between two knots.
+//! - A *segment* is the interval between two neighbouring grid points.
+//! - A *row* is one limited quantity, for example the torque of one joint, as a linear function of `u` and `x`.
+//! - A *profile* is `x` at all grid points.
+//! - A *cap* is an upper bound of `x` at a grid point.
+//!
+//! Steps:
+//! 1. Compute `A, B, g` of the torques `tau = A u + B x + g` on a grid (`rows`).
+//! 2. Compute the fastest profile on this grid by reachability analysis (`reach`).
+//! 3. Check the limits at ten steps per segment (`check`). Reduce each exceeded limit in its segment by the largest excess.
+//!    Repeat step 2 until no limit is exceeded. If this does not succeed, halve segments.
+//! 4. With friction, step 3 may end without a feasible speed. Then slow down the best timing (`slow`).
+//! 5. With limits of the torque rate, average the timing over time and slow it down (`rate`).
+//! 6. Further limits: speed and acceleration of a frame's origin (`tip`), limits that vary along the path (`along`), positions
+//!    (`positions`).
+//! 7. Without a feasible timing, report the joint, the path position, the limit, and the missing amount (`reason`).
 
 mod along;
 mod caps;
@@ -43,59 +55,65 @@ use samples::Samples;
 use setup::PathProblem;
 use std::sync::Arc;
 
-/// Corrections of one grid before it is halved; twice as many under friction, and for a grid that cannot be halved.
+/// The number of corrections on one grid before segments are halved. It is doubled under friction, and for the last grid.
 const CORRECTIONS: usize = 8;
-/// How often the reduction of a limit is doubled. With friction, each later reduction covers twice as many segments.
+/// How often the reduction of a limit is doubled without friction.
 const MOST_DOUBLINGS: usize = 7;
+/// How often the reduction of a limit is doubled with friction. Each later correction reduces the limit on more neighbouring segments.
 const SPREAD: usize = 4;
-/// The number of passes with chords and then with tangents of viscous friction. Then the relative changes of `x` at which tangents begin, and
-/// at which the profile has converged.
+/// The largest number of passes that replace viscous friction by its chord.
 const CHORDS: usize = 40;
+/// The largest number of passes that replace viscous friction by its tangent.
 const TANGENTS: usize = 6;
+/// The relative change of `x` below which tangents replace chords.
 const NEAR: f64 = 0.03;
+/// The relative change of `x` below which the profile has converged.
 const STANDS: f64 = 1e-6;
-/// Grids tried, and how often all of a grid is halved.
+/// The largest number of grids.
 const GRIDS: usize = 9;
+/// How often all segments of a grid may be halved.
 const HALVINGS: usize = 4;
 /// The relative change of the duration at which the automatic grid is fine enough.
 const SETTLED: f64 = 1e-4;
-/// Points of the first such grid.
+/// The number of points of the first automatic grid.
 pub(crate) const FIRST_GRID: usize = 201;
-/// Excess between grid points, relative to the limit, above which a grid is halved, because corrections would cost too much time.
+/// A relative excess between grid points above which a segment is halved, because corrections would take longer.
 const COARSE: f64 = 1e-3;
-/// The fraction of the duration that a segment may lose, relative to the tolerance of a limit.
+/// The largest loss of time on one segment, as a fraction of the duration, divided by the tolerance `fine` of the excess.
 const LOST: f64 = 0.02;
-/// The first reduction of a limit, relative to its excess. Each further reduction is twice as large.
+/// The first reduction of a limit, divided by its excess. Each further reduction is twice as large.
 const BEYOND: f64 = 1.2;
-/// Passes that give the path acceleration the slope of its limits.
+/// The number of passes that set the slope of `u` to the slope of the active limit.
 const BENDS: usize = 1;
 
-/// A timing, or why there is none.
+/// A timing of a path, or the reason why none exists.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimePath {
-    /// Without a timing its duration is NaN.
+    /// The motion `q(t)` along the path. Its duration is NaN if no timing exists.
     pub motion: TimedPath,
-    /// Smallest relative distance to a limit, on ten points per grid segment; NaN without a timing.
+    /// The smallest relative distance to a limit, over samples at ten steps per segment; NaN if no timing exists.
     pub margin: f64,
-    /// Why there is no timing; `None` where there is one.
+    /// The reason why no timing exists; `None` if one exists.
     pub reason: Option<PathReason>,
 }
 
-/// The result of one grid.
+/// The result of the corrections on one grid.
 enum Outcome {
+    /// All limits are satisfied.
     Done(LimitCheck),
-    /// The grid is too coarse: in places, or everywhere after failed corrections.
+    /// The grid is too coarse. With `true`, all segments must be halved; with `false`, only some of them.
     Coarse(LimitCheck, bool),
+    /// No profile is feasible on this grid.
     Stuck(Stuck),
 }
 
-/// The largest relative change from `old` to `new`.
+/// The largest relative change of an entry from `old` to `new`.
 fn change(new: &[f64], old: &[f64]) -> f64 {
     new.iter().zip(old).map(|(new, old)| (new - old).abs() / new.max(*old).max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
 }
 
-/// The profile with viscous friction, on the present rows. Chords come first, because they keep speeds near rest feasible. When the
-/// profile changes little, tangents follow, whose error is of second order in the change.
+/// Compute the profile with viscous friction, on the present rows. Chords come first, because low speeds remain feasible under a chord.
+/// When the profile changes little, tangents follow. The error of a tangent is of second order in the change.
 fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() {
         return Ok(());
@@ -112,7 +130,7 @@ fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::resul
                     break;
                 }
             }
-            // The chord belongs to a profile that is too fast: use the chord of a slower one.
+            // No profile is feasible with this chord: try the chord at a quarter of `x`.
             Err(_) => start.iter_mut().for_each(|x| *x *= 0.25),
         }
     }
@@ -120,14 +138,14 @@ fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::resul
     tangents(problem, profile)
 }
 
-/// The profile with friction by tangents, until it converges. A remaining error of the tangents would count as an excess.
+/// Compute the profile with tangents of viscous friction, until it converges. The check would count a remaining error as an excess.
 fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     for _ in 0..TANGENTS {
         let x = profile.x.clone();
         problem.linearise_friction(&x, Line::Tangent);
         profile.forget();
         if solve(&problem.rows, profile).is_err() {
-            // If a tangent leaves no feasible speed, the chord is kept.
+            // With this tangent no speed is feasible: return to the chord.
             problem.linearise_friction(&x, Line::Chord);
             profile.forget();
             return solve(&problem.rows, profile);
@@ -139,11 +157,12 @@ fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Re
     Ok(())
 }
 
-/// The profile on narrowed rows.
+/// Compute the profile again, after limits were reduced.
 fn again(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() { solve(&problem.rows, profile) } else { tangents(problem, profile) }
 }
 
+/// Compute the profile on the present grid, and correct it until it satisfies all limits.
 fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile, lost: &mut Vec<f64>, fine: f64, last: bool) -> Outcome {
     problem.rows.tight_lo.fill(0.0);
     problem.rows.tight_hi.fill(0.0);
@@ -179,12 +198,13 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
         let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let (width, count) = (problem.rows.width, problem.pieces.len());
-        // With dominant friction, a reduced segment passes its excess to the next one. So neighbours are reduced too.
+        // With large friction, a smaller limit on one segment moves the excess to the next segment. So the limits of neighbours are reduced
+        // too.
         let spread = if problem.friction.is_some() && k >= SPREAD { 1_usize << (k - SPREAD) } else { 0 };
         let mut caps = std::mem::take(&mut problem.cap_tight);
         narrowed.clear();
         let now = samples.examine(&problem.course(), &problem.rows, profile, |i, row, under, over| {
-            // The norm of the frame's acceleration is narrowed in the first of its rows.
+            // For the norm of the frame's acceleration, the first of its three rows stores the reduction.
             let row = if problem.norms == Some(row) { problem.rows.ball.map_or(row, |(first, _)| first) } else { row };
             if row < width {
                 let (lo, hi) = (tight_lo[i * width + row] + beyond * under, tight_hi[i * width + row] + beyond * over);
@@ -194,15 +214,16 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
                     narrowed.push(at);
                 }
             } else {
-                // The cap is on the square: twice the relative excess of the speed.
+                // The cap bounds the squared speed. So the relative excess of the speed is doubled.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
-                // If two bounds are far apart, the larger one is reduced, because it has no limit where the path turns back. But
-                // a peak of the speed beside the smaller one decreases only with the square of this reduction.
+                // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the
+                // third correction on, reduce both. A peak of the speed next to the smaller cap decreases only with the square of the first
+                // reduction.
                 let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
                 for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
                     if here * 1.2 >= other || k >= 2 {
-                        // Beside an end with a positive end speed, the peak is reduced from one side. It moves towards that end, and is of
-                        // second order in the remaining reduction.
+                        // At an end with a prescribed speed above zero the cap is fixed. Then only the other cap is reduced, and the peak
+                        // decreases slowly. So this reduction doubles with each correction.
                         let given = (next == 0 && problem.rows.x_start > 0.0) || (next == count && problem.rows.x_end > 0.0);
                         let past = if given { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
                         caps[at] = caps[at].max(cap_old[at] + past);
@@ -246,12 +267,14 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
     }
 }
 
-/// The number of halvings of a segment whose value is `over` times too large and of second order in its length.
+/// The number of halvings of a segment whose error is `over` times too large. The error is of second order in the length.
 fn halvings(over: f64) -> u32 {
     if over > 1.0 { (0.5 * over.log2()).ceil().min(9.0) as u32 } else { 0 }
 }
 
-/// The fastest timing of `path` for `mover` under `limits`.
+/// Compute the fastest timing of `path` for the arm `mover` under `limits`.
+///
+/// If no timing is feasible, the result has the reason. An argument that is not valid is an error.
 ///
 /// ```
 /// use armlet_core::arm::Arm;

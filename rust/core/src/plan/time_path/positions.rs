@@ -1,14 +1,14 @@
-//! Whether a path keeps to position limits: the extrema of every polynomial piece `q_j(x)`, `0 <= x <= 1`, against `q_min` and `q_max`.
+//! Position limits of a path: the extrema of every polynomial piece `q_j(x)`, `0 <= x <= 1`, are compared with `q_min` and `q_max`.
 //!
-//! The roots of a polynomial's derivative divide its pieces into monotone parts, in each of which bisection finds at most one root. This is
-//! done for `q'''`, `q''` and `q'` in turn, so that an extremum of `q` is exact to rounding.
+//! The roots of a polynomial's derivative divide [0, 1] into parts where the polynomial is monotone. Bisection finds the root in each part,
+//! if there is one. This is repeated from the highest derivative down to `q'`. So an extremum of `q` is exact up to rounding.
 
 use super::reason::{Bound, PathReason, Shortfall};
 use super::rows::Mover;
 use crate::interrupt::look;
 use crate::motion::{Path, TERMS};
 
-/// The relative tolerance of a limit: the rounding error of the path.
+/// The relative tolerance of a position limit, for rounding errors of the path.
 const ROUNDING: f64 = 1e-12;
 
 type Polynomial = [f64; TERMS];
@@ -21,7 +21,7 @@ fn derivative(c: &Polynomial) -> Polynomial {
     std::array::from_fn(|k| if k + 1 < TERMS { (k + 1) as f64 * c[k + 1] } else { 0.0 })
 }
 
-/// Places in [0, 1] that include all extrema of `c`.
+/// Places in [0, 1] that include all extrema of the polynomial `c`.
 fn extrema(c: &Polynomial, places: &mut Vec<f64>) {
     let mut order = [*c; TERMS];
     for k in 1..TERMS {
@@ -40,7 +40,7 @@ fn extrema(c: &Polynomial, places: &mut Vec<f64>) {
                 }
                 roots.push(low);
             } else if part[1] < 1.0 {
-                // The end of a part, where a root may touch zero.
+                // Without a change of sign, keep the end of the part: a root may touch zero there.
                 roots.push(part[1]);
             }
         }
@@ -49,7 +49,7 @@ fn extrema(c: &Polynomial, places: &mut Vec<f64>) {
     }
 }
 
-/// The place where the path is furthest beyond a limit, if it is.
+/// The place where the path exceeds a position limit most; `None` if it exceeds none.
 pub(super) fn beyond(mover: Mover, path: &Path, lower: &[f64], upper: &[f64]) -> Option<PathReason> {
     let n = path.dof();
     let (knots, coefficients) = (path.knots(), path.coefficients());

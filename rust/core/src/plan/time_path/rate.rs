@@ -1,16 +1,16 @@
 //! A timing whose torques change no faster than a limit: `|d tau_j/dt| <= R_j`.
 //!
-//! In the fastest timing `u` jumps, and so does the torque. The average of the timing over a window of time has no jumps. A motion slower
-//! by a factor `k` then satisfies the limits, because for large `k` only gravity remains:
+//! In the fastest timing `u` jumps, and so do the torques. The average of the timing over a time window `W` has no jumps. A motion slower
+//! by a factor `k` satisfies the limits for large `k`, because then only gravity remains:
 //!
 //! ```text
 //! r_W(t) = (s(t) - s(t - W)) / W,   u_W(t) = (r(t) - r(t - W)) / W,   duration k (T + W)
 //! tau(t/k) = g + d q' r_W / k + I / k^2,   I = M a + C v at k = 1
 //! ```
 //!
-//! The search varies the window, and finds the least `k` of each. The result is inside the limits, but not the fastest timing. `u` is
-//! linear in time between nodes, so `s(t)` is a C2 cubic. Rates are difference quotients of samples, plus the largest change from one to
-//! the next.
+//! The search varies the window `W`, and finds the least factor `k` for each. The result satisfies the limits, but it is not the fastest
+//! timing. `u` is linear in time between nodes, so `s(t)` is a C2 cubic spline. Torque rates are difference quotients of samples, plus the
+//! largest change from one quotient to the next.
 
 use super::check::TOLERANCE;
 use super::reason::{Bound, PathReason, Shortfall};
@@ -22,22 +22,26 @@ use crate::error::Result;
 use crate::interrupt::look;
 use crate::motion::TimedPath;
 
-/// Windows tried: the duration of the fastest timing times `2^1 .. 2^-8`, then finer steps about the best one.
+/// Powers of two: each is tried as a window, as a fraction of the duration of the fastest timing.
 const WINDOWS: std::ops::RangeInclusive<i32> = -8..=1;
+/// Factors for the finer search around the best window.
 const STEPS: [f64; 4] = [1.5, 1.2, 1.1, 1.05];
-/// Nodes per window and per piece of the path, and bounds of their total number.
+/// Number of nodes per window.
 const PER_WINDOW: f64 = 8.0;
+/// Number of nodes per piece of the path.
 const PER_PIECE: usize = 40;
+/// The smallest and the largest total number of nodes.
 const NODES: (usize, usize) = (200, 4000);
-/// Samples of a segment during the search, and for the final check.
+/// Samples between two nodes during the search.
 const ROUGH: usize = 4;
+/// Samples between two nodes in the final check.
 const FINEST: usize = 20;
-/// Slowest timing tried.
+/// The largest factor `k`.
 const SLOWEST: f64 = 1e6;
-/// Segments between two checks for a stop.
+/// Number of node intervals between two checks for an interrupt.
 const LOOK: usize = 64;
 
-/// Nodes of a timing: times, and `s, r, u` there.
+/// Nodes of a timing: times, and the path position `s`, path speed `r` and path acceleration `u` at these times.
 struct Nodes {
     t: Vec<f64>,
     s: Vec<f64>,
@@ -45,7 +49,7 @@ struct Nodes {
     u: Vec<f64>,
 }
 
-/// A sample beyond a limit.
+/// A sample that exceeds a limit.
 #[derive(Clone, Copy, Debug)]
 struct Beyond {
     excess: f64,
@@ -54,23 +58,25 @@ struct Beyond {
     s: f64,
 }
 
-/// Samples of a timing, `(K, n)` each: static torques, friction and inertia torques, accelerations and speeds.
+/// `K` samples of a timing, with `per` samples of `step` seconds between two nodes.
 struct Samples<'a> {
     problem: &'a PathProblem<'a>,
     rates: &'a [f64],
     per: usize,
     step: f64,
     s: Vec<f64>,
+    /// `(K, n)`: static torques.
     held: Vec<f64>,
+    /// `(K, n)`: viscous friction torques.
     rubbed: Vec<f64>,
-    /// `(K, stride)`: torques, accelerations, speeds; acceleration and velocity of the frame's origin.
+    /// `(K, stride)`: inertia torques, joint accelerations and speeds; then acceleration and velocity of the frame's origin.
     all: Vec<f64>,
     stride: usize,
-    /// `(K, 3 n)`: limits that vary along the path, or ones.
+    /// `(K, 3 n)`: limits of torque, acceleration and speed that vary along the path; one where they are constant.
     along: Vec<f64>,
 }
 
-/// The average of `fast` over a window before each time.
+/// The average of `fast` over a time window that ends at each node.
 fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
     let total = fast.duration() + window;
     let count = ((PER_WINDOW * total / window) as usize).max(PER_PIECE * pieces).clamp(NODES.0, NODES.1);
@@ -79,7 +85,7 @@ fn averaged(fast: &TimedPath, window: f64, pieces: usize) -> Nodes {
     let t: Vec<f64> = (0..=count).map(|k| step * k as f64).collect();
     let mut u: Vec<f64> = t.iter().map(|&t| (speed(t) - speed(t - window)) / window).collect();
     (u[0], u[count]) = (0.0, 0.0);
-    // The motion must end exactly at rest: the error of the trapezoidal rule is distributed over all nodes.
+    // The motion must end exactly at rest. So the error of the trapezoidal rule is distributed over all nodes.
     let left: f64 = step * u.iter().sum::<f64>();
     for k in 0..=count {
         let z = k as f64 / count as f64;
@@ -136,8 +142,8 @@ impl<'a> Samples<'a> {
         Samples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
     }
 
-    /// The sample that is furthest beyond a limit (or nearest to one) in a motion slower by `k`. With `any`, the search ends at the first
-    /// sample beyond a limit.
+    /// The sample with the largest relative excess over a limit, in a motion slower by the factor `k`. With `any`, the search ends at the
+    /// first sample that exceeds a limit.
     fn worst(&self, k: f64, any: bool) -> Beyond {
         let Samples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
         let (n, per) = (problem.n, *per);
@@ -181,7 +187,7 @@ impl<'a> Samples<'a> {
         worst
     }
 
-    /// Acceleration and speed of the frame's origin on segment `i`.
+    /// Compare acceleration and speed of the frame's origin between nodes `i` and `i + 1` with their limits, and update `worst`.
     fn look_at_tip(&self, i: usize, by: [f64; 2], worst: &mut Beyond) {
         let Some(tip) = &self.problem.tip else { return };
         let first = 3 * self.problem.n;
@@ -196,7 +202,7 @@ impl<'a> Samples<'a> {
         }
     }
 
-    /// The least factor that satisfies all limits, by bisection to the relative accuracy `share`.
+    /// The least factor `k` that satisfies all limits, by bisection to the relative accuracy `share`; `None` beyond `SLOWEST`.
     fn slowing(&self, share: f64) -> Option<f64> {
         let fits = |k: f64| self.worst(k, true).excess <= TOLERANCE;
         let mut high = 1.0;
@@ -218,8 +224,9 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Four numbers from the values at some samples: the largest, the smallest, the largest excess over these between samples, and the largest
-/// change between two. At a corner the excess is at most half of a second difference, on a parabola an eighth.
+/// Return four numbers from the values at some samples: the largest, the smallest, the excess over these between samples, and the largest
+/// change between neighbours. The excess is bounded by half of the largest second difference. A corner reaches this bound; a parabola needs
+/// an eighth.
 #[inline(always)]
 fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) -> [f64; 4] {
     let (mut before, mut change) = (value(*samples.start()), f64::NAN);
@@ -228,19 +235,19 @@ fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) 
         let here = value(m);
         let next = here - before;
         (top, bottom, most) = (top.max(here), bottom.min(here), most.max(next.abs()));
-        // It is NaN at first, which max ignores.
+        // `change` is NaN at first, and max ignores NaN.
         turn = turn.max((next - change).abs());
         (before, change) = (here, next);
     }
     [top, bottom, 0.5 * turn, most]
 }
 
-/// The scale of an excess: the limit, or the opposite limit if it is zero.
+/// The scale of a relative excess: the limit, or the opposite limit if it is zero.
 fn size(near: f64, far: f64) -> f64 {
     if near != 0.0 { near.abs() } else { far.abs() }
 }
 
-/// `fast` averaged and slowed until no torque changes faster than `rates`, `(n,)`.
+/// Average `fast` over time, and slow it down until no torque changes faster than `rates`, `(n,)`, N m/s or N/s.
 pub(super) fn limit_rate(problem: &PathProblem, fast: TimePath, rates: &[f64], options: &TimePathOptions) -> Result<TimePath> {
     let total = fast.motion.duration();
     if !(total > 0.0) {

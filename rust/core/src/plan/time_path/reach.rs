@@ -1,17 +1,16 @@
-//! Reachability analysis (Pham and Pham 2018, TOPP-RA) on a grid, with `x = (ds/dt)^2` and `u = d^2 s/dt^2` constant between
-//! grid points, so that `x_(i+1) = x_i + 2 h u_i`:
+//! Reachability analysis (Pham and Pham 2018, TOPP-RA) on a grid of path positions `s_i`, with `x = (ds/dt)^2` and `u = d^2 s/dt^2`. `u` is
+//! constant between grid points at distance `h`, so that `x_(i+1) = x_i + 2 h u_i`:
 //!
 //! ```text
-//! K_N = {x_end},   K_i = {x : some u obeys all rows of segment i and x + 2 h u lies in K_(i+1)}          (backward)
-//! u_i = largest u that obeys them at x_i,   x_(i+1) = x_i + 2 h u_i                                    (forward)
+//! K_N = {x_end},   K_i = {x : some u obeys all rows of segment i, and x + 2 h u is in K_(i+1)}           (backward)
+//! u_i = largest u that obeys all rows at x_i,   x_(i+1) = x_i + 2 h u_i                                (forward)
 //! ```
 //!
-//! Each segment has rows at both ends and in the middle (`lines`). A second pass repeats only the segments whose
-//! rows or bounds have changed. So the cost of a correction is proportional to its extent.
+//! Each segment has rows at both ends and in the middle (`lines`). A second pass repeats only the segments whose rows or bounds have
+//! changed. So the cost of a correction is proportional to the number of changed segments.
 //!
-//! A constant `u` under a limit that changes along the segment loses time in proportion to `h`. So once the active limits of a profile
-//! are known, `u` gets their slope, `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of the order
-//! of `h^2`.
+//! If a limit changes along a segment, a constant `u` loses time in proportion to `h`. So when the active limits of a profile are known,
+//! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of order `h^2`.
 
 use super::lines::{FAR, LimitRows, Lines, NONE, STANDING, largest, load};
 use super::tip::Ball;
@@ -19,53 +18,53 @@ use crate::interrupt::look;
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use nalgebra::Vector3;
 
-/// Segments between two checks for a stop.
+/// Number of segments between two checks for an interrupt.
 const LOOK: usize = 1 << 12;
 
-/// A place without a feasible speed.
+/// The reason why no profile is feasible on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Stuck {
-    /// No path speed at the start of this segment obeys the limits and reaches the next one.
+    /// No path speed at the start of this segment obeys the limits and reaches the next segment.
     Empty(usize),
-    /// The start speed is infeasible: the bounds of `x` there.
+    /// The start speed is infeasible. The fields are the smallest and the largest feasible `x` at the start.
     Start(f64, f64),
-    /// The end speed is above its bound.
+    /// The end speed is above its cap. The field is that cap, a bound of `x`.
     End(f64),
 }
 
-/// `K_i` and the profile.
+/// The intervals `K_i`, from `low` to `high`, and the profile `x`, `(N + 1,)` each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Profile {
     pub low: Vec<f64>,
     pub high: Vec<f64>,
     pub x: Vec<f64>,
-    /// The `x` that was nearest to its limits.
+    /// A copy of the profile that exceeded its limits least.
     pub kept: Vec<f64>,
-    /// Points whose `x` changed since this was last cleared.
+    /// Points whose `x` changed since these flags were last cleared.
     pub moved: Vec<bool>,
     lines: Lines,
     /// Segments whose rows changed since their lines were built.
     stale: Vec<bool>,
-    /// Points whose `K` changed in the last pass.
+    /// Points whose interval `K_i` changed in the last pass.
     led: Vec<bool>,
-    /// The bounds of `x` in the last pass.
+    /// The caps of `x` in the last pass.
     cap: Vec<f64>,
-    /// The last pass is not valid at all.
+    /// Whether the next pass must compute all segments.
     whole: bool,
 }
 
 impl Profile {
-    /// Discard the results of the last pass.
+    /// Discard the results of the last pass: the next pass computes all segments.
     pub fn forget(&mut self) {
         self.whole = true;
     }
 
-    /// Store `x`, for the case that a later pass finds none.
+    /// Copy `x` to `kept`, for the case that a later pass finds no profile.
     pub fn keep(&mut self) {
         self.kept.clone_from(&self.x);
     }
 
-    /// The rows of segment `i` changed.
+    /// Mark the rows of segment `i` as changed.
     pub fn touch(&mut self, i: usize) {
         self.stale[i] = true;
     }
@@ -87,6 +86,7 @@ impl Profile {
     }
 }
 
+/// The condition that the next `x` is in `K_(i+1)`: `1 / (2 h)`, and the two ends of that interval.
 #[inline(always)]
 fn target(rows: &LimitRows, i: usize, low: f64, high: f64) -> [f64; 3] {
     [0.5 / (rows.s[i + 1] - rows.s[i]), low, high]
@@ -145,12 +145,12 @@ impl GenericKernel for Solve<'_> {
     }
 }
 
-/// The fastest profile on the grid.
+/// Compute the fastest profile on the grid.
 pub(super) fn solve(rows: &LimitRows, profile: &mut Profile) -> Result<(), Stuck> {
     run_lanes(Solve(rows, profile))
 }
 
-/// The limits of `u` at the single point `i`.
+/// The upper and the lower bound of `u` at grid point `i` if `x` there is `at`.
 #[inline(always)]
 fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     let w = rows.width;
@@ -195,13 +195,13 @@ impl GenericKernel for Bends<'_> {
                 let least = if side == 0 { from.min(to) } else { from.max(to) };
                 let near = 1e-3 * rise.abs() + 1e-5 * u.abs();
                 let follows = (u - least).abs() <= near || (u - mean).abs() <= near + 0.1 * rise.abs();
-                // x stays well above zero within the segment.
+                // With this condition `x` remains well above zero within the segment.
                 let sound = x0.min(x1) + h * u.abs() >= 2.0 * h * rise.abs();
                 if follows && sound && rise.abs() <= 0.2 * distance {
                     u_slope = rise / h;
                 }
             }
-            // On a speed limit, u may have the slope of that bound if it is within the limits at both ends.
+            // Where `x` follows a cap, `u` may have the slope of the cap, if `u` is then within its bounds at both ends.
             let half = 0.5 * h * caps[i];
             let inside = |at: f64, [most, least]: [f64; 2]| least <= at && at <= most;
             if inside(u - half, before) && inside(u + half, after) && x0.min(x1) + h * u.abs() >= 4.0 * h * half.abs() {
@@ -216,14 +216,16 @@ impl GenericKernel for Bends<'_> {
     }
 }
 
-/// On each segment where `u` follows a limit, set its slope to that of the limit. `caps` are the slopes along speed limits.
+/// Set the slope of `u` on each segment where `u` follows a limit, to the slope of that limit. `caps`, `(N,)`, has the slopes along speed
+/// limits.
 pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f64]) {
     run_lanes(Bends(rows, profile, caps));
 }
 
-/// The largest loss of a segment for a path acceleration that jumps at one of its ends, as a fraction of the duration.
+/// Compute the largest loss of time of each segment, as a fraction of the duration, and write it to `to`, `(N,)`.
 ///
-/// The active limit changes there. In the optimum it changes within the segment.
+/// At a grid point where the active limit changes, `u` jumps. In the optimum the limit changes within a segment. This difference is the
+/// loss.
 pub(super) fn losses(rows: &LimitRows, profile: &Profile, to: &mut Vec<f64>) {
     let count = rows.u_slope.len();
     let x = &profile.x;
@@ -257,7 +259,7 @@ impl GenericKernel for Widened<'_> {
     }
 }
 
-/// `K_i` where limits are wider by `widen` of their scale, from `K_(i+1)`.
+/// `K_i` when every limit is wider by `widen` times its scale. `next` is the interval `K_(i+1)`.
 pub(super) fn widened(rows: &LimitRows, i: usize, widen: f64, next: [f64; 2]) -> Option<(f64, f64)> {
     run_lanes(Widened(rows, i, widen, next))
 }

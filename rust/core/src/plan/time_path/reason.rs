@@ -1,6 +1,7 @@
-//! Why a path has no timing: the joint, the place, the limit, and the missing amount.
+//! The reason why a path has no timing: the joint, the path position, the limit, and the missing amount.
 //!
-//! The smallest `w` for which the segment has a speed again when every limit is wider by `w` times its size, by bisection.
+//! The missing amount is the smallest `w` for which a feasible speed exists when every limit is wider by `w` times its size. Bisection
+//! finds `w`.
 
 use super::check::LimitCheck;
 use super::reach::{Profile, Stuck, widened};
@@ -20,9 +21,9 @@ pub enum Bound {
     Velocity,
     /// Limit of the torque rate.
     TorqueRate,
-    /// Speed of the frame's origin.
+    /// Limit of the speed of the frame's origin.
     TipSpeed,
-    /// Acceleration of the frame's origin.
+    /// Limit of the acceleration of the frame's origin.
     TipAcceleration,
     /// Upper position limit.
     PositionMax,
@@ -50,7 +51,7 @@ impl Bound {
 /// The condition that a path or its timing violates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shortfall {
-    /// The limits leave no path speed here, or none from which the motion can continue.
+    /// The limits allow no path speed here, or none from which the motion can continue.
     NoSpeed,
     /// The start speed is infeasible.
     StartSpeed,
@@ -66,31 +67,32 @@ pub enum Shortfall {
     Position,
 }
 
-/// Why there is no timing.
+/// The reason why a path has no timing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathReason {
     /// The violated condition.
     pub what: Shortfall,
-    /// Index of the joint; `None` for a frame's origin.
+    /// Index of the joint; `None` if the limit is one of a frame's origin.
     pub joint: Option<usize>,
     /// Name of the joint, or of the frame.
     pub joint_name: String,
-    /// Path position.
+    /// Path position `s`, in the unit of the path's parameter.
     pub s: f64,
-    /// The limit that binds.
+    /// The violated limit.
     pub limit: Bound,
-    /// The missing amount of the limit, relative to it.
+    /// The missing amount, as a fraction of the limit.
     pub missing: f64,
-    /// The shortfall in the unit of the limit.
+    /// The missing amount in the unit of the limit.
     pub missing_units: f64,
-    /// The feasible path speed nearest to an infeasible start or end speed.
+    /// The feasible path speed `ds/dt` nearest to an infeasible start or end speed; else NaN.
     pub speed: f64,
-    /// The joint position that is beyond its limit; else NaN.
+    /// The joint position that exceeds its limit, rad or m; else NaN.
     pub position: f64,
 }
 
 impl PathProblem<'_> {
-    /// Kind and joint of a row: 0 torque, 1 acceleration, 2 speed; 3 acceleration, 4 speed of the frame's origin.
+    /// The kind and the joint of a row. The kinds are 0 torque, 1 acceleration, 2 speed of a joint; 3 acceleration, 4 speed of the frame's
+    /// origin.
     fn kind(&self, row: usize) -> (usize, usize) {
         let n = self.n;
         if let Some(first) = self.norms.filter(|first| row >= *first) {
@@ -110,7 +112,7 @@ impl PathProblem<'_> {
         self.reason_of(what, self.kind(row), upper, s, missing)
     }
 
-    /// The reason for a limit, by its kind and joint.
+    /// The reason for a violated limit, from its kind and joint.
     pub(super) fn reason_of(&self, what: Shortfall, (kind, joint): (usize, usize), upper: bool, s: f64, missing: f64) -> PathReason {
         let limit = match kind {
             0 if upper => Bound::TorqueMax,
@@ -135,7 +137,8 @@ impl PathProblem<'_> {
         PathReason { what, joint: Some(joint), joint_name, s, limit, missing, missing_units: missing * size, speed, position }
     }
 
-    /// The row that is nearest to (or furthest beyond) a limit at `(u, x)` of point `i`, and its relative excess.
+    /// The row with the largest relative excess at grid point `i` with `(u, x)`: its index, whether its upper limit is the nearer one, the
+    /// excess.
     pub(super) fn tightest(&self, i: usize, u: f64, x: f64) -> (usize, bool, f64) {
         let w = self.rows.width;
         let c = &self.rows.coefficients[i * 3 * w..];
@@ -179,7 +182,7 @@ impl PathReason {
             }
             Stuck::Empty(i) => {
                 let next = [profile.low[i + 1], profile.high[i + 1]];
-                // Static torques first: a limit that cannot hold the arm's weight is the simplest reason.
+                // Test static torques first: a limit that cannot hold the arm's weight is the simplest reason.
                 for at in [i, i + 1] {
                     let (row, upper, beyond) = problem.tightest(at, 0.0, 0.0);
                     if beyond > 0.0 {

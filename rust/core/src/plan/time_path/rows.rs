@@ -1,10 +1,10 @@
-//! The dynamics along a path, for blocks of its points: with `v = q' r`, `a = q' u + q'' r^2` (`r = ds/dt`, `x = r^2`)
+//! The dynamics along a path, for many points together, with `v = q' r`, `a = q' u + q'' x`, `r = ds/dt`, `x = r^2`, `u = d^2 s/dt^2`:
 //!
 //! ```text
 //! tau = A u + B x + g (+ friction),   A = M q',   B = M q'' + C(q, q') q',   g = g(q)
 //! ```
 //!
-//! as one function of the arm (Bobrow, Dubowsky and Gibson 1985). The origin of a frame moves as in `tip`.
+//! One function of the arm computes `A, B, g` (Bobrow, Dubowsky and Gibson 1985). `tip` has the motion of a frame's origin.
 
 use super::along::Along;
 use super::tip::{self, TIP};
@@ -13,12 +13,12 @@ use crate::error::Result;
 use crate::interrupt::look;
 use crate::motion::Path;
 
-/// The moving arm: a tree of links, or the closed form.
+/// The arm that moves along the path.
 #[derive(Clone, Copy)]
 pub enum Mover<'a> {
     /// A tree of bodies.
     Tree(&'a Functions),
-    /// The planar arm in closed form.
+    /// The planar arm with one prismatic and one revolute joint, in closed form.
     PlanarPr(PlanarPr<f64>),
 }
 
@@ -39,7 +39,7 @@ impl Mover<'_> {
         }
     }
 
-    /// Name of a frame.
+    /// Name of the frame with index `frame`.
     pub(super) fn frame_name(&self, frame: usize) -> String {
         match self {
             Mover::Tree(functions) => functions.arm().frame_names().nth(frame).unwrap_or_default().to_string(),
@@ -47,7 +47,7 @@ impl Mover<'_> {
         }
     }
 
-    /// Matrices of a frame at `count` points, `(count, n)` each input. Points that are not finite have NaN.
+    /// Compute a matrix of a frame at `count` points. Each input is `(count, n)`. A point whose input is not finite gets NaN.
     pub(super) fn matrices(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) {
         let n = self.dof();
         let Mover::Tree(functions) = self else { return out.fill(f64::NAN) };
@@ -63,7 +63,7 @@ impl Mover<'_> {
         }
     }
 
-    /// The results at `count` points `q, v, a`, `(count, n)` each. Points that are not finite have NaN.
+    /// Compute a quantity at `count` points `q, v, a`, `(count, n)` each. A point that is not finite gets NaN.
     fn rows(&self, query: &Query, points: [&[f64]; 3], count: usize, out: &mut [f64]) {
         let n = self.dof();
         let answer = |points: [&[f64]; 3], count: usize, out: &mut [f64]| -> Result<()> {
@@ -97,34 +97,35 @@ pub struct Friction {
     pub coulomb: Vec<f64>,
 }
 
-/// The quantities at the points of a path.
+/// The points of a path, and the quantities to compute at them.
 pub(super) struct Points<'a> {
     pub mover: Mover<'a>,
     pub path: &'a Path,
-    /// The piece and the path position of each point.
+    /// The index of the piece and the path position of point `k`.
     pub at: &'a (dyn Fn(usize) -> (usize, f64) + 'a),
     pub count: usize,
     /// Numbers per point in `out`.
     pub stride: usize,
     pub out: &'a mut [f64],
     pub request: Request<'a>,
-    /// The frame whose origin is limited, and its limits where they vary.
+    /// The index of the frame whose origin is limited, and the limits that vary along the path.
     pub tip: Option<(usize, &'a Along)>,
 }
 
 pub(super) enum Request<'a> {
-    /// `[A, B, g]`, each `width` long, torques first, then accelerations if `accelerations`, then those of the frame; `q'` into `slopes`
-    /// `(count, slope_stride)`, and behind it the slope of the frame's origin.
+    /// Compute `[A, B, g]`, each `width` long: first torques, then accelerations if `accelerations`, then the frame's acceleration if
+    /// `origins`. Write `q'` to `slopes`, `(count, slope_stride)`, followed by `|p'|` of the frame's origin.
     Coefficients { width: usize, torques: bool, accelerations: bool, origins: bool, slopes: &'a mut [f64], slope_stride: usize },
-    /// `[tau, a, v]`, `(3 n,)`, at the path speed and acceleration of `rate`; then acceleration and velocity of the frame's origin.
+    /// Compute `[tau, a, v]`, `(3 n,)`, at the path speed and path acceleration that `rate` returns; then the frame's acceleration and
+    /// velocity.
     Motion { rate: &'a (dyn Fn(usize) -> (f64, f64) + 'a) },
 }
 
-/// Points between two checks for a stop.
+/// Number of points in one block, and between two checks for an interrupt.
 const LOOK: usize = 64;
 
 impl Points<'_> {
-    // Long: one pass over blocks of points, whose parts share the rows of a block.
+    // Long: one pass over blocks of points, whose parts share the arrays of a block.
     pub fn run(self) {
         let Points { mover, path, at, count, stride, out, mut request, tip } = self;
         let n = mover.dof();
@@ -134,7 +135,7 @@ impl Points<'_> {
         };
         let query = Query::from(quantity);
         if let (Mover::Tree(functions), true) = (mover, needed) {
-            // If no program can be made, evaluation is direct.
+            // Without a recorded program, the functions are evaluated directly.
             let _ = functions.prepare(&query, count);
         }
         let length = if quantity == Quantity::PathDynamics { 3 * n } else { n };
@@ -199,7 +200,7 @@ impl Points<'_> {
                             let (piece, s) = at(first + k);
                             let [acceleration, speed] = along.of_tip(path, piece, s);
                             let first = n * (usize::from(*torques) + usize::from(*accelerations));
-                            // At path speed one and no path acceleration: p'' and p'.
+                            // At path speed one and path acceleration zero, acceleration and velocity are p'' and p'.
                             if *origins {
                                 for axis in 0..3 {
                                     row[first + axis] = moved[3 + axis] / acceleration;

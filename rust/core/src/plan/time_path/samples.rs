@@ -1,4 +1,4 @@
-//! The state of the segments of a grid between two examinations: see `check`.
+//! The samples of the segments of a grid, and their results. They are stored from one examination to the next (`check`).
 
 use super::check::{Course, FINE, INTERPOLATION, LimitCheck, TOLERANCE, WINDOW, measure};
 use super::examine::Examine;
@@ -9,12 +9,15 @@ use crate::scalar::run_lanes;
 /// The result of the last examination of a segment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
+    /// The smallest relative distance of a sample to a limit.
     pub margin: f64,
-    /// The largest excess, its row, and the largest excess of a torque.
+    /// The largest relative excess of a row.
     pub excess: f64,
+    /// The row with the largest excess.
     pub at: usize,
+    /// The largest relative excess of a torque.
     pub torque: f64,
-    /// Whether the interpolation agrees with the dynamics.
+    /// Whether the interpolated torques agree with the dynamics.
     pub proven: bool,
 }
 
@@ -22,23 +25,24 @@ pub(super) struct Segment {
 #[derive(Default)]
 pub(super) struct Samples {
     pub segments: Vec<Segment>,
-    /// The excesses before limits were narrowed.
+    /// The largest excess of each segment before any limit was reduced.
     pub first: Vec<f64>,
-    /// The span of each segment.
+    /// The index in `spans` of the run of segments that contains each segment.
     pub span: Vec<usize>,
-    /// Segments that are sampled by the dynamics themselves.
+    /// Whether each segment is sampled by the dynamics, without interpolation.
     pub exact: Vec<bool>,
     /// Segments to be examined.
     pub list: Vec<usize>,
-    /// Segments to be sampled, and their samples.
+    /// Segments to sample by the dynamics.
     evaluated: Vec<usize>,
+    /// The samples of the segments in `evaluated`.
     pub values: Vec<f64>,
     /// Interpolated torques in the middle of every segment, `(N, n)`.
     pub middles: Vec<f64>,
 }
 
 impl Samples {
-    /// A new problem or a new grid: nothing is known.
+    /// Discard all results, for a new problem or a new grid.
     pub fn begin(&mut self, course: &Course) {
         let count = course.pieces.len();
         let unknown = Segment { margin: f64::NAN, excess: f64::INFINITY, at: 0, torque: f64::INFINITY, proven: false };
@@ -50,7 +54,8 @@ impl Samples {
         self.exact.clear();
         for (k, &(first, last)) in course.spans.iter().enumerate() {
             self.span.resize(last, k);
-            // With friction and varying limits the rows are not polynomials, and too few points cannot be interpolated.
+            // With friction, varying limits or a frame, the rows are not polynomials of `s`. A run with too few points cannot be
+            // interpolated.
             let bent = course.friction.is_some() || course.along.any() || course.tip.is_some();
             self.exact.resize(last, bent || last - first + 1 < WINDOW);
         }
@@ -58,8 +63,8 @@ impl Samples {
         self.middles.resize(count * course.n, 0.0);
     }
 
-    /// Margins and excesses. `narrow(segment, row, below, above)` gets the excess of each row over its limits. Unchanged segments
-    /// within their limits are not examined again.
+    /// Examine the segments, and return the smallest margin and the largest excess. `narrow(segment, row, below, above)` is called for each
+    /// exceeded row, with its excess over the lower and the upper limit. Unchanged segments within their limits are not examined again.
     pub fn examine(
         &mut self,
         course: &Course,
@@ -93,13 +98,14 @@ impl Samples {
         found
     }
 
-    /// Keep the excesses of this examination: those of limits that were not narrowed yet.
+    /// Copy the excess of each segment to `first`, before any limit is reduced.
     pub fn remember(&mut self) {
         self.first.clear();
         self.first.extend(self.segments.iter().map(|segment| segment.excess));
     }
 
-    /// Whether the last examination is valid: its interpolation agrees with the dynamics. Where it does not, the dynamics are used next time.
+    /// Whether the last examination is valid: its interpolated torques agree with the dynamics. The next examination samples other segments
+    /// by the dynamics.
     pub fn stands(&mut self, course: &Course, rows: &LimitRows, profile: &Profile) -> bool {
         if !course.kinds[0] {
             return true;
@@ -110,7 +116,7 @@ impl Samples {
         measure(course, rows, &profile.x, &self.evaluated, 1, &mut self.values);
         let mut stands = true;
         for (&i, measured) in self.evaluated.iter().zip(self.values.chunks_exact(course.measured())) {
-            // Far from the limits an error has no effect.
+            // Far from the limits a larger error is allowed.
             let segment = &mut self.segments[i];
             let least = INTERPOLATION.max(-0.1 * segment.torque);
             segment.proven = (0..n).all(|j| {

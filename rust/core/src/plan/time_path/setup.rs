@@ -1,4 +1,4 @@
-//! The rows of the problem on a grid.
+//! The planning problem on a grid: the rows at all grid points, and their limits.
 
 use super::along::Along;
 use super::check::{Course, Limits, TOLERANCE, WINDOW, inner_places};
@@ -21,32 +21,37 @@ pub(super) struct PathProblem<'a> {
     pub path: Arc<Path>,
     pub n: usize,
     pub rows: LimitRows,
-    /// `(3 n,)`: torques, accelerations, speeds; infinite where there is no limit.
+    /// `(3 n,)`: lower limits of torques, accelerations and speeds; infinite where there is no limit.
     pub lo: Vec<f64>,
+    /// `(3 n,)`: upper limits of torques, accelerations and speeds; infinite where there is no limit.
     pub hi: Vec<f64>,
     pub limits: Limits,
-    /// Whether there are rows of torque, and of acceleration.
+    /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],
+    /// The interpolations at the middle of a segment and at its samples.
     pub stencils: (Stencil<4>, Stencil<WINDOW>),
-    /// The segments of each piece.
+    /// The runs of segments of equal length within a piece, as first index and end index.
     pub spans: Vec<(usize, usize)>,
-    /// `n` in whole blocks.
+    /// The numbers per grid point in `slopes`, padded to a multiple of `BLOCK`.
     pub stride: usize,
     pub friction: Option<Friction>,
     pub along: Along,
     pub tip: Option<Tip>,
-    /// The first rows of speeds and of the frame's norms in `limits`.
+    /// The index in `limits` of the first speed row.
     pub speeds: Option<usize>,
+    /// The index in `limits` of the first of two rows: the norms of the frame's acceleration and speed.
     pub norms: Option<usize>,
+    /// `(N,)`: the index of the piece of each segment.
     pub pieces: Vec<usize>,
-    /// `(N + 1, stride)`: `q'`, and the slope of the frame's origin.
+    /// `(N + 1, stride)`: `q'` at the grid points, and `|p'|` of the frame's origin.
     pub slopes: Vec<f64>,
     /// `(N + 1, 2 n)`: `B` and `g` of the torques without friction.
     pub bare: Vec<f64>,
-    /// `(N + 1,)`: relative narrowing of the caps.
+    /// `(N + 1,)`: the relative reduction of the caps.
     pub cap_tight: Vec<f64>,
-    /// `(N + 1,)`: the bounds of `x` from the unreduced speed limits, and their rows in `limits`.
+    /// `(N + 1,)`: the strictest speed limit at each point, as its row in `limits`, and the bound of `x` from it without reduction.
     pub widest: Vec<(usize, f64)>,
+    /// Path positions where the motion stops.
     pub stops: Vec<f64>,
 }
 
@@ -56,7 +61,7 @@ impl<'a> PathProblem<'a> {
         let Checked { lo, hi, along, tip } = checked(mover, &path, given, options)?;
         let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
         let (s, pieces) = grid(&path, options.points());
-        // Rows of both kinds and of the speeds, the caps and the profiles at each point.
+        // Numbers per point and row: rows of both kinds and of the speeds, and the lines. The caps and profiles are counted separately.
         const ROWS: usize = 12;
         memory::require((s.len() * 8).saturating_mul(ROWS * (3 * n).next_multiple_of(BLOCK) + 64))?;
         let rows = LimitRows {
@@ -100,7 +105,7 @@ impl<'a> PathProblem<'a> {
         Ok(problem)
     }
 
-    /// The rows on the present grid.
+    /// Compute the rows on the present grid.
     pub fn fill(&mut self) {
         let n = self.n;
         let mut limits = Limits::default();
@@ -112,7 +117,7 @@ impl<'a> PathProblem<'a> {
             // Each component of the frame's acceleration is within the limit of its norm.
             (0..3).for_each(|_| limits.push(-most, most));
         }
-        // Rows that only fill a block: 0 u + 0 x + 0 between -1 and 1.
+        // Padding rows: 0 u + 0 x + 0 is always between -1 and 1.
         let fill = |limits: &mut Limits| (limits.lo.len()..limits.lo.len().next_multiple_of(BLOCK)).for_each(|_| limits.push(-1.0, 1.0));
         fill(&mut limits);
         let width = limits.lo.len();
@@ -177,7 +182,7 @@ impl<'a> PathProblem<'a> {
         self.set_caps();
     }
 
-    /// A varying limit at point `i`; one if it is constant.
+    /// The varying limit of `joint` at grid point `i`; one if it is constant.
     pub fn along_at(&self, kind: usize, i: usize, joint: usize) -> f64 {
         self.along.limit(&self.path, kind, joint, self.pieces[i.min(self.pieces.len() - 1)], self.rows.s[i])
     }
@@ -196,7 +201,7 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// The rows half way between grid points, interpolated; linearly where a piece has too few points.
+    /// Interpolate the rows half way between grid points. The interpolation is linear where a run has too few points.
     pub fn set_middles(&mut self) {
         let w = 3 * self.rows.width;
         let segments = self.pieces.len();
@@ -226,7 +231,7 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// The data for the check.
+    /// The data of this problem for the check.
     pub fn course(&self) -> Course<'_> {
         Course {
             mover: self.mover,
@@ -247,7 +252,7 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// Without limits of torque and of joint acceleration the frame has to move all along the path.
+    /// Require that the frame moves on every segment, if neither torque nor joint acceleration is limited.
     pub fn require_motion(&self) -> Result<()> {
         if self.kinds != [false; 2] {
             return Ok(());
@@ -264,7 +269,7 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// The result for a path that is one point: no time, if the arm can hold itself there.
+    /// The result for a path that is one point: zero duration if the torque limits allow the arm to be held there.
     pub fn hold(&self) -> Result<TimePath> {
         let (row, upper, beyond) = self.tightest(0, 0.0, 0.0);
         if beyond > TOLERANCE {
@@ -273,7 +278,7 @@ impl<'a> PathProblem<'a> {
         Ok(TimePath { motion: TimedPath::still(self.path.clone()), margin: -beyond, reason: None })
     }
 
-    /// The result without a timing.
+    /// The result without a timing, with the reason.
     pub fn refuse(&self, reason: PathReason) -> Result<TimePath> {
         let knots = self.path.knots();
         let ends = vec![knots[0], knots[knots.len() - 1]];

@@ -1,13 +1,13 @@
 //! A timing that exceeds its limits because of friction, slowed down until it satisfies them.
 //!
-//! Under friction the limits are reduced repeatedly, and sometimes no feasible path speed remains. A slower motion,
-//! `x -> c x`, moves the torques towards those that hold the arm at rest:
+//! Under friction, the limits are reduced repeatedly, and sometimes no feasible path speed remains. A slower motion multiplies the squared
+//! speed `x` and the path acceleration `u` by `c < 1`. Its torques are nearer to the torques that hold the arm at rest:
 //!
 //! ```text
 //! tau(s) = g + d q' sqrt(c x) + c (M q'' + C q') x + c M q' u
 //! ```
 //!
-//! Bisection finds the largest `c` that satisfies all limits. The result is inside the limits, but not the fastest timing.
+//! Bisection finds the largest `c` that satisfies all limits. The result satisfies the limits, but it is not the fastest timing.
 
 use super::TimePath;
 use super::check::TOLERANCE;
@@ -17,12 +17,13 @@ use super::setup::PathProblem;
 use crate::error::Result;
 use crate::motion::TimedPath;
 
-/// The slowest timing, and the accuracy of the fastest one, in squared path speeds.
+/// The smallest factor `c`.
 const SLOWEST: f64 = 1e-12;
+/// The relative accuracy of the factor `c`.
 const SHARE: f64 = 1e-6;
 
-/// The faster one of `best` and the slowed profile that was nearest to its limits. Slowing has no effect without friction, with end speeds
-/// above zero, or if the arm cannot be held.
+/// Return the faster one of `best` and a slowed timing, computed from the profile that exceeded its limits least. Slowing has no effect
+/// without friction or with end speeds above zero. It fails if the limits do not allow the arm to be held at rest.
 pub(super) fn slowed(
     problem: &mut PathProblem,
     samples: &mut Samples,
@@ -34,7 +35,8 @@ pub(super) fn slowed(
         return Ok(best);
     }
     let (kept, u_slope) = (profile.kept.clone(), rows.u_slope.clone());
-    // The slopes belong to the faster profile. With them, a slower one may turn back between two points.
+    // First try the slopes of `u` of the faster profile, then zero slopes. With the former, a slower motion may turn back between two
+    // points.
     for u_slope in [u_slope, vec![0.0; kept.len() - 1]] {
         let Some(found) = slowed_with(problem, samples, profile, (&kept, &u_slope))? else { continue };
         let duration = found.motion.duration();

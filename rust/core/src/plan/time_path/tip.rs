@@ -1,24 +1,27 @@
-//! The origin `p` of a frame along a path, and its limits: with `p' = J q'` and `p'' = J q'' + (dJ/ds) q'`
+//! The origin `p` of a frame along a path, and the limits of its speed and acceleration, with `r = ds/dt`, `x = r^2`, `u = d^2 s/dt^2`:
 //!
 //! ```text
-//! velocity = p' r,   |p'| r <= V                        one bound of the path speed
+//! p' = dp/ds = J q',   p'' = J q'' + (dJ/ds) q'         J: the Jacobian of the origin
+//! velocity = p' r,   |p'| r <= V                        an upper bound of the path speed r
 //! acceleration = p' u + p'' x,   |p' u + p'' x| <= A      a convex set in the plane of u and x
 //! ```
 //!
-//! At a point of a segment the acceleration is `a u + b x + m`. With `c = a x b / |a|` and `d = a x m / |a|` the limits of `u` at `x` are
+//! At a point of a segment the acceleration is `a u + b x + m`. Let `c` and `d` be the parts of `b` and `m` perpendicular to `a`. The limit
+//! `A` gives an upper and a lower bound of `u` at each `x`:
 //!
 //! ```text
 //! u = -a.(b x + m) / |a|^2 +- sqrt(A^2 - |c x + d|^2) / |a|
 //! ```
 //!
-//! The upper one is concave and the lower one convex, so Newton's method of `lines` can use the tangents of both like lines.
+//! The upper bound is a concave function of `x`, the lower bound a convex one. So Newton's method in `lines` can use their tangents as
+//! lines.
 
 use super::lines::{FAR, FASTEST, NONE};
 use super::rows::Mover;
 use crate::dynamics::{Quantity, Query};
 use nalgebra::Vector3;
 
-/// Limits of the origin of a frame: `(1,)` each, or `(P + 1,)` at the knots of the path, and linear in `s` between them.
+/// Limits of the origin of a frame. Each limit is `(1,)`, or `(P + 1,)`: one value per knot of the path, and linear in `s` between knots.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TipLimits {
     /// Index of the frame.
@@ -29,7 +32,7 @@ pub struct TipLimits {
     pub acceleration: Option<Vec<f64>>,
 }
 
-/// Tip limits in the form that the planner uses. A limit that varies along the path is replaced by one, and motions are fractions of it.
+/// Tip limits in the form that the planner uses. A limit that varies along the path is replaced by 1, and the motion is divided by it.
 #[derive(Clone, Debug)]
 pub(super) struct Tip {
     pub frame: usize,
@@ -37,25 +40,26 @@ pub(super) struct Tip {
     pub acceleration: Option<f64>,
 }
 
-/// Numbers per point: acceleration and velocity.
+/// Numbers per point: three components of the acceleration, then three of the velocity.
 pub(super) const TIP: usize = 6;
 
-/// Below this fraction of the squared limit, a root has the slope at this fraction: at zero the slope is infinite.
+/// The smallest `A^2 - |c x + d|^2`, as a fraction of `A^2`, for the slope of its root. At zero the slope is infinite.
 const STEEP: f64 = 1e-14;
 
-/// The interval of `u` under the limit of acceleration at one point of a segment.
+/// The interval of `u` that satisfies the limit of acceleration at one point of a segment.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ball {
-    /// `u` of the smallest acceleration: `middle[0] + middle[1] x`.
+    /// The coefficients of the `u` with the smallest acceleration: `middle[0] + middle[1] x`.
     middle: [f64; 2],
-    /// `c` and `d`.
+    /// The vectors `c` and `d`, the parts of `b` and `m` perpendicular to `a`.
     across: [Vector3<f64>; 2],
+    /// The limit `A` of the acceleration's norm.
     radius: f64,
-    /// `1 / |a|`; zero where the frame does not move with `u`.
+    /// `1 / |a|`; zero if `u` does not accelerate the frame's origin.
     by: f64,
 }
 
-/// `u = value` at some `x`, and the tangent there: `rest + slope x`.
+/// A bound of `u`: its value at one `x`, and its tangent there, `rest + slope x`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tangent {
     pub value: f64,
@@ -64,7 +68,7 @@ pub(super) struct Tangent {
 }
 
 impl Ball {
-    /// The acceleration `a u + b x + m` within `radius`.
+    /// The set of `(u, x)` with `|a u + b x + m| <= radius`.
     pub fn new([a, b, m]: [Vector3<f64>; 3], radius: f64) -> Self {
         let size = a.norm();
         if size < NONE {
@@ -75,7 +79,7 @@ impl Ball {
         Ball { middle, across: [b - along * along.dot(&b), m - along * along.dot(&m)], radius, by: 1.0 / size }
     }
 
-    /// The interval of `x` with a feasible `u`.
+    /// The interval of `x` for which a feasible `u` exists.
     pub fn range(&self) -> (f64, f64) {
         let [c, d] = self.across;
         let (cc, cd, left) = (c.norm_squared(), c.dot(&d), self.radius * self.radius - d.norm_squared());
@@ -87,13 +91,13 @@ impl Ball {
             return (FASTEST, 0.0);
         }
         let root = root.sqrt();
-        // Each root by the form without cancellation.
+        // Compute each root in the form without cancellation.
         let (far, near) = if cd > 0.0 { (left / (cd + root), -(cd + root) / cc) } else { ((root - cd) / cc, -left / (root - cd)) };
         let usable = |x: f64, other: f64| if x.is_nan() { other } else { x };
         (usable(near, 0.0).max(0.0), usable(far, FASTEST).min(FASTEST))
     }
 
-    /// The tangents of the upper and of the lower limit of `u` at `x`.
+    /// The tangents at `x` of the upper and of the lower bound of `u`.
     #[inline(always)]
     pub fn tangents(&self, x: f64) -> [Tangent; 2] {
         if self.by == 0.0 {
@@ -114,8 +118,8 @@ impl Ball {
     }
 }
 
-/// Velocity and acceleration of the frame's origin at `count` points `q, v, a`, `(count, n)` each: `[acceleration, velocity]` into
-/// `out`, `stride` numbers apart.
+/// Compute acceleration and velocity of the frame's origin at `count` points. `points` has `q, v, a`, `(count, n)` each. The six numbers of
+/// point `k` are written to `out` from index `k * stride` on.
 pub(super) fn motion(mover: Mover, frame: usize, points: [&[f64]; 3], count: usize, stride: usize, out: &mut [f64]) {
     let n = mover.dof();
     let [q, v, a] = points;
@@ -139,7 +143,7 @@ pub(super) fn motion(mover: Mover, frame: usize, points: [&[f64]; 3], count: usi
     }
 }
 
-/// The length of the first three numbers.
+/// The Euclidean norm of the first three numbers.
 pub(super) fn length(values: &[f64]) -> f64 {
     Vector3::new(values[0], values[1], values[2]).norm()
 }
