@@ -1,4 +1,4 @@
-"""`python -m armlet` is the command line."""
+"""Entry point of `python -m armlet`, the command line."""
 
 import sys
 

@@ -1,6 +1,6 @@
-"""Arguments of Python functions, read once: `number(function, name, value)` gives a float or an InputError that names both.
+"""Checks of arguments: `number(function, name, value)` returns a float, or raises an InputError that names the function and the argument.
 
-Messages read `function: name what is wrong: expected .., got ..`.
+Every message has the form `function: name problem: expected .., got ..`.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ __all__ = [
 
 T = TypeVar("T")
 
-# Levels of lists and tables that any argument needs at most.
+# Largest allowed nesting depth of lists and tables in an argument.
 DEPTH = 32
 
 
 def one_line(text: str) -> str:
-    """`text` in one line. Characters that do not print are replaced, such as terminal codes and overrides of the direction."""
+    """Return `text` in one line. Characters that do not print are replaced, for example terminal codes and marks of text direction."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))
 
 
 def shown(value: object) -> str:
-    """The text of a value in a message: short, in one line, for every type."""
+    """Return `value` as a short text in one line, for a message. It accepts every type."""
     if isinstance(value, np.ndarray) and value.size > 100:
         return f"an array {value.shape} of {value.dtype}"
     try:
         words = " ".join(_SHORT.repr(value).split())
-    except Exception:  # an object that cannot show itself
+    except Exception:  # the object's own `__repr__` failed
         return f"an object of type {type(value).__name__}"
     return words if len(words) <= 60 else words[:57] + "..."
 
 
 class _Short(Repr):
-    """A `repr` that stops early where a value is long or deeply nested."""
+    """A `repr` that shortens long values and deeply nested values."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class _Short(Repr):
         self.maxstring = self.maxother = self.maxlong = 80
 
     def repr_dict(self, x: dict[Any, Any], level: int) -> str:
-        """Entries in the order of the dict: its keys may have no order."""
+        """Return the entries in the order of the dict. They are not sorted, because keys may have no order."""
         if level <= 0 and x:
             return "{...}"
         parts = [f"{self.repr1(key, level - 1)}: {self.repr1(part, level - 1)}" for key, part in islice(x.items(), self.maxdict)]
@@ -76,15 +76,15 @@ _SHORT = _Short()
 
 
 def number(function: str, name: str, value: object) -> float:
-    """A real number, which may be infinite or NaN."""
+    """Check that `value` is a real number and return it as a float. Infinity and NaN are valid."""
     real = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
     if isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "iuf":
-        # A masked number is none.
+        # A masked entry is not a number.
         real = not isinstance(value, np.ma.MaskedArray)
     if not real:
         raise InputError(f"{function}: {name} is not a number: expected such as 1.0, got {shown(value)}")
     try:
-        x = float(value)  # type: ignore[arg-type]  # a number by now
+        x = float(value)  # type: ignore[arg-type]  # the code above checked that it is a number
     except OverflowError:
         raise InputError(f"{function}: {name} is too large: expected a number that a float can hold, got {shown(value)}") from None
     if isinstance(value, int | np.integer) and int(value) != x:
@@ -93,7 +93,7 @@ def number(function: str, name: str, value: object) -> float:
 
 
 def positive(function: str, name: str, value: object, most: float = math.inf) -> float:
-    """A number in (0, most]; infinity is valid if `most` is infinite."""
+    """Check that `value` is a number in (0, most] and return it. Infinity is valid if `most` is infinite."""
     x = number(function, name, value)
     if not 0.0 < x <= most:
         raise InputError(f"{function}: {name} is out of range: expected a number in (0, {most:g}], got {shown(value)}")
@@ -101,9 +101,9 @@ def positive(function: str, name: str, value: object, most: float = math.inf) ->
 
 
 def integer(function: str, name: str, value: object, least: int = 0, most: int | None = None) -> int:
-    """An integer >= `least`, and at most `most`; numpy's too, but neither True nor 1.0."""
+    """Check that `value` is an integer from `least` to `most` and return it. Integers of numpy are valid; True and 1.0 are not."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < least:  # type: ignore[operator]  # an integer by now
+    if not whole or value < least:  # type: ignore[operator]  # `whole` implies an integer
         raise InputError(f"{function}: {name} is not a count: expected an integer >= {least}, got {shown(value)}")
     if most is not None and value > most:  # type: ignore[operator]
         raise InputError(f"{function}: {name} is beyond reason: expected at most {most:,}, got {shown(value)}")
@@ -111,7 +111,7 @@ def integer(function: str, name: str, value: object, least: int = 0, most: int |
 
 
 def finite(function: str, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`values`, converted by `_core.numbers`, if all of them are finite."""
+    """Check that all entries of the array `values` are finite and return it. `_core.numbers` has converted it to float64."""
     if not np.isfinite(values).all():
         at = np.argwhere(~np.isfinite(values))[0].tolist()
         where = f" (first bad index {at[0] if len(at) == 1 else tuple(at)})" if at else ""
@@ -120,14 +120,14 @@ def finite(function: str, name: str, values: NDArray[np.float64]) -> NDArray[np.
 
 
 def text(function: str, name: str, value: object) -> str:
-    """A string."""
+    """Check that `value` is a string and return it."""
     if not isinstance(value, str):
         raise InputError(f"{function}: {name} is not a text: expected a string, got {shown(value)}")
     return value
 
 
 def choice(function: str, name: str, value: object, known: Iterable[str]) -> str:
-    """One of the valid texts `known`."""
+    """Check that `value` is one of the texts `known` and return it."""
     known = list(known)
     if not isinstance(value, str) or value not in known:
         raise InputError(f"{function}: {name} is unknown: expected one of {', '.join(known)}, got {shown(value)}")
@@ -135,7 +135,10 @@ def choice(function: str, name: str, value: object, known: Iterable[str]) -> str
 
 
 def count(function: str, name: str, value: object) -> int:
-    """An integer >= 0; True and False count as 1 and 0, as `terminal` of scipy's events does."""
+    """Check that `value` is an integer >= 0 and return it.
+
+    True and False count as 1 and 0, as in the attribute `terminal` of scipy's events.
+    """
     whole = value if isinstance(value, bool) else number(function, name, value)
     if not math.isfinite(whole) or int(whole) != whole or whole < 0:
         raise InputError(f"{function}: {name} is not a count: expected an integer >= 0, got {shown(value)}")
@@ -143,27 +146,27 @@ def count(function: str, name: str, value: object) -> int:
 
 
 def entries(function: str, name: str, value: object, most: int) -> list[Any]:
-    """The entries of a finite iterable, at most `most` of them."""
+    """Return the entries of a finite iterable as a list, if there are at most `most`."""
     if not isinstance(value, Iterable) and not hasattr(type(value), "__getitem__"):
         raise InputError(f"{function}: {name} is not a sequence: expected a list or a tuple, got {shown(value)}")
-    found = list(islice(iter(value), most + 1))  # type: ignore[call-overload]  # by its entries, where it has no iterator
+    found = list(islice(iter(value), most + 1))  # type: ignore[call-overload]  # `iter` also accepts `__getitem__`
     if len(found) > most:
         raise InputError(f"{function}: {name} is too long: expected at most {most:,} entries")
     return found
 
 
 def instance(function: str, name: str, value: object, kind: type[T] | tuple[type[T], ...], expected: str) -> T:
-    """`value`, if it is an instance of `kind`."""
+    """Check that `value` is an instance of `kind` and return it. `expected` describes `kind` in the message."""
     if isinstance(value, kind):
         return value
     raise InputError(f"{function}: {name} is of the wrong type: expected {expected}, got {shown(value)}")
 
 
 def file_path(function: str, value: object, name: str = "path") -> str:
-    """A path that the operating system accepts.
+    """Check that `value` is a path that the operating system accepts, and return it as a string.
 
     Raises:
-        InputError: the value is not a path, or has characters that no path may have.
+        InputError: `value` is not a path, or contains characters that are not valid in a path.
     """
     if not isinstance(value, str | PathLike):
         raise InputError(f"{function}: {name} is of the wrong type: expected a path, got {shown(value)}")
@@ -178,7 +181,7 @@ def file_path(function: str, value: object, name: str = "path") -> str:
 
 
 def require_shallow(function: str, name: str, value: object, depth: int = DEPTH) -> None:
-    """Refuse lists and tables nested beyond `depth`, or inside themselves, before anything recurses into them."""
+    """Refuse lists and tables that are nested deeper than `depth` or contain themselves. Later recursive functions rely on this check."""
     level: list[object] = [value]
     for _ in range(depth):
         below: dict[int, object] = {}

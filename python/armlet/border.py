@@ -1,8 +1,8 @@
-"""The errors that may leave armlet: its errors, TypeError, MemoryError, OSError, and ImportError of an extra that is not installed.
+"""Only these errors may leave armlet: ArmletError, TypeError, MemoryError, OSError, and ImportError if an extra is not installed.
 
-Each function checks its arguments. A check may miss a ValueError of numpy or an AttributeError of a foreign object. This is a fault of
-armlet. `border` changes it into an `InternalError`, as the extension does with a panic. Exceptions of the caller's functions pass
-unchanged, such as those of a law in Python.
+Each function checks its arguments. Another error, such as a ValueError of numpy, shows that a check is missing, which is a bug of armlet.
+`border` converts such an error into an `InternalError`, as the extension converts a panic. Exceptions from functions of the caller, such
+as a law in Python, pass unchanged.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
 PASS = (ArmletError, TypeError, MemoryError, OSError, ImportError, Warning)
-# Packages whose interfaces and errors armlet keeps.
+# Packages whose interfaces armlet implements. Their errors pass unchanged.
 THEIRS = {"gymnasium"}
-# Packages whose errors report invalid arguments of armlet's calls.
+# Packages that armlet calls. Their errors would report invalid arguments of armlet's calls.
 OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pandas", "pyarrow", "xarray", "control"}
 
 
 def border(function: Callable[P, R]) -> Callable[P, R]:
-    """Wrap `function` so that it raises only the errors named above."""
+    """Wrap `function` so that only the errors listed at the head of this file leave it."""
     name = function.__qualname__.removesuffix(".__init__").removesuffix(".__post_init__")
 
     @wraps(function)
@@ -48,7 +48,7 @@ def border(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def bordered(kind: C) -> C:
-    """Apply `border` to a class: to its public methods and properties, to its calls and to its constructor."""
+    """Apply `border` to the public methods, the properties, `__call__` and the constructor of a class."""
     for name, value in list(vars(kind).items()):
         if name.startswith("_") and name not in ("__init__", "__post_init__", "__call__"):
             continue
@@ -62,7 +62,7 @@ def bordered(kind: C) -> C:
 
 
 def _of_the_caller(trace: TracebackType | None) -> bool:
-    """Whether the running code belonged neither to armlet nor to a package that it calls."""
+    """Whether the traceback contains code of the caller: code outside armlet and the packages that armlet calls."""
     while trace is not None:
         package = str(trace.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
         if package not in OURS:
@@ -74,5 +74,5 @@ def _of_the_caller(trace: TracebackType | None) -> bool:
 def _words(error: Any) -> str:
     try:
         return " ".join(str(error).split())[:500]
-    except Exception:  # an error that cannot be shown
+    except Exception:  # the error's own `__str__` failed
         return "without words"

@@ -1,10 +1,11 @@
-"""Joint paths along poses: lines, arcs, rounded corners and splines of a frame, by inverse kinematics at knots that follow the error.
+"""Joint paths along poses of a frame: lines, arcs, rounded corners and splines, by inverse kinematics at knots.
 
     q(s), s in [0, 1]:  not-a-knot cubic spline through q_k,  X(q_k) = X_d(s_k)
     error on a segment:  largest of nine samples + d/8,  d the largest second difference of the samples
-    segments above the tolerance are halved; the spline between knots has an error of the order of h^4 where the curve is smooth
+    a segment whose error exceeds the tolerance is halved; where the curve is smooth, the spline's error is of the order h^4
 
-Inverse kinematics continues from knot to knot, so that the path stays on one branch.
+Here X(q) is the pose of the frame, X_d(s) the desired pose at the path position s, and h the length of a segment. Inverse kinematics
+starts at each knot from the solution of the previous knot. So the path stays on one branch of solutions.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ __all__ = ["CartesianPath", "cartesian_path"]
 _NAME = "cartesian_path"
 _Array = NDArray[Any]
 _ALL = "xyzrxryrz"
-# Knots of a segment at first, and of a path at most.
+# Initial number of knots per segment between poses, and largest number of knots of a path.
 _FIRST, _MOST = 8, 20_000
-# Largest step of a joint from knot to knot, rad or m, and the shortest part of a path that is divided.
+# Largest change of a joint position between knots, rad or m. Shortest segment that may be halved, relative to the length of the path.
 _STEP, _LEAST = 0.5, 1e-9
-# Samples of a segment.
+# Relative positions on a segment at which its error is evaluated.
 _SAMPLES = np.linspace(0.0, 1.0, 9)
-# Ratio of singular values below which a posture is near a singularity.
+# A configuration counts as singular if its smallest singular value is below this multiple of the largest.
 _SINGULAR = 1e-2
 
 
@@ -48,7 +49,10 @@ class _Problem(NamedTuple):
     limits: bool
 
     def solve(self, s: _Array, q: _Array, **options: Any) -> tuple[_Array, _Array]:
-        """Joint positions (M, n) at s (M,) from q (M, n), and whether each was found."""
+        """Return joint positions (M, n) at path positions s (M,), and for each whether a solution was found.
+
+        The search starts from q (M, n).
+        """
         task = Task(self.frame, self.axes, target=self.curve.at(s))
         accuracy = max(1e-11, min(1e-9, 1e-3 * float(self.tolerance.min())))
         keywords = {"tolerance": accuracy, "restarts": 0, "limits": self.limits} | options
@@ -57,7 +61,7 @@ class _Problem(NamedTuple):
         return found.q, np.asarray(reached.all(axis=1))
 
     def errors(self, q: _Array, s: _Array) -> _Array:
-        """Distance, m, and angle, rad, (M, 2) of the frame from the curve."""
+        """Return the distance (m) and the angle (rad) between the frame and the curve, (M, 2)."""
         curve, wanted = self.curve, self.curve.at(s)
         letters = columns_of(self.axes)
         got = self.arm.pose_vector(q, self.frame)
@@ -75,18 +79,18 @@ class _Problem(NamedTuple):
 @bordered
 @sealed
 class CartesianPath:
-    """A joint path along poses; made by `cartesian_path`, and a path for `time_path`. `path(s)` gives `q, q', q''`, `(..., n)` each.
+    """A joint path along poses, made by `cartesian_path`. `path(s)` returns `q, q', q''`, each `(..., n)`. `time_path` accepts it.
 
     Attributes:
         s: path positions of the knots, 0 to 1, `(K,)`.
-        q: joint positions there, `(K, n)`; up to where the arm can't follow if `feasible` is False.
-        error: largest distance, m, and angle, rad, of the frame from the curve, with a bound between samples, `(2,)`; NaN if not feasible.
-        corners: indices of the knots at the poses; `stops=path.corners[1:-1]` lets `time_path` stop there.
-        length: of the curve, m; one radian counts as 0.1 m.
-        feasible: whether the arm can follow.
-        reason: why it can't; None if it can.
-        shortfall: the reason as a dict. `kind` is "limit", "singularity", "unreachable", "jump" or "unresolved". `length` is in m from the
-            start, beside `s`. `target` has the rows there, and `joint` is the joint at its limit, or None.
+        q: joint positions at the knots, rad or m, `(K, n)`. If `feasible` is False, they end at the last knot that the arm can reach.
+        error: largest distance, m, and angle, rad, between frame and curve, `(2,)`, with a bound between samples; NaN if not feasible.
+        corners: indices of the knots at the poses. With `stops=path.corners[1:-1]` `time_path` stops there.
+        length: length of the curve, m. A rotation by one radian counts as 0.1 m.
+        feasible: whether the arm can follow the whole path.
+        reason: the reason why the arm cannot follow it, as a text; None if it can.
+        shortfall: the reason as a dict, or None. `kind` is "limit", "singularity", "unreachable", "jump" or "unresolved".
+            `s` and `length` (m from the start) are the place. `target` is the desired pose there, `joint` the joint at its limit, or None.
     """
 
     def __init__(
@@ -121,7 +125,7 @@ class CartesianPath:
         return self.feasible
 
     def __call__(self, s: ArrayLike) -> tuple[_Array, _Array, _Array]:
-        """Value, slope and curvature of the joint path at s."""
+        """Return `q, q', q''` at path positions `s` in [0, 1], each `(..., n)`: joint positions and their derivatives with respect to s."""
         self._require()
         at = finite("CartesianPath", "s", _core.numbers("CartesianPath", "s", s))
         if np.any(at < 0.0) or np.any(at > 1.0):
@@ -132,7 +136,7 @@ class CartesianPath:
 
     @property
     def _waypoints_and_knots(self) -> tuple[_Array, _Array]:
-        """The arguments for `time_path`."""
+        """The joint positions and the path positions of the knots, as arguments of `time_path`."""
         self._require()
         return self.q, self.s
 
@@ -154,7 +158,7 @@ class CartesianPath:
 
 
 def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
-    """The argument `poses` as rows (K, m)."""
+    """Check the argument `poses` and return it as rows (K, m)."""
     given = finite(_NAME, "poses", _core.numbers(_NAME, "poses", poses, ("K", 4, 4), ("K", m)))
     if given.ndim == 3:
         turn, last = given[:, :3, :3], given[:, 3]
@@ -167,7 +171,7 @@ def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
 
 
 def _middles(arcs: ArrayLike, new: _Array, columns: list[int], kind: str) -> tuple[int, ...]:
-    """The poses in the middle of arcs, as indices of the poses that are new."""
+    """Check the argument `arcs` and convert its indices. The result counts only poses that differ from the previous pose (`new`)."""
     given = _core.numbers(_NAME, "arcs", arcs, ("K",))
     if given.size and kind != "lines":
         raise InputError(f"{_NAME}: arcs is not used: expected none with kind {kind!r}")
@@ -204,22 +208,24 @@ def cartesian_path(
 
     Args:
         arm: an arm with frames.
-        poses: `(K, 4, 4)`, `(K, 6)` rows of position (m) and rotation vector (rad), or `(K, m)` rows of `axes`; world axes. Two or more.
-        q0: where the search for the first pose starts, `(n,)`, rad or m; it decides the branch.
-        frame: name of the frame (keyword only, as all below).
-        tolerance: largest error between knots: a number for m and rad, or `(2,)`.
-        axes: letters such as "xyz" or "x y rz"; None: the whole pose. Of orientation one letter or all three.
+        poses: two or more poses in world axes: `(K, 4, 4)`, `(K, 6)` rows of position (m) and rotation vector (rad), or `(K, m)` rows of
+        `axes`.
+        q0: initial guess of the joint positions at the first pose, `(n,)`, rad or m. It determines the branch of solutions.
+        frame: name of the frame. This and all following arguments are keyword-only.
+        tolerance: largest error between knots: one number for m and rad, or `(2,)`.
+        axes: letters such as "xyz" or "x y rz"; None: the whole pose. Of rx, ry, rz it contains one or all three.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
-        blend: radius of the rounded corners of lines, m; at most half of each segment. Without it the path turns within the tolerance.
-        arcs: indices of poses in the middle of an arc: the circle through the position before, this one and the next. Of lines alone.
-        limits: keep to the joint limits of the arm.
+        blend: radius of the rounded corners of lines, m, at most half of each segment. With 0 a corner is rounded only within the
+        tolerance.
+        arcs: indices of poses in the middle of an arc, only for "lines". The arc is the circle through the previous, this and the next
+        position.
+        limits: whether the path must respect the joint limits of the arm.
 
     Returns:
         A `CartesianPath`. Poses that the arm cannot follow are not an error: `feasible` is False, and `reason` has the place and the cause.
 
     Raises:
-        InputError: a shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are the same.
-
+        InputError: a shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are equal.
     Source: docs/time_path.md.
 
     >>> import armlet as al
@@ -267,13 +273,13 @@ def cartesian_path(
         raise InputError(f"{_NAME}: arcs has no circle at pose {at}: expected three positions that are not on one line") from None
     found = _followed(_Problem(arm, frame, letters, curve, bound, bool(limits)), start)
     if found.shortfall is None:
-        # Of repeated poses the knot is the same.
+        # Repeated poses have the knot of the first one.
         found.corners = [found.corners[k] for k in np.cumsum(new) - 1]
     return found
 
 
 def _followed(problem: _Problem, start: _Array) -> CartesianPath:
-    """The path from the solution nearest to `start`."""
+    """Follow the curve from the solution nearest to `start`."""
     curve = problem.curve
     breaks = curve.corners
     wanted = np.unique(np.concatenate([np.linspace(a, b, _FIRST + 1) for a, b in itertools.pairwise(breaks)]))
@@ -295,7 +301,7 @@ def _followed(problem: _Problem, start: _Array) -> CartesianPath:
 
 
 def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
-    """Halve segments until the spline keeps to the tolerance."""
+    """Halve segments until the error of the spline is within the tolerance."""
     while True:
         h = np.diff(s)
         places = (s[:-1, None] + _SAMPLES * h[:, None]).clip(0.0, 1.0)
@@ -322,7 +328,7 @@ def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
 
 
 def _refused(problem: _Problem, s: _Array, q: _Array, at: float, kind: str | None = None) -> CartesianPath:
-    """The result for poses that the arm cannot follow at `at`, with the reason."""
+    """The result if the arm cannot follow the poses beyond the path position `at`, with the reason."""
     target, last = np.array([at]), q[-1:]
     joint = None
     if kind is None:

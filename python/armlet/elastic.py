@@ -25,18 +25,18 @@ class Equilibrium:
 
     Attributes:
         q: joint positions, (n,), rad or m.
-        tau: the plant's input there, (n,), N m or N: g(q) - J'F.
+        tau: input of the plant at the equilibrium, (n,), N m or N: g(q) - J'F.
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
         estimate: the law's integral wrench, (m,), N and N m; None without `integral_gain`.
         reachable: whether the arm can reach x_d + K^-1 F, or x_d with an integral. False if a wall, a joint stop or a limit holds the arm.
-        spurious: an equilibrium with an unbalanced spring: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD`
-            and `StateFeedback` that know the plant: an equilibrium off the target, without force and contact.
-        wall_force: of the plant's wall on its frame, (3,), world axes, N; None without a wall.
-        stable: whether no eigenvalue has a positive real part, apart from those of free motions.
-        eigenvalues: of the closed loop linearised at the equilibrium, complex, 1/s, sorted by real part.
-        free_motions: the number of free motions, along which nothing brings the loop back. Without a posture, the null motions of a
-            redundant arm are free. Bristles of friction at rest leave each joint free: it rests where it is. Their eigenvalues are zero.
+        spurious: whether the spring is unbalanced: J'(K (x_d - x) + F) = 0 with K (x_d - x) + F != 0, det J ~ 0. For `MotorPD` and
+            `StateFeedback` with exact plant parameters: an equilibrium that is not the target, without force and contact.
+        wall_force: force of the plant's wall on its frame, (3,), world axes, N; None without a wall.
+        stable: whether no eigenvalue has a positive real part. Eigenvalues of free motions do not count.
+        eigenvalues: eigenvalues of the closed loop, linearised at the equilibrium, complex, 1/s, sorted by real part.
+        free_motions: the number of free motions, which have eigenvalue zero and no restoring force. Without a posture task, the null-space
+            motions of a redundant arm are free. With bristle friction at rest, every joint is free.
     """
 
     q: Array
@@ -59,12 +59,12 @@ class ElasticLimits:
     """Stability limits of the control of elastic joints at one equilibrium.
 
     Attributes:
-        sample_time_max: the sample time at which the motor loop becomes unstable, links locked, s.
-        stiffness_max: largest stiffness of a spring at each joint, the others held (Routh), (n,), N m/rad.
-        stiffness: the bounded quantity: the diagonal of J'K J, (n,), N m/rad.
-        stiffness_scale_max: by how much K may be multiplied before the linearised loop becomes unstable.
-        eigenvalues: of the closed loop linearised at the equilibrium, complex, 1/s, sorted by real part.
-        reduced_inertia_min: smallest B0 of each motor at `sample_time`, (n,), kg m^2; None without one.
+        sample_time_max: the sample time at which the motor loop becomes unstable if the links are locked, s.
+        stiffness_max: largest stable stiffness of a spring at each joint if the other joints are locked (Routh), (n,), N m/rad.
+        stiffness: the stiffness that this limit bounds: the diagonal of J'K J, (n,), N m/rad.
+        stiffness_scale_max: largest factor of K for which the linearised loop is stable.
+        eigenvalues: eigenvalues of the closed loop, linearised at the equilibrium, complex, 1/s, sorted by real part.
+        reduced_inertia_min: smallest B0 of each motor at `sample_time`, (n,), kg m^2; None without a sample time.
     """
 
     sample_time_max: float
@@ -82,10 +82,11 @@ def equilibrium(
     """Find the equilibrium near `q0` under a constant force: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K^-1 tau.
 
     The equilibrium of an impedance law is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with an unbalanced
-    spring, `spurious` is true. If the loop leaves the equilibrium, `stable` is false. A law with a null space, an integral or limits has
-    no potential. The search then follows the loop without velocities, M q' = r(q).
+    spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law with a null space, an integral or
+    limits has no potential. The search then follows the motion of the loop without velocities, M q' = r(q).
 
-    A redundant arm without a posture can move without moving its frame. `free_motions` counts these motions, and `stable` leaves them out.
+    A redundant arm without a posture task can move without moving its frame. `free_motions` counts these motions, and `stable` ignores
+    them.
 
     Args:
         plant: `RigidArm` or `ElasticArm`, with its wall and its joint stops.
@@ -95,7 +96,7 @@ def equilibrium(
         force_frame: another frame at which the force acts. The force is then (3,), or (6,) as [f; m], in world axes.
 
     Returns:
-        Positions of links and motors, (n,), rad or m, the torque, the tip, the eigenvalues, 1/s, and the flags.
+        An `Equilibrium`: positions of links and motors, (n,), rad or m, torque, tip position, eigenvalues, 1/s, and flags.
 
     Raises:
         InputError: an argument is not valid; the message names it.
@@ -135,10 +136,10 @@ def elastic_limits(
         law: `ElasticImpedance` or `JointImpedance`.
         q0, force, force_frame: start of the search, and external force, as for `equilibrium`.
         sample_time: period of the controller, s. It is required for `reduced_inertia_min`, which uses the law's damping ratio.
-        sensor_bandwidth: bandwidth of a first-order joint-torque sensor, rad/s; None: no lag.
+        sensor_bandwidth: bandwidth of a first-order joint-torque sensor, rad/s; None: a sensor without lag.
 
     Returns:
-        The largest sample time, s, the smallest B0, (n,), kg m^2, and the largest stable factor of the stiffness.
+        An `ElasticLimits`: the largest sample time, s, the smallest B0, (n,), kg m^2, and the largest stable factor of the stiffness.
 
     Raises:
         InputError: an argument is not valid; the message names it.

@@ -1,4 +1,4 @@
-"""The tree of errors. Misuse and broken models are errors; the outcome of a run is a status.
+"""The hierarchy of errors. Invalid arguments and broken models raise errors. The result of a run is a status.
 
 ::
 
@@ -6,10 +6,10 @@
     ├── InputError (ValueError)       an argument is not valid
     │   └── ModelError                a robot model is not well formed; .file .line
     ├── SolveError (RuntimeError)     a run or a solver ended without its result; .status .t .partial
-    ├── FormatError (ValueError)      stored data is not in the format it claims
-    └── InternalError (RuntimeError)  a fault of armlet itself, caught at the border
+    ├── FormatError (ValueError)      stored data is damaged or in another format
+    └── InternalError (RuntimeError)  a bug of armlet, see armlet/border.py
 
-Every message reads ``function: argument what is wrong: expected .., got .. (first bad index ..)``.
+Every message has the form ``function: argument problem: expected .., got .. (first bad index ..)``.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ __all__ = ["ArmletError", "FormatError", "InputError", "InternalError", "ModelEr
 
 
 class ArmletError(Exception):
-    """The root of every error that armlet raises on purpose."""
+    """The base class of all errors that armlet raises."""
 
 
 class InputError(ArmletError, ValueError):
     """An argument is not valid: its type, shape, sign or range is wrong, or it is not finite.
 
-    The message is complete. An error of the core also has its parts as attributes.
+    The message is complete. An error of the core also has the parts of its message as attributes.
 
     Attributes:
         argument: the name of the argument; None if only the message has it.
-        problem: what is wrong with it, without its name and its index; None if only the message has it.
-        index: the first bad index, one number per axis; empty where there is none.
+        problem: the problem of the argument, without name and index; None if only the message has it.
+        index: the first bad index, one number per axis; empty if there is no index.
         available: the valid names, if a name is unknown.
     """
 
@@ -64,9 +64,9 @@ class SolveError(ArmletError, RuntimeError):
     """A run or a solver ended without a result.
 
     Attributes:
-        status: how it ended, with advice (`armlet.Status`); None where no status applies.
-        t: the time (s) or the iteration at which it ended; None where none applies.
-        partial: the partial result: a `Run` up to `t`, or the last iterate; None without one.
+        status: the `armlet.Status` with which it ended, with advice; None if no status applies.
+        t: the time (s) or the iteration at which it ended; None if there is none.
+        partial: the partial result: a `Run` up to `t`, or the last iterate; None if there is none.
     """
 
     def __init__(self, message: str, status: Status | int | None = None, t: float | None = None, partial: Any = None) -> None:
@@ -80,8 +80,8 @@ class SolveError(ArmletError, RuntimeError):
 
 
 class FormatError(ArmletError, ValueError):
-    """Stored data is not in the format it claims: damaged, cut short, or of a newer version."""
+    """Stored data is damaged, truncated, of a newer version, or not in the expected format."""
 
 
 class InternalError(ArmletError, RuntimeError):
-    """A fault of armlet itself, caught at the border. Please report it with the message."""
+    """A bug of armlet, which was caught before it left the library. Please report it with the message."""

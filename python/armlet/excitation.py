@@ -3,9 +3,10 @@
     q(t) = o + sum_l (A_l sin(l w t) + B_l cos(l w t)),   w = 2 pi / duration,   l = 1 .. harmonics
     F = sum_k Y_b(t_k)' N^-2 Y_b(t_k),   N = diag(noise);   the motion maximises log det F (D-optimality)
 
-Each joint's series is divided by a smooth maximum of its shares of the limits. So limits of position, speed and acceleration hold for
-any coefficients. Limits of torque are a penalty. The gradient is exact. `Y_b` is linear in `a`, and quadratic in `v` and in the position of
-a slide. In an angle it is a trigonometric polynomial of degree two, whose slope follows from four values (Riesz 1914).
+Here `Y_b` is the regressor of the base parameters. Each joint's series is divided by a smooth maximum of position, speed and acceleration,
+each relative to its limit. So these limits are respected for all coefficients. Torque limits enter the cost as a penalty. The gradient is
+exact: `Y_b` is linear in `a`, and quadratic in `v` and in the position of a prismatic joint. In the angle of a revolute joint it is a
+trigonometric polynomial of degree two, whose derivative follows from four values (Riesz 1914).
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ __all__ = ["ExcitingMotion", "exciting_motion"]
 
 _NAME = "exciting_motion"
 _Array = NDArray[np.float64]
-# Exponents of the smooth maximum, one search after the other.
+# Exponents of the smooth maximum. The search runs once for each exponent, starting from the previous result.
 _POWERS = 16, 64, 256
-# Weight of the squared excess over a torque limit against log det F, and the share of the limit from which it counts.
+# Weight of the penalty on torques, relative to log det F, and the fraction of a torque limit above which the penalty is positive.
 _PENALTY, _SHARE = 1e3, 0.97
-# Weights and steps whose sum is the slope of a parabola, and of a trigonometric polynomial of degree two (Riesz).
+# Pairs (weight, step) whose weighted sum of values is a derivative: of a parabola, and of a trigonometric polynomial of degree two (Riesz).
 _SLIDE = (0.5, 1.0), (-0.5, -1.0)
 _TURN = tuple(((-1) ** i / (8.0 * np.sin(x / 2.0) ** 2), x) for i, x in enumerate(np.pi / 4.0 * np.array([1, 3, 5, 7])))
-# Points per period and harmonic at which limits are checked in the end.
+# Number of points per period and harmonic at which the limits of the result are checked.
 _CHECKED = 64
-# Periods below the first, s, and above its inverse, and finite limits above the second are no robot's.
+# Valid periods are between `_LEAST` and its inverse, s. Valid finite limits are at most `_MOST`.
 _LEAST, _MOST = 1e-6, 1e9
 
 
@@ -78,7 +79,7 @@ class ExcitingMotion(Sinusoid):
 
 
 class _Limits(NamedTuple):
-    """Of each joint, `(n,)`: the middle and half the width of its range, its speed, acceleration and torque."""
+    """Limits of each joint, `(n,)`: middle and half width of its range, speed, acceleration and torque."""
 
     middle: _Array
     half: _Array
@@ -88,14 +89,14 @@ class _Limits(NamedTuple):
 
 
 def _refuse(name: str, values: _Array, bad: NDArray[np.bool_], problem: str) -> None:
-    """An InputError that names the first bad number of a limit."""
+    """Raise an InputError that names the first bad number of a limit."""
     if bad.any():
         k = int(np.argmax(bad))
         raise InputError(f"{_NAME}: limits[{name!r}] {problem}, got {values.flat[k]} (first bad index {k})")
 
 
 def _limits(arm: Arm, given: Any) -> _Limits:
-    """The limits of the argument, and those of the arm where it has none."""
+    """Combine the limits of the argument `given` with those of the arm, which apply to names that the argument omits."""
     n = arm.n
     own = {name: np.asarray(values) for name, values in arm.limits.items()}
     default = {"q_min": -np.inf, "q_max": np.inf, "v_max": np.inf, "a_max": np.inf, "effort": np.inf}
@@ -112,7 +113,7 @@ def _limits(arm: Arm, given: Any) -> _Limits:
         found[name] = np.broadcast_to(array, (n,)).copy()
     lower, upper = found["q_min"], found["q_max"]
     whole = np.isfinite(lower) & np.isfinite(upper)
-    # A joint with one limit or none moves about zero, or inside its one limit.
+    # A joint with one position limit moves about zero or, if zero is outside, about its limit. A joint without limits moves about zero.
     middle = np.where(whole, 0.5 * (np.where(whole, lower, 0.0) + np.where(whole, upper, 0.0)), np.clip(0.0, lower, upper))
     half = np.minimum(upper - middle, middle - lower)
     for k in range(n):
@@ -128,7 +129,7 @@ def _limits(arm: Arm, given: Any) -> _Limits:
 
 
 class _Series(NamedTuple):
-    """Fourier series at times of one period: `terms @ c` is the position, and so on for its derivatives; `(K, 2 N + 1)`."""
+    """Fourier series at times of one period, `(K, 2 N + 1)`: position `terms @ c`, speed `rates @ c`, acceleration `accelerations @ c`."""
 
     terms: _Array
     rates: _Array
@@ -146,22 +147,25 @@ def _series(duration: float, harmonics: int, count: int) -> _Series:
 
 
 class _Problem:
-    """Minus log det F with its gradient, for unscaled coefficients `(n, 2 N + 1)`."""
+    """The cost, minus log det F, and its gradient with respect to unscaled coefficients `(n, 2 N + 1)`."""
 
     def __init__(self, arm: Arm, limits: _Limits, series: _Series, noise: _Array, armature: bool, friction: bool) -> None:
         self.arm, self.limits, self.series, self.noise = arm, limits, series, noise
         self.base = arm.base_parameters(armature=armature, friction=friction)
         self.slides = [kind == "prismatic" for kind in arm.joint_types]
         self.power = _POWERS[0]
-        # The arm in closed form has neither drives nor limits.
+        # A closed-form arm has neither friction nor limits.
         self.rubs = bool(arm.limits)
 
     def scaled(self, c: _Array) -> tuple[_Array, Any]:
-        """Coefficients within the limits, and the linear map from a derivative by them to one by `c`."""
+        """Scale the coefficients `c` into the limits.
+
+        The second result maps a gradient with respect to scaled coefficients to one with respect to `c`.
+        """
         limits, p = self.limits, self.power
         weights = [np.where(np.isfinite(limit), 1.0 / limit, 0.0)[:, None] for limit in (limits.half, limits.speed, limits.acceleration)]
         shares = np.hstack([weight * (c @ rows.T) for weight, rows in zip(weights, self.series, strict=True)])
-        # In parts of the largest share nothing overflows.
+        # Division by the largest share prevents overflow of the powers.
         peak = np.abs(shares).max(axis=1, keepdims=True)
         parts = np.abs(shares / peak)
         size = np.sum(parts**p, axis=1, keepdims=True)
@@ -176,17 +180,17 @@ class _Problem:
         return c / norm, back
 
     def motion(self, c: _Array, series: _Series | None = None) -> tuple[_Array, _Array, _Array]:
-        """Positions, speeds and accelerations `(K, n)` of scaled coefficients."""
+        """Positions, speeds and accelerations `(K, n)` of scaled coefficients `c`."""
         terms, rates, accelerations = series or self.series
         return self.limits.middle + terms @ c.T, rates @ c.T, accelerations @ c.T
 
     def regressor(self, q: _Array, v: _Array, a: _Array) -> _Array:
-        """`Y_b / noise`, `(..., n, b)`."""
+        """The weighted regressor `Y_b / noise`, `(..., n, b)`."""
         found: _Array = self.base.regressor(q, v, v, a) / self.noise[:, None]
         return found
 
     def slopes(self, G: _Array, q: _Array, v: _Array, a: _Array) -> tuple[_Array, _Array, _Array]:
-        """Of `<G, Y_b / noise>` by `q`, `v` and `a`, each `(K, n)`."""
+        """Derivatives of the inner product `<G, Y_b / noise>` with respect to `q`, `v` and `a`, each `(K, n)`."""
         out = np.zeros((3, *q.shape))
         for k, unit in enumerate(np.eye(q.shape[1])):
             by_position = sum(w * self.regressor(q + step * unit, v, a) for w, step in (_SLIDE if self.slides[k] else _TURN))
@@ -196,7 +200,10 @@ class _Problem:
         return out[0], out[1], out[2]
 
     def _by_speed(self, q: _Array, v: _Array, a: _Array, unit: _Array) -> _Array:
-        """Slopes by speed. Columns are quadratic in the speeds, except Coulomb friction, whose slope is zero."""
+        """Derivative of the regressor with respect to one speed.
+
+        Columns are quadratic in speed; those of Coulomb friction have derivative zero.
+        """
         difference = 0.5 * (self.regressor(q, v + unit, a) - self.regressor(q, v - unit, a))
         if self.base.friction:
             first = len(self.base.names) - q.shape[1]
@@ -204,7 +211,7 @@ class _Problem:
         return difference
 
     def cost(self, flat: _Array) -> tuple[float, _Array]:
-        """Minus log det F with the penalty on torques, and its gradient."""
+        """Minus log det F plus the penalty on torques, and the gradient of this cost."""
         c = flat.reshape(len(self.limits.half), -1)
         scaled, back = self.scaled(c)
         q, v, a = self.motion(scaled)
@@ -228,10 +235,13 @@ class _Problem:
         return value, back(gq.T @ terms + gv.T @ rates + ga.T @ accelerations).ravel()
 
     def fitted(self, c: _Array, duration: float, harmonics: int) -> _Array:
-        """The largest multiple of these coefficients that keeps the limits at every time; torques at `_CHECKED` points per harmonic."""
+        """Return the largest multiple of the coefficients that respects the limits.
+
+        Position, speed and acceleration are within their limits at every time, torques at `_CHECKED` points per harmonic.
+        """
         count = _CHECKED * harmonics
         series = _series(duration, harmonics, count)
-        # A trigonometric polynomial exceeds its largest value at these points by no more than this factor (Ehlich and Zeller 1964).
+        # Between these points a trigonometric polynomial exceeds its largest value there by at most this factor (Ehlich and Zeller 1964).
         beyond = 1.0 / np.cos(np.pi * harmonics / count)
         limits = self.limits
         shares = [np.abs(c @ rows.T).max(axis=1) * beyond / limit for rows, limit in zip(series, limits[1:4], strict=True)]
@@ -273,26 +283,26 @@ def exciting_motion(
     iterations: int = 200,
     seed: int = 0,
 ) -> ExcitingMotion:
-    """A periodic motion within limits whose record determines the base parameters of an arm best. It requires scipy (`armlet[tune]`).
+    """Compute the periodic motion within limits whose record determines the base parameters best. It requires scipy (`armlet[tune]`).
 
-    Limits of position, speed and acceleration hold at every time. Limits of torque hold at 64 points per harmonic, for the arm's own
-    parameters and friction.
+    The limits of position, speed and acceleration are respected at every time. The limits of torque are respected at 64 points per
+    harmonic, for the arm's present parameters and friction.
 
     Args:
-        arm: its parameters count only for limits of torque.
+        arm: an arm; its parameters affect the result only through limits of torque.
         duration: the period, s.
         limits: `q_min`, `q_max` (rad or m), `v_max` (per s), `a_max` (per s^2), `effort` (N m or N), each a number or `(n,)`. They
-            replace the arm's own; an arm has no `a_max`. Each joint needs a bound other than `effort`.
+            replace the arm's limits; an arm has no `a_max`. Each joint needs a bound other than `effort`.
         harmonics: number of harmonics of the fundamental frequency `2 pi / duration`, at most 1,000.
         samples: number of samples of one period for `condition` and `deviations`, at least 4 per harmonic; None: 20 per harmonic.
         noise: standard deviation of the measured torque, N m or N: a number or `(n,)`.
-        armature, friction: columns of `Arm.regressor` for rotors and friction are among the parameters.
-        starts: random starts of the search, at most 1,000; the best is returned.
+        armature, friction: whether the parameters include rotor inertias and friction, as for `Arm.regressor`.
+        starts: number of random starts of the search, at most 1,000; the best result is returned.
         iterations: largest number of iterations of each search.
         seed: seed of the random starts.
 
     Returns:
-        A motion, with `duration`, `condition` and `deviations` of `arm.base_parameters(armature=armature, friction=friction)`.
+        An `ExcitingMotion` with `duration`, `condition` and `deviations` of `arm.base_parameters(armature=armature, friction=friction)`.
 
     Raises:
         InputError: an argument has a wrong type, shape or value, a joint is not bounded, or the torques cannot hold the arm.
@@ -337,7 +347,7 @@ def exciting_motion(
 
 
 def _motion(problem: _Problem, c: _Array, duration: float, harmonics: int) -> ExcitingMotion:
-    """The motion of these coefficients, with the quality of its record."""
+    """The motion of the coefficients `c`, with the condition number and the deviations of its record."""
     q, v, a = problem.motion(c)
     W = problem.regressor(q, v, a).reshape(-1, problem.base.count)
     lengths = np.linalg.norm(W, axis=0)

@@ -1,4 +1,4 @@
-"""Libraries that armlet uses where they are installed."""
+"""Import of optional libraries."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ __all__ = ["extra"]
 
 
 def extra(caller: str, module: str, install: str, library: str | None = None) -> Any:
-    """The module of an optional library; `install`: the argument of pip that installs it.
+    """Import the module of an optional library and return it. `install` is the argument of pip that installs the library.
 
     Raises:
-        ImportError: `library`, by default the package of `module`, is not installed; the message begins with `caller`.
+        ImportError: the library is not installed. The message begins with `caller` and names `library`, by default the package of `module`.
     """
     try:
         return import_module(module)

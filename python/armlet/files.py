@@ -1,4 +1,4 @@
-"""Files that are complete or absent, and archives of arrays with a checksum, for runs, tables, figures and sweeps."""
+"""Write files that are complete or absent, and archives of arrays with a checksum, for runs, tables, figures and sweeps."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from .errors import FormatError
 __all__ = ["digest", "folder_for", "pack", "unpack", "write_whole"]
 
 SEAL = b"sha256:"
-SEALED = len(SEAL) + 64  # bytes of the comment
+SEALED = len(SEAL) + 64  # length of the archive's comment, bytes
 
 
 def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """SHA-256 of the header (without its digest) and of every array with its name, type and shape."""
+    """SHA-256, in hexadecimal, of the header (without its entry "sha256") and of every array with its name, type and shape."""
     state = hashlib.sha256(json.dumps({k: v for k, v in header.items() if k != "sha256"}, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -36,16 +36,20 @@ def digest(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str
 
 
 def pack(file: IO[bytes], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write the arrays as an npz archive with a checksum in its comment."""
+    """Write the arrays as an npz archive, with a checksum in the archive's comment."""
     np.savez(file, allow_pickle=False, **arrays)
-    # The last two bytes of an archive without a comment are the length of the comment.
+    # In an archive without a comment, the last two bytes are the comment's length.
     file.seek(-2, os.SEEK_END)
     file.write(SEALED.to_bytes(2, "little"))
     file.write(SEAL + _digest_of(file, file.tell()))
 
 
 def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
-    """The arrays of an archive, and whether it has a checksum; FormatError if the checksum is wrong or the archive cannot be read."""
+    """Return the arrays of an archive, and whether it has a checksum.
+
+    Raises:
+        FormatError: the checksum is wrong, or the archive cannot be read.
+    """
     end = file.seek(0, os.SEEK_END)
     start = max(end - SEALED, 0)
     file.seek(start)
@@ -57,14 +61,14 @@ def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
     try:
         with np.load(file, allow_pickle=False) as container:
             return {key: container[key] for key in container.files}, sealed
-    # Whatever a damaged archive makes zipfile or numpy stumble over, sizes beyond the memory among it.
+    # A damaged archive can raise various errors in zipfile and numpy, for example for sizes beyond the memory.
     except Exception as error:
         problem = f"is not a run of armlet or is damaged: expected an npz container, got {error or type(error).__name__}"
         raise FormatError(problem) from None
 
 
 def _digest_of(file: IO[bytes], size: int) -> bytes:
-    """SHA-256 of the first `size` bytes, in hexadecimal; the file is left at their end."""
+    """SHA-256, in hexadecimal, of the first `size` bytes. Afterwards the file position is behind them."""
     state = hashlib.sha256()
     file.seek(0)
     while size > 0:
@@ -77,15 +81,15 @@ def _digest_of(file: IO[bytes], size: int) -> bytes:
 
 
 def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
-    """Call `write(file)` on a temporary file beside `path`, and rename it to `path`. The file is always a complete one, old or new."""
+    """Call `write(file)` on a temporary file in the folder of `path`, and rename it to `path`. So `path` is always a complete file."""
     target = os.path.abspath(file_path("save", path))
     if os.path.exists(target) and not os.path.isfile(target):
-        # A renamed file would take the place of a device or a pipe, for everybody.
+        # The rename would replace a device or a pipe by a file.
         raise OSError(errno.EINVAL, "is not a regular file", target)
     try:
         handle, scratch = tempfile.mkstemp(dir=os.path.dirname(target), prefix=".armlet-")
     except OSError as error:
-        error.filename = target  # not the temporary file, which nobody asked for
+        error.filename = target  # report the target instead of the temporary file
         raise
     try:
         with os.fdopen(handle, "w+b") as file:
@@ -94,13 +98,13 @@ def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object])
             os.fsync(file.fileno())
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(scratch, 0o666 & ~umask)  # a temporary file is private: give the result the usual rights
+        os.chmod(scratch, 0o666 & ~umask)  # a temporary file is private; give the result the usual permissions
         os.replace(scratch, target)
     except BaseException as error:
         with suppress(OSError):
             os.unlink(scratch)
         if isinstance(error, OSError):
-            error.filename = target  # a full disk does not say which file it cut short
+            error.filename = target  # an error of a full disk has no file name
         raise
 
 

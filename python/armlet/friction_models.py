@@ -1,4 +1,4 @@
-"""Models of dry friction that a plant can have: their numbers, per joint."""
+"""Models of dry friction for the joints of a plant: their parameters, per joint."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Numbers: TypeAlias = float | Sequence[float]
 
 
 class _Model:
-    """Numbers and tuples of numbers, which can be compared, printed and pickled."""
+    """A model as numbers and tuples of numbers. Models can be compared, printed and pickled."""
 
     def __post_init__(self) -> None:
         for name, value in self.__getnewargs_ex__()[1].items():
@@ -25,33 +25,33 @@ class _Model:
                 object.__setattr__(self, name, tuple(values) if isinstance(values, list) else values)
 
     def __getnewargs_ex__(self) -> tuple[tuple[()], Mapping[str, Any]]:
-        """The arguments that make the same model."""
-        return (), {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]  # a dataclass below
+        """The constructor arguments of an equal model, for pickling."""
+        return (), {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]  # subclasses are dataclasses
 
 
 @bordered
 @sealed
 @dataclass(frozen=True, kw_only=True)
 class LuGre(_Model):
-    """LuGre friction of the joints of a plant: bristles of deflection `z` that slip.
+    """LuGre friction of the joints of a plant: bristles with deflection `z` that can slip.
 
     `z' = v - sigma_0 |v| z / h(v)`, `tau_f = sigma_0 z + sigma_1 z' + sigma_2 v`,
     `h(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`
 
-    `v` is the velocity of a joint of a `RigidArm`, or of a motor of an `ElasticArm`. `L` is the torque that the joint passes on:
-    `tau - sigma_0 z` of a `RigidArm`, the joint torque `tau_J` of an `ElasticArm`. Each `z` is a state of the plant and starts at zero.
+    `v` is the velocity of a joint of a `RigidArm`, or of a motor of an `ElasticArm`. `L` is the transmitted torque: `tau - sigma_0 z` of a
+    `RigidArm`, the joint torque `tau_J` of an `ElasticArm`. Each `z` is a state of the plant and starts at zero.
 
     Args:
-        coulomb: Coulomb friction `F_c` > 0, N m or N, scalar or (n,), as all that follow.
+        coulomb: Coulomb friction `F_c` > 0, N m or N. This and all following arguments are scalars or (n,).
         stiffness: stiffness of the bristles `sigma_0` > 0, N m/rad or N/m.
         damping: damping of the bristles `sigma_1` >= 0, N m s/rad or N s/m.
         static: static friction `F_s` >= `F_c`, N m or N; None: `F_c`.
-        stribeck_speed: Stribeck speed `v_s` > 0, rad/s or m/s. Required where `F_s` exceeds `F_c`.
+        stribeck_speed: Stribeck speed `v_s` > 0, rad/s or m/s. It is required if `F_s` exceeds `F_c`.
         viscous: viscous friction `sigma_2` >= 0, N m s/rad or N s/m.
-        load_ratio: friction per transmitted torque `mu`, within [0, 1).
+        load_ratio: friction per transmitted torque `mu`, in [0, 1).
 
     Raises:
-        InputError: an argument is not a number or numbers. The plant raises it for wrong shapes and ranges.
+        InputError: an argument is not a number or an array of numbers. Wrong shapes and ranges raise it in the plant's constructor.
 
     Source: [CanudasDeWit1995]; load-dependent friction as in [Hamon2010]; docs/friction.md.
 
@@ -73,25 +73,25 @@ class LuGre(_Model):
 @sealed
 @dataclass(frozen=True, kw_only=True)
 class StickSlip(_Model):
-    """Stick-slip friction of the joints of a plant: a joint sticks while the torque that holds it is within its static friction.
+    """Stick-slip friction of the joints of a plant: a joint sticks while the friction torque that holds it is within static friction.
 
     stuck:   `v_i = 0`, `|tau_f,i| <= F_s + mu |L|`
     sliding: `tau_f = sign(v) h(v) + d v`, `h(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`
 
-    `v` is the velocity of a joint of a `RigidArm`, or of a motor of an `ElasticArm`. `L` is the torque that the joint passes on:
-    `tau - tau_f` of a `RigidArm`, the joint torque `tau_J` of an `ElasticArm`. The velocity of a stuck joint is exactly zero.
-    Adaptive methods locate the instants at which joints stick and slip. Methods of fixed steps let joints stick and slip where steps
-    begin and end.
+    `v` is the velocity of a joint of a `RigidArm`, or of a motor of an `ElasticArm`. `L` is the transmitted torque: `tau - tau_f` of a
+    `RigidArm`, the joint torque `tau_J` of an `ElasticArm`. The velocity of a stuck joint is exactly zero. Adaptive methods locate the
+    times at
+    which joints stick and slip. With fixed-step methods, joints stick and slip only between steps.
 
     Args:
-        coulomb: Coulomb friction `F_c` >= 0, N m or N, scalar or (n,), as all that follow.
+        coulomb: Coulomb friction `F_c` >= 0, N m or N. This and all following arguments are scalars or (n,).
         static: static friction `F_s` >= `F_c`, N m or N; None: `F_c`.
-        stribeck_speed: Stribeck speed `v_s` > 0, rad/s or m/s. With None or 0 friction falls to `F_c` as soon as the joint moves.
+        stribeck_speed: Stribeck speed `v_s` > 0, rad/s or m/s. With None or 0, friction is `F_c` as soon as the joint moves.
         viscous: viscous friction `d` >= 0, N m s/rad or N s/m.
-        load_ratio: friction per transmitted torque `mu`, within [0, 1).
+        load_ratio: friction per transmitted torque `mu`, in [0, 1).
 
     Raises:
-        InputError: an argument is not a number or numbers. The plant raises it for wrong shapes and ranges.
+        InputError: an argument is not a number or an array of numbers. Wrong shapes and ranges raise it in the plant's constructor.
 
     Source: [Karnopp1985, Olsson1998]; load-dependent friction as in [Hamon2010]; docs/friction.md.
 

@@ -21,7 +21,7 @@ _Array = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """The fewest combinations of inertial parameters that determine the motion of an arm: `Y pi = Y_b (P pi)`.
+    """The smallest set of combinations of inertial parameters that determines the motion of an arm: `Y pi = Y_b (P pi)`.
 
     >>> import armlet as al
     >>> base = al.planar_arm([1.0, 1.0]).base_parameters()
@@ -38,31 +38,31 @@ class BaseParameters:
     """
 
     arm: Arm
-    #: Columns of the regressor that stay, (b,).
+    #: Indices of the regressor's columns in `Y_b`, (b,).
     columns: NDArray[np.intp]
-    #: `P`, (b, p): base parameters from all parameters.
+    #: The matrix `P`, (b, p), which maps all parameters to base parameters.
     projection: _Array
-    #: Names of all parameters, p of them.
+    #: Names of all p parameters.
     names: tuple[str, ...]
-    #: Each base parameter as a sum of parameters, b of them.
+    #: Each of the b base parameters as a sum of parameters.
     grouping: tuple[str, ...]
-    #: Parameters that no motion determines.
+    #: Parameters that do not affect the motion.
     unseen: tuple[str, ...]
-    #: Columns for rotor inertia, and for damping and Coulomb friction, are among them.
+    #: Whether the columns include rotor inertia (`armature`), and damping and Coulomb friction (`friction`).
     armature: bool
     friction: bool
-    #: The smallest relative distance of a kept column from the span of the earlier ones, and the largest of a dropped one.
+    #: Relative distances of a column from the span of the earlier columns: the smallest of a kept column, and the largest of a dropped one.
     smallest_kept: float
     largest_dropped: float
 
     @property
     def count(self) -> int:
-        """How many base parameters there are."""
+        """The number b of base parameters."""
         return len(self.columns)
 
     @property
     def values(self) -> _Array:
-        """The base parameters of the arm with its present parameters, (b,)."""
+        """The base parameters of the arm with its present inertial parameters, (b,)."""
         limits = self.arm.limits
         extra = [limits["armature"]] if self.armature else []
         extra += [limits["damping"], limits["friction"]] if self.friction else []
@@ -73,7 +73,7 @@ class BaseParameters:
         """Compute the columns of the Slotine-Li regressor for the base parameters.
 
         Args:
-            q, v, v_r, a_r: positions, velocities, reference velocities and accelerations, (..., n), as for `Arm.regressor`.
+            q, v, v_r, a_r: positions, velocities, reference velocities and reference accelerations, (..., n), as for `Arm.regressor`.
 
         Returns:
             The columns, (..., n, b).
@@ -93,7 +93,7 @@ class BaseParameters:
 @sealed
 @dataclass(frozen=True, eq=False)
 class ParameterReport:
-    """Whether every body of a parameter vector is physically possible: its 4 x 4 pseudo-inertia positive definite.
+    """A report whether every body of a parameter vector is physically possible: its 4 x 4 pseudo-inertia is positive definite.
 
     >>> import armlet as al
     >>> arm = al.planar_arm([1.0])
@@ -105,9 +105,9 @@ class ParameterReport:
 
     #: Names of the joints that move the bodies.
     joints: tuple[str, ...]
-    #: Of the pseudo-inertia of each body, (n, 4), ascending.
+    #: Eigenvalues of the pseudo-inertia of each body, (n, 4), ascending.
     eigenvalues: _Array
-    #: The problem of each body, empty for a physically possible body.
+    #: The problem of each body; empty for a physically possible body.
     problems: tuple[str, ...]
 
     @property
@@ -117,7 +117,7 @@ class ParameterReport:
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """The joints with impossible bodies."""
+        """Names of the joints whose bodies are physically impossible."""
         return tuple(joint for joint, problem in zip(self.joints, self.problems, strict=True) if problem)
 
     def __bool__(self) -> bool:
@@ -139,30 +139,32 @@ class ParameterReport:
 @sealed
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """The base parameters from a record of motion and torque, with their standard deviations."""
+    """Base parameters identified from a record of motion and torque, with their standard deviations."""
 
     base: BaseParameters
     #: Estimates of the base parameters, (b,).
     values: _Array
-    #: Their standard deviations, (b,); infinite for undetermined parameters.
+    #: Standard deviations of the estimates, (b,); infinite for undetermined parameters.
     deviations: _Array
-    #: (b, b).
+    #: Covariance of the estimates, (b, b).
     covariance: _Array
     #: The number of combinations of base parameters that the record determines.
     rank: int
-    #: Of the regressor with columns scaled to one: largest over smallest singular value; infinite where the rank is short.
+    #: Condition number of the regressor with columns scaled to norm one; infinite if the rank is smaller than b.
     condition: float
-    #: (b,), descending, of the scaled regressor.
+    #: Singular values of the scaled regressor, (b,), descending.
     singular_values: _Array
-    #: Root mean square of the torque that the model does not explain, by joint, (n,).
+    #: Root mean square of the torque that the model does not explain, for each joint, (n,).
     residuals: _Array
-    #: All parameters: of those with these base parameters the nearest to the arm's own, (p,) in the order of `base.names`.
+    #: The vector of all parameters with these base parameters that is nearest to the arm's parameters, (p,), in the order of `base.names`.
     parameters: _Array
 
     @property
     def arm(self) -> Arm:
-        """The arm with the identified inertial parameters, and with the identified rotors and friction if they were among the
-        parameters."""
+        """The arm with the identified inertial parameters.
+
+        If rotors and friction were among the parameters, it also has their identified values.
+        """
         own = self.base.arm
         inertial, drives = np.split(self.parameters, [own.parameters.size])
         arm = own.with_parameters(inertial)

@@ -1,4 +1,4 @@
-"""Integrate any initial-value problem `y' = f(t, y)` with armlet's own methods."""
+"""Integrate any initial-value problem `y' = f(t, y)` with armlet's methods."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .status import Status, advice_on_run
 
 __all__ = ["DenseOutput", "Integration", "integrate"]
 
-#: Events and further arguments of a call, at most.
+#: Largest number of events, and of further arguments, of a call.
 MOST = 10_000
 
 Array: TypeAlias = NDArray[np.float64]
@@ -28,12 +28,12 @@ Array: TypeAlias = NDArray[np.float64]
 class DenseOutput:
     """The solution between the steps: `dense(t)` is `(n,)` for a number `t` and `(K, n)` for times of shape `(K,)`.
 
-    Each step holds the values of its polynomial at the Chebyshev points; between them barycentric interpolation (Berrut and Trefethen
-    2004) recovers it to rounding. Times outside of the span raise an error.
+    Each step stores the values of its polynomial at Chebyshev points. Barycentric interpolation (Berrut and Trefethen 2004) evaluates the
+    polynomial between them, up to rounding. Times outside of the span raise an error.
     """
 
     def __init__(self, start: float, ends: Array, positions: Array, nodes: Array) -> None:
-        #: The times of the steps, (S + 1,), in the order of the run.
+        #: Times at the ends of the steps and at the start, (S + 1,), in the order of the run.
         self.t = np.concatenate([[start], ends])
         self._positions, self._nodes = positions, nodes
         weights = (-1.0) ** np.arange(positions.size)
@@ -68,14 +68,14 @@ class Integration:
     """The result of `integrate`.
 
     Attributes:
-        t: the times, (K,).
-        y: the states, (K, n); time is the first axis.
-        status: how it ended (`armlet.Status`): SUCCESS, or EVENT where an event ended it.
+        t: the recorded times, (K,).
+        y: the states at these times, (K, n).
+        status: the `armlet.Status` with which the run ended: SUCCESS, EVENT if an event ended it, or a failure.
         ended: the time reached.
-        stats: evaluations of f (including differences), steps, rejections, jacobians (none of a constant one) and factorisations. With the
-            status EXCESS_ACCURACY also `coarsen`: the factor that makes both tolerances feasible.
-        t_events, y_events: per event the times (m,) and states (m, n) of its crossings.
-        dense: the solution between the steps, if `dense_output=True`.
+        stats: numbers of evaluations of f (including those for differences), steps, rejections, jacobians (0 for a constant one) and
+            factorisations. With the status EXCESS_ACCURACY also `coarsen`, the factor that makes both tolerances feasible.
+        t_events, y_events: for each event, the times (m,) and states (m, n) of its zero crossings.
+        dense: the solution between the steps, if `dense_output=True`; else None.
     """
 
     t: Array
@@ -94,7 +94,7 @@ class Integration:
 
     @property
     def success(self) -> bool:
-        """Whether the run reached the end of its span, or the event that ends it."""
+        """Whether the run reached the end of its span, or a terminal event."""
         return self.status in (Status.SUCCESS, Status.EVENT)
 
     def __repr__(self) -> str:
@@ -103,7 +103,7 @@ class Integration:
 
 
 def _events(events: object) -> list[tuple[Callable[..., Any], float, int]]:
-    """Each function with its direction and the number of crossings that ends the run, as scipy writes them."""
+    """Check events in scipy's form. Return each function with its direction and the number of crossings that ends the run."""
     if events is None:
         return []
     given: list[Any] = entries("integrate", "events", events, MOST) if isinstance(events, Sequence) else [events]
@@ -148,39 +148,40 @@ def integrate(
     vectorized: bool = False,
     throw: bool = True,
 ) -> Integration:
-    """Solve `y' = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, in either direction of time.
+    """Solve `y' = f(t, y)`, `y(t0) = y0`, from `t0` to `t1`, forward or backward in time.
 
     Args:
         f: the right-hand side, f(t, y, *args) -> (n,): an array, or a list or tuple of floats (the fastest for a few states).
         t_span: start and end, in the unit of `t`. The end may be infinite if a terminal event ends the run and the method is adaptive.
         y0: initial state, (n,), in the units of `f`.
-        method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5"
-            and "rodas4" for stiff problems.
+        method: fixed step: "euler", "semi_implicit", "rk4", and "ros2" for stiff problems; adaptive: "dopri5", "dop853", and "radau5" and
+            "rodas4" for stiff problems.
         rtol, atol: relative and absolute error allowed per step, each a number or (n,); rtol >= 2.22e-14.
-        dt: the step of a fixed-step method; a last shorter step ends a span that is not a multiple of it.
-        t_eval: record exactly these times, in the order of the span; None records every step.
-        dense_output: keep the polynomials of the steps: `result.dense(t)`.
-        events: functions g(t, y, *args) -> float whose zero crossings are located to rounding. The attribute `direction` of a function
-            selects rising (> 0) or falling (< 0) crossings, along the run. `terminal` ends the run at that many crossings (True: one).
-        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n); sparse matrices are made dense. None takes
-            differences of f: forward for "radau5" and "ros2", which tolerate their error, and central for "rodas4", whose order does not.
-            "rodas4" and "ros2" also take differences of f in time.
-        jac_sparsity: pattern (n, n), zero where df/dy is always zero. Differences then take one evaluation of f for columns that share no
-            row [CurtisPowellReid1974]. Without effect where jac is given.
+        dt: the step of a fixed-step method. If the span is not a multiple of it, the last step is shorter.
+        t_eval: record exactly these times, in the order of the span; None: record every step.
+        dense_output: store the polynomials of the steps, for `result.dense(t)`.
+        events: functions g(t, y, *args) -> float. Their zero crossings are located to rounding. The attribute `direction` of a function
+            selects crossings that rise (> 0) or fall (< 0) in the direction of the run. The attribute `terminal` is the number of crossings
+            that ends the run (True: one).
+        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n). A sparse matrix is converted to a dense one.
+            None: differences of f. They are forward differences for "radau5" and "ros2", which tolerate their error, and central
+            differences for "rodas4", whose order requires them. "rodas4" and "ros2" also take differences of f in time.
+        jac_sparsity: pattern (n, n), zero where df/dy is always zero. Columns without a common row then need only one evaluation of f for
+            their differences [CurtisPowellReid1974]. It has no effect if `jac` is not None.
         args: further arguments of f, jac and events.
-        max_step, first_step: limit of the steps and the first of them, for adaptive methods; first_step is not longer than the span.
-        positions: number of positions for "semi_implicit": y = [q, v, rest] with q and v of that length and q' = v.
-        lists: pass y to f, jac and events as a list of floats: two to four times as fast as an array for a few states.
-        vectorized: f takes states as columns, y (n, k), and returns their slopes, (n, k): all differences of a Jacobian are then one call.
-            jac and events still take y (n,).
-        throw: raise an error if the run does not reach its end; False returns the partial run, with its status.
+        max_step, first_step: largest step and first step of adaptive methods; first_step is not longer than the span.
+        positions: number of positions for "semi_implicit": y = [q, v, rest], where q and v have this length and q' = v.
+        lists: pass y to f, jac and events as a list of floats. For a few states this is two to four times as fast as an array.
+        vectorized: f accepts states as columns, y (n, k), and returns their rates, (n, k). Then one call computes all differences of a
+            Jacobian. jac and events still receive y (n,).
+        throw: raise an error if the run does not reach its end; False returns the partial run with its status.
 
     Returns:
-        Times, states, status, work and events.
+        An `Integration` with times, states, status, statistics and events.
 
     Raises:
         InputError: an argument has a wrong type, shape or value.
-        SolveError: the run did not reach its end; `.status`, `.t` and `.partial` are its outcome, its time and the partial run.
+        SolveError: the run did not reach its end. `.status` is its status, `.t` its last time and `.partial` the partial run.
         (any): the error of f, jac or an event, with its traceback.
 
     >>> import armlet as al

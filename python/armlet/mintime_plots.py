@@ -1,4 +1,4 @@
-"""The old name of `armlet.figures.minimum_time`."""
+"""Deprecated name of `armlet.figures.minimum_time`."""
 
 import warnings
 

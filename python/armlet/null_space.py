@@ -1,4 +1,4 @@
-"""The options of an impedance law in the null space of its frame."""
+"""The options of an impedance law for the null space of its task."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ class NullSpace:
     `projection="consistent"`: `N' = I - J' L J M^-1`, `L = (J M^-1 J')^-1`. The torque does not accelerate the frame (Khatib 1987).
     `projection="static"`: `N' = I - J' (J')#`. In general the torque accelerates the frame.
 
-    With both, the null motion moves the frame through `C v` and `J_dot v`, unless the law compensates the coupling. Near singularities
-    the inverse is clamped: a direction whose singular value is below `eps` of the law keeps a fraction of the torque.
+    With both projections, the motion in the null space moves the frame through `C v` and `J_dot v`, unless the law compensates the
+    coupling. Near singularities the inverse is clamped. Along a direction whose singular value is below `eps` of the law, a fraction of the
+    torque remains.
 
     Args:
         q_d: `q_n`, the posture, (n,), rad or m, or a motion of the joints.
@@ -34,7 +35,8 @@ class NullSpace:
         projection: "consistent" or "static" (keyword only).
 
     Raises:
-        InputError: the projection is unknown, or an array is not of numbers; where the law is made: a shape or a sign is wrong.
+        InputError: the projection is unknown, or an argument is not an array of numbers. Wrong shapes and signs raise it in the law's
+            constructor.
 
     Source: Khatib, IEEE J. Robotics and Automation 3(1), 1987; Ott, Cartesian Impedance Control of Redundant and Flexible-Joint
     Robots, 2008.
@@ -58,7 +60,7 @@ class NullSpace:
     def __post_init__(self) -> None:
         if not isinstance(self.q_d, _core.Motion):
             object.__setattr__(self, "q_d", _plain(_core.numbers("NullSpace", "q_d", self.q_d, ("n",)).tolist()))
-        n = self.q_d.n if isinstance(self.q_d, _core.Motion) else len(self.q_d)  # type: ignore[arg-type]  # a tuple by now
+        n = self.q_d.n if isinstance(self.q_d, _core.Motion) else len(self.q_d)  # type: ignore[arg-type]  # a tuple after the line above
         for name in ("stiffness", "damping"):
             value = _core.numbers("NullSpace", name, getattr(self, name), (), (n,), (n, n)).tolist()
             object.__setattr__(self, name, _plain(value))
@@ -66,5 +68,5 @@ class NullSpace:
 
 
 def _plain(values: Any) -> Any:
-    """Numbers and tuples of numbers, which can be compared, printed and pickled."""
+    """Convert nested lists to nested tuples of numbers, which can be compared, printed and pickled."""
     return tuple(_plain(value) for value in values) if isinstance(values, list) else values

@@ -1,4 +1,4 @@
-"""The old name of `armlet.figures.time_path`."""
+"""Deprecated name of `armlet.figures.time_path`."""
 
 import warnings
 

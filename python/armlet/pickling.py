@@ -1,5 +1,7 @@
-"""Pickles of Python objects with a checksum, as those of the extension: a changed bit raises `FormatError`, and never makes another
-object."""
+"""Pickles of Python objects with a checksum, like the pickles of the extension's classes.
+
+A changed bit of a pickle raises `FormatError` and never makes a different object.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,10 @@ C = TypeVar("C", bound=type)
 
 
 def sealed(kind: C) -> C:
-    """Give the objects of a class, which consist of their fields and of the entries of a dict or a tuple, pickles with a checksum."""
+    """Class decorator: pickles of the objects have a checksum.
+
+    An object consists of its fields, and of its entries as a dict or a tuple.
+    """
 
     def parts(thing: Any) -> tuple[type, Any, dict[str, Any]]:
         entries = dict(thing) if isinstance(thing, dict) else tuple(thing) if isinstance(thing, tuple) else None
@@ -37,7 +42,7 @@ def sealed(kind: C) -> C:
 
 
 def _remade(kind: Any, entries: Any, fields: dict[str, Any]) -> Any:
-    """An object whose parts were checked when it was first made."""
+    """Make an object from its parts without checks, because the parts were checked by its constructor."""
     made = tuple.__new__(kind, entries) if isinstance(entries, tuple) else kind.__new__(kind)
     if isinstance(entries, dict):
         made.update(entries)

@@ -1,7 +1,7 @@
 """Curves through poses: straight lines, arcs and geodesics, with rounded corners, or one smooth spline.
 
-length of a segment:  l = sqrt(|dp|^2 + (0.1 m/rad angle)^2),   s = sum of lengths before / all of them
-arc through a, b, c:  p = m + r (cos phi e_1 + sin phi e_2),   |a - m| = |b - m| = |c - m| = r;   r phi in place of |dp|
+length of a segment:  l = sqrt(|dp|^2 + (0.1 m/rad angle)^2),   s = (sum of the lengths before) / (total length)
+arc through a, b, c:  p = m + r (cos phi e_1 + sin phi e_2),   |a - m| = |b - m| = |c - m| = r;   r phi replaces |dp|
 corner of radius r:   lerp(lerp(A, C, t), lerp(C, B, t), t),   A and B at the distance r from the corner C
 spline:               natural cubic of positions and quaternions over s, quaternions normalised
 """
@@ -19,16 +19,16 @@ from . import _core, rotations
 __all__ = ["NoCircleError", "PoseCurve", "columns_of", "cubic"]
 
 _Array = NDArray[Any]
-# The length that counts like one radian, m.
+# Length that counts as much as a rotation by one radian, m.
 _ARM = 0.1
 
 
-# Below this sine of the angle at the first of three points they are on one line.
+# Three points are on one line if the sine of the angle at the last point is below this value.
 _LINE = 1e-9
 
 
 def columns_of(axes: str) -> list[int]:
-    """Columns of [p; rotation vector] that the letters of `axes` name."""
+    """Columns of [p; rotation vector], 0 to 5, that the letters of `axes` name."""
     columns, turned = [], 0
     for letter in axes.replace(" ", "").replace(",", ""):
         if letter == "r":
@@ -40,11 +40,14 @@ def columns_of(axes: str) -> list[int]:
 
 
 class NoCircleError(ValueError):
-    """Three positions on one line; its argument is the index of the middle one."""
+    """Three positions are on one line. The argument is the index of the middle position."""
 
 
 class _Arc(NamedTuple):
-    """Part of a circle, from the angle `first` to the angle `last`."""
+    """Part of a circle from the angle `first` to the angle `last`, rad.
+
+    `axes` are two orthogonal vectors with the circle's radius as norm.
+    """
 
     centre: _Array
     axes: _Array
@@ -56,13 +59,13 @@ class _Arc(NamedTuple):
         return float(np.linalg.norm(self.axes[0])) * (self.last - self.first)
 
     def at(self, u: _Array) -> _Array:
-        """Points (M, d) at parts u (M,) of the way."""
+        """Points (M, d) of the arc at fractions `u` (M,) of its length."""
         angle = self.first + u * (self.last - self.first)
         return np.asarray(self.centre + np.cos(angle)[:, None] * self.axes[0] + np.sin(angle)[:, None] * self.axes[1])
 
 
 def _arcs(a: _Array, b: _Array, c: _Array) -> tuple[_Arc, _Arc] | None:
-    """The arcs from a to b and from b to c of the circle through three points (d,); None if they are on one line."""
+    """The arcs from a to b and from b to c of the circle through three points (d,). None if the points are on one line."""
     u, w = a - c, b - c
     gram = np.array([[u @ u, u @ w], [u @ w, w @ w]])
     area = gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2
@@ -72,7 +75,7 @@ def _arcs(a: _Array, b: _Array, c: _Array) -> tuple[_Arc, _Arc] | None:
     centre = c + weights[0] * u + weights[1] * w
     first = a - centre
     across = [p - centre - first * ((p - centre) @ first) / (first @ first) for p in (b, c)]
-    # Of the two points the one further from the diameter through a: the other one may be on it.
+    # Of b and c, the point further from the diameter through a defines the second axis. The other point may be on this diameter.
     second = max(across, key=np.linalg.norm)
     second = second * (np.linalg.norm(first) / np.linalg.norm(second))
     middle, last = (float(np.arctan2((p - centre) @ second, (p - centre) @ first)) % (2.0 * np.pi) for p in (b, c))
@@ -83,7 +86,7 @@ def _arcs(a: _Array, b: _Array, c: _Array) -> tuple[_Arc, _Arc] | None:
 
 
 def cubic(s: _Array, q: _Array, d: _Array, at: _Array) -> tuple[_Array, _Array, _Array]:
-    """Value, slope and curvature at `at` (M,) of the cubic pieces with values q and slopes d (K, n) at s (K,)."""
+    """Value, first and second derivative at `at` (M,) of piecewise cubics with values `q` and slopes `d`, (K, n), at knots `s` (K,)."""
     k = np.clip(np.searchsorted(s, at, side="right") - 1, 0, s.size - 2)
     h = (s[k + 1] - s[k])[:, None]
     x = (at - s[k])[:, None] / h
@@ -94,14 +97,14 @@ def cubic(s: _Array, q: _Array, d: _Array, at: _Array) -> tuple[_Array, _Array, 
 
 @dataclass(frozen=True, eq=False)
 class PoseCurve:
-    """A curve through rows (K, m) of poses; `turns` are the columns of a rotation vector, or none of them.
+    """A curve through poses.
 
     Attributes:
         rows: the poses, `(K, m)`.
-        turns: columns of all three parts of the rotation vector, or an empty list.
+        turns: columns of all three parts of the rotation vector; an empty list if the poses have none.
         single: columns of single angles, rad.
-        smooth: a spline instead of lines.
-        blend: radius of corners between lines, m.
+        smooth: whether the curve is a spline; otherwise it consists of lines.
+        blend: radius of the rounded corners between lines, m.
         arcs: indices of poses in the middle of arcs.
     """
 
@@ -145,16 +148,16 @@ class PoseCurve:
 
     @property
     def length(self) -> float:
-        """Of the curve, m."""
+        """Length of the curve, m."""
         return float(self.along[-1])
 
     @property
     def corners(self) -> _Array:
-        """Where the poses are, 0 to 1, `(K,)`."""
+        """Path positions of the poses, 0 to 1, `(K,)`."""
         return np.asarray(self.along / self.along[-1])
 
     def at(self, s: _Array) -> _Array:
-        """Rows (M, m) at s (M,)."""
+        """Poses (M, m) at path positions `s` (M,)."""
         l = s * self.length
         if self.smooth and self.along.size > 2:
             return self._spline(l)

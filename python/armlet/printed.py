@@ -1,4 +1,4 @@
-"""Laws, observers and functions of arms as C99 that runs without armlet: headers, sources and CMake files."""
+"""Export laws, observers and functions of arms as C99 that runs without armlet: headers, sources and CMake files."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .files import folder_for, write_whole
 
 __all__ = ["export_c"]
 
-#: The functions of an arm that are exported by default.
+#: Functions of an arm that are exported by default.
 DYNAMICS = ("mass_matrix", "coriolis_matrix", "gravity", "bias", "inverse_dynamics", "forward_dynamics")
-#: Functions that are of a frame.
+#: Functions that depend on a frame.
 FRAMED = ("pose", "pose_vector", "position", "jacobian", "jacobian_dot")
-#: Functions that may take a wrench at a frame.
+#: Functions that accept a wrench at a frame.
 LOADED = ("inverse_dynamics", "forward_dynamics")
-#: The first line of every file that armlet wrote.
+#: Beginnings of the first lines of files that armlet writes.
 STAMPS = ("/* Made by armlet ", "# Made by armlet ")
 
 Function: TypeAlias = str | tuple[str, str]
@@ -47,39 +47,40 @@ def export_c(
     fused: bool | None = None,
     overwrite: bool = False,
 ) -> list[Path]:
-    """Write a law, an observer, or functions of an arm, as C99 that needs no armlet: a header, a source file and a `CMakeLists.txt`.
+    """Write a law, an observer, or functions of an arm as C99: a header, a source file and a `CMakeLists.txt`.
 
-    The C code allocates nothing, does not recurse, and uses `math.h` and `string.h` alone. It has the same bits as armlet on this machine
-    if it is compiled with `-ffp-contract=off`, as its CMake file does. A law is `<prefix>_init(state)` and
-    `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. Desired motions are inside.
-    A function of an arm is `<prefix>_<name>(inputs.., out)`, with row-major matrices. A `MomentumObserver` is `<prefix>_init(state)`,
-    `<prefix>_update(state, q, v, tau, dt, residual)`, and with thresholds `<prefix>_contact(state)`.
-    Each function returns 0, or a status that the header lists. After an error `tau` is the last valid output, and `out` is NaN.
+    The C code does not need armlet. It allocates nothing, does not recurse, and includes only `math.h` and `string.h`. It has the bits of
+    armlet on this machine if it is compiled with `-ffp-contract=off`, as its CMake file does. A law becomes `<prefix>_init(state)` and
+    `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. The C code contains the desired
+    motion. A function of an arm becomes `<prefix>_<name>(inputs.., out)`, with row-major matrices. A `MomentumObserver` becomes
+    `<prefix>_init(state)`, `<prefix>_update(state, q, v, tau, dt, residual)`, and, if it has thresholds, `<prefix>_contact(state)`. Each
+    function returns 0, or a status that the header lists. After an error `tau` is the last valid output, and `out` is NaN.
 
     Args:
         law: a law, a `MomentumObserver` or an arm.
-        folder: folder of the files. It is made if it does not exist.
+        folder: folder of the files. It is created if it does not exist.
         functions: functions of an arm: names of `Arm`'s methods such as "mass_matrix", or `(name, frame)`. The default frame is
-            `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` take a wrench `[f; m]` at
-            the frame, N and N m. None: the equations of motion.
-        prefix: start of all names in C, and name of the files and of the CMake target; None: "law", "observer" or "arm".
-        dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at
-            multiples of it advance the state with the bits of `simulate(.., dt=dt, sample_time=..)`. None: one step from call to call.
-        method: integration of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws.
-        sample_time: time from call to call, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
-        tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. A `Guarded` law observes
-            limited torques.
-        friction: functions of an arm include friction, as with their argument of this name.
-        armature: the regressor has columns of armature.
-        fused: fuse products with sums by `fma`. None: as armlet does on this machine; only this choice has the same bits.
-        overwrite: overwrite files of these names that armlet did not make.
+            `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` accept a wrench `[f; m]` at the frame, N and N
+            m.
+            None: the equations of motion.
+        prefix: first part of all names in C, and name of the files and of the CMake target; None: "law", "observer" or "arm".
+        dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at multiples of `dt` advance the state
+            with the bits of `simulate(.., dt=dt, sample_time=..)`. None: one step from call to call.
+        method: integration method of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws.
+        sample_time: time between calls, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
+        tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. The observer of a `Guarded`
+            law receives limited torques.
+        friction: whether functions of an arm include friction, as their argument of this name.
+        armature: whether the regressor has columns of armature.
+        fused: whether products and sums are fused by `fma`. None: as armlet does on this machine; only None guarantees equal bits.
+        overwrite: overwrite files with these names that armlet did not write.
 
     Returns:
         The paths of the files, in the order header, source, `CMakeLists.txt`.
 
     Raises:
-        InputError: the law is a Python function or branches on its data, or a function or a frame is unknown. Or a file of another origin
-            exists, or another argument is not valid.
+        InputError: the law is a Python function or branches on its data, or a function or a frame is unknown. Also if a file exists that
+            armlet did not write, or if another argument is not valid.
         OSError: a file cannot be written.
 
     Source: docs/export_c.md.
@@ -127,14 +128,14 @@ def _is_default(method: object) -> bool:
 
 
 def _require_unused(of: str, arguments: Mapping[str, object]) -> None:
-    """Refuse arguments of something else."""
+    """Refuse arguments that are not for `of`."""
     for name, value in arguments.items():
         if value is not None and value is not False:
             raise InputError(f"export_c: {name} is not used: expected none for {of}, got {shown(value)}")
 
 
 def _named(arm: _core.Arm, functions: Sequence[Function]) -> list[tuple[str, str, str | None]]:
-    """Each function with its name in C and its frame."""
+    """For each function: its name in C, the name of the method, and the frame."""
     if isinstance(functions, str) or not isinstance(functions, Sequence) or not len(functions):
         raise InputError(f"export_c: functions is not a list of names: expected such as ['mass_matrix'], got {shown(functions)}")
     named: list[tuple[str, str, str | None]] = []
@@ -162,7 +163,7 @@ def _pair(function: object, k: int) -> tuple[str, str]:
 
 
 def _require_own(path: Path) -> None:
-    """Refuse to write over a file that armlet did not make."""
+    """Refuse to overwrite a file that armlet did not write."""
     try:
         with path.open("rb") as file:
             start = file.read(max(map(len, STAMPS)))

@@ -1,4 +1,4 @@
-"""Which part of a prioritised command can be executed, and why not: overlap = sum rank J_i - rank J_E."""
+"""Diagnosis of prioritised tasks: which part of a command is feasible, and the reason: overlap = sum rank J_i - rank J_E."""
 
 from __future__ import annotations
 
@@ -22,22 +22,24 @@ Array: TypeAlias = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class PriorityDiagnosis:
-    """Ranks, singular values and lost directions of a stack of levels; `str()` is a summary in one sentence.
+    """Ranks, singular values and lost directions of a stack of levels. `str()` is a summary in one sentence.
 
     Attributes:
         n: number of joints.
         kind: "regular", "algorithmic", "kinematic" or "algorithmic+kinematic".
         ranks: rank of each J_i.
-        projected_ranks: rank of each J_i in the null space of the levels above, level 1 included.
+        projected_ranks: rank of each J_i in the null space of the higher levels; for level 1 the rank of J_1.
         stacked_rank: rank of all levels together, the sum of `projected_ranks`.
         overlap: sum of `ranks` minus `stacked_rank`.
-        singular_values: of each J_i, descending, in the unit of the task over that of the joints.
-        projected_singular_values: of each J_i in the null space of the levels above.
-        kinematic: per level: the rank is below the number of rows.
-        algorithmic: per level: the projected rank is below the rank, and below the number of directions that the levels above leave free.
-        lost: per level, (k, rows_i): orthonormal directions of the command that no joint velocity left free by the levels above produces.
-        losses: per level, (rows_i,): the part of the command `rhs` along `lost`, in the unit of the task; None without `rhs`.
-        compatible: whether every loss is zero up to rounding, so that the whole command can be executed; None without `rhs`.
+        singular_values: singular values of each J_i, descending, in the unit of the task divided by the unit of the joints.
+        projected_singular_values: singular values of each J_i in the null space of the higher levels.
+        kinematic: for each level, whether the rank is below the number of rows.
+        algorithmic: for each level, whether the projected rank is below the rank and below the number of directions that the higher levels
+            do not use.
+        lost: for each level, (k, rows_i): orthonormal directions of the command that no joint velocity in the null space of the higher
+            levels produces.
+        losses: for each level, (rows_i,): the part of the command `rhs` along `lost`, in the unit of the task; None without `rhs`.
+        compatible: whether every loss is zero up to rounding, so that the whole command is feasible; None without `rhs`.
     """
 
     n: int
@@ -63,21 +65,22 @@ class PriorityDiagnosis:
 def diagnose_priority(
     jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike] | None = None, rounding: float = 8 * float(np.finfo(np.float64).eps)
 ) -> PriorityDiagnosis:
-    """Diagnose which directions of which level can be commanded.
+    """Diagnose which directions of each level are feasible.
 
     The stack is algorithmic if and only if `rank J_E < min(sum rank J_i, n)`. It is kinematic if and only if some `rank J_i` is below its
-    number of rows.
+    number of rows. J_E is the matrix of all J_i.
 
     Args:
-        jacobians: one (rows_i, n) per level, the highest first.
-        rhs: the task velocities (rows_i,) per level, to test whether they can be executed; None: directions alone.
+        jacobians: one (rows_i, n) per level, the highest priority first.
+        rhs: the task velocities (rows_i,) per level, to test whether they are feasible; None: only directions are diagnosed.
         rounding: relative error of the entries; 8 eps (1 + sum |q|) if they were computed from joint angles.
 
     Returns:
-        The kind, the ranks and singular values of each level, the lost directions, and, with `rhs`, the lost part of each command.
+        A `PriorityDiagnosis`: the kind, ranks and singular values of each level, lost directions, and, with `rhs`, the lost part of each
+        command.
 
     Raises:
-        InputError: shapes that do not match, an empty stack, numbers that are not finite.
+        InputError: shapes do not match, the stack is empty, or a number is not finite.
 
     Source: [chiaverini1997singularity] for the two kinds of singularity; docs/priority.md.
 

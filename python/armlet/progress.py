@@ -1,4 +1,4 @@
-"""Progress and remaining time of long work, as a line on standard error."""
+"""Progress and remaining time of long computations, as a line on standard error."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Progress", "reporter"]
 class Progress:
     """A callback `(done, total)` that rewrites one line with the remaining time.
 
-    The estimate of the remaining time assumes the mean speed since the object was made, or since `start`.
+    The estimate of the remaining time uses the mean speed since the object was made, or since `start`.
     """
 
     def __init__(self, what: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
@@ -24,7 +24,7 @@ class Progress:
         self._began, self._first, self._width = clock(), 0, 0
 
     def start(self, done: int) -> None:
-        """State what was done before the start, such as cells of an earlier run."""
+        """Set the amount that was done before the start, such as cells of an earlier run."""
         self._began, self._first = self._clock(), done
 
     def __call__(self, done: int, total: int) -> None:
@@ -34,14 +34,14 @@ class Progress:
             text += f", {duration(passed * (total - done) / fresh)} left"
         elif done >= total:
             text += f" in {duration(passed)}"
-        # Shorter lines leave nothing of longer ones behind.
+        # The line is padded to the longest earlier one, so that no characters of that remain.
         self._width = max(self._width, len(text))
         stream = sys.stderr if self._stream is None else self._stream
         print(f"\r{text:{self._width}}", end="\n" if done >= total else "", file=stream, flush=True)
 
 
 def duration(seconds: float) -> str:
-    """`4 s`, `3 min 20 s`, `2 h 5 min`."""
+    """Return a duration as text: `4 s`, `3 min 20 s`, `2 h 5 min`."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -50,10 +50,10 @@ def duration(seconds: float) -> str:
 
 
 def reporter(caller: str, progress: Any, what: str) -> Any:
-    """The progress callback: a function of the caller, `Progress` for True, None for None or False.
+    """Return the progress callback: a function of the caller; `Progress` for True; None for None or False.
 
     Raises:
-        InputError: it is none of these.
+        InputError: `progress` is none of these.
     """
     if progress is True:
         return Progress(what)

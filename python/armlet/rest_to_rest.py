@@ -2,9 +2,9 @@
 
     |v_j| <= v_max_j,   |a_j| <= a_max_j,   |da_j/dt| <= j_max_j,   q_j(t) a cubic in each of at most seven phases
 
-The time-optimal phases are those of Ruckig (Berscheid and Kroger 2021, MIT licence), an optional extra that is imported when the
-function is called. The problem is scaled so that distances and durations are of the order of one. The result is checked against the limits.
-If rounding exceeds them, the motion is slowed.
+Ruckig (Berscheid and Kroger 2021, MIT licence) computes the time-optimal phases. It is an optional extra, imported when the function is
+called. Before, the problem is scaled to distances and durations of order one. Afterwards, the result is checked. If rounding exceeds a
+limit, the motion is slowed.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ __all__ = ["point_to_point"]
 
 _NAME = "point_to_point"
 _Array = NDArray[np.float64]
-# Coefficients per piece and joint of a path, lowest power first.
+# Number of coefficients per piece and joint of a path, lowest power first.
 _TERMS = 6
-# Limits of speed, acceleration and jerk beyond which they shorten the motion by less than 1e-6, 1e-4 and 1e-2; phases far shorter than
-# the motion drown in rounding, and Ruckig then finds none.
+# Largest limits of speed, acceleration and jerk, in three stages. In scaled units, larger limits shorten the motion by less than 1e-6, 1e-4
+# and 1e-2. With larger limits Ruckig may find no motion, because its phases are too short compared with rounding.
 _CAPS = (1e6, 1e9, 1e12), (1e4, 1e6, 1e8), (1e3, 1e4, 1e5)
 
 
 def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Array:
-    """`(n,)` from numbers, or from one number if `n` is given."""
+    """Check numbers and return them as `(n,)`. If `n` is not None, one number is also valid if `positive`."""
     shapes: tuple[tuple[int | str, ...], ...] = (("n",),) if n is None else ((n,),) if not positive else ((), (n,))
     array = finite(_NAME, name, _core.numbers(_NAME, name, value, *shapes))
     if n is None and not array.size:
@@ -47,9 +47,9 @@ def _vector(name: str, value: ArrayLike, n: int | None, positive: bool) -> _Arra
 
 @border
 def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, j_max: ArrayLike) -> TimedPath:
-    """The fastest motion from rest at `q0` to rest at `q1` in which all joints arrive together, each inside its limits.
+    """Compute the fastest motion from rest at `q0` to rest at `q1` in which all joints arrive together, each within its limits.
 
-    It requires Ruckig: `pip install 'armlet[ruckig]'`. The motion ignores the dynamics; for limits of torque see `time_path`.
+    It requires Ruckig: `pip install 'armlet[ruckig]'`. The motion ignores the dynamics; `time_path` respects limits of torque.
 
     Args:
         q0, q1: start and end, `(n,)`, rad or m.
@@ -61,7 +61,7 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
     Raises:
         ImportError: Ruckig is not installed.
         InputError: a shape is wrong, a number is not finite, a limit is not positive.
-        SolveError: Ruckig finds no motion, or not one inside the limits.
+        SolveError: Ruckig finds no motion, or its motion exceeds a limit.
 
     Source: Berscheid and Kroger, Jerk-limited real-time trajectory generation with arbitrary target states, RSS 2021.
 
@@ -86,16 +86,16 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
         coefficients = np.zeros((1, _TERMS, n))
         coefficients[0, 0] = start
         return _motion(np.array([0.0, 1.0]), coefficients, end, np.inf, 1.0)
-    # Every joint that moves goes a distance of one, in units of the largest time that one limit alone would ask for.
+    # Scaled problem: every moving joint has the distance one. The time unit is the largest time that a single limit requires.
     powers = np.array([[1.0], [2.0], [3.0]])
     lengths = np.where(displacement == 0.0, 1.0, np.abs(displacement))
     unit = float(((np.abs(displacement) / limits) ** (1.0 / powers)).max())
     limits = limits / lengths * unit**powers
     t, coefficients = _phases(ruckig, np.sign(displacement), limits)
-    # A motion slower by k has its derivatives divided by k, k^2, k^3.
+    # A motion that is slower by the factor k has its derivatives divided by k, k^2, k^3.
     used = _largest(t, coefficients) / limits
     k = max(1.0, float((used ** (1.0 / powers)).max()))
-    # Ruckig promises about 1e-8.
+    # Ruckig guarantees an accuracy of about 1e-8.
     if not k < 1.0 + 1e-6:
         raise SolveError(f"{_NAME}: the motion found is beyond its limits by {k - 1.0:.1e} of them", Status.INFEASIBLE, 0.0)
     coefficients *= lengths
@@ -104,7 +104,7 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
 
 
 def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, _Array]:
-    """Times `(P + 1,)` and coefficients `(P, 6, n)` in `(t - t_p) / (t_(p+1) - t_p)`."""
+    """Return times `(P + 1,)` and coefficients `(P, 6, n)` of polynomials in `(t - t_p) / (t_(p+1) - t_p)`."""
     n = displacement.size
     given = ruckig.InputParameter(n)
     given.current_position, given.target_position = [0.0] * n, displacement.tolist()
@@ -123,13 +123,13 @@ def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, 
     (profiles,) = answer.profiles
     ends = [np.minimum(np.cumsum(profile.t), answer.duration) for profile in profiles]
     t = np.unique(np.concatenate([[0.0, answer.duration], *ends]))
-    # Phases that only rounding tells apart are one.
+    # Phases shorter than rounding errors are merged.
     t = t[np.concatenate([[True], np.diff(t) > 1e-12 * answer.duration])]
     t[-1] = answer.duration
     h = np.diff(t)
     coefficients = np.zeros((h.size, _TERMS, n))
     for j, (profile, until) in enumerate(zip(profiles, ends, strict=True)):
-        # From the start, phase by phase, so that q, v and a are continuous to rounding.
+        # The phases are integrated one after the other from the start. So q, v and a are continuous to rounding.
         jerk = np.append(np.array(profile.j), 0.0)[np.searchsorted(until, t[:-1] + 0.5 * h, side="right")]
         q = v = a = 0.0
         for p in range(h.size):
@@ -137,17 +137,17 @@ def _phases(ruckig: Any, displacement: _Array, limits: _Array) -> tuple[_Array, 
             q += h[p] * (v + h[p] * (a / 2 + h[p] * jerk[p] / 6))
             v += h[p] * (a + h[p] * jerk[p] / 2)
             a += h[p] * jerk[p]
-        # At the goal to rounding, where Ruckig promises about 1e-8.
+        # Scaling makes the end exact to rounding. Ruckig guarantees only about 1e-8.
         if displacement[j] != 0.0:
             coefficients[:, :, j] *= displacement[j] / q
     return t, coefficients
 
 
 def _largest(t: _Array, coefficients: _Array) -> _Array:
-    """Largest speed, acceleration and jerk of every joint, `(3, n)`."""
+    """Largest magnitudes of speed, acceleration and jerk of every joint, `(3, n)`, in scaled units."""
     h = np.diff(t)[:, None]
     _, v, a, j = (coefficients[:, k] * scale / h**k for k, scale in ((0, 1), (1, 1), (2, 2), (3, 6)))
-    # A speed peaks where its phase begins or ends, or where the acceleration is zero between.
+    # The largest speed of a phase is at its start, at its end, or where the acceleration is zero.
     with np.errstate(divide="ignore", invalid="ignore"):
         at = np.where(j == 0.0, 0.0, np.clip(-a / np.where(j == 0.0, 1.0, j), 0.0, h))
     speeds = [v + x * (a + x * j / 2) for x in (np.zeros_like(at), at, np.broadcast_to(h, at.shape))]
@@ -156,7 +156,7 @@ def _largest(t: _Array, coefficients: _Array) -> _Array:
 
 
 def _motion(t: _Array, coefficients: _Array, end: _Array, speed: float, margin: float) -> TimedPath:
-    """The motion whose path position is the time."""
+    """Make the motion as a `TimedPath` whose path position is the time."""
     n = end.size
     parts = [t, coefficients.reshape(-1), end, t, np.full(t.size, speed), np.zeros(t.size - 1), np.zeros(0), np.zeros(0)]
     assert coefficients.shape == (t.size - 1, _TERMS, n)

@@ -1,7 +1,7 @@
-"""Files of robots: `package://name/file` in folders of packages, and xacro, which the package `xacro` expands.
+"""Files of robots: `package://name/file` in folders of packages, and xacro files, which the package `xacro` expands.
 
-The package `name` is the first folder with this name: a folder of the search path, or one that is one or two levels below. The search
-path is the caller's, then `ROS_PACKAGE_PATH`, then `share` in each folder of `AMENT_PREFIX_PATH`.
+The package `name` is the first folder with this name among the folders of the search path and those one or two levels below them. The
+search path consists of the caller's folders, then `ROS_PACKAGE_PATH`, then `share` in each folder of `AMENT_PREFIX_PATH`.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ __all__ = ["robot_file", "robot_text"]
 _NAME = "load_urdf"
 _SCHEME = "package://"
 SearchPath = str | PathLike[str] | Sequence[str | PathLike[str]] | None
-# As for URDF itself.
+# Largest size of a file, the same as for URDF files.
 _MOST_BYTES = 16 << 20
-# xacro stores its state in variables of its module.
+# Only one thread may run xacro, because xacro stores its state in variables of its module.
 _XACRO = threading.Lock()
 
 
 def robot_file(source: str, is_xml: bool, search_path: SearchPath, xacro_arguments: Mapping[str, object] | None) -> tuple[str, str | None]:
-    """The file that `source` names, and its text where xacro had to expand it."""
+    """Return the path of the file that `source` names, and its text if xacro expanded it; otherwise None."""
     folders = _folders(search_path)
     path = source if is_xml else _located(source, folders)
     if is_xml or not path.endswith(".xacro"):
@@ -45,10 +45,10 @@ def robot_file(source: str, is_xml: bool, search_path: SearchPath, xacro_argumen
 def robot_text(
     function: str, name: str, source: object, search_path: SearchPath = None, xacro_arguments: Mapping[str, object] | None = None
 ) -> str:
-    """The XML of `source`, which is a path, `package://name/file`, or the text itself.
+    """Return the XML of `source`, which is a path, `package://name/file`, or the XML text.
 
     Raises:
-        InputError: it is none of them, or the file cannot be read.
+        InputError: `source` is none of these, or the file cannot be read.
     """
     given = file_path(function, source, name)
     if isinstance(source, str) and "<" in source:
@@ -67,7 +67,7 @@ def robot_text(
 
 
 def _folders(search_path: SearchPath) -> list[Path]:
-    """The search path: folders of the caller, then those of the environment."""
+    """The folders of the search path: those of the caller, then those of the environment."""
     if search_path is None:
         given: list[Any] = []
     elif isinstance(search_path, str | PathLike):
@@ -85,7 +85,7 @@ def _folders(search_path: SearchPath) -> list[Path]:
 
 
 def _located(source: str, folders: Sequence[Path]) -> str:
-    """The file of `package://name/rest`; any other path unchanged."""
+    """Return the path of `package://name/rest`. Other paths are returned unchanged."""
     if not source.startswith(_SCHEME):
         if "://" in source and not os.path.exists(source):
             raise InputError(f"{_NAME}: path_or_xml has an unknown scheme: expected a path or package://name/file, got {shown(source)}")
@@ -97,7 +97,7 @@ def _located(source: str, folders: Sequence[Path]) -> str:
     roots = [package.resolve(), *(folder.resolve() for folder in folders)]
     try:
         file = (package / rest).resolve(strict=True)
-    except (OSError, RuntimeError):  # RuntimeError: links in a circle
+    except (OSError, RuntimeError):  # RuntimeError: circular links
         raise InputError(f"{_NAME}: path_or_xml is not in its package: expected a file in {package}, got {shown(source)}") from None
     if not any(file.is_relative_to(root) for root in roots):
         problem = "leads out of its package: expected a file inside, or inside a folder of search_path"
@@ -106,7 +106,7 @@ def _located(source: str, folders: Sequence[Path]) -> str:
 
 
 def _package(name: str, folders: Sequence[Path]) -> Path:
-    """The folder of a package."""
+    """The folder of the package `name`."""
     for folder in folders:
         if folder.resolve().name == name:
             return folder
@@ -120,12 +120,12 @@ def _package(name: str, folders: Sequence[Path]) -> Path:
 
 
 def _literal(name: str) -> str:
-    """A name with the patterns of `glob` escaped."""
+    """Return `name` with the wildcards of `glob` escaped."""
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)
 
 
 def _texts(arguments: Mapping[str, object] | None) -> dict[str, str]:
-    """Arguments of xacro, with values as strings."""
+    """Check the arguments of xacro and convert their values to strings."""
     if arguments is None:
         return {}
     instance(_NAME, "xacro_arguments", arguments, Mapping, "values by name")
@@ -139,7 +139,7 @@ def _texts(arguments: Mapping[str, object] | None) -> dict[str, str]:
 
 
 def _expanded(path: str, folders: Sequence[Path], arguments: dict[str, str]) -> str:
-    """The text that xacro makes of a file."""
+    """Expand a xacro file and return the URDF text."""
     xacro = extra(_NAME, "xacro", "armlet[xacro]")
     if not os.path.isfile(path):
         raise InputError(f"{_NAME}: path_or_xml cannot be read: expected a URDF file or its text, got {path} (no such file)")
@@ -148,14 +148,14 @@ def _expanded(path: str, folders: Sequence[Path], arguments: dict[str, str]) -> 
             text = xacro.process_file(path, mappings=arguments).toxml()
         except (MemoryError, ImportError):
             raise
-        except Exception as error:  # whatever a macro raises
+        except Exception as error:  # a macro may raise any error
             raise InputError(f"{_NAME}: path_or_xml is refused by xacro: {path}: {type(error).__name__}: {one_line(str(error))}") from None
     return str(text)
 
 
 @contextmanager
 def _packages_of(folders: Sequence[Path]) -> Iterator[None]:
-    """Let `$(find name)` of xacro search `folders` first, and then its own search path."""
+    """Inside this context, `$(find name)` of xacro searches `folders` first, then xacro's own search path."""
     substitution = extra(_NAME, "xacro.substitution_args", "armlet[xacro]")
     own = substitution._eval_find
 
@@ -165,7 +165,7 @@ def _packages_of(folders: Sequence[Path]) -> Iterator[None]:
         except InputError as missing:
             try:
                 return str(own(name))
-            except ImportError:  # no ROS here
+            except ImportError:  # ROS is not installed
                 raise InputError(one_line(str(missing)).removeprefix(f"{_NAME}: ")) from None
 
     substitution._eval_find = find

@@ -16,13 +16,13 @@ _Array = NDArray[Any]
 
 
 def of_vector(r: _Array) -> _Array:
-    """Quaternions (..., 4) of rotation vectors (..., 3)."""
+    """Quaternions (..., 4) of rotation vectors (..., 3), rad."""
     half = 0.5 * np.linalg.norm(r, axis=-1, keepdims=True)
     return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * r], axis=-1)
 
 
 def vector(q: _Array) -> _Array:
-    """Rotation vectors (..., 3), of at most half a turn."""
+    """Rotation vectors (..., 3), rad, of quaternions (..., 4). Their norm is at most pi."""
     q = np.where(q[..., :1] < 0.0, -q, q)
     size = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     small = size < 1e-150
@@ -31,7 +31,7 @@ def vector(q: _Array) -> _Array:
 
 
 def of_matrix(matrices: _Array) -> _Array:
-    """Quaternions (..., 4) of rotation matrices (..., 3, 3): the form with the largest divisor (Shepperd)."""
+    """Quaternions (..., 4) of rotation matrices (..., 3, 3). Of four formulas, the one with the largest divisor is used (Shepperd)."""
     m = np.asarray(matrices)
     trace = np.trace(m, axis1=-2, axis2=-1)
     diagonal = np.diagonal(m, axis1=-2, axis2=-1)
@@ -52,26 +52,26 @@ def of_matrix(matrices: _Array) -> _Array:
 
 
 def after(a: _Array, b: _Array) -> _Array:
-    """The product a b."""
+    """The quaternion product a b, (..., 4)."""
     w = a[..., :1] * b[..., :1] - (a[..., 1:] * b[..., 1:]).sum(axis=-1, keepdims=True)
     return np.concatenate([w, a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])], axis=-1)
 
 
 def inverse(q: _Array) -> _Array:
-    """The inverse rotations."""
+    """The inverse rotations, (..., 4)."""
     return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def _between(a: _Array, b: _Array) -> _Array:
-    """The rotation vector from a to b, in the axes of a."""
+    """Rotation vectors (..., 3), rad, from `a` to `b`, in the axes of `a`."""
     return vector(after(inverse(a), b))
 
 
 def slerp(a: _Array, b: _Array, u: _Array) -> _Array:
-    """The geodesic from a to b at u (...,)."""
+    """Points (..., 4) of the geodesic from `a` to `b` at the fractions `u` (...,)."""
     return after(a, of_vector(u[..., None] * _between(a, b)))
 
 
 def angle(a: _Array, b: _Array) -> _Array:
-    """Angles (...,) between rotations, rad."""
+    """Angles (...,), rad, between the rotations `a` and `b`."""
     return np.asarray(np.linalg.norm(_between(a, b), axis=-1))

@@ -1,4 +1,4 @@
-"""Samples of a record for concurrent learning."""
+"""Samples of a recorded motion for concurrent learning."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Array = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples for `Adaptive(concurrent=)`, as `select_samples` chooses them: `tau_j = W_j a` for the true parameters `a`.
+    """Samples for `Adaptive(concurrent=)`, selected by `select_samples`: `tau_j = W_j a` for the true parameters `a`.
 
     >>> import numpy as np
     >>> import armlet as al
@@ -30,13 +30,13 @@ class Samples:
 
     #: `W_j`, (N, n, p).
     W: _Array
-    #: `tau_j`, (N, n), N m or N; times s for windows.
+    #: `tau_j`, (N, n), N m or N; for windows, N m s or N s.
     tau: _Array
-    #: Which records they are, (N,): of windows, which window.
+    #: Indices of the selected records or windows, (N,).
     indices: NDArray[np.int64]
-    #: The smallest singular value of the stacked `W_j`, on the directions that the record shows.
+    #: The smallest singular value of the stacked `W_j`, among the directions that the record determines.
     singular_value: float
-    #: How many directions of the parameters the record shows.
+    #: Number of directions of the parameters that the record determines.
     rank: int
 
     def __post_init__(self) -> None:
@@ -51,11 +51,11 @@ class Samples:
 
 
 def stated_samples(W: ArrayLike, tau: ArrayLike) -> Samples:
-    """All samples of the arrays `W` and `tau`, in their order."""
+    """Make `Samples` of all entries of the arrays `W` (N, n, p) and `tau` (N, n), in their order."""
     rows, torques = _core.numbers("Adaptive", "concurrent", W, ("N", "n", "p")), _core.numbers("Adaptive", "concurrent", tau, ("N", "n"))
     stacked = rows.reshape(-1, rows.shape[-1])
     values = np.linalg.svd(stacked, compute_uv=False)
-    # The cut-off of numpy's `matrix_rank`.
+    # This is the cut-off of numpy's `matrix_rank`.
     rank = int(np.count_nonzero(values > values.max(initial=0.0) * max(stacked.shape) * np.finfo(np.float64).eps))
     return Samples(rows, torques, np.arange(len(rows)), float(values[rank - 1]) if rank else 0.0, rank)
 
@@ -73,26 +73,26 @@ def select_samples(
     window: float | None = None,
     held: bool = False,
 ) -> Samples:
-    """Choose samples of a record for concurrent learning: those whose stacked `W` has a large smallest singular value.
+    """Select samples of a record for concurrent learning. Their stacked `W` has a large smallest singular value.
 
-    With accelerations a sample is `W_j = Y(q, v, v, a)`. Without them it is a window of the record, whose equation is integrated over time:
-    `W_j = [Y_M] + int Y_D dt`, `tau_j = int tau dt`, with `M v = Y_M a` and `g - C' v = Y_D a`. Simpson's rule integrates.
+    With accelerations a sample is `W_j = Y(q, v, v, a)`. Without accelerations a sample is a window of the record. Its equation is
+    integrated over time by Simpson's rule: `W_j = [Y_M] + int Y_D dt`, `tau_j = int tau dt`, with `M v = Y_M a` and `g - C' v = Y_D a`.
 
     Args:
         law: the `Adaptive` law that will learn from the samples. It determines the parameters: its base set, friction and rotors.
         q, v, tau: positions, velocities and torques of the record, (K, n), rad or m, rad/s or m/s, N m or N.
-        count: how many samples to choose.
-        a: accelerations of the record, (K, n) (keyword only).
-        t: times of the record, (K,), evenly spaced, s; needed without `a` (keyword only).
-        window: length of a window, s; needed without `a`. Windows overlap by half (keyword only).
-        held: each torque acts until the next record, as in a sampled loop (keyword only).
+        count: number of samples.
+        a: accelerations of the record, (K, n), rad/s^2 or m/s^2 (keyword only).
+        t: times of the record, (K,), evenly spaced, s. Required without `a` (keyword only).
+        window: length of a window, s. Required without `a`. Windows overlap by half (keyword only).
+        held: whether each torque acts until the next record, as in a sampled loop (keyword only).
 
     Returns:
-        The chosen samples, with their smallest singular value.
+        The selected samples, with their smallest singular value.
 
     Raises:
-        InputError: a shape is wrong, a number is not finite, or an argument is missing. Also if `t` is not evenly spaced, and if `count` is
-            too small for the directions that the record shows.
+        InputError: a shape is wrong, a number is not finite, or an argument is missing. Also if `t` is not evenly spaced, or if `count` is
+            smaller than necessary for the directions that the record determines.
 
     Source: Chowdhary and Johnson, Concurrent learning for convergence in adaptive control without persistency of excitation, CDC 2010;
     windows: Parikh, Kamalapurkar and Dixon, Integral concurrent learning, 2019.

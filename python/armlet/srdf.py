@@ -1,10 +1,10 @@
-"""SRDF: groups of joints of a robot and their named poses, as MoveIt writes them beside a URDF.
+"""SRDF: groups of joints of a robot and their named poses, in the format that MoveIt writes for a URDF.
 
     <group name="arm"><chain base_link="base" tip_link="flange"/></group>
     <group_state name="home" group="arm"><joint name="shoulder" value="0.3"/></group_state>
 
-Source: the SRDF specification of MoveIt, https://moveit.picknik.ai/main/doc/examples/urdf_srdf/urdf_srdf_tutorial.html. Groups are
-chains, joints, links and other groups. Everything else (`disable_collisions`, end effectors, virtual and passive joints) is ignored.
+Source: the SRDF specification of MoveIt, https://moveit.picknik.ai/main/doc/examples/urdf_srdf/urdf_srdf_tutorial.html. A group consists
+of chains, joints, links and other groups. Other elements (`disable_collisions`, end effectors, virtual and passive joints) are ignored.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .robot_files import robot_text
 __all__ = ["Srdf", "SrdfGroup", "load_srdf"]
 
 _Array = NDArray[np.float64]
-# Groups within groups, at most.
+# Largest nesting depth of groups in groups.
 _DEEPEST = 32
 
 
@@ -37,13 +37,13 @@ _DEEPEST = 32
 @sealed
 @dataclass(frozen=True)
 class SrdfGroup:
-    """A group of an SRDF: its joints and links, with those of the groups that it names.
+    """A group of an SRDF with its joints and links, including those of the groups that it contains.
 
     Attributes:
-        name: its name.
-        chains: pairs of the base link and the tip link.
+        name: the name of the group.
+        chains: pairs of a base link and a tip link.
         joints: names of joints.
-        links: names of links; each means the joint that carries it.
+        links: names of links; a link stands for the joint that moves it.
     """
 
     name: str
@@ -66,12 +66,12 @@ class SrdfGroup:
 @sealed
 @dataclass(frozen=True)
 class Srdf:
-    """Groups and poses of a robot, made by `load_srdf`.
+    """Groups and named poses of a robot, made by `load_srdf`.
 
     Attributes:
         name: the robot's name.
         groups: a `SrdfGroup` by name.
-        states: joint positions by joint name, rad or m, for every pair of a group and a pose.
+        states: for every pair (group, pose), the joint positions by joint name, rad or m.
     """
 
     name: str
@@ -92,12 +92,12 @@ class Srdf:
                 number("Srdf", f"states[{shown(place)}][{shown(joint)}]", value)
 
     def arm(self, source: str | PathLike[str], group: str, **keywords: Any) -> Arm:
-        """The arm of a group: the chain between two links of the robot.
+        """Make the arm of a group: the chain between two links of the robot.
 
         Args:
             source: the robot's URDF, a path or its text, as for `load_urdf`.
-            group: name of the group: one chain, or joints or links that form one.
-            keywords: those of `load_urdf`, except `root` and `tip`.
+            group: name of the group. It must be one chain, or joints or links that form one chain.
+            keywords: keyword arguments of `load_urdf`, except `root` and `tip`.
 
         Returns:
             The arm between the two links.
@@ -116,19 +116,19 @@ class Srdf:
         return load_urdf(source, root=root, tip=tip, **keywords)
 
     def pose(self, arm: Arm, state: str, *, group: str | None = None, otherwise: ArrayLike = 0.0) -> _Array:
-        """A named pose as `q` of an arm, `(n,)`, rad or m.
+        """Return a named pose as joint positions `q` of an arm, `(n,)`, rad or m.
 
         Args:
             arm: an arm of this robot.
             state: name of the pose.
-            group: the group that it belongs to; None: the only one with a pose of this name (keyword only).
-            otherwise: positions of joints that the pose does not name, a number or `(n,)` (keyword only).
+            group: the group of the pose; None: the only group with a pose of this name (keyword only).
+            otherwise: positions of joints that the pose does not name, a number or `(n,)`, rad or m (keyword only).
 
         Returns:
-            The positions `(n,)`, rad or m.
+            The joint positions `(n,)`, rad or m.
 
         Raises:
-            InputError: there is no such pose, or none of its joints is in the arm.
+            InputError: the pose is unknown, or none of its joints is in the arm.
         """
         name = "Srdf.pose"
         instance(name, "arm", arm, Arm, "an Arm")
@@ -149,7 +149,7 @@ class Srdf:
         return q
 
     def _ends(self, source: object, group: SrdfGroup, files: Mapping[str, Any]) -> tuple[str, str]:
-        """The links between which a group is a chain."""
+        """The base link and the tip link of the chain that a group forms."""
         name = "Srdf.arm"
         if len(group.chains) == 1 and not group.joints and not group.links:
             return group.chains[0]
@@ -160,7 +160,7 @@ class Srdf:
         for base, tip in group.chains:
             listed += _between(carried, base, tip)
         links = dict.fromkeys(listed)
-        # Of the joints that are listed: each one's parent is another's child, up to the first; and no two have the same.
+        # The joints form one chain if exactly one link has its parent outside, exactly one has no child, and no two have the same parent.
         first = [link for link in links if carried[link][1] not in links]
         last = [link for link in links if all(carried[other][1] != link for other in links)]
         if len(first) != 1 or len(last) != 1 or len({carried[link][1] for link in links}) < len(links):
@@ -170,7 +170,7 @@ class Srdf:
 
 
 def _between(carried: Mapping[str, tuple[str, str]], base: str, tip: str) -> list[str]:
-    """The links of a chain, from the tip inwards, without its base."""
+    """The links of a chain from its tip to its base, without the base."""
     links: list[str] = []
     at = tip
     while at != base and at in carried and len(links) <= len(carried):
@@ -194,7 +194,7 @@ def _link(joint: ElementTree.Element, tag: str) -> str:
 
 
 def _tree(function: str, xml: str, root: str) -> ElementTree.Element:
-    """The root element of a text; entities are refused."""
+    """Parse XML and return its root element. Texts with entities are refused."""
     if "<!DOCTYPE" in xml or "<!ENTITY" in xml:
         raise InputError(f"{function}: source declares a document type: expected XML without one")
     try:
@@ -208,13 +208,13 @@ def _tree(function: str, xml: str, root: str) -> ElementTree.Element:
 
 @border
 def load_srdf(path_or_xml: str | PathLike[str]) -> Srdf:
-    """Groups and named poses from an SRDF file, or from its text.
+    """Read groups and named poses from an SRDF file, or from its text.
 
     Args:
-        path_or_xml: a path, `package://name/file`, or a string that holds the XML itself.
+        path_or_xml: a path, `package://name/file`, or the XML text.
 
     Returns:
-        The groups and the poses, rad or m.
+        An `Srdf` with the groups and the poses, rad or m.
 
     Raises:
         InputError: the file cannot be read, is not well formed, names a group twice, or has a value that is not a finite number.
@@ -258,7 +258,7 @@ def _attribute(function: str, element: ElementTree.Element, name: str) -> str:
 
 
 def _value(function: str, state: str, joint: ElementTree.Element) -> float:
-    """The position of a joint of one coordinate."""
+    """The position of a joint with one coordinate, rad or m."""
     given = joint.get("value", "")
     try:
         value = float(given)
@@ -271,7 +271,7 @@ def _value(function: str, state: str, joint: ElementTree.Element) -> float:
 
 
 def _group(function: str, name: str, elements: Mapping[str, ElementTree.Element]) -> SrdfGroup:
-    """A group, with the groups that it names taken in."""
+    """Make a group, including the content of the groups that it contains."""
     chains: dict[tuple[str, str], None] = {}
     parts: dict[str, dict[str, None]] = {"joint": {}, "link": {}}
     seen: set[str] = set()

@@ -1,4 +1,4 @@
-"""How a run ended. A status is data: a diverged run is a result with a time, not a misuse."""
+"""The status of a run. A status is data: a diverged run is a result with a time, not an invalid use."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["Status", "having"]
 
 
 class Status(IntEnum):
-    """The outcome of a run or a solve. `status.advice` is advice for the caller.
+    """The outcome of a run or a solver. `status.advice` is advice for the caller.
 
-    The numbers are stable. Arrays of statuses, with one per row of a batch, contain them as integers.
+    The numbers will not change. Arrays of statuses, with one entry per row of a batch, contain them as integers.
     """
 
     SUCCESS = 0
@@ -31,11 +31,11 @@ class Status(IntEnum):
 
     @property
     def advice(self) -> str:
-        """Advice for the caller."""
+        """Advice for the caller, as a text."""
         return _ADVICE[self]
 
 
-# The texts of rust/core/src/status.rs; a test compares the two.
+# These texts equal those of rust/core/src/status.rs; a test compares them.
 _ADVICE = {
     Status.SUCCESS: "the run reached its end",
     Status.DIVERGED: "the state stopped being finite or passed state_limit: reduce dt or the gains, or use an adaptive method",
@@ -55,21 +55,21 @@ _ADVICE = {
     Status.EXCESS_ACCURACY: ("the tolerances are below the rounding error of the error estimate: take looser rtol and atol"),
 }
 
-# An explicit method may end so on a stiff problem.
+# Statuses with which an explicit method may end on a stiff problem.
 _MAY_BE_STIFF = {Status.STEP_UNDERFLOW, Status.MAX_STEPS, Status.STALLED}
 
 
 def having(statuses: NDArray[Any], status: Status) -> NDArray[np.bool_]:
-    """Which of these are `status`.
+    """Whether each entry of an array of statuses equals `status`.
 
-    It is compared as a plain integer. For a comparison with a member of an enumeration, numpy reads attributes of that class. Up to Python
-    3.11 this is Python code, and numpy drops its exceptions. A Ctrl-C at that moment would be lost.
+    The comparison uses a plain integer. If an array is compared with a member of an enumeration, numpy reads attributes of its class. Up to
+    Python 3.11 this runs Python code, and numpy drops the exceptions of that code. So a Ctrl-C at that moment would be lost.
     """
     return np.asarray(statuses == int(status))
 
 
 def advice_on_run(status: Status, method: str, rtol: object, atol: object, stats: Mapping[str, float]) -> str:
-    """`status.advice`, with additional advice for the run's method and tolerances."""
+    """Return `status.advice`, extended by advice for the run's method and tolerances."""
     advice = status.advice
     if status in _MAY_BE_STIFF and method in ("dopri5", "dop853"):
         return f"{advice}; where the problem is stiff take radau5 or rodas4"
@@ -82,6 +82,6 @@ def advice_on_run(status: Status, method: str, rtol: object, atol: object, stats
 
 
 def _up(x: float) -> str:
-    """A positive number with one digit, rounded up."""
+    """Round a positive number up to one digit and return it as text."""
     digit, exponent = f"{x:.15e}".split("e")
     return f"{-(-float(digit) // 1):.0f}e{int(exponent)}" if x else "0"

@@ -2,8 +2,8 @@
 
     M(q) a + C(q, v) v + g(q) = tau,   Y(q, v, v_r, a_r) pi = M a_r + C v_r + g
 
-Energies are linear in the inertial parameters, `M = sum_k pi_k M_k` and so on. So each parameter has its own trigonometric polynomial, and
-`armlet.trigonometric` writes it down in the shortest of several forms.
+Energies are linear in the inertial parameters: `M = sum_k pi_k M_k`, and likewise C and g. So each parameter pi_k has a trigonometric
+polynomial as its factor. `armlet.trigonometric` writes each polynomial in the shortest of several forms.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ from .trigonometric import Polynomials
 __all__ = ["Formulas", "of_planar_pr", "of_tree"]
 
 Array: TypeAlias = NDArray[np.float64]
-#: Parent (-1: the base), placement in it (rotation by rows, offset), axis, whether it slides, ten parameters, rotor inertia.
+#: Index of the parent (-1: the base), rotation (by rows) and offset in the parent, axis. Then: whether the joint is prismatic, ten inertial
+#: parameters, rotor inertia.
 Joint: TypeAlias = tuple[int, list[list[float]], list[float], list[float], bool, list[float], float]
 
-#: The coordinate that moves a joint, with multiplier and offset.
+#: Index of the coordinate that moves a joint, multiplier and offset.
 Row: TypeAlias = tuple[int, float, float]
 
 PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 AXES = "xyz"
-#: The arguments of each matrix.
+#: The arguments of each matrix function.
 ARGUMENTS = {"M": ("q",), "C": ("q", "v"), "g": ("q",), "Y": ("q", "v", "v_r", "a_r")}
 
 
@@ -41,7 +42,7 @@ def _sympy() -> Any:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Formulas:
-    """`M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)` of an arm as sympy matrices, with `C` in the Christoffel form.
+    """`M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)` of an arm as sympy matrices. `C` is the Christoffel form.
 
     >>> import armlet as al
     >>> formulas = al.planar_pr(2.0, 0.5, 0.5).symbolic()
@@ -53,25 +54,25 @@ class Formulas:
     M = \\left[\\begin{matrix}A & B \\cos{\\left(q_{2} \\right)}\\\\B \\cos{\\left(q_{2} \\right)} & C\\end{matrix}\\right]
     """
 
-    #: The symbols of positions, velocities, and reference velocities and accelerations, n each.
+    #: Symbols of positions, velocities, reference velocities and reference accelerations, n each.
     q: tuple[Any, ...]
     v: tuple[Any, ...]
     v_r: tuple[Any, ...]
     a_r: tuple[Any, ...]
     M: Any
     C: Any
-    #: (n, 1).
+    #: The gravity torque, (n, 1).
     g: Any
-    #: (n, p), the columns in the order of `Arm.parameters`.
+    #: The regressor, (n, p), with columns in the order of `Arm.parameters`.
     Y: Any
-    #: The arm's number for each other symbol, by symbol: SI units.
+    #: The arm's values of all other symbols, in SI units.
     values: Mapping[Any, float]
 
     def latex(self, name: str | None = None) -> str:
-        """The matrix `name`, or all four in lines of an `aligned` block, as LaTeX.
+        """Return the matrix `name` as LaTeX. None: all four matrices as lines of an `aligned` block.
 
         Raises:
-            InputError: there is no matrix of that name.
+            InputError: `name` is not one of the matrices.
         """
         if name is not None:
             return f"{name} = {self._latex(self._matrix('latex', name))}"
@@ -82,17 +83,17 @@ class Formulas:
         return str(_sympy().latex(matrix, symbol_names={symbol: _name(str(symbol)) for symbol in (*self.v_r, *self.a_r, *self.values)}))
 
     def function(self, name: str, values: Mapping[Any, float] | None = None) -> Callable[..., Array]:
-        """The matrix `name` as a function of arrays: `M(q)`, `C(q, v)`, `g(q)`, `Y(q, v, v_r, a_r)`.
+        """Return the matrix `name` as a function of arrays: `M(q)`, `C(q, v)`, `g(q)`, `Y(q, v, v_r, a_r)`.
 
         Args:
             name: "M", "C", "g" or "Y".
-            values: numbers for some of the symbols in `values`, by symbol, in place of the arm's.
+            values: numbers for some of the symbols in `values`, by symbol. They replace the arm's values.
 
         Returns:
-            A function that takes arrays `(..., n)` and returns `(..., n, n)`, `(..., n)` for `g`, `(..., n, p)` for `Y`.
+            A function of arrays `(..., n)`. It returns `(..., n, n)` for `M` and `C`, `(..., n)` for `g`, `(..., n, p)` for `Y`.
 
         Raises:
-            InputError: there is no matrix of that name, or no such symbol.
+            InputError: `name` is not one of the matrices, or a symbol is unknown.
 
         >>> import armlet as al
         >>> al.planar_pr(2.0, 0.5, 0.5).symbolic().function("M")([0.0, 0.0]).tolist()
@@ -135,7 +136,7 @@ class Formulas:
 
 
 def _name(symbol: str) -> str:
-    """A symbol in LaTeX."""
+    """The name of a symbol in LaTeX."""
     kind = symbol.rstrip("0123456789")
     joint = symbol[len(kind) :]
     if kind.startswith("mc"):
@@ -155,7 +156,7 @@ def _symbols(sympy: Any, n: int) -> Iterator[tuple[Any, ...]]:
 
 
 def of_planar_pr(parameters: Sequence[float]) -> Formulas:
-    """The formulas of the exam: `M = [[A, B cos q2], [B cos q2, C]]`, `C = [[0, -B sin(q2) v2], [0, 0]]`, `g = 0`."""
+    """The formulas of the exam's PR robot: `M = [[A, B cos q2], [B cos q2, C]]`, `C = [[0, -B sin(q2) v2], [0, 0]]`, `g = 0`."""
     sympy = _sympy()
     q, v, v_r, a_r = _symbols(sympy, 2)
     A, B, C = symbols = sympy.symbols("A B C", real=True)
@@ -174,13 +175,13 @@ def of_planar_pr(parameters: Sequence[float]) -> Formulas:
 
 
 def of_tree(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool, rows: Sequence[Row] | None = None) -> Formulas:
-    """The formulas of a tree of bodies, by the energies of each body in its own axes; `rows`: which coordinates move the joints."""
+    """The formulas of a tree of bodies, from the energy of each body in the body's axes. `rows` describes mimic joints."""
     formulas = _of_bodies(joints, gravity, lengths)
     return formulas if rows is None else _joined(formulas, rows)
 
 
 def _joined(bodies: Formulas, rows: Sequence[Row]) -> Formulas:
-    """With `q_b = G q + c`: `G' M G`, `G' C G`, `G' g`, `G' Y` at the positions and rates of the bodies' joints."""
+    """The formulas of an arm with mimic joints, `q_b = G q + c`: `G' M G`, `G' C G`, `G' g`, `G' Y` at the bodies' positions and rates."""
     sympy = _sympy()
     n = 1 + max(coordinate for coordinate, *_ in rows)
     q, v, v_r, a_r = states = tuple(_symbols(sympy, n))
@@ -222,7 +223,7 @@ def _of_bodies(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool)
         return trig.collected(list(zip(v, christoffel[part][j][k], strict=True)))
 
     def column(part: tuple[int, int], j: int) -> Any:
-        """`M_k a_r + C_k v_r + g_k` of a unit parameter."""
+        """One entry `M_k a_r + C_k v_r + g_k` of the regressor, for a parameter of value 1."""
         terms = list(zip(a_r, mass[part][j], strict=True))
         terms += [(v[l] * v_r[k], christoffel[part][j][k][l]) for k in range(n) for l in range(n)]
         return trig.collected([*terms, (sympy.S.One, slope[part][j])])
@@ -239,7 +240,7 @@ def _of_bodies(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool)
 
 
 def _runs(joints: Sequence[Joint]) -> list[tuple[int, int]]:
-    """For each joint its parent and +1 or -1 where both turn about parallel axes of the same or of opposite direction; else (-1, 1)."""
+    """For each joint (parent, sign) if it and its parent rotate about parallel axes; else (-1, 1). The sign is -1 for opposite axes."""
     found = []
     for parent, rotation, _, axis, slides, *_ in joints:
         along = 0.0
@@ -260,10 +261,11 @@ def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
 def _unit_energies(
     trig: Polynomials, joints: Sequence[Joint], offsets: Sequence[Sequence[Any]], gravity: Sequence[Any]
 ) -> tuple[dict[tuple[int, int], Any], dict[tuple[int, int], Any]]:
-    """`M_k` (n, n) and the gravity torque `g_k` (n,) of each unit parameter `(body, kind)`.
+    """The mass matrix `M_k` (n, n) and gravity torque `g_k` (n,) for each parameter `(body, kind)` with the value 1.
 
-    In a body's axes and for a unit rate of joint `j`, `u_j` is the velocity of its origin, and `w_j` its angular velocity. Then
-    `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, `g_j = -(m gamma.u_j + gamma.(w_j x h))`, with gravity `gamma`.
+    All vectors are in the axes of the body. `u_j` and `w_j` are the velocity of its origin and its angular velocity for a unit rate of
+    joint `j`. Then `M_jk = m u_j.u_k + u_j.(w_k x h) + u_k.(w_j x h) + w_j.I w_k`, and `g_j = -(m gamma.u_j + gamma.(w_j x h))` with
+    gravity `gamma`.
     """
     n, zero = len(joints), trig.zero
     unit = [[trig.number(float(i == k)) for i in range(3)] for k in range(3)]

@@ -5,10 +5,10 @@
     absolute   as plain, in the angles phi_i = q_i + phi_parent of      (l2 cos(q2) + l3 cos(q2 + q3))^2
                joints with parallel axes
 
-A sum of products of velocities, each with a polynomial, is collected by equal polynomials or by equal sines and cosines.
+A sum of products of velocities, each with a polynomial as factor, is grouped by equal polynomials or by equal sines and cosines.
 
-Sines and cosines are generators of a polynomial ring over the rational numbers, with `sin^2 = 1 - cos^2` after every product. A number
-of the arm enters as the decimal that Python prints for it.
+Sines and cosines are generators of a polynomial ring over the rational numbers. After every product `sin^2` is replaced by `1 - cos^2`. A
+number of the arm is converted to the decimal that Python prints for it.
 """
 
 from __future__ import annotations
@@ -21,28 +21,32 @@ from typing import Any, TypeAlias
 
 __all__ = ["Polynomials"]
 
-#: A number of angles each, and the exponents of all other generators: a complex coefficient, real and imaginary.
+#: A sum of complex exponentials, called waves. A key has one wave number per joint; a value has the real and the imaginary part of the
+#: amplitude.
 Waves: TypeAlias = dict[tuple[int, ...], Any]
 
-#: Numbers of a rotation closer to a whole number than this are whole: the cosine of a quarter turn is 6e-17 in float64.
+#: An entry of a rotation that is closer to an integer than this is that integer. In float64 the cosine of pi/2 is 6e-17.
 WHOLE = 1e-15
-#: Polynomials of more terms are not factored, which takes long.
+#: Polynomials with more terms are not factored, because factoring takes long.
 MOST_FACTORED = 12
-#: Nor are those with longer coefficients, numerator and denominator together.
+#: Polynomials with longer coefficients (bits of numerator and denominator together) are not factored.
 MOST_BITS = 64
-#: Denominators that stay fractions; other rational numbers are printed as decimals.
+#: Denominators that are printed as fractions. Other rational numbers are printed as decimals.
 FRACTIONS = (1, 2, 4, 8)
 
 
 class Polynomials:
-    """The ring of one arm: sines and cosines of joints that turn, coordinates of those that slide, velocities, lengths."""
+    """The polynomial ring of one arm.
+
+    Its generators are sines and cosines of revolute joints, coordinates of prismatic joints, and lengths.
+    """
 
     def __init__(
         self, sympy: Any, q: Sequence[Any], slides: Sequence[bool], parallel: Sequence[tuple[int, int]], lengths: Sequence[Any]
     ) -> None:
         self.sympy, self.q, self.slides, self.lengths = sympy, tuple(q), list(slides), list(lengths)
         self.n = len(q)
-        # phi_i = q_i + sign phi_parent, for joints that have such a parent.
+        # Pairs (parent, sign) for phi_i = q_i + sign phi_parent; parent -1 if the axes are not parallel.
         self.parallel = list(parallel)
         rings, self.domain = import_module("sympy.polys.rings"), import_module("sympy.polys.domains").QQ
         trig = [f"{kind}{i}" for i in range(self.n) for kind in ("sin", "cos")]
@@ -60,11 +64,11 @@ class Polynomials:
         return self.gens[3 * self.n + self.lengths.index(symbol)]
 
     def angle(self, i: int) -> Any:
-        """The coordinate of a joint that slides."""
+        """The generator for the coordinate of joint `i`; used for prismatic joints."""
         return self.gens[2 * self.n + i]
 
     def rotation(self, i: int, axis: Sequence[Any]) -> list[list[Any]]:
-        """About `axis` by the angle of joint `i`: `1 + sin K + (1 - cos) K^2`."""
+        """The rotation matrix about `axis` by the angle of joint `i`: `1 + sin K + (1 - cos) K^2`."""
         s, c = self.gens[2 * i], self.gens[2 * i + 1]
         x, y, z = axis
         K = [[self.zero, -z, y], [z, self.zero, -x], [-y, x, self.zero]]
@@ -72,7 +76,7 @@ class Polynomials:
         return [[s * K[r][k] + (1 - c) * square[r][k] + int(r == k) for k in range(3)] for r in range(3)]
 
     def reduced(self, p: Any, keep_sines: bool = False) -> Any:
-        """With `sin^2 = 1 - cos^2`, or the other way round."""
+        """Replace `sin^2` by `1 - cos^2`, or, if `keep_sines`, `cos^2` by `1 - sin^2`."""
         for i in range(self.n):
             out, kept = (2 * i + 1, 2 * i) if keep_sines else (2 * i, 2 * i + 1)
             while any(monomial[out] > 1 for monomial in p):
@@ -88,28 +92,28 @@ class Polynomials:
         return p
 
     def slope(self, p: Any, i: int) -> Any:
-        """The derivative by coordinate `i`."""
+        """The derivative of `p` with respect to coordinate `i`."""
         if self.slides[i]:
             return p.diff(self.angle(i))
         s, c = self.gens[2 * i], self.gens[2 * i + 1]
         return self.reduced(p.diff(s) * c - p.diff(c) * s)
 
     def christoffel(self, mass: Sequence[Sequence[Any]]) -> list[list[list[Any]]]:
-        """`c[i][j][k] = (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) / 2`."""
+        """The Christoffel symbols `c[i][j][k] = (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) / 2`."""
         joints = range(self.n)
         D = [[[self.slope(mass[i][j], k) for k in joints] for j in joints] for i in joints]
         half = self.domain(1, 2)
         return [[[(D[i][j][k] + D[i][k][j] - D[j][k][i]) * half for k in joints] for j in joints] for i in joints]
 
     def readable(self, p: Any) -> Any:
-        """The shortest form, as a sympy expression."""
+        """The shortest form of `p`, as a sympy expression."""
         key = frozenset(p.items())
         if key not in self._known:
             self._known[key] = self._decimals(min(self._forms(p), key=self.sympy.count_ops))
         return self._known[key]
 
     def collected(self, terms: Sequence[tuple[Any, Any]]) -> Any:
-        """`sum rate p` over pairs of a product of velocities and a polynomial, in the shorter of two forms."""
+        """The sum of `rate p` over the pairs (product of velocities, polynomial), in the shorter of two forms."""
         by_polynomial = self._grouped(terms, self.readable)
         if not all(self._short(p) for _, p in terms):
             return self._decimals(by_polynomial)
@@ -121,7 +125,7 @@ class Polynomials:
         return self._decimals(min(by_polynomial, by_wave, key=self.sympy.count_ops))
 
     def _grouped(self, terms: Sequence[tuple[Any, Any]], written: Callable[[Any], Any]) -> Any:
-        """Group the rates of polynomials that differ by a factor alone."""
+        """Group the rates of polynomials that differ only by a constant factor."""
         groups: dict[Any, tuple[Any, list[Any]]] = {}
         for rate, p in terms:
             if p:
@@ -145,23 +149,23 @@ class Polynomials:
             yield self._factored(self.reduced(absolute, keep_sines=True), True)
 
     def _symbols(self, angles: Sequence[Any]) -> list[Any]:
-        """The values of the generators, where sines and cosines are of `angles`."""
+        """The sympy values of the generators if their sines and cosines have the arguments `angles`."""
         sin, cos = self.sympy.sin, self.sympy.cos
         return [f(angle) for angle in angles for f in (sin, cos)] + self.others
 
     def _factored(self, p: Any, absolute: bool = False) -> Any:
-        """The polynomial as a product, with the generators as sines and cosines of `q` or of `phi`."""
+        """The polynomial as a product, with sines and cosines of `q`, or of `phi` if `absolute`."""
         key = (frozenset(p.items()), absolute)
         if key not in self._products:
             self._products[key] = self._product(p, self._symbols(self._turns() if absolute else self.q))
         return self._products[key]
 
     def _short(self, p: Any) -> bool:
-        """Whether all coefficients are numbers with few digits. Other polynomials rarely have factors, and the search takes minutes."""
+        """Whether all coefficients have few digits. Other polynomials rarely have factors, and the search takes minutes."""
         return all(coefficient.numerator.bit_length() + coefficient.denominator.bit_length() <= MOST_BITS for coefficient in p.values())
 
     def _product(self, p: Any, symbols: list[Any]) -> Any:
-        # Dense algorithms take long where generators are many: only those of `p`.
+        # Factoring uses dense algorithms, which are slow for many generators. So the ring is reduced to the generators of `p`.
         used = [i for i in range(len(self.gens)) if any(monomial[i] for monomial in p)]
         if len(p) < 2 or len(p) > MOST_FACTORED or not self._short(p):
             return p.as_expr(*symbols)
@@ -171,19 +175,19 @@ class Polynomials:
         content, factors = small.factor_list()
         expressions = []
         for factor, power in factors:
-            # A numeric factor stays with the numbers: 0.06 + 0.3 cos q, not 3 (2 + 10 cos q) / 100.
+            # A numeric factor is multiplied into the polynomial: 0.06 + 0.3 cos q instead of 3 (2 + 10 cos q) / 100.
             if power == 1 and content != 1 and any(abs(coefficient) != 1 for coefficient in factor.coeffs()):
                 factor, content = factor * content, self.domain.one
             expressions.append(factor.as_expr(*own) ** power)
         return self.sympy.Mul(self.domain.to_sympy(content), *expressions)
 
     def _waves(self, p: Any) -> Waves:
-        """`sum_k X_k exp(i k.q)` by `k`: real and imaginary part of `X_k`, polynomials in the other generators."""
+        """The waves of `p = sum_k X_k exp(i k.q)`: real and imaginary part of `X_k` for each `k`, polynomials in the other generators."""
         half = self.domain(1, 2)
         found: Waves = {}
         for monomial, coefficient in p.terms():
             other = (*[0] * (2 * self.n), *monomial[2 * self.n :])
-            # Per joint: wave numbers with their coefficients, of sin = -i/2 (z - 1/z) and cos = 1/2 (z + 1/z).
+            # Waves of the monomial's sines and cosines: sin = -i/2 (z - 1/z), cos = 1/2 (z + 1/z), z = exp(i q).
             parts = {(0,) * self.n: (coefficient, self.domain.zero)}
             for i in range(self.n):
                 for turn, times in ((-1, monomial[2 * i]), (1, monomial[2 * i + 1])):
@@ -201,7 +205,10 @@ class Polynomials:
         return p
 
     def _amplitudes(self, p: Any) -> Iterable[tuple[Any, Any]]:
-        """`X_k exp(i k.q)` and its conjugate are `2 Re X_k cos(k.q) - 2 Im X_k sin(k.q)`: each wave with its amplitude."""
+        """The sines and cosines in `p` with their amplitudes.
+
+        `X_k exp(i k.q)` plus its conjugate is `2 Re X_k cos(k.q) - 2 Im X_k sin(k.q)`.
+        """
         for k, (real, imaginary) in self._waves(p).items():
             leading = next((x for x in k if x), 0)
             angle = self.sympy.Add(*(x * q for x, q in zip(k, self.q, strict=True)))
@@ -212,14 +219,14 @@ class Polynomials:
                 yield self.sympy.sin(angle), -2 * imaginary
 
     def _turns(self) -> list[Any]:
-        """`phi_i` in terms of `q`."""
+        """The angles `phi_i` as sums of `q`."""
         found: list[Any] = []
         for q, (parent, sign) in zip(self.q, self.parallel, strict=True):
             found.append(q + sign * found[parent] if parent >= 0 else q)
         return found
 
     def _absolute(self, waves: Waves) -> Any:
-        """The same polynomial with the generators as sines and cosines of `phi`."""
+        """The polynomial of these waves, with the generators as sines and cosines of `phi`."""
         total = self.zero
         for k, (real, imaginary) in waves.items():
             turned = list(k)
@@ -238,10 +245,10 @@ class Polynomials:
 
 
 def _times(parts: dict[tuple[int, ...], tuple[Any, Any]], i: int, half: Any, sine: bool) -> dict[tuple[int, ...], tuple[Any, Any]]:
-    """The product of `sin q_i` or `cos q_i` and a sum of waves."""
+    """The product of `sin q_i` (if `sine`) or `cos q_i` and a sum of waves."""
     found: dict[tuple[int, ...], tuple[Any, Any]] = {}
     for (k, (real, imaginary)), step in product(parts.items(), (1, -1)):
-        # -i/2 step (real + i imaginary) = step (imaginary - i real) / 2
+        # The factor of a sine: -i/2 step (real + i imaginary) = step (imaginary - i real) / 2.
         a, b = (step * imaginary * half, -step * real * half) if sine else (real * half, imaginary * half)
         to = (*k[:i], k[i] + step, *k[i + 1 :])
         old = found.get(to, (0 * a, 0 * b))

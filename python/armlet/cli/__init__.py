@@ -1,4 +1,4 @@
-"""The command line, `armlet ..`: every command with its arguments and its output."""
+"""The command line `armlet ..`: one function per command."""
 
 from .command_line import main
 

@@ -1,7 +1,7 @@
-"""The command line: `armlet demo`, `armlet info`, and those of scenario files (`scenarios.py`).
+"""The command line: `armlet demo`, `armlet info`, and the commands for scenario files (`scenarios.py`).
 
-A command is one function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed. 2: the command could
-not run, and one line has the reason. 130: interrupted.
+Each command is a function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed. 2: the command could
+not run, and one line on standard error has the reason. 130: interrupted by the user.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code."""
+    """Run the command line with the arguments `argv` and return the exit code. None: the arguments of the process."""
     if sys.stdout is None:
-        # Closed by who called: there is nobody to print for.
+        # The calling program has closed standard output, so output is discarded.
         sys.stdout = io.StringIO()
     parser = _parser()
     if not (sys.argv[1:] if argv is None else argv):
@@ -83,20 +83,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("armlet: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # The reader (head, less) left: nothing to say, and nothing to flush into.
+        # The reading program (head, less) has ended. The rest of the output is discarded.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (ArmletError, OSError, MemoryError, ImportError) as error:
         print(f"armlet: {_line(error)}", file=sys.stderr)
         return 2
     except Exception as error:
-        # A fault of armlet: its kind is more useful in a report than a traceback is to the user.
+        # This is a bug of armlet. One line with the type of the error is sufficient for a report.
         print(f"armlet: internal error, please report it: {type(error).__name__}: {_line(error)}", file=sys.stderr)
         return 2
 
 
 def _line(error: BaseException) -> str:
-    """An error in one line. Errors of the system have the file and the problem, without their number."""
+    """Return an error as one line. Errors of the operating system have the file and the problem, without the error number."""
     if isinstance(error, OSError) and error.strerror:
         return one_line((f"{error.filename}: " if error.filename else "output: ") + error.strerror.lower())
     return one_line(str(error)) or type(error).__name__

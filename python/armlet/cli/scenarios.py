@@ -1,4 +1,4 @@
-"""The commands of scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `schema`), and of the browser, `view` and `lab`."""
+"""The commands for scenario files (`armlet run`, `check`, `export`, `new`, `sweep`, `schema`), and `view` and `lab` for the browser."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _can_plot(command: str) -> None:
 
 
 def _prepare(args: argparse.Namespace) -> None:
-    """Check the arguments before the run."""
+    """Check that the output can be written, before the run starts."""
     if args.plot:
         _can_plot("run")
     if args.out is not None or args.plot:
@@ -140,7 +140,7 @@ def _export(args: argparse.Namespace) -> int:
         files = export_c(built.plant.arm, args.out, functions=functions, **chosen)
     else:
         method, dt = built.arguments.get("method", "rk4"), built.arguments.get("dt")
-        # Other methods advance the law's own state in ways of their own.
+        # `export_c` has no other method for the state of the law.
         own = {"method": method, "dt": dt} if method in ("euler", "semi_implicit", "rk4") else {}
         sampling = built.arguments.get("sample_time")
         own |= {"sample_time": getattr(sampling, "period", sampling), "tau_max": built.arguments.get("tau_max")}
@@ -173,7 +173,7 @@ def _sweep(args: argparse.Namespace) -> int:
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
 
-        # Spawned, not forked: a worker starts clean on every platform.
+        # "spawn" instead of "fork" gives every worker process a clean start on all platforms.
         with ProcessPoolExecutor(args.workers, mp_context=get_context("spawn")) as pool:
             table = sweep(scenario, **given, executor=pool)
     print(table)
@@ -200,19 +200,19 @@ def _lab(args: argparse.Namespace) -> int:
     return lab(args.urdf, args.frame, args.host, args.port, args.package)
 
 
-# Processes of a sweep on one machine.
+# Largest number of worker processes of a sweep.
 MOST_WORKERS = 1024
 
 
 def _workers(text: str) -> int:
-    # A longer one is no integer that Python reads.
+    # The length is checked first, because Python refuses to convert very long integers.
     if not (text.isascii() and text.isdecimal()) or len(text) > 9 or not 1 <= int(text) <= MOST_WORKERS:
         raise argparse.ArgumentTypeError(f"expected an integer from 1 to {MOST_WORKERS}, got {shown(text)}")
     return int(text)
 
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the commands to the parser's."""
+    """Add the commands of this file to `commands`."""
     run = commands.add_parser("run", help="run a scenario file; print its metrics")
     run.add_argument("scenario", type=Path, metavar="FILE.toml")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder for the run (npz), its table (csv) and its figure")

@@ -1,6 +1,6 @@
-"""`armlet demo`: the systems of the exam "Robotics 2" (10 June 2022), each run natively and checked against theory.
+"""`armlet demo`: the systems of the exam "Robotics 2" (10 June 2022), simulated by armlet and checked against the theory.
 
-One module per system exposes `TITLE` and `run(report)`; SYSTEMS lists them in the order of the table.
+Each system is one module with a `TITLE` and a function `run(report)`. SYSTEMS lists the modules in the order of the report.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ SYSTEMS = ("adaptive", "priority", "elastic", "mintime")
 
 
 def demonstrate(out: Path, *, figures: bool = True) -> Report:
-    """Run every system, print its table at its end, and write the figures and the page into `out`. A system that raises an error is a
-    failed check."""
+    """Run every system, print its table of checks, and write the figures and the HTML page into `out`.
+
+    A system that raises an error counts as a failed check.
+    """
     report = Report(out, figures=figures)
     for name in SYSTEMS:
         module = import_module(f".{name}", __name__)
@@ -29,7 +31,7 @@ def demonstrate(out: Path, *, figures: bool = True) -> Report:
         try:
             module.run(report)
         except OSError:
-            raise  # the disk, not the system: the command line says so in one line
+            raise  # a fault of the disk, not of the system; the command line prints it
         except Exception as error:
             report.equal("runs to its end", "yes", f"{type(error).__name__}: {error}")
         report.close_section(time.perf_counter() - start)

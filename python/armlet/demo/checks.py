@@ -1,4 +1,4 @@
-"""Checks with a computed verdict, and the sections that collect them."""
+"""Checks with a computed verdict, and sections, which collect the checks of a system."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Check:
 
     Attributes:
         what: the claim, in words.
-        expected: the right value: a number, an array, or anything that compares equal; None: the claim is |got| <= tolerance.
+        expected: the correct value: a number, an array, or an object that can be compared. None: the claim is |got| <= tolerance.
         got: the value that armlet computed.
-        tolerance: largest deviation allowed, absolute; 0 for values that must be equal.
+        tolerance: largest allowed absolute deviation; 0 for values that must be equal.
         printed: the value of the exam's printed solution, if it differs from `expected`.
-        erratum: the number of that erratum, "E1".., else "".
+        erratum: the number of the erratum about this difference, "E1" and so on; "" if there is none.
     """
 
     what: str
@@ -33,7 +33,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the claim holds. NaN never does."""
+        """Whether the claim is true. A claim about NaN is never true."""
         if isinstance(self.got, str) or isinstance(self.expected, str):
             return bool(self.got == self.expected)
         expected = 0.0 if self.expected is None else self.expected
@@ -56,7 +56,7 @@ class Check:
 
 
 def _text(value: Any, digits: int = 6, zero: float = 0.0) -> str:
-    """A value in few characters; magnitudes below `zero` read 0."""
+    """Return a value as a short text. Magnitudes below `zero` become "0"."""
     if isinstance(value, str):
         return value
     array = np.asarray(value)

@@ -3,7 +3,7 @@
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
     tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
 
-Vertical plane, gravity along -y. At rest x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, where x_E is reachable and regular.
+Vertical plane, gravity along -y. At equilibrium x_E = x_d + K_m^-1 F and tau_E = g(q_E) - J'F, if x_E is reachable and regular.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Q0, FORCE = (0.3, 1.2), np.array([10.0, -15.0])
 FRAME: dict[str, Any] = {"frame": "link2", "axes": "xy"}
 TIGHT: dict[str, Any] = {"method": "dop853", "rtol": 1e-12, "atol": 1e-12}
 
-# t: (q, v, theta, theta_dot) under FORCE from rest in Q0, integrated with 25 digits and rounded to 13.
+# At each time t: (q, v, theta, theta_dot) under FORCE from rest in Q0. The values were integrated with 25 digits and rounded to 13.
 ORACLE = {
     0.02: (
         0.2982878554708,
@@ -96,9 +96,9 @@ ORACLE = {
         2.513750865008e-05,
     ),
 }
-# 25 digits rounded to 13, of numbers below 10, and the integrator at rtol = atol = 1e-12.
+# The tolerance covers the rounding to 13 digits of numbers below 10, and the integrator's error at rtol = atol = 1e-12.
 ORACLE_TOLERANCE = 1e-10
-# B0/B from 1/4 down to 1/65536 in steps of 4.
+# Ratios B0/B from 1/4 to 1/65536, each a quarter of the previous one.
 SHARES: Array = 0.25 ** np.arange(1.0, 9.0, dtype=np.float64)
 
 
@@ -129,7 +129,7 @@ def run(report: Report) -> None:
 
 
 def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> al.Run:
-    """A force step at rest against the 25-digit solution, its equilibrium, and the identity of its energy."""
+    """Check a run after a force step from rest: the 25-digit solution, the equilibrium, and the energy balance."""
     times = list(ORACLE)
     short = al.simulate(plant, law, Q0, t_end=times[-1], t_eval=times, force=FORCE, **TIGHT)
     assert short.theta is not None and short.theta_dot is not None
@@ -140,7 +140,7 @@ def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elasti
     rest = al.equilibrium(plant, law, FORCE, q0=Q0)
     q_E, load = step.q[-1], np.asarray(arm.jacobian(step.q[-1], "link2"))[:2].T @ FORCE
     assert step.tau is not None
-    # The slowest mode decays with 1.9/s: 1e-10 is left after 12 s.
+    # The slowest mode decays with the rate 1.9 1/s, so its amplitude after 12 s is 1e-10 of the initial one.
     report.near("force step F = (10, -15) N: x at 12 s = x_E = x_d + K_m^-1 F (m)", X_D + FORCE / K_M, tip(arm, q_E), 1e-9)
     report.near("equilibrium: x_E without running (m)", X_D + FORCE / K_M, rest.x, 1e-13)
     gravity = np.asarray(arm.gravity(q_E))
@@ -149,14 +149,14 @@ def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elasti
     report.equal(f"the printed J'F + g is off by {wrong:.1f} N m", True, wrong > 1.0, "u_E = J'F + g", "E10")
     energy = step.monitors["energy"]
     report.near("E(0) (J)", 0.17393085271986963, energy[0], 1e-12)
-    # An identity: the remainder is the error of the integrator.
+    # The energy balance is an identity, so its residual is the error of the integrator.
     balance = np.abs(step.monitors["energy_balance"]).max() / energy.max()
     report.bound("energy balance E(t) - E(0) - integral of P, over the largest E", balance, 1e-8)
     return step
 
 
 def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: float, dt: float = 1e-3) -> tuple[Array, Array]:
-    """The loop with another outer law u(q, v, J), by RK4 in numpy: armlet has no such law. Times and q."""
+    """Simulate the loop with another outer law u(q, v, J), by RK4 in numpy, because armlet has no such law. Return times and q (K, 2)."""
     D0 = 2.0 * np.sqrt(B0 * K_J)
 
     def rate(x: Array) -> Array:
@@ -182,7 +182,7 @@ def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: f
 
 
 def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Array, Array]]:
-    """E9: in the printed final law J'( ) and the v after D_m J are missing."""
+    """E9: the printed final law lacks J'( ), and it lacks the factor v after D_m J."""
     x_E = X_D + FORCE / K_M
 
     def right(q: Array, v: Array, J: Array) -> Array:
@@ -193,7 +193,7 @@ def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Ar
         return u
 
     def without_velocity(q: Array, v: Array, J: Array) -> Array:
-        # A matrix does not add to a vector: its rows are summed, as if v were (1, 1) rad/s.
+        # A matrix cannot be added to a vector. So its columns are added, as if v were (1, 1) rad/s.
         u: Array = J.T @ (K_M * (X_D - tip(arm, q)) - D_M * J.sum(axis=1)) + np.asarray(arm.gravity(q))
         return u
 
@@ -203,19 +203,19 @@ def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Ar
         for name, u in (("right", right), ("without J'( )", without_transpose), ("without v", without_velocity))
     }
     native = step.q[int(np.searchsorted(step.t, t_end))]
-    # RK4 at 1 ms of modes up to 300/s: (0.3)^5/120 per step while they last.
+    # RK4 with steps of 1 ms has the error (0.3)^5/120 per step for the fastest modes, 300 1/s, until these modes have decayed.
     report.near("the same loop in numpy (RK4, 1 ms): q at 2 s (rad)", native, runs["right"][1][-1], 1e-6)
     for name in ("without J'( )", "without v"):
         q = runs[name][1]
         late = q[q.shape[0] // 2 :]
-        # A run that diverged ends in NaN, which is no distance: the comparison below is then with 1 m, the reach of the arm.
+        # A diverged run ends in NaN, which counts as a distance of 1 m, more than the reach of the arm.
         miss = float(np.nan_to_num(np.linalg.norm(tip(arm, late) - x_E, axis=1), nan=1.0).max())
         report.equal(f"law {name}: up to {miss:.2g} m from x_E between 1 and 2 s", True, bool(miss > 0.1), "K_m (x_d - f(q)) - D_m J", "E9")
     return runs
 
 
 def unreachable(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
-    """E11: x_E needs to be reachable, regular and stable."""
+    """E11: x_E must be reachable, regular and stable."""
     pulled = al.equilibrium(plant, law, [300.0, 100.0], q0=Q0)
     text = "x_E unconditional"
     report.equal("F = (300, 100) N: x_d + K_m^-1 F reachable", False, pulled.reachable, text, "E11")
@@ -233,7 +233,7 @@ def _described(rest: al.Equilibrium) -> str:
 
 
 def anywhere(report: Report, arm: al.Arm, plant: al.ElasticArm) -> None:
-    """Random reachable targets and forces."""
+    """Check the equilibrium with random reachable targets and forces."""
     rng = np.random.default_rng(20220610)
     runs, worst_x, worst_tau = 8, 0.0, 0.0
     for _ in range(runs):
@@ -250,7 +250,7 @@ def anywhere(report: Report, arm: al.Arm, plant: al.ElasticArm) -> None:
 
 
 def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) -> Array:
-    """The largest |x - x_rigid| in the 2 s after a force step, for each B0/B; x_rigid is the motion of the rigid target."""
+    """Largest distance |x - x_rigid|, m, in the 2 s after a force step, for each B0/B. x_rigid is the motion of the rigid arm."""
     times = np.linspace(0.0, 2.0, 2001)
     kinds: dict[str, Any] = {
         "t_end": 2.0,
@@ -268,14 +268,14 @@ def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) 
 
 
 def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Array]:
-    """E12: a small B0 alone is not sufficient, D0 must decrease with it; damping on theta_dot - v is better."""
+    """E12: a small B0 is not sufficient; D0 must decrease with it. Damping of theta_dot - v gives smaller errors."""
     text = "B0 arbitrarily small suffices"
     tied = distances(arm, plant, SHARES)
-    # With D0 fixed the motors' rate D0/B0 grows like 1/B0: the smallest two would take most of the time of the demo.
+    # If D0 is fixed, the motors' rate D0/B0 is proportional to 1/B0. The two smallest B0 would need most of the demo's computing time.
     fixed = distances(arm, plant, SHARES[:6], motor_damping=2.0 * np.sqrt(B0 * K_J))
     relative = distances(arm, plant, SHARES, relative_damping=True)
     orders = np.diff(np.log(tied)) / np.log(0.25)
-    # Sampled every millisecond, a maximum is missed by a thousandth at most.
+    # The motion is sampled every millisecond, so a maximum has an error of at most 1e-3.
     report.near(
         "D0 tied to B0: sup |x - x_rigid| at B0/B = 1/4, 1/64, 1/65536 (m)", (0.0399765, 0.0220352, 0.00115615), tied[[0, 2, 7]], 1e-5
     )
@@ -289,7 +289,7 @@ def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Ar
 
 
 def sampled(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
-    """The sample time limits the reduction: B0 > K_J dt^2."""
+    """Check the limit of the reduction by the sample time: B0 > K_J dt^2."""
     smallest = al.smallest_reduced_inertia(B, K_J, 1e-3)
     report.near("smallest B0 at 1 ms, near K_J dt^2 (kg m^2)", (0.0008002667422419266, 0.0005001667139012043), smallest, 1e-10)
     limit = al.elastic_limits(plant, law, q0=Q0).sample_time_max
@@ -307,7 +307,7 @@ def sampled(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticIm
 def draw(
     figure: Any, arm: al.Arm, law: al.ElasticImpedance, step: al.Run, printed: dict[str, tuple[Array, Array]], errors: dict[str, Array]
 ) -> None:
-    """Tip position, joint torques, the printed law, and the deviation from rigid joints against B0."""
+    """Draw the tip position, the joint torques, the distance under the printed laws, and the deviation from rigid joints over B0."""
     from ..figures.style import COLOURS
 
     figure.set_size_inches(12.0, 8.0)

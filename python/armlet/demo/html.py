@@ -1,5 +1,7 @@
-"""The report of a demonstration as one HTML file with all tables and figures. It is readable offline, on a phone, and in light and dark
-mode."""
+"""The report of a demonstration as one HTML file with all tables and figures.
+
+The page is readable offline, on a phone, and in light and dark mode.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,7 @@ def _section(section: Section) -> str:
 
 
 def page(sections: list[Section], build: str) -> str:
-    """The whole page; `build` describes version, instruction set and machine."""
+    """Return the whole HTML page. `build` describes version, instruction set and machine."""
     passed = [check.passed for section in sections for check in section.checks]
     verdict = f"{sum(passed)} of {len(passed)} checks hold"
     colour = "ok" if all(passed) else "FAILED"

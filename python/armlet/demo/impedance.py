@@ -1,10 +1,10 @@
-"""Exercise 3 on the rigid arm: its equations in Cartesian coordinates, along a run.
+"""Exercise 3: the equations of the rigid arm in Cartesian coordinates, checked along a run.
 
     M_x x'' + S_x x' + g_x = J^-T tau + F                    (7),   g_x = J^-T g
     M_x x'' + (S_x + D_m) x' + K_m (x - x_d) = F             the target model
     M_x = J^-T M J^-1,   S_x = J^-T C(q, v) J^-1 - M_x J-dot J^-1
 
-and on the elastic arm `B theta_ddot + tau_J = tau`.
+The equation `B theta_ddot + tau_J = tau` of the elastic arm is also checked.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def rows(matrix: Array, vector: Array) -> Array:
-    """A matrix times a vector at every record."""
+    """Multiply a matrix by a vector at every record: (K, i, j) times (K, j) gives (K, i)."""
     return np.asarray(np.einsum("kij,kj->ki", matrix, vector))
 
 
 def cartesian(arm: al.Arm, run: al.Run, force: Array, rate: ArrayLike) -> dict[str, Array]:
-    """The terms of (7) along a run of an arm with a square Jacobian, (K, 2) each; `rate` is the velocity in C."""
+    """The terms of (7) along a run of an arm with a square Jacobian, (K, 2) each. `rate` is the velocity argument of C."""
     assert run.tau is not None
     J, J_dot = arm.jacobian(run.q, "link2")[:, :2], arm.jacobian_dot(run.q, run.v, "link2")[:, :2]
     wrench = np.concatenate([force, np.zeros(4)])
@@ -55,7 +55,7 @@ def run(report: Report, arm: al.Arm, target: Array, gains: tuple[Array, Array], 
     report.bound("rigid run: residual of the target model over its largest term", balance / largest, 1e-9)
     terms = cartesian(arm, rigid, force, rigid.v)
     left = terms["M_x x''"] + terms["S_x x'"] + terms["g_x"] - terms["J^-T tau"] - force
-    # Inverses of J with a condition number below 10, of terms below 100 N.
+    # J has a condition number below 10, and the terms are below 100 N.
     report.bound("equation (7) with g_x = J^-T g along that run (N)", np.abs(left).max(), 1e-11)
     printed = cartesian(arm, rigid, force, rigid.q)["S_x x'"]
     spring = K_m * (arm.position(rigid.q, "link2")[:, :2] - target)
@@ -65,11 +65,12 @@ def run(report: Report, arm: al.Arm, target: Array, gains: tuple[Array, Array], 
 
 
 def motors(report: Report, run: al.Run, K_J: Array, B: Array) -> None:
-    """E7: along a run of the elastic arm, with theta_ddot as the slope of the recorded theta_dot."""
+    """E7: check the motor equation along a run of the elastic arm. theta_ddot is the numerical derivative of the recorded theta_dot."""
     assert run.theta is not None and run.theta_dot is not None and run.tau is not None
     h = run.t[1] - run.t[0]
     w, tau_J = run.theta_dot, K_J * (run.theta - run.q)
-    # The five-point difference: h^4/30 of the fifth derivative, some 1e-2 N m for modes of 300/s at 2.5 ms while they last.
+    # The five-point difference has the error h^4/30 times the fifth derivative. With 2.5 ms this is about 1e-2 N m for modes of 300 1/s.
+    # These modes have decayed after 0.5 s.
     slope = (w[:-4] - 8 * w[1:-3] + 8 * w[3:-1] - w[4:]) / (12 * h)
     late = run.t[2:-2] > 0.5
     left = (B * slope + tau_J[2:-2] - run.tau[2:-2])[late]

@@ -2,9 +2,9 @@
 
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam
 
-The checks follow the theory. The symmetric bang-bang profile takes T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max,
-and no T is feasible beyond. The optimum under full torque is faster as gravity grows. Without a certificate, a motion that swings back
-first can be faster.
+The checks are results of the theory. The symmetric bang-bang profile takes T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger
+G no T is feasible. The optimum under full torque is faster, the more so the larger gravity is. If the optimum is not certified, a motion
+that swings back first can be faster.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 TITLE = "System 4: minimum time of one link under gravity, rest to rest"
 
 START, END = -math.pi / 2, math.pi / 2
-# T of the profile over T of the optimum, by G / tau_max, to the digits of the exam's corrected solution.
+# Duration T of the profile divided by T of the optimum, for each G / tau_max, with the digits of the exam's corrected solution.
 RATIOS = {0.5: 1.2084, 1.0: 1.3853, 2.0: 1.6837}
-# Square roots and quotients of numbers of order one: a few roundings.
+# Tolerance: a few rounding errors of square roots and quotients of order one.
 ROUNDING = 4e-15
 
 
@@ -46,7 +46,7 @@ def run(report: Report) -> None:
 
 
 def profile(report: Report) -> None:
-    """The exam's motion: feasible iff G <= 2 tau_max, and then T does not depend on G."""
+    """Check the exam's motion: it is feasible iff G <= 2 tau_max, and then its shortest T does not depend on G."""
     rng = np.random.default_rng(40)
     inertia, tau_max = 10.0 ** rng.uniform(-2.0, 2.0, (2, 10_000))
     ratio = rng.uniform(0.0, 2.0, 10_000)
@@ -56,7 +56,7 @@ def profile(report: Report) -> None:
     report.bound("T_min / sqrt(4 pi I / tau_max) - 1, largest", np.abs(r.t_min / t_min - 1).max(), ROUNDING)
     heavy = ratio > 1.001
     t_max = np.sqrt(4 * np.pi * inertia[heavy] / ((ratio[heavy] - 1) * tau_max[heavy]))
-    # G - tau_max loses three digits at G = 1.001 tau_max.
+    # At G = 1.001 tau_max the difference G - tau_max loses three digits.
     report.bound("T_max / sqrt(4 pi I / (G - tau_max)) - 1 where G > tau_max, largest", np.abs(r.t_max[heavy] / t_max - 1).max(), 1e-12)
     report.equal("T_max is infinite where G <= tau_max", True, bool(np.isinf(r.t_max[ratio <= 1.0]).all()))
     one = al.bang_bang_time(START, END, 1.0, 1.5, 1.0)
@@ -68,7 +68,7 @@ def profile(report: Report) -> None:
 
 
 def impossible(report: Report) -> None:
-    """Beyond G = 2 tau_max no duration is feasible, and the reported missing torque is exact."""
+    """Check that no duration is feasible for G > 2 tau_max, and that the reported missing torque is exact."""
     ratio = 2.0 + np.geomspace(1e-9, 1e3, 1000)
     r = al.bang_bang_time(START, END, 1.0, ratio, 1.0)
     report.equal("1000 links with G > 2 tau_max: feasible", 0, int(r.feasible.sum()))
@@ -81,7 +81,7 @@ def impossible(report: Report) -> None:
 
 
 def erratum(report: Report) -> None:
-    """The largest torque is max(I A, |G - I A|): in a slow motion of a heavy link the second is larger."""
+    """E13: the largest torque is max(I A, |G - I A|). In a slow motion of a heavy link the second term is larger."""
     r = al.bang_bang_time(START, END, 1.0, 1.5, 1.0)
     for a in (0.6, 0.9):
         t = math.sqrt(4 * math.pi / a)
@@ -91,9 +91,9 @@ def erratum(report: Report) -> None:
 
 
 def optimum(report: Report) -> None:
-    """The true optimum of the exam's motion."""
+    """Check the minimum time of the exam's motion over all motions."""
     ratios = {g: al.bang_bang_time(START, END, 1.0, g, 1.0).t_min / al.torque_optimal_time(START, END, 1.0, g, 1.0).t for g in RATIOS}
-    # Half a unit of the last digit that is printed.
+    # The tolerance is half a unit of the last printed digit.
     report.near("T_profile / T_optimum at G / tau_max = 0.5, 1, 2", tuple(RATIOS.values()), tuple(ratios.values()), 5e-5)
     o = al.torque_optimal_time(START, END, 1.0, 1.0, 1.0)
     report.equal("certified as the global optimum at G / tau_max = 1", True, o.certified_global)
@@ -101,13 +101,13 @@ def optimum(report: Report) -> None:
     q, v, _, _ = o.profile(t)
     report.near("its motion just before T: theta, theta_dot", (END, 0.0), (q, v), 1e-12)
     before, after = np.array(o.profile(np.nextafter(o.t_switch, 0.0))), np.array(o.profile(o.t_switch))
-    # Push and brake are integrated from opposite ends.
+    # The phases of full torque before and after the switch are integrated from opposite ends of the motion.
     report.bound("push and brake meet at the switch: jump of theta, theta_dot", np.abs(after - before)[:2].max(), 1e-12)
     report.near("  the torque falls from tau_max to -tau_max", (1.0, -1.0), (before[3], after[3]), 0.0)
 
 
 def swings(report: Report) -> None:
-    """Motions that swing back first, or overshoot, where the monotone optimum is not certified."""
+    """Check motions that swing back first or overshoot. They can be faster where the monotone optimum is not certified."""
     o = al.torque_optimal_time(math.pi / 2, 3.0, 1.0, 1.0, 1.02)
     report.equal("pi/2 -> 3 at tau_max = 1.02 G: certified", False, o.certified_global)
     report.near("  monotone T (s)", 8.419, o.t, 5e-4)
@@ -122,15 +122,15 @@ def swings(report: Report) -> None:
 
 
 def from_mass(report: Report) -> None:
-    """A link with a mass, a centre of mass and I_c: I = I_c + m d^2, G = m g0 d."""
+    """Check I = I_c + m d^2 and G = m g0 d. The link has mass m, its centre of mass at d, and inertia I_c about it."""
     m, d, I_c = 3.0, 0.25, 0.06
     link = al.planar_arm([0.5], masses=[m], coms=[d], inertias=[I_c])
-    # The exam's angle is from the downward vertical, the arm's from the x axis.
+    # The exam measures angles from the downward vertical, the arm from the x axis.
     theta = np.linspace(-3.0, 3.0, 25)[:, None]
     q, rest = theta - math.pi / 2, np.zeros((25, 1))
     inertia = float(link.mass_matrix([0.0])[0, 0])
     report.near("link of 3 kg, d = 0.25 m, I_c = 0.06 kg m^2: I = I_c + m d^2 (kg m^2)", I_c + m * d**2, inertia, 1e-15)
-    # A few roundings of G = 7.4 N m.
+    # The tolerance is a few rounding errors of G = 7.4 N m.
     report.bound("its gravity is G sin theta, G = m g0 d (N m)", np.abs(link.gravity(q) - m * 9.81 * d * np.sin(theta)).max(), 1e-14)
     same = al.pendulum(I_c + m * d**2, m * 9.81 * d)
     a = np.linspace(-5.0, 5.0, 25)[:, None]
@@ -139,18 +139,20 @@ def from_mass(report: Report) -> None:
 
 
 def opposes(start: float, end: float) -> bool:
-    """Whether gravity and inertial torque never have the same sign along the symmetric profile."""
+    """Whether gravity torque and inertial torque never have equal signs along the symmetric profile."""
     motion = al.BangBang([start], [end], 1.0)
     t = np.linspace(0.0, 1.0, 2002)[:-1]
     states = [motion(x) for x in t]
     product = np.array([a[0] * math.sin(q[0]) for q, _, a in states])
-    # Where the motion crosses the vertical, the sine is a rounding.
+    # Where the motion crosses the vertical, the sine is zero up to rounding.
     return bool(product.max() < 1e-9)
 
 
 def opposition(report: Report) -> None:
-    """ "Gravity always opposes the inertial torque" holds iff the motion is symmetric about the downward vertical and at most one turn
-    long."""
+    """Check that gravity always opposes the inertial torque iff the motion has two properties.
+
+    It is symmetric about the downward vertical, and at most 2 pi long.
+    """
     report.equal("exam motion: gravity always opposes the inertial torque", True, opposes(START, END))
     report.equal("from 0 to pi/2 it does not", False, opposes(0.0, END))
     report.equal("from pi/2 to 3 pi/2, through the top, it does not", False, opposes(END, 3 * END))

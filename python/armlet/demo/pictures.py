@@ -13,7 +13,7 @@ __all__ = ["exam_figures", "pr_robot"]
 
 
 def pr_robot(ax: Any, q: tuple[float, float] = (0.9, 0.8), length: float = 0.7) -> None:
-    """The PR robot from above: a slide along x by q1, a link that turns by q2 from the -y axis, so that `B = m2 d2`."""
+    """Draw the PR robot from above: joint 1 slides along x by q1, link 2 is rotated by q2 from the -y axis. So `B = m2 d2`."""
     from ..figures.style import COLOURS
 
     slide, angle = q
@@ -45,16 +45,16 @@ def _box(x: float) -> Any:
 
 
 def exam_figures(figure: Any, gravity_moment: float = 1.5) -> None:
-    """Figures 2 and 4: position, velocity and acceleration; inertial torque, gravity and their sum, all over time.
+    """Draw figures 2 and 4 over time: position, velocity and acceleration; inertial torque, gravity torque and their sum.
 
-    I = 1 kg m^2, tau_max = 1 N m, G in N m, the exam's motion in its shortest time.
+    The motion is the exam's motion in its shortest time, with I = 1 kg m^2, tau_max = 1 N m, and `gravity_moment` in N m.
     """
     from ..figures.style import COLOURS
 
     start, end = -math.pi / 2, math.pi / 2
     T = al.bang_bang_time(start, end, 1.0, gravity_moment, 1.0).t_min
     link, motion = al.pendulum(1.0, gravity_moment), al.BangBang([start], [end], T)
-    # The acceleration jumps in the middle: the two halves are drawn apart.
+    # The acceleration jumps in the middle of the motion, so the two halves are drawn separately.
     halves = [np.linspace(0.0, np.nextafter(T / 2, 0.0), 200), np.linspace(T / 2, np.nextafter(T, 0.0), 200)]
     profile, torque = figure.subplots(2, 1, sharex=True)
     for half, times in enumerate(halves):

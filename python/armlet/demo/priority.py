@@ -28,10 +28,10 @@ LINKS = (1.0, 1.0, 0.25, 0.25)
 CASE_A = np.array([0.0, np.pi / 2, np.pi / 2, 0.0])
 CASE_B = np.array([0.0, 0.0, np.pi / 2, 0.0])
 ONES = (np.ones(2), np.ones(2))
-# |v| is of the order of 2 and the singular values of the order of 0.5: a few dozen roundings.
+# |v| is about 2 and the singular values are about 0.5, so the tolerance is a few dozen rounding errors.
 TOLERANCE = 1e-14
 
-# s2, s3, s4 different from zero (None: any), kind, ranks of J1, J2, J_E, J2 P1; any multiple of pi counts as zero.
+# Name; whether s2, s3, s4 are different from zero (None: either); kind; ranks of J1, J2, J_E, J2 P1. Every multiple of pi counts as zero.
 CLASSES = (
     ("any s3", (True, None, True), "regular", (2, 2, 4, 2)),
     ("any s3, case a", (True, None, False), "algorithmic", (2, 2, 3, 1)),
@@ -42,7 +42,7 @@ CLASSES = (
 
 
 def joints(q: ArrayLike) -> Array:
-    """Base, elbows and tips, (5, 2), m."""
+    """Positions of base, elbows and tip, (5, 2), m."""
     angles = np.cumsum(np.asarray(q, dtype=np.float64))
     steps = np.array(LINKS)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
@@ -60,7 +60,7 @@ def stack(q: ArrayLike) -> list[Array]:
 
 
 def rounding(q: ArrayLike) -> float:
-    """The relative error of Jacobian entries made from joint angles."""
+    """Relative rounding error of Jacobian entries that are computed from joint angles."""
     return float(8 * np.finfo(np.float64).eps * (1 + np.abs(q).sum()))
 
 
@@ -87,14 +87,14 @@ def solutions(report: Report) -> None:
     J1, J2 = stack(CASE_B)
     realised = np.hstack([J1 @ b.v, J2 @ b.v])
     report.near("case b: velocities realised, primary and secondary (m/s)", (1.0, 1.0, 0.0, 1.0), realised, TOLERANCE)
-    # 20 turns of the base cost 130 roundings of the angle.
+    # The angle of 20 revolutions has an absolute rounding error about 130 times larger.
     spun = CASE_B + np.array([40 * np.pi + 0.3, 0.0, 0.0, 0.0])
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     report.near("case b, base turned by 20 turns and 0.3 rad: v (rad/s)", b.v, exact(spun, [turn @ ONES[0], turn @ ONES[1]]).v, 1e-12)
 
 
 def wrong_column(report: Report) -> None:
-    """E1: a last column L/4 (-s123, c123 + c1234) instead of L/4 (-s1234, c1234)."""
+    """E1: the printed last column is L/4 (-s123, c123 + c1234) instead of L/4 (-s1234, c1234)."""
 
     def printed(q: Array) -> list[Array]:
         J1, J2 = (J.copy() for J in stack(q))
@@ -112,7 +112,10 @@ def wrong_column(report: Report) -> None:
 
 
 def compatibility(report: Report) -> None:
-    """E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123); else the error of the secondary task is n n'(p2 - p1)."""
+    """E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123).
+
+    Otherwise the secondary task has the error n n'(p2 - p1).
+    """
     n = np.array([np.cos(np.pi), np.sin(np.pi)])
     text = "both tasks exact because rank J2 = 2"
     for v2, compatible in ((ONES[1], True), (np.array([1.0, 3.0]), True), (np.zeros(2), False)):
@@ -124,7 +127,7 @@ def compatibility(report: Report) -> None:
 
 
 def imposed(report: Report) -> None:
-    """E4: in case b J2 P1 = 0, so the primary task imposes the secondary velocity for every command."""
+    """E4: in case b J2 P1 = 0. So the primary task determines the velocity of the secondary tip, for every command."""
     seen = al.diagnose_priority(stack(CASE_B), rounding=rounding(CASE_B))
     text = "secondary error minimised, only its x lost"
     report.bound("case b: largest singular value of J2 P1", seen.projected_singular_values[1].max(), 1e-15)
@@ -134,7 +137,7 @@ def imposed(report: Report) -> None:
 
 
 def trap(report: Report) -> None:
-    """A cut-off relative to J2 P1 itself, numpy's default, inverts the rounding noise of a product that is zero."""
+    """Check a pitfall: numpy's default cut-off is relative to J2 P1. If J2 P1 is zero, numpy's pinv inverts rounding errors."""
     q = CASE_B + np.array([0.3, 0.0, 0.0, 0.0])
     J1, J2 = stack(q)
     inverse = np.linalg.pinv(J1)
@@ -149,7 +152,10 @@ def trap(report: Report) -> None:
 
 
 def near(report: Report) -> None:
-    """The exact map is discontinuous at an algorithmic singularity; the clamped one is bounded and keeps the primary."""
+    """Check that the exact map is discontinuous at an algorithmic singularity.
+
+    The clamped map is bounded and keeps the primary task exact.
+    """
     q = CASE_A + np.array([0.0, 0.0, 0.0, 1e-12])
     velocities = [ONES[0], np.zeros(2)]
     wild = np.linalg.norm(exact(q, velocities).v)
@@ -160,7 +166,7 @@ def near(report: Report) -> None:
 
 
 def classification(report: Report) -> None:
-    """Each of s2, s3, s4 free, stretched or folded: 27 patterns."""
+    """Check the classification of 27 patterns: each of joints 2, 3, 4 is at a free angle, stretched (0) or folded (pi)."""
     turns = (None, 0.0, np.pi)
     found: dict[int, list[tuple[str, tuple[int, ...]]]] = {i: [] for i in range(len(CLASSES))}
     for pattern in product(turns, repeat=3):
@@ -178,7 +184,7 @@ def classification(report: Report) -> None:
 
 
 def draw(figure: Any) -> None:
-    """The arm in cases a and b, with commanded and realised velocities, as in the exam's figure."""
+    """Draw the arm in cases a and b, with commanded and realised velocities, as in the exam's figure."""
     from ..figures.style import COLOURS
 
     figure.set_size_inches(11.5, 5.0)
@@ -194,7 +200,7 @@ def draw(figure: Any) -> None:
         ax.plot(*points[-1], "s", color="0.25", markersize=6, zorder=3)
         for level, (tip, label) in enumerate(((4, "task 1"), (2, "task 2"))):
             target_velocity, realised = ONES[level], stack(q)[level] @ sol.v
-            # The commanded velocity is a wide pale arrow, so that the realised one is seen on it where they agree.
+            # The commanded velocity is a wide pale arrow. So the realised velocity is visible on it where both agree.
             for velocity, width, alpha, order, text in (
                 (target_velocity, 0.022, 0.35, 4, f"{label} commanded: ({target_velocity[0]:.0f}, {target_velocity[1]:.0f}) m/s"),
                 (realised, 0.008, 1.0, 5, f"{label} realised: ({realised[0]:z.0f}, {realised[1]:z.0f}) m/s"),

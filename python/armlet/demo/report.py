@@ -1,4 +1,4 @@
-"""The report of a demonstration: its checks, printed section by section, and its figures."""
+"""The report of a demonstration: checks, printed in one section per system, and figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Report"]
 
 
 def _table(checks: list[tuple[str, str, str, str]]) -> list[str]:
-    """The lines of a table. In a narrow terminal the values are below their claim."""
+    """Return the lines of a table. In a narrow terminal the values are in the line below their claim."""
     rows = [("what", "expected", "got", "verdict"), *checks]
     widths = [max(len(row[i]) for row in rows) for i in range(4)]
     if sys.stdout.isatty() and shutil.get_terminal_size().columns < sum(widths) + 8:
@@ -32,17 +32,17 @@ def _table(checks: list[tuple[str, str, str, str]]) -> list[str]:
 
 
 class Drawing(Protocol):
-    """An object with a figure: a run, a problem."""
+    """An object that can be drawn, such as a run or a problem."""
 
     def plot(self, fig: Figure, /) -> Any: ...
 
 
 class Report:
-    """Collects checks and figures section by section, and prints each section's table as it ends.
+    """Collect checks and figures in sections, and print the table of each section when it ends.
 
     Args:
-        out: folder of the figures and of the page, made when it is missing.
-        figures: whether to draw; False where matplotlib is absent.
+        out: folder of the figures and of the page. It is created if it does not exist.
+        figures: whether to draw figures; False if matplotlib is not installed.
     """
 
     def __init__(self, out: Path, *, figures: bool = True) -> None:
@@ -67,23 +67,23 @@ class Report:
         print(f"\n{title}", flush=True)
 
     def near(self, what: str, expected: Any, got: Any, tolerance: float, printed: str = "", erratum: str = "") -> None:
-        """The claim |got - expected| <= tolerance, for each entry."""
+        """Add the claim |got - expected| <= tolerance, for each entry."""
         self._add(Check(what, expected, got, tolerance, printed, erratum))
 
     def bound(self, what: str, got: Any, limit: float) -> None:
-        """The claim |got| <= limit."""
+        """Add the claim |got| <= limit."""
         self._add(Check(what, None, got, limit))
 
     def equal(self, what: str, expected: Any, got: Any, printed: str = "", erratum: str = "") -> None:
-        """The claim got == expected."""
+        """Add the claim got == expected."""
         self._add(Check(what, expected, got, 0.0, printed, erratum))
 
     def figure(self, name: str, run: Drawing) -> None:
-        """Write the figure of a run or problem to `out/name.png`."""
+        """Write the figure of a run or of a problem to `out/name.png`."""
         self.draw_figure(name, run.plot)
 
     def draw_figure(self, name: str, draw: Callable[[Figure], Any]) -> None:
-        """Write the picture of `draw`, in an empty matplotlib figure, to `out/name.png`."""
+        """Call `draw` with an empty matplotlib figure and write the figure to `out/name.png`."""
         if not self.draw:
             return
         from matplotlib.figure import Figure

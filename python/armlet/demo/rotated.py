@@ -3,8 +3,8 @@
     q' = T q (absolute angles),   J'_E = J_E T^-1,   1J'_E = blockdiag(R', R') J'_E,   R = R(q1)
     det J_E = det J'_E = det 1J'_E = l1 l2 l3 l4 sin q2 sin q4
 
-Column i of `J'_E` depends on link i alone: `l_i (-sin q'_i, cos q'_i)`. The rows of the secondary task depend on links 1 and 2 only, so the
-determinant is a product of two.
+Column i of `J'_E` depends on link i alone: `l_i (-sin q'_i, cos q'_i)`. The rows of the secondary task depend on links 1 and 2 only. So the
+determinant is the product of two 2 x 2 determinants.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 
 Array: TypeAlias = NDArray[np.float64]
 
-# From relative to absolute joint angles; T^-1 takes differences.
+# T converts relative joint angles to absolute angles. T^-1 takes differences of absolute angles.
 T = np.tril(np.ones((4, 4)))
-# Entries below 10 and a few dozen products of them.
+# The tolerance covers a few dozen products of entries below 10.
 TOLERANCE = 1e-13
 
 
 def stacked(arm: al.Arm, q: ArrayLike) -> Array:
-    """J_E, (4, 4): the tip of link 4 over the tip of link 2."""
+    """The Jacobian J_E, (4, 4): two rows of the tip of link 4, then two rows of the tip of link 2."""
     return np.vstack([arm.jacobian(q, frame)[:2] for frame in ("link4", "link2")])
 
 
 def turned(q1: float) -> Array:
-    """blockdiag(R', R'), (4, 4): one `R'` for each task."""
+    """The matrix blockdiag(R', R'), (4, 4), with one block `R'` per task."""
     s, c = np.sin(q1), np.cos(q1)
     return np.asarray(np.kron(np.eye(2), [[c, s], [-s, c]]), dtype=np.float64)
 
@@ -53,7 +53,7 @@ def run(report: Report) -> None:
         factored = lengths.prod() * np.sin(q[1]) * np.sin(q[3])
         for J in (J_E, absolute, rotated):
             worst["determinant"] = max(worst["determinant"], abs(np.linalg.det(J) - factored))
-        # The printed block R' alone, without the second one, turns the primary's rows only.
+        # With a single block R', as printed in the exam, only the rows of the primary task are rotated.
         only = turned(q[0])
         only[2:, 2:] = np.eye(2)
         worst["block"] = max(worst["block"], np.abs(only @ absolute - rotated).max())
@@ -66,7 +66,7 @@ def run(report: Report) -> None:
 
 
 def roles(report: Report) -> None:
-    """E2, E5: which Jacobian belongs to the primary task, and how many entries `J_E v` has."""
+    """E2, E5: the primary task has the Jacobian J1, and `J_E v` has four entries."""
     arm, q = al.planar_arm([1.0, 1.0, 0.25, 0.25]), np.array([0.0, np.pi / 2, np.pi / 2, 0.0])
     J_E, ones, rest = stacked(arm, q), np.ones(2), np.zeros(2)
     rounding = 8 * np.finfo(np.float64).eps * (1 + np.abs(q).sum())

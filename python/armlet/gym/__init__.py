@@ -1,4 +1,4 @@
-"""Gymnasium environments of arms: `ArmEnv` steps one arm, `ArmVectorEnv` many at once. Needs gymnasium (`armlet[gym]`).
+"""Gymnasium environments of arms: `ArmEnv` simulates one arm, `ArmVectorEnv` many arms. It requires gymnasium (`armlet[gym]`).
 
 Importing this module registers `armlet/Reach-v0`, a planar arm of two joints whose tip moves to a random target.
 

@@ -1,4 +1,4 @@
-"""One arm as a Gymnasium environment: the action is torque as a fraction of its limit, the observation `[q, v, error]`."""
+"""One arm as a Gymnasium environment: an action is a torque as a fraction of its limit, an observation is `[q, v, error]`."""
 
 from __future__ import annotations
 
@@ -24,27 +24,29 @@ Array: TypeAlias = NDArray[np.float64]
 
 @bordered
 class ArmEnv(gymnasium.Env[Array, Array]):
-    """An arm under the torques of an agent, stepped by a native `Simulator`.
+    """An arm under the torques of an agent, simulated by armlet's compiled loop.
 
-    `tau = tau_max * action`, held for a period. An observation is `[q, v, error]`, (2 n + m,). `terminated`: the task is done, or the arm
-    left its limits, or diverged (`info` says which); `truncated`: the horizon.
+    `tau = tau_max * action`, held for one period. An observation is `[q, v, error]`, (2 n + m,). `terminated` is True if the task is
+    finished,
+    the arm leaves its limits or the run diverges; `info` has the cause. `truncated` is True at the horizon.
 
     Args:
-        plant: a plant, an arm (then `RigidArm(arm)`), or a `Scenario`, whose plant, `tau_max`, `dt`, `t_end` and joint motion are taken;
+        plant: a plant; an arm (then `RigidArm(arm)`); or a `Scenario`, which gives the plant, `tau_max`, `dt`, `t_end` and the joint
+        motion.
             None: a planar arm of two joints in a horizontal plane, and a target for its tip.
-        task: `Reach`, `Track`, or your `Task`; None: `Reach()`.
-        tau_max: torque of an action of 1, a number or (n,), N m or N (the speed, of a `VelocityArm`); None: the arm's effort limits.
-        dt: step of the integration by rk4, s; 2 ms if None.
-        period: for which an action is held, s.
-        horizon: length of a run, s; 5 s if None.
-        q_limit: `(low, high)` beyond which a run ends, rad or m; None: the arm's limits, 2 pi where it has none.
-        v_limit: the same of speed, rad/s or m/s; None: the arm's limits, 20 where it has none.
+        task: `Reach`, `Track`, or a subclass of `Task`; None: `Reach()`.
+        tau_max: torque of an action of 1, a number or (n,), N m or N (for a `VelocityArm`: velocity); None: the arm's effort limits.
+        dt: step of the integration by rk4, s; None: 2 ms.
+        period: time for which an action is held, s.
+        horizon: length of a run, s; None: 5 s.
+        q_limit: `(low, high)`, positions beyond which a run ends, rad or m; None: the arm's limits, and +-2 pi for joints without limits.
+        v_limit: speed beyond which a run ends, rad/s or m/s; None: the arm's limits, and 20 for joints without limits.
         render_mode: "rgb_array": `render` returns a picture, (480, 480, 3). "human": each step draws in a window of matplotlib, in real
             time. None: nothing is drawn.
 
     Raises:
         InputError: an argument or an action has a wrong type, shape or value.
-        gymnasium.error.ResetNeeded: a step before `reset`, or after the end.
+        gymnasium.error.ResetNeeded: `step` was called before `reset`, or after the end of a run.
 
     >>> import armlet as al
     >>> from armlet.gym import ArmEnv, Track
@@ -61,7 +63,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
     (True, True)
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}  # noqa: RUF012  # gymnasium's own
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}  # noqa: RUF012  # as in gymnasium
 
     def __init__(
         self,
@@ -77,7 +79,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         render_mode: str | None = None,
     ) -> None:
         options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
-        self._rows = Rows(1, plant, task, **options)  # type: ignore[arg-type]  # as declared above
+        self._rows = Rows(1, plant, task, **options)  # type: ignore[arg-type]  # the types of the arguments above
         self.observation_space, self.action_space = self._rows.observations, self._rows.actions
         self.metadata = {**self.metadata, "render_fps": 1.0 / self._rows.period}
         self._viewer = viewer_for("ArmEnv", render_mode, self.metadata["render_modes"], self._rows)
@@ -86,7 +88,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
 
     @property
     def plant(self) -> Plant:
-        """The plant under control."""
+        """The plant of the environment."""
         return self._rows.plant
 
     @property
@@ -96,11 +98,11 @@ class ArmEnv(gymnasium.Env[Array, Array]):
 
     @property
     def t(self) -> float:
-        """Time since the reset, s."""
+        """Time since the last reset, s."""
         return float(self._rows.k[0]) * self._rows.period
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Restart. The same seed draws the same starts and targets."""
+        """Start a new run. Equal seeds draw equal initial states and targets."""
         super().reset(seed=seed)
         self._rows.reset(np.zeros(1, dtype=np.int64), [self.np_random])
         self._ready = self._begun = True
@@ -108,7 +110,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         return self._rows.observe()[0], {}
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Hold `action`, (n,), for one period; entries beyond 1 are taken as 1."""
+        """Hold `action`, (n,), for one period. Entries beyond +-1 are clipped to +-1."""
         if not self._ready:
             raise ResetNeeded("ArmEnv.step: the run has not begun, or has ended: expected a call of reset before")
         reward, terminated, truncated, info = self._rows.step(_core.numbers("step", "action", action, self._rows.actions.shape)[None])
@@ -118,12 +120,14 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         return self._rows.observe()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), flags
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The picture of the present state, (480, 480, 3), 0 to 255, with `render_mode="rgb_array"`; else None.
+        """Return a picture of the present state, (480, 480, 3), 0 to 255, if `render_mode` is "rgb_array"; else None.
 
-        Lines are links, dots joints, the green ring is the target of the task: of `Track`, of the tip. A planar arm is drawn in its plane.
+        Lines are links, dots are joints, and the green ring is the target of the task, for `Track` the target of the tip. A planar arm is
+        drawn
+        in its plane.
 
         Raises:
-            gymnasium.error.ResetNeeded: before `reset`.
+            gymnasium.error.ResetNeeded: `render` was called before `reset`.
         """
         if self._viewer is None:
             gymnasium.logger.warn("ArmEnv.render: nothing is drawn without a render_mode: expected ArmEnv(.., render_mode='rgb_array')")

@@ -1,8 +1,8 @@
-"""The common part of single and vector environments: B arms under torques, their task, their limits and their times.
+"""The common part of single and vector environments: B arms under torques, with their task, limits and times.
 
     tau = tau_max * action,   observation = [q, v, error],   terminated: reached, or out of the limits,   truncated: at the horizon
 
-An action is held for one period, some steps of `dt`.
+An action is held for one period, which is a whole number of steps of `dt`. A *row* is one of the B arms.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class _Bounds(NamedTuple):
 
 
 class Rows:
-    """B runs side by side.
+    """B simultaneous runs.
 
     Args:
-        rows: how many.
+        rows: the number B of runs.
         plant, task, tau_max, dt, period, horizon, q_limit, v_limit: see `ArmEnv`.
     """
 
@@ -69,13 +69,13 @@ class Rows:
             dt = given.get("dt") if dt is None else dt
             horizon = given["t_end"] if horizon is None else horizon
         if plant is None:
-            # In a horizontal plane; half a metre and a kilogram per metre each.
+            # The default arm is in a horizontal plane; each link has 0.5 m length and 1 kg/m.
             plant = planar_arm([0.5, 0.5], gravity=[0.0, 0.0])
             tau_max = [2.0, 1.0] if tau_max is None else tau_max
             task = Reach(axes="xy", q0=[0.0, 1.0], reach=1.0) if task is None else task
         self.plant = plant if isinstance(plant, Plant) else RigidArm(plant)
         self.arm = arm = self.plant.arm
-        # One task may be given to several environments, each of which prepares it for its arm.
+        # Several environments may have one task, and `prepare` changes it for one arm. So it is copied.
         self.task = Reach() if task is None else copy.copy(task)
         limits = arm.limits or {}
         self.tau_max = _positive("tau_max", _either("tau_max", tau_max, limits.get("effort"), None, arm.n), arm.n)
@@ -99,14 +99,14 @@ class Rows:
         self.states = Stepper(self.plant, rows, self.dt, self.steps)
         self.k = np.zeros(rows, dtype=np.int64)
         self.goal = np.zeros((rows, 0))
-        # Bounds row by row: numpy combines arrays of one shape ten times as fast as it repeats a short row.
+        # One row of bounds per arm: numpy combines arrays of equal shape ten times as fast as it broadcasts a short row.
         self._each = _Bounds(*(np.tile(side, (rows, 1)) for side in (self.low, self.high, low, high, self.v_limit, self.tau_max)))
         self._apart = works_row_by_row(self.task)
-        # The errors after the last step and the resets since, where they are known.
+        # Task errors after the last step and later resets; None if they are unknown.
         self._errors: Array | None = None
 
     def reset(self, rows: NDArray[np.int64], rngs: list[np.random.Generator]) -> None:
-        """Start these rows anew, each from its own random numbers."""
+        """Start new runs in these rows. Each row has a separate random generator."""
         if not len(rows):
             return
         q0, v0, goal = self.task._draws([rngs[row] for row in rows])
@@ -118,10 +118,10 @@ class Rows:
             self._errors[rows] = self.task.error(self.k[rows], self.states.q[rows], self.states.v[rows], self.goal[rows])
 
     def step(self, action: ArrayLike) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, NDArray[np.bool_]]]:
-        """Reward, terminated, truncated and info of all rows, (B,) each."""
+        """Advance all rows by one period. Return reward, terminated, truncated and info, (B,) each."""
         given = np.clip(self._checked(action), -1.0, 1.0)
         states, each = self.states, self._each
-        # A step makes new arrays.
+        # `states.step` assigns new arrays, so these arrays do not change.
         before_q, before_v = states.q, states.v
         states.step(given * each.tau_max)
         diverged = _rows_with(~(np.isfinite(states.q) & np.isfinite(states.v)))
@@ -138,7 +138,7 @@ class Rows:
         return reward, reached | left, self.k >= self.length, {"reached": reached, "diverged": diverged}
 
     def observe(self) -> Array:
-        """The observations of all rows, (B, m), clipped to their space: a row out of its limits has ended."""
+        """The observations of all rows, (B, 2 n + m), clipped to the observation space. Only a row whose run has ended can be outside."""
         errors = self._error() if self._errors is None else self._errors
         observed: Array = np.clip(np.concatenate([self.states.q, self.states.v, errors], axis=-1), self._each.low, self._each.high)
         return observed
@@ -147,19 +147,19 @@ class Rows:
         return self.task.error(np.minimum(self.k, self.length), self.states.q, self.states.v, self.goal)
 
     def _checked(self, action: ArrayLike) -> Array:
-        # One environment takes (n,), whose row is given here.
+        # In a single environment, `ArmEnv.step` has added the axis of rows to the action (n,).
         return finite("step", "action", _core.numbers("step", "action", action, self.states.q.shape))
 
 
 def _rows_with(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The rows of (B, n) flags with at least one true entry. For few such rows this is faster than `any` over short rows."""
+    """The rows of `flags` (B, n) with at least one true entry, (B,). If few entries are true, this is faster than `any` over short rows."""
     found = np.zeros(len(flags), dtype=np.bool_)
     found[np.flatnonzero(flags) // flags.shape[1]] = True
     return found
 
 
 def _either(name: str, given: ArrayLike | None, stated: Any, default: float | None, n: int) -> Array:
-    """The argument, else the finite values of the model, else the default, as (n,)."""
+    """Return the argument as (n,). If it is None, return the finite values of the model, and the default for the others."""
     if given is not None:
         return np.broadcast_to(_core.numbers("ArmEnv", name, given, (), (n,)), (n,))
     known: Array = np.full(n, np.inf) if stated is None else stated
@@ -181,7 +181,7 @@ def _pair(q_limit: Any) -> tuple[Any, Any]:
 
 
 def _whole(name: str, value: float, unit_name: str, unit: float) -> int:
-    """How many times `unit` goes into `value`: a whole number >= 1."""
+    """Return `value / unit`, which must be an integer >= 1."""
     count = value / unit if unit > 0.0 and np.isfinite(unit) else np.nan
     if not (np.isfinite(count) and round(count) >= 1 and abs(count - round(count)) <= 1e-9 * count):
         raise InputError(f"ArmEnv: {name} is no multiple of {unit_name}: expected a whole number of {unit:g} s, got {value:g} s")

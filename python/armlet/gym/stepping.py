@@ -1,4 +1,4 @@
-"""The states of many arms under torques that are held for some steps of the classical Runge-Kutta method (`rk4`)."""
+"""The states of many arms, advanced by steps of the classical Runge-Kutta method (`rk4`) under constant torques."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class Stepper:
-    """The states of `rows` arms, `q` and `v`, (B, n); one period is `steps` of `dt`."""
+    """The states of `rows` arms: `q` and `v`, (B, n) each. One period is `steps` steps of `dt`."""
 
     q: Array
     v: Array
@@ -26,17 +26,17 @@ class Stepper:
         self.q, self.v = np.zeros((2, rows, plant.arm.n))
 
     def step(self, tau: Array) -> None:
-        """Advance all rows by one period under `tau`, (B, n). A row that diverges is not finite."""
+        """Advance all rows by one period under torques `tau`, (B, n). The state of a diverged row is not finite."""
         self.q, self.v = self._arms.step(tau, self._steps)
 
     def reset(self, rows: NDArray[np.int64], q: Array, v: Array) -> None:
-        """Set the states of these rows, (len(rows), n) each."""
+        """Set the states of the rows `rows` to `q` and `v`, (len(rows), n) each."""
         self.q, self.v = self._arms.put(rows.tolist(), q, v)
 
     def __getstate__(self) -> tuple[object, ...]:
         return self._made_of, self._steps, self._arms.states, self.q, self.v
 
     def __setstate__(self, state: tuple[object, ...]) -> None:
-        self._made_of, self._steps, states, self.q, self.v = state  # type: ignore[assignment]  # as `__getstate__` gives them
+        self._made_of, self._steps, states, self.q, self.v = state  # type: ignore[assignment]  # the types of `__getstate__`
         self._arms = _BatchStepper(*self._made_of)
-        self._arms.states = states  # type: ignore[assignment]  # as above
+        self._arms.states = states  # type: ignore[assignment]  # the type of `__getstate__`

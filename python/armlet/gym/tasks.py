@@ -1,10 +1,10 @@
-"""Tasks of environments: start, error, reward and end of a run.
+"""Tasks of environments: initial state, error, reward and end of a run.
 
     reward = 1 / (1 + (|e| / scale)^2) - effort * (1/n) sum_i u_i^2,   u = action, within [-1, 1]
 
-Every method but `draw` works on all rows at once: arrays have the axis of the rows first. The reward has no unit. The error `e` is that
-after the step. For `Reach` it is the target minus the frame's position, m. For `Track` it is `[q_d - q, v_d - v]`, rad and rad/s, or m and
-m/s for slides. With `effort = 0` a reward is in (0, 1], so that ending a run early is never an advantage.
+Every method except `draw` computes all rows together: the first axis of an array is the row, one row per arm. The reward has no unit. `e`
+is the error after the step. For `Reach` it is the target minus the frame's position, m. For `Track` it is `[q_d - q, v_d - v]`, rad and
+rad/s, or m and m/s for prismatic joints. With `effort = 0` every reward is positive. So an agent never gains by ending a run early.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ Array: TypeAlias = NDArray[np.float64]
 
 @bordered
 class Task:
-    """Derive from it for a task of your own; each environment calls `prepare` once.
+    """Base class of tasks. Derive your task from it. Each environment calls `prepare` once.
 
     The reward of a step is `1 / (1 + (|e| / scale)^2) - effort * mean(action^2)`, without a unit: 1 at the target, 1/2 where `|e| = scale`.
 
     Args:
-        q0: configuration about which runs start and targets lie, (n,), rad or m; None: the middle of the limits, 0 where there are none.
-        spread: a run starts within `q0 +- spread`, at rest, rad or m.
+        q0: centre of the initial configurations and of targets, (n,), rad or m; None: the middle of the limits.
+        spread: a run starts at rest within `q0 +- spread`, rad or m.
         scale: norm of the error at which the reward is 1/2, in the error's unit.
-        effort: what the mean square of the action costs, per step: a full action of all joints costs `effort`.
+        effort: weight of the mean square of the action in the reward. A full action of all joints costs `effort` per step.
     """
 
     def __init__(self, *, q0: ArrayLike | None = None, spread: float = 0.1, scale: float = 0.1, effort: float = 0.0) -> None:
@@ -47,7 +47,7 @@ class Task:
         self.q0, self.spread, self.scale, self.effort = q0, spread, scale, effort
 
     def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
-        """Receive the arm, the bounds of its state, the time between actions, s, and the number of actions of a run."""
+        """Store the arm, the bounds of its state, the time between actions, s, and the number of actions of a run."""
         self.arm, self.q_limit, self.v_limit, self.period, self.steps = arm, q_limit, v_limit, period, steps
         middle = (q_limit[0] + q_limit[1]) / 2
         name = type(self).__name__
@@ -55,58 +55,64 @@ class Task:
         self.starts = self._around(self.spread)
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-        """Draw the initial position and velocity, (n,), and the goal of one run, an array of a fixed length."""
+        """Draw the initial position and velocity, (n,) each, and the goal of one run, an array of fixed length."""
         return _within(self.starts, rng), np.zeros(self.arm.n), np.zeros(0)
 
     def _draws(self, rngs: Sequence[np.random.Generator]) -> tuple[Array, Array, Array]:
-        """One `draw` per generator, as rows. The tasks of this file draw all rows at once, with the same numbers."""
+        """Call `draw` once per generator and return the results as rows.
+
+        The tasks of this file draw all rows together, with equal numbers.
+        """
         q0, v0, goal = (np.array(part) for part in zip(*(self.draw(rng) for rng in rngs), strict=True))
         return q0, v0, goal
 
     def bound(self) -> Array:
-        """The largest magnitude of each entry of the error."""
+        """Largest magnitude of each entry of the error, (m,)."""
         raise NotImplementedError
 
     def error(self, k: NDArray[np.int64], q: Array, v: Array, goal: Array) -> Array:
-        """The remaining error, (B, m), after `k` steps (B,); the last part of an observation."""
+        """The error after `k` steps, (B, m); `k` is (B,). It is the last part of an observation."""
         raise NotImplementedError
 
     def reward(self, error: Array, action: Array, k: NDArray[np.int64], q: Array, v: Array) -> Array:
-        """The reward of a step, (B,), from the error after it; `action` is clipped to [-1, 1]."""
+        """The reward of a step, (B,). `error` is the error after the step, `action` is clipped to [-1, 1]."""
         size = _norms(error) / self.scale
         pay: Array = 1.0 / (1.0 + size * size)
         return pay - self.effort * (action * action).mean(axis=-1) if self.effort else pay
 
     def reached(self, error: Array, k: NDArray[np.int64], q: Array, v: Array) -> NDArray[np.bool_]:
-        """Whether a run is done, (B,); by default never."""
+        """Whether a run has reached its goal, (B,). The base class always returns False."""
         return np.zeros(len(q), dtype=np.bool_)
 
     def points(self, k: NDArray[np.int64], q: Array, goal: Array) -> Array:
-        """Where a picture shows targets, (B, points, 3), m, after `k` steps (B,): by default nowhere."""
+        """Positions at which a picture draws targets, (B, points, 3), m, after `k` steps (B,). The base class has no targets."""
         return np.zeros((len(q), 0, 3))
 
     def _around(self, spread: float) -> tuple[Array, Array]:
-        """The box of configurations within `spread` of the centre and within the limits: its lower corner and its size."""
+        """The box of configurations within `spread` of the centre and within the limits.
+
+        Return its lower corner and its size, (n,) each.
+        """
         low, high = np.maximum(self.centre - spread, self.q_limit[0]), np.minimum(self.centre + spread, self.q_limit[1])
         return low, np.maximum(low, high) - low
 
 
 def works_row_by_row(task: Task) -> bool:
-    """Whether error, reward and end are those of this file, which compute each row from this row alone."""
+    """Whether error, reward and end are methods of this file's tasks, which compute each row from that row alone."""
     own = type(task)
     known = {Task, Reach, Track}
     return all(any(getattr(own, name) is getattr(kind, name) for kind in known) for name in ("error", "reward", "reached"))
 
 
 def _within(box: tuple[Array, Array], rng: np.random.Generator) -> Array:
-    """A random configuration, with the bits of `rng.uniform` in a tenth of its time for a few joints."""
+    """A random configuration in `box`. It has the bits of `rng.uniform`, and takes a tenth of the time for a few joints."""
     low, span = box
     drawn: Array = low + span * rng.random(len(low))
     return drawn
 
 
 def _norms(rows: Array) -> Array:
-    """The norms of (B, m) rows, with the same bits as numpy. Adding columns takes a twentieth of the time of sums over short rows."""
+    """Norms (B,) of rows (B, m), with the bits of numpy. Adding whole columns takes a twentieth of the time of sums over short rows."""
     if rows.ndim != 2 or not 0 < rows.shape[1] < 8:
         return np.asarray(np.linalg.norm(rows, axis=-1), dtype=np.float64)
     first, *others = (rows * rows).T
@@ -116,17 +122,17 @@ def _norms(rows: Array) -> Array:
 
 @bordered
 class Reach(Task):
-    """Move to a target: the position of a frame at a random configuration, which is therefore reachable.
+    """A task of moving a frame to a target. The target is the frame's position at a random configuration, so it is reachable.
 
-    The error is `e = p_target - p`, m, in the chosen axes. The reward is that of `Task`.
+    The error is `e = p_target - p`, m, along the chosen axes. The reward is that of `Task`.
 
     Args:
         frame: the frame that moves to the target; None: `arm.tip_frame`.
-        axes: which of "xyz".
+        axes: the axes of the error, some of "xyz", world axes.
         reach: the configuration of the target is within `q0 +- reach`, rad or m.
-        within: done when the frame is this near, m, and all joints slower than `at_rest`; None: runs go on to their horizon.
-        at_rest: rad/s or m/s.
-        **common: `q0`, `spread`, `scale` (m), `effort`, of `Task`.
+        within: distance to the target, m, at which a run ends if all joints are slower than `at_rest`. None: a run ends at its horizon.
+        at_rest: largest joint velocity at which a run can end, rad/s or m/s.
+        **common: `q0`, `spread`, `scale` (m), `effort`, as for `Task`.
     """
 
     def __init__(
@@ -154,7 +160,8 @@ class Reach(Task):
         super().prepare(arm, q_limit, v_limit, period, steps)
         self.tip = str(arm.tip_frame if self.frame is None else self.frame)
         self.targets = self._around(self.spread_of_targets)
-        # Two places of the frame are at most the diameter of its workspace apart; random places show it to within half.
+        # Two positions of the frame differ at most by the diameter of the workspace. Random positions estimate the diameter; the factor 1.5
+        # is a margin.
         places = arm.position(np.random.default_rng(0).uniform(*q_limit, (200, arm.n)), self.tip)
         self.farthest = 1.5 * 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=-1).max())
 
@@ -166,7 +173,7 @@ class Reach(Task):
         if type(self).draw is not Reach.draw:
             return super()._draws(rngs)
         n, (low, span), (first, reach) = self.arm.n, self.starts, self.targets
-        # What each generator draws in two calls.
+        # These numbers equal those of two calls of `rng.random(n)` per generator.
         numbers = np.array([rng.random(2 * n) for rng in rngs])
         places = self.arm.position(first + reach * numbers[:, n:], self.tip)
         return low + span * numbers[:, :n], np.zeros((len(rngs), n)), places[:, self.rows]
@@ -179,7 +186,7 @@ class Reach(Task):
         return error
 
     def points(self, k: NDArray[np.int64], q: Array, goal: Array) -> Array:
-        # Along an axis that is free the target is where the frame is.
+        # Along axes that are not in the task, the target is drawn at the frame's position.
         targets = np.array(self.arm.position(q, self.tip))
         targets[..., self.rows] = goal
         return targets[:, None]
@@ -193,14 +200,14 @@ class Reach(Task):
 
 @bordered
 class Track(Task):
-    """Follow a motion of the joints, from near its start.
+    """A task of following a motion of the joints, beginning near the start of the motion.
 
-    The error is `e = [q_d - q, v_d - v]`, rad and rad/s (m and m/s for slides). The reward is that of `Task`. Its `scale` is one number for
-    positions and speeds: an error of `scale` rad counts as much as one of `scale` rad/s.
+    The error is `e = [q_d - q, v_d - v]`, rad and rad/s (m and m/s for prismatic joints). The reward is that of `Task`. Its `scale` is one
+    number for positions and speeds: an error of `scale` rad counts as much as an error of `scale` rad/s.
 
     Args:
-        motion: what to follow, such as `Sinusoid(..)`.
-        **common: `spread`, `scale` (rad or m), `effort`, of `Task`.
+        motion: the desired motion, such as `Sinusoid(..)`.
+        **common: `spread`, `scale` (rad or m), `effort`, as for `Task`.
     """
 
     def __init__(self, motion: Motion, **common: Any) -> None:
@@ -209,7 +216,7 @@ class Track(Task):
 
     def prepare(self, arm: Arm, q_limit: tuple[Array, Array], v_limit: Array, period: float, steps: int) -> None:
         samples = [self.motion(k * period) for k in range(steps + 1)]
-        # Rows are at different times: the motion is sampled once, at the times of the actions.
+        # Rows can be at different times. So the motion is sampled once, at the times of all actions.
         self.desired = np.array([np.concatenate([q, v]) for q, v, _ in samples])
         if self.desired.shape[-1] != 2 * arm.n:
             raise InputError(f"Track: motion has the wrong size: expected {arm.n} joints, got {self.desired.shape[-1] // 2}")

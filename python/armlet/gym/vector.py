@@ -1,4 +1,4 @@
-"""Many arms as one Gymnasium vector environment, stepped natively all at once."""
+"""Many arms as one Gymnasium vector environment. One call advances all of them."""
 
 from __future__ import annotations
 
@@ -29,20 +29,21 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 @bordered
 class ArmVectorEnv(VectorEnv[Array, Array, Array]):
-    """`num_envs` arms that are stepped at once. It replaces a `SyncVectorEnv` of that many `ArmEnv`, and is faster.
+    """`num_envs` arms that one call advances together. It replaces a `SyncVectorEnv` of `num_envs` `ArmEnv`s, and is faster.
 
-    One call advances all rows, by machine code for the plant, in lanes and threads.
+    armlet compiles machine code for the plant, which uses SIMD instructions and several threads.
 
     Args:
-        num_envs: how many.
+        num_envs: the number of arms.
         plant, task, tau_max, dt, period, horizon, q_limit, v_limit: as for `ArmEnv`.
-        autoreset_mode: that of Gymnasium. `AutoresetMode.NEXT_STEP` restarts an ended run in the next step. `SAME_STEP` restarts it at
-            once, with its last observation in `info["final_obs"]`. `DISABLED` leaves it to `reset(options={"reset_mask": mask})`.
+        autoreset_mode: a mode of Gymnasium. `AutoresetMode.NEXT_STEP` restarts an ended run in the next step. `SAME_STEP` restarts it in
+            the same step and returns its last observation in `info["final_obs"]`. With `DISABLED`, you restart it by
+            `reset(options={"reset_mask": mask})`.
         render_mode: "rgb_array": `render` returns a picture of each row; None: nothing is drawn.
 
     Raises:
         InputError: an argument or an action has a wrong type, shape or value.
-        gymnasium.error.ResetNeeded: a step before `reset`; with `DISABLED`, of a run that has ended.
+        gymnasium.error.ResetNeeded: `step` was called before `reset`, or, with `DISABLED`, for a run that has ended.
 
     >>> from armlet.gym import ArmVectorEnv
     >>> envs = ArmVectorEnv(64)
@@ -52,7 +53,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
     ((64, 6), (64,))
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012  # gymnasium's own
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012  # as in gymnasium
 
     def __init__(
         self,
@@ -78,7 +79,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
             raise InputError(f"ArmVectorEnv: autoreset_mode is unknown: expected one of {names}, got {shown(autoreset_mode)}") from None
         options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
         self.num_envs = int(num_envs)
-        self._rows = Rows(self.num_envs, plant, task, **options)  # type: ignore[arg-type]  # as declared above
+        self._rows = Rows(self.num_envs, plant, task, **options)  # type: ignore[arg-type]  # the types of the arguments above
         self.metadata = {**self.metadata, "render_fps": 1.0 / self._rows.period, "autoreset_mode": self._mode}
         self._viewer = viewer_for("ArmVectorEnv", render_mode, self.metadata["render_modes"], self._rows)
         self.render_mode = render_mode
@@ -90,7 +91,10 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         self._ready = False
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Restart, row i from `seed + i` or from `seed[i]`. With `options={"reset_mask": mask}`, only the rows of the mask restart."""
+        """Start new runs: row i from the seed `seed + i` or `seed[i]`.
+
+        With `options={"reset_mask": mask}`, only the rows of the mask restart.
+        """
         if seed is None or isinstance(seed, int):
             seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
         else:
@@ -109,8 +113,8 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         self._ready = True
         return self._rows.observe(), {}
 
-    def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:  # type: ignore[override]  # flags are no floats
-        """Hold the actions, (num_envs, n), for one period."""
+    def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:  # type: ignore[override]  # flags, not floats
+        """Hold the actions, (num_envs, n), for one period. Entries beyond +-1 are clipped to +-1."""
         if not self._ready:
             raise ResetNeeded("ArmVectorEnv.step: the runs have not begun: expected a call of reset before")
         again = self._ended.copy()
@@ -135,10 +139,10 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         return observations, rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A picture of each row, (480, 480, 3), as `ArmEnv.render` draws it; None without a `render_mode`.
+        """Return a picture of each row, (480, 480, 3), as in `ArmEnv.render`; None without a `render_mode`.
 
         Raises:
-            gymnasium.error.ResetNeeded: before `reset`.
+            gymnasium.error.ResetNeeded: `render` was called before `reset`.
         """
         if self._viewer is None:
             gymnasium.logger.warn("ArmVectorEnv.render: nothing is drawn without a render_mode: expected render_mode='rgb_array'")
@@ -148,7 +152,10 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
         return tuple(self._viewer.pixels(row) for row in range(self.num_envs))
 
     def _final(self, observations: Array, info: dict[str, Flags]) -> dict[str, Any]:
-        """The last observations of the runs that end now. The other values are those of the new runs."""
+        """The entries of `info` with the last observations and flags of the runs that end in this step.
+
+        The other entries are of the new runs.
+        """
         ended = self._ended
         last = np.full(self.num_envs, None, dtype=object)
         for row in np.flatnonzero(ended):

@@ -1,4 +1,7 @@
-"""Pictures of environments: the arm as lines between its joints, and a green ring at its target. Needs matplotlib (`armlet[plot]`)."""
+"""Pictures of environments: the arm as lines between its joints, and a green ring at its target.
+
+It requires matplotlib (`armlet[plot]`).
+"""
 
 from __future__ import annotations
 
@@ -19,13 +22,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Viewer", "viewer_for"]
 
-SIZE = 480  # pixels
-#: Random configurations within the limits whose points are in the picture.
+SIZE = 480  # width and height of a picture, pixels
+#: Number of random configurations within the limits. The picture is large enough for their points.
 SAMPLES = 200
 
 
 class Viewer:
-    """Draws rows of an environment."""
+    """Draw rows of an environment."""
 
     def __init__(self, caller: str, rows: Rows) -> None:
         require(caller)
@@ -35,14 +38,14 @@ class Viewer:
         self._due = 0.0
 
     def pixels(self, row: int) -> NDArray[np.uint8]:
-        """The picture of a row, (480, 480, 3)."""
+        """Return the picture of a row, (480, 480, 3)."""
         if self._picture is None:
             self._picture = self._new(None)
         self._draw(self._picture, row)
         return self._picture.pixels()
 
     def show(self) -> None:
-        """Draw the first row in a window, in real time. A backend of matplotlib without windows shows nothing."""
+        """Draw the first row in a window, in real time. Nothing is visible if matplotlib's backend has no windows."""
         from matplotlib import pyplot
 
         if self._picture is None or self._window is None:
@@ -77,12 +80,12 @@ class Viewer:
         picture.show(self._skeleton.lines(q), 0, f"t = {rows.k[row] * rows.period:.2f} s", targets)
 
     def __getstate__(self) -> dict[str, Any]:
-        # Windows and pictures stay where they are.
+        # A pickled viewer has no window and no picture.
         return self.__dict__ | {"_picture": None, "_window": None}
 
 
 def viewer_for(caller: str, mode: str | None, modes: list[str], rows: Rows) -> Viewer | None:
-    """The viewer for a render mode; None if nothing is drawn."""
+    """Return the viewer for a render mode; None if nothing is drawn."""
     if mode is None:
         return None
     if mode not in modes:

@@ -1,4 +1,4 @@
-"""Other libraries, imported on first use: arms from Pinocchio and MuJoCo, methods for scipy, systems of python-control."""
+"""Interfaces to other libraries, imported on first use: arms from Pinocchio and MuJoCo, methods for scipy, systems of python-control."""
 
 from .models import from_mujoco, from_pinocchio
 from .python_control import to_control

@@ -1,7 +1,7 @@
-"""Arms from models of other libraries, and a comparison with them: `from_pinocchio`, `from_mujoco`, `verify`.
+"""Arms from models of other libraries, and a comparison with these models: `from_pinocchio`, `from_mujoco`, `verify`.
 
-The other library is imported only with its model. Both libraries describe a tree of moving bodies. `arm.report` and the table of
-`verify` list the differences.
+The other library is imported only when its model is used. Both libraries describe a tree of moving bodies. `arm.report` lists the parts
+of the model that the arm lacks or has in another form. The table of `verify` lists numerical differences.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .verification import Verification, verify
 __all__ = ["Verification", "from_mujoco", "from_pinocchio", "verify"]
 
 _Array = NDArray[np.float64]
-#: Which joint another one follows, multiplier and offset: `q = multiplier q_leader + offset`.
+#: A mimic joint: index of its leader, multiplier and offset, with `q = multiplier q_leader + offset`.
 Mimic = tuple[int, float, float]
 
 
@@ -31,17 +31,17 @@ def _unit(function: str, axis: _Array, name: str) -> list[float]:
     length = float(np.linalg.norm(axis))
     if not (np.isfinite(length) and length > 0.0):
         raise InputError(f"{function}: model has a joint without an axis: expected a direction, got {axis} (joint {name})")
-    # A unit axis stays as it is: dividing would only add a rounding.
+    # An axis of norm one is not divided, because the division would add a rounding error.
     return [float(x) for x in (axis if abs(length - 1.0) < 1e-15 else axis / length)]
 
 
 def _stored(rotation: _Array, translation: _Array) -> list[list[float]]:
-    """Three columns of the rotation, then the translation, as in a pickled arm."""
+    """Three columns of the rotation, then the translation: the form of a placement in a pickled arm."""
     return [*np.asarray(rotation, dtype=float).T.tolist(), np.asarray(translation, dtype=float).tolist()]
 
 
 def _depth_first(parents: Sequence[int]) -> list[int]:
-    """An order in which parents come first and subtrees stay together, siblings in their order; -1 is the base."""
+    """A depth-first order of joints: parents come first, subtrees are contiguous, siblings keep their order. Parent -1 is the base."""
     children: dict[int, list[int]] = {}
     for i, parent in enumerate(parents):
         children.setdefault(parent, []).append(i)
@@ -54,8 +54,10 @@ def _depth_first(parents: Sequence[int]) -> list[int]:
 
 
 def _build(name: str, joints: list[dict[str, Any]], frames: list[dict[str, Any]], gravity: _Array, report: list[str]) -> Arm:
-    """An arm from joints in any order, and frames. The `parent` of a joint and the `body` of a frame are indices of joints; -1 is the
-    base."""
+    """Make an arm from joints in any order, and frames.
+
+    The `parent` of a joint and the `body` of a frame are indices of joints; -1 is the base.
+    """
     order = _depth_first([joint["parent"] for joint in joints])
     place = {old: new for new, old in enumerate(order)} | {-1: None}
     names = [joints[i]["name"] for i in order]
@@ -86,11 +88,11 @@ def _build(name: str, joints: list[dict[str, Any]], frames: list[dict[str, Any]]
 
 
 def _followed(mimic: Mimic | None, place: Mapping[int, int | None]) -> tuple[int, float, float] | None:
-    """The leader by its index in the arm, multiplier and offset."""
+    """The mimic joint's leader by its index in the arm, the multiplier and the offset; None for other joints."""
     if mimic is None:
         return None
     leader = place[mimic[0]]
-    assert leader is not None  # of joints alone
+    assert leader is not None  # the leader is a joint, never the base
     return leader, float(mimic[1]), float(mimic[2])
 
 
@@ -114,9 +116,9 @@ def _expect(model: Any, function: str, kind: str, attribute: str) -> None:
 def from_pinocchio(model: Any) -> Arm:
     """Make the arm of a `pinocchio.Model` with a fixed base: revolute, unbounded and prismatic joints, any axes, any tree.
 
-    The arm has joint and frame names, placements, inertias, limits, armature, damping, friction and gravity. The order of `q` is depth
-    first. On branched robots this differs from Pinocchio. Continuous joints have one coordinate here and two in Pinocchio.
-    A mimic joint (`buildModelFromUrdf(.., mimic=True)`) is one degree of freedom with its leader in both.
+    The arm has joint and frame names, placements, inertias, limits, armature, damping, friction and gravity. The entries of `q` are in
+    depth-first order, which differs from Pinocchio on branched robots. A continuous joint has one coordinate in armlet and two in
+    Pinocchio. A mimic joint (`buildModelFromUrdf(.., mimic=True)`) and its leader are one degree of freedom in both libraries.
 
     Args:
         model: a `pinocchio.Model`.
@@ -125,8 +127,7 @@ def from_pinocchio(model: Any) -> Arm:
         The arm, with the units of the model: m, kg, rad.
 
     Raises:
-        InputError: not a model, or a joint of another type (free flyer, spherical); the message names it.
-
+        InputError: `model` is not a model, or has a joint of another type (free flyer, spherical); the message names it.
     Source: docs/migration.md.
     """
     _expect(model, "from_pinocchio", "pinocchio.Model", "jointPlacements")
@@ -144,7 +145,7 @@ def from_pinocchio(model: Any) -> Arm:
         placement = model.jointPlacements[i] if within is None else model.jointPlacements[i] * within
         at, row = joint.idx_q, joint.idx_v
         if mimic is not None:
-            # The drive and the limits are those of the leader.
+            # A mimic joint has the drive and the limits of its leader.
             own = {"name": name, "type": "prismatic" if slide else "continuous", "parent": model.parents[i] - 1, "mimic": mimic}
             axis = _unit("from_pinocchio", subspace[:3] if slide else subspace[3:], name)
             pose, phi = (placement.rotation, placement.translation), model.inertias[i].toDynamicParameters()
@@ -168,7 +169,7 @@ def from_pinocchio(model: Any) -> Arm:
                 "friction": _row(model, ("upperDryFrictionLimit", "friction"), row),
             }
         )
-    # Bodies first: where a joint frame has a body's name, the body is meant.
+    # Frames of bodies come first, so that a body's frame is kept if a joint's frame has the same name.
     for frame in sorted(model.frames, key=lambda frame: "BODY" not in str(frame.type)):
         parent = frame.parentJoint if hasattr(frame, "parentJoint") else frame.parent
         frames.append({"name": frame.name, "body": parent - 1, "placement": (frame.placement.rotation, frame.placement.translation)})
@@ -182,36 +183,36 @@ def from_pinocchio(model: Any) -> Arm:
 
 
 def _motion(joint: Any) -> tuple[_Array, Any] | None:
-    """For a revolute or prismatic joint: `[v; w]` per unit rate, and the placement inside a composite joint; else None."""
+    """Motion of a revolute or prismatic joint: `[v; w]` per unit rate, and the placement inside a composite joint. Other joints: None."""
     if joint.nv != 1:
         return None
     data = joint.createData()
     joint.calc(data, np.array([1.0, 0.0]) if joint.nq == 2 else np.zeros(joint.nq))
     subspace = np.asarray(data.S, dtype=float).reshape(6)
     if np.any(subspace[:3] != 0.0) and np.any(subspace[3:] != 0.0):
-        return None  # a screw
+        return None  # a screw joint
     return subspace, data.M if "Composite" in joint.shortname() else None
 
 
 def _mimic(model: Any, i: int) -> Mimic:
-    """The joint that the mimic joint `i` follows."""
+    """The leader, multiplier and offset of the mimic joint `i`."""
     leader = dict(zip(model.mimicking_joints, model.mimicked_joints, strict=True))[i]
     of = model.joints[i].extract()
     return int(leader) - 1, float(of.scaling), float(of.offset)
 
 
 def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array, Any] | None:
-    """The result of `_motion` for a mimic joint, per unit rate of the mimic joint itself."""
+    """The result of `_motion` for a mimic joint, per unit rate of the mimic joint (not of its leader)."""
     if multiplier == 0.0:
-        return None  # it has no axis
+        return None  # the motion is zero, so the axis is unknown
     data = joint.createData()
-    # Its motion is that of the leader times the multiplier.
+    # The motion of a mimic joint per unit rate of its leader is multiplied by the multiplier.
     joint.calc(data, import_module("pinocchio").neutral(model))
     return np.asarray(data.S, dtype=float).reshape(6) / multiplier, None
 
 
 def _row(model: Any, names: tuple[str, ...], row: int) -> float:
-    """Entry `row` of the first of these vectors that the installed version has."""
+    """Entry `row` of the first vector in `names` that the installed version has; 0 if it has none."""
     for name in names:
         if hasattr(model, name):
             return float(getattr(model, name)[row])
@@ -219,7 +220,7 @@ def _row(model: Any, names: tuple[str, ...], row: int) -> float:
 
 
 def _bound(value: float, sign: float) -> float:
-    """A limit; the largest float means no limit."""
+    """A limit. Pinocchio's largest float means no limit, so it becomes infinity."""
     return sign * np.inf if not abs(value) < 1e300 else float(value)
 
 
@@ -229,20 +230,19 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
 
     The arm has joint and body names, placements, reference positions, inertias, position limits and gravity. It has the limits of the
     actuators' force on a joint, armature, damping (including that of actuators on the joint) and dry friction. Every body and every site
-    has a frame. `arm.report` lists the parts that are dropped. They are other effects of actuators, springs, tendons, other equality
-    constraints and gravity compensation. They are also fluid forces, nonlinear damping, and sites with the name of a body.
+    has a frame. `arm.report` lists the parts that are dropped. These are other effects of actuators, springs, tendons, other equality
+    constraints and gravity compensation. They also include fluid forces, nonlinear damping, and sites with the name of a body.
 
     Args:
         model: a `mujoco.MjModel`.
-        mimic: "joined" makes a joint one degree of freedom with the joint that an active, linear equality constraint ties it to.
-            "independent" keeps both joints and drops the constraint.
+        mimic: "joined": two joints that an active, linear equality constraint connects become one degree of freedom. "independent": both
+            joints stay independent, and the constraint is dropped.
 
     Returns:
         The arm, with the units of the model: m, kg, rad.
 
     Raises:
-        InputError: not a model, or a free or ball joint; the message names it.
-
+        InputError: `model` is not a model, or has a free or ball joint; the message names it.
     Source: docs/interop.md.
     """
     _expect(model, "from_mujoco", "mujoco.MjModel", "body_parentid")
@@ -250,11 +250,11 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
     followers = mujoco_model.followers(model) if mimic == "joined" else {}
     joints, frames, report = [], [], []
     armature, damping = mujoco_model.motors(model)
-    carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body: joint, rotation and origin in its frame
+    carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body: joint, and pose in its frame
     frames.append({"name": _name(model, "body", 0), "body": -1, "placement": (np.eye(3), np.zeros(3))})
     for body in range(1, model.nbody):
         parent, turn, at = carrier[model.body_parentid[body]]
-        # The body frame at its reference position, in the axes of the joint that carries it.
+        # Pose of the body frame at the reference position, in the axes of the joint that moves the body.
         at = at + turn @ model.body_pos[body]
         turn = turn @ _rotation(model.body_quat[body])
         first, count = model.body_jntadr[body], model.body_jntnum[body]
@@ -267,14 +267,14 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
                 )
             slide, axis, anchor = kind == 2, np.array(model.jnt_axis[j]), np.array(model.jnt_pos[j])
             dof, zero = model.jnt_dofadr[j], float(model.qpos0[model.jnt_qposadr[j]])
-            # q = qpos0 is the reference position: the joint frame is turned, or moved, back by it.
+            # MuJoCo's reference position is q = qpos0, armlet's is q = 0. So the joint frame is rotated or moved back by qpos0.
             origin, rotation = at + turn @ anchor, turn
             if slide:
                 origin = origin - turn @ axis * zero
             elif zero:
                 rotation = turn @ _about(axis, -zero)
             limited = bool(model.jnt_limited[j])
-            # Limits of the actuators' sum: the smaller one where they differ.
+            # Limits of the sum of the actuators' forces. If the two limits differ, the smaller one applies.
             forced = bool(model.jnt_actfrclimited[j])
             joints.append(
                 {
@@ -325,7 +325,7 @@ def _name(model: Any, kind: str, index: int) -> str:
 
 
 def _rotation(quaternion: _Array) -> _Array:
-    """`(w, x, y, z)` of any length but zero."""
+    """Rotation matrix (3, 3) of a quaternion `(w, x, y, z)` with any norm except zero."""
     w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
     return np.array(
         [
@@ -341,7 +341,7 @@ def _about(axis: _Array, angle: float) -> _Array:
 
 
 def _parameters(model: Any, body: int, turn: _Array, at: _Array) -> _Array:
-    """The ten parameters of a body in the frame of its joint."""
+    """The ten inertial parameters of a body in the frame of its joint."""
     mass = float(model.body_mass[body])
     axes = turn @ _rotation(model.body_iquat[body])
     com = at + turn @ model.body_ipos[body]

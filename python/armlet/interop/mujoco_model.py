@@ -1,4 +1,4 @@
-"""Quantities of a `mujoco.MjModel` from several of its fields: gravity, and the contributions of actuators to their joints."""
+"""Quantities of a `mujoco.MjModel` that depend on several of its fields: gravity, motors of joints, and constraints between joints."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ _Array = NDArray[np.float64]
 
 
 def gravity(model: Any) -> _Array:
-    """Gravity in the model's dynamics, (3,), m/s^2: zero if its flag disables it."""
-    # A model is given, so its library is there.
+    """Gravity of the model's dynamics, (3,), m/s^2. It is zero if the model's flag disables it."""
+    # The import succeeds, because the caller's model is an object of mujoco.
     disabled = int(import_module("mujoco").mjtDisableBit.mjDSBL_GRAVITY)
     return np.zeros(3) if model.opt.disableflags & disabled else np.array(model.opt.gravity, dtype=float)
 
 
 def motors(model: Any) -> tuple[_Array, _Array]:
-    """Armature and damping that actuators add to each joint, (njnt,) each: those of a motor times the gear squared."""
+    """Armature and damping that actuators add to each joint, (njnt,) each: the actuator's value times the gear ratio squared."""
     armature, damping = np.zeros((2, model.njnt))
     for k in range(model.nu):
-        # Transmissions to a joint, in its own or in its parent's axes, which for hinges and slides is one number.
+        # Types 0 and 1 are transmissions to a joint, in axes of the joint or of its parent. For hinges and slides both have one gear ratio.
         if int(model.actuator_trntype[k]) in (0, 1):
             joint, gear = model.actuator_trnid[k, 0], float(model.actuator_gear[k, 0])
-            # Attributes of actuators since MuJoCo 4.
+            # Actuators have these attributes since MuJoCo 4.
             if hasattr(model, "actuator_armature"):
                 armature[joint] += gear**2 * float(model.actuator_armature[k])
             if hasattr(model, "actuator_damping"):
@@ -34,10 +34,10 @@ def motors(model: Any) -> tuple[_Array, _Array]:
 
 
 def followers(model: Any) -> dict[int, tuple[int, float, float]]:
-    """Joints that follow another one, `q = multiplier q_leader + offset`: by index the leader's, multiplier and offset.
+    """Joints that follow a leader, `q = multiplier q_leader + offset`: for each index, the leader's index, multiplier and offset.
 
-    An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, with the references `y0` and `x0`; armlet keeps it
-    if it is active and linear. A joint follows the first joint that a constraint ties it to. Constraints that close a circle are dropped.
+    An equality constraint of joints is `y - y0 = a0 + a1 (x - x0) + a2 (x - x0)^2 + ..`, with references `y0` and `x0`. armlet uses it if
+    it is active and linear. If several constraints have one joint `y`, the first counts. Constraints that close a circle are dropped.
     """
     kind = int(import_module("mujoco").mjtEq.mjEQ_JOINT)
     found: dict[int, tuple[int, float, float]] = {}

@@ -1,14 +1,14 @@
-"""Arms and their loops as systems of python-control: nonlinear ones, and linear ones about a state.
+"""Arms and closed loops as systems of python-control: nonlinear systems, and linear systems about a state.
 
     rigid     x = [q, v]                    q' = v,  v' = M^-1 (u - C v - g)
     elastic   x = [q, v, theta, theta_dot]  v' = M^-1 (tau_J - C v - g),  B theta_ddot + F theta_dot + tau_J = u,
                                             tau_J = K (theta - q) + D (theta_dot - v)
     velocity  x = [q]                       q' = u
 
-In a loop `u = law(t, x) + d` with a disturbance `d`, and the state of an adaptive law, its estimate, comes last.
+In a closed loop, `u = law(t, x) + d` with a disturbance `d`. The state of the law, such as an adaptive estimate, is the last part of x.
 
-Linear about `(x0, u0)`: `dx' = A dx + B du`, `A` and `B` of the arm exact (Carpentier and Mansard 2018), those of the law by the five-point
-difference `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
+The linear system about `(x0, u0)` is `dx' = A dx + B du`. `A` and `B` of the arm are exact (Carpentier and Mansard 2018). Derivatives of
+the law are five-point differences `f' = (f(-2h) - 8 f(-h) + 8 f(h) - f(2h)) / (12 h)`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = ["to_control"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Of the five-point difference: its error h^4 and its rounding eps / h are both near 1e-12 there, of numbers of size 1.
+#: Step h of the five-point difference, for numbers of size 1. Its truncation error h^4 and its rounding error eps / h are both about 1e-12.
 STEP = 1e-3
 
 
@@ -40,18 +40,20 @@ STEP = 1e-3
 def to_control(
     plant: Plant | Arm, law: Law | None = None, x0: ArrayLike | None = None, *, t: float = 0.0, u0: ArrayLike | None = None
 ) -> Any:
-    """The arm, or the loop of an arm and a law, as a system of python-control (`armlet[control]`).
+    """Convert an arm, or the closed loop of an arm and a law, to a system of python-control (`armlet[control]`).
 
-    Inputs `tau1..` of an arm, N m or N (`u1..` of a velocity-controlled one, rad/s or m/s); of a loop, disturbances `d1..` added to them.
-    States by name (`q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`); outputs: the states, and in a loop the law's `tau1..`.
+    The inputs of an arm are `tau1..`, N m or N (`u1..` of a velocity-controlled arm, rad/s or m/s). The inputs of a loop are disturbances
+    `d1..`, which are added to these. The states are `q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`. The outputs are the states
+    and, of a loop, also the law's `tau1..`.
 
     Args:
         plant: the plant, without a wall; an arm means `RigidArm(arm)`.
         law: the law of the loop; None: only the arm.
-        x0: None for the nonlinear system, or the state of the linearisation. This is q, (n,), or all states. With q the arm is at rest, the
-            springs carry gravity, and the law has its first estimate. The states of the linear system are deviations from this state.
-        t: time of the law when linearised, s.
-        u0: input to linearise about, (n,); None: the input without acceleration (the linear loop has none).
+        x0: None: return the nonlinear system. Otherwise linearise about this state: q, (n,), or all states. With q alone, the arm is at
+            rest, the springs support gravity, and the law has its initial estimate. The states of the linear system are deviations from
+            this state.
+        t: time of the law for the linearisation, s.
+        u0: input about which an arm is linearised, (n,); None: the input with zero acceleration. With a law, the law determines it.
 
     Returns:
         A `control.NonlinearIOSystem`; with `x0` a `control.StateSpace`.
@@ -113,7 +115,7 @@ class _Loop:
         self.elastic, self.velocity = "theta" in parts, "v" not in parts
         if law is not None:
             try:
-                # What no loop takes is refused here in the loop's own words.
+                # `simulate` refuses combinations that no loop accepts, with its message.
                 simulate(plant, law, np.zeros(n), t_end=0.0, dt=1e-3, check_limits=False)
             except InputError as error:
                 raise InputError(f"to_control: {str(error).partition(': ')[2]}") from None
@@ -124,7 +126,7 @@ class _Loop:
         self.m = len(parts) * n
         self.p = 0
         if law is not None:
-            # Asked once: what the law refuses, and how many states it has.
+            # One evaluation raises the law's errors and gives its number of states.
             state, others = self._given(np.zeros(self.m))
             self.p = len(law.terms(0.0, *state, **others).get("estimate_rate", ()))
         self.states = [f"{part}{i + 1}" for part in parts for i in range(n)] + [f"estimate{i + 1}" for i in range(self.p)]
@@ -134,13 +136,13 @@ class _Loop:
         self.name = type(plant).__name__ if law is None else f"{type(law).__name__} on {type(plant).__name__}"
 
     def _given(self, x: Array) -> tuple[tuple[Array, Array], dict[str, Any]]:
-        """The state in the form of a law's arguments."""
+        """The positional and keyword arguments of a law for the state x."""
         n = self.n
         motors = {"theta": x[2 * n : 3 * n], "theta_dot": x[3 * n : 4 * n]} if self.elastic else {}
         return (x[:n], np.zeros(n) if self.velocity else x[n : 2 * n]), motors | ({"state": x[self.m :]} if self.p else {})
 
     def _law(self, t: float, x: Array) -> tuple[Array, Array]:
-        """The output of the law (the plant's input), and the derivative of the law's state."""
+        """The output of the law, which is the plant's input, and the rate of the law's state."""
         if self.law is None:
             return np.zeros(self.n), np.zeros(0)
         state, others = self._given(x)
@@ -164,7 +166,7 @@ class _Loop:
         return x if self.law is None else np.concatenate([x, self._law(t, x)[0]])
 
     def state(self, x0: ArrayLike) -> Array:
-        """All states: those of `q` at rest, or the argument if it has all states."""
+        """The whole state. If `x0` is only q, add velocities of zero, motor positions at equilibrium, and the law's initial estimate."""
         n = self.n
         given = finite("to_control", "x0", _core.numbers("to_control", "x0", x0, *dict.fromkeys([(n,), (self.m + self.p,)])))
         if len(given) == self.m + self.p:
@@ -195,7 +197,7 @@ class _Loop:
         return A, B, np.concatenate([np.eye(len(x)), slope[:n]]), np.zeros((len(x) + n, n))
 
     def _open(self, x: Array, u: Array) -> tuple[Array, Array]:
-        """A and B of the plant alone, (m, m) and (m, n)."""
+        """Matrices A, (m, m), and B, (m, n), of the plant alone."""
         n, one = self.n, np.eye(self.n)
         if self.velocity:
             return np.zeros((n, n)), one
@@ -204,7 +206,7 @@ class _Loop:
             return self._links(q, v, u)
         theta, theta_dot = x[2 * n : 3 * n], x[3 * n : 4 * n]
         links, push = self._links(q, v, self.K @ (theta - q) + self.D @ (theta_dot - v))
-        spring = np.concatenate([-self.K, -self.D, self.K, self.D], axis=1)  # tau_J by x
+        spring = np.concatenate([-self.K, -self.D, self.K, self.D], axis=1)  # derivative of tau_J with respect to x
         A, B = np.zeros((4 * n, 4 * n)), np.zeros((4 * n, n))
         A[: 2 * n, : 2 * n] = links
         A[: 2 * n] += push @ spring
@@ -215,10 +217,10 @@ class _Loop:
         return A, B
 
     def _links(self, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
-        """A and B of the rigid arm."""
+        """Matrices A, (2 n, 2 n), and B, (2 n, n), of the rigid arm."""
         if self.arm.frame_names:
             return self.arm.linearize(q, v, tau, friction=self.friction)
-        # An arm in closed form has no recursion to differentiate.
+        # A closed-form arm has no method `linearize`, so its derivatives are differences.
         slope = _slope(lambda x: self.arm.forward_dynamics(*np.split(x, 3)), np.concatenate([q, v, tau]))
         whole = np.concatenate([np.eye(self.n, 3 * self.n, self.n), slope])
         return whole[:, : 2 * self.n], whole[:, 2 * self.n :]
@@ -230,7 +232,7 @@ def _matrix(value: ArrayLike, n: int) -> Array:
 
 
 def _slope(f: Callable[[Array], Array], x: Array) -> Array:
-    """df/dx, one column per entry of x."""
+    """The derivative df/dx by five-point differences, one column per entry of x."""
     columns = []
     for i in range(len(x)):
         h = STEP * max(1.0, abs(float(x[i])))

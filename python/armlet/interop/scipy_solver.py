@@ -1,4 +1,4 @@
-"""armlet's adaptive methods under `scipy.integrate.solve_ivp`."""
+"""armlet's adaptive methods as solvers of `scipy.integrate.solve_ivp`."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from ..status import Status
 
 __all__ = ["scipy_method"]
 
-# The order of each method and that of its error.
+# For each method: its order, and the order of its error estimate.
 ADAPTIVE = {"dopri5": (5, 4), "dop853": (8, 7), "radau5": (5, 3), "rodas4": (4, 3)}
 IMPLICIT = ("radau5", "rodas4")
-# Options of scipy's own solvers that not every solver has.
+# Options that some of scipy's own solvers have.
 FOREIGN = ("jac", "jac_sparsity", "lband", "uband", "min_step")
 LEAST_RTOL = 100 * np.finfo(np.float64).eps
 
 
 @border
 def scipy_method(name: str) -> Any:
-    """Return a class for `solve_ivp(method=...)` with armlet's steps, polynomials and Jacobians in scipy's loop.
+    """Return a class for `solve_ivp(method=...)`. It uses armlet's steps, interpolation polynomials and Jacobians in scipy's loop.
 
     Args:
         name: "dopri5", "dop853", "radau5" or "rodas4".
 
     Returns:
-        A subclass of `scipy.integrate.OdeSolver`. It takes the arguments of scipy's own solvers: rtol and atol (numbers or (n,)), max_step,
-        first_step and vectorized. "radau5" and "rodas4" also take jac (a matrix, a sparse one, or a callable) and jac_sparsity. The bound
-        of time may be infinite. It counts as scipy does: nfev without the evaluations for differences, njev without constant Jacobians.
-        Options of other solvers raise scipy's UserWarning, and unknown ones InputError. Complex states raise ValueError. Other errors of
-        the class are InputErrors.
+        A subclass of `scipy.integrate.OdeSolver`. It accepts the arguments of scipy's own solvers: rtol and atol (numbers or (n,)),
+        max_step, first_step and vectorized. "radau5" and "rodas4" also accept jac (a matrix, a sparse matrix, or a callable) and
+        jac_sparsity. The bound of time may be infinite. The counters follow scipy: nfev does not count evaluations for differences, njev
+        does not count constant Jacobians. Options of scipy's other solvers raise scipy's UserWarning, and unknown options raise InputError.
+        Complex states raise ValueError. Other errors of the class are InputErrors.
 
     Raises:
         InputError: the name is unknown.
@@ -59,7 +59,7 @@ def scipy_method(name: str) -> Any:
 
 
 def _others(name: str, options: dict[str, Any]) -> None:
-    """Warn of options that only other solvers have, as scipy does, and refuse options that no solver has."""
+    """Warn of options that only other solvers have, with scipy's warning. Refuse options that no solver has."""
     unknown = [key for key in options if key not in FOREIGN]
     if unknown:
         known = "rtol, atol, max_step, first_step, vectorized, jac, jac_sparsity"
@@ -70,11 +70,11 @@ def _others(name: str, options: dict[str, Any]) -> None:
 
 
 def _relative(rtol: Any) -> Any:
-    """rtol, raised to the least that double precision holds, with a warning, as scipy does."""
+    """Return rtol, raised to 100 eps where it is smaller. Then warn with scipy's text."""
     try:
         small = np.any(np.less(rtol, LEAST_RTOL))
     except (TypeError, ValueError):
-        return rtol  # not numbers: refused by name further on
+        return rtol  # not numbers; the core refuses them
     if not small:
         return rtol
     warnings.warn(f"At least one element of `rtol` is too small. Setting `rtol = np.maximum(rtol, {LEAST_RTOL})`.", stacklevel=4)
@@ -87,13 +87,13 @@ def _scipy() -> Any:
 
 @cache
 def _polynomial() -> Any:
-    """The class of dense outputs, which requires scipy."""
+    """The class of dense outputs. It is defined here because it requires scipy."""
 
     class Polynomial(_scipy().DenseOutput):  # type: ignore[misc]
-        """The polynomial of one step, by its values at the Chebyshev points.
+        """The polynomial of one step, given by its values at the Chebyshev points.
 
-        Beyond the step it is extrapolated, as scipy's polynomials are, by its Chebyshev series without coefficients of the size of rounding
-        errors.
+        Beyond the step it is extrapolated, as scipy's polynomials are. The extrapolation is its Chebyshev series without the coefficients
+        that are as small as rounding errors.
         """
 
         def __init__(self, t_old: float, t: float, nodes: NDArray[np.float64]) -> None:
@@ -115,11 +115,11 @@ def _polynomial() -> Any:
             return y[0] if t.ndim == 0 else y.T
 
         def _series(self) -> NDArray[np.float64]:
-            """The coefficients of the Chebyshev polynomials on the step, (degree + 1, n)."""
+            """Coefficients of the Chebyshev series on the step, (degree + 1, n)."""
             degree = len(self._nodes) - 1
             x = -np.cos(np.pi * np.arange(degree + 1) / degree)
             series = np.linalg.solve(np.polynomial.chebyshev.chebvander(x, degree), self._nodes)
-            # Rounding errors of the values, and of the times times the slope; solving adds as much again.
+            # Sum of two rounding errors: of the values, and of the times multiplied by the slope. Solving doubles this sum.
             shift = max(abs(self.t_old), abs(self.t)) / abs(self.t - self.t_old)
             noise = 4.0 * np.finfo(np.float64).eps * (np.abs(self._nodes).max(axis=0) + shift * np.ptp(self._nodes, axis=0))
             return np.where(np.abs(series) > noise, series, 0.0)

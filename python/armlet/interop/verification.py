@@ -1,4 +1,4 @@
-"""`verify`: compare an arm with a model of another library, quantity by quantity at random states, with joints matched by name."""
+"""`verify`: compare the quantities of an arm and of a model of another library at random states. Joints are matched by name."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: the largest difference relative to the largest entry, over all states."""
+    """One line of the table: the largest difference over all states, relative to the largest entry of the quantity."""
 
     quantity: str
     difference: float
-    #: Where it is largest: a joint, a frame.
+    #: Joint or frame with the largest difference.
     where: str
-    #: The explanation, or the compared quantity.
+    #: Explanation, or the quantity that is compared instead.
     remark: str
     agrees: bool
 
@@ -36,7 +36,7 @@ class Row:
 @sealed
 @dataclass(frozen=True)
 class Verification:
-    """The differences between an arm and a model of another library. `str()` is a table; true where all numbers agree."""
+    """The differences between an arm and a model of another library. `str()` is a table. It is true if all numbers agree."""
 
     rows: tuple[Row, ...]
     #: Differences of convention, which are not errors.
@@ -60,7 +60,7 @@ class Verification:
 
 
 class Peer(Protocol):
-    """A model of another library, in armlet's order of joints and in armlet's conventions."""
+    """A model of another library. Its results have armlet's order of joints and armlet's conventions."""
 
     n: int
     conventions: list[str]
@@ -93,7 +93,7 @@ class _Pinocchio:
     def __init__(self, arm: Arm, model: Any) -> None:
         self.pin, self.model, self.data = import_module("pinocchio"), model, model.createData()
         joints = {model.names[i]: model.joints[i] for i in range(1, model.njoints) if model.joints[i].nv == 1}
-        # A model with mimic joints has one degree of freedom per leader, as the arm has; else the arm's joints are its own.
+        # A model with mimic joints has one degree of freedom per leader, as the arm has. Otherwise its joints are those of the robot file.
         self.mimics = any("Mimic" in joint.shortname() for joint in model.joints)
         names = arm.joint_names if self.mimics else arm.file_joint_names
         _match(names, joints, "pinocchio")
@@ -112,7 +112,7 @@ class _Pinocchio:
             self.conventions.append("the model's rnea and aba ignore its damping: compared without friction")
 
     def frames(self) -> list[str]:
-        # A name of two frames, a joint's and a body's, means the body's.
+        # A joint and a body may have frames with one name. Then the name means the body's frame, so frames of joints are not listed.
         kinds = self.pin.FrameType
         return [frame.name for frame in self.model.frames if frame.type in (kinds.BODY, kinds.OP_FRAME)]
 
@@ -138,9 +138,9 @@ class _Pinocchio:
 
     def jacobian(self, frame: str) -> _Array:
         if self.model.nv == 0:
-            return np.zeros((6, 0))  # asked for it, the library would crash
+            return np.zeros((6, 0))  # Pinocchio would crash here
         axes = self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        # A model of one joint returns vectors where others return matrices.
+        # If the model has one joint, Pinocchio returns a vector instead of a matrix.
         full = self.pin.getFrameJacobian(self.model, self.data, self._frame(frame), axes)
         return _array(full).reshape(6, self.model.nv)[:, self.rows]
 
@@ -151,7 +151,7 @@ class _Pinocchio:
 
     def coriolis_matrix(self) -> _Array | None:
         if self.mimics:
-            return None  # Pinocchio 4.1 does not project it: C v is not the bias of its own rnea
+            return None  # Pinocchio 4.1 does not project it: its C v differs from the bias of its rnea
         full = self.pin.computeCoriolisMatrix(self.model, self.data, self.q, self.v)
         return _array(np.array(full)[np.ix_(self.rows, self.rows)])
 
@@ -159,7 +159,7 @@ class _Pinocchio:
         return _array(np.array(self.pin.rnea(self.model, self.data, self.q, self._full(v), self._full(a)))[self.rows])
 
     def forward_dynamics(self, tau: _Array) -> _Array:
-        # With joints held the free rows alone are solved for, which aba cannot. It refuses mimic joints.
+        # aba cannot fix joints and refuses mimic joints. In these cases the equations of the free joints are solved.
         if len(self.rows) == self.model.nv and not self.mimics:
             return _array(np.array(self.pin.aba(self.model, self.data, self.q, self.v, self._full(tau)))[self.rows])
         rest = tau - self.inverse_dynamics(self.v[self.rows], np.zeros(self.n))
@@ -225,7 +225,7 @@ class _MuJoCo:
         self.data.qacc[self.rows] = a
         result = np.zeros(self.model.nv)
         self.mj.mj_rne(self.model, self.data, 1, result)
-        # mj_rne leaves out the armature.
+        # mj_rne does not include the armature.
         return _array(result[self.rows] + self.armature * a)
 
     def forward_dynamics(self, tau: _Array) -> _Array:
@@ -234,7 +234,7 @@ class _MuJoCo:
 
 
 class _Joined:
-    """A model whose joints include followers in the arm, `q_joints = G q + c`: `G' M G` and so on."""
+    """A model with independent joints that are mimic joints in the arm, `q_joints = G q + c`. Its quantities are projected, `G' M G`."""
 
     def __init__(self, arm: Arm, peer: Peer) -> None:
         self.peer, self.arm, self.n = peer, arm, arm.n
@@ -295,12 +295,12 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
     Args:
         arm: an arm of links.
         against: the model (keyword only).
-        samples, seed: number of random states, and their seed (keyword only).
-        rtol: largest difference that counts as agreement, relative to the largest entry of the quantity (keyword only).
-            Forward dynamics is compared through `M`, as a torque.
+        samples, seed: number of random states, and seed of their generator (keyword only).
+        rtol: largest difference that counts as agreement, relative to the largest entry of the quantity (keyword only). Accelerations of
+            forward dynamics are multiplied by `M` and compared as torques.
 
     Returns:
-        A `Verification`: true if all numbers agree, with `.rows` and `.conventions`. Its text is a table.
+        A `Verification`, true if all numbers agree, with `.rows` and `.conventions`. Its text is a table.
 
     Raises:
         InputError: `against` is of another type, or lacks a joint of the arm.
@@ -318,7 +318,7 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         size = max(float(np.abs(theirs).max(initial=0.0)), 1e-300) if scale is None else scale
         difference = float(np.abs(ours - theirs).max(initial=0.0)) / size
         if not where and ours.size:
-            # The joint of the worst entry; of a matrix, of the worst row.
+            # The joint of the entry with the largest difference; in a matrix, the joint of its row.
             where = arm.joint_names[int(np.abs(ours - theirs).reshape(arm.n, -1).max(axis=1).argmax())]
         if quantity not in worst or not difference <= worst[quantity][0]:
             worst[quantity] = (difference, where, remark)
@@ -328,7 +328,7 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         q, v, a = rng.uniform(-1.0, 1.0, (3, arm.n))
         peer.at(q, v)
         for frame in frames:
-            # Positions on the scale of metres: a frame at the base has none of its own.
+            # These differences are absolute (m), because a frame at the base has the position zero.
             compare("pose", arm.pose(q, frame), peer.pose(frame), frame, scale=1.0)
             compare("jacobian", arm.jacobian(q, frame), peer.jacobian(frame), frame, scale=1.0)
         mass = peer.mass_matrix()
@@ -350,7 +350,7 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
             apart = float(np.abs(ours - theirs).max(initial=0.0))
             if apart > 1e3 * rtol * size and not any("factorisation" in text for text in peer.conventions):
                 peer.conventions.append("the model's Coriolis matrix is another factorisation: C v and C + C' are compared")
-        # Massless bodies at the end of a chain: no torque there, or any acceleration.
+        # If massless bodies end the chain, the mass matrix is singular, and the acceleration for a torque is not unique.
         if arm.n and np.linalg.eigvalsh(mass)[0] <= arm.n * np.finfo(float).eps * np.abs(mass).max():
             singular = True
             continue

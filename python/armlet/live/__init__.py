@@ -1,5 +1,5 @@
-"""Pages in the browser that show arms (`armlet view`) and run loops by sliders and the mouse (`armlet lab`).
+"""Pages in the browser that show an arm (`armlet view`) and run closed loops with sliders and the mouse (`armlet lab`).
 
-`model.py` is the laboratory without a page: it receives the values of sliders, steps the native loop and returns poses. `lab.py` and
-`view.py` put it and an arm on a page; they need viser (`pip install 'armlet[live]'`), which `server.py` alone imports.
+`model.py` is the laboratory without a page: it receives values of sliders, steps the compiled loop and returns poses. `lab.py` and
+`view.py` make the pages. They need viser (`pip install 'armlet[live]'`), which only `server.py` imports.
 """

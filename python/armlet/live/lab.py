@@ -1,8 +1,8 @@
-"""`armlet lab`: the laboratory on a page. Buttons and handles write to the model, from any thread; one thread draws it.
+"""`armlet lab`: the laboratory on a page. Controls and handles write to the model from any thread, and one thread draws the model.
 
     controls -> Lab -> poses at 30 Hz, curves and text at 4 Hz
 
-Only that thread draws, so that no object is changed after it has left the page.
+Because only one thread draws, no object is changed after it was removed from the page.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from .words import Words
 
 __all__ = ["LabPage", "lab"]
 
-DRAW_EVERY, PLOT_EVERY, TEXT_EVERY = 2, 16, 16  # frames
-# The last seconds before now, and zero always in view, so that a curve at rest is not magnified to its rounding.
+DRAW_EVERY, PLOT_EVERY, TEXT_EVERY = 2, 16, 16  # periods, in frames, of drawing, curves and text
+# The charts show the last WINDOW seconds. Zero is always in view, so rounding errors of a constant curve are not magnified.
 SOFT = {"pad": 0.1, "soft": 1e-2, "mode": 1}
 SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": SOFT | {"soft": -1e-2}, "max": SOFT}}}
 AXES = ({"label": "t - now (s)", "size": 36, "labelSize": 18}, {"size": 56})
 
 
 def lab(urdf: Path | None, frame: str | None, host: str, port: int, packages: Sequence[Path] = ()) -> int:
-    """Serve the laboratory until Ctrl-C, with the robot of a file among its systems; the exit code."""
+    """Serve the laboratory until Ctrl-C and return the exit code. `urdf` adds the robot of a file to the systems."""
     if urdf is None:
         robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes", frame)
     else:
         robot = Robot(urdf, urdf.stem, frame, packages)
     systems = [AdaptivePR(), Priority(), Elastic(), MinimumTime(), Redundant(), Observer(), Stiction(), robot]
-    # Who brings a robot wants to see it.
+    # The user's robot is the first system.
     model = Lab(systems if urdf is None else [robot, *systems[:-1]])
     page = LabPage(open_server("lab", host, port), model)
     return serve(page.server, page.frame, FRAME)
 
 
 class LabPage:
-    """The page of a laboratory; `frame` is called repeatedly and draws everything."""
+    """The page of a laboratory. `frame` is called repeatedly, and only it draws."""
 
     def __init__(self, server: Server, model: Lab) -> None:
         self.server, self.model = server, model
@@ -62,7 +62,7 @@ class LabPage:
         speed = gui.add_slider("desired speed (s per s)", 0.05, 2.0, 0.05, 1.0)
         self._hand = gui.add_slider("hand: spring of the pull (N/m)", 5.0, 500.0, 5.0, 60.0)
 
-        # Only a wish: `frame` builds the page.
+        # The menu only stores the choice. `frame` builds the page.
         @menu.on_update  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
             self._asked = menu.value
@@ -94,7 +94,7 @@ class LabPage:
         self._build()
 
     def _build(self) -> None:
-        """The parts that belong to the chosen system."""
+        """Build the parts of the page for the chosen system."""
         system, gui = self.model.system, self.server.gui
         reach = max(float(np.linalg.norm(system.arm.position(system.q0, frame))) for frame in system.arm.frame_names)
         self.scene = ArmScene(self.server, system.shapes, system.rotation, max(reach, 0.05))
@@ -125,7 +125,7 @@ class LabPage:
         @handle.on_update  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
             value = handle.value
-            # A value that was on its way when the system changed belongs to nobody.
+            # A value from the page may arrive after the system has changed. Such a value is ignored.
             if control in self.model.system.controls:
                 powers = not isinstance(control, Choice) and control.powers
                 self.model.set(control.name, 10.0**value if powers else value)
@@ -133,8 +133,10 @@ class LabPage:
         return handle
 
     def _label(self, handle: Any, plot: Plot) -> None:
-        """Give a chart the title and the curves of `plot`, empty. Charts stay on the page, because the server may still send data to a
-        removed chart."""
+        """Set the title and the curves of `plot` for a chart, without points.
+
+        Charts are never removed, because the server may still send data to a removed chart.
+        """
         first = len(plot.curves) - plot.dashed
         series: list[dict[str, Any]] = [{"label": "t - now (s)"}]
         for k, name in enumerate(plot.curves):
@@ -147,7 +149,7 @@ class LabPage:
     def _pullable(self, frame: str, body: Any) -> None:
         turn, model = self.scene.rotation.T, self.model
 
-        # A coroutine, so that start, updates and end come in order.
+        # A coroutine, so that start, updates and end of a drag arrive in order.
         @body.on_drag  # type: ignore[untyped-decorator]
         async def _(event: Any) -> None:
             if event.phase == "start":
@@ -158,7 +160,7 @@ class LabPage:
                 model.pull(turn @ np.array(event.end_position), float(self._hand.value))
 
     def frame(self, seconds: float) -> None:
-        """Run the loop for `seconds` of the clock and draw its state."""
+        """Simulate `seconds` of the clock and draw the state."""
         if self._asked is not None and self._asked != self.model.system.title:
             self.model.choose(self._asked)
             self.scene.clear()
@@ -177,7 +179,7 @@ class LabPage:
                 scene.goal(model.system.desired(model.t, model.values, model.targets))
         if self._count % PLOT_EVERY == 0:
             for handle, (t, *curves) in zip(self.charts, model.panels(), strict=True):
-                # A reset may just have emptied them.
+                # A reset may have emptied the curves.
                 if len(t):
                     handle.data = (t - t[-1], *curves)
         if self._count % TEXT_EVERY == 0:
@@ -185,7 +187,7 @@ class LabPage:
         self._count += 1
 
     def summary(self) -> list[str | tuple[str, str]]:
-        """The status of the loop, in paragraphs."""
+        """The status of the loop as paragraphs of text."""
         model = self.model
         state = ("", "paused" if model.paused else "running") if model.status is al.Status.SUCCESS else (model.status.name, "")
         numbers = f", t = {model.t:.2f} s, real-time factor {model.real_time_factor:.2f}, pull {np.linalg.norm(model.force):.1f} N"
@@ -195,5 +197,5 @@ class LabPage:
 
 
 def shown(control: Control, value: float | str) -> Any:
-    """A value of a control in the form that its slider shows."""
+    """The value of a control in the form that its slider shows: the logarithm if the slider has powers of ten."""
     return round(math.log10(float(value)), 3) if not isinstance(control, Choice) and control.powers else value

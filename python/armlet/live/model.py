@@ -1,9 +1,9 @@
-"""The laboratory without a page: it turns values of sliders into poses and curves, by a native loop at 1 kHz.
+"""The laboratory without a page: it converts values of sliders to poses and curves, by a compiled loop at 1 kHz.
 
     x(t + 1 ms) = RK4(f(x; gains, targets, force))
 
-Any thread may move a slider; one thread calls `advance`. A loop that diverges is a state of the laboratory, not an error. It keeps its last
-finite state, shows a message, and waits for a reset.
+Any thread may set a slider; one thread calls `advance`. A loop that diverges is not an error. The laboratory then keeps the last finite
+state, shows a message, and waits for a reset.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from .systems.system import DT
 
 __all__ = ["Lab"]
 
-WINDOW = 8.0  # s of the curves
-FRAME = 0.016  # s between two frames, and between two points of the curves
-# A frame that comes late is made up for to this many steps; a machine that is slower than that falls behind the clock.
+WINDOW = 8.0  # length of the curves, s
+FRAME = 0.016  # time between two frames, and between two points of a curve, s
+# Largest number of steps in a frame that is late. On a slower machine, simulated time is slower than the clock.
 MOST_STEPS = 200
 
 
 def _point(given: ArrayLike) -> Array:
-    """A point of the page, (3,), m."""
+    """Check a point of the page, (3,), m."""
     return al._core.numbers("lab", "point", given, (3,))
 
 
@@ -41,13 +41,13 @@ class Lab:
     Attributes:
         systems: all systems, by title.
         system: the chosen system.
-        values: the positions of its controls, by name.
-        targets: the positions of its targets, by name, m, in the axes of the arm.
-        status: the status of the loop: `SUCCESS` as long as it runs.
+        values: the values of its controls, by name.
+        targets: the positions of its targets, by name, (3,), m, in the axes of the arm's base.
+        status: the status of the loop, `SUCCESS` while it runs.
         message: the explanation of the status, in one line.
-        paused: whether time is stopped.
-        speed: target for the seconds of the loop per second of the clock.
-        resets: number of resets; a page moves the handles of the targets back when it changes.
+        paused: whether the simulated time is paused.
+        speed: desired simulated seconds per second of the clock.
+        resets: the number of resets. When it changes, a page moves the handles of the targets back.
     """
 
     def __init__(self, systems: Sequence[System], *, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -58,7 +58,7 @@ class Lab:
         self.choose(next(iter(self.systems)))
 
     def choose(self, title: str) -> None:
-        """Change to another system, with the initial values of its controls."""
+        """Change to another system. Its controls have their initial values."""
         with self._lock:
             if title not in self.systems:
                 raise al.InputError(f"lab: system is unknown: expected one of {', '.join(self.systems)}, got {title}")
@@ -73,7 +73,7 @@ class Lab:
             self.targets = {name: point.copy() for name, point in self.system.targets.items()}
             self._state = self.system.start()
             self._sim: al.Simulator | None = None
-            self._since = 0.0  # when the present loop was started
+            self._since = 0.0  # time at which the present loop started, s
             self._grip: tuple[str, Array, Array, float] | None = None
             self.status, self.message = al.Status.SUCCESS, ""
             self.curves: deque[list[float]] = deque(maxlen=int(WINDOW / FRAME))
@@ -82,7 +82,7 @@ class Lab:
             self._changed = True
 
     def set(self, name: str, value: float | str) -> None:
-        """Set a control; the loop continues from its present state."""
+        """Set a control. The loop continues from its present state."""
         with self._lock:
             controls = {control.name: control for control in self.system.controls}
             if name not in controls:
@@ -91,8 +91,10 @@ class Lab:
             self._changed = True
 
     def drag(self, name: str, point: ArrayLike) -> None:
-        """Move a target, (3,), m, in the axes of the arm. A point that is not finite is ignored: a handle that is seen edge-on may return
-        one."""
+        """Move a target to `point`, (3,), m, in the axes of the arm's base.
+
+        A point that is not finite is ignored, because a handle seen from its edge may return such a point.
+        """
         with self._lock:
             moved = _point(point).copy()
             if name in self.targets and np.all(np.isfinite(moved)):
@@ -102,9 +104,9 @@ class Lab:
                 self._changed = True
 
     def grip(self, frame: str, point: ArrayLike) -> None:
-        """Take hold of the body at `frame` at `point`, (3,), m, in the axes of the arm's base."""
+        """Grip the body of `frame` at `point`, (3,), m, in the axes of the arm's base."""
         with self._lock:
-            # A hand may still hold what has just left the page.
+            # The mouse may still grip a body that was removed from the page.
             if frame not in self.system.arm.frame_names:
                 return
             pose, at = self.system.arm.pose(self._state.q, frame), _point(point)
@@ -113,7 +115,7 @@ class Lab:
                 self._grip = frame, held, at, 0.0
 
     def pull(self, point: ArrayLike, stiffness: float) -> None:
-        """Pull the held body towards `point`, (3,), m, by a spring of `stiffness` N/m."""
+        """Pull the gripped body towards `point`, (3,), m, by a spring of `stiffness` N/m."""
         with self._lock:
             to = _point(point)
             if self._grip is not None and np.all(np.isfinite(to)):
@@ -121,23 +123,26 @@ class Lab:
                 self._changed = True
 
     def release(self) -> None:
-        """Release the held body."""
+        """Release the gripped body."""
         with self._lock:
             self._grip = None
             self._changed = True
 
     @property
     def t(self) -> float:
-        """Time of the loop, s."""
+        """Simulated time, s."""
         return self._state.t
 
     @property
     def q(self) -> Array:
-        """Joint positions, (n,), the last ones that were finite."""
+        """Joint positions of the last finite state, (n,), rad or m."""
         return self._state.q
 
     def spring(self) -> tuple[Array, Array] | None:
-        """The ends of the mouse's spring, at the body and at the mouse: m, in the axes of the arm's base. None if no body is held."""
+        """The ends of the mouse's spring: at the body and at the mouse, (3,), m, in the axes of the arm's base.
+
+        None if no body is gripped.
+        """
         with self._lock:
             if self._grip is None:
                 return None
@@ -147,8 +152,10 @@ class Lab:
 
     @property
     def force(self) -> Array:
-        """The force of the mouse, (3,), N: a spring and a damper. The force is constant for one frame of T s, which acts like a damping of
-        -k T; the damper cancels it."""
+        """The force of the mouse, (3,), N: a spring of stiffness k and a damper.
+
+        The force is constant during a frame of T s, which has the effect of a damping -k T. The damper k T cancels this effect.
+        """
         with self._lock:
             ends = self.spring()
             if ends is None or self._grip is None:
@@ -168,7 +175,7 @@ class Lab:
         return Force(self._grip[0], np.concatenate([f, np.cross(lever, f)]))
 
     def advance(self, seconds: float = FRAME) -> int:
-        """Run the loop for `seconds` of the clock, at `speed`; returns the number of steps taken."""
+        """Simulate `seconds` of the clock, at the ratio `speed`. Return the number of steps."""
         with self._lock:
             self._paces.append((self._clock(), self._state.t))
             if self.paused or self.status is not al.Status.SUCCESS:
@@ -176,7 +183,7 @@ class Lab:
             self._owed = min(self._owed + self.speed * seconds / DT, float(MOST_STEPS))
             steps = int(self._owed)
             self._owed -= steps
-            # The pull depends on where the arm is: it is constant for a frame at most.
+            # The pull depends on the state of the arm, so it is updated in every frame.
             if self._changed or self._grip is not None or self.system.due(self._state, self.values, self.targets):
                 self._begin()
             sim = self._sim
@@ -198,7 +205,7 @@ class Lab:
             return steps
 
     def _begin(self) -> None:
-        """Start a loop from the state of the last one. After an error the last one continues, and the message has the reason."""
+        """Start a new loop from the present state. After an error the previous loop continues, and the message has the reason."""
         try:
             sim = self.system.loop(self.values, self.targets, self._wrench(), self._state)
         except al.ArmletError as error:
@@ -209,7 +216,7 @@ class Lab:
 
     @property
     def real_time_factor(self) -> float:
-        """The real-time factor: seconds of the loop per second of the clock, over about the last second."""
+        """Simulated seconds per second of the clock, over about the last second."""
         with self._lock:
             if len(self._paces) < 2:
                 return 0.0
@@ -217,7 +224,7 @@ class Lab:
             return (t1 - t0) / (clock1 - clock0) if clock1 > clock0 else 0.0
 
     def panels(self) -> list[tuple[Array, ...]]:
-        """For every plot of the system the times and the curves, each (points,)."""
+        """For every plot of the system: the times and the curves, (points,) each."""
         with self._lock:
             width = 1 + sum(len(plot.curves) for plot in self.system.plots)
             table = np.array(self.curves, dtype=np.float64).reshape(-1, width).T
@@ -228,7 +235,7 @@ class Lab:
             return found
 
     def poses(self) -> dict[str, Array]:
-        """The pose of every frame that is drawn, (4, 4), in the axes of the arm's base."""
+        """The pose of every drawn frame, (4, 4), in the axes of the arm's base."""
         with self._lock:
             q, arm = self._state.q, self.system.arm
             frames = dict.fromkeys([shape.frame for shape in self.system.shapes if shape.frame is not None])

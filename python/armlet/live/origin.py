@@ -1,9 +1,9 @@
-"""Access to the server of a page: the page itself and programs of the user have it, pages of other sites do not.
+"""Access to the server of a page: the page itself and the user's programs have access, pages of other sites do not.
 
     refused unless  Host names this machine  and  (no Origin, or Origin = http(s)://Host)
 
-A browser sends the origin of the page with every websocket, and any page may open one to this machine. Without the check a page of the
-web could read the robot and move the sliders. A name that a foreign DNS server maps to this machine does not count as its name.
+A browser sends the origin of the page when it opens a websocket. Any page may open a websocket to this machine. Without this check a page
+of another site could read the robot and move the sliders. A foreign DNS server may map its name to this machine; such a name is refused.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STRANGER = "http://stranger.invalid"
 
 
 def allowed(headers: Any, host: str) -> bool:
-    """Whether a request with these headers (`get_all(name)` gives a list) is one of a page of the server at `host`."""
+    """Whether the headers belong to a request of a page of the server at `host`. `headers.get_all(name)` returns a list."""
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) > 1:
         return False
@@ -48,7 +48,8 @@ def _is_address(name: str) -> bool:
 def own_pages_only(host: str) -> Iterator[None]:
     """Inside this context, a server that viser starts answers only `allowed` requests.
 
-    viser has no option for it. It starts its server by `websockets.asyncio.server.serve`, which has one, and which is replaced here.
+    viser has no option for this check. It starts its server by `websockets.asyncio.server.serve`, whose option is used here by replacing
+    that function.
     """
     module = importlib.import_module("websockets.asyncio.server")
     plain = module.serve
@@ -69,7 +70,7 @@ def own_pages_only(host: str) -> Iterator[None]:
 
 
 def refuses_strangers(host: str, port: int) -> bool:
-    """Request a websocket in the name of another site; return whether the server refuses it."""
+    """Request a websocket with the origin of another site. Return whether the server refuses it."""
     here = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}.get(host, host)
     lines = [f"Host: localhost:{port}", f"Origin: {STRANGER}", "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"]
     request = "\r\n".join(["GET / HTTP/1.1", *lines, "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", "", ""])

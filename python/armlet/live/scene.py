@@ -1,6 +1,7 @@
-"""An arm on the page: its shapes under one node per frame, handles to drag.
+"""An arm on the page: shapes attached to one node per frame, and handles to drag.
 
-All objects are under one node, which rotates the axes of the arm to those of the scene. So positions are in the axes of the arm.
+A root node rotates the axes of the arm's base to the axes of the scene, and all objects are attached to it. So positions are in the axes
+of the base.
 """
 
 from __future__ import annotations
@@ -19,21 +20,21 @@ from .shapes import Array, Shape
 __all__ = ["ArmScene"]
 
 GREEN, RED = (0, 158, 115), (213, 94, 0)
-# Each arm has nodes of its own names: a page that has not yet dropped a node would give its pose to the next one of the same name.
+# Each arm has nodes with new names. Otherwise a page that has not yet removed an old node would use its pose for a new node of that name.
 ROOTS = count()
 
 
 def mesh_of(shape: Shape) -> tuple[Any, Any]:
-    """Vertices (k, 3), m, and faces (f, 3) of a shape, in its own axes."""
+    """Vertices (k, 3), m, and faces (f, 3) of a shape, in the shape's axes."""
     trimesh = importlib.import_module("trimesh")
     made = trimesh.creation
     if shape.kind == "mesh":
         try:
             body = trimesh.load(shape.path, force="mesh")
             vertices, faces = body.vertices * np.array(shape.size), body.faces
-        except Exception:  # whatever a broken file makes its reader raise
+        except Exception:  # the errors of a reader of damaged files are unknown
             faces = ()
-        # A ball marks a link that cannot be drawn.
+        # A sphere marks a link whose mesh cannot be drawn.
         return (vertices, faces) if len(faces) else mesh_of(Shape(shape.frame, "sphere", (0.02,)))
     if shape.kind == "box":
         body = made.box(extents=shape.size)
@@ -42,13 +43,13 @@ def mesh_of(shape: Shape) -> tuple[Any, Any]:
     else:
         maker = made.cylinder if shape.kind == "cylinder" else made.capsule
         body = maker(radius=shape.size[0], height=shape.size[1])
-    # A capsule is made from its lower centre; here it is centred.
+    # trimesh places the origin of a capsule at its lower centre. Here it is moved to the middle.
     middle = 0.5 * (body.vertices.max(axis=0) + body.vertices.min(axis=0))
     return body.vertices - middle, body.faces
 
 
 class ArmScene:
-    """The drawing of one arm; `bodies` are its moving shapes, with the frames they are fixed to."""
+    """The drawing of one arm. `bodies` are its moving shapes with the names of their frames."""
 
     def __init__(self, server: Server, shapes: list[Shape], rotation: Array, reach: float) -> None:
         self.server, self.rotation, self.reach = server, rotation, reach
@@ -56,7 +57,7 @@ class ArmScene:
         self.bodies: list[tuple[str, Any]] = []
         scene = server.scene
         scene.set_up_direction("+z")
-        # Machines without a graphics card show pages too, and shadows cost them most.
+        # Shadows take the most time on a machine without a graphics card.
         scene.configure_default_lights(cast_shadow=False)
         scene.add_grid("/grid", 6.0 * reach, 6.0 * reach, cell_size=0.25 * reach, section_size=reach)
         self.root = f"/arm{next(ROOTS)}"
@@ -72,7 +73,7 @@ class ArmScene:
         if shape.frame is not None:
             if shape.frame not in self.frames:
                 sizes = {"axes_length": 0.12 * self.reach, "axes_radius": 0.004 * self.reach}
-                # Numbered: a link may be called a/b, which would be a child of a.
+                # Numbers name the nodes, because a link may be called a/b, which would be a child of the node a.
                 self.frames[shape.frame] = scene.add_frame(f"{self.root}/frame{len(self.frames)}", show_axes=False, **sizes)
             parent = self.frames[shape.frame].name
         vertices, faces = mesh_of(shape)
@@ -88,19 +89,19 @@ class ArmScene:
             client.camera.position, client.camera.look_at = eye, at
 
     def place(self, poses: Mapping[str, Array]) -> None:
-        """Move the arm: the pose of each of its frames, (4, 4), in the axes of its base."""
+        """Move the arm. `poses` has the pose of each frame, (4, 4), in the axes of the arm's base."""
         for frame, pose in poses.items():
             self.frames[frame].position = pose[:3, 3]
             self.frames[frame].wxyz = rotations.of_matrix(pose[:3, :3])
 
     def goal(self, point: Array | None) -> None:
-        """Show the target of the tip, (3,), m; None hides it."""
+        """Show the desired position of the tip, (3,), m; None hides it."""
         self._goal.visible = point is not None
         if point is not None:
             self._goal.position = point
 
     def handle(self, name: str, point: Array, planar: bool, moved: Callable[[Array], None]) -> Any:
-        """A handle that the mouse drags; `moved` gets its new position, (3,), m, in the axes of the arm."""
+        """Add a handle that the mouse can drag. `moved` is called with its new position, (3,), m, in the axes of the arm's base."""
         gizmo = self.server.scene.add_transform_controls(
             f"{self.root}/target {name}",
             scale=0.3 * self.reach,
@@ -112,7 +113,7 @@ class ArmScene:
         self.server.scene.add_icosphere(f"{self.root}/target {name}/ball", radius=0.02 * self.reach, color=RED)
         self.server.scene.add_label(f"{self.root}/target {name}/label", name, position=(0.0, 0.05 * self.reach, 0.0))
 
-        # A coroutine, so that the positions of one drag come in order.
+        # A coroutine, so that the positions of a drag arrive in order.
         @gizmo.on_update  # type: ignore[untyped-decorator]
         async def _(event: Any) -> None:
             moved(np.array(event.target.position))
@@ -120,5 +121,5 @@ class ArmScene:
         return gizmo
 
     def clear(self) -> None:
-        """Remove everything from the page."""
+        """Remove all objects from the page."""
         self.server.scene.reset()

@@ -1,4 +1,4 @@
-"""The server behind a page: viser, which is imported only here and on first use. By default it listens on the local address."""
+"""The server of a page. It imports viser on first use. By default it listens only on the local address."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ __all__ = ["Server", "address", "close_server", "load_viser", "open_server", "se
 
 Server: TypeAlias = Any  # viser.ViserServer
 
-LATE = 0.1  # s, the most that one frame may be asked to make up for
+LATE = 0.1  # largest time that one frame may simulate after a delay, s
 
 
 def load_viser(command: str) -> Any:
-    """The module viser.
+    """Import and return the module viser.
 
     Raises:
-        ImportError: it is not installed; the message has the install command.
+        ImportError: viser is not installed; the message has the install command.
     """
     return extra(command, "viser", "armlet[live]")
 
 
 def open_server(command: str, host: str, port: int) -> Server:
-    """A server that listens at `host` and `port`; port 0 takes any free one.
+    """Return a server that listens at `host` and `port`. Port 0 selects any free port.
 
     Raises:
         ImportError: viser is not installed.
-        InputError: nothing can listen there.
+        InputError: the address or the port is not available.
     """
     viser = load_viser(command)
-    # viser would take the next free port: a page that is asked for at one address is not served at another.
+    # If the port is in use, viser would use the next one, and the page would not be at the requested address. So the port is tested first.
     try:
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -47,7 +47,7 @@ def open_server(command: str, host: str, port: int) -> Server:
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{command}: {host}:{port} cannot be listened at: {reason}") from None
-    # It greets and takes leave on stdout; armlet prints the address itself.
+    # viser prints messages at start and end. armlet prints the address instead.
     with contextlib.redirect_stdout(io.StringIO()), own_pages_only(host):
         server = viser.ViserServer(host=host, port=port, label=f"armlet {command}", verbose=False)
     if not refuses_strangers(host, server.get_port()):
@@ -58,13 +58,13 @@ def open_server(command: str, host: str, port: int) -> Server:
 
 
 def address(server: Server) -> str:
-    """Where a browser finds the page."""
+    """The address of the page for a browser."""
     host = server.get_host()
     return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
 
 
 def serve(server: Server, frame: Callable[[float], None], period: float) -> int:
-    """Print the address and call `frame` with the seconds since its last call, every `period` s, until Ctrl-C; the exit code."""
+    """Print the address, and call `frame` every `period` s with the seconds since its last call, until Ctrl-C. Return the exit code."""
     print(f"armlet: {address(server)} (Ctrl-C ends it)", flush=True)
     try:
         last = time.perf_counter()
@@ -80,6 +80,6 @@ def serve(server: Server, frame: Callable[[float], None], period: float) -> int:
 
 
 def close_server(server: Server) -> None:
-    """Stop a server without messages."""
+    """Stop a server and suppress its messages."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()

@@ -1,9 +1,9 @@
-"""The drawing of an arm: bodies fixed to its frames, from the file of the robot or as plain links.
+"""The drawing of an arm: shapes fixed to its frames, from the robot file or as plain links.
 
-    X_WS = X_WF X_FS,   X_WF = arm.pose(q, frame),  X_FS the shape's own
+    X_WS = X_WF X_FS,   X_WF = arm.pose(q, frame),  X_FS the pose of the shape in its frame
 
-A link whose geometry is in the file is drawn with it: boxes, cylinders, spheres, and meshes where their files are found. Any other link is
-a set of capsules from its frame to its child joints [URDF].
+A link whose geometry is in the file is drawn with this geometry: boxes, cylinders, spheres, and meshes whose files are found. Any other
+link is a set of capsules from its frame to its child joints [URDF].
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["BLUE", "GREY", "ORANGE", "Shape", "between", "planar_links"]
 Array: TypeAlias = NDArray[np.float64]
 Colour: TypeAlias = tuple[int, int, int]
 
-# Of Okabe and Ito, as in figures.
+# Colours of Okabe and Ito, as in figures.
 BLUE: Colour = (0, 114, 178)
 ORANGE: Colour = (230, 159, 0)
 GREY: Colour = (130, 134, 140)
@@ -30,10 +30,10 @@ GREY: Colour = (130, 134, 140)
 
 @dataclass(frozen=True)
 class Shape:
-    """A body fixed to `frame` (None: to the ground).
+    """A shape fixed to the frame `frame`, or to the ground if it is None.
 
-    `kind` and `size`, in m: "box" (x, y, z), "cylinder" (radius, length) along z, "sphere" (radius,). "capsule" (radius, length) is along
-    z and centred. "mesh" (scale x, y, z) with the file's `path`.
+    `size` depends on `kind`, in m. "box": (x, y, z). "cylinder": (radius, length) along z. "sphere": (radius,). "capsule": (radius, length)
+    along z, with the origin in the middle. "mesh": scale factors (x, y, z), and `path` is the file.
     """
 
     frame: str | None
@@ -45,14 +45,14 @@ class Shape:
 
 
 def between(frame: str | None, start: Iterable[float], end: Iterable[float], radius: float, colour: Colour = GREY) -> Shape:
-    """A capsule from `start` to `end`, both in `frame`, in m."""
+    """A capsule from `start` to `end`, (3,) each, m, both in `frame`."""
     a, b = np.array([*start], dtype=np.float64), np.array([*end], dtype=np.float64)
     length = float(np.linalg.norm(b - a))
     pose = np.eye(4)
     pose[:3, 3] = 0.5 * (a + b)
     if length > 0.0:
         z = (b - a) / length
-        # Any axis across z: the one of the smallest entry is never along it.
+        # x is perpendicular to z. The basis vector of the smallest entry of z is never parallel to z.
         x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
         x /= np.linalg.norm(x)
         pose[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
@@ -60,7 +60,7 @@ def between(frame: str | None, start: Iterable[float], end: Iterable[float], rad
 
 
 def planar_links(arm: al.Arm, lengths: Sequence[float], radius: float) -> list[Shape]:
-    """The links of `al.planar_arm`, whose frames are at the tips, and its pedestal."""
+    """Shapes of the links of `al.planar_arm`, whose frames are at the link tips, and of its base."""
     links = [
         between(frame, (-length, 0.0, 0.0), (0.0, 0.0, 0.0), radius, BLUE if i % 2 == 0 else ORANGE)
         for i, (frame, length) in enumerate(zip(arm.frame_names, lengths, strict=True))

@@ -1,9 +1,9 @@
-"""The shapes of a robot from its URDF: the geometry of the file, or capsules between joints where the file has none [URDF].
+"""The shapes of a robot from its URDF: the geometry of the file, or capsules between joints if a link has none [URDF].
 
     X_LS = (R(rpy), xyz) of <origin>, R = Rz(yaw) Ry(pitch) Rx(roll), in the frame of the link
 
-Errors in the geometry do not prevent the page: a shape that cannot be read is left out. A file names its meshes, and may come from an
-untrusted source. So only files inside the folder of the URDF, or of a package of the user, are opened, after links are resolved.
+A shape that cannot be read is not drawn; the page still opens. The file names its meshes, and may come from an untrusted source. So a mesh
+must be inside the folder of the URDF or of a package of the user, after symbolic links are resolved.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from .shapes import BLUE, ORANGE, Array, Colour, Shape, between
 
 __all__ = ["Looks", "find_mesh", "missing_line", "read_shapes"]
 
-# File types of trimesh; Collada has a separate reader.
+# File types that trimesh can read. Collada (.dae) requires the package `collada`.
 ENDINGS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", *([".dae"] if find_spec("collada") else []))
 
 
-# A mesh of more bytes is not opened.
+# Largest size of a mesh file, bytes.
 MOST_BYTES = 1 << 28
 DECLARATION = re.compile(r"<\?xml\s.*?\?>", re.DOTALL)
 
 
 class Looks(NamedTuple):
-    """The drawing of a robot, and the names of the missing meshes."""
+    """The shapes of a robot, and the names of the missing meshes."""
 
     shapes: list[Shape]
     missing: tuple[str, ...]
 
 
 def missing_line(missing: Sequence[str]) -> str:
-    """The note of a page about missing meshes, empty without one."""
+    """The note of a page about missing meshes; empty if none is missing."""
     if not missing:
         return ""
     first = missing[0] if len(missing[0]) <= 80 else f"{missing[0][:77]}..."
@@ -49,12 +49,12 @@ def missing_line(missing: Sequence[str]) -> str:
 
 
 def read_shapes(source: str | Path, arm: al.Arm, packages: Sequence[Path] = ()) -> Looks:
-    """The drawing at each frame of an arm from `al.load_urdf(source)`, with meshes of its folder and of `packages`."""
+    """Return the shapes at each frame of an arm from `al.load_urdf(source)`, with meshes of its folder and of `packages`."""
     text, folders = _text(source, packages)
     try:
-        # A text needs no declaration, and one after a comment is none to this parser.
+        # The XML declaration is removed: text needs none, and this parser refuses a declaration after a comment.
         robot = ElementTree.fromstring(DECLARATION.sub("", text, count=1))
-    except ElementTree.ParseError:  # the arm was read by another parser
+    except ElementTree.ParseError:  # `al.load_urdf` uses another parser
         return Looks([], ())
     missing: dict[str, None] = {}
     colours = {name: rgb for material in robot.findall("material") if (name := material.get("name")) and (rgb := _rgb(material))}
@@ -66,29 +66,29 @@ def read_shapes(source: str | Path, arm: al.Arm, packages: Sequence[Path] = ()) 
         name = link.get("name", "")
         if name not in frames:
             continue
-        # If no visual can be drawn, the collision shape often can: its meshes are simpler.
+        # If no visual can be drawn, the collision shape often can, because its meshes are simpler.
         for tag in ("visual", "collision"):
             seen = [shape for looks in link.findall(tag) if (shape := _visual(looks, name, folders, colours, missing))]
             if seen:
                 break
         shapes += seen
         plain += [] if seen else skeleton[name]
-    # A ball marks the end of a plain chain. Beside real geometry it would look like a part of the robot.
+    # Spheres mark the ends of a robot without geometry. With geometry, a sphere would look like a part of the robot.
     return Looks(shapes + [shape for shape in plain if not shapes or shape.kind == "capsule"], tuple(missing))
 
 
 def _text(source: str | Path, packages: Sequence[Path]) -> tuple[str, list[Path]]:
-    """The text of the URDF, and the folders that may have its meshes."""
-    if isinstance(source, str) and "<" in source:  # as `al.load_urdf` tells a text from a path
+    """The text of the URDF, and the folders in which its meshes may be."""
+    if isinstance(source, str) and "<" in source:  # the rule of `al.load_urdf` for texts
         return source, [*packages]
     path = Path(source)
     return path.read_text(encoding="utf-8-sig"), [path.resolve().parent, *packages]
 
 
 def _skeleton(robot: ElementTree.Element, arm: al.Arm) -> dict[str, list[Shape]]:
-    """For every link the capsules from its frame to its child joints."""
+    """For every link: capsules from its frame to its child joints, or a sphere if it has none."""
     joints = [(_name(joint, "parent"), _name(joint, "child"), _origin(joint)[:3, 3]) for joint in robot.findall("joint")]
-    # A tenth of the mean length, as the links of real arms are.
+    # The radius is about a tenth of the mean length, as for links of real arms.
     lengths = [float(np.linalg.norm(offset)) for _, _, offset in joints]
     long = [length for length in lengths if length > 0.0]
     radius = min(max(0.12 * sum(long) / len(long), 1e-3), 0.1) if long else 0.02
@@ -109,7 +109,7 @@ def _name(joint: ElementTree.Element, tag: str) -> str:
 def _visual(
     visual: ElementTree.Element, frame: str, folders: Sequence[Path], colours: dict[str, Colour], missing: dict[str, None]
 ) -> Shape | None:
-    """The shape of a <visual> or <collision>; None if it is unknown or its mesh is missing."""
+    """The shape of a <visual> or <collision> element; None if its kind is unknown or its mesh is missing."""
     geometry = visual.find("geometry/*")
     if geometry is None:
         return None
@@ -137,9 +137,9 @@ def _visual(
 
 
 def find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
-    """The file of a mesh: inside the first of `folders`, that of the URDF, or inside another; None where it is in none.
+    """Return the file of a mesh, or None if it is not found. It must be inside one of `folders`; the first is the folder of the URDF.
 
-    `package://name/rest` is `rest` in a folder called `name`, or `name/rest` or `rest` beside the URDF.
+    `package://name/rest` means `rest` in a folder called `name`, or `name/rest` or `rest` in the folder of the URDF.
     """
     scheme, separator, path = name.partition("://")
     if separator and scheme not in ("package", "model", "file"):
@@ -156,11 +156,11 @@ def find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
 
 
 def _inside(path: Path, roots: Sequence[Path]) -> Path | None:
-    """The target of `path`, links followed, if it is a mesh inside one of `roots`."""
+    """Return `path` with symbolic links resolved, if it is a mesh file inside one of `roots`; else None."""
     try:
         file = path.resolve(strict=True)
         known = file.suffix.lower() in ENDINGS and file.is_file() and file.stat().st_size <= MOST_BYTES
-    except (OSError, ValueError, RuntimeError):  # not there, NUL in its name, links in a circle
+    except (OSError, ValueError, RuntimeError):  # file missing, NUL in its name, circular links
         return None
     return file if known and any(file.is_relative_to(root) for root in roots) else None
 
@@ -191,7 +191,7 @@ def _rgb(material: ElementTree.Element) -> Colour | None:
 
 
 def _numbers(text: str | None, count: int) -> tuple[float, ...]:
-    """`count` finite numbers; () where the text has something else."""
+    """Return `count` finite numbers of a text; () if the text has other content."""
     try:
         numbers = tuple(float(part) for part in (text or "").split())
     except ValueError:

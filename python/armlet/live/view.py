@@ -2,7 +2,7 @@
 
     X_WF = arm.pose(q, frame) for every frame, q from the sliders
 
-A page is drawn only when something has moved.
+The page is drawn again only after a slider has moved.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from .words import Words
 
 __all__ = ["ViewPage", "roll_pitch_yaw", "view"]
 
-PERIOD = 0.033  # s
+PERIOD = 0.033  # time between two frames, s
 
 
 def view(urdf: Path, host: str, port: int, packages: Sequence[Path] = ()) -> int:
-    """Serve a robot until Ctrl-C, its meshes from its folder and those of `packages`; the exit code."""
+    """Serve a robot until Ctrl-C and return the exit code. Its meshes are in its folder or in `packages`."""
     arm = al.load_urdf(urdf)
     page = ViewPage(open_server("view", host, port), arm, urdf, urdf.name, packages)
     return serve(page.server, lambda _: page.frame(), PERIOD)
 
 
 def roll_pitch_yaw(R: Array) -> tuple[float, float, float]:
-    """The angles of `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad; where the pitch is a quarter turn the roll is zero."""
+    """The angles of `R = Rz(yaw) Ry(pitch) Rx(roll)`, rad. If the pitch is +-pi/2, the roll is set to zero."""
     cosine = float(np.hypot(R[0, 0], R[1, 0]))
     pitch = float(np.arctan2(-R[2, 0], cosine))
-    if cosine < 1e-9:  # the axes of roll and yaw are one: only their sum or difference counts
+    if cosine < 1e-9:  # the axes of roll and yaw are parallel
         return 0.0, pitch, float(np.arctan2(-R[0, 1], R[1, 1]))
     return float(np.arctan2(R[2, 1], R[2, 2])), pitch, float(np.arctan2(R[1, 0], R[0, 0]))
 
@@ -72,20 +72,20 @@ class ViewPage:
 
     def _slider(self, i: int) -> Any:
         low, high = float(self.arm.limits["q_min"][i]), float(self.arm.limits["q_max"][i])
-        # A joint without limits turns once around, or slides a metre.
+        # A joint without limits has the range +-pi rad or +-1 m.
         far = 1.0 if self.arm.joint_types[i] == "prismatic" else np.pi
         low, high = low if np.isfinite(low) else -far, high if np.isfinite(high) else far
-        # Limits may be one point.
+        # The lower and the upper limit may be equal.
         high = max(high, low + 1e-6)
         return self.server.gui.add_slider(self.arm.joint_names[i], low, high, (high - low) / 1000, float(self.start[i]))
 
     @property
     def q(self) -> Array:
-        """The positions of the sliders, (n,), rad or m."""
+        """Joint positions of the sliders, (n,), rad or m."""
         return np.array([slider.value for slider in self.sliders], dtype=np.float64)
 
     def frame(self) -> None:
-        """Draw the arm where the sliders are, if anything has moved."""
+        """Draw the arm at the positions of the sliders, if a control has changed."""
         now = (*self.q, self._axes.value, self._frame.value)
         if now == self._drawn:
             return

@@ -1,4 +1,4 @@
-"""Checks across the tables of a scenario: a law that follows a motion, and one that uses the joint stiffness of the plant."""
+"""Checks that involve several tables of a scenario: laws that need a motion, and laws that use the joint stiffness of the plant."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ RIGID = {"kind": "RigidArm"}
 
 
 def needs_of(law: Mapping[str, Any]) -> tuple[str, ...]:
-    """The other tables that a law requires, and those of its inner law."""
+    """Names of the tables that a law requires, including those that its inner law requires."""
     own = LAWS.kinds[law["kind"]].needs
     return (*own, *needs_of(law["law"])) if "law" in law else own
 
 
 def knowing(law: Mapping[str, Any], plant: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a law. Missing ones that the plant has come from the plant. The same applies to an inner law."""
+    """The values of a law. Values that the law lacks and the plant has are copied from the plant, also for an inner law."""
     keys = LAWS.kinds[law["kind"]].keys
     values = {key: value for key, value in law.items() if key != "kind"}
     values |= {ours: plant[theirs] for ours, theirs in KNOWN.items() if ours in keys and ours not in values}
@@ -30,7 +30,7 @@ def knowing(law: Mapping[str, Any], plant: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def across(data: Mapping[str, Any]) -> Iterator[str]:
-    """The problems of a scenario whose tables are valid one by one."""
+    """The problems between the tables of a scenario. Each single table is already valid."""
     law, plant, needs = data["law"], data.get("plant", RIGID), needs_of(data["law"])
     if "motion" in needs and "motion" not in data:
         yield f"$.motion: is missing: the law {_named(law)} follows one: expected a table with kind = one of {_kinds('motion')}"

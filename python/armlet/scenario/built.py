@@ -18,7 +18,7 @@ class Built(NamedTuple):
     Attributes:
         plant: the plant.
         law: the law.
-        arguments: keyword arguments of `simulate`, `q0` among them.
+        arguments: keyword arguments of `simulate`, including `q0`.
     """
 
     plant: _core.Plant
@@ -27,7 +27,7 @@ class Built(NamedTuple):
 
 
 def summary(built: Built, data: Mapping[str, Any]) -> str:
-    """Law, plant and time; the joints in the order of every list; the parts of the robot's file that the loop does not use."""
+    """A text with law, plant and duration, the names of the joints, and the parts of the robot file that the loop ignores."""
     arm, run = built.plant.arm, data["run"]
     length = f"{run['t_end']:g} s by {run.get('method', 'rk4')}"
     first = f"{type(built.law).__name__} on {type(built.plant).__name__}, {arm.n} joints, {length}"
@@ -40,8 +40,8 @@ def summary(built: Built, data: Mapping[str, Any]) -> str:
 
 
 def _has_friction(arm: Any) -> bool:
-    """Whether the joints have friction."""
+    """Whether a joint of the arm has friction."""
     if not arm.frame_names:
-        return False  # the closed-form arms have none
+        return False  # closed-form arms have no friction
     q, v, a = np.zeros(arm.n), np.ones(arm.n), np.zeros(arm.n)
     return bool(np.any(arm.inverse_dynamics(q, v, a, friction=True) != arm.inverse_dynamics(q, v, a)))

@@ -1,6 +1,6 @@
-"""Kinds of a scenario from the classes of the extension: the keys of a table are the parameters of a constructor.
+"""Kinds of tables from the classes of the extension: the keys of a table are the parameters of the constructor.
 
-A class needs no entry if each of its parameters has a field of the same name.
+A class needs no further declaration if each of its parameters has a field of the same name.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["classes_of", "derived"]
 
 
 def classes_of(base: type, listed: Container[str] = ()) -> list[type]:
-    """The classes of the extension below `base` that are not listed by name."""
+    """The classes of the extension that are derived from `base`, except those whose names are in `listed`."""
     below = [each for each in vars(_core).values() if isinstance(each, type) and issubclass(each, base)]
     return [each for each in below if each is not base and each.__name__ not in listed]
 
@@ -30,15 +30,15 @@ def derived(
     known: Container[str] = (),
     make: Callable[..., Any] | None = None,
 ) -> Kind:
-    """The kind of table that makes a class.
+    """Return the kind of table that describes the class `kind`.
 
     Args:
         kind: the class.
         fields: the field of each parameter, by name.
-        needs: other tables of the scenario; the constructor receives those that are among its parameters.
+        needs: names of other tables of the scenario. The constructor receives those that are among its parameters.
         required: keys that a table must have although the constructor has a default.
-        known: keys that a table may leave out although the constructor has none.
-        make: function that makes the object; the class if None.
+        known: keys that a table may omit although the constructor has no default.
+        make: function that makes the object; None: the class.
     """
     parameters = inspect.signature(kind).parameters
     taken = tuple(need for need in needs if need in parameters)

@@ -1,7 +1,7 @@
-"""The valid values of a key of a scenario. One object checks a value, and gives the same rule as JSON schema.
+"""The valid values of the keys of a scenario. A `Field` checks a value, and returns its rule as JSON schema.
 
-`check(value, path)` yields problems as `path: expected .., got ..`, and converts nothing. The constructors check shapes that depend on
-the arm. `Kind.build` adds the path to their messages.
+`check(value, path)` yields problems as `path: expected .., got ..`. It does not convert values. Constructors check the shapes that depend
+on the arm; `pathed` of `scenario.py` adds the path of the key to their messages.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Entries", "Field", "Flag", "Integer", "Items", "Keyed", "Kind", "Num
 
 
 def shown(value: object) -> str:
-    """The short text of a value in a message."""
+    """Return a short text of `value` for a message."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):
@@ -32,7 +32,7 @@ def _number(value: object) -> bool:
 
 
 def _float(value: Any) -> float:
-    """A number as a float; an integer beyond the range of floats is infinite."""
+    """Return a number as a float. An integer beyond the range of floats becomes infinite."""
     try:
         return float(value)
     except OverflowError:
@@ -40,20 +40,20 @@ def _float(value: Any) -> float:
 
 
 class Field:
-    """The valid values of a key."""
+    """Base class: the valid values of one key."""
 
     def check(self, value: object, path: str) -> Iterator[str]:
-        """Problems of `value`, each starting with the path of the fault."""
+        """Yield the problems of `value`. Each begins with the path of the problem."""
         raise NotImplementedError
 
     def schema(self) -> dict[str, Any]:
-        """The valid values as a JSON schema."""
+        """Return the valid values as a JSON schema."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Numbers(Field):
-    """A number, or a list of numbers down to `depth` levels; `low` bounds each from below, strictly where `strict`."""
+    """A number, or nested lists of numbers down to `depth` levels. `low` is the lower bound of each number; it is excluded if `strict`."""
 
     depth: int = 0
     scalar: bool = True
@@ -69,7 +69,7 @@ class Numbers(Field):
             if not value:
                 yield f"{path}: expected {self._expected()}, got an empty list"
             for i, item in enumerate(value):
-                # A list has numbers or rows. Its first entry decides which.
+                # A list contains only numbers or only rows, as its first entry does.
                 if level + 1 < self.depth and isinstance(item, list | tuple) is not isinstance(value[0], list | tuple):
                     yield f"{path}[{i}]: expected {'a row' if isinstance(value[0], list) else 'a number'} like [0], got {shown(item)}"
                 else:
@@ -78,7 +78,7 @@ class Numbers(Field):
             yield f"{path}: expected {self._expected() if level == 0 else 'a number'}, got {shown(value)}"
         else:
             number = _float(value)
-            # A matrix has entries of any sign. The constructor checks that it is positive definite.
+            # Entries of a matrix may have any sign. The constructor checks that the matrix is positive definite.
             below = level < 2 and (number < self.low or (self.strict and number <= self.low))
             if (self.finite and not math.isfinite(number)) or math.isnan(number):
                 yield f"{path}: expected a finite number, got {number}"
@@ -105,7 +105,7 @@ class Numbers(Field):
 
 @dataclass(frozen=True)
 class Integer(Field):
-    """An integer not below `low`."""
+    """An integer >= `low`."""
 
     low: int = 0
 
@@ -119,7 +119,7 @@ class Integer(Field):
 
 @dataclass(frozen=True)
 class Text(Field):
-    """A string, one of `choices` where there are any."""
+    """A string, or one of `choices` if there are any."""
 
     choices: tuple[str, ...] = ()
 
@@ -147,7 +147,7 @@ class Flag(Field):
 
 @dataclass(frozen=True)
 class FlagOrNames(Field):
-    """True or false, or some of `choices`, as a list."""
+    """True, false, or a list of some of `choices`."""
 
     choices: tuple[str, ...] = ()
 
@@ -174,7 +174,7 @@ class Names(Field):
 
 @dataclass(frozen=True)
 class Table(Field):
-    """A table with named keys, those of `required` among them."""
+    """A table with the keys `keys`. It must have those in `required`."""
 
     keys: Mapping[str, Field]
     required: tuple[str, ...] = ()
@@ -204,9 +204,9 @@ class Table(Field):
 
 @dataclass(frozen=True)
 class Kind(Table):
-    """A table that makes one object: `make(**values)`, which a table of kinds picks by its key `kind`.
+    """A table that describes one object, which `make(**values)` makes. The key `kind` of a table selects the `Kind`.
 
-    `needs` are the other tables of the scenario that go into it, as arguments of the same name.
+    `needs` are names of other tables of the scenario, whose objects are further arguments of `make`.
     """
 
     make: Callable[..., Any] = dict
@@ -215,12 +215,12 @@ class Kind(Table):
 
 @dataclass(frozen=True)
 class OneOf(Field):
-    """A table whose keys depend on its `kind`."""
+    """A table whose other keys depend on its key `kind`."""
 
     kinds: Mapping[str, Kind]
 
     def make(self, table: Mapping[str, Any], **others: Any) -> Any:
-        """The object of the table, made with the required ones of `others`."""
+        """Make the object of a table. `others` has the objects of other tables, of which the kind's `needs` are used."""
         name = table["kind"]
         kind = self.kinds[name]
         if missing := [need for need in kind.needs if need not in others]:
@@ -253,7 +253,7 @@ class OneOf(Field):
 
 @dataclass(frozen=True)
 class Items(Field):
-    """A list of tables, all with the keys of `form`."""
+    """A list of at least `low` tables, each of the form `item`."""
 
     item: Field
     low: int = 1
@@ -271,7 +271,7 @@ class Items(Field):
 
 @dataclass(frozen=True)
 class Keyed(Field):
-    """A table with any keys; all values have the same form."""
+    """A table with arbitrary keys, whose values all have the form `item`."""
 
     item: Field
 
@@ -288,7 +288,7 @@ class Keyed(Field):
 
 @dataclass(frozen=True)
 class Values(Field):
-    """A list of values of any kind."""
+    """A list of arbitrary values."""
 
     def check(self, value: object, path: str) -> Iterator[str]:
         if not isinstance(value, list | tuple) or not value:
@@ -300,7 +300,7 @@ class Values(Field):
 
 @dataclass(frozen=True)
 class Entries(Field):
-    """One of several forms, selected by the type of the value: `forms` maps "table", "tables" or "plain" to each."""
+    """A value in one of several forms. Its type selects the form: `forms` has the keys "table", "tables" (a list of tables) and "plain"."""
 
     forms: Mapping[str, Field] = field(default_factory=dict)
 
@@ -315,7 +315,7 @@ class Entries(Field):
 
 
 def _wanted(what: Field) -> str:
-    """The valid values of a missing key."""
+    """A text that describes the valid values of a missing key."""
     if isinstance(what, Numbers):
         return what._expected()
     if isinstance(what, Text):

@@ -1,4 +1,4 @@
-"""A guarded law as tables: the law inside, and its observer."""
+"""Tables for a guarded law: its inner law, and its observer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OBSERVER = Table({"gain": _GAIN, "friction": Flag(), "threshold": Numbers(depth
 
 
 def with_guarded(kinds: Mapping[str, Kind]) -> OneOf:
-    """These laws, and `Guarded` around any of them."""
+    """The kinds of laws `kinds`, and `Guarded` with any of them as its inner law."""
     keys: dict[str, Field] = {
         "law": OneOf(kinds),
         "observer": _OBSERVER,

@@ -18,7 +18,7 @@ _NULL_SPACE = Table(
     ("q_d", "stiffness", "damping"),
 )
 
-#: Of the laws with a frame.
+#: Options of laws with a frame.
 OPTIONS: dict[str, Field] = {
     "nullspace": _NULL_SPACE,
     "feedforward": Numbers(depth=1, scalar=False),
@@ -31,12 +31,12 @@ OPTIONS: dict[str, Field] = {
 
 
 def target_of(motions: OneOf) -> dict[str, Field]:
-    """The rows, a pose (4, 4), or a table of a motion of the rows."""
+    """The field of a target: a vector of rows, a pose (4, 4), or a table of a motion of the rows."""
     return {"target": Entries({"plain": Numbers(depth=2, scalar=False), "table": motions})}
 
 
 def impedance(law: Callable[..., _core.Law], motions: OneOf) -> Callable[..., _core.Law]:
-    """The constructor of a law whose target and null space may be tables."""
+    """Return a function that makes the law `law`. Its target and null space may be tables."""
 
     def make(arm: _core.Arm, target: Any, nullspace: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Law:
         if isinstance(target, Mapping):

@@ -1,4 +1,4 @@
-"""The path of a motion as a table of poses: `[motion.path]`, with the arguments of `cartesian_path`."""
+"""The table `[motion.path]`: a path as poses, with the arguments of `cartesian_path`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ POSES = Table(
 
 
 def timed_path(arm: _core.Arm, path: Any, stops: list[int] | None = None, **limits: Any) -> _core.TimedPath:
-    """The timing of waypoints, or of a table of poses; `stops` are indices of either."""
+    """Compute the timing of waypoints, or of a table of poses. `stops` are indices of the waypoints or of the poses."""
     if not isinstance(path, Mapping):
         return _core.time_path(arm, path, stops=stops, **limits)
     found = cartesian_path(arm, **path)

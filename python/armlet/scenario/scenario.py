@@ -1,7 +1,7 @@
 """A scenario: the checked tables of one closed loop, and the objects made from them.
 
-Constructors check conditions that depend on the arm: shapes, positive definiteness, names of frames. Their messages start with the path
-of the key: `$.law.kd[1]: is not positive definite: expected > 0, got -2`.
+Constructors check conditions that depend on the arm: shapes, positive definiteness, names of frames. Then the path of the key is added to
+the message: `$.law.kd[1]: is not positive definite: expected > 0, got -2`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .tables import SCENARIO, arguments
 __all__ = ["Built", "Scenario", "change", "pathed"]
 
 MESSAGE = re.compile(r"^[\w.]+: (?P<key>[\w.\[\]]+) (?P<problem>.*?)(?: \(first bad index (?P<index>[\d, ()]+)\))?$", re.DOTALL)
-#: What `simulate` calls the positions that it checks against joint limits, and where they stand in the tables.
+#: Names that `simulate` uses in messages about joint limits, and the paths of these positions in the tables.
 LIMITED = {"q0": "$.run.q0", "law.target": "$.law.target", "law.motion": "$.motion"}
 STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 
@@ -38,12 +38,12 @@ STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+)\]")
 @sealed
 @dataclass(frozen=True, eq=True)
 class Scenario:
-    """Arm, plant, motion, law and run as plain tables, as in a scenario file.
+    """The tables of a scenario file: arm, plant, motion, law and run.
 
     Args:
         data: the tables; the constructor checks them.
-        folder: start of relative paths in the tables.
-        name: name in messages, such as a file's path.
+        folder: folder to which relative paths in the tables refer.
+        name: name of the scenario in messages, such as the path of its file.
 
     Raises:
         InputError: a key is unknown or missing, or its value is not valid; the message has its path and the valid values.
@@ -86,7 +86,7 @@ class Scenario:
             The scenario.
 
         Raises:
-            InputError: it is not TOML, or not a scenario.
+            InputError: the file is not TOML, or is not a scenario.
             OSError: the file cannot be read.
         """
         name = file_path("Scenario.load", path)
@@ -99,7 +99,7 @@ class Scenario:
 
         Args:
             data: the tables.
-            folder: start of relative paths in the tables.
+            folder: folder to which relative paths in the tables refer.
 
         Returns:
             The scenario.
@@ -115,7 +115,7 @@ class Scenario:
             data: the tables.
 
         Returns:
-            One line per error, with its path, the expected value and the actual value. Valid tables have none.
+            One line per error, with its path, the expected value and the actual value; none if the tables are valid.
         """
         found = list(SCENARIO.check(data, "$"))
         yield from found
@@ -129,13 +129,13 @@ class Scenario:
             The parts of the loop.
 
         Raises:
-            InputError: a value does not match the others, such as a gain of the wrong shape.
-            ModelError: the robot's file is not well formed.
+            InputError: a value does not match other values, such as a gain with a wrong shape.
+            ModelError: the robot file is not well formed.
         """
         return self._build({})
 
     def _build(self, made: dict[Any, Any]) -> Built:
-        """The same as `build`; `made` keeps all parts except the law for the next scenario with the same tables."""
+        """Build the parts like `build`. `made` stores all parts except the law, for a later scenario with equal tables."""
         parts: dict[str, Any] = {}
         tables = {"plant": RIGID} | dict(self.data)
         for table in ("arm", "model", "plant", "motion", "law"):
@@ -148,7 +148,7 @@ class Scenario:
             kind = kinds.kinds[tables[table]["kind"]]
             key: Any = None
             if table != "law":
-                # What has a number here is kept, so that no other object has the same.
+                # `made` also stores the table itself, because Python may reuse the `id` of a deleted table.
                 text = made.setdefault(id(tables[table]), (tables[table], repr(tables[table])))[1]
                 key = (table, text, *(id(parts.get(need)) for need in kind.needs))
                 if key in made:
@@ -174,7 +174,7 @@ class Scenario:
             The recorded run.
 
         Raises:
-            InputError: a value does not match the others.
+            InputError: a value does not match other values.
             SolveError: the run ended early.
         """
         built = self.build()
@@ -183,10 +183,10 @@ class Scenario:
         return run
 
     def check(self) -> None:
-        """Build the loop and start it, so that every error of `run` in the arguments is raised.
+        """Build the loop and start it without a step. So every error of `run` in the arguments is raised.
 
         Raises:
-            InputError: a value does not match the others.
+            InputError: a value does not match other values.
         """
         built = self.build()
         short = built.arguments | {"t_end": 0.0, "t_eval": None}
@@ -198,7 +198,7 @@ class Scenario:
         """Describe the loop in lines of text.
 
         Returns:
-            Law, plant and time; the joints in their order; parts of the robot that the loop does not use.
+            Law, plant and duration; the joints in their order; parts of the robot that the loop ignores.
         """
         return summary(self.build(), self.data)
 
@@ -221,7 +221,7 @@ class Scenario:
         return Scenario(data, self.folder, self.name)
 
     def _varied(self, changes: Mapping[str, Any]) -> Scenario:
-        """As `replace`, for the cells of a sweep: tables without changes are shared, and not checked again."""
+        """Variant of `replace` for the cells of a sweep. Unchanged tables are shared and not checked again."""
         touched = dict.fromkeys(path.partition(".")[0].partition("[")[0] for path in changes)
         if not all(table in self.data and table in SCENARIO.keys for table in touched):
             return self.replace(changes)
@@ -240,7 +240,7 @@ class Scenario:
         """Return the scenario with the text of its robot file inside.
 
         Returns:
-            A scenario that needs no file.
+            A scenario that does not depend on other files.
         """
         data = _plain(self.data)
         for table in ("arm", "model"):
@@ -253,23 +253,23 @@ class Scenario:
 
 
 def read(file: Path) -> dict[str, Any]:
-    """The tables of a TOML file; InputError names the line of a fault."""
+    """Return the tables of a TOML file. The InputError of a fault has its line."""
     import tomllib
 
     text = _text(file)
     try:
         return tomllib.loads(text)
-    # An integer of thousands of digits is a ValueError, thousands of brackets a RecursionError.
+    # An integer of thousands of digits raises ValueError, thousands of nested brackets raise RecursionError.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: is not TOML: {error}") from None
 
 
-# More than a scenario with the text of its robot inside.
+# Largest size of a file, bytes. It exceeds that of a scenario with the text of its robot inside.
 MOST_BYTES = 32 << 20
 
 
 def _text(file: Path) -> str:
-    """The text of a file, unless it is too large, as a device without an end is."""
+    """Return the text of a file. Refuse a file that is too large, such as an endless device."""
     with file.open("rb") as stream:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
@@ -281,7 +281,7 @@ def _text(file: Path) -> str:
 
 
 def _require_tables(function: str, data: object) -> None:
-    """Refuse data that is not a table, or is nested too deeply, before any recursion."""
+    """Refuse data that is not a table or is nested too deeply, before recursive functions use it."""
     instance(function, "data", data, Mapping, "tables by name, such as {'arm': ..}")
     require_shallow(function, "data", data)
 
@@ -294,7 +294,7 @@ def _make(kind: Kind, table: str, values: Mapping[str, Any], parts: Mapping[str,
 
 
 def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, Any]) -> Any:
-    """Call `make()`; the messages of its errors get the path of the wrong key."""
+    """Call `make()`. Add the path of the wrong key to the messages of its errors."""
     try:
         return make()
     except ModelError as error:
@@ -327,7 +327,7 @@ def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, 
 
 
 def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Keys that a table may have but does not have. An error message may refer to one of them."""
+    """Keys that the table may have but does not have. An error message may be about one of them."""
     what = SCENARIO.keys[table]
     keys: set[str] = set()
     for kind in what.kinds.values() if isinstance(what, OneOf) else [what]:
@@ -336,7 +336,7 @@ def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def change(data: dict[str, Any], path: str, value: Any) -> None:
-    """Set one entry of the tables `data` by its path, such as `law.kd[1]`."""
+    """Set one entry of the tables `data`. `path` names the entry, such as `law.kd[1]`."""
     if not isinstance(path, str):
         raise InputError(f"scenario: {shown(path)} is not a path: expected one like law.kp or run.q0[1]")
     require_shallow("scenario", path, value)
@@ -357,7 +357,7 @@ def change(data: dict[str, Any], path: str, value: Any) -> None:
 
 @lru_cache(maxsize=256)
 def _steps(path: str) -> tuple[str | int, ...]:
-    """`law.kd[1]` as law, kd, 1."""
+    """Split a path such as `law.kd[1]` into its steps law, kd, 1."""
     steps = tuple(name or int(index) for name, index in STEP.findall(path))
     rebuilt = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
     if not steps or rebuilt != path:
@@ -366,7 +366,7 @@ def _steps(path: str) -> tuple[str | int, ...]:
 
 
 def _plain(value: Any) -> Any:
-    """Tables and lists of Python's own numbers, copied."""
+    """Copy tables and lists. Numbers and arrays of numpy become Python numbers and lists."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Texts about scenarios: the JSON schema of their tables, for editors, and templates."""
+"""The JSON schema of scenario files, for editors, and templates of scenario files."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ TEMPLATES = ("adaptive", "elastic", "mintime", "priority")
 
 @border
 def schema() -> dict[str, Any]:
-    """The JSON schema (draft 2020-12) of a scenario file."""
+    """Return the JSON schema (draft 2020-12) of a scenario file."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "armlet scenario"}
     return head | SCENARIO.schema()
 
 
 @border
 def template(name: str) -> str:
-    """The text of a commented scenario to start from."""
+    """Return the text of a scenario with comments, as a starting point."""
     choice("template", "name", name, TEMPLATES)
     return (files(__package__) / "templates" / f"{name}.toml").read_text(encoding="utf-8")

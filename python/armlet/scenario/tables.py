@@ -1,7 +1,7 @@
-"""The tables of a scenario: the kinds of arms, plants, motions and laws, and the keys of each.
+"""The tables of a scenario: the kinds of arms, plants, motions and laws, and the keys of each kind.
 
-A class of the extension is available in scenario files if each of its parameters has a field here. A class whose table differs from
-its constructor has an entry.
+A class of the extension is available in scenario files if each of its parameters has a field here. A class whose table differs from its
+constructor is declared explicitly.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _PAYLOAD = Table({"frame": TEXT, "mass": NOT_NEGATIVE, "com": VECTOR, "inertia":
 
 
 def _arm(keys: Mapping[str, Field], required: tuple[str, ...], make: Any) -> Kind:
-    """A kind of arm with frames, to which a payload may be attached."""
+    """A kind of arm with frames. Its table may have a payload."""
 
     def arm(payload: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Arm:
         made: _core.Arm = make(**keywords)
@@ -246,20 +246,20 @@ _PID: dict[str, Field] = {
 
 
 def _adaptive(arm: _core.Arm, motion: _core.Motion, concurrent: Mapping[str, Any] | None = None, **keywords: Any) -> _core.Law:
-    """Adaptive tracking; samples for concurrent learning are a table with `W` and `tau`."""
+    """Make an `Adaptive` law. Samples for concurrent learning are a table with `W` and `tau`."""
     stored = None if concurrent is None else stated_samples(**concurrent)
     return _core.Adaptive(arm, motion, concurrent=stored, **keywords)
 
 
 def _pid(arm: _core.Arm, target: Any, kp: Any, kd: Any, ki: Any = None, **options: Any) -> _core.Law:
-    """PID, without an integral if `ki` is missing; the target may be a table of a motion."""
+    """Make a `PID` law, without an integral if `ki` is missing. The target may be a table of a motion."""
     return _core.PID(arm, MOTIONS.make(target, arm=arm) if isinstance(target, Mapping) else target, kp, ki, kd, **options)
 
 
-#: Values of the plant that an elastic law uses, by their names in the plant. Missing ones come from the plant.
+#: Parameters of laws that a plant also has, with their names in the plant. If a law lacks one, the plant's value is used.
 KNOWN = {"joint_stiffness": "stiffness", "motor_inertia": "motor_inertia"}
 
-#: The first two, and laws whose tables differ from their constructors.
+#: `Adaptive` and `ComputedTorque`, and laws whose tables differ from their constructors.
 _SPECIAL = {
     "Adaptive": _law(_adaptive, _PD | {"gamma": GAIN}, _ADAPTATION, _FOLLOWS),
     "ComputedTorque": _law(_core.ComputedTorque, _PD, None, _FOLLOWS),
@@ -342,12 +342,12 @@ SCENARIO = Table(
 )
 
 
-# More than any figure or file is for; each holds the whole state.
+# Largest number of records. Each record contains the whole state.
 RECORDS = 10_000_000
 
 
 def arguments(run: Mapping[str, Any]) -> dict[str, Any]:
-    """The keyword arguments of `simulate` for the table `run`."""
+    """The keyword arguments of `simulate` from the table `run`."""
     given = dict(run)
     sampling, times, force = given.get("sample_time"), given.get("t_eval"), given.get("force")
     if isinstance(sampling, Mapping):

@@ -1,4 +1,4 @@
-"""The tasks of a law in priority, as tables: `[[law.tasks]]`, the highest first, each with a `kind`."""
+"""The tasks of a priority law as tables: `[[law.tasks]]`, the highest priority first, each with a `kind`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TEXT = Text()
 
 
 def tasks_of(motions: OneOf) -> OneOf:
-    """The kinds of tasks. A task has a fixed `target` or a `motion`, with one number per row."""
+    """The kinds of tasks. A task has a fixed `target` or a `motion`, with one number per row of the task."""
     matrix = Numbers(depth=2, low=0.0)
     fields: dict[str, Field] = {
         **dict.fromkeys(("frame", "reference", "axes"), TEXT),
@@ -54,7 +54,7 @@ def _with_motion(make: Callable[..., Any], motions: OneOf) -> Callable[..., Any]
 
 
 def prioritised(law: Callable[..., _core.Law], kinds: OneOf) -> Callable[..., _core.Law]:
-    """The constructor of a law whose `tasks` are given as tables."""
+    """Return a function that makes the priority law `law` from tasks in tables."""
 
     def make(arm: _core.Arm, tasks: list[Mapping[str, Any]], **keywords: Any) -> _core.Law:
         built = []

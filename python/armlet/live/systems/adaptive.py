@@ -3,7 +3,7 @@
     tau = Y a_hat + Kd s,   a_hat' = Gamma Y's,   s = v_d - v + Lambda (q_d - q)
 
 The law has three parameters A, B, C and no frames. The plant is the same robot as a chain of links, so that it can be drawn and pushed.
-A = m1 + m2, B = m2 d, C = I2 + m2 d^2, the link along -y at q2 = 0.
+Its parameters are A = m1 + m2, B = m2 d, C = I2 + m2 d^2. At q2 = 0 link 2 is along -y.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def robot(payload: float) -> al.Arm:
 
 
 def parameters(payload: float) -> Array:
-    """The parameters A, B, C of `robot(payload)`."""
+    """The parameters A (kg), B (kg m), C (kg m^2) of `robot(payload)`."""
     total = CART + LINK + payload
     return np.array([total, LINK * LENGTH / 2 + payload * LENGTH, LINK * LENGTH**2 / 3 + payload * LENGTH**2])
 
 
 class AdaptivePR(System):
-    """The PR robot."""
+    """The PR robot with an adaptive law."""
 
     title = "Adaptive PR robot"
     frame = "tip"
@@ -65,7 +65,7 @@ class AdaptivePR(System):
     def __init__(self) -> None:
         self.targets = {"centre": np.array([0.236, -0.764, 0.0])}
         self.arm = robot(0.0)
-        # The law knows the structure alone; its own parameters are never read.
+        # The law uses only the structure of this model, never its parameters.
         self.model = al.planar_pr(*parameters(0.0))
         self.shapes = [
             between(None, (-1.5, 0.0, 0.0), (1.5, 0.0, 0.0), 0.012, GREY),
@@ -74,7 +74,7 @@ class AdaptivePR(System):
         ]
 
     def motion(self, t: float, values: Values, targets: Targets) -> al.Sinusoid:
-        """The desired motion about the dragged centre, for a loop whose time starts at `t`."""
+        """The desired motion about the dragged centre, for a loop that starts at time `t`, s."""
         x, y, _ = targets["centre"]
         turn = np.arccos(np.clip(-y / LENGTH, -1.0, 1.0))
         amplitude = number(values, "amplitude") * np.array([1.0, 1.5])

@@ -1,10 +1,11 @@
-"""System 3: Cartesian impedance of a 2R arm with elastic joints. Pull its tip, and reduce the stiffness of its joints and the inertia of
-its motors.
+"""System 3: Cartesian impedance of a 2R arm with elastic joints.
+
+Pull its tip, and reduce the stiffness of its joints and the inertia of its motors.
 
     M a + C v + g = tau_J + J'F,   B theta_ddot + tau_J = tau,   tau_J = K_J (theta - q)
     tau = (I - B B0^-1) tau_J + B B0^-1 (u - D0 theta_dot),   u = J'[K_m (x_d - x) - D_m J v] + g(q)
 
-Gains are the same for both joints and both directions of the tip.
+One slider sets each gain for both joints, or for both directions of the tip.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ LENGTHS, B = (0.5, 0.4), np.array([0.4, 0.25])  # m, kg m^2
 
 
 class Elastic(System):
-    """The elastic 2R arm."""
+    """The elastic 2R arm with a Cartesian impedance law."""
 
     title = "Elastic impedance, 2R"
     frame = "link2"

@@ -1,9 +1,9 @@
-"""System 4: one link under gravity from rest to rest in minimum time, under a torque limit. Drag the target and observe the swing.
+"""System 4: one link under gravity from rest to rest in minimum time, under a torque limit. Drag the target and observe the motion.
 
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from the downward vertical
 
-A plan starts where the link rests: a new target during a motion waits for the end of this motion. If no torque within the limit reaches the
-target, a message reports it, and the link stays. The plan is tracked by computed torque, within the same limit.
+A plan starts only when the link is at rest. So a new target during a motion is planned after this motion. If no torque within the limit
+reaches the target, a message reports it, and the link stays. Computed torque tracks the plan within the same limit.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ LENGTH, MASS, INERTIA = 0.6, 1.0, 0.03  # m, kg, kg m^2 about the centre of mass
 GRAVITY = 9.81  # m/s^2
 TOTAL = INERTIA + MASS * (LENGTH / 2) ** 2
 MOMENT = MASS * GRAVITY * LENGTH / 2
-SLOW = 2e-2  # rad/s and rad: closer than this is at rest
+SLOW = 2e-2  # tolerance of "at rest": largest speed, rad/s, and largest distance from the end of the plan, rad
 
 
 class MinimumTime(System):
-    """The link."""
+    """One link under gravity that tracks a minimum-time plan."""
 
     title = "Minimum time, one link"
     frame = "link1"
@@ -42,12 +42,12 @@ class MinimumTime(System):
         Plot("torque and its limits (N m)", ("tau", "tau_max", "-tau_max"), 2),
         Plot("speed (rad/s)", ("theta'", "planned"), 1),
     )
-    # x of the arm, along gravity, is the scene's downwards.
+    # The arm's x axis is along gravity, so it points down in the scene.
     rotation = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 
     def __init__(self) -> None:
         self.targets = {"goal": np.array([0.0, LENGTH, 0.0])}
-        # An angle from x is then the angle from the downward vertical.
+        # Gravity is along x. So the joint angle, measured from x, is the angle from the downward vertical.
         self.arm = al.planar_arm([LENGTH], masses=[MASS], coms=[LENGTH / 2], inertias=[INERTIA], gravity=(GRAVITY, 0.0))
         self.shapes = planar_links(self.arm, [LENGTH], 0.025)
         self.forget()
@@ -55,8 +55,8 @@ class MinimumTime(System):
     def forget(self) -> None:
         self.begin, self.duration = 0.0, 0.0
         self.plan: al.TorqueOptimum | None = None
-        self.rest = float(self.q0[0])  # where the plan ends
-        self.wanted: tuple[float, float] | None = None  # goal and limit of the last answer
+        self.rest = float(self.q0[0])  # angle at which the plan ends, rad
+        self.wanted: tuple[float, float] | None = None  # goal and limit of the last plan
         self.note = ""
 
     def start(self) -> State:
@@ -65,19 +65,19 @@ class MinimumTime(System):
 
     @staticmethod
     def goal(targets: Targets, near: float) -> float:
-        """The angle of the target: of all turns the one nearest to `near`, so that the motion is at most half a turn."""
+        """The angle of the target, rad, plus the multiple of 2 pi that brings it nearest to `near`. So the motion is at most pi long."""
         x, y, _ = targets["goal"]
         angle = math.atan2(y, x)
         return angle + 2 * math.pi * round((near - angle) / (2 * math.pi))
 
     def due(self, state: State, values: Values, targets: Targets) -> bool:
-        """Whether a new goal or limit waits for a plan, and the link rests at the end of the last plan."""
+        """Whether a new goal or limit requires a plan, and the link is at rest at the end of the last plan."""
         if self.wanted == (self.goal(targets, self.rest), number(values, "tau_max")):
             return False
         return state.t >= self.begin + self.duration and abs(state.v[0]) < SLOW and abs(state.q[0] - self.rest) < SLOW
 
     def replan(self, values: Values, targets: Targets, state: State) -> None:
-        """Plan to the target within the limit, from the resting position of the link."""
+        """Plan a motion to the target within the torque limit, from the present rest angle."""
         goal, limit = self.goal(targets, self.rest), number(values, "tau_max")
         self.wanted = (goal, limit)
         if goal == self.rest:
@@ -93,16 +93,16 @@ class MinimumTime(System):
         self.plan, self.begin, self.duration, self.rest = plan, state.t, plan.best.t, goal
 
     def motion(self, t: float) -> al.Motion:
-        """The plan for a loop whose time starts at `t`. It holds its end."""
+        """The plan for a loop that starts at time `t`, s. After its end it holds its last angle."""
         left = self.begin + self.duration - t
         if self.plan is None or left <= 0.0:
             return al.Hold([self.rest])
-        # The profile holds its end, and so does the table.
+        # `profile` is constant after the plan's end, and `Table` is constant after its last row.
         q, v, a, _ = self.plan.profile(np.arange(t - self.begin, self.duration + 2 * DT, DT))
         return al.Table(DT, q[:, None], v[:, None], a[:, None])
 
     def planned(self, t: float) -> tuple[float, float]:
-        """Angle and speed of the plan at `t`."""
+        """Angle, rad, and speed, rad/s, of the plan at time `t`, s."""
         if self.plan is None or t >= self.begin + self.duration:
             return self.rest, 0.0
         q, v, _, _ = self.plan.profile(t - self.begin)

@@ -4,7 +4,7 @@
     reaction from contact on:   tau = g + K_c (q_c - q) + D_c (q_c' - v)
 
 The force of the slider acts along y at the tip, the force of the mouse at its grip point. The curves show `r` and J'F, which the observer
-does not know. A reaction replaces the law at contact, until a reset or another choice of reaction.
+does not know. After contact a reaction replaces the law, until a reset or another choice of reaction.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from .system import DT, Array, Choice, Force, Plot, Slider, State, System, Targe
 __all__ = ["Observer"]
 
 START = np.array([0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3])  # rad
-SHOWN = (0, 1, 3)  # joints whose residual is drawn
+SHOWN = (0, 1, 3)  # indices of the joints whose residual is drawn
 
 
 class Observer(System):
-    """The momentum observer of the seven-axis example, held by a PD law with gravity compensation."""
+    """The seven-axis example with a momentum observer and a PD law with gravity compensation."""
 
     title = "Momentum observer, seven axes"
     frame = "tcp"
@@ -73,7 +73,7 @@ class Observer(System):
         return super().start()
 
     def law(self, values: Values) -> al.PDGravity | al.Guarded:
-        """The law that holds the arm, with its reaction to contact if one is chosen."""
+        """The law that holds the arm, with the chosen reaction to contact."""
         omega = number(values, "omega")
         hold = al.PDGravity(self.arm, START, omega**2 * self.inertia, 2.0 * omega * self.inertia)
         reaction, omega = values["reaction"], number(values, "reaction_omega")
@@ -88,21 +88,21 @@ class Observer(System):
         return al.Guarded(hold, observer, "retract", **impedance, speed=number(values, "speed"))
 
     def contact(self, state: State) -> float | None:
-        """Since when the reaction has replaced the law, s; None before contact."""
+        """The time at which the reaction replaced the law, s; None before contact."""
         if self.guarded is None or state.estimate is None:
             return None
         found = contact_states([self.guarded], np.array([state.t]), state.estimate[None], False)
         return None if found is None or np.isnan(found[0]) else float(found[0])
 
     def due(self, state: State, values: Values, targets: Targets) -> bool:
-        # Another loop, so that the page shows the note.
+        # A new loop is started, because only a new loop shows its note.
         return not self.note and self.contact(state) is not None
 
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
         gain, law = number(values, "gain"), self.law(values)
         guarded = law if isinstance(law, al.Guarded) else None
         reaction, before = (None if each is None else each.reaction for each in (guarded, self.guarded))
-        # What the observer knows, and the contact, belong to a gain and a reaction.
+        # The observer's state and the contact are valid only for the same gain and reaction.
         estimate = state.estimate if gain == self.gain and reaction == before else None
         if self.observer is None or gain != self.gain:
             self.observer, self.gain = al.MomentumObserver(self.arm, gain), gain
@@ -112,7 +112,7 @@ class Observer(System):
         self.force = force
         payload = number(values, "payload")
         plant = al.RigidArm(self.arm.with_payload(self.frame, payload) if payload > 0.0 else self.arm)
-        # The torque is held for a step, as the observer takes it.
+        # The torque is held for one step, as the observer assumes.
         options = {} if force is None else {"force": force.wrench, "force_frame": force.frame}
         sim = al.Simulator(plant, law, state.q, v0=state.v, dt=DT, sample_time=DT, check_limits=False, **options)
         if guarded is not None and estimate is not None:
@@ -128,7 +128,7 @@ class Observer(System):
             self.observer.update(sim.q, sim.v, sim.tau, DT)
 
     def true_torque(self, q: Array) -> Array:
-        """J'F of the acting forces, (n,)."""
+        """Joint torques J'F of the acting force, (n,), N m."""
         if self.force is None:
             return np.zeros(self.arm.n)
         return np.asarray(self.arm.jacobian(q, self.force.frame).T @ self.force.wrench)
@@ -138,6 +138,6 @@ class Observer(System):
         r = np.zeros(self.arm.n) if residual is None else residual
         threshold, true = number(values, "threshold"), self.true_torque(sim.q)
         beyond = np.flatnonzero(np.abs(r) > threshold)
-        # What acts on a link loads no joint beyond it.
+        # A force on a link loads only the joints between the base and this link. So the last loaded joint belongs to the touched link.
         link = int(beyond[-1]) + 1 if beyond.size else 0
         return [[*r[[*SHOWN]], *true[[*SHOWN]]], [float(np.abs(r).max()), threshold], [float(link), float(self.contact(state) is not None)]]

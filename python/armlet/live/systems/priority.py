@@ -1,8 +1,10 @@
-"""System 2: two tasks in priority on the macro-micro planar 4R arm; drag a target out of reach and observe which task keeps its target.
+"""System 2: two tasks in priority on the macro-micro planar 4R arm.
+
+Drag a target out of reach and observe which task still reaches its target.
 
     v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1),   P1 = I - J1# J1,   v_i = gain_i (x_i,d - x_i)
 
-The tip of link 4 has the first priority, and the tip of link 2 (the elbow) the second.
+The first priority is the tip of link 4. The second priority is the tip of link 2, the elbow.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ LENGTHS = (1.0, 1.0, 0.25, 0.25)  # m
 
 
 class Priority(System):
-    """The 4R arm."""
+    """The planar 4R arm with a priority law."""
 
     title = "Task priority, planar 4R"
     frame = "link4"
@@ -49,7 +51,7 @@ class Priority(System):
 
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
         tasks = [al.Task("link4", "xy", targets["tip"][:2], number(values, "gain1"))]
-        # A gain of zero is no task.
+        # A gain of zero removes the task.
         if number(values, "gain2") > 0.0:
             tasks.append(al.Task("link2", "xy", targets["elbow"][:2], number(values, "gain2")))
         method = str(values["method"])

@@ -1,10 +1,10 @@
-"""A seven-axis arm under Cartesian impedance: its tip is held, and its null space moves to a posture. Pull the elbow, or the tip.
+"""A seven-axis arm under Cartesian impedance. A spring holds its tip, and the null space moves to a posture. Pull the elbow, or the tip.
 
     tau = J' F + N' tau_0 + g,   F = K (x_d - x) - D J v,   tau_0 = K_n (q_n - q) - D_n v
     compensated:   tau += C v,   F -= L J_dot v,   L = (J M^-1 J')^-1
 
-The posture is that of the start, except one joint, which a slider turns. Compare the projectors, with and without compensation of the
-coupling.
+The posture is the initial configuration, except for one joint, which a slider sets. Compare the projectors, with and without compensation
+of the coupling.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .system import DT, Choice, Force, Plot, Slider, State, System, Targets, Val
 __all__ = ["Redundant"]
 
 START = np.array([0.2, 0.6, 0.1, -1.3, 0.2, 0.9, 0.3])  # rad, away from singularities
-TURNED = 2  # the joint whose posture is chosen
+TURNED = 2  # index of the joint whose posture the slider sets
 
 
 class Redundant(System):
-    """The null space of the seven-axis example."""
+    """The seven-axis example with an impedance law and a null-space posture."""
 
     title = "Null space, seven axes"
     frame = "tcp"
@@ -52,7 +52,7 @@ class Redundant(System):
 
     @staticmethod
     def posture(values: Values) -> al.NullSpace | None:
-        """The options of the null space; None without them."""
+        """The options of the null space; None if no projection is chosen."""
         projection = values["projection"]
         if projection == "none":
             return None
@@ -66,7 +66,7 @@ class Redundant(System):
         )
 
     def law(self, values: Values, targets: Targets) -> al.CartesianImpedance:
-        """The law with these constants."""
+        """The impedance law for these values of the controls."""
         return al.CartesianImpedance(
             self.arm,
             targets["x_d"],
@@ -75,7 +75,7 @@ class Redundant(System):
             frame=self.frame,
             nullspace=self.posture(values),
             compensate_coupling=values["coupling"] == "compensated",
-            eps=0.1,  # a hand may stretch the arm
+            eps=0.1,  # the mouse may pull the arm into the stretched singularity
         )
 
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:

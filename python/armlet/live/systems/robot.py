@@ -1,8 +1,8 @@
-"""A robot from a file: drag its tip, pull any link.
+"""A robot from a file. Drag the target of its tip, or pull any link.
 
     tau = M (Kp e - Kd v) + C v + g   or   tau = D (Kp e - Kd v) + g,   Kp = w^2, Kd = 2 zeta w, D the diagonal of M(q0)
 
-The joints that reach the target come from inverse kinematics, the nearest to the present ones.
+Inverse kinematics, started at the last solution, gives the joint positions for the target.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["Robot", "middle"]
 
 
 def middle(arm: al.Arm) -> Array:
-    """Zero if the limits allow it, else the middle of the range of the joint, or its only limit."""
+    """Joint positions: zero if the limits allow it, otherwise the middle of the joint's range, or its only limit."""
     low, high = arm.limits["q_min"], arm.limits["q_max"]
     nearest: Array = np.clip(0.0, low, high)
     between = (nearest != 0.0) & np.isfinite(low) & np.isfinite(high)
@@ -30,7 +30,7 @@ def middle(arm: al.Arm) -> Array:
 
 
 class Robot(System):
-    """Any arm that `al.load_urdf` reads."""
+    """Any arm that `al.load_urdf` can read, with a joint law."""
 
     controls = (
         Choice("law", "law", ("computed torque", "PD + gravity"), "computed torque"),
@@ -47,7 +47,7 @@ class Robot(System):
         if frame is not None and frame not in names:
             raise al.InputError(f"lab: frame is unknown: expected one of {', '.join(names)}, got {frame}")
         self.title, self.frame = title, frame or str(self.arm.tip_frame)
-        # A stretched arm is singular: a few degrees away from it a dragged target is followed at once.
+        # A stretched arm is singular. A configuration 0.3 rad or m away from it follows a dragged target without delay.
         low, high = self.arm.limits["q_min"], self.arm.limits["q_max"]
         self.q0 = np.clip(middle(self.arm) + 0.3, low, high)
         self.inertia = np.diag(self.arm.mass_matrix(self.q0)).copy()
@@ -67,7 +67,10 @@ class Robot(System):
         return super().start()
 
     def reach(self, target: Array) -> None:
-        """Joint positions for the target, searched from the last ones; those of the nearest pose if the target is out of reach."""
+        """Search joint positions for the target, starting from the last solution.
+
+        If the target is out of reach, the nearest position is used.
+        """
         if np.array_equal(target, self.answered):
             return
         task = al.Task(self.frame, "xyz", target)

@@ -1,9 +1,9 @@
-"""One link with static friction under PD or PID control, in a horizontal plane. Drag the target by a little, and wait.
+"""One link with static friction under PD or PID control, in a horizontal plane. Drag the target by a small distance, and wait.
 
-    I theta_ddot = tau - tau_f,   tau = K_p e + K_i int e - K_d theta_dot,   F_s the breakaway torque, F_c that of motion
+    I theta_ddot = tau - tau_f,   tau = K_p e + K_i int e - K_d theta_dot,   F_s the breakaway torque, F_c the friction in motion
 
-With PD the link stops short of its target. With PID the integral grows until the link breaks away, passes the target, and sticks again: a
-limit cycle. Compare stick-slip with LuGre friction, whose bristles deflect before the link breaks away.
+Under PD the link stops before its target. Under PID the integral grows until the link slips, passes the target, and sticks again. This is
+a limit cycle. Compare stick-slip with LuGre friction, whose bristles deflect before the link slips.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from .system import DT, Array, Choice, Force, Plot, Slider, State, System, Targe
 __all__ = ["Stiction"]
 
 LENGTH, MASS, INERTIA = 0.6, 1.0, 0.41  # m, kg, kg m^2 about the centre of mass: 0.5 about the joint
-SPEED, VISCOUS = 0.05, 0.1  # rad/s, N m s/rad
-STILL = 1e-3  # rad/s: a slower link counts as stuck
-BRISTLES = {"stiffness": 1e4, "damping": 70.0}  # N m/rad, N m s/rad
+SPEED, VISCOUS = 0.05, 0.1  # Stribeck speed, rad/s, and viscous friction, N m s/rad
+STILL = 1e-3  # a link slower than this counts as stuck, rad/s
+BRISTLES = {"stiffness": 1e4, "damping": 70.0}  # of LuGre friction, N m/rad and N m s/rad
 
 
 class Stiction(System):
-    """The link."""
+    """One link with static friction."""
 
     title = "Stiction, one link"
     frame = "link1"
@@ -59,7 +59,7 @@ class Stiction(System):
 
     @staticmethod
     def friction(values: Values) -> al.StickSlip | al.LuGre | bool:
-        """The friction model for these values of the controls; False for none."""
+        """The friction model for these values of the controls; False if there is no friction."""
         coulomb = number(values, "coulomb")
         curve = {"coulomb": coulomb, "static": number(values, "ratio") * coulomb, "stribeck_speed": SPEED, "viscous": VISCOUS}
         if values["friction"] == "none" or coulomb == 0.0:
@@ -73,7 +73,7 @@ class Stiction(System):
         given: dict[str, Any] = {"v0": state.v, "dt": DT, "method": "ros2" if isinstance(friction, al.LuGre) else "rk4"}
         sim = al.Simulator(al.RigidArm(self.arm, friction=friction), law, state.q, **given, **pushed(force))
         bristles = state.bristles if isinstance(friction, al.LuGre) else None
-        # Without K_i the law has no integral: it starts at zero when K_i comes back.
+        # Without K_i the law has no integral state. The integral starts at zero when K_i becomes positive.
         integral = state.estimate if ki > 0.0 else None
         sim.set_state(state.q, state.v, bristles=bristles, estimate=integral)
         return sim

@@ -2,8 +2,8 @@
 
     constants + state at t  ->  al.Simulator
 
-A loop has constants for gains, targets and forces. When the user changes one of them, a new loop starts from the present state.
-`loop` builds it in tens of microseconds, so that a slider or the mouse can start one in every frame.
+Gains, targets and forces are constants of a loop. When the user changes one of them, a new loop starts from the present state. `loop`
+builds it in tens of microseconds, so that a slider or the mouse can start a loop in every frame.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ Array: TypeAlias = NDArray[np.float64]
 Values: TypeAlias = Mapping[str, float | str]
 Targets: TypeAlias = Mapping[str, Array]
 
-DT = 1e-3  # s, the step of every loop
-# From the axes of a planar arm to those of the scene, which has z upwards: y of the arm becomes the vertical.
+DT = 1e-3  # step of every loop, s
+# Rotation from the axes of a planar arm to those of the scene. The scene's z axis, and so the arm's y axis, points up.
 UPRIGHT: Array = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True)
 class Slider:
-    """A number between `low` and `high`; `powers` slides over its logarithm of base 10."""
+    """A control for a number between `low` and `high`. With `powers` the slider shows its logarithm to base 10."""
 
     name: str
     label: str
@@ -43,7 +43,7 @@ class Slider:
     powers: bool = False
 
     def read(self, value: float | str) -> float:
-        """`value` as a number inside the range."""
+        """Return `value` as a number, clipped to the range."""
         number = float(value)
         if not np.isfinite(number):
             raise al.InputError(f"lab: {self.name} is not finite: expected a number in [{self.low:g}, {self.high:g}], got {number}")
@@ -52,7 +52,7 @@ class Slider:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several words."""
+    """A control for one of several words."""
 
     name: str
     label: str
@@ -60,7 +60,7 @@ class Choice:
     value: str
 
     def read(self, value: float | str) -> str:
-        """`value`, which must be one of the options."""
+        """Return `value`, which must be one of the options."""
         if value not in self.options:
             raise al.InputError(f"lab: {self.name} is unknown: expected one of {', '.join(self.options)}, got {value}")
         return str(value)
@@ -71,7 +71,10 @@ Control: TypeAlias = Slider | Choice
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves over time in one panel; the title ends with their unit. The last `dashed` curves are true or desired values of the first."""
+    """Curves over time in one panel.
+
+    The title ends with their unit. The last `dashed` curves are true or desired values of the first ones.
+    """
 
     title: str
     curves: tuple[str, ...]
@@ -80,7 +83,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class State:
-    """The state of a loop at time `t`, in s. A part is None if a system does not have it, or initialises it."""
+    """The state of a loop at time `t`, s. A part is None if the system does not have it, or if the loop initialises it."""
 
     t: float
     q: Array
@@ -92,7 +95,7 @@ class State:
 
     @staticmethod
     def of(sim: al.Simulator, since: float) -> State:
-        """The state of a loop that was started at time `since`."""
+        """The state of the loop `sim`, which started at time `since`, s."""
         parts = sim.state
         return State(since + parts.pop("t"), **{name: value for name, value in parts.items() if name != "tau"})
 
@@ -106,48 +109,48 @@ class Force:
 
 
 class System(ABC):
-    """One system of the laboratory."""
+    """Base class of the laboratory's systems."""
 
     title: str
-    arm: al.Arm  # what is drawn: it has frames
-    frame: str  # its tip
-    shapes: list[Shape]  # what is drawn at its frames
+    arm: al.Arm  # the drawn arm, which has frames
+    frame: str  # name of the tip's frame
+    shapes: list[Shape]  # shapes that are drawn at the frames
     q0: Array
     controls: tuple[Control, ...]
-    targets: dict[str, Array]  # where the handles of the targets start, m, in the axes of the arm
+    targets: dict[str, Array]  # initial positions of the target handles, (3,), m, in the axes of the arm's base
     plots: tuple[Plot, Plot, Plot]
-    rotation: Array = np.eye(3)  # from the axes of the arm to those of the scene
-    planar: bool = True  # targets stay in the x-y plane of the arm
+    rotation: Array = np.eye(3)  # rotation from the axes of the arm's base to those of the scene
+    planar: bool = True  # whether targets stay in the x-y plane of the arm's base
     takes_force: bool = True
-    missing: tuple[str, ...] = ()  # meshes of the robot's file that are not drawn
-    note: str = ""  # what the system has to say about its present plan
+    missing: tuple[str, ...] = ()  # meshes of the robot file that are not drawn
+    note: str = ""  # message about the present plan
 
     @abstractmethod
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
-        """The closed loop with these constants, from `state` on; InputError if they are not valid."""
+        """Return the closed loop with these constants, which starts at `state`. Raise InputError if the constants are not valid."""
 
     @abstractmethod
     def sample(self, sim: al.Simulator, state: State, values: Values, targets: Targets) -> list[list[float]]:
-        """The present values of the curves, one list per plot."""
+        """The present values of the curves: one list per plot."""
 
     def step(self, sim: al.Simulator) -> None:
-        """One step of the loop."""
+        """Advance the loop by one step."""
         sim.step()
 
     def due(self, state: State, values: Values, targets: Targets) -> bool:
-        """Whether a new loop should start without a change by the user."""
+        """Whether a new loop must start although the user changed nothing."""
         return False
 
     def desired(self, t: float, values: Values, targets: Targets) -> Array | None:
-        """The desired position of the tip at `t`, m, if it is not one of the targets."""
+        """The desired position of the tip at time `t`, (3,), m; None if a target already shows it."""
         return None
 
     def start(self) -> State:
-        """The state at reset; a plan is discarded."""
+        """The state after a reset. A present plan is discarded."""
         return State(0.0, self.q0, np.zeros(self.arm.n))
 
     def defaults(self) -> dict[str, float | str]:
-        """The values of the controls at the start."""
+        """The initial values of the controls."""
         return {control.name: control.value for control in self.controls}
 
 
@@ -156,5 +159,5 @@ def number(values: Values, name: str) -> float:
 
 
 def pushed(force: Force | None) -> dict[str, Any]:
-    """The keywords of a loop for this force."""
+    """The keyword arguments of `al.Simulator` for this force."""
     return {} if force is None else {"force": force.wrench, "force_frame": force.frame}
