@@ -5,11 +5,11 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// The build of the extension, and its choices at run time: instruction set and threads.
+/// Return the build of the extension, the instruction set in use, and the number of threads.
 ///
 /// Returns:
-///     A dict: `version`, `profile` of the build, `instruction_set` in use, `best_instruction_set` of the processor, `lanes` per register,
-///     `programs` ("machine" or "portable"), and `threads`.
+///     A dict: `version`, `profile` of the build ("debug" or "release"), `instruction_set` in use, `best_instruction_set` of the processor.
+///     It also has `lanes` (float64 numbers per register), `programs` ("machine" or "portable"), and `threads` (their default number).
 ///
 /// Raises:
 ///     (nothing): an unknown instruction set raises an error at import.
@@ -34,7 +34,7 @@ pub fn build_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(info)
 }
 
-/// Code, name and advice of every status.
+/// Return the code, the name and the advice of every status.
 #[entered]
 #[pyfunction]
 pub fn statuses(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {

@@ -1,4 +1,4 @@
-//! The arguments of constructors of laws and plants: read once, and kept for `repr` and pickling.
+//! The arguments of constructors of laws and plants. They are read once, and kept for `repr` and pickling.
 
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, WHATEVER, flag_or_false, new_array, numbers, object, owned, require_finite, spread, text, vector};
@@ -17,7 +17,7 @@ const A_MOTION: &str = "a Motion such as Hold";
 pub struct Arguments<'py> {
     function: &'static str,
     pub arm: Bound<'py, Arm>,
-    /// All arguments except the arm, as they are kept.
+    /// The names and kept values of all arguments except the arm.
     pub arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
@@ -26,7 +26,7 @@ impl<'py> Arguments<'py> {
         Ok(Arguments { function, arm: object::<Arm>(function, "arm", AN_ARM, arm)?, arguments: Vec::new() })
     }
 
-    /// The class whose arguments they are.
+    /// The name of the class that is constructed, for messages.
     pub fn function(&self) -> &'static str {
         self.function
     }
@@ -35,14 +35,14 @@ impl<'py> Arguments<'py> {
         self.arm.get().model.core()
     }
 
-    /// A gain: a scalar, `(n,)` or `(n, n)`.
+    /// Read and keep a gain: a scalar, `(n,)` or `(n, n)`.
     pub fn gain(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Gain, Failure> {
         let gain = gain(self.function, name, value, n)?;
         self.keep(name, value)?;
         Ok(gain)
     }
 
-    /// An array `(n,)`.
+    /// Read and keep an array `(n,)`.
     pub fn vector(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
         let values = vector(self.function, name, value, n)?;
         self.keep(name, value)?;
@@ -55,7 +55,7 @@ impl<'py> Arguments<'py> {
         Ok(motion.get().core.clone())
     }
 
-    /// A motion of `n` rows, or the rows themselves `(n,)`, which are held.
+    /// Read and keep a motion of `n` coordinates, or a constant position `(n,)`.
     pub fn motion_or_hold(&mut self, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<CoreMotion, Failure> {
         match value.cast::<Motion>() {
             Ok(_) => self.motion(name, value),
@@ -63,7 +63,7 @@ impl<'py> Arguments<'py> {
         }
     }
 
-    /// Numbers `(n,)`, or one number for all; `None` if the argument is missing.
+    /// Read and keep numbers `(n,)`, or one number for all `n`. The result is `None` if the argument is missing.
     pub fn rows(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>, n: usize) -> Result<Option<Vec<f64>>, Failure> {
         let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
         let (shape, values) = numbers(self.function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
@@ -71,7 +71,7 @@ impl<'py> Arguments<'py> {
         Ok(Some(spread(&shape, values, n)?))
     }
 
-    /// The frame, the axes (default "xyz"), and their number of rows.
+    /// Read and keep the frame and the axes (default "xyz"). The third result is the number of axes.
     pub fn frame_and_axes(
         &mut self,
         frame: &Bound<'py, PyAny>,
@@ -85,7 +85,7 @@ impl<'py> Arguments<'py> {
         Ok((name, axes, rows))
     }
 
-    /// One number.
+    /// Read and keep one finite number.
     pub fn number(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<f64, Failure> {
         let x = crate::arrays::number(self.function, name, value)?;
         require_finite(value.py(), self.function, name, &[], &[x])?;
@@ -93,7 +93,7 @@ impl<'py> Arguments<'py> {
         Ok(x)
     }
 
-    /// A flag with the default False; kept if it is true.
+    /// Read a flag with the default False, and keep it if it is true.
     pub fn flag(&mut self, name: &'static str, value: Option<&Bound<'py, PyAny>>) -> Result<bool, Failure> {
         let flag = flag_or_false(self.function, name, value)?;
         if flag {
@@ -102,12 +102,12 @@ impl<'py> Arguments<'py> {
         Ok(flag)
     }
 
-    /// Text or a flag, unchanged.
+    /// Keep an argument without a copy. This suits immutable objects such as text, flags and numbers.
     pub fn plain(&mut self, name: &'static str, value: &Bound<'py, PyAny>) {
         self.arguments.push((name, value.clone().unbind()));
     }
 
-    /// Keep a copy of the caller's argument, so that later changes of it have no effect.
+    /// Keep a copy of the caller's array, so that later changes of the array have no effect.
     pub fn keep(&mut self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<(), Failure> {
         let (shape, values) = numbers(self.function, name, value, &[WHATEVER])?;
         let copy = new_array(value.py(), &shape, |out| {
@@ -119,14 +119,14 @@ impl<'py> Arguments<'py> {
     }
 }
 
-/// The letters of an argument `axes`, and their number.
+/// Read an argument `axes`: the text, and the number of coordinates.
 pub fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<(String, usize), Failure> {
     let axes = text(function, "axes", axes)?;
     let rows = parse_axes(&axes)?.len();
     Ok((axes, rows))
 }
 
-/// A gain as the user gives it: a scalar, `(n,)` or `(n, n)`.
+/// Read a gain: a scalar, `(n,)` or `(n, n)`.
 pub fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Gain, Failure> {
     let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Is(n)])];
     let (shape, values) = numbers(function, name, value, &forms)?;
@@ -138,7 +138,7 @@ pub fn gain(function: &str, name: &'static str, value: &Bound<'_, PyAny>, n: usi
     }
 }
 
-/// `repr` and pickling of a base class with the fields `arm` and `arguments`.
+/// Define `repr` and pickling for a base class with the fields `arm` and `arguments`.
 macro_rules! stands_on_arm {
     ($class:ident) => {
         #[entered]
@@ -159,7 +159,7 @@ macro_rules! stands_on_arm {
     };
 }
 
-/// Pickling of a base class with the field `arguments`.
+/// Define pickling for a base class with the field `arguments`.
 macro_rules! made_of_arguments {
     ($class:ident) => {
         #[entered]
@@ -177,7 +177,7 @@ macro_rules! made_of_arguments {
 }
 pub(crate) use {made_of_arguments, stands_on_arm};
 
-/// `Name(arm, argument=value, ..)`.
+/// The `repr` of an object: `Name(arm, argument=value, ..)`.
 pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<String> {
     let py = object.py();
     // The text of an arm of links is a table; only its first line is used here.
@@ -190,10 +190,10 @@ pub fn shown_as(object: &Bound<'_, PyAny>, arm: &Bound<'_, Arm>, arguments: &[(&
     Ok(format!("{}({})", object.get_type().name()?, parts.join(", ")))
 }
 
-/// The arguments of a call.
+/// The positional and keyword arguments of a call.
 pub type Call<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
 
-/// The call that makes the object again, with its arm if it has one.
+/// The arguments of the constructor call that makes an equal object, with the arm if the object has an arm.
 pub fn call<'py>(py: Python<'py>, arm: Option<&Bound<'py, Arm>>, arguments: &[(&'static str, Py<PyAny>)]) -> PyResult<Call<'py>> {
     let keywords = PyDict::new(py);
     if let Some(arm) = arm {

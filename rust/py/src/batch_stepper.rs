@@ -1,4 +1,4 @@
-//! `_BatchStepper`: many arms of one kind under inputs of the caller, for the environments of `armlet.gym`.
+//! `_BatchStepper`: many states of one plant, under inputs of the caller, for the environments of `armlet.gym`.
 
 use crate::arrays::{Axis, Form, count, items, number, numbers, object, owned, whole, written_array};
 use crate::errors::{Failure, entry, input_error};
@@ -11,14 +11,14 @@ use armlet_core::simulate::BatchStepper;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Rows of states that advance together. Each row has a separate input, which is held for some steps of the classical Runge-Kutta method.
+/// A batch of `B` states of a plant, one per row. Each row has its input, which is constant during a call of `step`.
 #[pyclass(module = "armlet._core")]
 pub struct _BatchStepper {
     stepper: BatchStepper,
     plant: PlantSpec,
-    /// `(B, states)`
+    /// The states, `(B, states)`.
     x: Vec<f64>,
-    /// The last inputs, `(B, n)`: the velocities of a plant that takes velocities.
+    /// The inputs of the last `step`, `(B, n)`. For a plant whose input is a velocity, they are the velocities to report.
     tau: Vec<f64>,
 }
 
@@ -39,8 +39,9 @@ impl _BatchStepper {
         })
     }
 
-    /// Advance all rows by `steps` steps under `tau`, `(B, n)`; positions and velocities after them, `(B, n)` each. A row that diverges is
-    /// not finite.
+    /// Advance all rows by `steps` steps of the classical Runge-Kutta method with the inputs `tau`, `(B, n)`.
+    ///
+    /// Returns the positions and the velocities after the last step, `(B, n)` each. A row that diverges is not finite.
     fn step<'py>(
         &mut self,
         py: Python<'py>,
@@ -65,7 +66,9 @@ impl _BatchStepper {
         })
     }
 
-    /// Set rows, by their indices, to positions and velocities `(len(rows), n)`. Returns positions and velocities of all rows.
+    /// Set the rows with the indices `rows` to positions and velocities, `(len(rows), n)` each.
+    ///
+    /// Returns the positions and the velocities of all rows, `(B, n)` each.
     fn put<'py>(
         &mut self,
         py: Python<'py>,
@@ -94,7 +97,7 @@ impl _BatchStepper {
         })
     }
 
-    /// The states of all rows, `(B, states)`.
+    /// A copy of the states of all rows, `(B, states)`.
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, NAME, || {
@@ -117,7 +120,7 @@ impl _BatchStepper {
 }
 
 impl _BatchStepper {
-    /// Positions and velocities of all rows.
+    /// Copy the positions and the velocities of all rows, `(B, n)` each.
     fn read<'py>(&self, py: Python<'py>) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Failure> {
         let (n, states) = (self.plant.n(), self.plant.states());
         let rows = self.tau.len() / n;

@@ -1,4 +1,4 @@
-//! Arguments that belong together row by row: leading axes broadcast as in numpy, and columns of numbers or arrays.
+//! Broadcasting as in numpy: of vector arguments `(..., n)` over their leading axes, and of arguments that are numbers or arrays.
 
 use crate::arrays::{Axis, Form, Looked, WHATEVER, elements, numbers, owned, require_finite, shown};
 use crate::errors::{Failure, input_error};
@@ -12,12 +12,12 @@ use pyo3::types::PyFloat;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Rows that are copied between two checks for a stop.
+/// The number of rows that are copied between two checks for Ctrl-C.
 pub const LOOK: usize = 1 << 12;
 
-/// Arguments of a pure function, broadcast over their leading axes.
+/// `K` vector arguments of a function, broadcast over their leading axes. A *row* is one vector of each.
 pub struct Broadcast<'a, const K: usize> {
-    /// The leading axes.
+    /// The common leading axes.
     pub shape: Vec<usize>,
     /// The number of rows.
     pub count: usize,
@@ -25,7 +25,7 @@ pub struct Broadcast<'a, const K: usize> {
 }
 
 impl<const K: usize> Broadcast<'_, K> {
-    /// Argument `k` of row `i`.
+    /// The vector of argument `k` in row `i`.
     #[inline]
     pub fn row(&self, k: usize, i: usize) -> &[f64] {
         let (values, width) = &self.rows[k];
@@ -35,7 +35,7 @@ impl<const K: usize> Broadcast<'_, K> {
 }
 
 impl<'a, const K: usize> Broadcast<'a, K> {
-    /// Rows `first..last` of argument `k`, each written out.
+    /// The vectors of argument `k` in the rows `first..last`. An argument with one vector is repeated.
     pub fn rows(&self, k: usize, first: usize, last: usize) -> Cow<'_, [f64]> {
         let (values, width) = &self.rows[k];
         if values.len() == *width && self.count != 1 {
@@ -44,7 +44,7 @@ impl<'a, const K: usize> Broadcast<'a, K> {
         Cow::Borrowed(&values[first * width..last * width])
     }
 
-    /// Copies that other threads cannot change.
+    /// Copy the borrowed arguments, so that other threads cannot change them.
     pub fn owned(self) -> Result<Broadcast<'static, K>, Failure> {
         let mut rows: [(Cow<'static, [f64]>, usize); K] = std::array::from_fn(|_| (Cow::Borrowed(&[][..]), 0));
         for (to, (values, width)) in rows.iter_mut().zip(self.rows) {
@@ -53,13 +53,13 @@ impl<'a, const K: usize> Broadcast<'a, K> {
         Ok(Broadcast { shape: self.shape, count: self.count, rows })
     }
 
-    /// The rows of argument `k` without broadcasting, copied.
+    /// Copy the vectors of argument `k` as the caller passed them, without repetition.
     pub fn given(&self, k: usize) -> Result<Vec<f64>, Failure> {
         Ok(memory::copied(&self.rows[k].0)?)
     }
 }
 
-/// Refuse arguments that are not finite. Arrays of the wrong kind were refused when they were read.
+/// Refuse arguments that are not finite. Arguments of a wrong type were refused earlier.
 pub fn require_all_finite<const K: usize>(function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Result<(), Failure> {
     for k in 0..K {
         let (shape, data) = numbers(function, names[k], values[k], &[WHATEVER])?;
@@ -68,8 +68,9 @@ pub fn require_all_finite<const K: usize>(function: &str, names: [&str; K], valu
     Ok(())
 }
 
-/// Arguments `(..., n)` of a pure function: of the right width, broadcast like numpy does. Not checked for being finite:
-/// [`require_all_finite`] finds those that are not.
+/// Read arguments `(..., n)` whose last axes have these lengths, and broadcast their leading axes as numpy does.
+///
+/// It does not check that the numbers are finite. [`require_all_finite`] checks this.
 pub fn broadcast<'a, const K: usize>(
     function: &str,
     names: [&str; K],
@@ -93,7 +94,7 @@ pub fn broadcast<'a, const K: usize>(
     for k in 0..K {
         let single = shapes[k].iter().product::<usize>() == 1;
         if shapes[k] != shape && !single {
-            // Other threads may write to the caller's array while this is done.
+            // Use a copy, because other threads may write to the caller's array while its rows are repeated.
             let own = memory::copied(&rows[k].0)?;
             rows[k].0 = Cow::Owned(long(values[k].py(), || stretch(&shapes[k], &shape, &own, widths[k]))?);
         }
@@ -101,7 +102,7 @@ pub fn broadcast<'a, const K: usize>(
     Ok(Broadcast { shape, count, rows })
 }
 
-/// The leading axes that arguments with these leading axes broadcast to; None if they do not.
+/// The common leading axes after broadcasting; `None` if these axes do not broadcast.
 pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
     let axes = shapes.iter().map(Vec::len).max().unwrap_or(0);
     let mut common = vec![1; axes];
@@ -119,7 +120,7 @@ pub fn common_shape(shapes: &[Vec<usize>]) -> Option<Vec<usize>> {
     Some(common)
 }
 
-/// Repeat the rows of an array of leading axes `from` into leading axes `to`.
+/// Repeat the rows, of `width` numbers, of an array with the leading axes `from`, so that its leading axes become `to`.
 pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> CoreResult<Vec<f64>> {
     let count = to.iter().try_fold(1_usize, |count, &n| count.checked_mul(n)).unwrap_or(usize::MAX);
     let skip = to.len() - from.len();
@@ -144,7 +145,7 @@ pub fn stretch(from: &[usize], to: &[usize], data: &[f64], width: usize) -> Core
     Ok(out)
 }
 
-/// A real number: a Python float or int, a numpy scalar, or an array without axes. Arrays with axes give None.
+/// Read a real number: a Python float or int, a numpy scalar, or an array without axes. `None` for arrays with axes.
 pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Option<f64>, Failure> {
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));
@@ -153,40 +154,41 @@ pub fn number_or_array(function: &str, name: &str, value: &Bound<'_, PyAny>) -> 
     Ok(if looked.shape.is_empty() { Some(looked.values()?.1[0]) } else { None })
 }
 
-/// Numbers broadcast against each other, copied: every column holds one number for all or one for each.
+/// `K` arguments that are numbers or arrays, copied, for a batch of problems. A *column* has one number for all problems, or one for each.
 pub struct Columns<const K: usize> {
     pub shape: Vec<usize>,
     pub count: usize,
-    /// Column after column, in one piece of memory, so that the system can use fewer, larger pages.
+    /// All columns in one allocation, so that the system can use larger pages.
     numbers: Vec<f64>,
     places: [Range<usize>; K],
 }
 
 impl<const K: usize> Columns<K> {
-    /// Column `k`.
+    /// The numbers of column `k`.
     #[inline]
     pub fn column(&self, k: usize) -> &[f64] {
         &self.numbers[self.places[k].clone()]
     }
 
-    /// The last column but one, and the last one to be changed.
+    /// The last column but one, and a mutable slice of the last column.
     pub fn last_two(&mut self) -> (&[f64], &mut [f64]) {
         let (before, last) = self.numbers.split_at_mut(self.places[K - 1].start);
         (&before[self.places[K - 2].clone()], last)
     }
 
-    /// Problem `i` of the batch.
+    /// The numbers of problem `i` of the batch.
     #[inline]
     pub fn row(&self, i: usize) -> [f64; K] {
         std::array::from_fn(|k| if let [x] = self.column(k) { *x } else { self.column(k)[i] })
     }
 }
 
-/// A check that refuses invalid numbers, with function, name and shape.
+/// A function that refuses invalid numbers. Its arguments after `py` are the function, the argument's name, the shape and the numbers.
 pub type Check = fn(Python<'_>, &str, &str, &[usize], &[f64]) -> Result<(), Failure>;
 
-/// Arguments of any shape that pass `check`, broadcast like in numpy, for results of `answer` bytes each. Results that do not fit in memory
-/// are refused before anything is copied.
+/// Read arguments of any shape, broadcast them as numpy does, and apply `check` to them.
+///
+/// `answer` is the size of one result in bytes. Results that do not fit in memory are refused before any copy.
 pub fn columns<const K: usize>(
     function: &str,
     names: [&str; K],
@@ -210,7 +212,7 @@ pub fn columns<const K: usize>(
     for k in 0..K {
         let (py, start) = (values[k].py(), all.len());
         let read = Looked::at(function, names[k], values[k])?.append_to(&mut all)?;
-        // The caller's objects may return other values when they are read again.
+        // An object of the caller may have another shape when it is read the second time.
         if read != shapes[k] {
             let problem = format!("changes its shape: expected {}, got {}", shown(&shapes[k]), shown(&read));
             return Err(input_error(py, function, names[k], problem).into());

@@ -1,4 +1,5 @@
-//! `armlet.equilibrium`, `armlet.elastic_limits` and the limits by numbers; the warning of a coarse sample time.
+//! Elastic joints: `equilibrium`, `elastic_limits`, `smallest_reduced_inertia`, `stiffness_limit`, `damping_from_ratio`, and the warning
+//! about a long sample time.
 
 use crate::arrays::{Looked, new_array, number, object, optional_number, vector};
 use crate::broadcast::{LOOK, columns};
@@ -20,10 +21,10 @@ use numpy::{Complex64, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The least ratio of limit and sample time without a warning.
+/// A sample time longer than the stability limit divided by this number causes a warning.
 const COMFORTABLE: f64 = 3.0;
 
-/// Warn if the sample time comes close to the limit of the motor loop.
+/// Warn if the sample time is longer than a third of the stability limit of the motor loop.
 pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> PyResult<()> {
     let (Some(sampling), Some(limit)) = (&problem.options.sampling, problem.sample_time_limit(COMFORTABLE)) else { return Ok(()) };
     let text = format!(
@@ -33,7 +34,7 @@ pub fn warn_of_sampling(py: Python<'_>, function: &str, problem: &Problem) -> Py
     warn(py, text)
 }
 
-/// A constant force: its wrench and the frame it acts at.
+/// Read a constant force: its wrench `[f; m]`, N and N m, and the index of the frame at which it acts.
 fn constant(
     function: &'static str,
     plant: &PlantSpec,
@@ -68,7 +69,7 @@ fn put_eigenvalues(fields: &Bound<'_, PyDict>, values: &[(f64, f64)]) -> Result<
     Ok(fields.set_item("eigenvalues", PyArray1::from_vec(fields.py(), values))?)
 }
 
-/// The fields of `armlet.Equilibrium`.
+/// Return a dict with the fields of an `armlet.Equilibrium`.
 #[entered]
 #[pyfunction]
 pub fn equilibrium<'py>(
@@ -109,7 +110,7 @@ pub fn equilibrium<'py>(
     })
 }
 
-/// The fields of `armlet.ElasticLimits`.
+/// Return a dict with the fields of an `armlet.ElasticLimits`.
 #[entered]
 #[pyfunction]
 pub fn elastic_limits<'py>(
@@ -145,7 +146,7 @@ pub fn elastic_limits<'py>(
     })
 }
 
-/// Infinity means no limit.
+/// Refuse NaN. Infinity is accepted, because it means that there is no limit.
 fn require_no_nan(py: Python<'_>, function: &str, name: &str, _: &[usize], values: &[f64]) -> Result<(), Failure> {
     let place = long(py, || {
         Ok(values.chunks(LOOK).enumerate().find_map(|(piece, values)| {
@@ -157,7 +158,7 @@ fn require_no_nan(py: Python<'_>, function: &str, name: &str, _: &[usize], value
     place.map_or(Ok(()), |k| Err(refuse(k).into()))
 }
 
-/// `f` of every entry of the arguments, broadcast together.
+/// Broadcast the arguments, and apply `f` to the numbers of each entry.
 fn each<'py, const K: usize>(
     py: Python<'py>,
     function: &str,
@@ -177,23 +178,24 @@ fn each<'py, const K: usize>(
     })
 }
 
-/// The smallest stable motor inertia `B0` of a sampled inertia reduction with locked links. NaN if `B0 = B` is unstable.
+/// The smallest reduced motor inertia `B0` for which a sampled motor loop is stable.
 ///
-/// One sample of length `dt` with the torque held maps `(theta, theta_dot)` exactly; `B0` is where the spectral radius of the
-/// map reaches 1 with `D0 = 2 zeta sqrt(B0 K_J)`. For `B0 << B`: `B0 = K_J (dt / min(4 zeta, 1/zeta))^2`.
+/// The loop reduces the motor inertia `B` to `B0` while the link is locked. The torque is constant during a sample of length `dt`, so a
+/// linear map advances `(theta, theta_dot)` exactly. At `B0` the spectral radius of this map is 1, with the damping `D0 = 2 zeta sqrt(B0
+/// K_J)`. For `B0 << B` the result is about `K_J (dt / min(4 zeta, 1/zeta))^2`.
 ///
 /// Args:
-///     motor_inertia: `B`, kg m^2, > 0; all arguments broadcast, which makes maps.
+///     motor_inertia: `B`, kg m^2, > 0. All arguments are numbers or arrays, and broadcast.
 ///     joint_stiffness: `K_J`, N m/rad, > 0.
 ///     sample_time: `dt`, s, > 0.
 ///     damping_ratio: `zeta`, > 0; 1 if None (keyword only).
-///     sensor_bandwidth: bandwidth of a first-order torque sensor, rad/s; no lag if None (keyword only).
+///     sensor_bandwidth: bandwidth of a first-order torque sensor, rad/s; a sensor without lag if None (keyword only).
 ///
 /// Returns:
-///     `B0`, kg m^2, of the common shape.
+///     `B0`, kg m^2, of the common shape; NaN where even `B0 = B` is unstable.
 ///
 /// Raises:
-///     InputError: a number is not positive, shapes do not fit together.
+///     InputError: a number is not positive, or the shapes do not broadcast.
 ///
 /// Source: [Ott2008] for the reduction; docs/elastic.md.
 ///
@@ -223,22 +225,23 @@ pub fn smallest_reduced_inertia<'py>(
     })
 }
 
-/// The largest stiffness of a spring at one link behind an elastic joint: `K_J (1 + d/D0)(1 - d B0/(D0 M))` (Routh).
+/// The largest stable stiffness `k` of a spring at a link behind an elastic joint: `k = K_J (1 + d/D0)(1 - d B0/(D0 M))`.
 ///
-/// Negative or zero: no stiffness is stable. With `D0 = 2 sqrt(B0 K_J)` it is `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`.
+/// The Routh criterion gives this limit. With `D0 = 2 sqrt(B0 K_J)` it is `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`. If the limit is negative or
+/// zero, no stiffness is stable.
 ///
 /// Args:
-///     mass: inertia of the link `M`, kg m^2, > 0; all arguments broadcast.
+///     mass: inertia `M` of the link, kg m^2, > 0. All arguments are numbers or arrays, and broadcast.
 ///     joint_stiffness: `K_J`, N m/rad, > 0.
-///     reduced_inertia: `B0`, kg m^2, > 0.
-///     damping: `d` of the link's damper, N m s/rad, >= 0.
-///     motor_damping: `D0`, N m s/rad; critical if None (keyword only).
+///     reduced_inertia: reduced motor inertia `B0`, kg m^2, > 0.
+///     damping: `d` of the damper at the link, N m s/rad, >= 0.
+///     motor_damping: `D0`, N m s/rad, > 0; the critical damping `2 sqrt(B0 K_J)` if None (keyword only).
 ///
 /// Returns:
-///     the largest `k`, N m/rad, of the common shape.
+///     `k`, N m/rad, of the common shape.
 ///
 /// Raises:
-///     InputError: a number is of the wrong sign, shapes do not fit together.
+///     InputError: a number has the wrong sign, or the shapes do not broadcast.
 ///
 /// Source: [Ott2008] for the reduction; docs/elastic.md.
 ///
@@ -275,20 +278,21 @@ pub fn stiffness_limit<'py>(
     })
 }
 
-/// The damping that gives every mode of an inertia and a stiffness one ratio: `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`.
+/// The damping matrix with which every mode of `M a + D v + K x = 0` has the damping ratio `zeta`.
 ///
-/// This is the double diagonalisation rule: with `M = Q'Q`, `K = Q' diag(k) Q` it is `2 zeta Q' diag(k)^1/2 Q`.
+/// `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`, which is also called double diagonalisation: with `M = Q'Q` and `K = Q' diag(k) Q` it is
+/// `2 zeta Q' diag(k)^1/2 Q`.
 ///
 /// Args:
-///     inertia: `M`, positive definite, (n, n), such as `M_x` of a law's terms.
-///     stiffness: `K`, positive definite, (n, n).
-///     ratio: `zeta` > 0.
+///     inertia: `M`, `(n, n)`, symmetric and positive definite, kg or kg m^2, such as `M_x` of a law's terms.
+///     stiffness: `K`, `(n, n)`, symmetric and positive definite, N/m or N m/rad.
+///     ratio: the damping ratio `zeta`, > 0; 1 is critical.
 ///
 /// Returns:
-///     `D`, (n, n), symmetric positive definite, in the unit of sqrt(M K).
+///     `D`, `(n, n)`, symmetric and positive definite, N s/m or N m s/rad.
 ///
 /// Raises:
-///     InputError: a matrix is not square, symmetric or positive definite, the ratio is not positive.
+///     InputError: a matrix is not square, symmetric or positive definite, or the ratio is not positive.
 ///
 /// Source: Albu-Schaeffer, Ott, Frese and Hirzinger, Cartesian impedance control of redundant robots, ICRA 2003.
 ///

@@ -1,4 +1,4 @@
-//! Core errors to Python classes, and panics to `InternalError`: no panic crosses the boundary.
+//! The conversion of core errors to Python exceptions, and of panics to `InternalError`. No panic reaches Python.
 
 use armlet_core::error::Error;
 use armlet_core::status::Status;
@@ -8,7 +8,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// A class of `armlet.errors`, imported once.
+/// A class of `armlet.errors`. The module is imported once.
 fn class(py: Python<'_>, name: &'static str) -> PyResult<Py<PyType>> {
     static MODULE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let module = MODULE.get_or_try_init(py, || PyResult::Ok(py.import("armlet.errors")?.into_any().unbind()))?;
@@ -22,7 +22,7 @@ fn raise(py: Python<'_>, name: &'static str, arguments: impl for<'a> pyo3::call:
     }
 }
 
-/// The Python error for a core error raised in `function`.
+/// Convert a core error to the Python exception that `function` raises.
 pub fn to_python(py: Python<'_>, function: &str, error: Error) -> PyErr {
     let message = format!("{function}: {error}");
     match error {
@@ -44,22 +44,23 @@ pub fn to_python(py: Python<'_>, function: &str, error: Error) -> PyErr {
     }
 }
 
-/// An `InputError`: `function: argument problem`.
+/// Make an `InputError` with the message `function: argument problem`.
 pub fn input_error(py: Python<'_>, function: &str, argument: &str, problem: impl std::fmt::Display) -> PyErr {
     raise(py, "InputError", (format!("{function}: {argument} {problem}"),))
 }
 
-/// A `FormatError`: stored data is not in its declared format.
+/// Make a `FormatError`, for stored data that is not in its declared format.
 pub fn format_error(py: Python<'_>, message: &str) -> PyErr {
     raise(py, "FormatError", (message,))
 }
 
-/// A `SolveError` with the partial result.
+/// Make a `SolveError` with the status, the time `t` in s at which the run ended, and the partial result.
 pub fn solve_error(py: Python<'_>, message: String, status: Status, t: f64, partial: Py<PyAny>) -> PyErr {
     raise(py, "SolveError", (message, status.code(), t, partial))
 }
 
-/// Run the body of an entry point: a panic becomes an `InternalError`. `#[entered]` puts every entry point here.
+/// Run the body of an entry point, and convert a panic to an `InternalError`. The macro `#[entered]` wraps every entry point in this
+/// function.
 pub fn caught<T>(function: &str, body: impl FnOnce() -> PyResult<T>) -> PyResult<T> {
     catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
@@ -68,7 +69,7 @@ pub fn caught<T>(function: &str, body: impl FnOnce() -> PyResult<T>) -> PyResult
     })
 }
 
-/// Like [`caught`], for a body whose errors may also be core errors. These become Python exceptions.
+/// Run the body of an entry point as [`caught`] does, and convert core errors to Python exceptions.
 pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T, Failure>) -> PyResult<T> {
     caught(function, || {
         body().map_err(|failure| match failure {
@@ -78,7 +79,7 @@ pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T,
     })
 }
 
-/// The errors of an entry point.
+/// The error of the body of an entry point.
 pub enum Failure {
     Core(Error),
     Python(PyErr),

@@ -1,4 +1,4 @@
-//! `simulate(events=..., dense=...)`: the requested events and polynomials of a run, and their results.
+//! The arguments `events` and `dense` of `simulate`, and their results: event times, and polynomials between the steps.
 
 use crate::arrays::{adopted, items, number, text, vector};
 use crate::errors::{Failure, input_error};
@@ -14,14 +14,14 @@ use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
 
 const NAME: &str = "simulate";
-/// The most events of a run.
+/// The largest number of events of a run.
 const MOST_EVENTS: usize = 4096;
 
 fn refuse(value: &Bound<'_, PyAny>, problem: String) -> Failure {
     input_error(value.py(), NAME, "events", problem).into()
 }
 
-/// The index of a joint given by index or by name.
+/// Read a joint, which is an index or a name, and return its index.
 fn joint(plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     let n = plant.n();
     if let Ok(name) = value.extract::<String>() {
@@ -38,7 +38,7 @@ fn joint(plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> 
     }
 }
 
-/// A function of time and state, `g(t, q, v, ..)` as a law is called.
+/// The event function of a Python callable `g(t, q, v, ..)`. Its arguments are those of a law.
 fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> EventFunction {
     let (call, raised, n, states) = (call.clone().unbind(), raised.clone(), plant.n(), plant.seen());
     EventFunction::Function(Arc::new(move |t: f64, x: &[f64]| {
@@ -55,7 +55,7 @@ fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> Even
     }))
 }
 
-/// The function that an `armlet.Event` of this kind locates.
+/// The function whose zeros are the events of this `kind` of `armlet.Event`.
 fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, raised: &Raised) -> Result<EventFunction, Failure> {
     let n = plant.n();
     let argument = |i: usize| arguments.get_item(i);
@@ -94,7 +94,7 @@ fn event_function(plant: &PlantSpec, kind: &str, arguments: &Bound<'_, PyAny>, r
     })
 }
 
-/// The keywords `events` and `dense`; `None` without a request.
+/// Read the keywords `events` and `dense`. The result is `None` if neither is used.
 pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool, raised: &Raised) -> Result<Option<RunObserver>, Failure> {
     let mut observer = RunObserver { polynomials: dense.then(Polynomials::default), ..RunObserver::default() };
     let events =
@@ -108,7 +108,7 @@ pub fn observer(plant: &PlantSpec, events: Option<Bound<'_, PyAny>>, dense: bool
     Ok((dense || !observer.events.is_empty()).then_some(observer))
 }
 
-/// `values`, `(rows, states)`, of which the first `seen` are cut into the parts `names` of `n` columns each.
+/// Split the first `seen` columns of `values`, `(rows, states)`, into the fields `q`, `v`, `theta`, `theta_dot` of `n` columns each.
 fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, (seen, states): (usize, usize), values: &[f64]) -> Result<(), Failure> {
     for (k, name) in ["q", "v", "theta", "theta_dot"].iter().enumerate().take(seen / n) {
         let part = memory::collected((0..rows * n).map(|i| values[i / n * states + k * n + i % n]))?;
@@ -117,7 +117,7 @@ fn put_parts(fields: &Bound<'_, PyDict>, rows: usize, n: usize, (seen, states): 
     Ok(())
 }
 
-/// The fields `events` and `dense` of a run.
+/// Add the fields `events` and `dense` to the fields of a run. `p` is the number of states of the law.
 pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer: RunObserver) -> Result<(), Failure> {
     let (py, n, states) = (fields.py(), plant.n(), plant.states());
     if !observer.events.is_empty() {
@@ -129,7 +129,7 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer:
         fields.set_item("events", events)?;
     }
     if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
-        // Without the bristles between the states that a law knows and its own.
+        // The columns are those of the plant and the law, without the bristles of LuGre friction between them.
         let (seen, all) = (plant.seen(), states + p);
         let kept = seen + p;
         let place = |i: usize| i / kept * all + if i % kept < seen { i % kept } else { i % kept + states - seen };

@@ -1,4 +1,4 @@
-//! External forces as Python objects: None, a constant, `[(t_start, F), ...]` or `F(t)`.
+//! External forces from Python objects: None, a constant force, a list `[(t_start, F), ...]`, or a callable `F(t)`.
 
 use crate::arrays::{Axis, Form, items, number, numbers, require_finite, text};
 use crate::errors::{Failure, input_error};
@@ -9,25 +9,25 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 use std::sync::{Arc, Mutex};
 
-/// The error of a callable, kept until the run has ended.
+/// The first exception of a Python callable during a run. It is raised after the run.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
 
-/// Whether an error was raised. Then Python is not called again, and the run ends.
+/// Whether a Python callable has raised an exception. Then no callable is called again, and the run ends.
 pub fn failed(raised: &Raised) -> bool {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).is_some()
 }
 
-/// The frame that `force_frame` names.
+/// Read the argument `force_frame`, and return the index of the frame.
 pub fn force_frame(function: &str, plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     const NAME: &str = "force_frame";
     let name = text(function, NAME, value)?;
     Ok(plant.model().tree(NAME)?.frame_index(&name).map_err(|error| error.of_argument(NAME))?)
 }
 
-/// The most steps of a force.
+/// The largest number of pairs in a list `[(t_start, F), ...]`.
 const MOST_STEPS: usize = 1 << 24;
 
-/// `rows[k]` is the place in `[f; m]` of entry `k`.
+/// Read a force, and return its wrench `[f; m]`, N and N m. Entry `k` of the force is entry `rows[k]` of the wrench.
 fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wrench, Failure> {
     let (shape, values) = numbers(function, "force", value, &[Form(&[Axis::Is(rows.len())])])?;
     require_finite(value.py(), function, "force", &shape, &values)?;
@@ -38,7 +38,8 @@ fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wr
     Ok(full)
 }
 
-/// With `force_frame`, the number of entries of the first sample decides between (3,) and (6,).
+/// The entries of the wrench `[f; m]` that a force has: those of the law's coordinates. Otherwise a force `(6,)` has all, and `(3,)` has
+/// `f`.
 fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
     match law {
         Some(rows) => rows.to_vec(),
@@ -46,12 +47,13 @@ fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
     }
 }
 
-/// A constant force, as [`force`] reads one.
+/// Read a constant force, and return its wrench `[f; m]`. The meaning of `rows` is that of [`force`].
 pub fn constant_force(function: &str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>) -> Result<Wrench, Failure> {
     wrench(function, value, &rows_of(value, rows))
 }
 
-/// A force whose entries are the law's `rows`; `None`: (3,) or (6,) in world axes.
+/// Read a force. `rows` are the entries of the wrench `[f; m]` that the law's coordinates use. With `None`, the force is `(3,)` or `(6,)`
+/// in world axes.
 pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>, raised: &Raised) -> Result<Force, Failure> {
     if value.is_callable() {
         let (call, rows, raised) = (value.clone().unbind(), rows.map(<[usize]>::to_vec), raised.clone());
@@ -88,7 +90,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
     Ok(Force::steps(starts, values)?)
 }
 
-/// Keep the first exception.
+/// Store an exception, unless an earlier one is stored.
 pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
     let error = match failure {
         Failure::Python(error) => error,
@@ -97,7 +99,7 @@ pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
     raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).get_or_insert(error);
 }
 
-/// Raise the error of a callable inside a run.
+/// Return the stored exception of a Python callable as an error.
 pub fn raise(raised: &Raised) -> Result<(), Failure> {
     let inside = raised.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).take();
     inside.map_or(Ok(()), |error| Err(Failure::Python(error)))

@@ -1,4 +1,4 @@
-//! `friction=` and `motor_friction=` of a plant: an `armlet.LuGre` or an `armlet.StickSlip`.
+//! The arguments `friction` and `motor_friction` of a plant: an `armlet.LuGre` or an `armlet.StickSlip`.
 
 use crate::arrays::{Axis, Form, SCALAR, numbers, require_finite, spread};
 use crate::errors::{Failure, input_error};
@@ -6,7 +6,7 @@ use armlet_core::error::Error;
 use armlet_core::plant::{FrictionCurve, JointFriction, LuGre, StickSlip};
 use pyo3::prelude::*;
 
-/// The friction of `value` for `n` joints; `None` for other values.
+/// Read the friction of `n` joints. The result is `None` for other objects.
 pub fn friction(function: &'static str, n: usize, argument: &str, value: &Bound<'_, PyAny>) -> Result<Option<JointFriction>, Failure> {
     let known = value.py().import("armlet.friction_models")?;
     let bristles = value.is_instance(&known.getattr("LuGre")?)?;

@@ -1,4 +1,7 @@
-//! Derivatives of runs, forward and by the adjoint, with respect to named numbers.
+//! Derivatives of simulated runs with respect to named parameters, by forward sensitivities and by the adjoint method.
+//!
+//! The caller passes the run itself and *runs of variations*. In these, a parameter has other values, and `weights` combines their
+//! right-hand sides to a derivative with respect to the parameter. A *record* is the state and the torque at one time of `t_eval`.
 
 use crate::arrays::{Axis, Form, adopted, count, numbers};
 use crate::errors::{Failure, entry, input_error};
@@ -11,14 +14,14 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// The parameters, their number for each name, and the groups of parameters that vary together in the same runs.
+/// The parameters, the number of parameters of each name, and the groups of parameters that share runs of variations.
 struct Named {
     all: Vec<Parameter>,
     sizes: Vec<usize>,
     shared: Vec<Shared>,
 }
 
-/// The number of parameters of a name, and their codes if they vary together.
+/// The number of parameters of a name, and their codes if they share runs of variations.
 #[derive(FromPyObject)]
 enum Name {
     Apart(usize),
@@ -26,8 +29,10 @@ enum Name {
 }
 
 impl Named {
-    /// Run 0 is the one to differentiate. The runs of each name follow. A parameter that varies alone has one run per weight. Parameters
-    /// that vary together have their probes, and then one run per weight for all of them.
+    /// Assign runs to the parameters. Run 0 is the run to differentiate, and the runs of each name follow.
+    ///
+    /// A parameter that varies alone has one run per weight. Parameters that vary together have runs that identify the parameter, one for
+    /// each bit of the codes, and then one run per weight.
     fn of(function: &str, value: &Bound<'_, PyAny>, names: &Bound<'_, PyAny>, runs: usize) -> Result<Self, Failure> {
         let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("P"), Axis::Any("W")])])?;
         let (names, points): (Vec<Name>, usize) = (names.extract()?, shape[1]);
@@ -67,7 +72,7 @@ impl Named {
     }
 }
 
-/// The runs of the parameters of each row, in order, one per weight, `(B, P, W)`.
+/// Read the weights `(B, P, W)`: for each of the `P` parameters of a row, `W` runs of variations and their weights.
 fn parameters_of_rows(function: &str, value: &Bound<'_, PyAny>, runs: usize) -> Result<Vec<Vec<Parameter>>, Failure> {
     let (shape, weights) = numbers(function, "weights", value, &[Form(&[Axis::Any("B"), Axis::Any("P"), Axis::Any("W")])])?;
     let [rows, count, points] = [shape[0], shape[1], shape[2]];
@@ -92,7 +97,7 @@ fn weighed(weights: &[f64], points: usize) -> armlet_core::error::Result<Vec<Par
     memory::collected(weights.chunks_exact(points.max(1)).enumerate().map(parameter))
 }
 
-/// The number of parameters of each name.
+/// Read the number of parameters of each name. The sum must be `parameters`.
 fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<Vec<usize>, Failure> {
     let sizes: Vec<usize> = value.extract()?;
     if sizes.iter().try_fold(0usize, |sum, &size| sum.checked_add(size)) != Some(parameters) {
@@ -101,7 +106,7 @@ fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<
     Ok(sizes)
 }
 
-/// The weights of the records `[x, tau]` of so many rows, one after another, from slopes by name of a series.
+/// The derivatives of a loss with respect to the records `[x, tau]` of `rows` runs, record after record. `slopes` has them by series.
 fn slopes_of(function: &str, problem: &Problem, slopes: &Bound<'_, PyDict>, rows: usize) -> Result<Vec<f64>, Failure> {
     let (parts, width) = record_parts(problem);
     let core::Times::At(times) = &problem.options.times else {
@@ -120,7 +125,7 @@ fn slopes_of(function: &str, problem: &Problem, slopes: &Bound<'_, PyDict>, rows
     Ok(weighed)
 }
 
-/// The derivatives of the series of records, `(lead.., K, .., P)` by name.
+/// A dict with the derivatives of each series of records, `(lead.., K, .., P)`.
 fn by_series<'py>(
     py: Python<'py>,
     problem: &core::Problem,
@@ -136,7 +141,7 @@ fn by_series<'py>(
     Ok(fields)
 }
 
-/// The derivatives of a run's series, `(K, .., P)` by name; `keywords` as of `simulate_batch` with `t_eval`.
+/// Return a dict with the derivatives of each series of a run, `(K, .., P)`. The keywords are those of `simulate_batch` with `t_eval`.
 #[entered]
 #[pyfunction]
 pub fn _sensitivities<'py>(
@@ -160,7 +165,7 @@ pub fn _sensitivities<'py>(
     })
 }
 
-/// The derivatives of `sum_k slopes_k' record_k`, `(P,)`: `slopes` has `(K, ..)` by name of a series.
+/// Return the derivatives of `sum_k slopes_k' record_k`, `(P,)`. `slopes` is a dict with an array `(K, ..)` per series.
 #[entered]
 #[pyfunction]
 pub fn _adjoint<'py>(
@@ -188,7 +193,7 @@ pub fn _adjoint<'py>(
     })
 }
 
-/// The derivatives of the series of each row of a batch, `(B, K, .., P)` by name. A row without derivatives is NaN.
+/// Return a dict with the derivatives of each series of a batch, `(B, K, .., P)`. A row without derivatives is NaN.
 #[entered]
 #[pyfunction]
 pub fn _sensitivities_of_rows<'py>(
@@ -214,7 +219,7 @@ pub fn _sensitivities_of_rows<'py>(
     })
 }
 
-/// The derivatives of `sum_k slopes_k' record_k` of each row of a batch, `(B, P)`: `slopes` has `(B, K, ..)` by name of a series.
+/// Return the derivatives of `sum_k slopes_k' record_k` for each row of a batch, `(B, P)`. `slopes` has an array `(B, K, ..)` per series.
 #[entered]
 #[pyfunction]
 pub fn _adjoint_of_rows<'py>(

@@ -1,4 +1,4 @@
-//! Ctrl-C and the interpreter lock: long work runs without the lock, and checks for a signal every 20 ms.
+//! Ctrl-C and the interpreter lock (GIL): long work runs without the GIL, and checks for a signal every 20 ms.
 
 use crate::errors::Failure;
 use armlet_core::error::Result as CoreResult;
@@ -10,28 +10,28 @@ use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
 
 thread_local! {
-    /// The error of a signal handler on this thread, until the interrupted call raises it.
+    /// The exception of a signal handler on this thread. The interrupted call raises it later.
     static SIGNAL: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
-/// Whether a signal has come. An error of its handler is kept for `long`.
+/// Whether a signal handler has raised an exception. The exception is stored, and [`long`] raises it.
 pub fn signalled() -> bool {
     Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// Work without the GIL on this thread. Ctrl-C ends it where it checks `stop` or [`signalled`].
+/// Run `work` on this thread without the GIL. Ctrl-C ends it where the work checks for a stop.
 pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
     ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
 }
 
-/// The same as [`signalled`] for work that holds the GIL: a waiting thread gets the GIL first.
+/// Whether a signal handler has raised an exception, for work that holds the GIL. A waiting thread gets the GIL first.
 pub fn signalled_in_turn() -> bool {
     Python::attach(pause).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// The same as [`long`] for work that calls Python at every sample: it keeps the GIL, and offers it every 20 ms by [`signalled_in_turn`].
+/// Run `work` that calls Python at every sample. It holds the GIL, and offers it to other threads every 20 ms ([`signalled_in_turn`]).
 ///
-/// If the GIL is released and taken at every call, a waiting thread wakes each time, finds it taken, and waits again.
+/// If the work released the GIL around every call, a waiting thread would wake each time, find the GIL taken, and wait again.
 pub fn long_calling<T: Send>(work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
     ended(interruptible(Watch::Poll(signalled_in_turn), work))
 }
@@ -44,7 +44,7 @@ fn ended<T>(result: Result<CoreResult<T>, Interrupted>) -> Result<T, Failure> {
     }
 }
 
-/// The time from one break to the next.
+/// The time from one pause to the next.
 const BREAK: Duration = Duration::from_millis(10);
 
 /// Give the GIL to a waiting thread, and check for Ctrl-C.
@@ -53,10 +53,10 @@ fn pause(py: Python<'_>) -> PyResult<()> {
     py.check_signals()
 }
 
-/// For loops that require the GIL: every 10 ms other threads get it for a moment, and Ctrl-C is checked.
+/// The pauses of a loop that holds the GIL. Every 10 ms, other threads can take the GIL, and Ctrl-C is checked.
 ///
-/// Python hands the GIL over only to a thread that has already waited for its switch interval, 5 ms. More frequent breaks wake that
-/// thread and take the GIL away again. Then the thread waits until the loop ends.
+/// Python hands the GIL over only to a thread that has waited for the switch interval of 5 ms. A more frequent pause would wake this thread
+/// and take the GIL away again. Then the thread would wait until the loop ends.
 pub struct Breaks {
     next: Instant,
 }
@@ -66,7 +66,7 @@ impl Breaks {
         Breaks { next: Instant::now() + BREAK }
     }
 
-    /// To be called after every 1 us to 1 ms of work.
+    /// Pause if the last pause is 10 ms ago. Call this after every 1 us to 1 ms of work.
     pub fn pause(&mut self, py: Python<'_>) -> PyResult<()> {
         if Instant::now() >= self.next {
             pause(py)?;
@@ -77,11 +77,11 @@ impl Breaks {
 }
 
 thread_local! {
-    /// When [`pause_in_turn`] pauses next on this thread.
+    /// The time of the next pause of [`pause_in_turn`] on this thread.
     static NEXT: Cell<Option<Instant>> = const { Cell::new(None) };
 }
 
-/// The same as [`Breaks::pause`] for successive calls that are shorter than the time to a break, such as pieces for `pickle`.
+/// Pause if the last pause on this thread is 10 ms ago. This suits successive short calls, such as the pieces of a pickle.
 pub fn pause_in_turn(py: Python<'_>) -> PyResult<()> {
     if NEXT.get().is_none_or(|next| Instant::now() >= next) {
         pause(py)?;
@@ -90,7 +90,7 @@ pub fn pause_in_turn(py: Python<'_>) -> PyResult<()> {
     Ok(())
 }
 
-/// The result of `read` for each of these objects, with pauses.
+/// Apply `read` to each object of a list, with the pauses of [`Breaks`].
 pub fn paused<'py, T>(
     list: &[Bound<'py, PyAny>],
     read: impl Fn(usize, &Bound<'py, PyAny>) -> Result<T, Failure>,

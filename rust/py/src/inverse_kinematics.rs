@@ -22,16 +22,19 @@ use pyo3::types::{PyList, PyTuple};
 
 /// The result of `inverse_kinematics`: joint positions, and the outcome of each task.
 ///
-/// `q`: joint positions, `(n,)`, rad or m. `errors`: the error of each task at `q`, `(rows_i,)` each, m or rad. `reached`: whether
-/// each task is reached. `iterations`: steps from all starts together. `restarts`: random starts used. `status`: `Status.SUCCESS` if every
-/// task is reached, `DEGRADED` if the first one is, but not all. If the first task is not reached: `INFEASIBLE` without further progress,
-/// and `MAX_STEPS` if the search was still moving.
+/// - `q`: joint positions, `(n,)`, rad or m.
+/// - `errors`: a list with the error of each task at `q`, `(rows_i,)`, m or rad.
+/// - `reached`: a flag for each task.
+/// - `iterations`: number of steps from all starts together.
+/// - `restarts`: number of random starts.
+/// - `status`: `Status.SUCCESS` if every task is reached, `DEGRADED` if the first task is reached, but not all. If the first task is not
+///   reached, it is `INFEASIBLE` when the search made no further progress, and `MAX_STEPS` when it still made progress.
 ///
-/// In a batch all fields are arrays: `q` `(..., n)`, `errors` a list of `(..., rows_i)`, and `(...)` each `reached` (every task of the
-/// row is reached), `iterations`, `restarts` and `status` (integers, of `Status`). With `solutions=k`: `q` `(..., k, n)`, `errors`
-/// `(..., k, rows_i)`, `reached` and `status` `(..., k)`.
+/// In a batch all fields are arrays: `q` `(..., n)`, and `errors` a list of `(..., rows_i)`. `reached` (every task of the row is reached),
+/// `iterations`, `restarts` and `status` (integer codes of `Status`) have the shape `(...)`. With `solutions=k`, `q` is `(..., k, n)`, each
+/// array of `errors` is `(..., k, rows_i)`, and `reached` and `status` are `(..., k)`.
 ///
-/// It is true if every task of every target is reached; with `solutions=k`, by the best solution.
+/// The truth value is True if every task of every target is reached; with `solutions=k`, by the best solution.
 #[pyclass(frozen, get_all, module = "armlet")]
 pub struct InverseKinematics {
     pub q: Py<PyAny>,
@@ -60,7 +63,7 @@ impl InverseKinematics {
         let Ok(axes) = reached.getattr("ndim") else {
             return reached.try_iter()?.try_fold(true, |all, one| Ok(all && one?.is_truthy()?));
         };
-        // Several solutions add an axis, which the counts do not have.
+        // With several solutions, `q` has an additional axis. The array `iterations` does not have it, so its axes are those of the batch.
         let counts = py.import("numpy")?.call_method1("ndim", (self.iterations.bind(py),))?.extract::<usize>()?;
         let best = if axes.extract::<usize>()? > counts { reached.get_item((py.Ellipsis(), 0))? } else { reached.clone() };
         best.call_method0("all")?.is_truthy()
@@ -76,49 +79,50 @@ impl InverseKinematics {
 
 const NAME: &str = "inverse_kinematics";
 
-/// Joint positions at which tasks are reached, the highest first: damped Newton steps within the joint limits.
+/// Search joint positions at which the tasks are reached: damped Newton steps within the joint limits.
 ///
-/// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together. If these steps do not reach several tasks, `dq` solves
-/// `J_i dq = e_i` in priority. A lower task that conflicts with a higher one is reached as far as the map allows. If a start fails, random
-/// starts within the limits follow, the same for the same `seed`.
+/// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together. If these steps do not reach all of several
+/// tasks, `dq` solves `J_i dq = e_i` in the order of priority. Then a lower task that conflicts with a higher one is reached only in part.
+/// If the search from `q0` fails, searches from random starts within the limits follow. Equal seeds make equal starts.
 ///
 /// Args:
-///     arm: the arm, of links.
-///     tasks: `Task` and other tasks with constant targets `(rows,)` or `(..., rows)`, the highest first; gains are not used.
+///     arm: the arm; not `planar_pr`, which has no links.
+///     tasks: `Task` and other tasks with constant targets `(rows,)` or `(..., rows)`, m or rad, the highest priority first. The gains of
+///         the tasks are not used.
 ///     q0: start of the search, `(n,)` or `(..., n)`, rad or m. Leading axes of `q0` and of all targets broadcast.
-///     method: the map of every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below). None: steps for all tasks
-///         together, and "clamp" for steps in priority.
-///     eps: threshold on singular values of the map, one number or one per task. It selects steps by the map. None: 0.02 of each task's largest
-///         row norm.
+///     method: the priority map of every step: "clamp", "damped", "exact" or "chiaverini" (keyword only, as all below). None: steps for
+///         all tasks together, and "clamp" for steps in the order of priority.
+///     eps: threshold on singular values of the priority map, one number or one per task. With `eps`, all steps use the map. None: 0.02
+///         times each task's largest row norm.
 ///     tolerance: a task is reached if every entry of its error is at most this, m or rad.
 ///     max_iterations: largest number of steps from each start.
 ///     restarts: largest number of random starts after `q0`.
 ///     seed: seed of the random starts.
-///     step_max: largest step of a joint, rad or m.
-///     limits: keep to the arm's joint limits.
-///     check_limits: action for a start outside of these limits: None warns, True raises, and False does neither. With `limits=False` there
-///         is no check.
-///     solutions: number of different solutions of each target, from up to `restarts` random starts; None: one, without an axis for it. The
-///         best are first: those that reach every task, ordered by their distance `|q - q0|`. The others follow, ordered by the error of
-///         the first task in which they differ. Two are the same if no joint differs by more than 1e-3 rad or m. Whole turns that move no
-///         body do not count. If fewer are found, the remaining rows are NaN, with the status `INFEASIBLE`.
-///     threads: number of threads for a batch; None: the environment's `ARMLET_NUM_THREADS`, else the cores.
+///     step_max: largest change of a joint position in one step, rad or m.
+///     limits: keep `q` within the arm's joint limits.
+///     check_limits: action for a start outside of the joint limits: None warns, True raises, and False does neither. With `limits=False`
+///         there is no check.
+///     solutions: number of different solutions of each target, from at most `restarts` random starts. None: one solution, without an axis
+///         for it. Solutions that reach every task are first, ordered by their distance `|q - q0|`. The others follow, ordered by the error
+///         of the first task in which they differ. Two solutions are equal if no joint differs by more than 1e-3 rad or m; full rotations
+///         that move no body do not count. If fewer are found, the remaining rows are NaN, with the status `INFEASIBLE`.
+///     threads: number of threads for a batch; None: the environment variable `ARMLET_NUM_THREADS`, otherwise the number of cores.
 ///
-/// A batch is solved in threads; every row has the bits of a call for it alone, for any number of threads. A row whose start or target
+/// Threads share the rows of a batch. Every row has the bits of a separate call, for any number of threads. A row whose start or target
 /// is not finite, or whose numbers overflow, is NaN with the status `DIVERGED`. It does not affect other rows.
 ///
 /// Returns:
-///     An `InverseKinematics`; it is true if every task is reached. An unreachable target is not an error: see its `status`.
+///     An `InverseKinematics`, which is true if every task is reached. An unreachable target is not an error: its `status` reports it.
 ///
 /// Raises:
-///     InputError: a shape is wrong, leading axes do not broadcast, a task has no constant target, or the method is unknown. Also for a
-///         number of a single call that is not finite, and with `check_limits=True` for a start outside of the limits.
+///     InputError: a shape is wrong, leading axes do not broadcast, a task has no constant target, or the method is unknown. A single
+///         target or start that is not finite also raises it, and with `check_limits=True` a start outside of the limits.
 ///
 /// Warns:
 ///     UserWarning: a start is outside of the joint limits. The search begins at the nearest position inside.
 ///
-/// Source: Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method, IEEE Trans. Robotics 27, 2011; Nakamura and
-/// Hanafusa, Inverse kinematic solutions with singularity robustness, J. Dyn. Sys. Meas. Control 108, 1986.
+/// Source: Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method, IEEE Trans. Robotics 27, 2011; Nakamura
+/// and Hanafusa, Inverse kinematic solutions with singularity robustness, J. Dyn. Sys. Meas. Control 108, 1986.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([0.5, 0.4, 0.3])
@@ -165,7 +169,7 @@ pub fn inverse_kinematics<'py>(
         let tree = model.tree("arm")?;
         let (_, goals) = each(NAME, tasks, |task| task.goals(tree))?;
         let alone = solutions.is_none() && goals.iter().all(|goal| goal.lead.is_empty());
-        // A single call with a wrong shape has the message of a single vector.
+        // An argument `q0` with at most one axis is a single start, so the message about a wrong shape expects `(n,)`.
         let wide = Looked::at(NAME, "q0", q0)?.shape.len() > 1;
         let form = if wide { Form(&[Axis::Leading, Axis::Is(model.n())]) } else { Form(&[Axis::Is(model.n())]) };
         let (mut lead, q0) = numbers(NAME, "q0", q0, &[form])?;
@@ -218,7 +222,7 @@ pub fn inverse_kinematics<'py>(
     })
 }
 
-/// A count above zero.
+/// Read a count that is at least one.
 fn positive_count(name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     match whole(NAME, name, value)? {
         0 => Err(Error::input(name, "is not positive: expected at least 1, got 0").into()),
@@ -226,7 +230,7 @@ fn positive_count(name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure
     }
 }
 
-/// Many targets, or several solutions.
+/// Solve a batch of targets, or search several solutions of a target.
 fn many(
     py: Python<'_>,
     tree: &CoreArm,

@@ -1,4 +1,4 @@
-//! The keywords of `simulate`, `simulate_batch` and `Simulator`, read into options, initial states, forces and laws.
+//! The keywords of `simulate`, `simulate_batch` and `Simulator`, converted to options, initial states, forces and laws of the core.
 
 use crate::arrays::{
     Axis, Form, Looked, SCALAR, any_vector, count, flag, items, number, numbers, object, optional_number, owned, quoted, require_finite,
@@ -19,21 +19,21 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 use std::sync::Arc;
 
-/// The most rows of a batch that a list gives one by one.
+/// The largest number of rows of a batch whose laws, plants or forces are a list.
 pub const MOST_ROWS: usize = 1 << 28;
 const A_LAW: &str = "a law such as Adaptive";
-/// The default error per step of an adaptive method.
+/// The default relative tolerance of an adaptive method.
 const RTOL: f64 = 1e-8;
 const ATOL: f64 = 1e-10;
 
-/// The keywords of a run, from Python.
+/// The Python keywords of a run.
 pub struct Keywords<'py> {
     pub function: &'static str,
     pub keywords: Bound<'py, PyDict>,
 }
 
 impl<'py> Keywords<'py> {
-    /// A keyword; `None` where it is missing or None.
+    /// The value of a keyword; `None` if the keyword is missing or its value is the Python None.
     pub fn get(&self, name: &str) -> Result<Option<Bound<'py, PyAny>>, Failure> {
         Ok(self.keywords.get_item(name)?.filter(|value| !value.is_none()))
     }
@@ -51,7 +51,7 @@ impl<'py> Keywords<'py> {
         optional_number(self.function, name, self.get(name)?.as_ref())
     }
 
-    /// A period in s, or an `armlet.Sampling`.
+    /// Read `sample_time`: a period in s, or an `armlet.Sampling`.
     fn sampling(&self, n: usize) -> Result<Option<Sampling>, Failure> {
         let Some(value) = self.get("sample_time")? else { return Ok(None) };
         let function = self.function;
@@ -82,7 +82,7 @@ impl<'py> Keywords<'py> {
         }))
     }
 
-    /// One number for all, or one per joint.
+    /// Read one number for all joints, or one per joint.
     fn per_joint(&self, name: &str, n: usize) -> Result<Option<Vec<f64>>, Failure> {
         let Some(value) = self.get(name)? else { return Ok(None) };
         let (shape, values) = numbers(self.function, name, &value, &[SCALAR, Form(&[Axis::Is(n)])])?;
@@ -112,7 +112,7 @@ impl<'py> Keywords<'py> {
         })
     }
 
-    /// The metrics of runs: the arguments of `armlet.metrics` in `metrics`.
+    /// Read the keyword `metrics`, a dict with the arguments of `armlet.metrics`.
     pub fn measures(&self, n: usize) -> Result<Measures, Failure> {
         let mut measures = Measures::default();
         let Some(given) = self.get("metrics")? else { return Ok(measures) };
@@ -135,7 +135,7 @@ impl<'py> Keywords<'py> {
         Ok(measures)
     }
 
-    /// The action for starts and targets outside of joint limits.
+    /// Read `check_limits`: the action for starts and targets outside of the joint limits.
     pub fn limit_check(&self) -> Result<LimitCheck, Failure> {
         LimitCheck::of(self.function, self.get("check_limits")?.as_ref())
     }
@@ -144,7 +144,7 @@ impl<'py> Keywords<'py> {
         Ok(Method::from_name(&text(self.function, "method", &self.required("method")?)?)?)
     }
 
-    /// Refuse arguments of the caller that the method does not use.
+    /// Refuse arguments that the integration method does not use.
     fn require_unused(&self, method: Method) -> Result<(), Failure> {
         let (unused, steps): (&[&str], _) =
             if method.is_adaptive() { (&["dt"], "chooses its steps itself") } else { (&["rtol", "atol"], "takes fixed steps") };
@@ -157,7 +157,9 @@ impl<'py> Keywords<'py> {
         Ok(())
     }
 
-    /// Initial states of the plants, `(rows, states)`: `q0, v0, theta0, theta_dot0` are `(n,)` for one run, `(B, n)` for a batch.
+    /// Read the initial states of the plants: their number of rows, and the numbers, `(rows, states)`.
+    ///
+    /// `q0`, `v0`, `theta0` and `theta_dot0` are `(n,)` for one run, and `(B, n)` for a batch.
     pub fn initial_states(&self, plants: &[&PlantSpec], q0: &Bound<'py, PyAny>, batch: bool) -> Result<(usize, Vec<f64>), Failure> {
         let n = plants[0].n();
         if let Some(i) = plants.iter().position(|plant| plant.bristles() != plants[0].bristles()) {
@@ -194,13 +196,14 @@ impl<'py> Keywords<'py> {
         Ok((rows, x0))
     }
 
-    /// The force and the frame it acts at; the callables' errors go to `raised`.
+    /// Read the force, and the index of the frame at which it acts. `raised` stores the exception of a callable.
     pub fn force(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Option<Force>, Option<usize>), Failure> {
         let (mut forces, frame) = self.forces(plant, law, raised)?;
         Ok((forces.pop(), frame))
     }
 
-    /// None, one, or as `[[(t_start, F), ...], ...]` one per run; and the frame.
+    /// Read the forces, and the index of the frame at which they act. There are none, one for all runs, or one per run
+    /// (`[[(t_start, F), ...], ...]`).
     pub fn forces(&self, plant: &PlantSpec, law: &LawSpec, raised: &Raised) -> Result<(Vec<Force>, Option<usize>), Failure> {
         let frame = match self.get("force_frame")? {
             None => None,
@@ -208,7 +211,7 @@ impl<'py> Keywords<'py> {
         };
         let Some(value) = self.get("force")? else { return Ok((Vec::new(), frame)) };
         let rows = if frame.is_some() { None } else { law.coordinates().map(|coordinates| coordinates.rows.as_slice()) };
-        // A step is (t, F): the first entry in a list of lists of steps is not a number.
+        // A list of pairs (t_start, F) is one force. If the first entry of the first entry is a list or tuple, there is one force per run.
         let inner = value.cast::<PyList>().ok().and_then(|list| list.get_item(0).ok()?.get_item(0).ok());
         let nested = inner.is_some_and(|first| first.is_instance_of::<PyTuple>() || first.is_instance_of::<PyList>());
         let each = if nested {
@@ -224,7 +227,7 @@ impl<'py> Keywords<'py> {
     }
 }
 
-/// `(B, n)` initial states, copied; too many to hold is a `MemoryError` at once.
+/// Read and copy a part of the initial states, `(B, n)`. If memory is insufficient for a batch of this size, the error is a `MemoryError`.
 fn batch_rows(function: &str, name: &str, value: &Bound<'_, PyAny>, plant: &PlantSpec) -> Result<(usize, Vec<f64>), Failure> {
     let looked = Looked::at(function, name, value)?.of(&[Form(&[Axis::Any("B"), Axis::Is(plant.n())])])?;
     memory::require(looked.shape[0].saturating_mul(8 * (plant.n() + plant.states())))?;
@@ -233,7 +236,7 @@ fn batch_rows(function: &str, name: &str, value: &Bound<'_, PyAny>, plant: &Plan
     Ok((shape[0], owned(values)?))
 }
 
-/// An `armlet.TorqueSensor` of `n` joints, or None.
+/// Read an `armlet.TorqueSensor` of `n` joints, or None.
 fn torque_sensor(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<Option<TorqueSensor>, Failure> {
     if value.is_none() {
         return Ok(None);
@@ -245,12 +248,12 @@ fn torque_sensor(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> 
     Ok(Some(TorqueSensor::new(field("noise")?, bias, field("resolution")?, field("bandwidth")?)?))
 }
 
-/// The law, or the callable in its place.
+/// Read the argument `law`: a law, or a callable `law(t, q, v, ..)` that returns the plant's input.
 pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec, raised: &Raised) -> Result<LawSpec, Failure> {
     if let Ok(law) = law.cast::<Law>() {
         return Ok(law.get().spec.clone());
     }
-    // A motion and a class can be called too, but neither is a law.
+    // A motion and a class are callable, but they are not laws.
     if !law.is_callable() || law.is_instance_of::<Motion>() || law.is_instance_of::<PyType>() {
         object::<Law>(function, "law", A_LAW, law)?;
     }
@@ -261,7 +264,7 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
         }
         Python::attach(|py| {
             let mut call = || -> Result<(), Failure> {
-                // t, then q, v, theta, theta_dot as far as the plant has them.
+                // The arguments are t, q, and those of v, theta, theta_dot that are states of the plant.
                 let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
                 for part in x.chunks_exact(n) {
                     arguments.push(PyArray1::from_slice(py, part).into_any());

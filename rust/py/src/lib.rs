@@ -1,4 +1,4 @@
-//! The extension module `armlet._core`: converts, dispatches, maps errors and statuses. No algorithm lives here.
+//! The extension module `armlet._core`. It converts arguments, calls the core, and maps errors and statuses. It contains no algorithm.
 
 mod about;
 mod arguments;

@@ -1,4 +1,4 @@
-//! The constructors of arms, and their pickles.
+//! The constructors of arms, and the functions that restore arms from pickles.
 
 use super::lists::{as_list, chain_joint, dh_row};
 use super::stored::stored;
@@ -17,7 +17,7 @@ use pyo3::types::{PyList, PyString, PyTuple};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// The PR robot on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`, with parameters `(A, B, C)`.
+/// The robot with a prismatic and a revolute joint on a horizontal plane, `M = [[A, B cos q2], [B cos q2, C]]`.
 ///
 /// Args:
 ///     A: mass of both links, kg; > 0.
@@ -48,7 +48,7 @@ pub fn planar_pr(py: Python<'_>, A: &Bound<'_, PyAny>, B: &Bound<'_, PyAny>, C: 
     })
 }
 
-/// Any finite parameters: those of a pickle or of `with_parameters` may be physically impossible.
+/// Restore a `planar_pr` arm. Any finite parameters are accepted, because `with_parameters` may have set physically impossible ones.
 #[entered]
 #[pyfunction]
 pub fn _restore_planar_pr(pi: [f64; 3]) -> Arm {
@@ -61,30 +61,31 @@ fn gravity3(function: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<[f64; 
     Ok([g[0], g[1], g[2]])
 }
 
-/// An arm from a URDF file, or from its text: any tree of revolute, continuous, prismatic and fixed joints.
+/// Load an arm from a URDF file or from URDF text: any tree of revolute, continuous, prismatic and fixed joints.
 ///
 /// Args:
-///     path_or_xml: a path, `package://name/file`, or a string that holds the XML itself. A file that ends in `.xacro` is expanded by the
-///         package `xacro`, which must be installed.
-///     gravity: world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
-///     root, tip: links at the ends of a sub-chain (keyword only).
-///     mimic: "joined": a joint with `<mimic>` is one degree of freedom with its leader; "independent": a joint like the others
-///         (keyword only).
-///     search_path: folders that hold packages, or are packages, for `package://`; after them those of the environment's
-///         `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH` are searched (keyword only).
-///     xacro_arguments: arguments of a xacro file by name, as `<xacro:arg>` declares them (keyword only).
+///     path_or_xml: a path, `package://name/file`, or a string of XML. The Python package `xacro`, which must be installed, expands a
+///         file whose name ends in `.xacro`.
+///     gravity: acceleration of gravity in world axes, `(3,)`, m/s^2; (0, 0, -9.81) if None (keyword only).
+///     root: name of the link that becomes the fixed base, in whose axes gravity is then; the file's root if None (keyword only).
+///     tip: name of a link; only the joints between the root and this link remain. All joints remain if None (keyword only).
+///     mimic: treatment of joints with `<mimic>` (keyword only). "joined": the joint follows its leader, and both are one degree of
+///         freedom. "independent": the joint is a separate degree of freedom.
+///     search_path: folders in which `package://` finds packages: packages, or folders that contain packages (keyword only). The folders
+///         of the environment variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH` are searched after them.
+///     xacro_arguments: values of the arguments that `<xacro:arg>` declares, by name (keyword only).
 ///
-/// The body of a joint that follows another one, `q_joint = multiplier q_leader + offset`, remains in the arm. `q` has no entry for it, and
-/// `arm.file_positions(q)` has its position. Its limits of position and speed narrow the leader's. Its armature and damping count
-/// `multiplier**2` at the leader, its Coulomb friction `|multiplier|`. The effort limit is that of the leader: one motor moves all of them.
-/// If `root` and `tip` exclude a leader, its first follower replaces it.
+/// A *follower* is a joint whose position is `multiplier q_leader + offset`. Its body remains in the arm, but `q` has no entry for it.
+/// `arm.file_positions(q)` returns its position. The limits of a follower narrow the position and speed limits of the leader. The leader
+/// gets `multiplier**2` of the follower's armature and damping, and `|multiplier|` of its Coulomb friction. The leader's effort limit does
+/// not change, because one motor moves all of them. If `root` and `tip` exclude a leader, its first follower becomes the leader.
 ///
-/// The order of `q` is depth first, siblings in file order; frames are the link names. Meshes are never opened.
-/// `arm.report` lists unusual values, parts that armlet does not use, and a mass matrix that is not positive definite.
+/// The order of `q` is depth first, with siblings in the order of the file. The names of the frames are the names of the links. Meshes are
+/// never opened. `arm.report` lists unusual values, parts that armlet does not use, and a mass matrix that is not positive definite.
 ///
 /// Raises:
-///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` say where.
-///     InputError: an argument is wrong, a package is not found, a file leads out of its package, or xacro refuses it.
+///     ModelError: the model is not well formed, or a number is implausible; `.file` and `.line` are the place.
+///     InputError: an argument is wrong, a package is not found, a path leads out of its package, or xacro reports an error.
 ///     ImportError: the file is xacro, and the package `xacro` is not installed.
 ///
 /// Returns:
@@ -114,7 +115,7 @@ pub fn load_urdf(
         let tip = tip.map(|tip| name(NAME, "tip", tip)).transpose()?;
         let mimic = mimic.map_or(Ok(MimicMode::default()), |mimic| Ok::<_, Failure>(MimicMode::parse(name(NAME, "mimic", mimic)?)?))?;
         let options = UrdfOptions { gravity: gravity3(NAME, gravity)?, root, tip, mimic };
-        // In place: a model as text may be large.
+        // The text is borrowed, not copied, because it may be large.
         let text: Cow<'_, str> = match path_or_xml.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
             Some(text) => text.into(),
             None => path_or_xml.call_method0("__fspath__").and_then(|path| path.extract::<String>()).map(Cow::Owned).map_err(|_| {
@@ -122,9 +123,9 @@ pub fn load_urdf(
                 input_error(py, NAME, "path_or_xml", problem)
             })?,
         };
-        // A string with a bracket is not a path. The XML parser reports errors of such a text.
+        // A string that contains `<` is XML, not a path. The XML parser reports its errors.
         let is_xml = text.contains('<') && path_or_xml.is_instance_of::<PyString>();
-        // Files of packages and of xacro are found and expanded in Python: the path, and the expanded text.
+        // Python code finds files of packages and expands xacro files. It returns the path and the expanded text.
         let is_plain = is_xml || !(text.contains("://") || text.ends_with(".xacro"));
         let (text, expanded) = if is_plain && search_path.is_none() && xacro_arguments.is_none() {
             (text, None)
@@ -148,10 +149,10 @@ pub fn load_urdf(
     })
 }
 
-/// The text of an example URDF of the package. The error of an unknown name lists the valid ones.
+/// Return the text of an example URDF of the package.
 ///
 /// Args:
-///     name: name of the example, such as "six_axis".
+///     name: name of the example, such as "six_axis". The error for an unknown name lists the valid names.
 ///
 /// Returns:
 ///     The URDF as a string, for `load_urdf`.
@@ -171,14 +172,16 @@ pub fn example_urdf(py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<&'stati
     entry(py, NAME, || Ok(core::example_urdf(self::name(NAME, "name", name)?)?))
 }
 
-/// A planar nR arm in the x-y plane, `q1` from the x axis; frames "link1" to "linkn" are at the link tips.
+/// A planar arm with n revolute joints in the x-y plane; `q1` is measured from the x axis.
+///
+/// The frames "link1" to "linkn" are at the tips of the links.
 ///
 /// Args:
-///     lengths: `(n,)`, m; not negative.
-///     masses: `(n,)`, kg, not negative; 1 kg/m if None.
-///     coms: centre of mass of each link from its joint, `(n,)`, m; half the length if None.
-///     inertias: about the centre of mass, `(n,)`, kg m^2, not negative; that of a uniform rod if None.
-///     gravity: in the plane, `(2,)`, m/s^2.
+///     lengths: lengths of the links, `(n,)`, m; not negative.
+///     masses: masses of the links, `(n,)`, kg, not negative; 1 kg per metre of length if None.
+///     coms: distance of each link's centre of mass from the joint of the link, `(n,)`, m; half the length if None.
+///     inertias: inertia of each link about its centre of mass, `(n,)`, kg m^2, not negative; that of a uniform rod if None.
+///     gravity: acceleration of gravity in the x-y plane, `(2,)`, m/s^2; (0, -9.81) if None.
 ///
 /// Returns:
 ///     The arm.
@@ -216,11 +219,11 @@ pub fn planar_arm(
     })
 }
 
-/// One link under gravity: `inertia a + gravity_moment sin(theta) = tau`, theta from the downward vertical.
+/// A pendulum of one link: `inertia a + gravity_moment sin(q) = tau`, where `q` is measured from the downward vertical.
 ///
 /// Args:
-///     inertia: about the joint, kg m^2; > 0.
-///     gravity_moment: mass times gravity times distance, N m.
+///     inertia: inertia of the link about the joint, kg m^2; > 0.
+///     gravity_moment: mass times gravity times the distance of the centre of mass from the joint, N m.
 ///
 /// Source: Robotics 2 exam, Sapienza, 10 June 2022, exercise 4.
 ///
@@ -249,7 +252,7 @@ fn placed([a, b, c, t]: [[f64; 3]; 4]) -> Placement {
     Placement { rotation: Matrix3::from_columns(&[Vector3::from(a), Vector3::from(b), Vector3::from(c)]), translation: Vector3::from(t) }
 }
 
-/// An arm from the joints and frames that a reader of another format found.
+/// Make an arm from joints and frames that a reader of another file format has found.
 #[entered]
 #[pyfunction]
 pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
@@ -280,21 +283,21 @@ pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {
 #[entered]
 #[pymethods]
 impl Arm {
-    /// An arm from a list of joints, each a dict.
+    /// Make an arm from a list of joints, each a dict. `gravity`: `(3,)`, m/s^2, world axes; (0, 0, -9.81) if None.
     ///
     /// The required keys are:
     ///
     /// - `type`: "R", "P", "F", or "revolute", "continuous", "prismatic", "fixed";
-    /// - `axis`: `(3,)` in the joint frame, of any length;
+    /// - `axis`: direction of the joint axis in the joint frame, `(3,)`, of any length;
     /// - `rpy`, `xyz`: placement of the joint frame in the parent's body frame at q = 0 (rad, m);
-    /// - `phi`: the ten inertial parameters about the origin of the body frame.
+    /// - `phi`: the ten inertial parameters about the origin of the body frame, in the order of `Arm.parameters` (kg, kg m, kg m^2).
     ///
     /// The optional keys are `name`, `lower`, `upper`, `velocity`, `effort`, `armature`, `damping`, `friction`, and:
     ///
     /// - `parent`: index of an earlier joint; -1 or None is the base, and the default is the previous joint;
-    /// - `mimic`: a dict with `joint`, the index of the leader, `multiplier` (1) and `offset` (0), as `<mimic>` of a URDF.
+    /// - `mimic`: a dict with `joint`, the index of the leader, `multiplier` (default 1) and `offset` (default 0), as in a URDF.
     ///
-    /// Frames "link1" .. are the body frames.
+    /// The frames "link1", "link2", .. are the body frames.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.Arm.from_chain([{"type": "R", "axis": [0, 0, 1], "phi": [1, 0.5, 0, 0, 0, 0, 0, 0, 0, 0.3]}])
@@ -312,9 +315,10 @@ impl Arm {
         })
     }
 
-    /// An arm from Denavit-Hartenberg rows `(a, alpha, d, theta)` in m and rad, or dicts with these keys, `type` and `phi`.
+    /// Make an arm from Denavit-Hartenberg rows `(a, alpha, d, theta)`, lengths in m and angles in rad.
     ///
-    /// `convention`: "standard" or "modified" (Craig). Frames "link1" .. are the Denavit-Hartenberg frames.
+    /// A row may also be a dict with these keys, `type` and `phi`. `convention`: "standard" or "modified" (Craig). `gravity`: `(3,)`,
+    /// m/s^2, world axes. The frames "link1", "link2", .. are the Denavit-Hartenberg frames.
     ///
     /// >>> import armlet as al
     /// >>> al.Arm.from_dh([(1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)]).position([0.0, 0.0], "link2")

@@ -1,4 +1,4 @@
-//! The analytic derivatives of inverse and forward dynamics, and the linearisation that they make.
+//! The analytic derivatives of inverse and forward dynamics, and the linear model of an arm about a state.
 
 use super::Arm;
 use crate::arrays::flag_or_false;
@@ -10,7 +10,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// Arrays to return, or the caller's own.
+/// The caller's tuple of result arrays, or `None` for new arrays.
 type Outs<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
 impl Arm {
@@ -38,17 +38,18 @@ impl Arm {
 #[entered]
 #[pymethods]
 impl Arm {
-    /// The derivatives of inverse dynamics, `d tau / d q`, `d tau / d v` and `d tau / d a = M`.
+    /// The partial derivatives of inverse dynamics, `d tau / d q`, `d tau / d v` and `d tau / d a = M`.
     ///
-    /// Exact, from one recursion over composite bodies; `d tau / d v = 2 C(q, v)` with the Christoffel `C`.
+    /// One recursion over composite bodies computes them without differences. `d tau / d v = 2 C(q, v)`, where `C` is the Coriolis matrix
+    /// of `coriolis_matrix`.
     ///
     /// Args:
-    ///     q, v, a: position, velocity, acceleration, `(..., n)`, broadcast over the leading axes.
-    ///     friction: add the damping to `d tau / d v`; Coulomb friction has no slope away from rest (keyword only).
+    ///     q, v, a: positions (rad or m), velocities (per s) and accelerations (per s^2), `(..., n)`, broadcast over the leading axes.
+    ///     friction: add the damping to `d tau / d v` (keyword only). The derivative of Coulomb friction is zero where `v` is not zero.
     ///     out: a tuple of three arrays to write to (keyword only).
     ///
     /// Returns:
-    ///     Three arrays `(..., n, n)`: row `i`, column `j` is the slope of `tau_i` by coordinate `j`.
+    ///     Three arrays `(..., n, n)`. Row `i`, column `j` is the derivative of `tau_i` with respect to `q_j`, `v_j` or `a_j`.
     ///
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
@@ -72,15 +73,15 @@ impl Arm {
         self.three("inverse_dynamics_derivatives", "a", [q, v, a], (Quantity::InverseDynamicsDerivatives, friction), out)
     }
 
-    /// The derivatives of forward dynamics, `d a / d q`, `d a / d v` and `d a / d tau = M^-1`.
+    /// The partial derivatives of forward dynamics, `d a / d q`, `d a / d v` and `d a / d tau = M^-1`.
     ///
     /// Args:
-    ///     q, v, tau: position, velocity, torque, `(..., n)`, broadcast over the leading axes.
+    ///     q, v, tau: positions (rad or m), velocities (per s) and torques (N m or N), `(..., n)`, broadcast over the leading axes.
     ///     friction: subtract the joints' friction from the torque (keyword only).
     ///     out: a tuple of three arrays to write to (keyword only).
     ///
     /// Returns:
-    ///     Three arrays `(..., n, n)`: row `i`, column `j` is the slope of `a_i` by coordinate `j`.
+    ///     Three arrays `(..., n, n)`. Row `i`, column `j` is the derivative of `a_i` with respect to `q_j`, `v_j` or `tau_j`.
     ///
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, or the mass matrix is singular.
@@ -103,12 +104,12 @@ impl Arm {
         self.three("forward_dynamics_derivatives", "tau", [q, v, tau], (Quantity::ForwardDynamicsDerivatives, friction), out)
     }
 
-    /// The arm linearised about a state: `d/dt [dq; dv] = A [dq; dv] + B dtau`.
+    /// The linear model of the arm about a state: `d/dt [dq; dv] = A [dq; dv] + B dtau`.
     ///
-    /// `A = [[0, 1], [da/dq, da/dv]]`, `B = [[0], [M^-1]]`; the state need not be an equilibrium.
+    /// `A = [[0, 1], [da/dq, da/dv]]` and `B = [[0], [M^-1]]`. The state need not be an equilibrium.
     ///
     /// Args:
-    ///     q, v, tau: position, velocity, torque, `(..., n)`, broadcast over the leading axes.
+    ///     q, v, tau: positions (rad or m), velocities (per s) and torques (N m or N), `(..., n)`, broadcast over the leading axes.
     ///     friction: subtract the joints' friction from the torque (keyword only).
     ///     out: a tuple of two arrays to write to (keyword only).
     ///

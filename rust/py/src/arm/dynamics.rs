@@ -1,4 +1,4 @@
-//! `M(q) a + C(q, v) v + g(q) = tau` and its parts, broadcast over leading axes.
+//! The equation of motion `M(q) a + C(q, v) v + g(q) = tau` and its terms, broadcast over leading axes.
 
 use super::Arm;
 use crate::arrays::flag_or_false;
@@ -11,7 +11,7 @@ use pyo3::types::PyTuple;
 #[entered]
 #[pymethods]
 impl Arm {
-    /// The mass matrix `M(q)`, `(..., n, n)`, the rotors' inertia (armature) on its diagonal included.
+    /// The mass matrix `M(q)`, `(..., n, n)`, kg m^2, kg m or kg. Its diagonal includes the rotors' inertia (armature).
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.
@@ -20,7 +20,7 @@ impl Arm {
     /// Raises:
     ///     InputError: `q` is not finite or has the wrong shape, or `out` cannot be written.
     ///
-    /// Source: composite rigid bodies, Featherstone, Rigid Body Dynamics Algorithms, 2008.
+    /// Source: the composite-rigid-body algorithm, Featherstone, Rigid Body Dynamics Algorithms, 2008.
     ///
     /// >>> import armlet as al
     /// >>> al.planar_pr(2.0, 0.5, 0.5).mass_matrix([0.0, 0.0])
@@ -31,10 +31,10 @@ impl Arm {
         self.evaluate("mass_matrix", ["q"], [q], Quantity::MassMatrix.into(), out)
     }
 
-    /// The Coriolis matrix `C(q, v)` with Christoffel symbols, `(..., n, n)`: `C(q, x) y = C(q, y) x` and `dM/dt = C + C'`.
+    /// The Coriolis matrix `C(q, v)` of the Christoffel symbols, `(..., n, n)`: `C(q, x) y = C(q, y) x` and `dM/dt = C + C'`.
     ///
     /// Args:
-    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     q, v: positions (rad or m) and velocities (rad/s or m/s), `(..., n)`, broadcast over the leading axes.
     ///     out: an array to write to (keyword only).
     ///
     /// Raises:
@@ -58,8 +58,8 @@ impl Arm {
 
     /// The Christoffel symbols of the first kind, `(..., n, n, n)`: `C(q, v)[i, j] = sum_k c[i, j, k] v[k]`.
     ///
-    /// `c[i, j, k] = (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) / 2`, symmetric in `j` and `k`. The slice `c[i]` is the matrix `C_i` of the quadratic
-    /// form `(C(q, v) v)_i = v' C_i v`. The unit of `c[i, j, k]` is that of `tau_i` over those of `v_j` and `v_k`.
+    /// `c[i, j, k] = (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) / 2`, symmetric in `j` and `k`. The slice `c[i]` is the matrix `C_i` of the
+    /// quadratic form `(C(q, v) v)_i = v' C_i v`. The unit of `c[i, j, k]` is the unit of `tau_i` divided by the units of `v_j` and `v_k`.
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.
@@ -99,7 +99,7 @@ impl Arm {
     /// The torque at zero acceleration: `C(q, v) v + g(q)`, `(..., n)`, N m or N.
     ///
     /// Args:
-    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     q, v: positions (rad or m) and velocities (rad/s or m/s), `(..., n)`, broadcast over the leading axes.
     ///     friction: add the joints' `damping v + friction sign(v)` (keyword only).
     ///     out: an array to write to (keyword only).
     ///
@@ -125,16 +125,16 @@ impl Arm {
     /// Inverse dynamics: the torque `tau = M a + C v + g - J' wrench`, `(..., n)`, N m or N.
     ///
     /// Args:
-    ///     q, v, a: positions, velocities and accelerations, `(..., n)`, broadcast over the leading axes.
+    ///     q, v, a: positions (rad or m), velocities (per s) and accelerations (per s^2), `(..., n)`, broadcast over the leading axes.
     ///     wrench: force and moment `[f; m]` on the arm, `(..., 6)`, N and N m, in world axes at a frame's origin (keyword only).
-    ///     wrench_frame: name of that frame (keyword only).
+    ///     wrench_frame: name of the frame at whose origin the wrench acts (keyword only).
     ///     friction: add the joints' `damping v + friction sign(v)` (keyword only).
     ///     out: an array to write to (keyword only).
     ///
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, the frame is unknown, or `out` cannot be written.
     ///
-    /// Source: recursive Newton-Euler, Luh, Walker and Paul, On-line computational scheme for mechanical manipulators, 1980.
+    /// Source: the recursive Newton-Euler algorithm, Luh, Walker and Paul, On-line computational scheme for mechanical manipulators, 1980.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([1.0], masses=[2.0])
@@ -160,14 +160,16 @@ impl Arm {
     /// Forward dynamics: the acceleration `a = M^-1 (tau + J' wrench - C v - g)`, `(..., n)`, rad/s^2 or m/s^2.
     ///
     /// Args:
-    ///     q, v, tau: positions, velocities and torques, `(..., n)`, broadcast over the leading axes.
-    ///     wrench, wrench_frame, friction, out: as for `inverse_dynamics` (keyword only).
+    ///     q, v, tau: positions (rad or m), velocities (per s) and torques (N m or N), `(..., n)`, broadcast over the leading axes.
+    ///     wrench, wrench_frame: as for `inverse_dynamics` (keyword only).
+    ///     friction: subtract the joints' `damping v + friction sign(v)` from the torque (keyword only).
+    ///     out: an array to write to (keyword only).
     ///
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, the frame is unknown, the mass matrix is singular, or `out`
     ///         cannot be written.
     ///
-    /// Source: articulated bodies, Featherstone, The calculation of robot dynamics using articulated-body inertias, 1983.
+    /// Source: the articulated-body algorithm, Featherstone, The calculation of robot dynamics using articulated-body inertias, 1983.
     ///
     /// >>> import armlet as al
     /// >>> al.pendulum(2.0, 3.0).forward_dynamics([0.0], [0.0], [4.0])
@@ -189,20 +191,22 @@ impl Arm {
         self.loaded(("forward_dynamics", "tau"), [q, v, tau], [wrench, wrench_frame, friction], Quantity::ForwardDynamics, out)
     }
 
-    /// The Slotine-Li regressor, `(..., n, p)`: `Y(q, v, v_r, a_r) parameters = M a_r + C(q, v) v_r + g`, `C` that of Christoffel.
+    /// The Slotine-Li regressor `Y`, `(..., n, p)`: `Y(q, v, v_r, a_r) parameters = M a_r + C(q, v) v_r + g`.
     ///
-    /// Armature is not among the parameters: `regressor(q, v, v, a) @ parameters + armature a` is the inverse dynamics.
+    /// `C` is the Coriolis matrix of `coriolis_matrix`, and `M` excludes the armature, which is not one of the parameters. So
+    /// `regressor(q, v, v, a) @ parameters + armature * a` is the inverse dynamics.
     ///
     /// Args:
-    ///     q, v, v_r, a_r: positions, velocities, reference velocities and accelerations, `(..., n)`, broadcast over the leading axes.
-    ///     armature: append the columns `diag(a_r)` (keyword only).
-    ///     friction: append then `diag(v_r)` for damping and `diag(sign v)` for Coulomb friction (keyword only).
+    ///     q, v: positions (rad or m) and velocities (rad/s or m/s), `(..., n)`, broadcast over the leading axes.
+    ///     v_r, a_r: reference velocities (rad/s or m/s) and accelerations (rad/s^2 or m/s^2), `(..., n)`, broadcast over the leading axes.
+    ///     armature: append the `n` columns `diag(a_r)` (keyword only).
+    ///     friction: append the `n` columns `diag(v_r)` for damping, and `diag(sign v)` for Coulomb friction (keyword only).
     ///     out: an array to write to (keyword only).
     ///
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, or `out` cannot be written.
     ///
-    /// Source: Slotine and Li 1987, for trees of bodies.
+    /// Source: [SlotineLi1987], here for trees of bodies.
     ///
     /// >>> import armlet as al
     /// >>> al.planar_pr(2.0, 0.5, 0.5).regressor([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 3.0])
@@ -229,10 +233,10 @@ impl Arm {
         self.evaluate(NAME, ["q", "v", "v_r", "a_r"], [q, v, v_r, a_r], query, out)
     }
 
-    /// Kinetic energy `v' M v / 2` and potential energy, whose gradient is `g`, `(...)` each, in J.
+    /// The kinetic energy `v' M v / 2` and the potential energy, whose gradient is `g`: two arrays `(...)`, J.
     ///
     /// Args:
-    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     q, v: positions (rad or m) and velocities (rad/s or m/s), `(..., n)`, broadcast over the leading axes.
     ///     out: a tuple of two arrays to write to (keyword only).
     ///
     /// Raises:

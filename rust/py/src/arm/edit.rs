@@ -1,4 +1,4 @@
-//! Arms made from arms, and an arm as URDF.
+//! The methods that make a changed copy of an arm, and the method that writes an arm as URDF.
 
 use super::Arm;
 use crate::arrays::{Axis, Form, name, number, numbers, text, three, vector};
@@ -11,10 +11,10 @@ use pyo3::types::PyDict;
 #[entered]
 #[pymethods]
 impl Arm {
-    /// The same arm with other inertial parameters; any finite numbers.
+    /// Return a copy of the arm with other inertial parameters, which may be any finite numbers.
     ///
     /// Args:
-    ///     pi: `(p,)`, in the order of `parameters`: kg, kg m, kg m^2.
+    ///     pi: the inertial parameters, `(p,)`, in the order of `parameters`: kg, kg m, kg m^2.
     ///
     /// Raises:
     ///     InputError: `pi` is not finite or has the wrong shape.
@@ -31,14 +31,16 @@ impl Arm {
         })
     }
 
-    /// The same arm with other rotors and friction; any finite numbers.
+    /// Return a copy of the arm with other rotor inertia and friction, which may be any finite numbers.
     ///
-    /// `M(q) + diag(armature)`; with friction `tau = .. + damping v + friction sign(v)`.
+    /// The mass matrix of the bodies gets the addend `diag(armature)`. With friction, the torque gets the addend `damping v + friction
+    /// sign(v)`.
     ///
     /// Args:
-    ///     armature: rotor inertia, reduced to the joint, `(n,)`, kg m^2 (kg for a slide); that of the arm if None (keyword only).
-    ///     damping: viscous friction, `(n,)`, N m s/rad (N s/m); that of the arm if None (keyword only).
-    ///     friction: Coulomb friction, `(n,)`, N m (N); that of the arm if None (keyword only).
+    ///     armature: rotor inertia at the joint side of the gear, `(n,)`, kg m^2 (kg for a prismatic joint); unchanged if None (keyword
+    ///         only).
+    ///     damping: viscous friction, `(n,)`, N m s/rad (N s/m for a prismatic joint); unchanged if None (keyword only).
+    ///     friction: Coulomb friction, `(n,)`, N m (N for a prismatic joint); unchanged if None (keyword only).
     ///
     /// Raises:
     ///     InputError: an argument is not finite or has the wrong shape, or the arm has no links.
@@ -65,10 +67,10 @@ impl Arm {
         })
     }
 
-    /// The same arm under another gravity.
+    /// Return a copy of the arm with another gravity.
     ///
     /// Args:
-    ///     gravity: `(3,)`, m/s^2, world axes.
+    ///     gravity: acceleration of gravity, `(3,)`, m/s^2, world axes.
     ///
     /// Raises:
     ///     InputError: `gravity` is not finite or has the wrong shape, or the arm has no links.
@@ -84,16 +86,17 @@ impl Arm {
         })
     }
 
-    /// The same arm with one more frame, such as that of a tool, fixed to one of its frames.
+    /// Return a copy of the arm with a new frame, such as a tool frame, that is fixed to an existing frame.
     ///
     /// Args:
     ///     name: name of the new frame.
-    ///     parent: name of the frame to which it is fixed.
-    ///     xyz: its origin in the parent, `(3,)`, m; zero if None (keyword only).
-    ///     rpy: its roll, pitch and yaw in the parent, `(3,)`, rad, `R = Rz(yaw) Ry(pitch) Rx(roll)`; zero if None (keyword only).
+    ///     parent: name of the existing frame.
+    ///     xyz: origin of the new frame in the axes of the parent, `(3,)`, m; zero if None (keyword only).
+    ///     rpy: roll, pitch and yaw of the new frame relative to the parent, `(3,)`, rad, `R = Rz(yaw) Ry(pitch) Rx(roll)`; zero if None
+    ///         (keyword only).
     ///
     /// Raises:
-    ///     InputError: a name is taken or unknown, a number is not finite, or the arm has no links.
+    ///     InputError: the name exists already, the parent is unknown, a number is not finite, or the arm has no links.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([1.0]).with_frame("tool", "link1", xyz=[0.2, 0.0, 0.0])
@@ -116,13 +119,13 @@ impl Arm {
         })
     }
 
-    /// The arm with a load fixed to a frame.
+    /// Return a copy of the arm with a load that is fixed to a frame.
     ///
     /// Args:
     ///     frame: name of the frame.
-    ///     mass: kg, not negative.
-    ///     com: centre of mass in the frame, `(3,)`, m; its origin if None.
-    ///     inertia: about the centre of mass in the axes of the frame, `(3, 3)`, kg m^2; zero if None.
+    ///     mass: mass of the load, kg, not negative.
+    ///     com: centre of mass of the load in the frame, `(3,)`, m; the frame's origin if None.
+    ///     inertia: inertia of the load about its centre of mass, in the axes of the frame, `(3, 3)`, kg m^2; zero if None.
     ///
     /// Raises:
     ///     InputError: the frame is unknown, a number is not finite, the inertia is not symmetric or physically impossible, or the arm has
@@ -154,10 +157,12 @@ impl Arm {
         })
     }
 
-    /// The same arm with joints locked at positions. They are no longer part of `q`, and their bodies join the body before them.
+    /// Return a copy of the arm in which some joints are locked at constant positions.
+    ///
+    /// `q` has no entries for locked joints. The body of a locked joint becomes a part of its parent's body.
     ///
     /// Args:
-    ///     joints: a dict from the names of joints to their positions, rad or m.
+    ///     joints: a dict from the names of the locked joints to their positions, rad or m.
     ///
     /// Raises:
     ///     InputError: a joint is unknown, a position is not a finite number, or the arm has no links.
@@ -185,11 +190,11 @@ impl Arm {
         })
     }
 
-    /// The arm as URDF: the text, and a line for everything that URDF cannot express.
+    /// Write the arm as URDF: the text, and a list with one line for each property that URDF cannot express.
     ///
-    /// Under the same gravity, the arm of this text has the same bits. Rotor inertia is the attribute `armature` of `<dynamics>`. Angles and
-    /// a centre of mass in a URDF are rounded. The exact rotation and the ten inertial parameters are the attributes `rotation` of `<origin>` and
-    /// `parameters` of `<inertial>`, which other programs ignore.
+    /// `load_urdf(text)` with the same gravity returns an arm with equal bits. The attribute `armature` of `<dynamics>` is the rotor
+    /// inertia. The angles and the centre of mass in a URDF are rounded. So the attribute `rotation` of `<origin>` has the exact rotation,
+    /// and the attribute `parameters` of `<inertial>` has the ten inertial parameters. Other programs ignore these attributes.
     ///
     /// Raises:
     ///     InputError: the arm has no links.

@@ -1,4 +1,6 @@
-//! From Python arrays to Python arrays: one configuration without a detour, many by a program, many more in threads.
+//! Evaluation of a quantity of an arm, from Python arrays to Python arrays.
+//!
+//! There are three methods: a short path for one configuration, a recorded program for several, and threads for long work.
 
 use super::Arm;
 use crate::arrays::{flag_or_false, index_of, name, of_lengths, of_shape, out_of_shape, out_slice, written_array};
@@ -12,13 +14,13 @@ use armlet_core::{memory, parallel};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-/// The time of work, in ns, above which the GIL is released. The arguments are then copied, and threads share the work.
+/// Work whose estimated time, in ns, is at least this is *long*: it copies the arguments, releases the GIL, and uses several threads.
 const LONG: f64 = 1e6;
 
-/// The largest number of joints for which one configuration is never long work.
+/// The largest number of joints for which the evaluation of one configuration is never long.
 const FEW: usize = 64;
 
-/// The time of one piece of a shared call, in ns. Between two pieces a thread checks for a stop.
+/// The estimated time, in ns, of one piece of long work. Between two pieces a thread checks whether the work must stop.
 const PIECE: f64 = 5e5;
 
 impl Arm {
@@ -36,7 +38,7 @@ impl Arm {
         }
     }
 
-    /// All calls that [`Arm::single`] does not take.
+    /// Evaluate all calls for which [`Arm::single`] returns `None`.
     #[inline(never)]
     fn many<'py, const K: usize>(
         &self,
@@ -61,7 +63,7 @@ impl Arm {
         })
     }
 
-    /// Arguments, broadcast over their leading axes; whether they are finite is for `fill` to see.
+    /// Read the arguments, and broadcast them over their leading axes. The method `fill` checks later whether they are finite.
     pub(super) fn arguments<'a, const K: usize>(
         &self,
         function: &str,
@@ -71,7 +73,7 @@ impl Arm {
         broadcast(function, names, values, std::array::from_fn(|k| if names[k] == "wrench" { 6 } else { self.model.n() }))
     }
 
-    /// One configuration in float64 vectors. None for other arguments, and for errors, which the general path reports.
+    /// Evaluate one configuration whose arguments are float64 vectors. `None` for other arguments, and for errors, which `many` reports.
     fn single<'py, const K: usize>(
         &self,
         values: [&Bound<'py, PyAny>; K],
@@ -103,7 +105,7 @@ impl Arm {
         }
     }
 
-    /// Fill `data`, of the shape `full`; finite numbers or an error.
+    /// Write the results of all configurations to `data`, whose shape is `full`. A number that is not finite is an error.
     fn fill<const K: usize>(
         &self,
         function: &str,
@@ -132,7 +134,9 @@ impl Arm {
         }
     }
 
-    /// Arrays of the shapes `leading + trailing[m]`, or the caller's own: `scatter` puts the numbers of a configuration there.
+    /// Evaluate a query into `M` arrays of the shapes `leading + trailing[m]`: new arrays, or the caller's arrays `outs`.
+    ///
+    /// `scatter` distributes the results of one configuration among its parts of the arrays.
     pub(super) fn apart<'py, const K: usize, const M: usize>(
         &self,
         function: &str,
@@ -194,7 +198,7 @@ impl Arm {
         Ok(PyTuple::new(py, arrays)?)
     }
 
-    /// Configurations `first..last` into `out`.
+    /// Evaluate the configurations `first..last` into `out`. The result is true if every number is finite.
     fn rows<const K: usize>(
         &self,
         query: &Query,
@@ -212,10 +216,10 @@ impl Arm {
         self.model.rows(query, &rows, last - first, out)
     }
 
-    /// Run `work` on all `parts` of at most so many configurations. The result is true if every number is finite.
+    /// Run `work` on all parts, where `parts(k)` makes parts of at most `k` configurations. The result is true if every number is finite.
     ///
-    /// Threads share long work, and Ctrl-C ends it. Then the work uses a copy of the inputs, because other threads may write to the caller's
-    /// arrays. Meanwhile `out=` contains old and new rows, as with functions of numpy.
+    /// Several threads do long work, and Ctrl-C ends it. Long work uses a copy of the inputs, because other threads may write to the
+    /// caller's arrays. During long work the array `out=` contains old and new rows, as with functions of numpy.
     fn share<'a, const K: usize, P: Send>(
         &self,
         py: Python<'_>,
@@ -293,7 +297,7 @@ impl Arm {
     }
 }
 
-/// The core checks every number once. Only after an error is the argument found.
+/// The error of an argument that is not finite. The core reports such a number without the argument, so this function searches for it.
 fn whose<const K: usize>(failure: Failure, function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Failure {
     match failure {
         Failure::Core(error) => require_all_finite(function, names, values).err().unwrap_or(error.into()),
@@ -301,14 +305,14 @@ fn whose<const K: usize>(failure: Failure, function: &str, names: [&str; K], val
     }
 }
 
-/// With finite arguments the result may still overflow, or the mass matrix may be singular.
+/// The error of a result that is not finite although all arguments are: a number overflowed, or the mass matrix is singular.
 fn not_finite<const K: usize>(py: Python<'_>, function: &str, names: [&str; K], shape: &[usize], k: usize, x: f64) -> Failure {
     let at = if shape.is_empty() { String::new() } else { format!(" (first bad index {})", index_of(shape, k)) };
     let problem = format!("give a result that is not finite: expected finite numbers, got {x}{at}");
     input_error(py, function, &names.join(", "), problem).into()
 }
 
-/// New arrays of these shapes, or the caller's arrays, whose shapes are checked later.
+/// Return new arrays of these shapes, or the caller's arrays. The caller of this function checks their shapes.
 fn targets<'py, const M: usize>(
     py: Python<'py>,
     function: &str,

@@ -1,4 +1,4 @@
-//! The joints of the model's file, including those that follow others.
+//! The joints of the model's file, including followers: joints whose position is `multiplier q_leader + offset`.
 
 use super::Arm;
 use crate::arrays::{elements, written_array};
@@ -14,7 +14,7 @@ use pyo3::types::PyTuple;
 #[entered]
 #[pymethods]
 impl Arm {
-    /// Names of all joints, including those that follow others: `joint_names` for most arms.
+    /// Names of all joints, including mimic joints, which follow another joint. Without mimic joints they are `joint_names`.
     ///
     /// >>> import armlet as al
     /// >>> finger = {"type": "P", "axis": [1, 0, 0], "parent": None, "phi": [0.1] + 9 * [0]}
@@ -26,7 +26,7 @@ impl Arm {
         Self::named(py, &self.model.file_joint_names())
     }
 
-    /// For each joint of `file_joint_names`, the index of the joint that carries it; -1 for a joint on the base.
+    /// For each joint of `file_joint_names`, the index of its parent joint; -1 for a joint on the base.
     ///
     /// >>> import armlet as al
     /// >>> al.planar_arm([0.5, 0.4]).file_joint_parents
@@ -49,8 +49,8 @@ impl Arm {
 
     /// The pose of every joint, `(..., len(file_joint_names), 4, 4)`: a homogeneous transform per joint, lengths in m.
     ///
-    /// The origin is a point of the joint axis. The axes are those of the body that the joint moves, after its motion. `file_joint_parents`
-    /// has the joint that carries it, so that lines from parent to joint draw the arm.
+    /// The pose is that of the body that the joint moves. Its origin is a point of the joint axis. The property `file_joint_parents` has
+    /// the index of each parent, so that lines from parent to joint draw the arm.
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.
@@ -70,7 +70,7 @@ impl Arm {
         self.kinematic("file_joint_poses", q, Quantity::JointPoses, out)
     }
 
-    /// Positions of all joints, `(..., len(file_joint_names))`, rad or m: `multiplier q_leader + offset` for those that follow others.
+    /// Positions of all joints, `(..., len(file_joint_names))`, rad or m: `multiplier q_leader + offset` for mimic joints.
     ///
     /// Args:
     ///     q: positions, `(..., n)`, rad or m.

@@ -1,4 +1,4 @@
-//! Base parameters, physical consistency and identification: arrays in, the classes of `armlet.identification` out.
+//! Base parameters, physical consistency and identification. The results are objects of `armlet.identification`.
 
 use super::Arm;
 use crate::arrays::{Looked, adopted, any_vector, copied, flag_or_false, index_of, number, owned, require_finite, shown, vector};
@@ -11,7 +11,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-/// An object of `armlet.identification`, made from its fields.
+/// Make an object of a class of `armlet.identification` from its fields.
 fn made<'py>(py: Python<'py>, class: &str, fields: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
     py.import("armlet.identification")?.getattr(class)?.call((), Some(fields))
 }
@@ -37,14 +37,14 @@ fn base_object<'py>(arm: &Bound<'py, Arm>, found: &BaseParameters, armature: boo
 #[entered]
 #[pymethods]
 impl Arm {
-    /// The base parameters: the fewest combinations of inertial parameters that determine the motion of the arm.
+    /// The base parameters: the smallest set of linear combinations of the inertial parameters that determines the motion of the arm.
     ///
-    /// `Y pi = Y_b (P pi)` for every state, with the columns `Y_b` of `Y` independent. The rank is decided column by column from base to
-    /// tip, on regressors stacked over random states with a fixed seed. They use the arm's gravity.
+    /// `Y pi = Y_b (P pi)` for every state, where `Y_b` are independent columns of the regressor `Y`. Column after column, from base to
+    /// tip, a rank decision finds `Y_b`. It uses regressors of random states, with a fixed seed and the arm's gravity.
     ///
     /// Args:
-    ///     armature: columns for the rotors' inertia too (keyword only).
-    ///     friction: columns for damping and Coulomb friction too (keyword only).
+    ///     armature: include columns for the rotors' inertia (keyword only).
+    ///     friction: include columns for damping and Coulomb friction (keyword only).
     ///
     /// Returns:
     ///     An `al.BaseParameters`: `.count`, `.projection` `(b, p)`, `.columns`, `.grouping`, `.values`, `.regressor(q, v, v_r, a_r)`.
@@ -52,7 +52,7 @@ impl Arm {
     /// Raises:
     ///     InputError: armature or friction for `planar_pr`, which has none.
     ///
-    /// Source: Gautier 1991.
+    /// Source: Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8(4), 1991.
     ///
     /// >>> import armlet as al
     /// >>> al.pendulum(2.0, 3.0).base_parameters().grouping
@@ -72,17 +72,17 @@ impl Arm {
         })
     }
 
-    /// Whether inertial parameters are physically possible: every body's 4 x 4 pseudo-inertia positive definite.
+    /// Check whether inertial parameters are physically possible: the 4 x 4 pseudo-inertia of every body is positive definite.
     ///
-    /// `P = [[S, h], [h', m]]`, `S = tr(I)/2 1 - I`: positive mass, and principal moments about the centre of mass that are positive and
-    /// below the sum of the other two.
+    /// The pseudo-inertia is `P = [[S, h], [h', m]]` with `S = tr(I)/2 1 - I`, the first moment `h` and the mass `m`. A body is possible if
+    /// its mass is positive, and each principal moment about the centre of mass is positive and below the sum of the other two.
     ///
     /// Args:
-    ///     pi: `(10 n,)`, in the order of `parameters`; those of the arm if None.
+    ///     pi: inertial parameters, `(p,)`, ten per joint, in the order and units of `parameters`; the arm's parameters if None.
     ///
     /// Returns:
-    ///     An `al.ParameterReport`: true if all bodies are possible, with `.eigenvalues` `(n, 4)`, `.inconsistent`, and a text with a line
-    ///     per impossible body.
+    ///     An `al.ParameterReport`: true if all bodies are possible, with `.eigenvalues` `(joints, 4)` and `.inconsistent`. `str` has a
+    ///     line for each impossible body.
     ///
     /// Raises:
     ///     InputError: `pi` is not finite or has the wrong shape, or the arm has no links.
@@ -112,7 +112,7 @@ impl Arm {
         })
     }
 
-    /// The nearest physically possible parameters, `(10 n,)`, as from `al.project_parameters`, for a vector of this arm's size.
+    /// Return the nearest physically possible parameters, `(p,)`, like `al.project_parameters`, and check that `pi` has this arm's size.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.load_urdf(al.example_urdf("six_axis"))
@@ -135,14 +135,18 @@ impl Arm {
 
     /// Identify base parameters from recorded motion and torque by least squares.
     ///
-    /// `W_b beta = tau`, the regressors of the samples stacked, with standard deviations from the residual.
+    /// The estimate `beta` solves `W_b beta = tau`, where `W_b` contains the base regressors of all samples. The residual gives the
+    /// standard deviations of `beta`.
     ///
     /// Args:
-    ///     q, v, a, tau: positions, velocities, accelerations and torques, `(samples, n)`; more axes before the last are samples too.
-    ///     armature, friction: also identify the rotors' inertia, and damping and Coulomb friction (keyword only). Otherwise rotors are those of
-    ///         the arm, and there is no friction, as in `inverse_dynamics`.
-    ///     noise: standard deviation of the torque of each joint, `(n,)`, which weighs them; equal if None (keyword only).
-    ///     cutoff: singular values of the scaled regressor below this, relative to the largest, count as undetermined (keyword only).
+    ///     q, v, a: positions (rad or m), velocities (per s) and accelerations (per s^2), `(samples, n)` or `(..., n)`: all axes before
+    ///         the last count samples.
+    ///     tau: torques, N m or N, of the shape of `q`.
+    ///     armature: also identify the rotors' inertia (keyword only). Otherwise the arm's armature is used.
+    ///     friction: also identify damping and Coulomb friction (keyword only). Otherwise the torques contain no friction.
+    ///     noise: standard deviation of the torque of each joint, `(n,)`, N m or N, for weights; equal weights if None (keyword only).
+    ///     cutoff: the rank counts singular values of the scaled regressor above this, relative to the largest; 1e-6 if None (keyword
+    ///         only).
     ///
     /// Returns:
     ///     An `al.Identification`: `.values`, `.deviations`, `.rank`, `.condition`, `.residuals`, `.unidentified`, `.arm`.
@@ -151,7 +155,7 @@ impl Arm {
     ///     InputError: an argument is not finite, shapes differ, there are too few samples, or armature or friction is requested for
     ///         `planar_pr`, which has none.
     ///
-    /// Source: Gautier and Khalil 1992.
+    /// Source: Gautier and Khalil, Exciting trajectories for the identification of base inertial parameters of robots, IJRR 11(4), 1992.
     ///
     /// >>> import numpy as np
     /// >>> import armlet as al
@@ -216,11 +220,11 @@ impl Arm {
     }
 }
 
-/// Singular values below this, relative to the largest, count as noise of the record.
+/// The default of `cutoff`: singular values below this, relative to the largest, count as zero.
 const CUTOFF: f64 = 1e-6;
-/// The length of the metric of `project_parameters`, m: about the size of a link.
+/// The default of `length`, m: about the size of a link.
 const LENGTH: f64 = 0.1;
-/// The least eigenvalue of a projected body, relative to the largest of all bodies.
+/// The default of `floor`: the smallest eigenvalue of a projected body, relative to the largest eigenvalue of all bodies.
 const FLOOR: f64 = 1e-6;
 
 fn positive(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, default: f64) -> Result<f64, Failure> {
@@ -246,15 +250,16 @@ fn projected<'py>(
     }
 }
 
-/// The nearest physically possible inertial parameters.
+/// Return the nearest inertial parameters that are physically possible.
 ///
-/// `P` is each body's pseudo-inertia and `D = diag(1/l, 1/l, 1/l, 1)`. The result is the nearest in the Frobenius norm of `D P D`, in kg. The
-/// eigenvectors are kept, and eigenvalues below the floor are raised to it. Bodies that are already possible do not change.
+/// For the pseudo-inertia `P` of each body and `D = diag(1/l, 1/l, 1/l, 1)`, the distance is the Frobenius norm of the change of `D P D`,
+/// in kg. The projection keeps the eigenvectors of `D P D` and raises eigenvalues below the floor to the floor. Bodies that are already
+/// possible do not change.
 ///
 /// Args:
-///     pi: `(10 n,)`, in the order of `Arm.parameters`.
+///     pi: inertial parameters, `(10 bodies,)`, in the order and units of `Arm.parameters`: kg, kg m, kg m^2.
 ///     length: `l`, m, which makes mass and moments comparable; 0.1 if None (keyword only).
-///     floor: least eigenvalue of a projected body, relative to the largest of all bodies; 1e-6 if None (keyword only).
+///     floor: smallest eigenvalue of a projected body, relative to the largest eigenvalue of all bodies; 1e-6 if None (keyword only).
 ///
 /// Raises:
 ///     InputError: an argument is not finite or has the wrong shape, or no body has a positive eigenvalue.
@@ -262,7 +267,7 @@ fn projected<'py>(
 /// Source: Higham 1988; Wensing, Kim and Slotine 2018.
 ///
 /// Returns:
-///     The parameters, `(10 n,)`, in the units of `pi`.
+///     The parameters, `(10 bodies,)`, in the order and units of `pi`.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([1.0])

@@ -29,10 +29,10 @@ impl Arm {
         self.framed("pose", ["q"], [q], Quantity::Pose, frame, out)
     }
 
-    /// The pose of a frame as numbers, `(..., 6)`: its position in m, then its rotation vector `log R` in rad, both in world axes.
+    /// The pose of a frame as six numbers, `(..., 6)`: its position in m, then its rotation vector `log R` in rad, both in world axes.
     ///
-    /// The rotation vector is the axis times the angle in [0, pi]; for half a turn both signs of the axis are valid. Its rows can be a
-    /// target of `CartesianImpedance`: the pose at joint angles `q` is `arm.pose_vector(q, frame)` for the axes "xyz rx ry rz".
+    /// The rotation vector is the rotation axis times the angle in [0, pi]. For the angle pi both signs of the axis are valid. With the
+    /// axes "xyz rx ry rz", the target of a `CartesianImpedance` can be `arm.pose_vector(q, frame)`.
     ///
     /// Args and errors: as for `pose`.
     ///
@@ -70,7 +70,9 @@ impl Arm {
         self.framed("position", ["q"], [q], Quantity::Position, frame, out)
     }
 
-    /// The geometric Jacobian of a frame, `(..., 6, n)`: `[v; w] = J v`, world axes, at the frame's origin, m/s and rad/s.
+    /// The geometric Jacobian `J` of a frame, `(..., 6, n)`.
+    ///
+    /// `J v` is the velocity of the frame's origin in m/s, then the angular velocity in rad/s, both in world axes.
     ///
     /// Args and errors: as for `pose`.
     ///
@@ -87,10 +89,10 @@ impl Arm {
         self.framed("jacobian", ["q"], [q], Quantity::Jacobian, frame, out)
     }
 
-    /// The rate `dJ/dt` of a frame's Jacobian, `(..., 6, n)`: the frame's acceleration is `J a + dJ/dt v`.
+    /// The time derivative `dJ/dt` of a frame's Jacobian, `(..., 6, n)`: the frame's acceleration is `J a + dJ/dt v`.
     ///
     /// Args:
-    ///     q, v: positions and velocities, `(..., n)`, broadcast over the leading axes.
+    ///     q, v: positions (rad or m) and velocities (rad/s or m/s), `(..., n)`, broadcast over the leading axes.
     ///     frame, out: as for `pose`.
     ///
     /// Raises:
@@ -127,7 +129,7 @@ impl Arm {
         self.kinematic("center_of_mass", q, Quantity::Com, out)
     }
 
-    /// The Jacobian of the centre of mass, `(..., 3, n)`: its velocity in the world is `J v`.
+    /// The Jacobian `J` of the centre of mass, `(..., 3, n)`: `J v` is the velocity of the centre of mass in world axes, m/s.
     ///
     /// Args and errors: as for `center_of_mass`.
     ///

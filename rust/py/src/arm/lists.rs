@@ -1,4 +1,4 @@
-//! Joints and rows of `Arm.from_chain` and `Arm.from_dh`, each a dict or numbers.
+//! The joints of `Arm.from_chain`, each a dict, and the rows of `Arm.from_dh`, each a dict or four numbers.
 
 use crate::arrays::{Looked, items, number as scalar, quoted, require_finite, shown, text};
 use crate::errors::{Failure, input_error};
@@ -6,7 +6,7 @@ use armlet_core::arm::{ChainJoint, DhRow, Follows, JointKind, JointType, Limits}
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// A finite number, or a decimal string as exact inputs are written.
+/// Read a finite number, or a string with a decimal number.
 fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
     let decimal = value.extract::<String>().ok().and_then(|text| text.trim().parse().ok());
     let x = decimal.map_or_else(|| scalar(function, name, value), Ok)?;
@@ -14,7 +14,7 @@ fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, F
     Ok(x)
 }
 
-/// Entry `key` of dict `i` of a list: a vector of `N` numbers, or `default` where it is not given.
+/// Read the entry `key` of dict `i` of a list: a vector of `N` numbers, or `default` if the dict has no such key.
 fn entry_of<const N: usize>(
     function: &str,
     joint: &Bound<'_, PyDict>,
@@ -36,12 +36,12 @@ fn entry_of<const N: usize>(
     Ok(out)
 }
 
-/// Entry `key` of dict `i` of a list: a number, or `default`.
+/// Read the entry `key` of dict `i` of a list: a number, or `default` if the dict has no such key.
 fn scalar_of(function: &str, joint: &Bound<'_, PyDict>, (list, i): (&str, usize), key: &str, default: f64) -> Result<f64, Failure> {
     joint.get_item(key)?.map_or(Ok(default), |value| number(function, &format!("{list}[{i}][{key:?}]"), &value))
 }
 
-/// Refuse an unknown key: otherwise a misspelt key would silently have its default.
+/// Refuse unknown keys. Otherwise a misspelt key would have its default without any message.
 fn known_keys(function: &str, given: &Bound<'_, PyDict>, (list, i): (&str, usize), known: &[&str]) -> Result<(), Failure> {
     for key in given.keys() {
         if !key.extract::<String>().is_ok_and(|key| known.contains(&key.as_str())) {
@@ -87,7 +87,7 @@ pub fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result
             Some(p) => return Err(refuse("[\"parent\"]", format!("is not an index: expected -1, None or an earlier joint, got {p}"))),
         });
     }
-    // Infinity is no bound, as in `Arm.limits`.
+    // An infinite number means that there is no limit, as in `Arm.limits`.
     let limit = |key: &str, none: f64| match joint.get_item(key)? {
         Some(value) if scalar(function, &format!("joints[{i}][{key:?}]"), &value).is_ok_and(|x| x == none) => Ok(none),
         _ => scalar_of(function, joint, at, key, none),
@@ -108,7 +108,7 @@ pub fn chain_joint(function: &str, joint: &Bound<'_, PyAny>, i: usize) -> Result
     Ok(out)
 }
 
-/// The joint of the list that joint `i` follows, multiplier and offset.
+/// Read the mimic entry of joint `i`: the index of its leader, the multiplier and the offset.
 fn mimic(function: &str, given: &Bound<'_, PyAny>, i: usize) -> Result<Follows, Failure> {
     let place = format!("joints[{i}][\"mimic\"]");
     let refuse = |problem: String| -> Failure { input_error(given.py(), function, &place, problem).into() };
@@ -154,7 +154,7 @@ pub fn dh_row(function: &str, row: &Bound<'_, PyAny>, i: usize) -> Result<DhRow,
     Ok(DhRow { kind: JointKind::Revolute, a: x[0], alpha: x[1], d: x[2], theta: x[3], phi: [0.0; 10] })
 }
 
-/// The most joints of a list.
+/// The largest number of joints in a list.
 const MOST_JOINTS: usize = 1 << 24;
 
 pub fn as_list<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {

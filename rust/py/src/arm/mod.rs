@@ -1,4 +1,4 @@
-//! `armlet.Arm`: the closed-form arms and the trees behind one class.
+//! The class `armlet.Arm`, for the arm in closed form (`planar_pr`) and for trees of joints.
 
 mod construct;
 mod derivatives;
@@ -26,21 +26,22 @@ use pyo3::types::{PyDict, PyTuple};
 
 /// A robot arm: its kinematics and its dynamics `M(q) a + C(q, v) v + g(q) = tau`.
 ///
-/// Made by `load_urdf`, `Arm.from_chain`, `Arm.from_dh`, `planar_arm`, `pendulum` or `planar_pr`. Every function
-/// takes `q` of shape `(..., n)` and broadcasts over the leading axes; many configurations run in lanes. `C` is the
-/// Christoffel factorisation. Angles are in rad, lengths in m, torques in N m. Dynamics include the rotors'
-/// inertia (armature), and friction only with `friction=True`. Jacobians are geometric, rows `[v; w]`, in world
-/// axes at the frame's origin.
+/// `load_urdf`, `Arm.from_chain`, `Arm.from_dh`, `planar_arm`, `pendulum` and `planar_pr` make arms. Every function takes `q` of the shape
+/// `(..., n)` and broadcasts over the leading axes. It evaluates several configurations together in the lanes of SIMD registers.
+///
+/// `C` is the matrix of the Christoffel symbols. Angles are in rad, lengths in m, torques in N m, and forces of prismatic joints in N. The
+/// dynamics include the rotors' inertia (armature), and include friction only with `friction=True`. Jacobians are geometric: the first
+/// three rows are the velocity of the frame's origin, the last three the angular velocity, in world axes.
 #[pyclass(frozen, module = "armlet", name = "Arm")]
 pub struct Arm {
     pub model: ArmModel,
 }
 
-/// The number of joints above which freeing the memory takes noticeable time.
+/// For arms with more joints than this, freeing the memory takes a noticeable time.
 const MANY: usize = 1 << 10;
 
 impl Drop for Arm {
-    /// The memory of an arm of very many links is freed without the interpreter lock.
+    /// Free the memory of an arm. For an arm with more than `MANY` joints the interpreter lock is released meanwhile.
     fn drop(&mut self) {
         if self.model.n() > MANY {
             let model = std::mem::replace(&mut self.model, ArmModel::nothing());
@@ -76,16 +77,16 @@ impl Arm {
         Self::named(py, &self.model.joint_types())
     }
 
-    /// Names of the frames that kinematic functions take.
+    /// Names of the frames that kinematic functions accept.
     #[getter]
     fn frame_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         Self::named(py, &self.model.frame_names())
     }
 
-    /// The frame at the tip; None for an arm without moving frames.
+    /// Name of the frame at the tip; None for an arm without moving frames.
     ///
-    /// It is the moving frame with the longest path from the base: the sum of the lengths of the offsets of joints and frame, m. Among
-    /// equally long paths it is the last in the order of `frame_names`.
+    /// The tip is the moving frame with the longest path from the base. The length of a path is the sum of the distances from joint to
+    /// joint, and from the last joint to the frame, m. Among equally long paths, the last in the order of `frame_names` counts.
     ///
     /// >>> import armlet as al
     /// >>> al.load_urdf(al.example_urdf("six_axis")).tip_frame
@@ -108,14 +109,16 @@ impl Arm {
         .map(Some)
     }
 
-    /// Remarks of the reader about odd or unused parts of the model's source, one line each.
+    /// Remarks of `load_urdf` and other readers about unusual or unused parts of the model's file, one string each.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         Self::named(py, self.model.report())
     }
 
-    /// The inertial parameters, `(p,)`: ten per joint, `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` with the
-    /// inertia about the body frame's origin; `(A, B, C)` for `planar_pr`.
+    /// The inertial parameters, `(p,)`: `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` of each joint's body, kg, kg m, kg m^2.
+    ///
+    /// The order is that of `file_joint_names`. The inertia is about the origin of the body frame, in its axes. For `planar_pr` the
+    /// parameters are `(A, B, C)`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let parameters = self.model.parameters();
@@ -127,8 +130,10 @@ impl Arm {
         })
     }
 
-    /// The joints' limits and drives by name, each `(n,)`: `q_min`, `q_max`, `v_max`, `effort`, `damping`,
-    /// `friction`, `armature`; infinite where the model has no limit.
+    /// Limits, friction and rotor inertia of the joints by name, each `(n,)`; a limit that the model does not have is infinite.
+    ///
+    /// `q_min`, `q_max`: rad or m. `v_max`: rad/s or m/s. `effort`, `friction`: N m or N. `damping`: N m s/rad or N s/m. `armature`: kg m^2
+    /// or kg. The dict of `planar_pr` is empty.
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         entry(py, "Arm.limits", || {

@@ -1,4 +1,4 @@
-//! The model behind `armlet.Arm`: a closed-form arm or a tree, with one interface.
+//! The model of an `armlet.Arm`: an arm in closed form or a tree of joints, with one interface.
 
 use armlet_core::arm::{Arm as CoreArm, JointKind};
 use armlet_core::dynamics::{Functions, PlanarPr, Quantity, Query, Size};
@@ -33,12 +33,12 @@ impl From<CoreArm> for super::Arm {
 }
 
 impl ArmModel {
-    /// The placeholder of a model that was moved out.
+    /// A placeholder for a model that has been moved to another owner.
     pub fn nothing() -> Self {
         ArmModel::PlanarPr(PlanarPr::with_parameters([0.0; 3]))
     }
 
-    /// The tree, or an error about this arm.
+    /// The tree of joints. An arm in closed form has none, which is an error.
     pub fn tree(&self, function: &str) -> Result<&CoreArm> {
         match self {
             ArmModel::Tree(tree) => Ok(tree.arm()),
@@ -49,7 +49,7 @@ impl ArmModel {
         }
     }
 
-    /// The model for loops and laws.
+    /// The model of the core, for laws and plants.
     pub fn core(&self) -> armlet_core::dynamics::Model {
         match self {
             ArmModel::PlanarPr(arm) => armlet_core::dynamics::Model::PlanarPr(*arm),
@@ -71,7 +71,7 @@ impl ArmModel {
         }
     }
 
-    /// Names of all joints, including those that follow others.
+    /// Names of all joints, including mimic joints.
     pub fn file_joint_names(&self) -> Vec<String> {
         match self {
             ArmModel::PlanarPr(_) => self.joint_names(),
@@ -79,7 +79,7 @@ impl ArmModel {
         }
     }
 
-    /// Of each of these joints the index of the one that carries it, -1 at the base.
+    /// For each joint of [`ArmModel::file_joint_names`], the index of its parent joint; -1 for a joint on the base.
     pub fn file_joint_parents(&self) -> Vec<isize> {
         match self {
             ArmModel::PlanarPr(_) => vec![-1, 0],
@@ -87,7 +87,7 @@ impl ArmModel {
         }
     }
 
-    /// Of each frame the index of the joint that moves it, -1 at the base.
+    /// For each frame, the index of the joint that moves it; -1 for a frame of the base.
     pub fn frame_joints(&self) -> Vec<isize> {
         match self {
             ArmModel::PlanarPr(_) => Vec::new(),
@@ -95,7 +95,7 @@ impl ArmModel {
         }
     }
 
-    /// The positions of these joints at `q` `(n,)`.
+    /// Write the positions, rad or m, of the joints of [`ArmModel::file_joint_names`] at `q`, `(n,)`, to `out`.
     pub fn file_positions(&self, q: &[f64], out: &mut [f64]) {
         match self {
             ArmModel::Tree(tree) => tree.arm().joint_positions(q, out),
@@ -162,7 +162,7 @@ impl ArmModel {
         }
     }
 
-    /// Limits and drives of the joints, by name.
+    /// Limits, friction and rotor inertia of the joints, by name.
     pub fn limits(&self) -> Vec<(&'static str, Vec<f64>)> {
         let ArmModel::Tree(tree) = self else { return Vec::new() };
         let arm = tree.arm();
@@ -178,7 +178,7 @@ impl ArmModel {
         ]
     }
 
-    /// The trailing axes of a quantity, and how many there are.
+    /// The lengths of the trailing axes of a query's result, padded with zeros, and the number of these axes.
     pub fn shape(&self, query: &Query) -> ([usize; 3], usize) {
         let n = self.n();
         match query.quantity {
@@ -196,7 +196,7 @@ impl ArmModel {
         }
     }
 
-    /// One configuration. The result is true if every number is finite.
+    /// Evaluate one configuration. The result is true if every number is finite.
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match self {
             ArmModel::PlanarPr(arm) => {
@@ -208,12 +208,12 @@ impl ArmModel {
         }
     }
 
-    /// Whether [`ArmModel::prepare`] takes milliseconds.
+    /// Whether the next [`ArmModel::prepare`] records a program, which takes milliseconds.
     pub fn is_due(&self, query: &Query, count: usize) -> bool {
         matches!(self, ArmModel::Tree(tree) if tree.is_due(query, count))
     }
 
-    /// Prepare `count` more rows of a query.
+    /// Prepare the evaluation of `count` configurations.
     pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
         match self {
             ArmModel::PlanarPr(_) => Ok(()),
@@ -221,7 +221,7 @@ impl ArmModel {
         }
     }
 
-    /// `count` configurations with full arrays of arguments and results. The result is true if every number is finite.
+    /// Evaluate `count` configurations. Each array has one row per configuration. The result is true if every number is finite.
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         match self {
             ArmModel::PlanarPr(arm) => {
@@ -242,7 +242,7 @@ impl ArmModel {
         }
     }
 
-    /// The text of the arm: a table of its joints.
+    /// The text of `str(arm)`: a table of its joints.
     pub fn shown(&self) -> String {
         let tree = match self {
             ArmModel::PlanarPr(arm) => {
@@ -285,7 +285,7 @@ impl ArmModel {
     }
 }
 
-/// An index as Python has it: -1 for the base.
+/// The index of a joint for Python, where -1 is the base.
 fn index_or_base(index: Option<usize>) -> isize {
     index.map_or(-1, |index| index as isize)
 }

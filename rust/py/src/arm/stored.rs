@@ -1,13 +1,13 @@
-//! The content of the pickle of an arm of links: `(integers, numbers, text)`, three strings of bytes, little-endian.
+//! The pickle of an arm that is a tree of joints: `(integers, numbers, text)`, three strings of bytes, little-endian.
 //!
-//! So a pickle of many links is written and read without the interpreter's lock.
+//! Bytes can be written and read without the interpreter lock, which matters for arms of many links.
 //!
 //! ```text
-//! integers  joints, frames, remarks; the parent of each joint; the body of each frame and whether a joint leads to it; each joint that
-//!           follows another one, and that one; lengths of strings
-//! numbers   gravity; of each joint its placement, axis, limits and drive, ten parameters; of each frame its placement; multiplier and
-//!           offset of each joint that follows another one
-//! text      the arm's name; of each joint its name and kind; of each frame its name and its joint's; the remarks of the report
+//! integers  numbers of joints, frames and remarks; parent of each joint; body of each frame, and 1 if the frame has the name of a joint;
+//!           index of each mimic joint and of its leader; lengths of all strings
+//! numbers   gravity; placement, axis, limits, drive and ten parameters of each joint; placement of each frame; multiplier and
+//!           offset of each mimic joint
+//! text      name of the arm; name and kind of each joint; name of each frame, and name of its joint; remarks of the report
 //! ```
 
 use super::Arm;
@@ -23,10 +23,10 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-/// Numbers of a placement, and of a joint with its placement.
+/// The count of float64 numbers of a placement (9 of the rotation, 3 of the translation), and of a joint.
 const PLACEMENT: usize = 12;
 const JOINT: usize = PLACEMENT + 3 + 7 + 10;
-/// Nothing, among indices.
+/// The stored index of "no parent" and "no body".
 const NONE: i64 = -1;
 
 #[derive(Default)]
@@ -96,13 +96,13 @@ impl Stored {
     }
 }
 
-/// The arguments of [`_restore_arm`].
+/// The three strings of bytes of an arm, which are the arguments of [`_restore_arm`].
 pub fn stored<'py>(py: Python<'py>, arm: &core::Arm) -> Result<[Bound<'py, PyBytes>; 3], Failure> {
     let Stored { integers, numbers, text, .. } = long(py, || Stored::of(arm))?;
     Ok([bytes(py, &[&integers])?, bytes(py, &[&numbers])?, bytes(py, &[&text])?])
 }
 
-/// The three strings while they are read; `None` if one ends too early or has an invalid content.
+/// The unread rest of the three strings. Its methods return `None` if a string ends too early or has an invalid content.
 struct Reader<'a> {
     integers: &'a [[u8; 8]],
     numbers: &'a [[u8; 8]],
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
         Some(i64::from_le_bytes(first))
     }
 
-    /// An index below `end`.
+    /// Read an index below `end`, or [`NONE`].
     fn index(&mut self, end: usize) -> Option<Option<usize>> {
         match self.integer()? {
             NONE => Some(None),
@@ -171,7 +171,8 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     let mut reader = Reader { integers, numbers, lengths: &[], text };
     let mut count = || reader.integer().and_then(|n| usize::try_from(n).ok()).filter(|&n| n <= integers.len()).ok_or_else(damaged);
     let (joints, frames, remarks) = (count()?, count()?, count()?);
-    // Counts are at most the number of integers. So no sum overflows, and reserved memory is proportional to the size of the pickle.
+    // `count` limits each count to the number of integers. So no sum overflows, and the memory is at most proportional to the pickle's
+    // size.
     let strings = 1 + 2 * joints + 2 * frames + remarks;
     let (own_integers, own_numbers) = (3 + joints + 2 * frames + strings, 3 + JOINT * joints + PLACEMENT * frames);
     let mimics = integers.len().checked_sub(own_integers).ok_or_else(damaged)? / 2;
@@ -209,7 +210,7 @@ fn arm_of(integers: &[u8], numbers: &[u8], text: &[u8]) -> CoreResult<core::Arm>
     Ok(arm)
 }
 
-/// An arm from the content of its pickle.
+/// Restore an arm from the three strings of its pickle.
 #[entered]
 #[pyfunction]
 pub fn _restore_arm(

@@ -1,4 +1,4 @@
-//! The arm's numbers for `armlet.symbolic`, which makes formulas of them.
+//! The parameters of an arm for `armlet.symbolic`, which makes formulas from them.
 
 use super::{Arm, ArmModel};
 use crate::arrays::flag_or_false;
@@ -8,23 +8,25 @@ use armlet_core::spatial::Vector;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Formulas of more joints than this are too long to read.
+/// The largest number of joints: formulas of more joints are too long to read.
 const MOST_JOINTS: usize = 4;
 
 #[entered]
 #[pymethods]
 impl Arm {
-    /// Formulas of a small arm: `M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)` as sympy expressions (`armlet[sympy]`).
+    /// Formulas of an arm of at most four joints as sympy expressions: `M(q)`, `C(q, v)`, `g(q)` and the regressor `Y(q, v, v_r, a_r)`.
     ///
-    /// The inertial parameters are symbols: `m1, mcx1, .., Izz1` of joint 1 and so on, and `Ir1` for the inertia of its rotor. Those of `planar_pr`
-    /// are `A, B, C`. Parameters that are zero in this arm do not appear in `M`, `C` and `g`. Each expression is collected by parameter and simplified.
+    /// The extra `armlet[sympy]` installs sympy. The inertial parameters of joint 1 are the symbols `m1, mcx1, .., Izz1`, and `Ir1` is the
+    /// inertia of its rotor. The parameters of `planar_pr` are `A, B, C`. Parameters that are zero in this arm do not appear in `M`, `C`
+    /// and `g`. Each expression is collected by parameter and simplified.
     ///
     /// Args:
     ///     lengths: True for symbols of lengths and gravity (keyword only). `x2, y2, z2` is the offset of joint 2 in the axes of the link
-    ///         before it, and `gx, gy, gz` is gravity. By default these are numbers.
+    ///         before it, and `gx, gy, gz` is gravity. By default lengths and gravity are numbers.
     ///
     /// Returns:
-    ///     An `armlet.symbolic.Formulas`: `.M`, `.C`, `.g`, `.Y`, the symbols `.q, .v, .v_r, .a_r`, their `.values`, `.latex()` and `.function(name)`.
+    ///     An `armlet.symbolic.Formulas`: `.M`, `.C`, `.g`, `.Y`, the symbols `.q, .v, .v_r, .a_r`, their `.values`, `.latex()` and
+    ///     `.function(name)`.
     ///
     /// Raises:
     ///     InputError: the arm has more than four joints.

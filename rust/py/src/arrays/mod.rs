@@ -1,4 +1,4 @@
-//! Arrays in and out: the one place where numbers cross the boundary.
+//! Array arguments and array results. All arrays between Python and Rust pass through this module.
 
 mod pieces;
 pub mod python;

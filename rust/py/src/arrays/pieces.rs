@@ -1,5 +1,6 @@
-//! Large arrays in pieces: between two pieces other threads get the interpreter lock, and Ctrl-C is checked. The first touch of a new page
-//! of memory takes a quarter of a microsecond and more, so that even a copy can take long.
+//! Copies of large arrays, piece by piece. Between two pieces other threads can get the interpreter lock, and Ctrl-C is checked.
+//!
+//! The first access to a page of new memory takes a quarter of a microsecond or more. So even a copy can take long.
 
 use super::raw::in_place;
 use crate::errors::{Failure, input_error};
@@ -10,10 +11,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::ops::Range;
 
-/// Numbers of a piece: half a megabyte.
+/// The count of float64 numbers in a piece, which is half a megabyte. Larger arrays are copied in pieces.
 pub const PIECE: usize = 1 << 16;
 
-/// `from` into `to`, which nobody else can see yet; nobody else can write to `from`.
+/// Copy `from` to `to`, large arrays without the interpreter lock. No other thread may read or write `to`, or write to `from`.
 pub fn copy<T: Copy + Send + Sync>(py: Python<'_>, from: &[T], to: &mut [T]) -> Result<(), Failure> {
     if from.len() <= PIECE {
         to.copy_from_slice(from);
@@ -32,8 +33,8 @@ pub fn read(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> R
     Ok(values)
 }
 
-/// Append the numbers of a large array to `values`, which has the capacity for them. The address of the array is looked up again for each
-/// piece, because other threads may have run since the last one.
+/// Append the numbers of a large array to `values`, which must have the capacity for them. Each piece looks up the address of the array
+/// again, because another thread may have changed the array between two pieces.
 pub fn append(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>, values: &mut Vec<f64>) -> Result<(), Failure> {
     let (py, count, start) = (array.py(), array.len(), values.len());
     let mut breaks = Breaks::new();
@@ -49,14 +50,14 @@ pub fn append(function: &str, name: &str, array: &Bound<'_, PyArrayDyn<f64>>, va
     Ok(())
 }
 
-/// The numbers `range` of a large C-contiguous array as little-endian bytes.
+/// Copy the elements with the indices `range` of a large C-contiguous array to little-endian bytes.
 pub fn copied_to_bytes<'py>(array: &Bound<'py, PyArrayDyn<f64>>, range: Range<usize>) -> Result<Bound<'py, PyBytes>, Failure> {
     let py = array.py();
     let changed = || input_error(py, "pickle", "array", "was changed while it was read: expected an array that keeps its size and layout");
     let mut at = range.start;
     let bytes = PyBytes::new_with(py, range.len() * size_of::<f64>(), |out| {
         for out in out.as_chunks_mut::<8>().0.chunks_mut(PIECE) {
-            // Looked up again for each piece, because other threads may have run since the last one.
+            // Each piece looks up the address again, because another thread may have changed the array between two pieces.
             let values = in_place(array).and_then(|all| all.get(at..at + out.len())).ok_or_else(changed)?;
             out.iter_mut().zip(values).for_each(|(bytes, x)| *bytes = x.to_le_bytes());
             at += out.len();

@@ -1,4 +1,4 @@
-//! The same validation for the Python layer.
+//! The validation of array arguments for functions that are written in Python.
 
 use super::read::Looked;
 use super::sequence::items;
@@ -10,18 +10,19 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 
-/// The most axes of an array.
+/// The largest number of axes of an array.
 const MOST_AXES: usize = 64;
 
-/// An array argument as float64, checked as every array argument is: the array itself where it is one already, else a copy.
+/// Check an array argument, and return it as float64: the caller's array if it needs no conversion, otherwise a copy.
 ///
 /// Args:
-///     function, name: the function and the name of the argument, for messages.
-///     value: anything.
-///     shapes: the valid shapes: tuples of lengths, of names for any length, and of "..." for leading axes. Without shapes any is valid.
+///     function, name: names of the function and of the argument, for messages.
+///     value: any object.
+///     shapes: the valid shapes, each a tuple. An entry is the length of an axis, a name for any length, or "..." for any leading axes.
+///         Without `shapes`, any shape is valid.
 ///
 /// Raises:
-///     InputError: `value` is no array of real numbers, or has another shape.
+///     InputError: `value` is not an array of real numbers, or its shape is not valid.
 ///
 /// >>> from armlet import _core
 /// >>> _core.numbers("f", "x", [1, 2], (2,), ("K", 2))
@@ -52,7 +53,7 @@ pub fn numbers<'py>(
             let (shape, values) = looked.values()?;
             copied(py, &shape, &values)
         };
-        // An error about missing memory names the calling function.
+        // The message of a memory error starts with the name of the calling function.
         read().map_err(|failure| match failure {
             Failure::Core(error) => to_python(py, function, error).into(),
             failure => failure,

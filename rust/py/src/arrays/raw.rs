@@ -1,7 +1,6 @@
-//! The memory of arrays, and the only `unsafe` of this crate.
+//! The memory of numpy arrays, and the only `unsafe` code of this crate.
 //!
-//! A C-contiguous, aligned float64 array is read in place, without the borrow tracking of `PyReadonlyArray`,
-//! which costs a global lock per array.
+//! A C-contiguous, aligned float64 array is read in place. `PyReadonlyArray` would take a global lock per array to track borrows.
 
 use crate::errors::{Failure, input_error};
 use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, npyffi};
@@ -14,7 +13,7 @@ use super::read::require_unmasked;
 use super::shape::{elements, shown};
 use super::write::copied;
 
-/// The elements of a C-contiguous, aligned array, in place.
+/// A slice of the elements of a C-contiguous, aligned array, without a copy; `None` for other arrays.
 pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&'a [T]> {
     // SAFETY: the GIL is held while the slice is used (callers copy before they release it), so no Python code
     // can write to or free the array meanwhile; contiguity and alignment are checked, and `Bound` keeps it alive.
@@ -31,21 +30,21 @@ pub fn in_place<'a, T: Element>(array: &'a Bound<'_, PyArrayDyn<T>>) -> Option<&
     }
 }
 
-/// The elements of a C-contiguous, aligned float64 array of exactly this shape, in place; None for anything else.
+/// A slice of the elements of a C-contiguous, aligned float64 array of exactly this shape; `None` for all other objects.
 ///
-/// For frequent small arrays. `numbers` reads all others.
+/// This is the fast path for small arrays. The function `numbers` reads all other arguments.
 #[inline]
 pub fn of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a [f64]> {
-    // SAFETY: the pointer is compared, not followed.
+    // SAFETY: the pointer is compared, not dereferenced.
     of_class(value, shape, unsafe { npyffi::get_type_object(value.py(), npyffi::NpyTypes::PyArray_Type) })
 }
 
-/// Vectors of these lengths, each as for `of_shape`.
+/// Slices of vectors of these lengths; `None` if [`of_shape`] returns `None` for one of them.
 #[inline]
 pub fn of_lengths<'a, const K: usize>(values: [&'a Bound<'_, PyAny>; K], lengths: [usize; K]) -> Option<[&'a [f64]; K]> {
     let mut all: [&[f64]; K] = [&[]; K];
     if K > 0 {
-        // SAFETY: the pointer is compared, not followed.
+        // SAFETY: the pointer is compared, not dereferenced.
         let class = unsafe { npyffi::get_type_object(values[0].py(), npyffi::NpyTypes::PyArray_Type) };
         for k in 0..K {
             all[k] = of_class(values[k], &[lengths[k]], class)?;
@@ -54,11 +53,11 @@ pub fn of_lengths<'a, const K: usize>(values: [&'a Bound<'_, PyAny>; K], lengths
     Some(all)
 }
 
-/// As `of_shape`; `class` is numpy's array type.
+/// The work of [`of_shape`]. `class` is the type `numpy.ndarray`.
 #[inline(always)]
 fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::ffi::PyTypeObject) -> Option<&'a [f64]> {
     let flags = npyffi::flags::NPY_ARRAY_C_CONTIGUOUS | npyffi::flags::NPY_ARRAY_ALIGNED;
-    // SAFETY: an object of exactly numpy's array type has these fields, its descriptor too; otherwise as for `in_place`.
+    // SAFETY: the type is exactly `numpy.ndarray`, so the object and its descriptor have these fields. The conditions of `in_place` apply.
     unsafe {
         if pyo3::ffi::Py_TYPE(value.as_ptr()) != class {
             return None;
@@ -80,14 +79,14 @@ fn of_class<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize], class: *mut pyo3::
     }
 }
 
-/// The elements of a caller's `out=` array, writeable and otherwise as for `of_shape`; None for arrays that `out_slice` refuses or copies.
+/// A mutable slice of the elements of the array `out=`; `None` if the array is read-only, or if [`of_shape`] returns `None`.
 ///
-/// For frequent writes. The caller ensures that no input overlaps.
+/// This is the fast path for small results. The caller ensures that no input overlaps the array.
 #[inline]
 #[allow(clippy::mut_from_ref)]
 pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<&'a mut [f64]> {
     let length = of_shape(value, shape)?.len();
-    // SAFETY: `of_shape` has seen that this is an array with such elements; the GIL is held while they are written.
+    // SAFETY: `of_shape` has checked the type and the memory of the array, and the GIL is held while its elements are written.
     unsafe {
         let array = &(*value.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
         if length == 0 || array.flags & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
@@ -97,10 +96,10 @@ pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<
     }
 }
 
-/// Elements of arrays of the extension. All bits zero are a valid element.
+/// The type of the elements of an array. The element whose bits are all zero must be valid.
 pub trait Bits: Send + Sync + Copy {
     const TYPE: npyffi::NPY_TYPES;
-    /// Whether any bits are an element.
+    /// Whether every bit pattern is a valid element.
     const ANY_BITS: bool = true;
 }
 
@@ -113,7 +112,8 @@ impl Bits for bool {
     const ANY_BITS: bool = false;
 }
 
-/// A new array of numbers or of truth values, written by `fill`. Before, it is zero if `zeroed`, and undefined otherwise.
+/// Make a new array of numbers or truth values, and let `fill` write it. Before that, the elements are zero if `zeroed`, otherwise
+/// undefined.
 pub fn made<'py, T: Bits>(
     py: Python<'py>,
     shape: &[usize],
@@ -123,11 +123,11 @@ pub fn made<'py, T: Bits>(
     let count = elements(shape)?;
     let (api, axes, dims) = (&npyffi::PY_ARRAY_API, shape.len() as c_int, shape.as_ptr().cast_mut().cast());
     let number = T::TYPE as c_int;
-    // An array that fits in a cache is zeroed here, which is faster than by the system. Arrays of truth values are always zeroed, because not all
-    // bytes are valid.
+    // Small arrays fit in a cache: zeroing them here is faster than zeroed memory from the system. Arrays of truth values are always
+    // zeroed, because only the bytes 0 and 1 are valid.
     let zeroed = zeroed || !T::ANY_BITS;
     let by_system = zeroed && count > 1024;
-    // SAFETY: the shape is that many sizes, read and not kept; what numpy has no memory for is null and a MemoryError.
+    // SAFETY: `dims` points to `axes` sizes, which numpy copies. Without sufficient memory numpy returns null and sets a MemoryError.
     let array = unsafe {
         let array = if by_system {
             api.PyArray_Zeros(py, axes, dims, api.PyArray_DescrFromType(py, number), 0)
@@ -138,7 +138,7 @@ pub fn made<'py, T: Bits>(
         Bound::from_owned_ptr_or_err(py, array)?
     };
     if count > 0 {
-        // SAFETY: contiguous, aligned, nobody else has seen the array yet, and its bits are zero or an element whatever they are.
+        // SAFETY: the memory is contiguous and aligned, and has no other reference yet. Its bits are zero, or any bits are a valid element.
         let out = unsafe {
             let array = &(*array.as_ptr().cast::<npyffi::PyArrayObject>()).fields;
             if zeroed && !by_system {
@@ -153,14 +153,14 @@ pub fn made<'py, T: Bits>(
     Ok(array)
 }
 
-/// The memory behind the views that [`adopted`] returns.
+/// The owner of the memory of arrays that [`adopted`] returns.
 #[pyclass(frozen, module = "armlet._core", name = "_Memory")]
 struct Memory {
     values: Option<Box<dyn Any + Send + Sync>>,
     bytes: usize,
 }
 
-/// Bytes above which memory is freed without the interpreter lock: the system frees some 10 GB/s.
+/// Above this number of bytes, memory is freed without the interpreter lock. The system frees about 10 GB/s.
 const MANY: usize = 1 << 20;
 
 impl Drop for Memory {
@@ -172,15 +172,16 @@ impl Drop for Memory {
     }
 }
 
-/// A new array of this shape that takes over the memory of these values. Their number is the size.
+/// Make an array of this shape from the memory of `values`, without a copy. The number of values must match the shape.
 pub fn adopted<'py, T: Element + Sync + 'static>(py: Python<'py>, shape: &[usize], mut values: Vec<T>) -> PyResult<Bound<'py, PyAny>> {
     assert_eq!(shape.iter().product::<usize>(), values.len(), "as many numbers as the shape says");
     let (data, bytes) = (values.as_mut_ptr(), size_of_val(&values[..]));
     let owner = Bound::new(py, Memory { values: Some(Box::new(values)), bytes })?;
     let api = &npyffi::PY_ARRAY_API;
     let (axes, dims, flags) = (shape.len() as c_int, shape.as_ptr().cast_mut().cast(), npyffi::flags::NPY_ARRAY_CARRAY);
-    // SAFETY: contiguous and aligned elements of this type, as many as the shape says, which stay in their place while `owner` lives. The
-    // array holds `owner`, and nobody else reaches its values. The type of the elements is stolen by the first call, `owner` by the second.
+    // SAFETY: the elements are contiguous, aligned and of this type, and their number matches the shape (see the assertion above). They do
+    // not move while `owner` lives, and the array holds `owner`. No other code can access them. The first call takes over a reference to
+    // the element type, and the second one a reference to `owner`.
     unsafe {
         let class = npyffi::get_type_object(py, npyffi::NpyTypes::PyArray_Type);
         let kind = T::get_dtype(py).into_dtype_ptr();
@@ -193,26 +194,26 @@ pub fn adopted<'py, T: Element + Sync + 'static>(py: Python<'py>, shape: &[usize
     }
 }
 
-/// Overwrite an array that `new_array` made and Python may hold too: of the same length, contiguous.
+/// Overwrite the numbers of a contiguous array of the same length that `new_array` made. Python code may hold references to it.
 pub fn overwrite(array: &Bound<'_, PyAny>, values: &[f64]) -> Result<(), Failure> {
     let array = array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?;
     assert!(array.len() == values.len() && array.is_c_contiguous(), "an array of the extension's own");
-    // SAFETY: the elements are those checked above; the GIL is held and no other borrow is alive here.
+    // SAFETY: the length and the layout are asserted above, the GIL is held, and no other slice of the array exists here.
     unsafe { std::slice::from_raw_parts_mut(array.data(), values.len()) }.copy_from_slice(values);
     Ok(())
 }
 
-/// A vector that is passed to callables repeatedly. Its memory is reused only if no callable has kept a reference.
+/// A vector for repeated calls of Python callables. Its memory is reused if no callable has kept a reference to it.
 #[derive(Default)]
 pub struct Lent(Option<Py<PyArray1<f64>>>);
 
 impl Lent {
-    /// An array that holds `values`.
+    /// Return an array that contains `values`, in reused memory if possible.
     pub fn array<'py>(&mut self, py: Python<'py>, values: &[f64]) -> Result<Bound<'py, PyAny>, Failure> {
         if let Some(kept) = &self.0
             && unseen(kept.bind(py), values.len())
         {
-            // SAFETY: contiguous, aligned and of this length, and nobody else holds it or knows where it is.
+            // SAFETY: `unseen` has checked that the array is contiguous, aligned and of this length, and that no other reference exists.
             unsafe { std::slice::from_raw_parts_mut(kept.bind(py).data(), values.len()) }.copy_from_slice(values);
         } else {
             let made = copied(py, &[values.len()], values)?;
@@ -225,11 +226,11 @@ impl Lent {
     }
 }
 
-/// Whether an array of `n` numbers is unchanged, and only its owner has a reference.
+/// Whether an array still has `n` writeable, contiguous numbers, and only its owner has a reference.
 fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
     use npyffi::flags::{NPY_ARRAY_ALIGNED, NPY_ARRAY_C_CONTIGUOUS, NPY_ARRAY_OWNDATA, NPY_ARRAY_WRITEABLE};
     let wanted = NPY_ARRAY_C_CONTIGUOUS | NPY_ARRAY_ALIGNED | NPY_ARRAY_OWNDATA | NPY_ARRAY_WRITEABLE;
-    // SAFETY: reads of a live array's own fields, with the GIL held. A callable may have changed its shape, its type or its flags.
+    // SAFETY: the fields of a live array are read while the GIL is held. A callable may have changed the shape, the type or the flags.
     unsafe {
         let fields = &(*array.as_array_ptr()).fields;
         pyo3::ffi::Py_REFCNT(array.as_ptr()) == 1
@@ -242,8 +243,9 @@ fn unseen(array: &Bound<'_, PyArray1<f64>>, n: usize) -> bool {
     }
 }
 
-/// The elements of a caller's `out=` array of the right shape. It is refused if writing would be wrong.
-// The array owns its elements and Python shares it freely: there is never another reference than `&Bound`.
+/// A mutable slice of the elements of the caller's array `out=`. An array of another type, shape or layout, a read-only array, and an array
+/// that overlaps an argument are refused.
+// A `&mut Bound` is never available, because Python code can share every array.
 #[allow(clippy::mut_from_ref)]
 pub fn out_slice<'a>(
     function: &str,
@@ -265,25 +267,25 @@ pub fn out_slice<'a>(
     if in_place(array).is_none() {
         return Err(refuse("is not C-contiguous: expected a C-contiguous array".into()));
     }
-    // SAFETY: the flags are read under the GIL.
+    // SAFETY: the flags are read while the GIL is held.
     if unsafe { (*array.as_array_ptr()).fields.flags } & npyffi::flags::NPY_ARRAY_WRITEABLE == 0 {
         return Err(refuse("is read-only: expected a writeable array".into()));
     }
     for input in inputs {
         let Ok(input) = input.cast::<PyArrayDyn<f64>>() else { continue };
-        // SAFETY: pointers are compared, not followed.
+        // SAFETY: pointers are compared, not dereferenced.
         if unsafe { overlaps(array, input) } {
             return Err(refuse("overlaps an argument: expected a separate array".into()));
         }
     }
-    // SAFETY: contiguous, aligned, writeable, apart from the inputs, and the GIL is held while it is written.
+    // SAFETY: the array is contiguous, aligned and writeable, and overlaps no input. The GIL is held while it is written.
     Ok(unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) })
 }
 
-/// Whether the memory that two arrays span has an address in common.
+/// Whether the memory ranges of two arrays have an address in common.
 ///
 /// # Safety
-/// Both arrays must be alive; nothing is read through their pointers.
+/// Both arrays must be alive. No element is read.
 unsafe fn overlaps(a: &Bound<'_, PyArrayDyn<f64>>, b: &Bound<'_, PyArrayDyn<f64>>) -> bool {
     let span = |x: &Bound<'_, PyArrayDyn<f64>>| {
         let start = x.data() as isize;

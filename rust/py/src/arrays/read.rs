@@ -1,8 +1,8 @@
-//! The only path of an array argument into this crate. Its kind, dimensions and shape are checked before anything is copied.
+//! The conversion of an array argument to float64. Every array argument passes through this file.
 //!
-//! A C-contiguous, aligned float64 array is read in place. Lists, integers, float32, strided, reversed, Fortran and
-//! read-only arrays are copied. Masked, complex, object, boolean and string arrays are refused, and so are integers
-//! that float64 does not represent. The length of sequences is read first: see `sequence`.
+//! The type, the number of axes and the shape are checked before any copy. A C-contiguous, aligned float64 array is read in place. Lists,
+//! integers, float32, strided, reversed, Fortran and read-only arrays are copied. Masked, complex, object, boolean and string arrays are
+//! refused. Integers that float64 does not represent are also refused. The module `sequence` reads lists and other sequences.
 
 use super::pieces::{self, PIECE};
 use super::raw::in_place;
@@ -17,27 +17,27 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyFloat, PyInt, PyList, PyMemoryView, PySlice, PyString, PyTuple};
 use std::borrow::Cow;
 
-/// A shape, and the elements in C order.
+/// The shape of an argument, and its elements in C order.
 pub type Converted<'a> = Result<(Vec<usize>, Cow<'a, [f64]>), Failure>;
 
-/// The shape and the numbers of an argument that has one of `forms`.
+/// Read the shape and the numbers of an argument. Its shape must match one of `forms`.
 pub fn numbers<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>, forms: &[Form<'_>]) -> Converted<'a> {
     Looked::at(function, name, value)?.of(forms)?.values()
 }
 
-/// A finite vector of length `n`, copied.
+/// Read and copy a finite vector of length `n`.
 pub fn vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
     finite(function, name, value, &[Form(&[Axis::Is(n)])])
 }
 
-/// Three finite numbers; zeros if the argument is missing.
+/// Read three finite numbers. They are zero if the argument is missing.
 pub fn three(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<[f64; 3], Failure> {
     let Some(value) = value else { return Ok([0.0; 3]) };
     let values = vector(function, name, value, 3)?;
     Ok([values[0], values[1], values[2]])
 }
 
-/// A finite vector of any length, copied.
+/// Read and copy a finite vector of any length.
 pub fn any_vector(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
     finite(function, name, value, &[Form(&[Axis::Any("n")])])
 }
@@ -48,7 +48,7 @@ fn finite(function: &str, name: &str, value: &Bound<'_, PyAny>, forms: &[Form<'_
     owned(values)
 }
 
-/// The numbers as a vector; an error without sufficient memory.
+/// Convert numbers to an owned vector. Insufficient memory is an error.
 pub fn owned(values: Cow<'_, [f64]>) -> Result<Vec<f64>, Failure> {
     match values {
         Cow::Borrowed(values) => Ok(memory::copied(values)?),
@@ -56,12 +56,12 @@ pub fn owned(values: Cow<'_, [f64]>) -> Result<Vec<f64>, Failure> {
     }
 }
 
-/// `n` numbers from a single one, or the `n` there are.
+/// Repeat a single number `n` times, or return the `n` numbers of a vector.
 pub fn spread(shape: &[usize], values: Cow<'_, [f64]>, n: usize) -> Result<Vec<f64>, Failure> {
     if shape.is_empty() { Ok(memory::filled(n, values[0])?) } else { owned(values) }
 }
 
-/// An array argument whose kind and shape are known and whose elements nobody has read yet.
+/// An array argument whose type and shape are known, before its elements are read.
 pub struct Looked<'n, 'a, 'py> {
     function: &'n str,
     name: &'n str,
@@ -83,12 +83,12 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         Ok(Looked { function, name, value, shape, source })
     }
 
-    /// The same, if its shape is one of these.
+    /// Return the argument if its shape matches one of `forms`. Otherwise the result is an error.
     pub fn of(self, forms: &[Form<'_>]) -> Result<Self, Failure> {
         if forms.iter().any(|form| form.fits(&self.shape)) { Ok(self) } else { Err(self.of_another_shape(forms)) }
     }
 
-    /// The refusal of a shape that is none of these.
+    /// The error for a shape that matches none of `forms`.
     pub fn of_another_shape(&self, forms: &[Form<'_>]) -> Failure {
         let problem = format!("has the wrong shape: expected {}, got {}", expected(forms), shown(&self.shape));
         input_error(self.value.py(), self.function, self.name, problem).into()
@@ -99,7 +99,7 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         matches!(self.source, Source::InPlace)
     }
 
-    /// The elements to the end of a vector, read once the shape is accepted; the shape.
+    /// Append the elements to `out`, and return the shape. Call this after the shape is accepted.
     pub fn append_to(self, out: &mut Vec<f64>) -> Result<Vec<usize>, Failure> {
         if let (Source::InPlace, Ok(array)) = (&self.source, self.value.cast::<PyArrayDyn<f64>>())
             && array.len() > PIECE
@@ -114,13 +114,13 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
         Ok(shape)
     }
 
-    /// The elements, read once the shape is accepted.
+    /// Read the elements, and return them with the shape. Call this after the shape is accepted.
     pub fn values(self) -> Converted<'a> {
         let (function, name, value) = (self.function, self.name, self.value);
         let values = match self.source {
             Source::Number(x) => Cow::Owned(vec![x]),
             Source::InPlace => match value.cast::<PyArrayDyn<f64>>() {
-                // Long arrays are for long work, which needs a separate copy.
+                // A large array is copied, because the work on it may release the interpreter lock.
                 Ok(array) if array.len() > PIECE => Cow::Owned(pieces::read(function, name, array)?),
                 array => Cow::Borrowed(array.ok().and_then(in_place).unwrap_or_default()),
             },
@@ -145,11 +145,11 @@ impl<'n, 'a, 'py> Looked<'n, 'a, 'py> {
     }
 }
 
-/// Why a value is not an array of numbers.
+/// The reason why a value is not an array of numbers.
 pub enum Wrong {
-    /// The kind of the value.
+    /// The value has another type, which the text describes.
     Kind(String),
-    /// An integer between two numbers of float64.
+    /// An integer, with this text, is not exact in float64.
     Inexact(String),
     Failure(Failure),
 }
@@ -177,7 +177,7 @@ impl Wrong {
     }
 }
 
-/// What kind of array this is, and its shape.
+/// The shape of an argument, and the method that reads it.
 fn kind<'py>(value: &Bound<'py, PyAny>) -> Result<(Vec<usize>, Source<'py>), Wrong> {
     if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
         && in_place(array).is_some()
@@ -200,7 +200,7 @@ fn kind<'py>(value: &Bound<'py, PyAny>) -> Result<(Vec<usize>, Source<'py>), Wro
     Err(Wrong::Kind(object(value)))
 }
 
-/// A Python number, or None for other values. Booleans, complex numbers and texts are refused.
+/// Read a Python number; `None` for other values. Booleans, complex numbers and strings are an error.
 pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
     if let Ok(x) = value.cast::<PyFloat>() {
         return Ok(Some(x.value()));
@@ -212,7 +212,7 @@ pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
     if let Ok(x) = integer.extract::<i64>() {
         return exact(x).map(Some).ok_or_else(|| Wrong::Inexact(x.to_string()));
     }
-    // Beyond 64 bits: numbers that float64 represents, such as 10**20, are few.
+    // An integer of more than 64 bits is accepted if float64 represents it, such as 10**20.
     let same = |x: &f64| PyFloat::new(value.py(), *x).as_any().eq(value).unwrap_or(false);
     match integer.extract::<f64>().ok().filter(same) {
         Some(x) => Ok(Some(x)),
@@ -220,7 +220,7 @@ pub fn real(value: &Bound<'_, PyAny>) -> Result<Option<f64>, Wrong> {
     }
 }
 
-/// The shape of one entry of a sequence.
+/// The shape of an entry of a sequence that is nested `depth` levels deep.
 pub fn shape_of(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong> {
     if real(value)?.is_some() {
         return Ok(Vec::new());
@@ -234,7 +234,7 @@ pub fn shape_of(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wr
     Err(Wrong::Kind(object(value)))
 }
 
-/// The array of integers or floating-point numbers that a value is or converts to; None for a list of Python objects.
+/// Convert a value to a numpy array of integers or floating-point numbers, if it is an array or has a conversion. `None` for lists.
 pub fn array_of<'py>(value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAny>>, Wrong> {
     let py = value.py();
     if value.is_instance_of::<PyString>() || value.is_instance_of::<PyBytes>() || value.is_instance_of::<PyByteArray>() {
@@ -261,14 +261,15 @@ pub fn array_of<'py>(value: &Bound<'py, PyAny>) -> Result<Option<Bound<'py, PyAn
     Ok(Some(array))
 }
 
-/// Append the elements of an array of integers or floating-point numbers; the index of the first that float64 does not represent.
+/// Append the elements of an array of integers or floating-point numbers to `out`. An error has the index of the first element that float64
+/// does not represent.
 pub fn copy(array: &Bound<'_, PyAny>, out: &mut Vec<f64>) -> Result<(), (Wrong, usize)> {
     let failed = |error: PyErr| (Wrong::from(error), 0);
     let py = array.py();
     let shape: Vec<usize> = array.getattr("shape").and_then(|shape| shape.extract()).map_err(failed)?;
     let row = shape.iter().skip(1).product::<usize>().max(1);
     if shape.first().is_some_and(|&rows| rows.saturating_mul(row) > PIECE) {
-        // Row by row, or some rows at a time, because numpy does not check for signals.
+        // A large array is converted in groups of rows, with a check for Ctrl-C after each, because numpy does not check for signals.
         let (start, mut breaks) = (out.len(), Breaks::new());
         for first in (0..shape[0]).step_by((PIECE / row).max(1)) {
             let last = (first + (PIECE / row).max(1)).min(shape[0]);
@@ -290,7 +291,7 @@ pub fn copy(array: &Bound<'_, PyAny>, out: &mut Vec<f64>) -> Result<(), (Wrong, 
     };
     let order = pyo3::types::PyDict::new(py);
     order.set_item("order", "C").map_err(failed)?;
-    // A fresh array is aligned as well as contiguous, which `ascontiguousarray` does not promise.
+    // `numpy.array` makes an aligned, contiguous copy. `ascontiguousarray` may return an array that is not aligned.
     let array = numpy_function(py, "array").and_then(|function| function.call((array, to), Some(&order))).map_err(failed)?;
     let start = out.len();
     match to {
@@ -327,7 +328,7 @@ fn exact_unsigned(x: u64) -> Option<f64> {
     (y as i128 == i128::from(x)).then_some(y)
 }
 
-/// Refuse a masked array: its masked data have no meaning.
+/// Refuse a masked array, because its masked elements have no meaning.
 pub fn require_unmasked(value: &Bound<'_, PyAny>) -> Result<(), Wrong> {
     static MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let py = value.py();
@@ -341,7 +342,7 @@ fn numpy_function<'py>(py: Python<'py>, name: &'static str) -> PyResult<Bound<'p
     numpy.bind(py).getattr(name)
 }
 
-/// The description of a value that is not a number: what numpy would make of it, and its class.
+/// Describe a value that is not a number, for a message: the numpy type of its conversion, and its class.
 pub fn object(value: &Bound<'_, PyAny>) -> String {
     format!("object ({})", type_name(value))
 }

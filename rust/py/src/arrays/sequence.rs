@@ -1,5 +1,6 @@
-//! Lists, tuples and other objects with a length and entries. The length is read first, and no more entries than this are read. Ctrl-C is
-//! checked between entries.
+//! The conversion of lists, tuples and other sequences to float64.
+//!
+//! The length of a sequence is read first, and no further entries are read. Ctrl-C is checked between entries.
 
 use super::read::{Wrong, array_of, copy, object, real, shape_of};
 use super::shape::shown;
@@ -9,16 +10,16 @@ use armlet_core::memory;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyFloat, PyIterator, PyList, PyMapping, PyString, PyTuple};
 
-/// The longest sequence that computes its entries on access. A list already has its entries in memory.
+/// The largest number of entries of a sequence that is not a list or tuple, such as a range, which computes its entries on access.
 const MOST: usize = 1 << 28;
-/// The most entries of an iterable without a length.
+/// The largest number of entries of an iterable without a length.
 const MOST_UNSIZED: usize = 1 << 20;
-/// Levels of lists in lists.
+/// The largest number of levels of nested lists.
 const DEEPEST: usize = 16;
-/// Entries between two checks for Ctrl-C.
+/// The number of entries between two checks for Ctrl-C.
 const POLL: usize = 1 << 12;
 
-/// Something with a length and entries by number, such as a list, a range or a deque.
+/// Whether an object has a length and entries by index, such as a list, a range or a deque.
 pub fn is_sequence(value: &Bound<'_, PyAny>) -> bool {
     if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
         return true;
@@ -27,7 +28,7 @@ pub fn is_sequence(value: &Bound<'_, PyAny>) -> bool {
     !text_or_table && value.hasattr("__len__").unwrap_or(false) && value.hasattr("__getitem__").unwrap_or(false)
 }
 
-/// The length that a sequence states.
+/// The length that a sequence reports.
 fn length(value: &Bound<'_, PyAny>) -> Result<usize, Wrong> {
     let py = value.py();
     let n = match value.len() {
@@ -45,12 +46,12 @@ fn length(value: &Bound<'_, PyAny>) -> Result<usize, Wrong> {
     Ok(n)
 }
 
-/// Entry `i` of a sequence that claims more than `i` entries.
+/// Entry `i` of a sequence whose reported length is larger than `i`.
 fn entry<'py>(value: &Bound<'py, PyAny>, i: usize) -> Result<Bound<'py, PyAny>, Wrong> {
     value.get_item(i).map_err(|error| absent(value, error))
 }
 
-/// A sequence may report a length that is too large, and the code of its entries may shorten a list.
+/// The error for a missing entry. A sequence may report a length that is too large, and conversions of entries may shorten a list.
 fn absent(value: &Bound<'_, PyAny>, error: PyErr) -> Wrong {
     if error.is_instance_of::<pyo3::exceptions::PyLookupError>(value.py()) {
         return Wrong::Kind("a sequence with fewer entries than its length".into());
@@ -58,7 +59,7 @@ fn absent(value: &Bound<'_, PyAny>, error: PyErr) -> Wrong {
     error.into()
 }
 
-/// The shape that a sequence claims by its length and its first entry.
+/// The shape that the length and the first entry of a sequence imply.
 pub fn shape(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong> {
     if depth == DEEPEST {
         return Err(Wrong::Kind(format!("lists nested deeper than {DEEPEST}")));
@@ -71,11 +72,11 @@ pub fn shape(value: &Bound<'_, PyAny>, depth: usize) -> Result<Vec<usize>, Wrong
     Ok(shape)
 }
 
-/// Append the entries of a sequence that claimed `shape`.
+/// Append the entries of a sequence to `out`. They must have the implied `shape`.
 pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Result<(), Wrong> {
     let ragged = |got: String| Wrong::Kind(format!("rows of different lengths, {got}"));
     let Some((&n, rest)) = shape.split_first() else {
-        // A number, or an array without axes.
+        // The entry must be a number, or an array without axes.
         if let Some(x) = real(value)? {
             out.push(x);
             return Ok(());
@@ -125,8 +126,9 @@ pub fn fill(value: &Bound<'_, PyAny>, shape: &[usize], out: &mut Vec<f64>) -> Re
     Ok(())
 }
 
-/// The entries of a list, a tuple or another iterable of objects, at most `most`. `what` it is not, for the refusal:
-/// "a list of names: expected strings".
+/// Return the entries of a list, a tuple or another iterable of objects: at most `most` of them.
+///
+/// `what` completes the message "is not ..", such as "a list of names: expected strings".
 pub fn items<'py>(
     function: &str,
     name: &str,

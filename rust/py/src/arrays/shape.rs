@@ -1,4 +1,4 @@
-//! Shapes: the expected shape of an argument, sizes, names in messages, and errors that name an index.
+//! The expected shapes of arguments, the text of shapes in messages, and the error for numbers that are not finite.
 
 use super::pieces;
 use crate::errors::{Failure, input_error};
@@ -8,21 +8,21 @@ use pyo3::prelude::*;
 /// One axis of a shape that an argument may have.
 #[derive(Clone, Copy)]
 pub enum Axis<'a> {
-    /// Of this length.
+    /// An axis of this length.
     Is(usize),
-    /// Of any length; its name is for the refusal.
+    /// An axis of any length. The text is its name in messages.
     Any(&'a str),
-    /// Any number of axes; only the first may be it.
+    /// Any number of axes. Only the first entry of a [`Form`] may be `Leading`.
     Leading,
 }
 
-/// A shape that an argument may have: `Form(&[])` is a single number.
+/// A shape that an argument may have, axis by axis. `Form(&[])` is a single number.
 #[derive(Clone, Copy)]
 pub struct Form<'a>(pub &'a [Axis<'a>]);
 
-/// A single number.
+/// The form of a single number.
 pub const SCALAR: Form<'static> = Form(&[]);
-/// Any shape.
+/// The form that every shape matches.
 pub const WHATEVER: Form<'static> = Form(&[Axis::Leading]);
 
 impl Form<'_> {
@@ -35,7 +35,7 @@ impl Form<'_> {
     }
 }
 
-/// The text of forms: `a scalar, (3,) or (3, 3)`.
+/// The text of forms in a message, such as `a scalar, (3,) or (3, 3)`.
 pub fn expected(forms: &[Form<'_>]) -> String {
     let words: Vec<String> = forms.iter().map(|form| form.to_string()).collect();
     match words.as_slice() {
@@ -63,7 +63,7 @@ impl std::fmt::Display for Form<'_> {
     }
 }
 
-/// The number of elements of an array of this shape; more than memory can address is a `MemoryError`.
+/// The number of elements of an array of this shape. A number that memory cannot address is a `MemoryError`.
 pub fn elements(shape: &[usize]) -> Result<usize, Failure> {
     if let Some(bytes) = shape.iter().try_fold(8_usize, |bytes, &n| bytes.checked_mul(n))
         && bytes <= isize::MAX as usize
@@ -74,7 +74,7 @@ pub fn elements(shape: &[usize]) -> Result<usize, Failure> {
     if bytes > isize::MAX as u128 { Err(Error::Memory { bytes }.into()) } else { Ok(bytes as usize / 8) }
 }
 
-/// The indices of element `k` of an array of this shape, such as its row and column.
+/// The text of the indices of element `k`, in C order, of an array of this shape: for a matrix its row and column.
 pub fn index_of(shape: &[usize], mut k: usize) -> String {
     let mut index = vec![0; shape.len()];
     for (i, &n) in index.iter_mut().zip(shape).rev() {
@@ -110,7 +110,7 @@ pub fn require_finite(py: Python<'_>, function: &str, name: &str, shape: &[usize
     }
 }
 
-/// The text of a shape in Python: `(3,)`, `(2, 7)`.
+/// The text of a shape as Python shows it, such as `(3,)` or `(2, 7)`.
 pub fn shown(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),

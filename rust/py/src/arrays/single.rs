@@ -1,18 +1,18 @@
-//! Arguments that are not arrays: a number, a flag, a name, an object.
+//! Arguments that are not arrays: numbers, flags, names and objects.
 
 use super::Looked;
 use crate::errors::{Failure, input_error};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyFloat, PyString};
 
-/// An argument in a message: its type, and its value if that is short.
+/// The text of an argument in a message: its type, and its value if the value is short.
 pub fn quoted(value: &Bound<'_, PyAny>) -> String {
     let shown = value.repr().map(|text| text.to_string()).unwrap_or_default();
     let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
     if shown.is_empty() || shown.len() > 40 { format!("{kind:?}") } else { format!("{shown} ({kind})") }
 }
 
-/// A real number; not a boolean, not a string, not an array of one.
+/// Read a real number. Booleans, strings and arrays of one element are refused.
 pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
     if let Ok(number) = value.cast::<PyFloat>() {
         return Ok(number.value());
@@ -24,29 +24,29 @@ pub fn number(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f6
     }
 }
 
-/// A real number, or None.
+/// Read a real number, or `None` for a missing argument.
 pub fn optional_number(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<f64>, Failure> {
     value.map(|value| number(function, name, value)).transpose()
 }
 
-/// An integer of at least one.
+/// Read an integer that is at least one.
 pub fn count(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     let problem = || format!("is not a positive integer: expected an integer >= 1, got {}", quoted(value));
     Ok(integer(value).filter(|&count| count > 0).ok_or_else(|| input_error(value.py(), function, name, problem()))?)
 }
 
-/// An integer of at least zero.
+/// Read an integer that is at least zero.
 pub fn whole(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure> {
     let problem = || format!("is not a count: expected an integer >= 0, got {}", quoted(value));
     Ok(integer(value).ok_or_else(|| input_error(value.py(), function, name, problem()))?)
 }
 
-/// An integer of at least zero, numpy's too; not a boolean.
+/// A Python or numpy integer that is at least zero; `None` for other values and for booleans.
 fn integer(value: &Bound<'_, PyAny>) -> Option<usize> {
     value.extract::<usize>().ok().filter(|_| !value.is_instance_of::<PyBool>())
 }
 
-/// An integer, numpy's too; not a boolean. An integer beyond 64 bits becomes the largest or the smallest one.
+/// A Python or numpy integer; `None` for other values and for booleans. An integer that 64 bits cannot represent becomes the nearest one.
 pub fn signed(value: &Bound<'_, PyAny>) -> Option<isize> {
     if value.is_instance_of::<PyBool>() {
         return None;
@@ -58,26 +58,26 @@ pub fn signed(value: &Bound<'_, PyAny>) -> Option<isize> {
     }
 }
 
-/// True or False, numpy's too.
+/// Read True or False of Python or numpy.
 pub fn flag(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<bool, Failure> {
     let refused = |_| input_error(value.py(), function, name, format!("is not a flag: expected True or False, got {}", quoted(value)));
     Ok(value.extract::<bool>().map_err(refused)?)
 }
 
-/// True or False, numpy's too; False if the argument is missing.
+/// Read True or False of Python or numpy. A missing argument is False.
 pub fn flag_or_false(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>) -> Result<bool, Failure> {
     value.map_or(Ok(false), |value| flag(function, name, value))
 }
 
-/// A text, copied.
+/// Read and copy a string.
 pub fn text(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<String, Failure> {
     self::name(function, name, value).map(str::to_string)
 }
 
-/// A text, in place.
+/// Borrow a string without a copy.
 pub fn name<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Result<&'a str, Failure> {
     match value.cast::<PyString>().ok().and_then(|text| text.to_str().ok()) {
-        // Many readers of names stop at NUL, so two names would become one.
+        // C functions end a name at the character NUL, so two different names could become equal.
         Some(text) if text.contains('\0') => {
             Err(input_error(value.py(), function, name, format!("holds the character NUL: expected a name, got {text:?}")).into())
         }
@@ -86,7 +86,7 @@ pub fn name<'a>(function: &str, name: &str, value: &'a Bound<'_, PyAny>) -> Resu
     }
 }
 
-/// An object of a class of this module.
+/// Check that an argument is an object of the class `T` of this extension.
 pub fn object<'py, T: pyo3::PyClass>(
     function: &str,
     name: &str,

@@ -1,16 +1,16 @@
-//! Output arrays: new, C-contiguous and owned; a `MemoryError` without sufficient memory.
+//! New result arrays, C-contiguous. Insufficient memory is a `MemoryError`.
 
 use super::pieces;
 use super::raw::{Bits, made, out_of_shape};
 use crate::errors::Failure;
 use pyo3::prelude::*;
 
-/// A new array of this shape with these values, of float64 or bool.
+/// Make an array of this shape with these values, float64 or bool.
 pub fn copied<'py, T: Bits>(py: Python<'py>, shape: &[usize], values: &[T]) -> Result<Bound<'py, PyAny>, Failure> {
     made(py, shape, false, |out| pieces::copy(py, values, out))
 }
 
-/// A new array of this shape, zero except for the numbers that `fill` writes.
+/// Make an array of this shape that is zero except for the numbers that `fill` writes.
 pub fn new_array<'py>(
     py: Python<'py>,
     shape: &[usize],
@@ -19,8 +19,7 @@ pub fn new_array<'py>(
     made(py, shape, true, fill)
 }
 
-/// A new array of this shape, with every number written by `fill`, because its memory is not zeroed before. Zeroing would cost
-/// another pass over memory.
+/// Make an array of this shape whose numbers `fill` writes. `fill` must write all of them, because the memory is not zeroed before.
 pub fn written_array<'py>(
     py: Python<'py>,
     shape: &[usize],
@@ -29,7 +28,7 @@ pub fn written_array<'py>(
     made(py, shape, false, fill)
 }
 
-/// Several of them, written together.
+/// Make `N` arrays whose numbers `fill` writes together. `fill` must write all of them, because the memory is not zeroed before.
 pub fn written_arrays<'py, const N: usize>(
     py: Python<'py>,
     shape: &[usize],
@@ -41,7 +40,7 @@ pub fn written_arrays<'py, const N: usize>(
     Ok(arrays)
 }
 
-/// A new vector, filled by `fill`.
+/// Make a vector whose numbers `fill` writes.
 pub fn new_vector<'py>(
     py: Python<'py>,
     n: usize,

@@ -1,4 +1,4 @@
-//! A Python callable as a system: its slope and its derivatives, on a time that runs forward.
+//! The system `dy/ds = f` of a Python callable `f(t, y)`, and its derivatives. The time `s` always increases: `s = t` or `s = -t`.
 
 use super::jacobian::Jacobian;
 use super::slope::Slope;
@@ -8,13 +8,13 @@ use pyo3::prelude::*;
 pub struct Field {
     pub slope: Slope,
     jacobian: Jacobian,
-    /// Start and end of the span.
+    /// Start and end of the time `s`.
     span: (f64, f64),
-    /// The number of positions, which are first; the same number of velocities follows.
+    /// The number of positions. They are the first components of the state, and the same number of velocities follows.
     positions: usize,
-    /// Evaluations of the Jacobian; zero for a constant one.
+    /// The number of evaluations of the Jacobian. A constant Jacobian has none.
     pub jacobians: u64,
-    /// The evaluations of `f` for differences.
+    /// The number of evaluations of `f` for difference quotients.
     pub differenced: u64,
     down: Vec<f64>,
 }
@@ -26,7 +26,7 @@ impl Field {
 }
 
 impl System<f64> for Field {
-    /// The time.
+    /// The input of the right-hand side is the time `s`.
     type Input = f64;
 
     fn input(&mut self, t: f64, u: &mut f64) {
@@ -41,7 +41,7 @@ impl System<f64> for Field {
     fn is_reversed(&self) -> bool {
         self.slope.direction < 0.0
     }
-    /// An evaluation in Python takes a thousand times as long as one of the core: this many take some 0.3 s.
+    /// The limit is low, because 5000 evaluations in Python take about 0.3 s, a thousand times as long as in the core.
     fn chatter_budget(&self) -> u64 {
         5_000
     }
@@ -55,7 +55,7 @@ impl Differentiable<f64> for Field {
         self.differenced += self.slope.evaluations - before;
     }
 
-    /// Central, and one-sided at the ends of the span: `f` may not exist beyond them.
+    /// The difference quotient is central, and one-sided at the ends of the span, because `f` may be undefined outside of the span.
     fn time_derivative(&mut self, t: f64, _: &f64, x: &[f64], dft: &mut [f64]) {
         let step = (f64::EPSILON * t.abs().max(1e-5)).sqrt();
         let (above, below) = ((t + step).min(self.span.1), (t - step).max(self.span.0));

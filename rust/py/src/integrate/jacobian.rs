@@ -1,7 +1,7 @@
-//! The Jacobian of a Python callable: a matrix, a callable, or differences of `f`.
+//! The Jacobian `df/dy` of a Python callable: a constant matrix, a callable, or difference quotients of `f`.
 //!
-//! A difference is that of one column, or of a group of columns that share no row. Sparse matrices are converted to dense ones, which the
-//! methods decompose.
+//! One difference computes one column, or a group of columns that have no row in common. Sparse matrices are converted to dense ones,
+//! because the methods use dense decompositions.
 
 use super::settings::Settings;
 use super::slope::{Slope, States, python};
@@ -18,13 +18,13 @@ pub enum Jacobian {
     Differences(Differences),
 }
 
-/// Forward differences for methods that tolerate their error (Newton, W-methods), and central ones for methods whose order depends on it.
+/// Difference quotients: forward ones for methods that tolerate their error (Newton iterations, W-methods), otherwise central ones.
 pub struct Differences {
     central: bool,
-    /// Columns that are differenced together, and the elements that may differ from zero: `None` for all.
+    /// The groups of columns that one difference computes. `pattern` has the elements that may differ from zero; `None`: all elements.
     groups: Vec<Vec<usize>>,
     pattern: Option<Vec<bool>>,
-    /// Groups per call of `f`.
+    /// The number of groups that one call of `f` computes.
     width: usize,
     at: Vec<f64>,
     up: Vec<f64>,
@@ -33,7 +33,7 @@ pub struct Differences {
 }
 
 impl Jacobian {
-    /// Read `jac=` and `jac_sparsity=`; the latter is only for differences.
+    /// Read the arguments `jac` and `jac_sparsity`. Only difference quotients use the second one.
     pub fn new(
         function: &str,
         jac: Option<&Bound<'_, PyAny>>,
@@ -54,7 +54,7 @@ impl Jacobian {
         }
     }
 
-    /// `df/dx` at `(s, x)` into `j`, where the slope is `dx`. Whether it took an evaluation of the Jacobian.
+    /// Write `df/dx` at `(s, x)` to `j`; `dx` is the right-hand side at this point. The result is false for a constant Jacobian.
     pub fn at(&mut self, slope: &mut Slope, s: f64, x: &[f64], dx: &[f64], j: &mut [f64]) -> bool {
         let n = x.len();
         match self {
@@ -93,7 +93,7 @@ impl Differences {
             None => (0..n).map(|column| vec![column]).collect(),
         };
         let width = if states == States::Columns { groups.len() } else { 1 };
-        // An explicit method takes no differences.
+        // An explicit method uses no difference quotients, so the buffers are empty.
         let n = if settings.implicit() { n } else { 0 };
         let state = || memory::zeros(n * width);
         let (at, up, down, steps) = (state()?, state()?, state()?, memory::zeros(n)?);
@@ -106,8 +106,8 @@ impl Differences {
             j.fill(0.0);
         }
         for (step, x) in self.steps.iter_mut().zip(x) {
-            // The step balances the errors by rounding and curvature. Numbers below 1e-5 count as 1e-5. The forward step is longer for
-            // numbers below one, because their size rarely is the scale of the curvature (Hairer and Wanner's radau5.f).
+            // The step balances the rounding error and the truncation error. Numbers below 1e-5 count as 1e-5. The forward step is longer
+            // for numbers below one, because their size is rarely the scale of the curvature (Hairer and Wanner's radau5.f).
             let size = x.abs().max(1e-5);
             *step = if self.central { f64::EPSILON.cbrt() * size } else { f64::EPSILON.sqrt() * size.max(size.sqrt()) };
         }
@@ -141,12 +141,12 @@ impl Differences {
     }
 }
 
-/// The columns of each group, with the group's number.
+/// Pairs `(group, column)` for all columns of all groups.
 fn each(groups: &[Vec<usize>]) -> impl Iterator<Item = (usize, usize)> {
     groups.iter().enumerate().flat_map(|(g, group)| group.iter().map(move |&k| (g, k)))
 }
 
-/// A sparse matrix of the right shape as a dense one, and anything else unchanged.
+/// Convert a sparse matrix of the shape `(n, n)` to a dense one. Other objects are returned unchanged.
 fn dense<'py>(py: Python<'py>, function: &str, name: &str, value: &Bound<'py, PyAny>, n: usize) -> PyResult<Bound<'py, PyAny>> {
     let Some(toarray) = value.getattr_opt("toarray")? else { return Ok(value.clone()) };
     let shape: Vec<usize> = value.getattr("shape")?.extract()?;
@@ -157,7 +157,7 @@ fn dense<'py>(py: Python<'py>, function: &str, name: &str, value: &Bound<'py, Py
     toarray.call0()
 }
 
-/// `jac(t, y)` as `(n, n)` numbers.
+/// Write a result of `jac(t, y)`, `(n, n)`, to `out`.
 fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, out: &mut [f64], n: usize) -> PyResult<()> {
     let value = dense(py, function, "jac", value, n)?;
     let form = Form(&[Axis::Is(n), Axis::Is(n)]);
@@ -166,7 +166,7 @@ fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, out: &mut [f64
     Ok(())
 }
 
-/// The places where `jac_sparsity=`, of numbers or of flags, is not zero.
+/// Read the argument `jac_sparsity`, `(n, n)`, numbers or flags: for each element whether it is not zero.
 fn pattern(function: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<bool>, Failure> {
     const NAME: &str = "jac_sparsity";
     let value = dense(value.py(), function, NAME, value, n)?;

@@ -1,4 +1,4 @@
-//! `integrate` and the stepper under `scipy_method`: Python callables under the core's methods.
+//! Integration of Python callables `f(t, y)` with the methods of the core: `integrate`, and the stepper that `scipy_method` uses.
 
 mod field;
 mod jacobian;
@@ -24,10 +24,10 @@ use settings::Settings;
 use slope::{Slope, States};
 
 const NAME: &str = "integrate";
-/// The most events of a run.
+/// The largest number of events of a run.
 const MOST_EVENTS: usize = 4096;
 
-/// The times of `t_eval`, in the span and in its order, on the time that runs forward.
+/// Read the times `t_eval`, which must be in the span and in its order. The results are times `s = direction t`, which increase.
 fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direction: f64) -> Result<Vec<f64>, Failure> {
     let mut times = any_vector(function, "t_eval", t_eval)?;
     let mut last = s0;
@@ -44,7 +44,7 @@ fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direct
     Ok(times)
 }
 
-/// The results of a run, in the caller's time.
+/// The recorded results of a run. Their times are those of the caller, `t = direction s`.
 struct SolutionRecorder<'a, 'py> {
     py: Python<'py>,
     direction: f64,
@@ -54,7 +54,7 @@ struct SolutionRecorder<'a, 'py> {
     nodes: Vec<f64>,
     ends: Vec<f64>,
     stop: &'a mut Option<PyErr>,
-    /// Why no more is recorded: the memory is full. It ends the run.
+    /// The error that ends the recording and the run, if memory is insufficient.
     full: CoreResult<()>,
 }
 
@@ -91,7 +91,7 @@ impl<'a, 'py> SolutionRecorder<'a, 'py> {
         SolutionRecorder { py, direction, t, y, crossings: vec![Default::default(); events], nodes, ends, stop, full: Ok(()) }
     }
 
-    /// The records of `n` states as a dictionary; `degree` is that of the dense output, if it was requested.
+    /// A dict of the records of `n` states. `degree` is the degree of the polynomials of the dense output, if it was requested.
     fn answer(self, n: usize, degree: Option<usize>) -> Result<Bound<'py, PyDict>, Failure> {
         let SolutionRecorder { py, t, y, crossings, nodes, ends, full, .. } = self;
         full?;
@@ -115,7 +115,7 @@ impl<'a, 'py> SolutionRecorder<'a, 'py> {
     }
 }
 
-/// The functions of events, each with its direction and the number of crossings that ends the run.
+/// Read the events: each has a function, a direction, and the number of crossings after which the run ends (0: never).
 fn watched_events<'py>(events: &Bound<'py, PyAny>) -> Result<Vec<(Bound<'py, PyAny>, f64, usize)>, Failure> {
     let events = items(NAME, "events", "a list: expected tuples (g, direction, stop_after)", events, MOST_EVENTS)?;
     let of = |event: &Bound<'py, PyAny>| {
@@ -125,7 +125,7 @@ fn watched_events<'py>(events: &Bound<'py, PyAny>) -> Result<Vec<(Bound<'py, PyA
     events.iter().map(of).collect()
 }
 
-/// The start and the end, which may be at infinity where an event `ends` the run.
+/// Read the start and the end of the span. The end may be infinite if an event `ends` the run.
 fn span_of(t0: &Bound<'_, PyAny>, t1: &Bound<'_, PyAny>, ends: bool) -> Result<[f64; 2], Failure> {
     let span = [number(NAME, "t_span", t0)?, number(NAME, "t_span", t1)?];
     let finite = span[0].is_finite() && (span[1].is_finite() || (ends && !span[1].is_nan()));
@@ -135,7 +135,7 @@ fn span_of(t0: &Bound<'_, PyAny>, t1: &Bound<'_, PyAny>, ends: bool) -> Result<[
     Ok(span)
 }
 
-/// The form of the states for `f`.
+/// Read the form in which `f` takes states.
 fn states_of(py: Python<'_>, lists: &Bound<'_, PyAny>, vectorized: &Bound<'_, PyAny>) -> Result<States, Failure> {
     match (flag(NAME, "lists", lists)?, flag(NAME, "vectorized", vectorized)?) {
         (true, true) => {
@@ -155,7 +155,7 @@ fn filled<'py>(py: Python<'py>, shape: &[usize], values: &[f64]) -> Result<Bound
     })
 }
 
-/// One run of `f` as a dictionary of its fields.
+/// Integrate `dy/dt = f(t, y)`, and return a dict with the fields of the result.
 #[entered]
 #[pyfunction]
 #[pyo3(signature = (

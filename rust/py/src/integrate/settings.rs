@@ -1,4 +1,4 @@
-//! The settings of a method: its name, tolerances and steps, checked first.
+//! The checked settings of an integration method: its name, tolerances and steps.
 
 use super::field::Field;
 use super::slope::States;
@@ -8,21 +8,21 @@ use armlet_core::integrate::{Adaptive, FixedStep, Kind, Method, Steps, Tolerance
 use armlet_core::memory;
 use pyo3::prelude::*;
 
-/// Any method that steps a field.
+/// An integration method during a run on a [`Field`].
 pub type Stepping = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
 
-/// More steps than this indicate an error in the arguments.
+/// The largest number of steps of a run. More steps indicate an error in the arguments.
 const MOST_STEPS: f64 = 1e12;
-/// Matrices of an implicit method: the Jacobian, and the largest decomposition, which is complex with its copies.
+/// The number of `(n, n)` matrices in the memory estimate of an implicit method: the Jacobian, and complex decompositions with copies.
 const MATRICES: u128 = 8;
-/// Vectors of the method with the most stages, of the field, and of calls of Python.
+/// The number of `(n,)` vectors in the memory estimate of the method with the most stages, including those for calls of Python.
 const VECTORS: u128 = 32;
-/// Vectors of a method with fewer stages, of the field, and of calls of Python.
+/// The number of `(n,)` vectors in the memory estimate of a method with fewer stages.
 const FEW_VECTORS: u128 = 16;
-/// Matrices of states whose columns go to a vectorised `f` together, and of their slopes.
+/// The number of matrices in the memory estimate of a vectorised `f`: their columns are states, and right-hand sides.
 const COLUMNS: u128 = 5;
 
-/// The settings of a method, from Python.
+/// The settings of a method, read from Python arguments.
 pub struct Settings {
     method: Method,
     tolerances: Tolerances,
@@ -48,7 +48,7 @@ impl Settings {
         let method = Method::from_name(&text(function, "method", method)?)?;
         let (name, adaptive) = (method.name(), method.is_adaptive());
         let positive = |argument: &str, value: Option<&Bound<'py, PyAny>>| match optional_number(function, argument, value)? {
-            // No limit, as scipy writes it.
+            // As in scipy, an infinite `max_step` means no limit.
             Some(x) if x == f64::INFINITY && argument == "max_step" => Ok(None),
             Some(x) if !(x > 0.0 && x.is_finite()) => {
                 Err(refuse(argument, format!("is not positive: expected a finite number > 0, got {x}")))
@@ -65,7 +65,7 @@ impl Settings {
         if let Some(h) = first_step.filter(|&h| h > span && adaptive) {
             return Err(refuse("first_step", format!("is longer than the span: expected at most {span}, got {h}")));
         }
-        // Below this the error of a step is a rounding error.
+        // With a smaller relative tolerance the rounding error of a step would exceed the tolerance.
         let least = 100.0 * f64::EPSILON;
         let rtol = of_each(function, "rtol", rtol, n)?;
         if let Some(i) = rtol.iter().position(|&x| !(x >= least)) {
@@ -79,7 +79,7 @@ impl Settings {
         Ok(Settings { method, tolerances: Tolerances { rtol, atol }, dt, max_step, first_step })
     }
 
-    /// Refuse steps too short for the span, and states too large for the memory, before anything is made.
+    /// Refuse a step that is too short for the span, and states that need too much memory, before any memory is allocated.
     pub fn require_memory(&self, py: Python<'_>, function: &str, span: f64, n: usize, states: States) -> Result<(), Failure> {
         if let Some(dt) = self.dt.filter(|dt| span / dt > MOST_STEPS) {
             let problem = format!("is too small for the span: expected at least {}, got {dt}", span / MOST_STEPS);
@@ -95,17 +95,17 @@ impl Settings {
         self.method.is_adaptive()
     }
 
-    /// Whether the method takes derivatives at all.
+    /// Whether the method uses derivatives of `f`.
     pub fn implicit(&self) -> bool {
         self.method.is_implicit()
     }
 
-    /// Whether derivatives are taken by central differences.
+    /// Whether the method requires central difference quotients.
     pub fn central(&self) -> bool {
         self.method.needs_exact_derivatives()
     }
 
-    /// The method for `field` from `y`, and the field.
+    /// Start the method on `field` at the state `y`, and return the field with the method.
     pub fn stepping(
         &self,
         function: &str,
@@ -139,14 +139,14 @@ impl Settings {
     }
 }
 
-/// A field under a method, with this step size for fixed steps.
+/// The constructor of a method on a field. The number is the step, s, of a method with fixed steps.
 struct Driven(f64);
 
 impl WithSteps<f64, Field> for Driven {
     type Output = (Field, Stepping);
 
     fn with<M: FixedStep<f64, Field, Vec<f64>> + Send + Sync + 'static>(self, field: Field, y: Vec<f64>, method: M) -> Self::Output {
-        // The field itself counts its evaluations.
+        // The field counts its evaluations, so the method's counters start at their default.
         (field, Box::new(Steps::new(method, self.0, Work::default(), y, 0.0)))
     }
 }
@@ -159,7 +159,7 @@ impl WithAdaptive<f64, Field> for Driven {
     }
 }
 
-/// A tolerance of each of `n` components, from one number or `n`.
+/// Read a tolerance for each of `n` components: one number for all, or `(n,)`.
 fn of_each(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
     let (shape, values) = numbers(function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
     require_finite(value.py(), function, name, &shape, &values)?;

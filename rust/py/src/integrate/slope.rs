@@ -1,35 +1,35 @@
-//! The right-hand side: calls of `f(t, y, *args)`, which may take one state or a column for each of several.
+//! The right-hand side: calls of `f(t, y, *args)` with one state, or with several states as the columns of a matrix.
 //!
-//! The first exception is kept and the slope is NaN from then on, so that the method ends at once without calling Python again.
+//! The first exception is stored. From then on the right-hand side is NaN, so the method ends without another call of Python.
 
 use crate::arrays::{Axis, Form, Lent, SCALAR, copied, numbers, of_shape};
 use crate::errors::{Failure, to_python};
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyList, PyTuple};
 
-/// The form of a state in calls of Python.
+/// The form in which Python callables take a state.
 #[derive(Clone, Copy, PartialEq)]
 pub enum States {
-    /// `(n,)`
+    /// An array `(n,)`.
     Array,
     /// A list of floats.
     List,
-    /// `f` takes `(n, k)`, a state in each column; its Jacobian and events take `(n,)`.
+    /// `f` takes an array `(n, k)` with a state in each column. Its Jacobian and its events take `(n,)`.
     Columns,
 }
 
 pub struct Slope {
-    /// Name of the entry point, for messages.
+    /// The name of the entry point, for messages.
     pub function: &'static str,
     f: Py<PyAny>,
     /// Further arguments of `f`.
     pub arguments: Option<Py<PyTuple>>,
     pub states: States,
     lent: Lent,
-    /// -1 if the span decreases: the method runs on `s = -t`, `dy/ds = -f(-s, y)`.
+    /// 1, or -1 if the span decreases. The method uses the time `s = direction t`, so `dy/ds = direction f(direction s, y)`.
     pub direction: f64,
     pub error: Option<PyErr>,
-    /// States at which `f` was evaluated.
+    /// The number of states at which `f` was evaluated.
     pub evaluations: u64,
 }
 
@@ -38,7 +38,7 @@ impl Slope {
         Slope { function, f, arguments, states, lent: Lent::default(), direction, error: None, evaluations: 0 }
     }
 
-    /// The slopes at time `s` and the `columns` states of `y`, `(n, columns)` row-major, on the time that runs forward.
+    /// Write `dy/ds` at the time `s` to `out`, for each of the `columns` states of `y`, `(n, columns)` row-major.
     pub fn at(&mut self, s: f64, y: &[f64], columns: usize, out: &mut [f64]) {
         if self.error.is_some() {
             out.fill(f64::NAN);
@@ -66,13 +66,13 @@ impl Slope {
         }
     }
 
-    /// `callable(t, y, *arguments)` for one state, as in Jacobians and events.
+    /// Call a Jacobian or an event function for one state: `callable(t, y, *arguments)`.
     pub fn beside<'py>(&self, py: Python<'py>, callable: &Bound<'py, PyAny>, s: f64, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
         with(py, callable, self.arguments.as_ref(), self.states, self.direction * s, y)
     }
 }
 
-/// Write the result of `f` to `out`.
+/// Write a result of `f` to `out`.
 fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States, shape: [usize; 2], out: &mut [f64]) -> PyResult<()> {
     let single = shape[1] == 1;
     let found = if states == States::Columns { of_shape(value, &shape) } else { None };
@@ -97,7 +97,7 @@ fn read(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States
     slow(py, function, value, states, shape, out)
 }
 
-/// `callable(t, y, *arguments)` with a separate state.
+/// Call `callable(t, y, *arguments)`. The object `y` is new, so the callable may keep it.
 pub fn with<'py>(
     py: Python<'py>,
     callable: &Bound<'py, PyAny>,
@@ -113,7 +113,7 @@ pub fn with<'py>(
     with_state(py, callable, arguments, t, y)
 }
 
-/// A fresh list each time: the callable may keep it.
+/// Make a list of the numbers of a state. It is new for each call, because the callable may keep it.
 fn list<'py>(py: Python<'py>, y: &[f64]) -> PyResult<Bound<'py, PyAny>> {
     Ok(PyList::new(py, y)?.into_any())
 }
@@ -135,7 +135,7 @@ fn with_state<'py>(
     }
 }
 
-/// Anything that numpy converts to the numbers.
+/// Write a result of `f` that is neither a float64 array of the expected shape nor a list or tuple of floats, to `out`.
 fn slow(py: Python<'_>, function: &str, value: &Bound<'_, PyAny>, states: States, expected: [usize; 2], out: &mut [f64]) -> PyResult<()> {
     const WHAT: &str = "f(t, y)";
     let (one, columns) = (Form(&[Axis::Is(expected[0])]), Form(&[Axis::Is(expected[0]), Axis::Is(expected[1])]));

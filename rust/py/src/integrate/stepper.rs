@@ -1,4 +1,4 @@
-//! One method on one callable, a step at a time: the basis of the `OdeSolver` of `scipy_method`.
+//! The class that advances a Python callable step by step. The `OdeSolver` classes of `scipy_method` use it.
 
 use super::field::Field;
 use super::filled;
@@ -70,7 +70,7 @@ impl Stepper {
         })
     }
 
-    /// One accepted step: the code of its status.
+    /// Advance by one accepted step, and return the code of its status.
     fn step(&mut self, py: Python<'_>) -> PyResult<i32> {
         entry(py, "scipy_method", || {
             let result = self.method.step(&mut self.field);
@@ -91,7 +91,7 @@ impl Stepper {
         entry(py, "scipy_method", || filled(py, &[self.method.x().len()], self.method.x()))
     }
 
-    /// The polynomial of the last step, by its values at its nodes, `(degree + 1, n)`.
+    /// The polynomial of the last step: its values at its nodes, `(degree + 1, n)`.
     fn nodes<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "scipy_method", || {
             let (degree, n) = (self.method.dense_degree(), self.method.x().len());
@@ -110,7 +110,7 @@ impl Stepper {
         })
     }
 
-    /// Evaluations of `f` without those for differences, as scipy counts them.
+    /// The number of evaluations of `f`. As in scipy, it excludes evaluations for difference quotients.
     #[getter]
     fn evaluations(&self) -> u64 {
         self.field.slope.evaluations - self.field.differenced
