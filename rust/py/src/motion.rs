@@ -1,4 +1,4 @@
-//! `armlet.Motion` and its members.
+//! `armlet.Motion` and its subclasses: desired motions as functions of time.
 
 use crate::arguments::made_of_arguments;
 use crate::arrays::{
@@ -15,7 +15,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyInt};
 
-/// A desired motion: `motion(t)` gives `q_d, v_d, a_d`, each `(n,)`. The base of all motions.
+/// A desired motion: `motion(t)` returns `q_d, v_d, a_d`, each `(n,)`. This is the base class of all motions.
 #[pyclass(frozen, subclass, module = "armlet", name = "Motion")]
 pub struct Motion {
     pub core: Core,
@@ -34,10 +34,10 @@ impl Motion {
 /// Positions, velocities and accelerations.
 pub type Triple<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// Rows between two checks for a stop.
+/// The number of times that are evaluated between two checks for Ctrl-C.
 const LOOK: usize = 1 << 8;
 
-/// Evaluate a motion at every number of `x`: `write(index, x, row)` fills a row of `3 n`. The result is three arrays `(..., n)`.
+/// Evaluate a motion at every number of `x`, and return three arrays `(..., n)`. `write(index, x, row)` writes a row of `3 n` numbers.
 pub fn rows<'py>(
     n: usize,
     function: &str,
@@ -49,7 +49,7 @@ pub fn rows<'py>(
     let looked = Looked::at(function, name, x)?;
     memory::require(elements(&looked.shape)?.saturating_mul(8 * (1 + 3 * n)))?;
     let (mut shape, values) = looked.values()?;
-    // Other threads may write to the caller's array meanwhile.
+    // Use a copy, because other threads may write to the caller's array during the evaluation.
     let values = owned(values)?;
     require_finite(py, function, name, &shape, &values)?;
     shape.push(n);
@@ -75,13 +75,13 @@ pub fn rows<'py>(
 #[entered]
 #[pymethods]
 impl Motion {
-    /// Number of joints.
+    /// Number of coordinates.
     #[getter]
     fn n(&self) -> usize {
         self.core.dof()
     }
 
-    /// `q_d, v_d, a_d` at time `t` in s: each `(n,)` for a number, `(..., n)` for an array.
+    /// Compute `q_d, v_d, a_d` at the time `t` in s: each `(n,)` for a number, and `(..., n)` for an array of times.
     fn __call__<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Triple<'py>> {
         let py = t.py();
         entry(py, "Motion", || {
@@ -122,7 +122,7 @@ impl Motion {
     }
 }
 
-/// A motion at rest at `q`, `(n,)`, rad or m.
+/// A constant position `q`, `(n,)`, rad or m.
 ///
 /// >>> import armlet as al
 /// >>> al.Hold([1.0, 0.0])(2.0)[0]
@@ -143,7 +143,7 @@ impl Hold {
     }
 }
 
-/// `(n,)`, `(n, terms)` or a scalar, broadcast to `(n, terms)`.
+/// Read a scalar, `(n,)` or `(n, terms)`, and return the number of terms with the numbers `(n, terms)`.
 fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<(usize, Vec<f64>), Failure> {
     let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Any("k")])];
     let (shape, values) = numbers(function, name, value, &forms)?;
@@ -151,11 +151,11 @@ fn terms(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Resu
     Ok((shape.get(1).copied().unwrap_or(1), spread(&shape, values, n)?))
 }
 
-/// `offset + sum amplitude sin(frequency t + phase)`, per joint.
+/// A sum of sinusoids for each joint: `q_d = offset + sum amplitude sin(frequency t + phase)`.
 ///
 /// Args:
 ///     offset: centre of the motion, `(n,)`, rad or m.
-///     amplitude, frequency, phase: rad or m, rad/s, and rad: `(n,)`, `(n, k)` for k terms per joint, or a scalar for all. Zeros are
+///     amplitude, frequency, phase: rad or m, rad/s, and rad: `(n,)`, `(n, k)` for k terms per joint, or one number for all. Zeros are
 ///         allowed.
 ///
 /// Raises:
@@ -256,11 +256,13 @@ macro_rules! rest_to_rest {
 rest_to_rest!(Quintic, "Rest-to-rest motion with zero acceleration at its ends: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / duration`.");
 rest_to_rest!(BangBang, "Rest-to-rest motion with the symmetric bang-bang acceleration `+-4 (q1 - q0) / duration^2`.");
 
-/// A motion from samples every `dt` from time `start` on. It is exact at these knots, a quintic Hermite polynomial between them, and at
-/// rest outside.
+/// A motion through samples at the times `start + k dt`, the *knots*.
+///
+/// The motion is exact at the knots, and a quintic Hermite polynomial between them. Before the first knot and after the last one it is at
+/// rest.
 ///
 /// Args:
-///     dt: time between knots, s, > 0.
+///     dt: time between two knots, s, > 0.
 ///     q, v, a: positions, velocities and accelerations at the knots, `(K, n)` each, rad or m, per s and per s^2.
 ///     start: time of the first knot, s; zero if None (keyword only).
 ///

@@ -1,4 +1,4 @@
-//! `armlet.MomentumObserver`.
+//! `armlet.MomentumObserver`: the external torque from the generalised momentum, `r_dot = K (tau_ext - r)`.
 
 use crate::arguments::{Arguments, call, shown_as};
 use crate::arm::Arm;
@@ -20,22 +20,27 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 const NAME: &str = "MomentumObserver";
 
-/// An observer of the external torque, without accelerations: `r_dot = K (tau_ext - r)`, from positions, velocities and torques.
+/// An observer of the external torque: its residual `r` follows `r_dot = K (tau_ext - r)`.
 ///
-/// With `p = M v` and Christoffel `C`, `r = K [p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds]`. A sample holds the integrand and solves for
-/// `r`: `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`. `q`, `v` and `tau` are `(n,)`, or `(B, n)`
-/// for B arms side by side. For elastic joints, `tau` is the torque of the joints on the links.
+/// The observer uses positions, velocities and torques, but no accelerations. With the momentum `p = M v` and the Coriolis matrix `C` of
+/// the Christoffel symbols, `r = K [p(t) - p(0) - int (tau - tau_f + C' v - g + r) ds]`. In a step of length `dt` the integrand except `r`
+/// is constant, so `r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))`.
+///
+/// `q`, `v` and `tau` are `(n,)`, or `(B, n)` for B arms of the same model. For elastic joints, `tau` is the torque of the joints on the
+/// links.
 ///
 /// Args:
 ///     arm: the model.
 ///     gain: `K`, 1/s, positive definite: scalar, `(n,)` or `(n, n)`.
-///     friction: subtract the model's viscous and Coulomb friction; otherwise `r` includes it. Not with `motor_inertia` (keyword only).
-///     motor_inertia: observe the motors of elastic joints instead: `B`, kg m^2, scalar, `(n,)` or `(n, n)`. Then `q`, `v` are theirs, `tau` is
-///         `tau_m - tau_J`, and `r` converges to minus the friction of the motors (keyword only).
-///     threshold: `|r_i|` above it is contact, N m or N, > 0: scalar or `(n,)`; see `calibrate` (keyword only).
+///     friction: subtract the model's viscous and Coulomb friction `tau_f`; otherwise `r` includes it (keyword only). It cannot be
+///         combined with `motor_inertia`.
+///     motor_inertia: inertia `B` of the motors of elastic joints, kg m^2, scalar, `(n,)` or `(n, n)` (keyword only). With it, the observer
+///         observes the motors: `q` and `v` are their positions and velocities, and `tau` is `tau_m - tau_J`. Then `r` converges to minus
+///         the friction of the motors.
+///     threshold: `|r_i|` above the threshold is contact, N m or N, > 0: scalar or `(n,)` (keyword only). `calibrate` computes thresholds.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
 ///
 /// Source: De Luca, Albu-Schaeffer, Haddadin and Hirzinger, Collision detection and safe reaction with the DLR-III lightweight
 /// manipulator arm, IROS 2006.
@@ -57,19 +62,19 @@ pub struct MomentumObserver {
     arguments: Vec<(&'static str, Py<PyAny>)>,
 }
 
-/// An observer, and whether its samples are rows.
+/// The observer of the core, and whether its samples are `(B, n)`.
 struct Observed {
     core: Core,
     batched: bool,
 }
 
 impl Observed {
-    /// The shape of `width` numbers of each observed arm.
+    /// The shape of an array with `width` numbers per observed arm: `(width,)` or `(B, width)`.
     fn shape(&self, width: usize) -> Vec<usize> {
         if self.batched { vec![self.core.rows(), width] } else { vec![width] }
     }
 
-    /// Refuse another number of rows than in the samples before.
+    /// Refuse samples whose number of arms differs from the earlier samples.
     fn require_rows(&self, py: Python<'_>, function: &str, shape: &[usize]) -> Result<(), Failure> {
         let expected = self.shape(self.core.n());
         if self.core.rows() > 0 && shape != expected {
@@ -80,26 +85,26 @@ impl Observed {
     }
 }
 
-/// The model of an observer of links, its gain, and viscous and Coulomb friction that it knows.
+/// The model of an observer of links, its gain, and the viscous and Coulomb friction `(n,)` that it subtracts.
 pub type Links = (Model, Gain, [Vec<f64>; 2]);
 
-/// An argument of samples: its shape and numbers.
+/// The shape and the numbers of an argument `(n,)` or `(B, n)`.
 type Rows = (Vec<usize>, Vec<f64>);
 
 impl MomentumObserver {
-    /// Wait without the interpreter lock, because the thread with the observer's lock may need it.
+    /// Lock the observer. The interpreter lock is released while this waits, because the thread that holds the observer may need it.
     fn observed(&self, py: Python<'_>) -> MutexGuard<'_, Observed> {
         self.observed.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The model, the gain, the known friction and the thresholds; `None` for an observer of motors.
+    /// The model, the gain, the subtracted friction and the thresholds of an observer of links; `None` for an observer of motors.
     pub fn of_links(&self, py: Python<'_>) -> Option<(Links, Option<Vec<f64>>)> {
         let observed = self.observed(py);
         let (model, gain, friction) = observed.core.of_links()?;
         Some(((model.clone(), gain.clone(), friction.clone()), observed.core.thresholds().map(<[f64]>::to_vec)))
     }
 
-    /// The C files of the observer.
+    /// The files of C code that compute the observer.
     pub fn printed(&self, py: Python<'_>, options: &COptions) -> Result<Vec<CFile>, Failure> {
         self.detached(py, |observed| observed.core.export_c(options))
     }
@@ -109,7 +114,7 @@ impl MomentumObserver {
         long(py, || work(&mut self.observed.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 
-    /// Arrays `(n,)` or `(B, n)`, all of one shape.
+    /// Read `K` arguments `(n,)` or `(B, n)`, which must have equal shapes.
     fn rows<const K: usize>(&self, function: &str, given: [(&'static str, &Bound<'_, PyAny>); K]) -> Result<[Rows; K], Failure> {
         let n = self.observed(given[0].1.py()).core.n();
         let forms = [Form(&[Axis::Is(n)]), Form(&[Axis::Any("B"), Axis::Is(n)])];
@@ -126,7 +131,7 @@ impl MomentumObserver {
         Ok(all)
     }
 
-    /// The wrenches, and the residual without them, each as an array.
+    /// Compute the wrenches at a frame, and the remainder of the residual that they do not explain.
     fn wrench_and_rest<'py>(
         &self,
         function: &str,
@@ -188,7 +193,7 @@ impl MomentumObserver {
         })
     }
 
-    /// Start at `q`, `v`, `(n,)` or `(B, n)`, with `r = 0`.
+    /// Restart the observer at the positions `q` (rad or m) and velocities `v` (rad/s or m/s), `(n,)` or `(B, n)`, with `r = 0`.
     fn reset(&self, py: Python<'_>, q: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> PyResult<()> {
         entry(py, "MomentumObserver.reset", || {
             let [(shape, q), (_, v)] = self.rows("MomentumObserver.reset", [("q", q), ("v", v)])?;
@@ -200,18 +205,17 @@ impl MomentumObserver {
         })
     }
 
-    /// The next sample: `r`, N m or N, of the shape of `q`.
+    /// Process the next sample, and return `r`, N m or N, of the shape of `q`.
     ///
     /// Args:
-    ///     q, v: positions and velocities now, `(n,)` or `(B, n)`.
-    ///     tau: the torques that acted since the last sample, of the same shape.
-    ///     dt: the time since then, s, > 0.
+    ///     q, v: positions (rad or m) and velocities (rad/s or m/s) at the sample, `(n,)` or `(B, n)`.
+    ///     tau: the torques since the last sample, N m or N, of the shape of `q`.
+    ///     dt: the time since the last sample, s, > 0.
     ///
-    /// Without `reset` the first sample starts, with `r = 0`.
+    /// Without an earlier `reset`, the first sample starts the observer with `r = 0`.
     ///
     /// Raises:
-    ///     InputError: a shape is wrong, or a number is not finite, or so large that `r` would not be finite. The observer then does not
-    ///         change.
+    ///     InputError: a shape is wrong, a number is not finite, or `r` would not be finite. The observer then does not change.
     fn update<'py>(
         &self,
         py: Python<'py>,
@@ -234,7 +238,7 @@ impl MomentumObserver {
         })
     }
 
-    /// The last `r`, `(n,)` or `(B, n)`; None before the first sample.
+    /// The last residual `r`, `(n,)` or `(B, n)`, N m or N; None before the first sample.
     #[getter]
     fn residual<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         entry(py, "MomentumObserver.residual", || {
@@ -253,10 +257,10 @@ impl MomentumObserver {
         })
     }
 
-    /// The wrench `[f; m]`, N and N m in world axes, at a frame that explains `r` best: `(6,)` or `(B, 6)`.
+    /// Compute the wrench `F = [f; m]` at the origin of `frame` that explains `r` best: `(6,)` or `(B, 6)`, N and N m, world axes.
     ///
-    /// Least squares solution of `r = J' F` with the smallest norm; singular values of `J'` below `eps` are raised to it. The default of
-    /// `eps` is 0.02 times the largest row norm of `J'`. `q` is that of the last sample.
+    /// `F` is the least-squares solution of `r = J' F` with the smallest norm. Singular values of `J'` below `eps` are raised to `eps`,
+    /// whose default is 0.02 times the largest row norm of `J'`. The argument `q` must be the positions of the last sample.
     #[pyo3(signature = (q, frame, *, eps=None))]
     fn wrench<'py>(
         &self,
@@ -271,7 +275,9 @@ impl MomentumObserver {
         })
     }
 
-    /// The part of `r` that the wrench at this frame does not explain: `r - J' F`, of the shape of `q`. Arguments as for `wrench`.
+    /// Compute the part of `r` that the wrench `F` at a frame does not explain: `r - J' F`, N m or N, of the shape of `q`.
+    ///
+    /// The arguments are those of `wrench`.
     #[pyo3(signature = (q, frame, *, eps=None))]
     fn unexplained<'py>(
         &self,
@@ -286,7 +292,9 @@ impl MomentumObserver {
         })
     }
 
-    /// Set the thresholds from residuals of free motion, `(K, n)`: `|mean| + sigmas` standard deviations of each joint.
+    /// Set the threshold of each joint to `|mean| + sigmas * deviation` of recorded `residuals`, `(K, n)`, N m or N.
+    ///
+    /// The record must be without contact. `deviation` is the standard deviation.
     #[pyo3(signature = (residuals, sigmas=None), text_signature = "($self, residuals, sigmas=5.0)")]
     fn calibrate(&self, py: Python<'_>, residuals: &Bound<'_, PyAny>, sigmas: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         const FUNCTION: &str = "MomentumObserver.calibrate";
@@ -299,10 +307,10 @@ impl MomentumObserver {
         })
     }
 
-    /// The joint of the touched link: its index, or -1 without contact; `(B,)` for rows.
+    /// The index of the joint of the touched link, or -1 without contact: an integer, or an array `(B,)`.
     ///
-    /// It is the outermost joint with `|r_i|` above its threshold: a force on a link loads no joint beyond it. Among several branches, the
-    /// joint furthest above its threshold counts.
+    /// The joint is the outermost one with `|r_i|` above its threshold, because a force on a link loads no joint further out. If several
+    /// branches have such a joint, the result is the joint whose `|r_i|` exceeds its threshold most.
     fn contact<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "MomentumObserver.contact", || {
             let observed = self.observed(py);
@@ -319,7 +327,7 @@ impl MomentumObserver {
         shown_as(slf.as_any(), slf.get().arm.bind(slf.py()), &slf.get().arguments)
     }
 
-    /// Made again, with its thresholds and its state.
+    /// The pickled form: the arguments, the state and the thresholds.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         let (_, keywords) = call(py, Some(self.arm.bind(py)), &self.arguments)?;
         let observed = self.observed(py);
@@ -330,7 +338,7 @@ impl MomentumObserver {
     }
 }
 
-/// A pickled MomentumObserver: its arguments, its state, its thresholds, and whether its samples were rows.
+/// Restore a pickled `MomentumObserver` from its arguments, state and thresholds. `batched`: its samples are `(B, n)`.
 #[entered]
 #[pyfunction]
 pub fn _restore_observer<'py>(

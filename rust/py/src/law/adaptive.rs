@@ -1,4 +1,4 @@
-//! Adaptive tracking.
+//! Adaptive tracking: `armlet.Adaptive`, the law of Slotine and Li with its options.
 
 use super::{Arguments, Law};
 use crate::arrays::{Axis, Form, Looked, WHATEVER, flag, name, numbers, owned, shown, text};
@@ -12,46 +12,51 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 
 /// Adaptive tracking (Slotine and Li): `tau = Y a_hat + Kp e + Kd e_dot`, `a_hat_dot = Gamma Y' s`.
 ///
-/// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `s = v_r - v`, `Y` the arm's regressor. The error
-/// goes to zero from any initial state and any estimate; the estimate converges only under excitation. Rotor inertia is known unless
-/// `armature=True`: the law adds `armature a_r` of the arm to the torque.
+/// `e = q_d - q`, `Lambda = Kd^-1 Kp`, `v_r = v_d + Lambda e`, `a_r = a_d + Lambda e_dot`, `s = v_r - v`, and `Y(q, v, v_r, a_r)` is the
+/// arm's regressor. The error `e` goes to zero from every initial state and every initial estimate. The estimate `a_hat` converges to the
+/// true parameters `a` only under excitation. Without `armature=True` the rotor inertia is known, and the law adds `armature a_r` to the
+/// torque.
 ///
-/// The estimate has the inertial parameters (or the base set). Then follow, joint by joint, the requested ones of armature, `a_r`; damping,
-/// `v_r`; Coulomb friction, `tanh(v_r / v_s)`; Stribeck friction, `exp(-(v_r / v_s)^2) tanh(v_r / v_s)`. `parameter_names` lists them.
-/// With leakage `sigma` towards `a_0`, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`.
+/// The estimate has the inertial parameters, or those of the base set. The requested parameters of joints follow, each with its column of
+/// `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)` (Coulomb friction) and
+/// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)` (Stribeck friction). `parameter_names` lists all parameters.
 ///
-/// With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)`, `e_W = tau_W - W a_hat`: `tau_W = W a` are the dynamics through `1/(p + lambda)`,
-/// without acceleration. The filtered torque is the output of the law: no saturation and no other torque is allowed. Filters
-/// `(n b + k + n,)` follow the estimate in the law's state: the columns of b inertial parameters, k entries of friction and rotors, and
-/// torques. `terms` has `W`, `tau_W` and `e_W`.
+/// With leakage, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`. With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)` with
+/// `e_W = tau_W - W a_hat`. Here `tau_W = W a` is the equation of motion after the filter `1/(p + lambda)`, which requires no acceleration.
+/// The filter uses the law's output as the torque. So composite adaptation does not allow saturation, or other torques on the arm. The
+/// law's state is the estimate and then the filters `(n b + k + n,)`: columns of b inertial parameters, k entries of joint parameters,
+/// and n torques. `terms` has `W`, `tau_W` and `e_W`.
 ///
 /// Args:
-///     arm: the arm whose regressor is used; its parameters are not.
-///     motion: the desired motion.
-///     kp, kd: positive definite gains: scalar, `(n,)` or `(n, n)`; `kp = kd Lambda`.
-///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`, p the size of the estimate.
-///     estimate: initial estimate `(p,)`; zero if None (keyword only).
-///     base: the result of `arm.base_parameters()`: the law estimates only this base set, and p is its size (keyword only).
-///     natural: adapt in the metric of the bodies' pseudo-inertias. The estimate then stays physically possible, if its initial value is.
-///         gamma is a scalar, or one number per body and then one per further parameter (keyword only).
-///     projection: keep the estimate physically possible in the metric of gamma, above the least bodies. These are a mass in kg (with a
-///         radius of gyration of 0.1 m), or parameters `(p,)`; the true ones must exceed them. An initial estimate outside is moved to the
-///         nearest one inside. Friction and rotors have no bounds (keyword only).
+///     arm: the arm whose regressor is used. Its inertial parameters are not used.
+///     motion: the desired motion of the joints.
+///     kp, kd: positive definite gains, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
+///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`, where p is the size of the estimate. The unit of entry
+///         `(i, j)` is that of `a_i` times that of `a_j`, per N m.
+///     estimate: initial estimate, `(p,)`, kg, kg m, kg m^2 and units of friction; zero if None (keyword only).
+///     base: the result of `arm.base_parameters()`: the law estimates only this base set (keyword only).
+///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). A physically possible initial estimate then stays
+///         physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
+///     projection: keep the inertial parameters of the estimate above those of smallest bodies, so that they stay physically possible
+///         (keyword only). The smallest bodies are one mass, kg, with a radius of gyration of 0.1 m, or parameters `(p,)`. The true
+///         parameters must exceed theirs. An initial estimate below them is moved to the nearest one above.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or names of these and "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
-///     leakage: `sigma`, >= 0, in the inverse unit of gamma and time (keyword only).
-///     leakage_form: "sigma" for a constant, "e" for `sigma |s|` (e-modification) (keyword only).
-///     leakage_centre: `a_0`, `(p,)`; the initial estimate if None (keyword only).
-///     dead_zone: `s_0`, >= 0: rad/s: the estimate is constant while the norm of `s` is below it (keyword only).
-///     composite: positive definite weight `R`, scalar, `(n,)` or `(n, n)`, of the error of the filtered dynamics; None without (keyword only).
+///     leakage: `sigma`, >= 0, in the inverse unit of `gamma`, per s (keyword only).
+///     leakage_form: "sigma" for the constant `sigma`, "e" for `sigma |s|` in its place (e-modification) (keyword only).
+///     leakage_centre: `a_0`, `(p,)`, in the units of the estimate; the initial estimate if None (keyword only).
+///     dead_zone: `s_0`, >= 0, rad/s or m/s: the estimate is constant while the norm of `s` is below it (keyword only).
+///     composite: positive definite weight `R` of `e_W`, 1/(N m s^3): scalar, `(n,)` or `(n, n)`; None: no composite adaptation
+///         (keyword only).
 ///     composite_rate: `lambda` of the filter, 1/s, > 0 (keyword only).
 ///     concurrent: samples of an earlier record, from `al.select_samples` (keyword only). Concurrent learning adds `sum_j W_j' R e_j`,
-///         `e_j = tau_j - W_j a_hat`, to `Y' s`. The estimate then converges without excitation, if the samples show the parameters.
-///     concurrent_weight: positive definite weight `R` of each sample, scalar, `(n,)` or `(n, n)` (keyword only).
+///         `e_j = tau_j - W_j a_hat`, to `Y' s`. The estimate then converges without excitation, if the samples determine the parameters.
+///     concurrent_weight: positive definite weight `R` of each sample: scalar, `(n,)` or `(n, n)` (keyword only). Its unit is 1/(N m s)
+///         for samples with accelerations, and 1/(N m s^3) for windows.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or negative, a gain is not positive definite, a name is unknown.
+///     InputError: a shape is wrong, a number is not finite or negative, a gain is not positive definite, or a name is unknown.
 ///
 /// Source: Slotine and Li, On the adaptive control of robot manipulators, IJRR 6(3), 1987.
 /// Natural metric: Lee, Kwon and Park, A natural adaptive control law for robot manipulators, IROS 2018.
@@ -73,7 +78,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 #[pyclass(frozen, extends = Law, module = "armlet")]
 pub struct Adaptive;
 
-/// The columns and the projection of a `BaseParameters`.
+/// Read the base set: the columns and the projection of a `BaseParameters`.
 fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) -> Result<Base, Failure> {
     let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
     let field = |name: &str| base.getattr(name).map_err(|_| refused());
@@ -90,10 +95,10 @@ fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) 
     Ok(Base { columns, projection })
 }
 
-/// The radius of gyration of a least body that is given by its mass, m: that of the metric of `project_parameters`.
+/// The radius of gyration, m, of a smallest body whose argument is its mass. `project_parameters` uses the same length.
 const LENGTH: f64 = 0.1;
 
-/// A mass, or the parameters of the least bodies.
+/// Read the smallest bodies of the projection: one mass, kg, or their parameters `(p,)`.
 fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>, p: usize) -> Result<Projection, Failure> {
     if Looked::at("Adaptive", "projection", projection)?.shape.is_empty() {
         let mass = given.number("projection", projection)?;
@@ -102,7 +107,7 @@ fn least_bodies<'py>(given: &mut Arguments<'py>, projection: &Bound<'py, PyAny>,
     Ok(Projection::new(p, &given.vector("projection", projection, p)?)?)
 }
 
-/// The argument, unless it is missing or None.
+/// The argument; `None` if it is missing or is the Python None.
 fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'py, PyAny>> {
     value.filter(|value| !value.is_none())
 }
@@ -110,7 +115,7 @@ fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'p
 /// The default `v_s`, rad/s or m/s.
 pub(super) const FRICTION_SPEED: f64 = 0.1;
 
-/// Kinds of friction by their names.
+/// Read the kinds of friction that the law estimates: a flag, a name, or several names.
 fn kinds_of(friction: &Bound<'_, PyAny>) -> Result<Vec<JointColumn>, Failure> {
     let py = friction.py();
     if friction.is_instance_of::<PyBool>() {
@@ -147,7 +152,7 @@ fn kinds_of(friction: &Bound<'_, PyAny>) -> Result<Vec<JointColumn>, Failure> {
     Ok(kinds)
 }
 
-/// The requested columns of joints.
+/// Read the kinds of joint parameters that the law estimates, and the speeds `v_s`.
 fn columns_of<'py>(
     given: &mut Arguments<'py>,
     n: usize,
@@ -172,7 +177,7 @@ fn columns_of<'py>(
     Ok(if kinds.is_empty() { JointColumns::default() } else { columns })
 }
 
-/// The law with its leakage and its dead zone.
+/// Add leakage and the dead zone to the law.
 fn restrained<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,
@@ -206,7 +211,7 @@ fn restrained<'py>(
 /// The default `lambda` of composite adaptation, 1/s.
 const COMPOSITE_RATE: f64 = 10.0;
 
-/// The law with composite adaptation, if it has a weight.
+/// Add composite adaptation to the law, if there is a weight.
 fn filtered<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,
@@ -223,7 +228,7 @@ fn filtered<'py>(
     })
 }
 
-/// The law with concurrent learning, if it has samples.
+/// Add concurrent learning to the law, if there are samples.
 fn remembering<'py>(
     given: &mut Arguments<'py>,
     spec: AdaptiveSpec,
@@ -313,7 +318,7 @@ impl Adaptive {
         })
     }
 
-    /// Names of the parameters that are estimated, in the order of the estimate, `(p,)`.
+    /// Names of the `p` estimated parameters, in the order of the estimate.
     #[getter]
     fn parameter_names<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         match &slf.as_super().get().spec {

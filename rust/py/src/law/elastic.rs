@@ -1,4 +1,4 @@
-//! Laws of arms with elastic joints.
+//! Control laws of arms with elastic joints. An *outer loop* computes a torque `u`, and an *inner loop* reduces the motors' inertia.
 
 use super::impedance::{self, Given};
 use super::{Arguments, Law};
@@ -10,7 +10,7 @@ use armlet_core::motion::Motion;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// The inner loop's arguments.
+/// The arguments of the inner loop.
 struct Inner<'a, 'py> {
     joint_stiffness: &'a Bound<'py, PyAny>,
     motor_inertia: &'a Bound<'py, PyAny>,
@@ -37,7 +37,7 @@ impl<'py> Inner<'_, 'py> {
     }
 }
 
-/// The outer loop's arguments, but for its target.
+/// The arguments of the outer loop, without its target.
 struct Outer<'a, 'py> {
     stiffness: &'a Bound<'py, PyAny>,
     damping: &'a Bound<'py, PyAny>,
@@ -46,7 +46,7 @@ struct Outer<'a, 'py> {
     options: Given<'a, 'py>,
 }
 
-/// The law of both loops about the target that `target` reads, of these axes.
+/// Make the law of both loops. `target` reads the motion of the target for these axes.
 fn cartesian<'py>(
     given: &mut Arguments<'py>,
     outer: Outer<'_, 'py>,
@@ -62,31 +62,33 @@ fn cartesian<'py>(
     Ok(ElasticImpedanceSpec { outer, inner })
 }
 
-/// Cartesian impedance through elastic joints: motor-inertia reduction inside, a spring and a damper at the frame outside.
+/// Cartesian impedance of an arm with elastic joints: a spring and a damper at a frame, and a reduction of the motors' inertia.
 ///
-/// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)`, `u = J'(K (x_d - x) - D J v) + g(q)`: motors of inertia `B` behave
-/// like motors of inertia `B0`. The equilibrium is `x_E = x_d + K^-1 F` with `tau_E = g(q_E) - J'F` if that pose is reachable, regular and
-/// stable: see `equilibrium`. The law has no inverse of `J`; `terms()` gives the target's mass and Coriolis matrices `M_x`, `S_x` for
-/// diagnosis, NaN where `J` loses rank.
+/// `tau = (I - B B0^-1) K_J (theta - q) + B B0^-1 (u - D0 theta_dot)` with `u = J'(K (x_d - x) - D J v) + g(q)`. Motors of inertia `B` then
+/// behave like motors of the smaller inertia `B0`. With an external force `F`, the equilibrium is `x_E = x_d + K^-1 F` if that pose is
+/// reachable, regular and stable (see `equilibrium`). The joint torque is then `tau_E = g(q_E) - J'F`. The law uses no inverse of `J`.
+/// For diagnosis, `terms()` returns the mass and Coriolis matrices `M_x`, `S_x` in the coordinates of the target, NaN where `J` loses rank.
 ///
 /// Args:
-///     arm: the model of the links: its kinematics and its gravity.
-///     target: `x_d`, one number per row, m or rad; a pose `(4, 4)`; or a motion of the rows.
+///     arm: the model of the links, for kinematics and gravity.
+///     target: `x_d`, `(m,)`, m or rad; a pose `(4, 4)`; or a motion of the m coordinates.
 ///     stiffness, damping: `K` and `D`, positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
 ///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     motor_inertia, reduced_inertia: `B` and `B0`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     frame: name of the controlled frame (keyword only).
-///     axes: the rows, such as "xy" or "xyz rx ry rz"; "xyz" if None, for a pose `(4, 4)` too (keyword only).
-///     motor_damping: `D0`, N m s/rad, positive definite; by `damping_ratio` if None (keyword only).
-///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2` (keyword only).
-///     relative_damping: `D0` acts on `theta_dot - v`: the error to the rigid target is 10 to 20 times smaller (keyword only).
+///     axes: the m controlled coordinates in world axes, such as "xy" or "xyz rx ry rz"; "xyz" if None (keyword only).
+///     motor_damping: `D0`, N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`; computed from `damping_ratio` if None
+///         (keyword only).
+///     damping_ratio: `zeta` > 0 of `D0 = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2`; 1 if None (keyword only).
+///     relative_damping: `D0` acts on `theta_dot - v` (keyword only). The difference to the behaviour with rigid joints is then 10 to 20
+///         times smaller.
 ///     nullspace, feedforward, compensate_coupling, eps, integral_gain, wrench_max: options of the outer loop, as for
 ///         `CartesianImpedance` (keyword only).
-///     tau_max: the largest commanded motor torque, N m, scalar or `(n,)`; no limit if None. A row of the integral stops while a motor
-///         torque is beyond its limit and the row would move it further (keyword only).
+///     tau_max: the largest commanded motor torque, N m, scalar or `(n,)`; no limit if None (keyword only). While a motor torque exceeds
+///         its limit, the integral does not change in directions that increase the excess.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, a limit is
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown, or a limit is
 ///         not positive.
 ///
 /// Source: Ott, Albu-Schaeffer, Kugi and Hirzinger, On the passivity-based impedance control of flexible joint robots,
@@ -151,18 +153,18 @@ impl ElasticImpedance {
     }
 }
 
-/// Cartesian impedance through elastic joints about a moving target: an extension of `ElasticImpedance`.
+/// Cartesian impedance of an arm with elastic joints about a moving target.
 ///
-/// `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`; the inner loop is that of `ElasticImpedance`. The law has no feed-forward of the
-/// arm's inertia, so it follows an accelerating target with an error.
+/// The outer loop is `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`, and the inner loop is that of `ElasticImpedance`. The law has no
+/// feed-forward of the arm's inertia, so it follows an accelerating target with an error.
 ///
 /// Args:
-///     target: the motion of the target, one coordinate per row, m or rad.
+///     target: the motion of the target in the m coordinates of `axes`, m or rad.
 ///     arm, stiffness, damping, joint_stiffness, frame, axes: as for `ElasticImpedance`.
 ///     motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, a name is unknown.
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown.
 ///
 /// Source: [Ott2008]; docs/elastic.md.
 ///
@@ -210,7 +212,9 @@ impl ElasticTracking {
     }
 }
 
-/// Joint impedance through elastic joints: `u = K (q_d - q) - D v + g(q)`, motor-inertia reduction inside.
+/// Joint impedance of an arm with elastic joints: `u = K (q_d - q) - D v + g(q)`.
+///
+/// The inner loop, which computes the motor torque from `u`, is that of `ElasticImpedance`.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
@@ -219,7 +223,7 @@ impl ElasticTracking {
 ///     joint_stiffness, motor_inertia, reduced_inertia, motor_damping, damping_ratio, relative_damping: as for `ElasticImpedance`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a matrix is not positive definite.
 ///
 /// Source: Albu-Schaeffer, Ott and Hirzinger, A unified passivity-based control framework for flexible joint robots,
 /// IJRR 26(1), 2007.
@@ -271,18 +275,18 @@ impl JointImpedance {
 
 /// PD control of the motors of elastic joints with gravity compensation: `tau = Kp (theta_d - theta) - Kd theta_dot + g`.
 ///
-/// `theta_d = q_d + K_J^-1 g(q_d)`; `g = g(q_d)`, or online `g(theta - K_J^-1 g(q_d))`. Both have the equilibrium `q_d`. The first requires
-/// gains above the slope of gravity. The second also suits large motions.
+/// `theta_d = q_d + K_J^-1 g(q_d)`. The compensation is constant, `g = g(q_d)`, or online, `g = g(theta - K_J^-1 g(q_d))`. Both have the
+/// equilibrium `q_d`. The constant one requires gains above the derivative of gravity. The online one also suits large motions.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d` of the links, `(n,)`, rad or m.
 ///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
 ///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
-///     online: compute gravity from the motor positions (keyword only).
+///     online: compute the gravity compensation from the motor positions at every instant (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
 ///
 /// Source: Tomei, A simple PD controller for robots with elastic joints, IEEE Trans. Automatic Control 36(10), 1991; De Luca,
 /// Siciliano and Zollo, PD control with on-line gravity compensation for robots with elastic joints, Automatica 41, 2005.
@@ -326,19 +330,21 @@ impl MotorPD {
     }
 }
 
-/// State feedback regulation of elastic joints: motor position and velocity, joint torque and its rate.
+/// Regulation of elastic joints by feedback of motor position, motor velocity, joint torque `tau_J` and its time derivative.
 ///
-/// `tau = g(q_d) + Kp (theta_d - theta) - Kd theta_dot + Kt (g(q_d) - tau_J) - Ks tau_J_dot`, `theta_d = q_d + K_J^-1 g(q_d)`.
+/// `tau = g(q_d) + Kp (theta_d - theta) - Kd theta_dot + Kt (g(q_d) - tau_J) - Ks tau_J_dot` with `theta_d = q_d + K_J^-1 g(q_d)` and
+/// `tau_J = K_J (theta - q)`.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d` of the links, `(n,)`, rad or m.
 ///     kp, kd: positive definite gains of the motors, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
-///     kt, ks: positive definite gains of the joint torque and its rate, 1 and s: scalar, `(n,)` or `(n, n)`.
+///     kt: positive definite gain of the joint torque, without unit: scalar, `(n,)` or `(n, n)`.
+///     ks: positive definite gain of the derivative of the joint torque, s: scalar, `(n,)` or `(n, n)`.
 ///     joint_stiffness: `K_J`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
 ///
 /// Source: Albu-Schaeffer and Hirzinger, A globally stable state feedback controller for flexible joint robots,
 /// Advanced Robotics 15(8), 2001.

@@ -1,4 +1,4 @@
-//! `armlet.Guarded`: any law with a momentum observer and a reaction to contact.
+//! `armlet.Guarded`: a law with a momentum observer and a reaction to contact.
 
 use super::Law;
 use crate::arguments::gain;
@@ -13,35 +13,35 @@ use pyo3::types::{PyDict, PyInt, PyTuple};
 use std::sync::Mutex;
 
 const NAME: &str = "Guarded";
-/// Default speed of the fastest joint and duration of a retreat, rad/s or m/s, and s.
+/// The default speed of the fastest joint in the reaction "retract", rad/s or m/s, and its default duration, s.
 const SPEED: f64 = 0.3;
 const DURATION: f64 = 0.5;
 
 /// A law with a momentum observer, which detects contact and reacts to it.
 ///
-/// The observer's residual follows `r_dot = K (tau_ext - r)`, from what the law measures and commands. In a sampled loop it is that of
-/// `MomentumObserver`. Contact is the first sample at which some `|r_i|` is above its threshold. From that sample on
-/// `tau = g(q) + K_c (q_c - q) + D_c (q_c_dot - v)` replaces the law, whose state is then constant:
+/// The observer's residual follows the external torque, `r_dot = K (tau_ext - r)`, and uses measured states and commanded torques. In a
+/// sampled loop it is the residual of `MomentumObserver`. Contact is the first sample at which some `|r_i|` is above its threshold. From
+/// that sample on, `tau = g(q) + K_c (q_c - q) + D_c (q_c_dot - v)` replaces the law, and the law's state is constant:
 ///
 /// - "stop": `q_c` is the position at contact;
 /// - "float": gravity is compensated, `K_c = 0`, and `D_c = damping` or zero;
-/// - "retract": `q_c` leaves that position along the residual at contact, for a time.
+/// - "retract": `q_c` moves from the position at contact in the direction of the residual at contact, for `duration`.
 ///
-/// Elastic joints: the observer reads the joint torque `K_J (theta - q)`, and the reaction uses the motors' `theta` as `q`. `run.residual`,
-/// `run.contact` and `run.touched` report the results of the observer.
+/// For elastic joints the observer reads the joint torque `K_J (theta - q)`, and the reaction uses the motor positions `theta` as `q`.
+/// `run.residual`, `run.contact` and `run.touched` report the results of the observer.
 ///
 /// Args:
-///     law: the law before contact, of a rigid or elastic arm; not a law of velocities or a function.
-///     observer: a `MomentumObserver` of links: its model, gain, friction and thresholds. The law keeps a copy.
-///     reaction: "stop", "float" or "retract"; None: only the observer. A reaction needs thresholds, and a run with a `sample_time`.
+///     law: the law before contact, of a rigid or elastic arm. A law whose input is a velocity and a Python function are refused.
+///     observer: a `MomentumObserver` of links, for its model, gain, friction and thresholds. The law keeps a copy.
+///     reaction: "stop", "float" or "retract"; None: only the observer. A reaction requires thresholds, and a run with a `sample_time`.
 ///     stiffness: `K_c` of "stop" and "retract", N m/rad, positive definite: scalar, `(n,)` or `(n, n)` (keyword only).
 ///     damping: `D_c`, N m s/rad, positive definite: scalar, `(n,)` or `(n, n)`; may be None for "float" (keyword only).
 ///     speed: speed of the fastest joint during "retract", rad/s or m/s, > 0; 0.3 if None (keyword only).
-///     duration: how long `q_c` moves, s, > 0; 0.5 if None (keyword only).
-///     joint_stiffness: `K_J`, N m/rad, for laws of elastic arms that do not know it (keyword only).
+///     duration: time for which `q_c` moves, s, > 0; 0.5 if None (keyword only).
+///     joint_stiffness: `K_J`, N m/rad, scalar, `(n,)` or `(n, n)`, for laws of elastic arms without this argument (keyword only).
 ///
-/// The law's state, `run.estimate`, is that of `law`, then `w` with `r = K (M v - w)` and the integral of `r`, `(n,)` each. A
-/// reaction adds `2 + 2 n` numbers: the time since contact, and the position and the residual at contact.
+/// `run.estimate` records the law's state. It is the state of `law`, then `w` with `r = K (M v - w)`, and the integral of `r`, `(n,)` each.
+/// A reaction adds `2 + 2 n` numbers, which store the time since contact, and the position and the residual at contact.
 ///
 /// Raises:
 ///     InputError: an argument is of the wrong type or shape, is missing or not used, or the observer has no thresholds.
@@ -62,11 +62,11 @@ pub struct Guarded {
     /// The law before contact.
     #[pyo3(get)]
     law: Py<PyAny>,
-    /// The other arguments of the constructor.
+    /// The other arguments of the constructor, for `repr` and pickling.
     others: Vec<(&'static str, Py<PyAny>)>,
 }
 
-/// The gains of a reaction, and its retreat.
+/// The arguments of a reaction: its gains, and the speed and the duration of "retract".
 struct Given<'a, 'py> {
     n: usize,
     stiffness: Option<&'a Bound<'py, PyAny>>,
@@ -76,7 +76,7 @@ struct Given<'a, 'py> {
 }
 
 impl<'py> Given<'_, 'py> {
-    /// A gain that the reaction needs.
+    /// Read a gain that the reaction requires.
     fn needed(&self, py: Python<'py>, name: &'static str, value: Option<&Bound<'py, PyAny>>, kind: &str) -> Result<Gain, Failure> {
         match value {
             Some(value) => gain(NAME, name, value, self.n),
@@ -195,19 +195,19 @@ impl Guarded {
         py.import("copy")?.call_method1("copy", (&self.others[0].1,))
     }
 
-    /// "stop", "float", "retract", or None.
+    /// The reaction: "stop", "float", "retract", or None.
     #[getter]
     fn reaction(&self, py: Python<'_>) -> Option<Py<PyAny>> {
         self.others.iter().find(|(name, _)| *name == "reaction").map(|(_, kind)| kind.clone_ref(py))
     }
 
-    /// The motion that the law before contact tracks; None for a law that holds a target.
+    /// The motion that the law before contact tracks; None for a law with a constant target.
     #[getter]
     fn motion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.law.bind(py).getattr("motion")
     }
 
-    /// `K` of the observer, `(n, n)`.
+    /// The gain `K` of the observer, `(n, n)`, 1/s.
     #[getter]
     fn _gain<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         entry(slf.py(), NAME, || {
@@ -216,15 +216,16 @@ impl Guarded {
         })
     }
 
-    /// Where the observer's part of the law's state begins.
+    /// The index in the law's state at which the observer's part begins.
     #[getter]
     fn _first(slf: &Bound<'_, Self>) -> usize {
         Guarded::spec(slf).map_or(0, |law| law.inner.initial_state().len())
     }
 
-    /// The joint of the touched link for residuals `(..., n)`, N m or N: an array `(...)` of indices, or one index; -1 without contact.
+    /// The index of the joint of the touched link for residuals `(n,)`, `(K, n)` or `(B, K, n)`, N m or N; -1 without contact.
     ///
-    /// It is the outermost joint with `|r_i|` above its threshold, as in `MomentumObserver.contact`.
+    /// The result is one index, or an array of indices `(K,)` or `(B, K)`. The joint is the outermost one with `|r_i|` above its threshold,
+    /// as in `MomentumObserver.contact`.
     ///
     /// Raises:
     ///     InputError: a shape is wrong, a number is not finite, or the observer has no thresholds.

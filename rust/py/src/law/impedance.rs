@@ -1,4 +1,4 @@
-//! `al.CartesianImpedance`, and the common parts of the impedance laws: targets and options.
+//! `armlet.CartesianImpedance`, and the common arguments of the impedance laws: targets and options.
 
 use super::{Arguments, Law};
 use crate::arrays::{Axis, Form, SCALAR, new_vector, numbers, owned, require_finite, spread, text};
@@ -11,7 +11,7 @@ use armlet_core::motion::Motion;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Gains that may be zero: a scalar, `(n,)`, or a positive definite `(n, n)`.
+/// Read a gain that may be zero: a scalar, `(n,)`, or a positive definite matrix `(n, n)`.
 fn gain_or_zero<'py>(function: &str, name: &'static str, value: &Bound<'py, PyAny>, n: usize) -> Result<Gain, Failure> {
     let forms = [SCALAR, Form(&[Axis::Is(n)]), Form(&[Axis::Is(n), Axis::Is(n)])];
     let (shape, values) = numbers(function, name, value, &forms)?;
@@ -22,7 +22,7 @@ fn gain_or_zero<'py>(function: &str, name: &'static str, value: &Bound<'py, PyAn
     }
 }
 
-/// The options of an impedance law.
+/// The Python arguments of the options of an impedance law.
 #[derive(Default)]
 pub(super) struct Given<'a, 'py> {
     pub nullspace: Option<&'a Bound<'py, PyAny>>,
@@ -35,7 +35,7 @@ pub(super) struct Given<'a, 'py> {
 }
 
 impl<'py> Given<'_, 'py> {
-    /// The options of a law of `m` rows.
+    /// Read the options of a law of `m` coordinates.
     pub fn read(&self, given: &mut Arguments<'py>, m: usize) -> Result<ImpedanceOptions, Failure> {
         let n = given.model().n();
         fn there<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'py, PyAny>> {
@@ -72,7 +72,7 @@ impl<'py> Given<'_, 'py> {
     }
 }
 
-/// The null space as an `armlet.NullSpace` states it.
+/// Read an `armlet.NullSpace`.
 fn null_space(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Result<NullSpaceSpec, Failure> {
     let field = |name: &str| {
         let refused = |_| input_error(value.py(), function, "nullspace", "is of the wrong type: expected a NullSpace or None");
@@ -93,7 +93,7 @@ fn null_space(function: &'static str, value: &Bound<'_, PyAny>, n: usize) -> Res
     Ok(NullSpaceSpec::new(n, posture, stiffness, damping, projection)?)
 }
 
-/// The target of an impedance law: a motion of its rows, the rows themselves, or a pose `(4, 4)`, of which the rows are kept.
+/// Read the target of an impedance law: a motion of the coordinates `axes`, a constant position `(m,)`, or a pose `(4, 4)`.
 pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>, axes: &str) -> Result<Motion, Failure> {
     let rows = parse_axes(axes)?;
     let Ok((shape, pose)) = numbers(given.function(), "target", value, &[Form(&[Axis::Is(4), Axis::Is(4)])]) else {
@@ -111,40 +111,42 @@ pub(super) fn target<'py>(given: &mut Arguments<'py>, value: &Bound<'py, PyAny>,
 
 /// Cartesian impedance: a spring and a damper between a frame and its target, `tau = J'(K (x_d - x) + D (x_d' - J v)) + g(q)`.
 ///
-/// `axes` chooses the rows, in order: letters of "xyz" for position, "rx ry rz" for orientation (error `log(R_d R')`,
-/// `R_d` from the target's rotation vector). The law has no inverse of `J` and is defined at singularities. With options,
+/// `axes` selects the m controlled coordinates in order. The letters of "xyz" are positions, and "rx ry rz" are orientations. The
+/// orientation error is `log(R_d R')`, where `R_d` is the rotation of the target's rotation vector. The law uses no inverse of `J`, so it
+/// is defined at singularities. With options,
 ///
 ///     F = K e + D (x_d' - J v) + F_ff + w,  w' = K_i e        within wrench_max
 ///     tau = J' F + N' tau_0 + g(q)                            within tau_max
 ///
 /// `N' tau_0` is the torque of a `NullSpace`. With `compensate_coupling` the law adds `C v` to the torque and `L (x_d'' - J_dot v)` to the
-/// wrench, with `L = (J M^-1 J')^-1`. At full rank and without an external force, `L (x'' - x_d'') = F` then holds for every null motion.
-/// Near singularities `L` is clamped: singular values of `J M^-1/2` count as `eps`, each unit relative to the root mean square of its rows.
+/// wrench, with `L = (J M^-1 J')^-1`. At full rank and without an external force, every motion then satisfies `L (x'' - x_d'') = F`. Near
+/// singularities, singular values of `J M^-1/2` below `eps` count as `eps`, after the rows of each unit are divided by their root mean
+/// square.
 ///
-/// The integral wrench `w` `(m,)` is the law's state: `run.estimate` records it, and it starts at zero. A row of it stops while `F` or a
-/// torque exceeds a limit and the row would increase the excess.
+/// The integral wrench `w` `(m,)` is the law's state. It starts at zero, and `run.estimate` records it. While `F` or a torque exceeds a
+/// limit, the entries of `w` do not change in directions that increase the excess.
 ///
 /// Args:
-///     arm: the model: its kinematics, its gravity, and for the options its mass matrix.
-///     target: `x_d`, one number per row, m or rad; a pose `(4, 4)`; or a motion of the rows, whose rotation vector may move.
-///         `arm.pose_vector(q, frame)` is the pose at joint angles, for the axes "xyz rx ry rz".
-///     stiffness, damping: positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
+///     arm: the model, for kinematics and gravity, and for the mass matrix in some options.
+///     target: `x_d`, `(m,)`, m or rad; a pose `(4, 4)`; or a motion of the m coordinates, which may include the rotation vector.
+///         For the axes "xyz rx ry rz", `arm.pose_vector(q, frame)` is the target at the joint positions `q`.
+///     stiffness, damping: `K` and `D`, positive definite, N/m and N s/m (N m/rad, N m s/rad): scalar, `(m,)` or `(m, m)`.
 ///     frame: name of the controlled frame (keyword only).
-///     axes: the rows, such as "xy" or "xyz rx ry rz"; "xyz" if None, for a pose `(4, 4)` too (keyword only).
-///     nullspace: a `NullSpace`, for arms of more joints than rows (keyword only).
-///     feedforward: `F_ff`, a wrench in the law's rows `(m,)`, N and N m (keyword only).
-///     compensate_coupling: compensate the coupling of the null motion and the frame (keyword only).
-///     eps: the clamp of `L` and of the null space, between 0 and 1; 0.02 if None (keyword only).
+///     axes: the m coordinates in world axes, such as "xy" or "xyz rx ry rz"; "xyz" if None, also for a pose `(4, 4)` (keyword only).
+///     nullspace: a `NullSpace`, for arms with more joints than m (keyword only).
+///     feedforward: `F_ff`, a wrench in the m coordinates, `(m,)`, N and N m (keyword only).
+///     compensate_coupling: compensate the coupling between null-space motion and the frame (keyword only).
+///     eps: the smallest singular value in `L` and in the null-space projector, between 0 and 1; 0.02 if None (keyword only).
 ///     integral_gain: `K_i`, N/(m s) and N m/(rad s), at least zero: scalar, `(m,)`, or positive definite `(m, m)` (keyword only).
-///     wrench_max: the largest `F` of each row, N and N m, scalar or `(m,)`; no limit if None (keyword only).
+///     wrench_max: the largest magnitude of each entry of `F`, N and N m, scalar or `(m,)`; no limit if None (keyword only).
 ///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown. Also a limit that
-///         is not positive, and a target `(4, 4)` that is not a pose.
+///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite, or a name is unknown. A limit that is not
+///         positive and a target `(4, 4)` that is not a pose also raise it.
 ///
-/// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985. Khatib, A unified approach for motion
-/// and force control of robot manipulators: the operational space formulation, IEEE J. Robotics and Automation 3(1), 1987.
+/// Source: Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107, 1985. Khatib, A unified approach for
+/// motion and force control of robot manipulators: the operational space formulation, IEEE J. Robotics and Automation 3(1), 1987.
 ///
 /// >>> import armlet as al
 /// >>> arm = al.planar_arm([0.5, 0.4])

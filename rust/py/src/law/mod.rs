@@ -1,4 +1,4 @@
-//! `armlet.Law`, the base of all laws, and what their constructors share.
+//! `armlet.Law`, the base class of all laws, and the common code of their constructors.
 
 mod adaptive;
 mod elastic;
@@ -26,13 +26,13 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyList};
 use std::sync::Mutex;
 
-/// A control law: `law(t, q, v)` gives the plant's input `(n,)`. The base of all laws.
+/// A control law: `law(t, q, v)` returns the input of the plant, `(n,)`. This is the base class of all laws.
 #[pyclass(frozen, subclass, module = "armlet", name = "Law")]
 pub struct Law {
     pub spec: LawSpec,
-    /// Buffers of single calls, kept between them.
+    /// The buffers of `law(t, q, v)`, which are reused from call to call.
     evaluator: Mutex<LawEvaluator>,
-    /// The arm the law was made for.
+    /// The arm of the law.
     #[pyo3(get)]
     arm: Py<Arm>,
     /// The other arguments of the constructor, for `repr` and pickling.
@@ -42,7 +42,7 @@ pub struct Law {
 stands_on_arm!(Law);
 
 impl Arguments<'_> {
-    /// The law of these arguments.
+    /// Make the Python object of a law from its arguments and its specification.
     fn law(self, spec: impl Into<LawSpec>) -> PyClassInitializer<Law> {
         let spec = spec.into();
         let evaluator = Mutex::new(LawEvaluator::new(&spec));
@@ -50,10 +50,10 @@ impl Arguments<'_> {
     }
 }
 
-/// `t`, the plant's state and the law's own.
+/// The time `t` in s, the state of the plant, and the state of the law.
 type CallArguments = (f64, Vec<f64>, Vec<f64>);
 
-/// The checked arguments of a law.
+/// Check the arguments of a call of a law.
 fn call_arguments(
     function: &str,
     spec: &LawSpec,
@@ -90,10 +90,10 @@ fn call_arguments(
     Ok((t, x, z))
 }
 
-/// Terms that are lists with one entry per level of priority.
+/// The names of terms that are lists with one entry per level of priority.
 const PER_LEVEL: [&str; 6] = ["e", "e_dot", "J", "J_dot", "command", "residuals"];
 
-/// Stacked rows as a list of arrays, one per level.
+/// Split stacked rows into a list of arrays, one per level of priority.
 fn by_level<'py>(py: Python<'py>, rows: &[usize], shape: &[usize], values: &[f64]) -> Result<Bound<'py, PyList>, Failure> {
     let width: usize = shape[1..].iter().product();
     let (mut at, mut parts) = (0, Vec::with_capacity(rows.len()));
@@ -111,10 +111,10 @@ fn by_level<'py>(py: Python<'py>, rows: &[usize], shape: &[usize], values: &[f64
 #[entered]
 #[pymethods]
 impl Law {
-    /// The plant's input `(n,)` at time `t` in s, position `q` and velocity `v`, `(n,)`.
+    /// Compute the input of the plant, `(n,)`, at the time `t` in s, the positions `q` and the velocities `v`, `(n,)` each.
     ///
-    /// `theta`, `theta_dot`: motor positions and velocities `(n,)`, for laws of elastic arms. `state`: the law's own
-    /// state, such as an estimate `(p,)`; its initial value if None.
+    /// `theta`, `theta_dot`: motor positions and velocities, `(n,)`, rad and rad/s, for laws of elastic arms. `state`: the state of the
+    /// law, such as an estimate `(p,)`; its initial value if None.
     ///
     /// Raises:
     ///     InputError: an argument is wrong, or the input is not finite because a product overflows.
@@ -136,7 +136,7 @@ impl Law {
                 new_vector(py, n, |tau| {
                     match self.evaluator.try_lock() {
                         Ok(mut evaluator) => evaluator.input(t, parts, z, tau),
-                        // Another thread uses the buffers: allocate separate ones.
+                        // Another thread uses the buffers, so this call allocates separate ones.
                         Err(_) => LawEvaluator::new(&self.spec).input(t, parts, z, tau),
                     }
                     match tau.iter().position(|x| !x.is_finite()) {
@@ -148,7 +148,7 @@ impl Law {
                     }
                 })
             };
-            // The fast path of a control loop: suitable arrays are read in place.
+            // The fast path of a control loop reads arrays in place, if their type and shape allow this.
             if let (PlantKind::Rigid, None, None, None) = (self.spec.plant(), theta, theta_dot, state)
                 && let (Ok(time), Some(q), Some(v)) = (t.cast::<PyFloat>(), of_shape(q, &[n]), of_shape(v, &[n]))
                 && time.value().is_finite()
@@ -162,7 +162,7 @@ impl Law {
         })
     }
 
-    /// The named parts of the law at one instant, by name: arguments as for a call.
+    /// Return a dict of the quantities that the law computes at one instant, such as its error. The arguments are those of a call.
     #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
     fn terms<'py>(
         &self,
@@ -203,7 +203,7 @@ impl Law {
         self.arguments.iter().find(|(name, _)| *name == "motion").map(|(_, value)| value.clone_ref(py))
     }
 
-    /// Whether the law holds a fixed position of the joints, its `target`.
+    /// Whether the law has a constant `target` of joint positions.
     #[getter]
     fn _holds_joints(&self) -> bool {
         matches!(self.spec.joint_reference(), Some(JointReference::Target(_)))

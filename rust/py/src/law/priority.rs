@@ -1,4 +1,4 @@
-//! Laws of tasks in priority.
+//! The laws `PriorityVelocity` and `PriorityAcceleration`, which control tasks with priorities.
 
 use super::{Arguments, Law};
 use crate::arrays::optional_number;
@@ -10,11 +10,11 @@ use armlet_core::priority::PriorityOptions;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Keywords of both laws by name, those not given `None`.
+/// The name and the value of a keyword of both laws; `None` for a missing keyword.
 type Keyword<'a, 'py> = (&'static str, Option<&'a Bound<'py, PyAny>>);
 
 impl<'py> Arguments<'py> {
-    /// The levels of these tasks, how they are solved, and the limits given.
+    /// Read the levels of the tasks, the options of the priority map, and the limits of the caller.
     fn levels(
         &mut self,
         function: &str,
@@ -55,25 +55,27 @@ impl<'py> Arguments<'py> {
     }
 }
 
-/// Tasks in priority on an arm whose joint velocities are the input: `u` solves `J_i u = x_d,i' + K_i e_i`, the highest first.
+/// Closed-loop inverse kinematics of tasks with priorities, for an arm whose input `u` is the joint velocities.
 ///
-/// Closed-loop inverse kinematics: each error decays with its gain as long as higher tasks leave its directions free. `terms` gives
-/// `e`, `J`, `command` and `residuals` as lists with one entry per level, `ranks`, and `v`. Monitors: `error_i`, `residual_i`.
+/// `u` solves `J_i u = x_d,i' + K_i e_i` for each task `i`, in the order of priority. The error `e_i` decays with the gain `K_i` if tasks
+/// of higher priority do not use its directions. `terms` has `e`, `J`, `command` and `residuals` as lists with one entry per level,
+/// `ranks`, and `v`. The monitors are `error_i` and `residual_i`.
 ///
 /// Args:
-///     arm: the model, of links.
-///     tasks: `Task` and other tasks, the highest first, each with a target.
-///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
-///     eps: threshold on singular values, one number or one per level; None: 0.02 of each level's largest row norm.
-///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: those of the arm (keyword only).
-///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: those of the arm (keyword only). At every evaluation
-///         they bound the velocity by `(q_max - q) / horizon`.
-///     a_max: deceleration with which "sns" brakes before a limit, rad/s^2 or m/s^2, `v <= sqrt(2 a_max (q_max - q))`; None: unlimited
-///         (keyword only).
-///     horizon: least time in which a joint may reach its limit, s (0.1; keyword only): at least the step or the sample time.
+///     arm: the model; not `planar_pr`, which has no links.
+///     tasks: `Task` and other tasks, each with a target and a gain in 1/s, the highest priority first.
+///     method: the priority map: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
+///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
+///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: the arm's bounds (keyword only).
+///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's limits (keyword only). At every evaluation
+///         the velocity is at most `(q_max - q) / horizon`, and likewise for `q_min`.
+///     a_max: deceleration before a position limit for "sns", a number or `(n,)`, rad/s^2 or m/s^2 (keyword only). The velocity is at most
+///         `sqrt(2 a_max (q_max - q))`; None: without this bound.
+///     horizon: the shortest time in which a joint may reach its position limit, s; 0.1 if None (keyword only). It must be at least the
+///         step or the sample time.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a name is unknown, a task has no target, the method is unknown.
+///     InputError: a shape is wrong, a task has no target, or a name or the method is unknown.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
 ///
@@ -117,22 +119,23 @@ impl PriorityVelocity {
     }
 }
 
-/// Tasks in priority on a rigid arm: computed torque on prioritised accelerations.
+/// Computed-torque control of tasks with priorities, for a rigid arm.
 ///
-/// `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v`, the highest first, and `a = -c v` in the remaining freedom;
-/// `tau = M a + C v + g`. Gains of tasks are in 1/s^2, their `damping` in 1/s.
+/// `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` for each task `i`, in the order of priority. In directions
+/// that no task uses, `a = -c v`. The torque is `tau = M a + C v + g`.
 ///
 /// Args:
-///     arm, tasks, eps: as for `PriorityVelocity`.
-///     method: "clamp" (default), "exact", "damped", "chiaverini" or "sns".
-///     joint_damping: `c`, 1/s, >= 0 (keyword only).
-///     a_max: bound of the joint accelerations for "sns", a number or `(n,)`, rad/s^2 or m/s^2; None: none (keyword only).
-///     v_min, v_max, q_min, q_max: limits for "sns" as for `PriorityVelocity`, kept by bounds of the acceleration at every evaluation:
-///         `a <= (v' - v) / horizon`, `v' = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))` (keyword only).
-///     horizon: s (0.1; keyword only): at least the step or the sample time.
+///     arm, eps: as for `PriorityVelocity`.
+///     tasks: `Task` and other tasks, each with a target, a gain `K_i` in 1/s^2 and a damping `D_i` in 1/s, the highest priority first.
+///     method: the priority map: "clamp" (default), "exact", "damped", "chiaverini" or "sns", as for `solve_priority`.
+///     joint_damping: `c`, 1/s, >= 0; 5 if None (keyword only).
+///     a_max: bound of the joint accelerations for "sns", a number or `(n,)`, rad/s^2 or m/s^2; None: without bound (keyword only).
+///     v_min, v_max, q_min, q_max: limits for "sns" as for `PriorityVelocity` (keyword only). At every evaluation the acceleration is at
+///         most `(v' - v) / horizon` with `v' = min(v_max, (q_max - q) / (4 horizon), sqrt(a_max (q_max - q)))`.
+///     horizon: a time as for `PriorityVelocity`, s; 0.1 if None (keyword only). It must be at least the step or the sample time.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a name is unknown, a task has no target, the method is unknown.
+///     InputError: a shape is wrong, a task has no target, or a name or the method is unknown.
 ///
 /// Source: [siciliano1991priority, nakanishi2008operational]; bounds: [flacco2015saturation].
 ///
@@ -184,5 +187,5 @@ impl PriorityAcceleration {
     }
 }
 
-/// Damping of motions that change no task, 1/s.
+/// The default of `joint_damping`, 1/s: the damping of motions that change no task.
 const JOINT_DAMPING: f64 = 5.0;

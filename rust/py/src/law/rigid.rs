@@ -1,4 +1,4 @@
-//! Laws of rigid arms.
+//! Control laws of rigid arms: computed torque, PD and PID with gravity compensation.
 
 use super::adaptive::FRICTION_SPEED;
 use super::{Arguments, Law};
@@ -7,15 +7,15 @@ use armlet_core::law::{ComputedTorqueSpec, PdGravitySpec, PidOptions, PidSpec};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Computed torque: `tau = M (a_d + Kd e_dot + Kp e) + C v + g`, so that `e_ddot + Kd e_dot + Kp e = 0`.
+/// Computed torque: `tau = M (a_d + Kd e_dot + Kp e) + C v + g` with `e = q_d - q`, so that `e_ddot + Kd e_dot + Kp e = 0`.
 ///
 /// Args:
 ///     arm: the model of the plant.
-///     motion: the desired motion.
+///     motion: the desired motion of the joints.
 ///     kp, kd: positive definite gains, 1/s^2 and 1/s: scalar, `(n,)` or `(n, n)`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
 ///
 /// Source: [SicilianoEtAl2009], section 8.5.
 ///
@@ -50,15 +50,15 @@ impl ComputedTorque {
 
 /// PD control with gravity compensation: `tau = Kp (q_d - q) - Kd v + g(q)`.
 ///
-/// With positive definite `Kp` and `Kd` the arm converges to the target from every state.
+/// The arm converges to the target from every state, because `Kp` and `Kd` are positive definite.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d`, `(n,)`, rad or m.
-///     kp, kd: positive definite gains, N m/rad and N m s/rad: scalar, `(n,)` or `(n, n)`.
+///     kp, kd: positive definite gains, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a gain is not positive definite.
 ///
 /// Source: Takegaki and Arimoto, A new feedback method for dynamic control of manipulators, 1981.
 ///
@@ -91,32 +91,32 @@ impl PDGravity {
     }
 }
 
-/// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w`, `w' = Ki (q_d - q)`, `tau` = `u` within `tau_max`.
+/// PID control with gravity compensation: `u = g(q) + Kp (q_d - q) + Kd (v_d - v) + w` with `w' = Ki (q_d - q)`.
 ///
-/// The integral torque `w` `(n,)`, N m or N, is the law's state: `run.estimate[:, :n]` records it, and it starts at zero. With it, the
-/// error vanishes under a constant load that is not in the model. While `u_i` exceeds the limit of joint `i`, `w_i` does not grow in that
-/// direction. A moving target adds `M(q) a_d`.
+/// The torque `tau` is `u`, clipped to `tau_max`. The integral torque `w` `(n,)`, N m or N, is the law's state. It starts at zero, and
+/// `run.estimate[:, :n]` records it. The integral removes the error that a constant unknown load would cause. While `u_i` exceeds the limit
+/// of joint `i`, `w_i` does not grow in that direction. For a moving target the law adds `M(q) a_d` to `u`.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.
 ///     target: `q_d`, `(n,)`, rad or m, or a motion of the joints.
-///     kp, ki, kd: positive definite gains, N m/rad, N m/(rad s) and N m s/rad: scalar, `(n,)` or `(n, n)`. The loop of a joint of inertia
-///         `m` is stable if `ki < kp kd / m`. `ki=None`: no integral.
+///     kp, ki, kd: positive definite gains, N m/rad, N m/(rad s) and N m s/rad (N/m, N/(m s), N s/m): scalar, `(n,)` or `(n, n)`. The
+///         loop of a joint of inertia `m` is stable if `ki < kp kd / m`. `ki=None`: no integral.
 ///     tau_max: the largest commanded torque, N m or N, scalar or `(n,)`; no limit if None.
-///     derivative_filter: `N`, 1/s, scalar or `(n,)`: the law uses the filtered derivative of `q`, `v_f = N (q - y)` with `y' = v_f`, as
-///         `v`.
-///         None: the measured velocity (keyword only).
+///     derivative_filter: `N`, 1/s, scalar or `(n,)` (keyword only). The law replaces `v` by the filtered derivative of `q`,
+///         `v_f = N (q - y)` with `y' = v_f`. None: the law uses the measured `v`.
 ///     friction: add the friction of the model at the desired velocity, `damping v_d + friction tanh(v_d / v_s)` (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0, scalar or `(n,)`; 0.1 if None (keyword only).
-///     observer_bandwidth: `h`, 1/s, scalar or `(n,)`: a disturbance observer estimates `d = h/(p + h) (m a - (tau - g - f))`, which is
-///         subtracted from `u`. `m a_d` then replaces `M a_d`. None: no observer (keyword only).
+///     observer_bandwidth: `h`, 1/s, scalar or `(n,)`; None: no disturbance observer (keyword only). The observer estimates
+///         `d = h/(p + h) (m a - (tau - g - f))`, where `f` is the friction above. The law subtracts `d` from `u`, and adds `m a_d` instead
+///         of `M a_d`.
 ///     nominal_inertia: `m`, kg m^2 or kg, > 0, scalar or `(n,)`; the diagonal of `M` at the first desired position if None (keyword only).
 ///
-/// The states of the filter, `y`, and of the observer, `s` with `d = h (m v - s)`, follow `w` in `run.estimate`, in this order.
+/// In `run.estimate`, the state `y` of the filter and then the state `s` of the observer, with `d = h (m v - s)`, follow `w`.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite, or an option is not positive. Also for
-///         `friction_speed` without `friction`, and `nominal_inertia` without `observer_bandwidth`.
+///     InputError: a shape is wrong, a number is not finite, a gain is not positive definite, or an option is not positive. It is also
+///         raised for `friction_speed` without `friction`, and for `nominal_inertia` without `observer_bandwidth`.
 ///
 /// Source: Arimoto and Miyazaki, Stability and robustness of PID feedback control for robot manipulators, 1984; filter and conditional
 /// integration: Astrom and Hagglund, Advanced PID Control, 2006; observer: Ohnishi, Shibata and Murakami, Motion control for advanced

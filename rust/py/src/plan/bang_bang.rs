@@ -1,4 +1,4 @@
-//! `armlet.bang_bang_time`, for one problem and for arrays of them.
+//! `armlet.bang_bang_time`: the feasible durations of the symmetric bang-bang profile, for numbers and for arrays of problems.
 
 use super::bang_bang_batch::{ANSWER, BangBangBatch, CHUNK};
 use super::{LinkProblem, NAMES, again, float, link_report, part, problem, scalar, symmetric, truth};
@@ -13,24 +13,25 @@ use armlet_core::plan::{self, Bind as Core};
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// The shortest and the longest duration of the symmetric bang-bang acceleration profile, rest to rest, under torque limits.
+/// The shortest and the longest duration of a rest-to-rest motion with the symmetric bang-bang acceleration, under torque limits.
 ///
-/// `inertia * theta_ddot + gravity_moment sin theta = tau`, `tau_min <= tau <= tau_max`; the acceleration is `+A`, then `-A`,
-/// `A = 4 |thetaf - theta0| / T^2`, and `a = inertia * A`.
+/// The link is `inertia * theta_ddot + gravity_moment sin theta = tau` with `tau_min <= tau <= tau_max`. For the first half of the duration
+/// `T` the acceleration towards `thetaf` is `A = 4 |thetaf - theta0| / T^2`. For the second half it is `-A`.
 ///
 /// Args:
-///     theta0, thetaf: start and end, rad from the downward vertical, without wrapping.
+///     theta0, thetaf: start and end, rad from the downward vertical. Angles beyond +-pi are not wrapped.
 ///     inertia: inertia about the joint, kg m^2, > 0.
-///     gravity_moment: `m g0 d`, N m; negative measures from the upward vertical.
+///     gravity_moment: mass times gravity times distance of the centre of mass, N m. With a negative value, the angles are measured from
+///         the upward vertical.
 ///     tau_max: largest torque, N m, >= 0.
-///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
+///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None.
 ///
 /// Returns:
-///     A `BangBangReport` for numbers. Arrays broadcast, and give a `BangBangBatch` with arrays in its fields. If no duration is feasible
-///     there is no error: `feasible` is false and the durations are NaN. `reason` then has the limit, its place and the missing torque.
+///     A `BangBangReport` for numbers. Arrays broadcast, and return a `BangBangBatch` whose fields are arrays. If no duration is feasible,
+///     `feasible` is false, the durations are NaN, and `reason` has the limit, its place and the missing torque. This is not an error.
 ///
 /// Raises:
-///     InputError: a number is not finite, the inertia not positive, or 0 is not between the limits.
+///     InputError: a number is not finite, the inertia is not positive, or 0 is not between the limits.
 ///
 /// Source: docs/minimum_time.md.
 ///
@@ -58,7 +59,7 @@ pub fn bang_bang_time<'py>(
         match problem(py, NAME, values, tau_min)? {
             Some(p) => Ok(Bound::new(py, BangBangReport::solve(p)?)?.into_any()),
             None => {
-                // Symmetric limits borrow tau_max's array; its sign is turned below.
+                // Without `tau_min`, this column is a copy of `tau_max`, whose sign is changed below.
                 let mut c = columns(
                     NAME,
                     NAMES,
@@ -86,7 +87,7 @@ pub fn bang_bang_time<'py>(
     })
 }
 
-/// The feasible durations of the symmetric bang-bang profile: see `bang_bang_time`.
+/// The feasible durations of the symmetric bang-bang profile, from `bang_bang_time`.
 #[pyclass(frozen, module = "armlet", name = "BangBangReport")]
 pub struct BangBangReport {
     core: plan::BangBangReport,
@@ -115,38 +116,38 @@ link_report!(BangBangReport);
 #[entered]
 #[pymethods]
 impl BangBangReport {
-    /// Least `inertia * acceleration` that the limits require, N m.
+    /// The smallest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration.
     #[getter]
     fn a_min(&self) -> f64 {
         self.core.a_min
     }
 
-    /// Largest `inertia * acceleration` that the limits allow, N m.
+    /// The largest `inertia * A` that the limits allow, N m; `A` is the magnitude of the acceleration.
     #[getter]
     fn a_max(&self) -> f64 {
         self.core.a_max
     }
 
-    /// Why no duration is feasible: the limits, their places, and the missing torque; empty if feasible.
+    /// The reason why no duration is feasible: the limits, their places, and the missing torque. It is empty if a duration is feasible.
     #[getter]
     fn reason(&self) -> String {
         self.why()
     }
 
-    /// The limit that decides `t_min`.
+    /// The torque limit that decides `t_min`.
     #[getter]
     fn active_upper(slf: &Bound<'_, Self>) -> Bind {
         Bind { core: slf.get().core.active_upper(), owner: slf.clone().unbind(), field: "active_upper" }
     }
 
-    /// The limit that decides `t_max`; None if the motion may be arbitrarily slow.
+    /// The torque limit that decides `t_max`; None if the motion may be arbitrarily slow.
     #[getter]
     fn active_lower(slf: &Bound<'_, Self>) -> Option<Bind> {
         let core = slf.get().core.active_lower()?;
         Some(Bind { core, owner: slf.clone().unbind(), field: "active_lower" })
     }
 
-    /// Torque, N m, of the motion of duration `t` (s): at its start, just before and just after the switch, and at its end.
+    /// Four torques, N m, of the motion of duration `t` in s: at its start, just before and after the switch, and at its end.
     fn torques(&self, py: Python<'_>, t: &Bound<'_, PyAny>) -> PyResult<(f64, f64, f64, f64)> {
         entry(py, "BangBangReport.torques", || {
             let t = scalar("BangBangReport.torques", "t", t)?;
@@ -187,7 +188,7 @@ impl BangBangReport {
     }
 }
 
-/// A torque limit that decides a duration: the limit, its phase, place and time.
+/// A torque limit that decides a duration, and the phase, the place and the time at which the torque reaches it.
 #[pyclass(frozen, module = "armlet._core", name = "Bind")]
 pub struct Bind {
     core: Core,
@@ -198,13 +199,13 @@ pub struct Bind {
 #[entered]
 #[pymethods]
 impl Bind {
-    /// `"tau_min"` or `"tau_max"`.
+    /// The name of the limit: `"tau_min"` or `"tau_max"`.
     #[getter]
     fn limit(&self) -> String {
         self.core.limit.to_string()
     }
 
-    /// 1 while accelerating, 2 while braking.
+    /// The phase of the motion: 1 while accelerating, 2 while braking.
     #[getter]
     fn phase(&self) -> u8 {
         self.core.phase
@@ -216,13 +217,13 @@ impl Bind {
         self.core.place.to_string()
     }
 
-    /// The angle where the limit is reached, rad.
+    /// The angle, rad, at which the torque reaches the limit.
     #[getter]
     fn theta(&self) -> f64 {
         self.core.theta
     }
 
-    /// The time since the start at which it is reached, s; NaN if the motion is infeasible.
+    /// The time since the start, s, at which the torque reaches the limit; NaN if the motion is infeasible.
     #[getter]
     fn time(&self) -> f64 {
         self.core.time
@@ -234,7 +235,7 @@ impl Bind {
         self.core.tie
     }
 
-    /// `phase1:switch`.
+    /// The phase and the place as text, such as `phase1:switch`.
     fn __str__(&self) -> String {
         self.core.to_string()
     }
@@ -249,7 +250,7 @@ impl Bind {
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
         other.cast::<Self>().is_ok_and(|other| {
             let (a, b) = (&other.get().core, &self.core);
-            // The time of an infeasible motion is NaN, and equal to itself here.
+            // Two NaN times, of infeasible motions, are equal here.
             (a.limit, a.phase, a.place, a.theta, a.tie) == (b.limit, b.phase, b.place, b.theta, b.tie)
                 && (a.time == b.time || a.time.is_nan() && b.time.is_nan())
         })

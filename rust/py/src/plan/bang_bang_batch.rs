@@ -1,4 +1,4 @@
-//! `armlet.bang_bang_time` for arrays of problems, in lanes and threads.
+//! `armlet.bang_bang_time` for arrays of problems: threads share them, and each register solves several together.
 
 use super::bang_bang::BangBangReport;
 use crate::arrays::{adopted, index_of, items, new_array, shown, signed, written_arrays};
@@ -36,19 +36,19 @@ pub struct BangBangBatch {
     solved: usize,
 }
 
-/// Problems solved between two checks for Ctrl-C: some milliseconds.
+/// The number of problems that are solved between two checks for Ctrl-C. They take some milliseconds.
 pub(super) const CHUNK: usize = 1 << 13;
 
 /// The largest number of problems for one thread.
 const FEW: usize = 2 * CHUNK;
 
-/// Bytes of a result: four numbers, and three flags.
+/// The size of a result in bytes: four numbers and three flags.
 pub(super) const ANSWER: usize = 4 * 8 + 3;
 
-/// The most axes of an index: those of numpy's arrays.
+/// The largest number of axes of an index, as in numpy.
 const MOST_AXES: usize = 64;
 
-/// A refused problem of a batch, with its index.
+/// Add the index of a problem of a batch to its error.
 fn refused(py: Python<'_>, function: &str, shape: &[usize], i: usize, error: Error) -> Failure {
     match (error.argument(), error.problem()) {
         (Some(argument), Some(problem)) => {
@@ -58,10 +58,10 @@ fn refused(py: Python<'_>, function: &str, shape: &[usize], i: usize, error: Err
     }
 }
 
-/// The first problem of a part, its four numbers and its three flags.
+/// The index of the first problem of a part, and slices of the four number columns and the three flag columns of the results.
 type Part<'a> = (usize, ([&'a mut [f64]; 4], [&'a mut [bool]; 3]));
 
-/// Parts of [`CHUNK`] entries of columns of one length.
+/// Split columns of equal length into parts of [`CHUNK`] entries.
 fn chunks<T, const K: usize>(columns: [&mut [T]; K]) -> impl Iterator<Item = [&mut [T]; K]> {
     let mut columns = columns.map(|column| column.chunks_mut(CHUNK));
     std::iter::from_fn(move || {
@@ -83,7 +83,7 @@ impl BangBangBatch {
             let work = |(start, (numbers, flags)): Part| {
                 look();
                 let end = start + flags[0].len();
-                // The planner's order: the lower bound first.
+                // The planner takes `tau_min` before `tau_max`.
                 let columns = [0, 1, 2, 3, 5, 4].map(|k| column(k, start, end));
                 plan::bang_bang_times(columns, plan::BangBangTimes { numbers, flags }).map_err(|(i, error)| (start + i, error))
             };
@@ -116,7 +116,7 @@ impl BangBangBatch {
         })
     }
 
-    /// The report of problem `i` in C order.
+    /// Solve problem `i`, in C order, and return its report.
     fn report(&self, i: usize) -> Result<BangBangReport, Error> {
         BangBangReport::solve(self.problems.row(i))
     }
@@ -125,13 +125,13 @@ impl BangBangBatch {
 #[entered]
 #[pymethods]
 impl BangBangBatch {
-    /// The shape that the arguments broadcast to.
+    /// The common shape of the arguments after broadcasting.
     #[getter]
     fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.problems.shape)
     }
 
-    /// Why no duration is feasible, as in `BangBangReport.reason`: an array of strings, empty where feasible.
+    /// An array of strings with the `BangBangReport.reason` of each problem, which is empty where a duration is feasible.
     #[getter]
     fn reason<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         entry(py, "BangBangBatch.reason", || {
@@ -148,7 +148,7 @@ impl BangBangBatch {
         })
     }
 
-    /// The report of one problem: its index in C order, or one index for each axis.
+    /// The report of one problem. The index is an integer in C order, or one integer for each axis.
     fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<BangBangReport> {
         entry(py, "BangBangBatch", || {
             let what = "an index: expected an integer, or one for each axis";
@@ -178,7 +178,7 @@ impl BangBangBatch {
         let mut kept = Vec::new();
         for k in 0..6 {
             let column = self.problems.column(k);
-            // The first column carries the shape, the others only their numbers.
+            // The first column is stored with the full shape. Another column with one number for all problems is stored as this number.
             let full = k == 0 || column.len() != 1;
             let axes: &[usize] = if full { shape } else { &[] };
             let fill = |out: &mut [f64]| {

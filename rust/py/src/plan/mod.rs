@@ -1,4 +1,4 @@
-//! Minimum-time planning of one link under gravity: the arguments of the planners, and their results' pickling.
+//! Minimum-time planning of one link under gravity: the common arguments of the planners, and the pickles of their results.
 
 pub mod bang_bang;
 pub mod bang_bang_batch;
@@ -18,13 +18,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use torque::TorqueOptimum;
 
-/// The common properties of reports of rest-to-rest profiles, from their field `core`.
+/// Define the common properties of the reports of rest-to-rest profiles. They read the field `core`.
 macro_rules! link_report {
     ($report:ident) => {
         #[entered]
         #[pymethods]
         impl $report {
-            /// Whether some duration obeys the limits.
+            /// Whether some duration satisfies the torque limits.
             #[getter]
             fn feasible(&self) -> bool {
                 self.core.feasible
@@ -58,13 +58,13 @@ macro_rules! link_report {
 }
 use link_report;
 
-/// The problem of every planner: the ends, the link, its limits.
+/// The names of the arguments of every planner: start and end, rad, inertia, kg m^2, and gravity moment and torque limits, N m.
 pub const NAMES: [&str; 6] = ["theta0", "thetaf", "inertia", "gravity_moment", "tau_max", "tau_min"];
 
-/// `theta0, thetaf, inertia, gravity_moment, tau_max, tau_min`.
+/// The six numbers with the names [`NAMES`].
 pub type LinkProblem = [f64; 6];
 
-/// The six numbers of one problem, or `None` if an argument is an array of one or more dimensions. `tau_min` defaults to `-tau_max`.
+/// Read the six numbers of one problem. `None` if an argument is an array of one or more dimensions. `tau_min` defaults to `-tau_max`.
 pub fn problem(
     py: Python<'_>,
     function: &str,
@@ -88,7 +88,7 @@ pub fn problem(
     Ok(Some(p))
 }
 
-/// `-tau_max`, or an error that names `tau_max`.
+/// Return `-tau_max` as the default of `tau_min`. An invalid `tau_max` is an error about `tau_max`.
 fn symmetric(py: Python<'_>, function: &str, tau_max: f64) -> Result<f64, Failure> {
     if tau_max > 0.0 && tau_max.is_finite() {
         return Ok(-tau_max);
@@ -96,7 +96,7 @@ fn symmetric(py: Python<'_>, function: &str, tau_max: f64) -> Result<f64, Failur
     Err(input_error(py, function, "tau_max", format!("is not positive: expected a finite number > 0, got {tau_max}")).into())
 }
 
-/// The problem of a planner that takes numbers only.
+/// Read the problem of a planner that accepts numbers only.
 pub fn single(
     py: Python<'_>,
     function: &str,
@@ -112,7 +112,7 @@ pub fn single(
     unreachable!("an argument has axes")
 }
 
-/// A number; arrays with axes are refused.
+/// Read a number. Arrays with axes are refused.
 pub fn scalar(function: &str, name: &str, value: &Bound<'_, PyAny>) -> Result<f64, Failure> {
     let got = || value.getattr("shape").and_then(|s| s.str()).map_or("an array".to_string(), |s| format!("shape {s}"));
     number_or_array(function, name, value)?
@@ -128,17 +128,17 @@ pub fn truth(x: bool) -> &'static str {
     if x { "True" } else { "False" }
 }
 
-/// The pickled form of a result: the call with the same numbers.
+/// The pickled form of a result: the name of its function, and the numbers of the call.
 pub fn again<'py>(py: Python<'py>, function: &str, arguments: &[f64]) -> PyResult<Sealed<'py>> {
     seal_call(py, "_restore_plan", (function, PyTuple::new(py, arguments)?).into_pyobject(py)?)
 }
 
-/// The pickled form of a part of a result: the result, and the name of the part.
+/// The pickled form of a part of a result: the result, and the name of the field that has the part.
 pub fn part<'py, T>(py: Python<'py>, owner: &Py<T>, name: &str) -> PyResult<Sealed<'py>> {
     seal(&py.import("builtins")?.getattr("getattr")?, (owner.clone_ref(py).into_any(), name).into_pyobject(py)?, None)
 }
 
-/// Make a result again, from its function and the numbers of the call.
+/// Restore a result: call its function again with the same numbers.
 #[entered]
 #[pyfunction]
 pub fn _restore_plan<'py>(py: Python<'py>, function: &str, arguments: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {

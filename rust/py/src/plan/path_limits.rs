@@ -1,4 +1,6 @@
-//! The limits of `armlet.time_path`: constant, or varying along the path.
+//! The limits of `armlet.time_path`, which are constant or vary along the path.
+//!
+//! A *knot* is a path position at which pieces of the path meet. A path of P pieces has P + 1 knots.
 
 use crate::arm::ArmModel;
 use crate::arrays::{Axis, Form, Looked, SCALAR, number, numbers, require_finite, spread, text};
@@ -9,10 +11,10 @@ use pyo3::prelude::*;
 
 pub const NAME: &str = "time_path";
 
-/// Where limits may vary.
+/// The path along which limits may vary.
 pub struct Along<'a> {
     pub path: &'a Path,
-    /// The knot of every waypoint.
+    /// For each waypoint, the index of its knot. It is empty for a callable path.
     pub knot: &'a [usize],
 }
 
@@ -21,7 +23,7 @@ type Range = (Vec<f64>, Vec<f64>);
 
 type Given<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
-/// `(n,)` from a scalar or `(n,)`.
+/// Read a limit that is a scalar or `(n,)`, and return it as `(n,)`.
 pub fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
     let (shape, values) = numbers(NAME, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
     require_finite(value.py(), NAME, name, &shape, &values)?;
@@ -29,7 +31,7 @@ pub fn limit(name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>,
 }
 
 impl Along<'_> {
-    /// Limits at the knots, `(P + 1, n)`, from those at the waypoints: for repeated waypoints the least.
+    /// Limits at the knots, `(P + 1, n)`, from limits at the waypoints. For repeated waypoints the smallest limit counts.
     fn at_knots(&self, values: &[f64], n: usize) -> Vec<f64> {
         let mut limits = vec![f64::INFINITY; self.path.knots().len() * n];
         for (row, knot) in values.chunks_exact(n).zip(self.knot) {
@@ -38,7 +40,7 @@ impl Along<'_> {
         limits
     }
 
-    /// Limits at the knots from a function of `s`.
+    /// Limits at the knots, `(P + 1, n)`, from a Python function of the path position `s`.
     fn of_function(&self, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
         let mut limits = Vec::with_capacity(self.path.knots().len() * n);
         for &s in self.path.knots() {
@@ -47,7 +49,7 @@ impl Along<'_> {
         Ok(limits)
     }
 
-    /// `(n,)`, or `(P + 1, n)` from `(K, n)` or from a function of `s`.
+    /// Read a limit. The result is `(n,)` for a constant, and `(P + 1, n)` for limits `(K, n)` at the waypoints or a function of `s`.
     fn limit(&self, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
         if value.is_callable() {
             return self.of_function(name, value, n);
@@ -61,7 +63,7 @@ impl Along<'_> {
         if shape.len() == 2 { Ok(self.at_knots(&values, n)) } else { spread(&shape, values, n) }
     }
 
-    /// Lower and upper limits from a scalar or `(n,)`, symmetric, from `(n, 2)`, or from limits that vary along the path.
+    /// Read lower and upper torque limits. An array `(n, 2)` has both; a scalar, `(n,)` and varying limits are symmetric.
     fn torque(&self, value: &Bound<'_, PyAny>, n: usize) -> Result<Range, Failure> {
         let py = value.py();
         let symmetric = |upper: Vec<f64>| (upper.iter().map(|x| -x).collect(), upper);
@@ -86,7 +88,7 @@ impl Along<'_> {
         Ok(symmetric(upper))
     }
 
-    /// All limits: `tau_max, v_max, a_max`, `q_min, q_max`, `tip_speed, tip_acceleration, frame`.
+    /// Read all limits: `tau_max, v_max, a_max`, then `q_min, q_max`, then `tip_speed, tip_acceleration, frame`.
     pub fn limits(
         &self,
         model: &ArmModel,
@@ -105,7 +107,8 @@ impl Along<'_> {
         })
     }
 
-    /// `(1,)` from a number, or `(P + 1,)` from `(K,)` or from a function of `s`.
+    /// Read a limit of the frame. The result is `(1,)` for a number, and `(P + 1,)` for limits `(K,)` at the waypoints or a function of
+    /// `s`.
     fn of_tip(&self, name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Failure> {
         if value.is_callable() {
             return self.path.knots().iter().map(|&s| number(NAME, name, &value.call1((s,))?)).collect();
@@ -137,7 +140,7 @@ impl Along<'_> {
     }
 }
 
-/// `q_min` and `q_max`, infinite for missing limits.
+/// Read the position limits `q_min` and `q_max`. A missing one of them is infinite.
 fn positions(range: [Given; 2], n: usize) -> Result<Option<Range>, Failure> {
     if range.iter().all(Option::is_none) {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`.
+//! `armlet.trapezoid_time` and `armlet.minimum_jerk_time`: the feasible durations of two rest-to-rest profiles.
 
 use super::{LinkProblem, again, float, link_report, scalar, single, truth};
 use crate::errors::entry;
@@ -8,14 +8,14 @@ use armlet_core::plan;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// The shortest and the longest duration of the trapezoidal-speed motion, rest to rest, under torque limits.
+/// The shortest and the longest duration of a rest-to-rest motion with a trapezoidal speed profile, under torque limits.
 ///
-/// Acceleration for `ramp * T`, constant speed, braking for `ramp * T`; `ramp = 1/2` is the profile of `bang_bang_time`. While the speed is
-/// constant, the torque balances gravity.
+/// The link accelerates for `ramp * T`, moves with constant speed, and brakes for `ramp * T`, where `T` is the duration. With `ramp = 1/2`
+/// it is the profile of `bang_bang_time`. While the speed is constant, the torque balances gravity.
 ///
 /// Args:
-///     theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: as in `bang_bang_time`; numbers only.
-///     ramp: fraction of the duration, in (0, 1/2].
+///     theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: as for `bang_bang_time`, but numbers only.
+///     ramp: duration of the acceleration as a fraction of `T`, in (0, 1/2].
 ///
 /// Returns:
 ///     A `ProfileReport` of the trapezoid.
@@ -50,12 +50,12 @@ pub fn trapezoid_time<'py>(
     })
 }
 
-/// The shortest and the longest duration of the minimum-jerk motion (quintic, zero end accelerations) under torque limits.
+/// The shortest and the longest duration of the minimum-jerk motion, rest to rest, under torque limits.
 ///
-/// `theta = theta0 + (thetaf - theta0) (10 u^3 - 15 u^4 + 6 u^5)`, `u = t/T`.
+/// `theta = theta0 + (thetaf - theta0) (10 u^3 - 15 u^4 + 6 u^5)` with `u = t/T`, so the acceleration at both ends is zero.
 ///
 /// Args:
-///     theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: as in `bang_bang_time`; numbers only.
+///     theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: as for `bang_bang_time`, but numbers only.
 ///
 /// Returns:
 ///     A `ProfileReport` of the quintic.
@@ -88,12 +88,12 @@ pub fn minimum_jerk_time<'py>(
     })
 }
 
-/// The feasible durations of a trapezoidal or minimum-jerk motion: see `trapezoid_time` and `minimum_jerk_time`.
+/// The feasible durations of a trapezoidal or minimum-jerk motion, from `trapezoid_time` or `minimum_jerk_time`.
 #[pyclass(frozen, module = "armlet", name = "ProfileReport")]
 pub struct ProfileReport {
     core: plan::ProfileReport,
     problem: LinkProblem,
-    /// Of the trapezoid; None for minimum jerk.
+    /// The argument `ramp` of a trapezoidal motion; None for minimum jerk.
     ramp: Option<f64>,
 }
 
@@ -120,37 +120,37 @@ link_report!(ProfileReport);
 #[entered]
 #[pymethods]
 impl ProfileReport {
-    /// Least `inertia * |thetaf - theta0| / T^2` that the limits require, N m.
+    /// The smallest `inertia * |thetaf - theta0| / T^2` that the limits allow, N m.
     #[getter]
     fn k_min(&self) -> f64 {
         self.core.k_min
     }
 
-    /// Largest `inertia * |thetaf - theta0| / T^2` that the limits allow, N m.
+    /// The largest `inertia * |thetaf - theta0| / T^2` that the limits allow, N m.
     #[getter]
     fn k_max(&self) -> f64 {
         self.core.k_max
     }
 
-    /// The angle where the limit that decides `t_min` is reached, rad.
+    /// The angle, rad, at which the torque reaches the limit that decides `t_min`.
     #[getter]
     fn theta_upper(&self) -> f64 {
         self.core.theta_upper
     }
 
-    /// The angle where the limit that decides `t_max` is reached, rad; NaN if there is none.
+    /// The angle, rad, at which the torque reaches the limit that decides `t_max`; NaN if no limit decides it.
     #[getter]
     fn theta_lower(&self) -> f64 {
         self.core.theta_lower
     }
 
-    /// The torque by which both limits must widen, N m; 0 if feasible.
+    /// The torque, N m, by which both limits must be widened to make a duration feasible; 0 if a duration is feasible.
     #[getter]
     fn missing(&self) -> f64 {
         self.core.missing
     }
 
-    /// Why no duration is feasible, with the missing torque; empty if feasible.
+    /// The reason why no duration is feasible, with the missing torque. It is empty if a duration is feasible.
     #[getter]
     fn reason(&self) -> String {
         self.why()

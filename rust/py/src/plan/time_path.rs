@@ -1,4 +1,4 @@
-//! `armlet.time_path`: its arguments.
+//! `armlet.time_path`: the fastest timing of a path. This file reads its arguments.
 
 use super::path_limits::{Along, NAME, limit};
 use super::timed_path::TimedPath;
@@ -31,7 +31,7 @@ fn ends(value: Option<&Bound<'_, PyAny>>, default: Ends) -> Result<Ends, Failure
     }
 }
 
-/// Slopes `(K, m)` of the C2 cubic spline through `q` `(K, m)` at `s` `(K,)`; `spline` as `time_path` takes it.
+/// Return the derivatives `dq/ds`, `(K, m)`, at `s`, `(K,)`, of the C2 cubic spline through `q`, `(K, m)`. `spline` is as for `time_path`.
 #[entered]
 #[pyfunction]
 pub fn _spline_slopes<'py>(s: &Bound<'py, PyAny>, q: &Bound<'py, PyAny>, spline: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
@@ -46,7 +46,7 @@ pub fn _spline_slopes<'py>(s: &Bound<'py, PyAny>, q: &Bound<'py, PyAny>, spline:
     })
 }
 
-/// The path of a callable, from samples; with derivatives where it gives them.
+/// The path through samples of a callable. If the callable returns derivatives, the path uses them.
 fn sampled(
     path: &Bound<'_, PyAny>,
     n: usize,
@@ -94,10 +94,12 @@ fn sampled(
     Ok(if parts == 3 { Path::table(&s, q, dq, ddq, n)? } else { Path::spline(&s, q, n, ends)? })
 }
 
-/// The method of `CartesianPath` with its waypoints and their path positions.
+/// The attribute of `CartesianPath` that has its waypoints and their path positions.
 const JOINED: &str = "_waypoints_and_knots";
 
-/// The path of waypoints, of a `CartesianPath` or of a callable, and the knot of every waypoint. `within` checks waypoints `(K, n)`.
+/// The path of waypoints, of a `CartesianPath` or of a callable, and for each waypoint the index of its knot.
+///
+/// `within` checks the waypoints `(K, n)` or the samples.
 fn path_of(
     path: &Bound<'_, PyAny>,
     n: usize,
@@ -143,35 +145,37 @@ fn path_of(
 
 /// The fastest timing of a path of an arm under limits of torque, speed and acceleration.
 ///
-/// `q(s)`, `v = q' ds/dt`, `a = q' u + q'' (ds/dt)^2`, `tau = M a + C v + g`: reachability analysis on a grid of `s`. The result is checked
-/// on a grid ten times finer, and corrected until no limit is exceeded by more than a relative 1e-9.
+/// The motion is `q(s(t))`, so `v = q' ds/dt`, `a = q' u + q'' (ds/dt)^2` with `u = d2s/dt2`, and `tau = M a + C v + g`. Reachability
+/// analysis on a grid of `s` computes the timing. A check on a grid ten times finer corrects it until no limit is exceeded by more than a
+/// relative 1e-9.
 ///
 /// Args:
-///     arm: an arm of links, or `planar_pr`.
-///     path: waypoints `(K, n)`, rad or m, joined by a C2 cubic spline; repeated waypoints count once. Or a callable on [0, 1]:
-///         `q(s)` `(n,)`, which is replaced by the spline through `samples` of its points, or `q, q', q''`, three of `(n,)`,
-///         replaced by the quintic Hermite path through them. The motion follows that spline.
+///     arm: the arm; `planar_pr` is allowed.
+///     path: waypoints `(K, n)`, rad or m, a callable on [0, 1], or a `CartesianPath`. A C2 cubic spline joins waypoints; repeated
+///         waypoints count once. A callable that returns `q(s)`, `(n,)`, is replaced by the spline through `samples` of its points. A
+///         callable that returns `q, q', q''`, `(n,)` each, is replaced by quintic Hermite polynomials through its samples.
 ///     tau_max: torque limit, N m or N: number or `(n,)` for both signs, or `(n, 2)` lower and upper (keyword only, as all below).
-///     v_max, a_max: limits of joint speed and acceleration: number or `(n,)`. One of `tau_max`, `a_max` and `tip_acceleration` is required.
-///         `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs. They are then `(K, n)` at the
-///         waypoints, or a callable `s -> (n,)` that is called at the path's knots, and linear in `s` between these. A `tau_max` of shape
-///         `(n, 2)` is lower and upper.
-///     knots: path positions of the waypoints, `(K,)`, rising; distances between them, from 0 to 1, if None.
-///     spline: ends of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
+///     v_max, a_max: limits of joint speed (rad/s or m/s) and acceleration (rad/s^2 or m/s^2): number or `(n,)`. One of `tau_max`, `a_max`
+///         and `tip_acceleration` is required. `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs.
+///         They are then `(K, n)` at the waypoints, or a callable `s -> (n,)` that is called at the path's knots. Between these they are
+///         linear in `s`. A `tau_max` of shape `(n, 2)` is lower and upper.
+///     knots: path positions of the waypoints, `(K,)`, increasing. None: from 0 to 1, in proportion to the distances between waypoints.
+///     spline: end conditions of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
 ///     stops: indices of waypoints where the arm stops.
-///     start_speed, end_speed: path speeds ds/dt at the ends.
-///     friction: True for the arm's own damping and Coulomb friction, or viscous coefficients, number or `(n,)`, N m s/rad.
-///     grid: number of grid points, including the path's knots. None: 201, and more where the grid costs time, until the duration changes
-///         by less than 1e-4.
-///     refine: halve the segments of a grid with `grid` points where it is too coarse for the limits, or costs time (default True).
-///     samples: number of samples of a callable, 201.
-///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`; from rest to rest, without stops and Coulomb friction. The fastest
-///         timing is averaged over a window of time, and slowed down until it satisfies this limit. The result is not the fastest one.
-///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite for joints without limits. The whole path is checked, also
-///         between waypoints, and a path that exceeds them has no timing. None for both: only `check_limits` applies.
+///     start_speed, end_speed: path speeds ds/dt at the ends, 1/s.
+///     friction: True for the arm's damping and Coulomb friction, or viscous coefficients, number or `(n,)`, N m s/rad or N s/m.
+///     grid: number of grid points, including the path's knots. None: 201, and more points where the grid makes the motion longer, until
+///         the duration changes by a fraction below 1e-4.
+///     refine: with `grid`, halve segments that are too coarse for the limits, or that make the motion longer (default True).
+///     samples: number of samples of a callable; 201 if None.
+///     torque_rate: limit of |d tau/dt|, N m/s or N/s: number or `(n,)`. It requires a rest-to-rest motion without stops and without
+///         Coulomb friction. The fastest timing is averaged over a window of time, and slowed down until it satisfies this limit. So the
+///         result is not the fastest one.
+///     q_min, q_max: position limits, rad or m: number or `(n,)`, infinite for joints without limits. A path that exceeds them at or
+///         between waypoints has no timing. None for both: only `check_limits` applies.
 ///     tip_speed: largest speed of the origin of `frame`, m/s: a number, `(K,)` at the waypoints, or a callable `s -> number`.
-///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2: in the same forms.
-///     frame: name of the frame of these limits.
+///     tip_acceleration: largest norm of the acceleration of the origin of `frame`, m/s^2, in the forms of `tip_speed`.
+///     frame: name of the frame that `tip_speed` and `tip_acceleration` limit.
 ///     check_limits: action if a waypoint, or a sample of a callable, is outside of the arm's joint limits. None warns, True raises, and
 ///         False does neither. With `q_min` or `q_max` there is no check.
 ///
@@ -179,8 +183,8 @@ fn path_of(
 ///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False, and `p.reason` has the reason.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or out of range, or limits are missing. With `check_limits=True` also: a
-///         waypoint is outside of the joint limits.
+///     InputError: a shape is wrong, a number is not finite or out of range, or limits are missing. With `check_limits=True`, a waypoint
+///         outside of the joint limits also raises it.
 ///
 /// Warns:
 ///     UserWarning: a waypoint is outside of the joint limits.

@@ -1,4 +1,4 @@
-//! The motion that `armlet.time_path` gives, and its pickling.
+//! `armlet.TimedPath`: the motion that `armlet.time_path` returns, and its pickle.
 
 use crate::arrays::{WHATEVER, copied, items, numbers, owned};
 use crate::errors::{Failure, entry, input_error};
@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
 
-/// Why a path has no timing.
+/// The reason why a path has no timing.
 #[derive(Clone, Debug, PartialEq)]
 struct Why {
     text: String,
@@ -25,9 +25,10 @@ struct Why {
     missing_units: f64,
 }
 
-/// The timing of a path: a motion, `p(t)` gives `q, v, a`. Made by `time_path`.
+/// The timing of a path, from `time_path`: a motion whose call `p(t)` returns `q, v, a`.
 ///
-/// The path acceleration is linear in `s` between the points of a grid. The start is held before time 0, the end after `duration`.
+/// The path acceleration is linear in `s` between the points of a grid. The motion rests at the start before time 0, and at the end after
+/// `duration`.
 #[pyclass(frozen, extends = Motion, module = "armlet")]
 pub struct TimedPath {
     core: CorePath,
@@ -36,7 +37,7 @@ pub struct TimedPath {
 }
 
 impl TimedPath {
-    /// The result of the planner.
+    /// Convert the result of the planner to a Python object.
     pub fn answer(answer: TimePath) -> PyClassInitializer<Self> {
         let why = answer.reason.map(|reason| Why {
             text: reason.to_string(),
@@ -72,7 +73,7 @@ fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
 #[entered]
 #[pymethods]
 impl TimedPath {
-    /// `q, v, a` at time `t` in s: each `(n,)` for a number, `(..., n)` for an array of times.
+    /// Compute `q, v, a` at the time `t` in s: each `(n,)` for a number, and `(..., n)` for an array of times.
     ///
     /// Raises:
     ///     InputError: a time is not finite.
@@ -87,7 +88,8 @@ impl TimedPath {
         })
     }
 
-    /// `q, q', q''` of the path at positions `s`, without the timing: each `(n,)` for a number, `(..., n)` for an array.
+    /// Compute the path `q` and its derivatives `dq/ds`, `d2q/ds2` at path positions `s`: each `(n,)` for a number, `(..., n)` for an
+    /// array.
     ///
     /// Raises:
     ///     InputError: a position is not finite, or not on the path.
@@ -119,7 +121,7 @@ impl TimedPath {
         self.why.is_none()
     }
 
-    /// Smallest relative distance to a limit, on ten points per grid segment; at least -1e-9. NaN without a timing.
+    /// The smallest relative distance to a limit, on ten points per grid segment. It is at least -1e-9, and NaN without a timing.
     #[getter]
     fn margin(&self) -> f64 {
         self.margin
@@ -131,8 +133,10 @@ impl TimedPath {
         self.why.as_ref().map(|why| why.text.as_str())
     }
 
-    /// The reason as a dict: `joint`, `joint_name`, `s`, `limit`, `missing` (relative), `missing_units` (N m, rad/s^2, ..). For limits
-    /// of a frame `joint` is None and `joint_name` the frame's name. For position limits `missing` is relative to their range.
+    /// The reason for an infeasible path as a dict; None if there is a timing.
+    ///
+    /// The keys are `joint`, `joint_name`, `s`, `limit`, `missing` (relative), and `missing_units` (in N m, rad/s^2, ..). For limits of a
+    /// frame, `joint` is None and `joint_name` is the frame's name. For position limits, `missing` is relative to their range.
     #[getter]
     fn shortfall<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(why) = &self.why else { return Ok(None) };
@@ -187,7 +191,7 @@ impl TimedPath {
 
 type PickledReason = (String, Option<usize>, String, f64, String, f64, f64);
 
-/// A `TimedPath` from the content of its pickle.
+/// Restore a `TimedPath` from the content of its pickle.
 #[entered]
 #[pyfunction]
 pub fn _restore_time_path<'py>(
