@@ -1,4 +1,4 @@
-//! `armlet.RigidArm`, `armlet.ElasticArm`, `armlet.VelocityArm` and the wall that plants touch.
+//! The plants `armlet.RigidArm`, `armlet.ElasticArm` and `armlet.VelocityArm`, and `armlet.Wall`, which a plant may touch.
 
 use crate::arguments::{Arguments, stands_on_arm};
 use crate::arm::Arm;
@@ -11,7 +11,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-/// A controlled system: the base class of all plants.
+/// A controlled system. This is the base class of all plants.
 #[pyclass(frozen, subclass, module = "armlet", name = "Plant")]
 pub struct Plant {
     pub spec: PlantSpec,
@@ -21,7 +21,7 @@ pub struct Plant {
 }
 
 impl Arguments<'_> {
-    /// The plant of these arguments.
+    /// Make the Python object of a plant from its arguments and its specification.
     fn plant(self, spec: PlantSpec) -> PyClassInitializer<Plant> {
         PyClassInitializer::from(Plant { spec, arm: self.arm.unbind(), arguments: self.arguments })
     }
@@ -32,24 +32,27 @@ stands_on_arm!(Plant);
 #[entered]
 #[pymethods]
 impl Plant {
-    /// The parts of the state, one number per joint each.
+    /// The names of the parts of the state. Each part has one number per joint.
     #[getter]
     fn _parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.spec.kind().parts())
     }
 }
 
-/// A compliant wall that a frame may touch. At depth `d > 0` the force is `f = n max(0, k d + c d_dot)`; the wall never pulls.
+/// A compliant wall that the origin of a frame may touch.
+///
+/// At the depth `d > 0` in the wall, the force on the frame is `f = n max(0, k d + c d_dot)` with the unit normal `n`. The wall never
+/// pulls.
 ///
 /// Args:
-///     frame: name of the frame that touches it.
-///     point: a point of the surface, (3,), world axes, m.
-///     normal: direction out of the wall, (3,), any length > 0.
-///     stiffness: `k` in N/m (keyword only).
-///     damping: `c` in N s/m, >= 0 (keyword only).
+///     frame: name of the frame that touches the wall.
+///     point: a point of the surface, `(3,)`, world axes, m.
+///     normal: direction out of the wall, `(3,)`, world axes, of any length > 0.
+///     stiffness: `k`, N/m, > 0 (keyword only).
+///     damping: `c`, N s/m, >= 0 (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite or of the wrong sign.
+///     InputError: a shape is wrong, or a number is not finite or has the wrong sign.
 ///
 /// Source: docs/plants_and_laws.md.
 ///
@@ -62,7 +65,7 @@ pub struct Wall {
     core: CoreWall,
 }
 
-/// Frame, point and normal.
+/// The name of the frame, the point and the normal of a wall.
 type Placed = (String, [f64; 3], [f64; 3]);
 
 #[entered]
@@ -81,7 +84,7 @@ impl Wall {
         entry(frame.py(), NAME, || {
             let damping = damping.map_or(Ok(0.0), |damping| number(NAME, "damping", damping))?;
             let stiffness = number(NAME, "stiffness", stiffness)?;
-            // The frame's index is found where the plant is made: a wall belongs to no arm yet.
+            // The index 0 is a placeholder, because a wall does not know its arm. The constructor of a plant finds the index of the frame.
             let core = CoreWall::new(0, three(NAME, "point", Some(point))?, three(NAME, "normal", Some(normal))?, stiffness, damping)?;
             Ok(Wall { frame: text(NAME, "frame", frame)?, core })
         })
@@ -105,7 +108,7 @@ impl Wall {
     }
 }
 
-/// The wall of a plant, with its frame found.
+/// Read the wall of a plant, and find the index of its frame.
 fn wall<'py>(given: &mut Arguments<'py>, function: &str, wall: Option<&Bound<'py, PyAny>>) -> Result<Option<CoreWall>, Failure> {
     let Some(wall) = wall.filter(|wall| !wall.is_none()) else { return Ok(None) };
     let object = object::<Wall>(function, "wall", "a Wall or None", wall)?;
@@ -115,7 +118,7 @@ fn wall<'py>(given: &mut Arguments<'py>, function: &str, wall: Option<&Bound<'py
     Ok(Some(CoreWall { frame, ..object.get().core.clone() }))
 }
 
-/// The stops of a plant, kept for `repr` and pickling.
+/// Read the stops of a plant, and keep the argument for `repr` and pickling.
 fn stops<'py>(given: &mut Arguments<'py>, function: &'static str, stops: Option<&Bound<'py, PyAny>>) -> Result<Option<Stops>, Failure> {
     let found = crate::stops::stops(function, &given.model(), stops)?;
     if let (Some(_), Some(stops)) = (&found, stops) {
@@ -124,7 +127,7 @@ fn stops<'py>(given: &mut Arguments<'py>, function: &'static str, stops: Option<
     Ok(found)
 }
 
-/// `friction=` of a plant: a flag, or a model of friction.
+/// Read the argument `friction` of a plant: a flag, or a friction model.
 fn friction_or_flag<'py>(
     given: &mut Arguments<'py>,
     function: &'static str,
@@ -140,12 +143,12 @@ fn friction_or_flag<'py>(
     Ok((given.flag(name, value)?, None))
 }
 
-/// A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`, `x = [q, v]`.
+/// A rigid arm whose input is the joint torques: `M(q) a + C(q, v) v + g(q) + tau_f = tau + J'F`, with the state `[q, v]`.
 ///
 /// Args:
-///     arm: the arm of the plant; a law may be made for another one.
-///     friction: True adds the viscous and Coulomb friction of the model; a `StickSlip` or a `LuGre` is the friction of the joints instead
-///         (keyword only).
+///     arm: the arm of the plant. The arm of a law may differ from it, to simulate an error of the model.
+///     friction: True: `tau_f` is the viscous and Coulomb friction of the arm. A `StickSlip` or a `LuGre`: `tau_f` is this friction. False:
+///         no friction (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the joints (keyword only).
 ///
@@ -186,7 +189,7 @@ impl RigidArm {
     }
 }
 
-/// An arm whose joint velocities are the input: `q' = u`.
+/// An arm whose input `u` is the joint velocities, rad/s or m/s: `q' = u`, with the state `q`.
 ///
 /// >>> import armlet as al
 /// >>> al.VelocityArm(al.planar_arm([0.5, 0.4]))
@@ -207,22 +210,22 @@ impl VelocityArm {
     }
 }
 
-/// An arm with elastic joints: links and motors coupled by springs (Spong 1987).
+/// An arm with elastic joints, whose input is the motor torques: springs couple the links and the motors.
 ///
-/// `M(q) a + C(q, v) v + g(q) = tau_J + J'F`, `B theta_ddot + tau_J = tau`, `tau_J = K (theta - q)`; motors come after
-/// the gears. The state is `[q, v, theta, theta_dot]`.
+/// `M(q) a + C(q, v) v + g(q) = tau_J + J'F` for the links, `B theta_ddot + tau_J = tau` for the motors, and `tau_J = K (theta - q)`. Motor
+/// positions, inertias and torques are converted to the joint side of the gears. The state is `[q, v, theta, theta_dot]`.
 ///
 /// Args:
-///     arm: the links.
+///     arm: the arm of the links.
 ///     stiffness: `K`, N m/rad, positive definite: scalar, `(n,)` or `(n, n)`.
 ///     motor_inertia: `B`, kg m^2, positive definite: scalar, `(n,)` or `(n, n)`.
-///     joint_damping: dampers in parallel with the springs, N m s/rad, `(n,)`, >= 0 (keyword only).
+///     joint_damping: damping in parallel with the springs, N m s/rad, `(n,)`, >= 0; zero if None (keyword only).
 ///     motor_friction: viscous friction of the motors, N m s/rad, `(n,)`, >= 0, or a `StickSlip` or a `LuGre` (keyword only).
 ///     wall: a `Wall` that the arm may touch (keyword only).
 ///     stops: `JointStops` at the limits of the links (keyword only).
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a matrix is not positive definite.
+///     InputError: a shape is wrong, a number is not finite, or a matrix is not positive definite.
 ///
 /// Source: Spong, Modeling and control of elastic joint robots, J. Dyn. Sys. Meas. Control 109, 1987.
 ///

@@ -1,4 +1,4 @@
-//! Laws, observers and functions of arms as C: the files of `armlet.export_c`, as pairs of name and text.
+//! C code of laws, observers and functions of arms: the files of `armlet.export_c`, as pairs of a name and a text.
 
 use crate::arm::Arm;
 use crate::arrays::{Axis, Form, SCALAR, flag, items, name, numbers, object, optional_number, spread, text};
@@ -15,10 +15,10 @@ use pyo3::prelude::*;
 
 const NAME: &str = "export_c";
 
-/// Functions of one arm that are exported together.
+/// The largest number of functions of an arm in one export.
 const MOST_FUNCTIONS: usize = 10_000;
 
-/// A function of an arm: its name in C, its name, and a frame.
+/// A function of an arm: its name in C, the name of its quantity, and a frame or `None`.
 type Named<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>);
 
 fn options(prefix: &Bound<'_, PyAny>, fused: Option<&Bound<'_, PyAny>>) -> Result<COptions, Failure> {
@@ -33,7 +33,7 @@ fn pairs(files: Vec<CFile>) -> Vec<(String, String)> {
     files.into_iter().map(|file| (file.name, file.text)).collect()
 }
 
-/// The files of a law; arguments as `armlet.export_c` documents them.
+/// Return the C files of a law. `armlet.export_c` documents the arguments.
 #[entered]
 #[pyfunction]
 pub fn _c_of_law(
@@ -66,7 +66,7 @@ pub fn _c_of_law(
     })
 }
 
-/// The files of an observer; arguments as `armlet.export_c` documents them.
+/// Return the C files of an observer. `armlet.export_c` documents the arguments.
 #[entered]
 #[pyfunction]
 pub fn _c_of_observer(
@@ -82,7 +82,7 @@ pub fn _c_of_observer(
     })
 }
 
-/// The files of functions of an arm: their names in C, their quantities, and a frame if there is one.
+/// Return the C files of functions of an arm. Each entry of `functions` is a name in C, the name of a quantity, and a frame or None.
 #[entered]
 #[pyfunction]
 pub fn _c_of_arm(

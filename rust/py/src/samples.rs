@@ -1,4 +1,4 @@
-//! Samples for concurrent learning: the core of `armlet.select_samples`.
+//! The selection of samples for concurrent learning, for `armlet.select_samples`.
 
 use crate::arrays::{Looked, adopted, flag, number, object, owned, require_finite, shown, vector, whole};
 use crate::errors::{Failure, entry, input_error};
@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 
 const NAME: &str = "select_samples";
 
-/// `W` `(N, n, p)`, `tau` `(N, n)`, `indices` `(N,)`, `singular_value` and `rank` of the samples that are chosen.
+/// Return a dict of the selected samples: `W` `(N, n, p)`, `tau` `(N, n)`, `indices` `(N,)`, `singular_value` and `rank`.
 #[entered]
 #[pyfunction]
 pub fn _select_samples<'py>(

@@ -1,7 +1,9 @@
 //! Pickles with a checksum: `payload = SHA-256(body) || body`, where `body` is a pickle of `(make, arguments, keywords)`.
 //!
-//! The object is `make(*arguments, **keywords)`. The digest covers all of it, nested objects too, so that a changed bit is a
-//! `FormatError` and never another object. It detects damage, not intent: unpickle only what you trust.
+//! The restored object is `make(*arguments, **keywords)`. The checksum covers the whole body with all nested objects. So a changed bit
+//! raises `FormatError`, and cannot make another object. The checksum detects damage, but not manipulation: unpickle only trusted data.
+//!
+//! Large bodies are stored in *shares*, so that other threads can run between two shares.
 
 use crate::errors::format_error;
 use crate::interrupts::pause_in_turn;
@@ -13,19 +15,19 @@ use pyo3::types::{PyBytes, PyDict, PyMemoryView, PySlice, PyTuple};
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// The result of `__reduce__`: `_restore` and the payload, whole or in pieces.
+/// The result of `__reduce__`: the function `_restore`, and the payload in one part or in several.
 pub type Sealed<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 
-/// Bytes that are handled between two moments in which other threads get the interpreter.
+/// The number of bytes that are copied or hashed between two pauses, in which other threads can run.
 const PIECE: usize = 1 << 20;
-/// Bytes that `pickle` itself copies at a time, while no other thread runs and no signal is heard.
+/// The number of bytes of a share. `pickle` copies a share while no other thread can run and no signal is checked.
 pub const SHARE: usize = 1 << 22;
-/// Bytes of the digest.
+/// The number of bytes of the SHA-256 digest.
 const DIGEST: usize = 32;
-/// Every Python that armlet supports reads it, so that all versions write the same bytes.
+/// The protocol of the pickles. It is fixed, so that all versions of Python write the same bytes.
 const PROTOCOL: u8 = 4;
 
-/// The pickle of `make(*arguments, **keywords)`.
+/// Make the result of `__reduce__` for the object `make(*arguments, **keywords)`.
 pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywords: Option<Bound<'py, PyDict>>) -> PyResult<Sealed<'py>> {
     let py = make.py();
     let keywords = keywords.unwrap_or_else(|| PyDict::new(py));
@@ -33,7 +35,7 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     let pickler = py.import("pickle")?.call_method1("Pickler", (&file, PROTOCOL))?;
     pickler.setattr("dispatch_table", array_table(py)?)?;
     pickler.call_method1("dump", ((make, arguments, keywords),))?;
-    // Frees what was pickled, if nobody else has it.
+    // The pickler holds references to the pickled objects. Dropping it frees temporary ones.
     drop(pickler);
     pause_in_turn(py)?;
     let mut file = file.borrow_mut();
@@ -48,25 +50,25 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     Ok((py.import("armlet._core")?.getattr("_restore")?, payload))
 }
 
-/// The result of `__reduce__` of a class in Python: the pickle of `make(*arguments)`.
+/// Make the result of `__reduce__` for the object `make(*arguments)`, for classes that are written in Python.
 #[entered]
 #[pyfunction]
 pub fn _seal<'py>(make: &Bound<'py, PyAny>, arguments: &Bound<'py, PyTuple>) -> PyResult<Sealed<'py>> {
     seal(make, arguments.clone(), None)
 }
 
-/// The pickle of an object that its class makes from `__getnewargs_ex__`.
+/// Make the result of `__reduce__` for an object. Its class makes it from the arguments that `__getnewargs_ex__` returns.
 pub fn seal_new<'py>(object: &Bound<'py, PyAny>) -> PyResult<Sealed<'py>> {
     let (arguments, keywords): (Bound<'_, PyTuple>, Bound<'_, PyDict>) = object.call_method0("__getnewargs_ex__")?.extract()?;
     seal(object.get_type().as_any(), arguments, Some(keywords))
 }
 
-/// The pickle of a call of `armlet._core.<function>`.
+/// Make the result of `__reduce__` for the object that `armlet._core.<function>(*arguments)` returns.
 pub fn seal_call<'py>(py: Python<'py>, function: &str, arguments: Bound<'py, PyTuple>) -> PyResult<Sealed<'py>> {
     seal(&py.import("armlet._core")?.getattr(function)?, arguments, None)
 }
 
-/// These bytes, one after the other, as Python's.
+/// Concatenate these bytes to a Python `bytes` object.
 pub fn bytes<'py>(py: Python<'py>, parts: &[&[u8]]) -> PyResult<Bound<'py, PyBytes>> {
     PyBytes::new_with(py, parts.iter().map(|part| part.len()).sum(), |mut out| {
         for piece in parts.iter().flat_map(|part| part.chunks(PIECE)) {
@@ -79,7 +81,7 @@ pub fn bytes<'py>(py: Python<'py>, parts: &[&[u8]]) -> PyResult<Bound<'py, PyByt
     })
 }
 
-/// The bytes from `first` to `last`, in place.
+/// A memory view of the bytes `first..last`, without a copy.
 fn view<'py>(bytes: &Bound<'py, PyAny>, first: usize, last: usize) -> PyResult<Bound<'py, PyAny>> {
     PyMemoryView::from(bytes)?.get_item(PySlice::new(bytes.py(), first as isize, last as isize, 1))
 }
@@ -88,7 +90,7 @@ fn sha256(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     py.import("hashlib")?.call_method0("sha256")
 }
 
-/// In pieces of a megabyte, because `hashlib` does not check for signals.
+/// Add the bytes `first..last` to a hash. Pieces of a megabyte are hashed one by one, because `hashlib` does not check for signals.
 fn update(hash: &Bound<'_, PyAny>, bytes: &Bound<'_, PyAny>, first: usize, last: usize) -> PyResult<()> {
     for first in (first..last).step_by(PIECE) {
         hash.call_method1("update", (view(bytes, first, (first + PIECE).min(last))?,))?;
@@ -101,8 +103,9 @@ fn digest_of<'py>(hash: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
     Ok(hash.call_method0("digest")?.cast_into::<PyBytes>()?)
 }
 
-/// The file for the pickle of a body. Other threads run while it is written, but not while `pickle.dumps` copies.
-/// Large parts stay the objects that they are: a copy has to be freed, and no other thread runs meanwhile.
+/// The file object to which `pickle` writes a body. Other threads can run between two writes, which `pickle.dumps` does not allow.
+///
+/// Large `bytes` objects are stored without a copy, because no other thread can run while a copy is freed.
 #[pyclass(module = "armlet._core", name = "_Written")]
 struct Written {
     parts: Vec<Py<PyBytes>>,
@@ -144,7 +147,7 @@ impl Written {
     }
 }
 
-/// Part of a long payload. `pickle` asks for one after the other, and other threads run before each.
+/// A part of a large payload. `pickle` calls its `__reduce__`, which lets other threads run first.
 #[pyclass(module = "armlet._core", name = "_Share", frozen)]
 pub struct Share {
     bytes: Py<PyBytes>,
@@ -165,7 +168,7 @@ impl Share {
     }
 }
 
-/// Part of a long payload, as it was read.
+/// Return a part of a large payload unchanged, after other threads could run.
 #[entered]
 #[pyfunction]
 pub fn _share<'py>(bytes: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {
@@ -173,7 +176,7 @@ pub fn _share<'py>(bytes: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>>
     Ok(bytes.clone())
 }
 
-/// The file that a body is read from: these bytes from `at` on, one after the other.
+/// The file object from which `pickle` reads a body: the bytes of all parts, from the index `at` of the first part on.
 #[pyclass(module = "armlet._core", name = "_Reading")]
 struct Reading {
     parts: VecDeque<Py<PyBytes>>,
@@ -181,7 +184,7 @@ struct Reading {
 }
 
 impl Reading {
-    /// The next bytes that are contiguous: up to `most` of them, or to the end of the line.
+    /// The next bytes of the front part: at most `most` of them, or with `None` up to the end of the line.
     fn next(&mut self, py: Python<'_>, most: Option<usize>) -> Option<(Py<PyBytes>, Range<usize>)> {
         loop {
             let part = self.parts.front()?;
@@ -225,14 +228,14 @@ impl Reading {
     }
 }
 
-/// An object from the payload of its pickle; `FormatError` where the payload is damaged or of another version.
+/// Restore an object from the payload of its pickle. A payload that is damaged or of another version raises `FormatError`.
 #[entered]
 #[pyfunction]
 #[pyo3(signature = (*payload))]
 pub fn _restore<'py>(payload: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
     let py = payload.py();
     let damaged = || format_error(py, "unpickle: the stored object is damaged: its checksum does not match");
-    // `copy.copy` passes the parts themselves, and a pickler their bytes.
+    // `copy.copy` passes objects of the class `Share`, and an unpickler passes their bytes.
     let part = |part: Bound<'py, PyAny>| match part.cast::<Share>() {
         Ok(share) => Ok(share.get().bytes.bind(py).clone()),
         Err(_) => part.cast_into::<PyBytes>().map_err(|_| damaged()),
@@ -253,7 +256,7 @@ pub fn _restore<'py>(payload: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny
         let (make, arguments, keywords): (Bound<'_, PyAny>, Bound<'_, PyTuple>, Bound<'_, PyDict>) = parts.extract()?;
         make.call(arguments, Some(&keywords))
     })();
-    // A complete pickle that cannot be restored is of another version of armlet, or of a package that is not installed.
+    // The checksum matches. If the object cannot be restored, it is of another version of armlet or of a package that is not installed.
     made.map_err(|error| {
         let passes = error.is_instance_of::<PyMemoryError>(py) || !error.is_instance_of::<PyException>(py);
         if passes { error } else { format_error(py, &format!("unpickle: the stored object is of another version: {error}")) }

@@ -1,4 +1,4 @@
-//! `simulate` and `simulate_batch`: arguments to a problem, records to a dictionary of arrays.
+//! `simulate` and `simulate_batch`: conversion of the arguments to a problem of the core, and of the records to a dict of arrays.
 
 use crate::arrays::{Axis, Form, adopted, flag, numbers, object, owned, text, written_array};
 use crate::elastic::warn_of_sampling;
@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 const A_PLANT: &str = "a plant such as RigidArm";
-/// The largest number of numbers for which a copy into an array is faster than a transfer of their memory.
+/// Up to this count of numbers, copying them to a new array is faster than making an array that takes over their memory.
 const FEW: usize = 1024;
 
 fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[usize]) -> Result<(), Failure> {
@@ -31,7 +31,7 @@ fn put<'py>(fields: &Bound<'py, PyDict>, name: &str, values: Vec<f64>, shape: &[
     Ok(fields.set_item(name, adopted(fields.py(), shape, values)?)?)
 }
 
-/// The recorded quantities of one run (`lead` empty) or of a batch (`lead` its rows) over `k` times.
+/// Add the recorded series to the fields, `(lead.., k, n)` each for `k` times. `lead` is empty for one run, and `[B]` for a batch.
 fn put_series(
     fields: &Bound<'_, PyDict>,
     lead: &[usize],
@@ -42,7 +42,7 @@ fn put_series(
 ) -> Result<(), Failure> {
     for (name, values) in series {
         let width = if name == "estimate" { p } else { n };
-        // Without motors there is no theta, without a law's state no estimate, and without dry friction no record of it.
+        // Optional series are empty: theta and theta_dot without motors, the estimate without a law's state, and records of friction.
         let optional = !["q", "v", "tau", "estimate"].contains(&name);
         if (optional && values.is_empty() && k > 0) || width == 0 {
             continue;
@@ -55,7 +55,7 @@ fn put_series(
     Ok(())
 }
 
-/// One run as a dictionary of its fields; keywords as `armlet.simulate` documents them.
+/// Simulate one run, and return a dict of its fields. `armlet.simulate` documents the keywords.
 #[entered]
 #[pyfunction]
 pub fn simulate<'py>(
@@ -136,7 +136,7 @@ pub fn simulate<'py>(
     })
 }
 
-/// A batch as a dictionary of its fields; keywords as `armlet.simulate_batch` documents them.
+/// Simulate a batch of runs, and return a dict of its fields. `armlet.simulate_batch` documents the keywords.
 #[entered]
 #[pyfunction]
 pub fn simulate_batch<'py>(
@@ -209,7 +209,7 @@ pub fn simulate_batch<'py>(
     })
 }
 
-/// The check of starts `q0` `(B, n)` against joint limits, and of the joint references of the laws, for a batch that runs in pieces.
+/// Check the starts `q0` `(B, n)` and the joint references of the laws against joint limits, for a batch that is simulated in parts.
 #[entered]
 #[pyfunction]
 pub fn _check_starts(

@@ -1,4 +1,4 @@
-//! `armlet.Simulator`: a loop with one step per call. Its state is in arrays that remain the same objects.
+//! `armlet.Simulator`: a closed loop with one step per call. The arrays of its state are always the same objects.
 
 use crate::arrays::{new_array, object, of_shape, overwrite, vector};
 use crate::errors::{Failure, entry, input_error, solve_error};
@@ -19,22 +19,23 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::{Mutex, PoisonError};
 
-/// A closed loop with one step per call: `step()` advances by `dt` under the law, and `step(tau)` under your input.
+/// A closed loop with one step per call: `step()` advances by `dt` with the law's input, and `step(tau)` with the caller's input.
 ///
-/// `q`, `v` and `tau` are `(n,)` arrays, and so are `theta` and `theta_dot` of elastic arms, and `estimate` of laws with a state. `LuGre`
-/// friction adds `bristles`. Every step overwrites them, so copy values that you keep. A call costs less than a microsecond in addition to the arithmetic.
+/// The state is in the arrays `q`, `v` and `tau`, `(n,)`. Elastic arms also have `theta` and `theta_dot`, `LuGre` friction has `bristles`,
+/// and a law with a state has `estimate`. Every step overwrites these arrays, so copy values to keep them. In addition to the arithmetic, a
+/// step takes less than a microsecond.
 ///
 /// Args:
 ///     plant: the controlled system, such as `RigidArm(arm)`.
-///     law: the controller; None if every step has an input.
-///     q0: initial position, `(n,)`, rad or m.
+///     law: the control law; None if every step has an input of the caller.
+///     q0: initial positions, `(n,)`, rad or m.
 ///     dt: the step, s (keyword only).
-///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max, state_limit, check_limits: as for `simulate` (keyword only).
-///         The method has fixed steps: "euler", "semi_implicit", "rk4" or "ros2". `force_frame` is the frame of `step(force=)`.
+///     v0, theta0, theta_dot0, method, sample_time, force, force_frame, tau_max, state_limit, check_limits: as for `simulate` (keyword
+///         only). The method has fixed steps: "euler", "semi_implicit", "rk4" or "ros2". `force_frame` is also the frame of `step(force=)`.
 ///
-/// `status` is `Status.SUCCESS` until a step diverges. The state would then not be finite, or would exceed `state_limit`. Such a step raises and is
-/// not taken, so the arrays keep the state and the input before it. Every further step also raises, until `set_state` or `reset`.
-/// `tau` is the input that acted, within `tau_max`.
+/// A step *diverges* if the state after it would not be finite, or would exceed `state_limit`. Such a step raises `SolveError`, and the
+/// arrays keep the state and the input before it. Then `status` is no longer `Status.SUCCESS`, and every further step raises until
+/// `set_state` or `reset`. `tau` is the input of the last step, after clipping to `tau_max`.
 ///
 /// Raises:
 ///     InputError: an argument has a wrong type, shape or value.
@@ -51,7 +52,7 @@ use std::sync::{Mutex, PoisonError};
 /// (1.0, (1,))
 #[pyclass(module = "armlet")]
 pub struct Simulator {
-    /// Never contended: the lock only allows Python to share the object.
+    /// No thread ever waits for this lock. Python requires it to share the object.
     stepping: Mutex<Box<dyn Stepping>>,
     plant: PlantSpec,
     law: LawSpec,
@@ -60,7 +61,7 @@ pub struct Simulator {
     raised: Raised,
     has_law: bool,
     check: LimitCheck,
-    /// The rows of a force of a step, if there is a frame for it: those of the law's coordinates, or all of a frame's.
+    /// `None` if `step(force=)` has no frame. `Some(None)`: a force at `force_frame`. `Some(rows)`: a force in the law's coordinates.
     pushed: Option<Option<Vec<usize>>>,
     /// The arguments of the constructor: plant, law, q0 and the keywords.
     made_of: Py<PyTuple>,
@@ -100,16 +101,16 @@ impl Simulator {
         Simulator::made(plant, law, q0, keywords.map_or(Ok(PyDict::new(plant.py())), |keywords| keywords.copy())?, true)
     }
 
-    /// Advance by `dt`, under the law or under a constant `tau` `(n,)`.
+    /// Advance by `dt` with the law's input, or with the constant input `tau`.
     ///
     /// Args:
-    ///     tau: the plant's input, `(n,)`, N m or N; None: the law's.
-    ///     force: external force during this step, in place of that of the constructor (keyword only). It has the law's axes at the law's frame.
-    ///         Otherwise it acts at `force_frame`, `(3,)`, or `(6,)` as `[f; m]`, in world axes, N and N m.
+    ///     tau: the plant's input, `(n,)`, N m or N (rad/s or m/s for `VelocityArm`); None: the law's input.
+    ///     force: external force during this step, N and N m, in place of the constructor's force (keyword only). With a `force_frame` it
+    ///         is `(3,)`, or `(6,)` as `[f; m]`, in world axes. Otherwise it is in the law's coordinates, at the law's frame.
     ///
     /// Raises:
     ///     InputError: an argument has a wrong type, shape or value.
-    ///     SolveError: the step diverges; it is not taken.
+    ///     SolveError: the step diverges. The state does not change.
     #[pyo3(signature = (tau=None, *, force=None))]
     fn step(&mut self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>, force: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         const NAME: &str = "Simulator.step";
@@ -143,18 +144,18 @@ impl Simulator {
         status_member(py, self.stepping.lock().unwrap_or_else(PoisonError::into_inner).status())
     }
 
-    /// Continue from `q` and `v`, `(n,)`, at the present time. The state of the law does not change, unless it is given.
+    /// Set the state, and continue from it at the present time.
     ///
     /// Args:
-    ///     q, v: position and velocity of the links, `(n,)`, rad or m and per second.
-    ///     theta, theta_dot: the same of the motors of elastic arms (keyword only). None: the springs carry gravity, and the motors move with
-    ///         the links, as at the start of `simulate`.
+    ///     q, v: positions (rad or m) and velocities (rad/s or m/s) of the links, `(n,)`.
+    ///     theta, theta_dot: positions (rad) and velocities (rad/s) of the motors of elastic arms, `(n,)` (keyword only). None: as at the
+    ///         start of `simulate`, the springs balance gravity, and the motors move with the links.
     ///     bristles: deflections of the bristles of `LuGre` friction, `(n,)`, rad or m (keyword only). None: zeros.
-    ///     estimate: state of the law, as `estimate` of a simulator or of a run has it (keyword only). It is the integral of a `PID`, the estimate
-    ///         of `Adaptive`, or the observer and the contact of `Guarded`. None: no change, but filters and observers start from `q` and `v`.
+    ///     estimate: state of the law, as in the `estimate` of a simulator or a run (keyword only), such as the integral of a
+    ///         `PID` or the estimate of `Adaptive`. None: no change, but filters and observers start from `q` and `v`.
     ///
     /// Raises:
-    ///     InputError: a shape is wrong, or a number is not finite. Also for motors, bristles or a state of the law where there are none.
+    ///     InputError: a shape is wrong, or a number is not finite. An argument for a state that the loop does not have also raises it.
     #[pyo3(signature = (q, v, *, theta=None, theta_dot=None, bristles=None, estimate=None))]
     fn set_state(
         &mut self,
@@ -179,7 +180,7 @@ impl Simulator {
         })
     }
 
-    /// Restart at `t = 0`, from the initial state or from `q0` and `v0`, `(n,)`. The state of the law restarts too.
+    /// Restart the plant and the law at `t = 0`, from the initial state or from `q0` (rad or m) and `v0` (rad/s or m/s), `(n,)`.
     #[pyo3(signature = (q0=None, v0=None))]
     fn reset(&mut self, py: Python<'_>, q0: Option<&Bound<'_, PyAny>>, v0: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         entry(py, "Simulator.reset", || {
@@ -203,13 +204,13 @@ impl Simulator {
         })
     }
 
-    /// Time in s: the steps taken times `dt`.
+    /// The time, s: the number of steps times `dt`.
     #[getter]
     fn t(&self) -> f64 {
         self.stepping.lock().unwrap_or_else(PoisonError::into_inner).steps() as f64 * self.dt
     }
 
-    /// The state as a dictionary of copies: `t`, `q`, `v`, `tau`, and the states of motors and of the law.
+    /// The state as a dict of copies: `t`, `q`, `v`, `tau`, and the states of motors, bristles and the law if there are any.
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
@@ -227,7 +228,7 @@ impl Simulator {
         Ok(format!("Simulator({law}, n={}, t={} s, dt={} s)", self.plant.n(), self.t()?, self.dt))
     }
 
-    /// Made again, and set to the state of this one.
+    /// The pickled form: the arguments of the constructor, and the state.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Sealed<'py>> {
         seal_call(py, "_restore_simulator", self.parts(py)?)
     }
@@ -236,14 +237,14 @@ impl Simulator {
         py.import("armlet._core")?.call_method1("_restore_simulator", self.parts(py)?)
     }
 
-    /// Without a pickle: a law in Python may not support it.
+    /// Make a deep copy without a pickle, because a law in Python may not support pickling.
     fn __deepcopy__<'py>(&self, py: Python<'py>, memo: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let parts = py.import("copy")?.call_method1("deepcopy", (self.parts(py)?, memo))?.cast_into::<PyTuple>()?;
         py.import("armlet._core")?.call_method1("_restore_simulator", parts)
     }
 }
 
-/// A pickled Simulator: the arguments of the constructor, its steps, state and input, and whether its last step diverged.
+/// Restore a `Simulator` from the constructor's arguments `made_of` and from `at`: the number of steps, the state and the input.
 #[entered]
 #[pyfunction]
 #[pyo3(signature = (made_of, at, diverged=false))]
@@ -254,7 +255,7 @@ pub fn _restore_simulator(
     diverged: bool,
 ) -> PyResult<Simulator> {
     let ((plant, law, q0, keywords), (steps, x, input)) = (made_of, at);
-    // The caller was warned when the first one was made.
+    // The constructor of the original object has already warned about joint limits.
     let mut simulator = Simulator::made(&plant, &law, &q0, keywords.copy()?, false)?;
     entry(py, NAME, || {
         for (name, length, expected) in [("state", x.len(), simulator.x.len()), ("input", input.len(), simulator.input.len())] {
@@ -269,7 +270,7 @@ pub fn _restore_simulator(
 }
 
 impl Simulator {
-    /// As `Simulator(plant, law, q0, **keywords)`; it warns of positions outside of joint limits if `warns`.
+    /// Make a `Simulator(plant, law, q0, **keywords)`. If `warns`, positions outside of joint limits cause a warning.
     fn made<'py>(
         plant: &Bound<'py, PyAny>,
         law: &Bound<'py, PyAny>,
@@ -291,7 +292,7 @@ impl Simulator {
             };
             let given = Keywords { function: NAME, keywords };
             if !has_law {
-                // There is no law, so its sample time has no effect.
+                // Without a law the sample time has no effect, and `dt` satisfies every check.
                 given.keywords.set_item("sample_time", given.required("dt")?)?;
             }
             given.required("dt")?;
@@ -310,7 +311,7 @@ impl Simulator {
                 options,
                 measures: None,
             };
-            // A frame where a later push may act: the law's own, or the one that is named.
+            // The frame of `step(force=)` is `force_frame`, or else the frame of the law.
             let rows = if given.get("force_frame")?.is_some() { None } else { law.coordinates().map(|at| at.rows.clone()) };
             let pushed = given.get("force_frame")?.is_some() || rows.is_some();
             let none = Force::steps(vec![0.0], vec![[0.0; 6]])?;
@@ -319,7 +320,7 @@ impl Simulator {
             warns.then(|| check.problem(py, NAME, &problem, false)).transpose()?;
             let stepping = stepper(&problem)?;
             let start: Vec<f64> = problem.x0.iter().copied().chain(law.start(&problem.x0)).collect();
-            // The caller may change its arrays later.
+            // Use copies, because the caller may change its arrays later.
             let own = py.import("copy")?.call_method1("deepcopy", ((made_of.2, made_of.3),))?;
             let made_of = (made_of.0, made_of.1, own.get_item(0)?, own.get_item(1)?).into_pyobject(py)?.unbind();
             let array = |k: usize| -> Result<Py<PyAny>, Failure> { Ok(new_array(py, &[k], |_| Ok(()))?.unbind()) };
@@ -363,11 +364,11 @@ impl Simulator {
         (self.made_of.clone_ref(py), at, stepping.status() != Status::Success).into_pyobject(py)
     }
 
-    /// The error of a step that diverged.
+    /// Make the error of a step that diverged.
     fn ended(&self, py: Python<'_>, status: Status) -> Result<Failure, Failure> {
         let t = self.t()?;
         let n = self.plant.n();
-        // The state before the step: the state after it may be NaN.
+        // The message shows the state before the step, because the state after it may be NaN.
         let v = if self.plant.kind().has_speeds() { &self.x[n..2 * n] } else { &self.input };
         let message = format!("Simulator.step: the step from t = {t} s on diverges: {}{}", status.advice(), fastest(v));
         Ok(solve_error(py, message, status, t, self.state(py)?.into_any().unbind()).into())
@@ -377,7 +378,7 @@ impl Simulator {
         self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).as_mut()
     }
 
-    /// Write the state into the arrays.
+    /// Write the state to the arrays that Python code sees.
     fn show(&mut self, py: Python<'_>) -> Result<(), Failure> {
         self.stepping.get_mut().unwrap_or_else(PoisonError::into_inner).read(&mut self.x, &mut self.input);
         let (n, kind, seen, states) = (self.plant.n(), self.plant.kind(), self.plant.seen(), self.plant.states());

@@ -8,14 +8,14 @@ use armlet_core::simulate::Wrench;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// `(n,)` finite numbers.
+/// Read `(n,)` finite numbers.
 pub fn finite_vector(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
     let values = vector(function, name, value, n)?;
     require_finite(value.py(), function, name, &[n], &values)?;
     Ok(values)
 }
 
-/// `(n,)` finite numbers for the motors. It is an error if they are given for a plant without elastic joints.
+/// Read `(n,)` finite numbers for the motors. For a plant without elastic joints, such an argument is an error.
 fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if !plant.kind().has_motors() {
@@ -25,7 +25,7 @@ fn of_motors(function: &str, name: &str, value: Option<&Bound<'_, PyAny>>, plant
     Ok(Some(finite_vector(function, name, value, plant.n())?))
 }
 
-/// `(n,)` finite numbers for the bristles of LuGre friction. It is an error if they are given for a plant without it.
+/// Read `(n,)` finite numbers for the bristles of LuGre friction. For a plant without LuGre friction, such an argument is an error.
 fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSpec) -> Result<Option<Vec<f64>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if plant.bristles() == 0 {
@@ -34,7 +34,7 @@ fn of_bristles(function: &str, value: Option<&Bound<'_, PyAny>>, plant: &PlantSp
     Ok(Some(finite_vector(function, "bristles", value, plant.n())?))
 }
 
-/// The state of a law with `size` numbers.
+/// Read the state of a law, which has `size` numbers.
 pub fn law_state(function: &str, value: &Bound<'_, PyAny>, size: usize) -> Result<Vec<f64>, Failure> {
     if size == 0 {
         return Err(input_error(value.py(), function, "estimate", "is not used: expected None for a law without a state").into());
@@ -42,7 +42,7 @@ pub fn law_state(function: &str, value: &Bound<'_, PyAny>, size: usize) -> Resul
     finite_vector(function, "estimate", value, size)
 }
 
-/// The state of a plant from the caller's states of links, motors and bristles.
+/// Read the states of links, motors and bristles, and return the state of the plant.
 pub fn state_of(
     function: &str,
     plant: &PlantSpec,
@@ -62,17 +62,17 @@ pub fn state_of(
     Ok(state)
 }
 
-/// The text about the fastest joint of a state.
+/// The end of a message: the joint with the largest speed, and its velocity.
 pub fn fastest(v: &[f64]) -> String {
     let fastest = v.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     fastest.map_or(String::new(), |(i, v)| format!("; the fastest joint before it: v[{i}] = {v:.4}"))
 }
 
-/// Keywords that a `Simulator` takes.
+/// The keywords of `Simulator`.
 const KNOWN: [&str; 11] =
     ["dt", "v0", "theta0", "theta_dot0", "method", "sample_time", "force", "force_frame", "tau_max", "state_limit", "check_limits"];
 
-/// Refuse keywords that a `Simulator` does not have, and add required ones.
+/// Refuse unknown keywords of `Simulator`, and add the keywords that a run requires.
 pub fn complete(function: &str, keywords: &Bound<'_, PyDict>) -> Result<(), Failure> {
     if let Some(key) = keywords.keys().iter().map(|key| key.to_string()).find(|key| !KNOWN.contains(&key.as_str())) {
         return Err(input_error(keywords.py(), function, &key, format!("is unknown: expected some of {}", KNOWN.join(", "))).into());
@@ -87,7 +87,7 @@ pub fn complete(function: &str, keywords: &Bound<'_, PyDict>) -> Result<(), Fail
     Ok(())
 }
 
-/// The force of one step, if there is a frame for it: see `Simulator::pushed`.
+/// Read the force of one step as a wrench `[f; m]`. Without a frame for the force the result is an error; see `Simulator::pushed`.
 pub fn wrench(pushed: &Option<Option<Vec<usize>>>, force: &Bound<'_, PyAny>) -> Result<Wrench, Failure> {
     const NAME: &str = "Simulator.step";
     let Some(rows) = pushed else {

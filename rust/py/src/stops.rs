@@ -1,4 +1,4 @@
-//! `stops=` of a plant: an `armlet.JointStops`, whose missing limits are those of the arm.
+//! The argument `stops` of a plant: an `armlet.JointStops`. Its missing position limits are the limits of the arm.
 
 use crate::arrays::{Axis, Form, SCALAR, numbers, require_finite, spread};
 use crate::errors::{Failure, input_error};
@@ -6,7 +6,7 @@ use armlet_core::dynamics::Model;
 use armlet_core::plant::Stops;
 use pyo3::prelude::*;
 
-/// The stops of a plant from an `armlet.JointStops`.
+/// Read the stops of a plant from an `armlet.JointStops`.
 pub fn stops(function: &'static str, model: &Model, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Stops>, Failure> {
     let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
     let n = model.n();

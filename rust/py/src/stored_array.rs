@@ -1,5 +1,7 @@
-//! Large arrays in pickles: numpy writes and reads an array as a whole, while no other thread runs and no signal is checked.
-//! A C-contiguous float64 array of more than one share is `_restore_array(shape, share, ..)` instead, little-endian.
+//! Large arrays in pickles, in several parts (*shares*).
+//!
+//! numpy would write and read a large array in one step, in which no other thread can run and no signal is checked. So a C-contiguous
+//! float64 array of more than one share is stored as `_restore_array(shape, share, ..)`, with little-endian numbers.
 
 use crate::arrays::{copied_to_bytes, written_array};
 use crate::errors::{Failure, entry, format_error};
@@ -10,17 +12,17 @@ use numpy::{PyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 
-/// Numbers of a share.
+/// The count of float64 numbers in a share.
 const NUMBERS: usize = SHARE / size_of::<f64>();
 
-/// The table by which a pickler reduces objects of a type: that of every pickler, and arrays.
+/// The dispatch table of a pickler: the global table of `copyreg`, with `_stored_array` for numpy arrays.
 pub fn array_table(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let table = py.import("copyreg")?.getattr("dispatch_table")?.cast_into::<PyDict>()?.copy()?;
     table.set_item(py.import("numpy")?.getattr("ndarray")?, py.import("armlet._core")?.getattr("_stored_array")?)?;
     Ok(table)
 }
 
-/// The result of `__reduce__` of an array, in parts if it is large.
+/// Return the pickled form of an array, in shares if the array is large.
 #[entered]
 #[pyfunction]
 pub fn _stored_array<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
@@ -40,7 +42,7 @@ pub fn _stored_array<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAn
     }
 }
 
-/// An array from its shape and its numbers.
+/// Restore an array from its shape and its shares.
 #[entered]
 #[pyfunction]
 #[pyo3(signature = (shape, *shares))]

@@ -1,4 +1,4 @@
-//! `armlet.suggest_gains` and its result.
+//! `armlet.suggest_gains`: gains for a bandwidth and a damping ratio.
 
 use crate::arm::Arm;
 use crate::arrays::{any_vector, copied, number, object, optional_number};
@@ -10,12 +10,16 @@ use armlet_core::analysis::suggested_gains::{SuggestedGains as Core, suggest_gai
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// Gains for a bandwidth, made by `suggest_gains`; `str(g)` explains them.
+/// Gains for a bandwidth and a damping ratio, from `suggest_gains`. `str(g)` explains them.
 ///
-/// `kp`, `kd`: `(n,)`, of laws whose gains are torques, N m/rad and N m s/rad (N/m, N s/m): `PDGravity`, `PID`, `JointImpedance`, `Adaptive`.
-/// `computed_torque`: `kp` in 1/s^2 and `kd` in 1/s for `ComputedTorque`. `inertia`: `m` `(n,)`, kg m^2 or kg. `lightest`: the least
-/// eigenvalue of `diag(m)^-1 M(q)` at the samples. `limit` and `computed_torque_limit`: the bandwidth below which the sampled loop is
-/// stable, rad/s, for both kinds of laws; None without a sample time. `bandwidth`, `damping_ratio`, `sample_time`: the arguments.
+/// - `kp`, `kd`: `(n,)`, N m/rad and N m s/rad (N/m, N s/m), for `PDGravity`, `PID`, `JointImpedance` and `Adaptive`.
+/// - `computed_torque`: the numbers `kp` in 1/s^2 and `kd` in 1/s, for `ComputedTorque`.
+/// - `inertia`: `m`, `(n,)`, kg m^2 or kg.
+/// - `lightest`: the smallest eigenvalue of `diag(m)^-1 M(q)` at the samples.
+/// - `limit`: the bandwidth, rad/s, below which the sampled loop with `kp`, `kd` is stable; None without a sample time.
+/// - `computed_torque_limit`: the bandwidth, rad/s, below which the sampled loop with `ComputedTorque` is stable; None without a sample
+///   time.
+/// - `bandwidth`, `damping_ratio`, `sample_time`: the arguments of `suggest_gains`.
 #[pyclass(frozen, module = "armlet")]
 pub struct SuggestedGains {
     core: Core,
@@ -119,34 +123,34 @@ fn array<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
     entry(py, "SuggestedGains", || copied(py, &[values.len()], values))
 }
 
-/// Gains of an arm for a bandwidth and a damping ratio, from its mass matrix over the workspace.
+/// Compute gains of an arm for a bandwidth `w` and a damping ratio `zeta`, from its mass matrix over the workspace.
 ///
-/// `kp = m w^2` and `kd = 2 zeta m w` for laws whose gains are torques (`PDGravity`, `PID`, `JointImpedance`, `Adaptive`). For `ComputedTorque`,
-/// `.computed_torque` has `kp = w^2` and `kd = 2 zeta w`.
+/// `PDGravity`, `PID`, `JointImpedance` and `Adaptive` have *gains that are torques*: `kp = m w^2` and `kd = 2 zeta m w`. For
+/// `ComputedTorque`, `.computed_torque` has `kp = w^2` and `kd = 2 zeta w`.
 ///
-/// `m` is the largest `diag M(q)` of 512 configurations within the joint limits, times one factor. This is the least factor with
-/// `M(q) <= diag(m)` at all of them. With `M` frozen at one of them, every mode has at least this natural frequency and damping ratio. Joints
-/// without limits are sampled over a turn, or over a metre in both directions. The same call returns the same gains.
+/// `m` is the largest `diag M(q)` of 512 configurations within the joint limits, times the smallest factor with `M(q) <= diag(m)` at all of
+/// them. So, with `M` constant at a configuration, every mode has at least the natural frequency `w` and the damping ratio `zeta`. Joints
+/// without limits are sampled from -pi to pi rad, or from -1 to 1 m. Equal calls return equal gains.
 ///
-/// With `sample_time=h` the input is held for `h`. A loop is then stable below `min(4 zeta, l/zeta)/h` rad/s. `l = 1` for `ComputedTorque`, and
-/// for gains that are torques `l` is the least eigenvalue of `diag(m)^-1 M(q)`. The law must compensate gravity. The limit holds for the
-/// mass matrix frozen at a sample.
+/// With `sample_time=h` the law's input is constant for `h`. The loop is then stable for bandwidths below `min(4 zeta, l/zeta)/h` rad/s.
+/// For `ComputedTorque`, `l = 1`; for gains that are torques, `l` is the smallest eigenvalue of `diag(m)^-1 M(q)`. This limit assumes that
+/// the law compensates gravity, and that the mass matrix is constant at one of the samples.
 ///
 /// Args:
 ///     arm: the arm; its inertia includes the armature.
 ///     bandwidth: `w`, rad/s, > 0.
-///     damping_ratio: `zeta`, > 0; 1 is critical.
-///     sample_time: the time for which a sampled law holds its input, s, > 0; None: a continuous law.
+///     damping_ratio: `zeta`, > 0; 1 is critical damping.
+///     sample_time: the time `h` between two samples of the law, s, > 0; None: a continuous law.
 ///
 /// Returns:
 ///     A `SuggestedGains`: `.kp`, `.kd`, and `str(g)` with bandwidths, poles and limits.
 ///
 /// Raises:
-///     InputError: a number is not positive, `bandwidth` is not below the limit of `ComputedTorque` at this sample time, or the mass
+///     InputError: a number is not positive, `bandwidth` is not below the limit for `ComputedTorque` at this sample time, or the mass
 ///         matrix is not positive definite.
 ///
 /// Warns:
-///     UserWarning: `bandwidth` is not below the limit of gains that are torques.
+///     UserWarning: `bandwidth` is not below the limit for gains that are torques.
 ///
 /// Source: Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control, section 8.5, 2009.
 ///

@@ -1,4 +1,4 @@
-//! Warnings with the caller's line, and positions outside of joint limits.
+//! Python warnings that name the caller's line, and the check of positions against joint limits.
 
 use crate::arrays::flag;
 use crate::errors::{Failure, input_error};
@@ -8,10 +8,10 @@ use armlet_core::simulate::Problem;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
-/// The number of frames that are searched for the first one outside of armlet.
+/// The largest number of call frames that are searched for code outside of armlet.
 const MOST_FRAMES: usize = 64;
 
-/// Warn with the line of the first frame outside of armlet.
+/// Issue a `UserWarning` with the line of the innermost call frame outside of armlet.
 pub fn warn(py: Python<'_>, text: String) -> PyResult<()> {
     let sys = py.import("sys")?;
     let mut level = 0;
@@ -27,7 +27,7 @@ pub fn warn(py: Python<'_>, text: String) -> PyResult<()> {
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, level as i32)
 }
 
-/// The action for a position outside of joint limits.
+/// The action for a position outside of the joint limits.
 #[derive(Clone, Copy, PartialEq)]
 pub enum LimitCheck {
     Warn,
@@ -36,13 +36,13 @@ pub enum LimitCheck {
 }
 
 impl LimitCheck {
-    /// `check_limits` of the caller: None warns, True refuses, False does neither.
+    /// Read the argument `check_limits`: None warns, True raises an error, and False does neither.
     pub fn of(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Self, Failure> {
         let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(LimitCheck::Warn) };
         Ok(if flag(function, "check_limits", value)? { LimitCheck::Refuse } else { LimitCheck::Ignore })
     }
 
-    /// Rows `(.., n)` of an argument of `function` against the limits of `arm`.
+    /// Check the positions `values`, `(.., n)`, of an argument against the joint limits of `arm`.
     pub fn rows(self, py: Python<'_>, function: &str, argument: &str, arm: &Arm, values: &[f64], of_rows: bool) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());
@@ -51,7 +51,7 @@ impl LimitCheck {
         self.warn(py, function, found.map(|found| (format!("{argument}{}", found.index(of_rows)), found)))
     }
 
-    /// Starts, and the joint positions of laws.
+    /// Check the starts of a problem, and the joint targets of its laws, against joint limits.
     pub fn problem(self, py: Python<'_>, function: &str, problem: &Problem<'_>, batch: bool) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());
@@ -60,7 +60,7 @@ impl LimitCheck {
         self.warn(py, function, found)
     }
 
-    /// One warning for all of `found`, or the error for the first one.
+    /// Issue one warning for all positions in `found`, or return an error for the first one.
     pub fn warn(self, py: Python<'_>, function: &str, found: impl IntoIterator<Item = (String, Outside)>) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());

@@ -1,4 +1,4 @@
-//! `armlet.torque_optimal_time`: the optimum under full torque, its families, its motion.
+//! `armlet.torque_optimal_time`: the fastest rest-to-rest motion of one link under torque limits, and its results in Python.
 
 use super::{LinkProblem, again, float, part, scalar, single, truth};
 use crate::arrays::{WHATEVER, numbers, owned, require_finite, written_arrays};
@@ -14,24 +14,25 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::OnceLock;
 
-/// The fastest motion of one link, rest to rest, under torque limits.
+/// The fastest rest-to-rest motion of one link under torque limits.
 ///
-/// `inertia * theta_ddot + gravity_moment sin theta + viscous theta_dot + coulomb sign(theta_dot) = tau`, `tau_min <= tau <= tau_max`. The fields
-/// `t`, `theta_switch`, `t_switch` belong to the monotone optimum: full torque towards the goal, then full torque against
-/// the motion. `best` is the fastest of that, the back-swing (-, +, -) and the overshoot (+, -, +).
+/// `inertia * theta_ddot + gravity_moment sin theta + viscous theta_dot + coulomb sign(theta_dot) = tau` with `tau_min <= tau <= tau_max`.
+/// The *monotone* motion has full torque towards the goal, and then full torque against the motion. The fields `t`, `theta_switch` and
+/// `t_switch` describe the fastest monotone motion. `best` is the fastest of this motion, a *back-swing* (torque -, +, -) and an
+/// *overshoot* (torque +, -, +), where + is towards the goal.
 ///
 /// Args:
-///     theta0, thetaf: start and end, rad from the downward vertical, without wrapping.
+///     theta0, thetaf: start and end, rad from the downward vertical. Angles beyond +-pi are not wrapped.
 ///     inertia: inertia about the joint, kg m^2, > 0.
-///     gravity_moment: `m g0 d`, N m; negative measures from the upward vertical.
+///     gravity_moment: mass times gravity times distance of the centre of mass, N m. With a negative value, the angles are measured from
+///         the upward vertical.
 ///     tau_max: largest torque, N m, >= 0.
-///     tau_min: least torque, N m, <= 0; `-tau_max` if None.
-///     viscous: viscous friction, N m s/rad, >= 0.
+///     tau_min: smallest torque, N m, <= 0; `-tau_max` if None.
+///     viscous: viscous friction, N m s/rad, >= 0. With friction, the motion is integrated numerically, and a call takes longer.
 ///     coulomb: Coulomb friction, N m, >= 0.
-///         With friction the motion is integrated, and a call takes longer.
 ///
 /// Returns:
-///     A `TorqueOptimum`. If no motion is feasible there is no error: `t` is NaN, and `reason` states the missing torque.
+///     A `TorqueOptimum`. If no monotone motion is feasible, `t` is NaN, and `reason` states the missing torque. This is not an error.
 ///
 /// Raises:
 ///     InputError: a number is not finite, or outside its range.
@@ -68,17 +69,17 @@ pub fn torque_optimal_time<'py>(
     })
 }
 
-/// The monotone optimum and the best of the three families: see `torque_optimal_time`.
+/// The fastest monotone motion, and the fastest motion of the three families, from `torque_optimal_time`.
 #[pyclass(frozen, module = "armlet", name = "TorqueOptimum")]
 pub struct TorqueOptimum {
     core: plan::TorqueOptimum,
     problem: LinkProblem,
     friction: [f64; 2],
-    /// The motions of the best family and of the monotone optimum, made on first use.
+    /// The profiles of the best motion and of the monotone motion. They are computed at their first use.
     profiles: [OnceLock<Option<TorqueProfile>>; 2],
 }
 
-/// Times between two checks for a stop.
+/// The number of times that are evaluated between two checks for Ctrl-C.
 const LOOK: usize = 256;
 
 impl TorqueOptimum {
@@ -93,7 +94,7 @@ impl TorqueOptimum {
         Ok(TorqueOptimum { core, problem, friction, profiles: [OnceLock::new(), OnceLock::new()] })
     }
 
-    /// The motion at a time or at an array of times.
+    /// Evaluate the profile `which` (0: best, 1: monotone) at one time or at an array of times, s.
     fn sample<'py>(&self, py: Python<'py>, function: &str, which: usize, t: &Bound<'py, PyAny>) -> Result<[Bound<'py, PyAny>; 4], Failure> {
         let core = &self.core;
         let profile = self.profiles[which].get_or_init(|| if which == 0 { core.profile() } else { core.monotone_profile() });
@@ -112,7 +113,7 @@ impl TorqueOptimum {
         }
         let (shape, times) = numbers(function, "t", t, &[WHATEVER])?;
         require_finite(py, function, "t", &shape, &times)?;
-        // Other threads may write to the caller's array meanwhile.
+        // Use a copy, because other threads may write to the caller's array during the evaluation.
         let times = owned(times)?;
         written_arrays(py, &shape, |mut outs: [&mut [f64]; 4]| {
             long(py, || {
@@ -134,68 +135,70 @@ impl TorqueOptimum {
 #[entered]
 #[pymethods]
 impl TorqueOptimum {
-    /// Whether the monotone motion exists.
+    /// Whether a monotone motion is feasible.
     #[getter]
     fn feasible(&self) -> bool {
         self.core.feasible
     }
 
-    /// Duration of the monotone optimum, s; NaN if there is none.
+    /// The duration of the fastest monotone motion, s; NaN if none is feasible.
     #[getter]
     fn t(&self) -> f64 {
         self.core.t
     }
 
-    /// The angle at which its torque switches, rad.
+    /// The angle, rad, at which the torque of the monotone motion switches.
     #[getter]
     fn theta_switch(&self) -> f64 {
         self.core.theta_switch
     }
 
-    /// The time at which its torque switches, s.
+    /// The time, s, at which the torque of the monotone motion switches.
     #[getter]
     fn t_switch(&self) -> f64 {
         self.core.t_switch
     }
 
-    /// Its speed at the switch, rad/s, signed.
+    /// The signed velocity of the monotone motion at its switch, rad/s.
     #[getter]
     fn v_peak(&self) -> f64 {
         self.core.v_peak
     }
 
-    /// Whether no other motion of any kind is faster than the monotone optimum, proven by Sturm's comparison.
+    /// Whether Sturm's comparison theorem proves that no motion is faster than the fastest monotone motion.
     #[getter]
     fn certified_global(&self) -> bool {
         self.core.certified_global
     }
 
-    /// `pi / sqrt(|gravity_moment|/inertia - (viscous/(2 inertia))^2)`, s. An optimal motion shorter than this switches at most once. With
-    /// Coulomb friction this is not proved. The value is infinite for an overdamped link, where every optimal motion switches at most once.
+    /// The duration `pi / sqrt(|gravity_moment|/inertia - (viscous/(2 inertia))^2)`, s. A shorter optimal motion switches at most once.
+    ///
+    /// This is not proved with Coulomb friction. For an overdamped link the value is infinite.
     #[getter]
     fn sturm_bound(&self) -> f64 {
         self.core.sturm_bound
     }
 
-    /// Why the monotone motion does not exist, with the missing torque; empty if it does.
+    /// The reason why no monotone motion is feasible, with the missing torque. It is empty if one is feasible.
     #[getter]
     fn reason(&self) -> String {
         if self.core.feasible { String::new() } else { self.core.reason.to_string() }
     }
 
-    /// The fastest motion of the three families.
+    /// The fastest motion of the three families: monotone, back-swing and overshoot.
     #[getter]
     fn best(slf: &Bound<'_, Self>) -> Best {
         Best { core: slf.get().core.best, owner: slf.clone().unbind() }
     }
 
-    /// `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at time `t` (s), a number or an array. It is at rest before 0 and from its
-    /// end on.
+    /// Compute `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the best motion at the time `t` in s, a number or an array.
+    ///
+    /// The motion is at rest before the time 0 and after its end.
     fn profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
         entry(py, "TorqueOptimum.profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.profile", 0, t)?)?))
     }
 
-    /// The same as `profile` for the monotone optimum.
+    /// Compute `q, v, a, tau` (rad, rad/s, rad/s^2, N m) of the fastest monotone motion at the time `t` in s, a number or an array.
     fn monotone_profile<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyTuple>> {
         entry(py, "TorqueOptimum.monotone_profile", || Ok(PyTuple::new(py, self.sample(py, "TorqueOptimum.monotone_profile", 1, t)?)?))
     }
@@ -223,7 +226,7 @@ impl TorqueOptimum {
     }
 }
 
-/// The fastest motion of the three families.
+/// The fastest motion of the three families: monotone, back-swing and overshoot.
 #[pyclass(frozen, module = "armlet._core", name = "Best")]
 pub struct Best {
     core: plan::Best,
@@ -233,13 +236,14 @@ pub struct Best {
 #[entered]
 #[pymethods]
 impl Best {
-    /// `"monotone"`, `"back-swing"` (-, +, -), `"overshoot"` (+, -, +), or `"none found"`; signs are those towards the goal.
+    /// The family: `"monotone"`, `"back-swing"` (torque -, +, -), `"overshoot"` (torque +, -, +), or `"none found"`. A torque towards the
+    /// goal is +.
     #[getter]
     fn kind(&self) -> &'static str {
         self.core.kind.name()
     }
 
-    /// Duration, s; NaN if none was found.
+    /// The duration, s; NaN if no motion was found.
     #[getter]
     fn t(&self) -> f64 {
         self.core.t
@@ -257,13 +261,13 @@ impl Best {
         PyTuple::new(py, &self.core.t_switches[..self.core.switches])
     }
 
-    /// The angle at which a swing reverses, rad; NaN for the monotone motion.
+    /// The angle, rad, at which a back-swing or an overshoot reverses; NaN for the monotone motion.
     #[getter]
     fn theta_turn(&self) -> f64 {
         self.core.theta_turn
     }
 
-    /// The time at which a swing reverses, s; NaN for the monotone motion.
+    /// The time, s, at which a back-swing or an overshoot reverses; NaN for the monotone motion.
     #[getter]
     fn t_turn(&self) -> f64 {
         self.core.t_turn

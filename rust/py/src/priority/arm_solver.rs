@@ -1,4 +1,4 @@
-//! `armlet.PrioritySolver.for_arm`: joint angles and task velocities in, joint velocities out.
+//! `armlet.PrioritySolver.for_arm`: a solver that computes joint velocities from joint positions and task velocities.
 
 use super::diagnosis::fields;
 use super::solution::{residual_list, status_member};
@@ -24,34 +24,34 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Prioritised velocities for tasks of one arm, kinematics included: made by `PrioritySolver.for_arm`.
+/// A solver of joint velocities for tasks of one arm with priorities, from `PrioritySolver.for_arm`.
 ///
-/// `v` solves `J_i(q) v = v_i`, the highest first, with ranks decided on entries that carry a relative error of
-/// `8 eps (1 + sum|q|)`.
+/// `v` solves `J_i(q) v = v_i` for each level, in the order of priority. The rank decisions assume a relative error of
+/// `8 eps (1 + sum|q|)` in the entries of the Jacobians, where `eps` is the machine epsilon.
 #[pyclass(frozen, module = "armlet")]
 pub struct ArmPrioritySolver {
     n: usize,
     rows: Vec<usize>,
-    /// The arm whose tasks these are.
+    /// The arm of the tasks.
     #[pyo3(get)]
     arm: Py<Arm>,
-    /// The tasks, the highest first.
+    /// The tasks, the highest priority first.
     #[pyo3(get)]
     tasks: Py<PyTuple>,
     keywords: Vec<(&'static str, Py<PyAny>)>,
-    // Python code never runs under this lock.
+    // No Python code runs while this lock is held.
     state: Mutex<Core>,
 }
 
-/// Levels that are read without a separate buffer.
+/// The largest number of levels for the fast path, which uses no heap buffer.
 const MOST: usize = 8;
 
-/// Rows that are copied between two checks for a stop.
+/// The number of rows that are copied between two checks for Ctrl-C.
 const LOOK: usize = 1 << 12;
 
 const SOLVE: &str = "ArmPrioritySolver.solve";
 
-/// Build one: the work of `PrioritySolver.for_arm`.
+/// Make a solver for the tasks of an arm, for `PrioritySolver.for_arm`.
 pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywords<'_, '_>) -> Result<ArmPrioritySolver, Failure> {
     const NAME: &str = "PrioritySolver.for_arm";
     let py = arm.py();
@@ -71,7 +71,7 @@ pub fn for_arm(arm: &Bound<'_, PyAny>, tasks: &Bound<'_, PyAny>, keywords: Keywo
     Ok(ArmPrioritySolver { n, rows, arm: arm.unbind(), tasks, keywords: kept, state: Mutex::new(core) })
 }
 
-/// Make a copy, for pickling.
+/// Restore a pickled solver.
 #[entered]
 #[pyfunction]
 pub fn _restore_arm_solver(
@@ -89,8 +89,8 @@ impl ArmPrioritySolver {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// One row whose arguments are float64, contiguous and of the right shape. `None` otherwise, also for an error: the general path reports
-    /// it.
+    /// Solve for one `q` `(n,)`, if all arguments are contiguous float64 arrays of the right shape. `None` for other arguments, and for
+    /// errors, which [`ArmPrioritySolver::full`] reports.
     #[inline]
     fn quick<'py>(
         &self,
@@ -104,7 +104,7 @@ impl ArmPrioritySolver {
         if list.len() != self.rows.len() || self.rows.len() > MOST {
             return None;
         }
-        // Without a vector, which would take half of the time of the checks of the arguments.
+        // An array on the stack: a `Vec` would take half of the time of the checks of the arguments.
         let held: [Option<Bound<'py, PyAny>>; MOST] = std::array::from_fn(|i| if i < list.len() { list.get_item(i).ok() } else { None });
         let mut given: [&[f64]; MOST] = [&[]; MOST];
         for ((slot, velocity), &m) in given.iter_mut().zip(&held).zip(&self.rows) {
@@ -127,7 +127,7 @@ impl ArmPrioritySolver {
         match out {
             None => new_vector(py, self.n, solve).ok(),
             Some(out) => {
-                // All inputs are contiguous: their addresses say whether they overlap.
+                // All arrays are contiguous, so comparing their address ranges detects an overlap.
                 let place = of_shape(out, &[self.n])?.as_ptr_range();
                 let apart = |x: &[f64]| x.as_ptr_range().end <= place.start || place.end <= x.as_ptr_range().start;
                 if !(apart(angles) && given.iter().all(|x| apart(x))) {
@@ -139,7 +139,7 @@ impl ArmPrioritySolver {
         }
     }
 
-    /// Anything else: lists, other types, leading axes, and invalid arguments.
+    /// Solve for all other arguments: lists, other types of arrays, and leading axes. Invalid arguments are an error.
     fn full<'py>(
         &self,
         py: Python<'py>,
@@ -152,7 +152,7 @@ impl ArmPrioritySolver {
             return Err(input_error(py, SOLVE, "velocities", problem).into());
         }
         let (total, count) = (self.rows.iter().sum::<usize>(), |shape: &[usize]| shape.iter().product::<usize>());
-        // The velocities of all levels side by side, broadcast over their leading axes.
+        // Each row of the result has the velocities of all levels, after broadcasting over the leading axes.
         let mut parts = Vec::with_capacity(velocities.len());
         for (i, (velocity, &m)) in velocities.iter().zip(&self.rows).enumerate() {
             let name = format!("velocities[{i}]");
@@ -172,7 +172,7 @@ impl ArmPrioritySolver {
         let rows = count(&lead);
         let one = parts.iter().all(|(shape, _)| count(shape) == 1);
         let commands = if one { 1 } else { rows };
-        // Copied: other threads may write to the caller's arrays.
+        // Use copies, because other threads may write to the caller's arrays.
         let (shape, angles) = (given.shape.clone(), given.given(0)?);
         let parts = parts.into_iter().map(|(shape, values)| Ok((shape, owned(values)?))).collect::<Result<Vec<_>, Failure>>()?;
         let inputs = || -> Result<(Vec<f64>, Vec<f64>), Error> {
@@ -202,7 +202,7 @@ impl ArmPrioritySolver {
         }
     }
 
-    /// Write all rows to `v`; `private`: no other thread can see it.
+    /// Write the results of all rows to `v`. `private` is true if no other thread can access `v`.
     fn fill(
         &self,
         py: Python<'_>,
@@ -239,10 +239,10 @@ impl ArmPrioritySolver {
 #[entered]
 #[pymethods]
 impl ArmPrioritySolver {
-    /// Joint velocities `(..., n)` at `q` `(..., n)` for one `(..., rows_i)` task velocity per level, written to `out` if given.
+    /// Compute joint velocities `(..., n)` at `q` `(..., n)`, rad or m, for a list with one task velocity `(..., rows_i)` per level.
     ///
-    /// Leading axes make a batch, solved in lanes and threads with the bits of single solves; a row whose result overflows is NaN.
-    /// Residuals, ranks and status are those of the last single solve.
+    /// `out`: an array for the result. Leading axes make a batch, in which every row has the bits of a single solve. A row whose result
+    /// overflows is NaN. A batch does not change `residuals`, `ranks` and `status`, which belong to the last single solve.
     #[pyo3(signature = (q, velocities, *, out=None))]
     fn solve<'py>(
         &self,
@@ -257,7 +257,7 @@ impl ArmPrioritySolver {
         })
     }
 
-    /// The fields of `diagnose` as a dictionary.
+    /// Return a dict with the fields of the result of `diagnose`.
     #[pyo3(signature = (q, velocities=None))]
     fn _diagnose<'py>(
         &self,
@@ -285,14 +285,14 @@ impl ArmPrioritySolver {
         })
     }
 
-    /// The directions of each task that can be commanded at `q` `(n,)`, and the loss of `velocities`: a `PriorityDiagnosis`.
+    /// Return a `PriorityDiagnosis`: the feasible directions of each task at `q` `(n,)`, and the infeasible part of `velocities`.
     #[pyo3(signature = (q, velocities=None))]
     fn diagnose<'py>(slf: &Bound<'py, Self>, q: &Bound<'py, PyAny>, velocities: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let fields = slf.get()._diagnose(slf.py(), q, velocities)?;
         slf.py().import("armlet.priority")?.getattr("PriorityDiagnosis")?.call((), Some(&fields))
     }
 
-    /// The Jacobians at `q` `(n,)`, `(rows_i, n)` each, as the solver uses them.
+    /// Return a list with the Jacobian `(rows_i, n)` of each task at `q` `(n,)`.
     fn jacobians<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyList>> {
         const NAME: &str = "ArmPrioritySolver.jacobians";
         entry(py, NAME, || {
@@ -308,7 +308,7 @@ impl ArmPrioritySolver {
         })
     }
 
-    /// The bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s.
+    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s.
     fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
         const NAME: &str = "ArmPrioritySolver.set_bounds";
         entry(py, NAME, || {
@@ -323,19 +323,19 @@ impl ArmPrioritySolver {
         self.n
     }
 
-    /// Rows of each task.
+    /// Number of rows of each task.
     #[getter]
     fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.rows)
     }
 
-    /// The name of the map.
+    /// Name of the priority map.
     #[getter]
     fn method(&self) -> &'static str {
         self.state().solver().method().name()
     }
 
-    /// `v_i - J_i v` of the last solve, `(rows_i,)` per level.
+    /// Residuals `v_i - J_i v` of the last single solve, a list of `(rows_i,)` per level.
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         entry(py, "ArmPrioritySolver.residuals", || {
@@ -344,7 +344,7 @@ impl ArmPrioritySolver {
         })
     }
 
-    /// Directions of each level that the last solve realised.
+    /// Number of directions of each level that the last single solve realised.
     #[getter]
     fn ranks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let ranks: Vec<i64> = self.state().solver().ranks().iter().map(|&r| r as i64).collect();
@@ -352,7 +352,7 @@ impl ArmPrioritySolver {
         array.call_method0("tolist")
     }
 
-    /// How the last solve ended.
+    /// Status of the last single solve.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         let status = self.state().solver().status();

@@ -1,4 +1,4 @@
-//! `armlet._core.diagnose_priority`, the fields of `armlet.PriorityDiagnosis`; and `armlet.velocity_bounds`.
+//! `armlet._core.diagnose_priority`, which computes the fields of `armlet.PriorityDiagnosis`, and `armlet.velocity_bounds`.
 
 use super::stack::{Stack, items, per_joint};
 use crate::arrays::{any_vector, copied, new_vector, number, optional_number, shown};
@@ -9,7 +9,7 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-/// The fields of a diagnosis by name.
+/// Diagnose a stack of Jacobians, and return a dict with the fields of `armlet.PriorityDiagnosis`.
 #[entered]
 #[pyfunction]
 #[pyo3(signature = (jacobians, rhs, rounding))]
@@ -38,7 +38,7 @@ pub fn diagnose_priority<'py>(
     })
 }
 
-/// The fields of `armlet.PriorityDiagnosis`.
+/// Convert a diagnosis to a dict with the fields of `armlet.PriorityDiagnosis`.
 pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>, Failure> {
     let vectors = |parts: Vec<&[f64]>| -> Result<Bound<'py, PyList>, Failure> {
         let arrays = parts.iter().map(|x| copied(py, &[x.len()], x)).collect::<Result<Vec<_>, _>>()?;
@@ -65,20 +65,22 @@ pub fn fields<'py>(py: Python<'py>, d: &Diagnosis) -> Result<Bound<'py, PyDict>,
     Ok(fields)
 }
 
-/// Joint limits as velocity bounds for one sample: `v_max' = min((q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)))`, `v_min'` likewise.
+/// Convert joint limits to velocity bounds for one sample: `v_max' = min((q_max - q)/dt, v_max, sqrt(2 a_max (q_max - q)))`.
+///
+/// The lower bound is computed from `q_min` in the same form.
 ///
 /// Args:
 ///     q: joint positions, `(n,)`, rad or m.
-///     q_min, q_max: position limits, a number or `(n,)`, rad or m; infinities are allowed.
+///     q_min, q_max: position limits, a number or `(n,)`, rad or m; infinite numbers are allowed.
 ///     v_max: velocity limit, a number or `(n,)`, rad/s or m/s.
 ///     dt: the sample time, s.
-///     a_max: deceleration before a limit, a number or `(n,)`, rad/s^2 or m/s^2; None: no braking distance.
+///     a_max: deceleration before a limit, a number or `(n,)`, rad/s^2 or m/s^2; None: without the square root.
 ///
 /// Returns:
-///     `(v_min, v_max)`, `(n,)` each, for "sns". Outside a limit the bound points back inside.
+///     `(v_min, v_max)`, `(n,)` each, rad/s or m/s, for the method "sns". For a joint outside of a limit, both bounds lead back inside.
 ///
 /// Raises:
-///     InputError: limits out of order, a shape that does not fit, numbers that are not finite.
+///     InputError: limits are out of order, a shape is wrong, or a number is not finite.
 ///
 /// Source: Flacco, De Luca and Khatib, Control of redundant robots under hard joint constraints, T-RO 31(3), 2015.
 ///

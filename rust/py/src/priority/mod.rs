@@ -1,6 +1,7 @@
-//! Task priority from plain matrices: `armlet.solve_priority`, `PrioritySolver`, `diagnose_priority`, `velocity_bounds`.
+//! Task priority from matrices: `armlet.solve_priority`, `PrioritySolver`, `diagnose_priority`, `velocity_bounds`.
 //!
-//! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1` (`siciliano1991priority`); the maps are the core's.
+//! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..` with `P1 = I - J1# J1` (`siciliano1991priority`). The core computes it. A *level* is a
+//! task with its priority, and a *stack* is the Jacobians and the velocities of all levels.
 
 mod arm_solver;
 mod diagnosis;

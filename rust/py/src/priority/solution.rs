@@ -17,13 +17,17 @@ use std::sync::Arc;
 
 /// The result of `solve_priority`: joint velocities, and the outcome of each level.
 ///
-/// `v`: joint velocities, `(n,)`, rad/s or m/s. `residuals`: `v_i - J_i v` per level, `(rows_i,)` each, in the unit of the task.
-/// `ranks`: directions of each level that were realised. `scales`: scale of each level's command, `(levels,)`, 1 except for "sns".
-/// `status`: `Status.SUCCESS`, or `Status.DEGRADED` when some level lost a direction or was scaled.
-/// In a batch all have the leading axes in front: `ranks` and `scales` are `(..., levels)`, `status` holds integers of `Status`.
+/// - `v`: joint velocities, `(n,)`, rad/s or m/s.
+/// - `residuals`: a list of `v_i - J_i v` per level, `(rows_i,)`, in the unit of the task.
+/// - `ranks`: number of directions of each level that were realised.
+/// - `scales`: scale of each level's command, `(levels,)`; it is 1 except for "sns".
+/// - `status`: `Status.SUCCESS`, or `Status.DEGRADED` if some level lost a direction or was scaled.
+///
+/// In a batch, all fields are arrays with leading axes: `ranks` and `scales` are `(..., levels)`, and `status` has integer codes of
+/// `Status`.
 #[pyclass(frozen, module = "armlet")]
 pub struct PrioritySolution {
-    /// The result of a single solve, whose Python objects are made on first use.
+    /// The result of a single solve. The Python objects of its fields are made at their first use.
     found: Option<SingleSolution>,
     v: PyOnceLock<Py<PyAny>>,
     residuals: PyOnceLock<Py<PyAny>>,
@@ -32,7 +36,7 @@ pub struct PrioritySolution {
     status: PyOnceLock<Py<PyAny>>,
 }
 
-/// The result of a single solve: `[v, residuals, scales, ranks]`, in one piece of memory.
+/// The result of a single solve: the numbers `[v, residuals, scales, ranks]` in one allocation.
 struct SingleSolution {
     n: usize,
     rows: Arc<[usize]>,
@@ -50,7 +54,7 @@ impl SingleSolution {
 }
 
 impl PrioritySolution {
-    /// The object of a field, made by `make` the first time.
+    /// The Python object of a field. `make` makes it at the first use.
     fn once<'py>(
         &self,
         py: Python<'py>,
@@ -115,7 +119,7 @@ impl PrioritySolution {
     }
 }
 
-/// The member of `armlet.Status`.
+/// The member of the Python enumeration `armlet.Status`.
 pub fn status_member(py: Python<'_>, status: Status) -> PyResult<Py<PyAny>> {
     static MEMBERS: PyOnceLock<Vec<Py<PyAny>>> = PyOnceLock::new();
     let members = MEMBERS.get_or_try_init(py, || {
@@ -125,7 +129,7 @@ pub fn status_member(py: Python<'_>, status: Status) -> PyResult<Py<PyAny>> {
     Ok(members[status.code() as usize].clone_ref(py))
 }
 
-/// The residuals of the last solve as a list of vectors.
+/// Split the residuals of all levels into a list of arrays, one per level.
 pub fn residual_list<'py>(py: Python<'py>, rows: &[usize], stacked: &[f64]) -> Result<Bound<'py, PyList>, Failure> {
     let (mut start, mut parts) = (0, Vec::with_capacity(rows.len()));
     for m in rows {
@@ -135,14 +139,14 @@ pub fn residual_list<'py>(py: Python<'py>, rows: &[usize], stacked: &[f64]) -> R
     Ok(PyList::new(py, parts)?)
 }
 
-/// A solver without options, and the sizes of its levels for the solutions.
+/// A solver with default options, and the number of rows of each level.
 struct Kept {
     solver: Core,
     rows: Arc<[usize]>,
 }
 
 thread_local! {
-    /// The last one: a loop over stacks of one size builds its buffers once.
+    /// The solver of the last call on this thread. A loop over stacks of equal sizes therefore allocates its buffers once.
     static LAST: RefCell<Option<Kept>> = const { RefCell::new(None) };
 }
 
@@ -159,7 +163,7 @@ fn solver(function: &str, n: usize, rows: &[usize], keywords: &Keywords) -> Resu
     Ok(Core::new(n, rows, &keywords.options(function, n, rows.len())?)?)
 }
 
-/// Fill the solver's inputs from one stack and solve.
+/// Copy one stack to the inputs of the solver, and solve it.
 fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
     let (jacobian, command) = solver.inputs();
     let (mut at, mut to) = (0, 0);
@@ -172,28 +176,29 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
     solver.run()
 }
 
-/// Joint velocities that execute tasks `J_i v = v_i` in priority: each level uses only the freedom that those above leave.
+/// Compute joint velocities for tasks `J_i v = v_i` with priorities: a task does not disturb the tasks of higher priority.
 ///
-/// `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`, with ranks decided on the scale of the unprojected tasks.
+/// `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..` with the pseudoinverse `#` and the null-space projector `P1 = I - J1# J1`. Rank decisions
+/// compare singular values with the size of the unprojected Jacobians.
 ///
 /// Args:
-///     jacobians: one `(..., rows_i, n)` per level, the highest first; zero rows and more rows than joints are allowed.
+///     jacobians: one `(..., rows_i, n)` per level, the highest priority first. Zero rows, and more rows than joints, are allowed.
 ///     velocities: one `(..., rows_i)` per level, in the unit of the task.
-///     method: "exact" (the equation), "clamp" (continuous and bounded, equal to it where all singular values reach `eps`),
-///         "damped", "chiaverini", or "sns" (within `v_min`, `v_max`).
-///     eps: threshold on singular values, one number or one per level; None: 0.02 of each level's largest row norm.
-///     rounding: relative error of the entries of the Jacobians; None: 8 machine epsilons; `8 eps (1 + sum|q|)` if they were computed from
-///         angles.
-///     weight: joint metric `W`, `(n, n)`, symmetric positive definite: `v' W v` is minimised; None: the identity.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s; a single one is valid for both signs.
+///     method: "exact" is the equation above. "clamp" is continuous and bounded, and equals "exact" where all singular values are at least
+///         `eps`. "damped" and "chiaverini" use damped pseudoinverses. "sns" satisfies `v_min` and `v_max`.
+///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
+///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
+///         angles `q`, pass `8 (1 + sum|q|)` times the machine epsilon.
+///     weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. If one of them is missing, it is minus the other one.
 ///
 /// Returns:
-///     A `PrioritySolution`. Batches never raise for one bad row: `status` has one entry per row. A row whose numbers are not finite, or
-///     whose result overflows, is NaN with `Status.DIVERGED`.
+///     A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is
+///     NaN with `Status.DIVERGED`.
 ///
 /// Raises:
-///     InputError: shapes that do not fit, an empty stack, an unknown method; in one stack also numbers that are not finite.
-///     SolveError: the result of one stack overflows.
+///     InputError: shapes do not fit, the stack is empty, or the method is unknown. For a single stack, a number is not finite.
+///     SolveError: the result of a single stack overflows.
 ///
 /// Source: Siciliano and Slotine, A general framework for managing multiple tasks in highly redundant robotic systems, ICAR 1991.
 ///
@@ -233,7 +238,7 @@ pub fn solve_priority<'py>(
         if stack.lead.is_empty() {
             return single(py, solver, &stack, keywords.plain());
         }
-        // Stacks that take long are read again, into separate memory.
+        // If the work is long, the stack is read again into copies.
         let copied = || Stack::read(py, NAME, ["jacobians", "velocities"], &jacobians, Some(&velocities));
         stacks::solve(py, NAME, &solver, stack, copied)
     })
@@ -254,13 +259,13 @@ fn length(items: &Bound<'_, PyAny>) -> Option<usize> {
     items.cast_exact::<PyList>().map(|list| list.len()).or_else(|_| items.cast_exact::<PyTuple>().map(|tuple| tuple.len())).ok()
 }
 
-/// One stack of contiguous arrays of the sizes and with the method of the last call: solved on a fast path. None for other stacks, and for
-/// errors, which the full path reports.
+/// Solve a single stack of contiguous arrays with the solver of the last call, if the sizes and the method are equal. `None` for other
+/// stacks, and for errors, which the general path reports.
 fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: &Keywords) -> Option<PrioritySolution> {
     if !keywords.plain() {
         return None;
     }
-    // No Python code runs in here.
+    // No Python code runs in this closure, so `LAST` is not borrowed twice.
     LAST.with(|last| {
         let mut last = last.try_borrow_mut().ok()?;
         let Kept { solver, rows } = last.as_mut()?;
@@ -283,7 +288,7 @@ fn again(jacobians: &Bound<'_, PyAny>, velocities: &Bound<'_, PyAny>, keywords: 
     })
 }
 
-/// The last result of the solver.
+/// Copy the result of the solver's last run.
 fn answer(solver: &Core, rows: Arc<[usize]>) -> PrioritySolution {
     let mut numbers = Vec::with_capacity(solver.n() + solver.residuals().len() + 2 * rows.len());
     numbers.extend_from_slice(solver.v());

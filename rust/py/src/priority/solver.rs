@@ -1,4 +1,4 @@
-//! `armlet.PrioritySolver`: buffers built once, then solves without allocation in the core.
+//! `armlet.PrioritySolver`: its constructor allocates buffers, so that a solve allocates nothing in the core.
 
 use super::arm_solver::{ArmPrioritySolver, for_arm};
 use super::solution::{residual_list, status_member};
@@ -17,15 +17,15 @@ struct State {
     options: PriorityOptions,
 }
 
-/// A solver of prioritised velocities for stacks of one size, which keeps its buffers.
+/// A solver of joint velocities for tasks with priorities, which reuses its buffers for stacks of equal sizes.
 ///
 /// Args:
 ///     n: number of joints.
-///     rows: rows of each level, the highest first.
-///     method, eps, rounding, weight, v_min, v_max: as for `solve_priority`; keyword only.
+///     rows: number of rows of each level, the highest priority first.
+///     method, eps, rounding, weight, v_min, v_max: as for `solve_priority` (keyword only).
 ///
 /// Raises:
-///     InputError: a size is not positive, a shape does not fit, the method is unknown.
+///     InputError: a size is not positive, a shape does not fit, or the method is unknown.
 ///
 /// Source: [siciliano1991priority]; docs/priority.md.
 ///
@@ -39,7 +39,7 @@ struct State {
 pub struct PrioritySolver {
     n: usize,
     counts: Vec<usize>,
-    // Python code never runs under this lock: inputs are read before it is taken, arrays are made before it too.
+    // No Python code runs while this lock is held: inputs are read and arrays are made before.
     state: Mutex<State>,
 }
 
@@ -53,7 +53,7 @@ impl PrioritySolver {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The arrays in place, if all are float64, contiguous and of the right shape.
+    /// Append slices of the arrays to `out`. The result is false unless all are contiguous float64 arrays of the right shape.
     fn borrowed<'a>(&self, jacobians: &'a [Bound<'_, PyAny>], velocities: &'a [Bound<'_, PyAny>], out: &mut Vec<[&'a [f64]; 2]>) -> bool {
         self.counts.iter().zip(jacobians.iter().zip(velocities)).all(|(m, (jacobian, velocity))| {
             match (of_shape(jacobian, &[*m, self.n]), of_shape(velocity, &[*m])) {
@@ -113,12 +113,12 @@ impl PrioritySolver {
         })
     }
 
-    /// A solver for tasks of an arm: `solve(q, velocities)` has joint angles as arguments instead of Jacobians.
+    /// Make a solver for tasks of an arm. Its `solve(q, velocities)` takes joint positions instead of Jacobians.
     ///
     /// Args:
-    ///     arm: the arm, of links.
-    ///     tasks: `Task` and other tasks, the highest first; their targets and gains are not used.
-    ///     method, eps, weight, v_min, v_max: as for `solve_priority`; keyword only. Bounds of "sns" default to the arm's own.
+    ///     arm: the arm; not `planar_pr`, which has no links.
+    ///     tasks: `Task` and other tasks, the highest priority first. Their targets and gains are not used.
+    ///     method, eps, weight, v_min, v_max: as for `solve_priority` (keyword only). The bounds of "sns" default to the arm's bounds.
     ///
     /// >>> import armlet as al
     /// >>> arm = al.planar_arm([1.0, 1.0, 0.25, 0.25])
@@ -146,7 +146,10 @@ impl PrioritySolver {
         })
     }
 
-    /// Joint velocities `(n,)` for one `(rows_i, n)` Jacobian and one `(rows_i,)` task velocity per level, written to `out` if given.
+    /// Compute joint velocities `(n,)`, rad/s or m/s, from lists with one Jacobian `(rows_i, n)` and one task velocity `(rows_i,)` per
+    /// level.
+    ///
+    /// `out`: an array for the result.
     #[pyo3(signature = (jacobians, velocities, *, out=None))]
     fn solve<'py>(
         &self,
@@ -186,7 +189,7 @@ impl PrioritySolver {
                 }
             };
             answer.map_err(|failure| {
-                // Name the entry that is not finite in the caller's indices, if there is one.
+                // If an entry is not finite, the error names its index in the caller's array.
                 Stack::read(py, SOLVE, ["jacobians", "velocities"], &jacobians, Some(&velocities))
                     .and_then(|stack| stack.require_finite(py, SOLVE))
                     .err()
@@ -195,7 +198,9 @@ impl PrioritySolver {
         })
     }
 
-    /// The relative error of the entries of the next Jacobians: `8 eps (1 + sum|q|)` if they were computed from joint angles.
+    /// Set the relative error of the entries of the next Jacobians. For Jacobians computed from joint angles, use `8 eps (1 + sum|q|)`.
+    ///
+    /// Here `eps` is the machine epsilon.
     fn set_rounding(&self, py: Python<'_>, rounding: &Bound<'_, PyAny>) -> PyResult<()> {
         const NAME: &str = "PrioritySolver.set_rounding";
         entry(py, NAME, || {
@@ -207,7 +212,7 @@ impl PrioritySolver {
         })
     }
 
-    /// The bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s.
+    /// Set the velocity bounds of the next solves with "sns", a number or `(n,)` each, rad/s or m/s.
     fn set_bounds(&self, py: Python<'_>, v_min: &Bound<'_, PyAny>, v_max: &Bound<'_, PyAny>) -> PyResult<()> {
         const NAME: &str = "PrioritySolver.set_bounds";
         entry(py, NAME, || {
@@ -225,19 +230,19 @@ impl PrioritySolver {
         self.n
     }
 
-    /// Rows of each level, the highest first.
+    /// Number of rows of each level, the highest priority first.
     #[getter]
     fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.counts)
     }
 
-    /// The name of the map.
+    /// Name of the priority map.
     #[getter]
     fn method(&self) -> &'static str {
         self.state().core.method().name()
     }
 
-    /// `v_i - J_i v` of the last solve, `(rows_i,)` per level.
+    /// Residuals `v_i - J_i v` of the last solve, a list of `(rows_i,)` per level.
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         entry(py, "PrioritySolver.residuals", || {
@@ -246,7 +251,7 @@ impl PrioritySolver {
         })
     }
 
-    /// Directions of each level that the last solve realised.
+    /// Number of directions of each level that the last solve realised.
     #[getter]
     fn ranks(&self) -> Vec<usize> {
         self.state().core.ranks().to_vec()
@@ -261,7 +266,7 @@ impl PrioritySolver {
         })
     }
 
-    /// How the last solve ended.
+    /// Status of the last solve.
     #[getter]
     fn status(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         let status = self.state().core.status();
@@ -289,7 +294,7 @@ impl PrioritySolver {
     }
 }
 
-/// Rows of each level: integers of at least zero.
+/// Read the number of rows of each level: integers that are at least zero.
 fn row_counts(function: &str, rows: &Bound<'_, PyAny>) -> Result<Vec<usize>, Failure> {
     let what = "a list of sizes: expected integers >= 0, one per level";
     let sizes = arrays::items(function, "rows", what, rows, MOST_LEVELS)?;

@@ -1,4 +1,7 @@
-//! Levels in: lists of Jacobians `(..., rows_i, n)` and task velocities `(..., rows_i)`, checked and broadcast over their leading axes.
+//! The arguments of priority solvers: lists of Jacobians `(..., rows_i, n)` and task velocities `(..., rows_i)`, one array per level.
+//!
+//! The arrays are checked and broadcast over their leading axes. A *row of the batch* is one stack: one Jacobian and one velocity per
+//! level.
 
 use crate::arrays::{self, Axis, Form, Looked, PIECE, SCALAR, numbers, of_shape, owned, require_finite, shown, spread};
 use crate::broadcast::{common_shape, stretch};
@@ -9,18 +12,18 @@ use armlet_core::priority::{PriorityMethod, PriorityOptions};
 use pyo3::prelude::*;
 use std::borrow::Cow;
 
-/// The largest sizes of a solver: the buffers grow with `(n + rows)^2`.
+/// The largest number of joints, of levels, and of rows of all levels. The buffers of a solver grow with `(n + rows)^2`.
 pub const MOST_LEVELS: usize = 4096;
 
-/// The entries of a list, tuple or other iterable of arrays, one per level.
+/// Return the entries of a list, tuple or other iterable of arrays, one per level.
 pub fn items<'py>(function: &str, name: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Failure> {
     arrays::items(function, name, "a list of arrays: expected one per level", value, MOST_LEVELS)
 }
 
-/// One array of one level: elements, leading axes, elements per row of the batch.
+/// One array of one level: its elements, its leading axes, and `width`, the number of elements per row of the batch.
 struct Part<'a> {
     values: Cow<'a, [f64]>,
-    /// The array with the elements, if they are not stored here.
+    /// The caller's array, if its elements are not in `values`.
     lent: Option<&'a Bound<'a, PyAny>>,
     lead: Vec<usize>,
     shape: Vec<usize>,
@@ -40,7 +43,7 @@ impl Part<'_> {
 }
 
 impl<'a> Part<'a> {
-    /// With `lend`, a long array with leading axes is not copied.
+    /// Read one array, whose last `axes` axes are not leading axes. With `lend`, a large array with leading axes is not copied.
     fn new(value: &'a Bound<'a, PyAny>, looked: Looked<'_, 'a, '_>, axes: usize, lend: bool) -> Result<Self, Failure> {
         let lent = lend && looked.is_in_place() && looked.shape.len() > axes && looked.shape.iter().product::<usize>() > PIECE;
         let (shape, values) = if lent { (looked.shape, Cow::Borrowed(&[][..])) } else { looked.values()? };
@@ -48,23 +51,23 @@ impl<'a> Part<'a> {
         Ok(Part { values, lent: lent.then_some(value), lead: lead.to_vec(), width: last.iter().product(), shape })
     }
 
-    /// The present elements. None if the array has changed since its shape was read.
+    /// The elements; `None` if the caller's array has changed since its shape was read.
     fn elements(&self) -> Option<&[f64]> {
         self.lent.map_or(Some(&*self.values), |array| of_shape(array, &self.shape))
     }
 
-    /// Rows `first..last` of the batch, or the only one.
+    /// The elements of the rows `first..last` of the batch. An array without leading axes returns all its elements.
     fn rows(&self, first: usize, last: usize) -> Option<&[f64]> {
         let all = self.elements()?;
         Some(if all.len() == self.width { all } else { &all[first * self.width..last * self.width] })
     }
 }
 
-/// A stack of levels, or a batch of stacks.
+/// A stack of levels, or a batch of stacks with leading axes.
 pub struct Stack<'a> {
     pub n: usize,
     pub rows: Vec<usize>,
-    /// The leading axes; empty for one stack.
+    /// The leading axes after broadcasting; empty for a single stack.
     pub lead: Vec<usize>,
     pub count: usize,
     jacobians: Vec<Part<'a>>,
@@ -73,7 +76,7 @@ pub struct Stack<'a> {
 }
 
 impl<'a> Stack<'a> {
-    /// `velocities` may be empty: a diagnosis needs none. `names`: of the two arguments.
+    /// Read and copy a stack. `names` are the names of the two arguments. A diagnosis may have no `velocities`.
     pub fn read(
         py: Python<'_>,
         function: &str,
@@ -84,7 +87,7 @@ impl<'a> Stack<'a> {
         Self::read_or_lend(py, function, names, jacobians, velocities, false)
     }
 
-    /// Like [`Stack::read`]. With `lend`, long arrays are not copied; only [`Stack::piece`] reads them.
+    /// Read a stack as [`Stack::read`] does. With `lend`, large arrays are not copied, and only [`Stack::piece`] reads them.
     pub fn read_or_lend(
         py: Python<'_>,
         function: &str,
@@ -126,7 +129,7 @@ impl<'a> Stack<'a> {
             let name = format!("{}[{i}]", names[1]);
             let looked = Looked::at(function, &name, velocity)?;
             if looked.shape.last() != Some(&rows[i]) {
-                // Without leading axes at the Jacobian none are expected here.
+                // If the Jacobian has no leading axes, the message about a wrong shape expects `(rows_i,)`.
                 let form = if blocks[i].lead.is_empty() { &[Axis::Is(rows[i])][..] } else { &[Axis::Leading, Axis::Is(rows[i])] };
                 return Err(looked.of_another_shape(&[Form(form)]));
             }
@@ -140,7 +143,7 @@ impl<'a> Stack<'a> {
         let count = lead.iter().product();
         for part in blocks.iter_mut().chain(&mut commands) {
             if part.lead != lead && part.lead.iter().product::<usize>() != 1 {
-                // Other threads may write to the caller's array while this is done.
+                // Use a copy, because other threads may write to the caller's array while its rows are repeated.
                 let own = memory::copied(part.elements().ok_or_else(|| changed(py, function))?)?;
                 part.lent = None;
                 part.values = Cow::Owned(long(py, || stretch(&part.lead, &lead, &own, part.width))?);
@@ -157,9 +160,10 @@ impl<'a> Stack<'a> {
         self.velocities[level].row(i)
     }
 
-    /// The Jacobians and the velocities of some rows, level by level; one of them if it is for all rows.
+    /// The Jacobians and the velocities of the rows `first..last`, level by level. An array without leading axes has one element for all
+    /// rows.
     ///
-    /// They are the caller's arrays: the interpreter lock must be held while they are read.
+    /// They may be the caller's arrays, so the interpreter lock must be held while they are read.
     pub fn piece(&self, py: Python<'_>, function: &str, first: usize, last: usize) -> Result<[Vec<&[f64]>; 2], Failure> {
         match (rows_of(&self.jacobians, first, last), rows_of(&self.velocities, first, last)) {
             (Some(jacobians), Some(velocities)) => Ok([jacobians, velocities]),
@@ -167,17 +171,17 @@ impl<'a> Stack<'a> {
         }
     }
 
-    /// Numbers of a row of the batch.
+    /// The count of numbers in a row of the batch.
     pub fn width(&self) -> usize {
         self.jacobians.iter().chain(&self.velocities).map(|part| part.width).sum()
     }
 
-    /// All Jacobians and all velocities of a level; one of them if it is for all rows.
+    /// The Jacobians and the velocities of a level for all rows. An array without leading axes has one element for all rows.
     pub fn level(&self, level: usize) -> (&[f64], &[f64]) {
         (&self.jacobians[level].values, &self.velocities[level].values)
     }
 
-    /// Refuse numbers that are not finite, naming the level and the index.
+    /// Refuse numbers that are not finite. The error names the level and the index.
     pub fn require_finite(&self, py: Python<'_>, function: &str) -> Result<(), Failure> {
         for (parts, name) in [(&self.jacobians, self.names[0]), (&self.velocities, self.names[1])] {
             for (i, part) in parts.iter().enumerate() {
@@ -187,7 +191,7 @@ impl<'a> Stack<'a> {
         Ok(())
     }
 
-    /// A copy that outlives the interpreter lock.
+    /// Copy the borrowed arrays, so that the interpreter lock can be released.
     pub fn owned(self) -> Result<Stack<'static>, Failure> {
         Ok(Stack {
             n: self.n,
@@ -201,18 +205,18 @@ impl<'a> Stack<'a> {
     }
 }
 
-/// Rows `first..last` of each part.
+/// The elements of the rows `first..last` of each part.
 fn rows_of<'s>(parts: &'s [Part<'_>], first: usize, last: usize) -> Option<Vec<&'s [f64]>> {
     parts.iter().map(|part| part.rows(first, last)).collect()
 }
 
-/// Another thread had the interpreter lock, and changed an array.
+/// The error for an array that another thread has changed.
 fn changed(py: Python<'_>, function: &str) -> Failure {
     let problem = "were changed while they were read: expected arrays that keep their size and layout";
     input_error(py, function, "jacobians, velocities", problem).into()
 }
 
-/// Refuse sizes that would need too much memory, such as those of a transposed array.
+/// Refuse sizes that would need too much memory. A transposed array of many rows has such sizes.
 pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) -> Result<(), Failure> {
     let total = rows.iter().fold(0usize, |sum, m| sum.saturating_add(*m));
     for (name, size) in [("n", n), ("rows", total)] {
@@ -223,19 +227,19 @@ pub fn require_size(py: Python<'_>, function: &str, n: usize, rows: &[usize]) ->
     Ok(())
 }
 
-/// A number for all joints or one per joint; infinities pass, the core refuses NaN.
+/// Read one number for all joints, or one per joint. Infinite numbers are accepted, and the core refuses NaN.
 pub fn per_joint(function: &str, name: &str, value: &Bound<'_, PyAny>, n: usize) -> Result<Vec<f64>, Failure> {
     let (shape, values) = numbers(function, name, value, &[SCALAR, Form(&[Axis::Is(n)])])?;
     spread(&shape, values, n)
 }
 
-/// The name of the method, by default "clamp".
+/// Read the name of the method, whose default is "clamp".
 #[inline]
 pub fn method_name<'a>(function: &str, given: Option<&'a Bound<'_, PyAny>>) -> Result<&'a str, Failure> {
     given.map_or(Ok("clamp"), |method| arrays::name(function, "method", method))
 }
 
-/// The keywords of all solvers, unchanged.
+/// The common Python keywords of all solvers.
 #[derive(Clone, Copy)]
 pub struct Keywords<'a, 'py> {
     pub method: &'a str,
@@ -247,7 +251,7 @@ pub struct Keywords<'a, 'py> {
 }
 
 impl Keywords<'_, '_> {
-    /// Whether the caller set only the method and the rounding.
+    /// Whether the caller set no other keywords than the method and the rounding.
     pub fn plain(&self) -> bool {
         self.eps.is_none() && self.weight.is_none() && self.v_min.is_none() && self.v_max.is_none()
     }

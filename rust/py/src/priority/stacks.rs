@@ -1,7 +1,8 @@
 //! Batches of stacks for `armlet.solve_priority`.
 //!
-//! Small problems (microseconds per row) are solved from the caller's arrays in place, piece by piece, under the interpreter lock. A copy
-//! would take longer than the solve. Between two pieces other threads may have the lock, so the arrays are then looked up again.
+//! For small problems (microseconds per row) a copy of the arrays would take longer than the solve. So they are solved from the caller's
+//! arrays, piece by piece, while the interpreter lock is held. Between two pieces other threads can get the lock and change an array, so
+//! each piece looks up the arrays again.
 
 use super::solution::PrioritySolution;
 use super::stack::Stack;
@@ -15,13 +16,13 @@ use armlet_core::simulate::{default_threads, solve_stacks_by};
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 
-/// Numbers that a piece reads: it takes some milliseconds.
+/// The count of numbers in a piece, whose solve takes some milliseconds.
 const PIECE: usize = 1 << 20;
 
-/// Rows of a piece are a multiple of this.
+/// The number of rows of a piece is a multiple of this number.
 const ROWS: usize = 1024;
 
-/// Solve a batch; `copied`: the same stack, with copies of the arrays.
+/// Solve a batch of stacks. `copied` reads the stack again with copies of the arrays, for long work.
 pub fn solve<'a>(
     py: Python<'_>,
     function: &str,

@@ -1,4 +1,4 @@
-//! The tasks that control other quantities than a frame.
+//! Tasks that control other quantities than the pose of a frame: posture, centre of mass, axis, relative pose, joint limits.
 
 use super::{Blueprint, Common, Task, names};
 use crate::arguments::axes_of;
@@ -10,12 +10,12 @@ use armlet_macros::entered;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 
-/// Joints at a posture: `e = q_d - q`. Without `joints` these are all joints, in the order of `q`.
+/// A task that moves joints to desired positions: `e = q_d - q`, rad or m.
 ///
 /// Args:
-///     target: a `Motion` or a constant of one number per joint, rad or m; None if each call has the velocities.
+///     target: `q_d`, a `Motion` or a constant with one number per joint, rad or m; None if task velocities are passed at each call.
 ///     gain: as for `Task`.
-///     motion: the same argument as `target`.
+///     motion: another name of the argument `target`.
 ///     joints: names of the joints; None: all (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
@@ -58,13 +58,13 @@ impl PostureTask {
     }
 }
 
-/// The centre of mass at a point: `e = c_d - c`, in rows of world axes.
+/// A task that moves the arm's centre of mass to a point: `e = c_d - c`, m, in world axes.
 ///
 /// Args:
-///     axes: letters of "xyz".
-///     target: a `Motion` or a constant, m; None if each call has the velocities.
+///     axes: the controlled coordinates, letters of "xyz".
+///     target: `c_d`, a `Motion` or a constant with one number per letter, m; None if task velocities are passed at each call.
 ///     gain: as for `Task`.
-///     motion: the same argument as `target`.
+///     motion: another name of the argument `target`.
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:
@@ -101,17 +101,18 @@ impl CentreOfMassTask {
     }
 }
 
-/// A direction of a frame shall point along a direction of the world. Rotation about it is free. Two rows.
+/// A task that turns a direction of a frame to a direction of the world. Rotation about this direction is free.
 ///
-/// The error is the rotation vector from the first to the second direction, in the frame's two directions perpendicular to its axis. The
-/// velocity of the task is the frame's angular velocity about these two, rad/s.
+/// The task has two rows: the components along the two directions of the frame that are perpendicular to `axis`. The error is the rotation
+/// vector from `axis` to `target`, rad. The task velocity is the frame's angular velocity, rad/s.
 ///
 /// Args:
 ///     frame: name of the frame.
-///     axis: the direction in the frame's axes, (3,), any length > 0.
-///     target: a `Motion` of 3 numbers or a constant `(3,)`, any length > 0; None if each call has the velocities.
-///     gain: as for `Task`; rows = 2.
-///     motion: the same argument as `target`.
+///     axis: the direction in the frame's axes, `(3,)`, of any length > 0.
+///     target: the direction in world axes: a `Motion` of 3 numbers, or a constant `(3,)` of any length > 0. None if task velocities are
+///         passed at each call.
+///     gain: as for `Task`, with two rows.
+///     motion: another name of the argument `target`.
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:
@@ -153,15 +154,15 @@ impl AxisTask {
     }
 }
 
-/// Rows of the pose of a frame relative to another frame of the arm: `x = R_r'(p - p_r)`, `R = R_r' R_F`.
+/// A task that controls the pose of a frame relative to another frame of the arm: `x = R_r'(p - p_r)`, `R = R_r' R_F`.
 ///
 /// Args:
-///     frame: name of the frame.
-///     reference: name of this other frame, in whose axes the pose is.
-///     axes: as for `Task`.
-///     target: a `Motion` or a constant, m and rad; None if each call has the velocities.
+///     frame: name of the frame, with the position `p` and the rotation `R_F` in the world.
+///     reference: name of the other frame, with `p_r` and `R_r`. The relative pose is in the axes of this frame.
+///     axes: the controlled coordinates, as for `Task`.
+///     target: a `Motion` or a constant `(rows,)`, m and rad (rotation vector); None if task velocities are passed at each call.
 ///     gain: as for `Task`.
-///     motion: the same argument as `target`.
+///     motion: another name of the argument `target`.
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:
@@ -202,14 +203,15 @@ impl RelativeTask {
     }
 }
 
-/// A task that keeps joints away from their limits. The error is the distance out of the margin, and zero elsewhere.
+/// A task that keeps joints away from their limits.
 ///
-/// As the last level, it uses the remaining freedom. It moves joints that are too near a limit, and commands zero velocity for the others.
+/// The error of a joint is the distance to the inner part of its range, rad or m. It is zero inside this part. As the last level of a
+/// stack, the task moves joints that are too near a limit, and commands zero velocity to the other joints.
 ///
 /// Args:
-///     gain: as for `Task`.
-///     margin: the fraction of the range at each end that the joints shall avoid, 0 to 0.5; 0.5 centres the joints.
-///     joints: names of the joints; None: all that have two finite limits (keyword only).
+///     gain: as for `Task`, with one row per joint.
+///     margin: the fraction of the range at each end that joints avoid, 0 to 0.5. With 0.5 the inner part is the centre of the range.
+///     joints: names of the joints; None: all joints with two finite limits (keyword only).
 ///     damping: as for `Task` (keyword only).
 ///
 /// Raises:

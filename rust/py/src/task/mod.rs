@@ -1,4 +1,4 @@
-//! `armlet.Task` and other tasks: the controlled quantity, before the arm is known.
+//! `armlet.Task`, the base class of all tasks. A task describes a controlled quantity by names, before its arm is known.
 
 pub mod kinds;
 
@@ -16,24 +16,24 @@ use armlet_macros::entered;
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 
-/// The task function on an arm.
+/// A function that makes the task function for an arm.
 type OnArm = Box<dyn Fn(&Arm) -> Result<TaskFunction, Error> + Send + Sync>;
 
-/// The controlled quantity of a task, with names of frames and joints.
+/// The controlled quantity of a task, with the names of frames and joints, before the arm is known.
 struct Blueprint {
     on: OnArm,
-    /// The number of numbers in a target, if it is known without the arm.
+    /// The length of a target, if it is known without the arm.
     target_size: Option<usize>,
 }
 
 /// The target of a task.
 enum Aim {
     Motion(CoreMotion),
-    /// A constant for each row of a batch: the leading axes, and numbers that need not be finite.
+    /// A constant for each row of a batch: the leading axes, and the numbers, which need not be finite.
     Rows(Vec<usize>, Vec<f64>),
 }
 
-/// A task function with its constant targets: their leading axes, and `(..., size)` numbers.
+/// A task function with its constant targets: the leading axes `lead`, and the numbers, `(lead.., size)`.
 pub struct Goals {
     pub function: TaskFunction,
     pub lead: Vec<usize>,
@@ -46,29 +46,30 @@ impl Blueprint {
     }
 }
 
-/// A gain as passed by the caller.
+/// A gain of the caller, before the number of rows is known.
 #[derive(Clone)]
 struct Raw {
     shape: Vec<usize>,
     values: Vec<f64>,
 }
 
-/// A task of an arm: the base class of all tasks. As a task, it controls rows of a frame.
+/// A task that moves a frame of an arm to a target. This is also the base class of all tasks.
 ///
-/// `Task(frame, axes, target, gain)`: the error is `x_d - p` for x, y, z and `log(R_d R')` for rx, ry, rz, in world axes.
+/// Each controlled coordinate is a row of the task. The error `e` is `x_d - p`, m, for x, y, z, and `log(R_d R')`, rad, for rx, ry, rz,
+/// both in world axes.
 ///
 /// Args:
 ///     frame: name of the frame.
-///     axes: its controlled rows, such as "xyz", "xy", "rx ry rz" or "x y rz".
-///     target: a `Motion` of as many numbers as rows, or a constant `(rows,)`, m and rad (rotation vector); None if each call has the
-///         velocities. `(..., rows)` is a batch of constants for `inverse_kinematics`, whose rows may be not finite. `motion=` is another
-///         name of this argument.
+///     axes: the controlled coordinates in world axes, such as "xyz", "xy", "rx ry rz" or "x y rz".
+///     target: a `Motion` or a constant `(rows,)`, m and rad (rotation vector); None if task velocities are passed at each call. A batch of
+///         constants `(..., rows)` is for `inverse_kinematics`, and may contain numbers that are not finite.
 ///     gain: `K` in `v = x_d' + K e`, 1/s (1/s^2 in `PriorityAcceleration`): scalar, `(rows,)` or `(rows, rows)`, not negative.
-///     motion: the same argument as `target`.
-///     damping: gain of the error's rate, 1/s, for `PriorityAcceleration`; None: `2 K^1/2`, critical (keyword only).
+///     motion: another name of the argument `target`.
+///     damping: gain of the error's derivative in `PriorityAcceleration`, 1/s: scalar, `(rows,)` or `(rows, rows)` (keyword only). None:
+///         `2 K^1/2`, critical damping.
 ///
 /// Raises:
-///     InputError: a shape is wrong, a number is not finite, a gain is negative.
+///     InputError: a shape is wrong, a number is not finite, or a gain is negative.
 ///
 /// Source: [SicilianoEtAl2009], section 3.7; docs/priority.md.
 ///
@@ -87,7 +88,7 @@ pub struct Task {
 
 made_of_arguments!(Task);
 
-/// The arguments that most tasks share.
+/// The common arguments of the tasks.
 struct Common<'a, 'py> {
     name: &'static str,
     target: Option<&'a Bound<'py, PyAny>>,
@@ -124,7 +125,7 @@ impl Raw {
     }
 }
 
-/// A frozen copy of numbers, and anything else unchanged.
+/// Copy an argument for `repr` and pickling. An array becomes a list, and an object without a copy is returned unchanged.
 fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
     match value.call_method0("tolist") {
         Ok(list) => Ok(list.unbind()),
@@ -133,7 +134,7 @@ fn kept(value: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
 }
 
 impl Common<'_, '_> {
-    /// The task of this blueprint with these additional arguments.
+    /// Make the task of a blueprint. The common arguments are appended to `arguments`.
     fn task(self, blueprint: Blueprint, mut arguments: Vec<(&'static str, Py<PyAny>)>) -> Result<Task, Failure> {
         let given = match (self.target, self.motion) {
             (Some(target), Some(_)) => {
@@ -148,7 +149,7 @@ impl Common<'_, '_> {
                     Ok(motion) => Aim::Motion(motion.get().core.clone()),
                     Err(_) => {
                         let single = Form(&[Axis::Any("rows")]);
-                        // A batch must have the shape of this task before it is read.
+                        // The last axis of a batch must have the length of the target. This is checked before the numbers are read.
                         let looked = Looked::at(self.name, "target", given)?;
                         let width = [Axis::Leading, blueprint.target_size.map_or(Axis::Any("rows"), Axis::Is)];
                         let forms = [single, Form(&width)];
@@ -163,7 +164,7 @@ impl Common<'_, '_> {
                         }
                     }
                 };
-                // Copied after the check of its shape; many rows remain an array.
+                // The argument is copied after the check of its shape. A batch is kept as an array.
                 let kept = match &target {
                     Aim::Motion(_) => kept(given)?,
                     Aim::Rows(lead, values) => {
@@ -197,17 +198,17 @@ impl Common<'_, '_> {
 }
 
 impl Task {
-    /// The task function on an arm.
+    /// Make the task function for an arm.
     pub fn function(&self, arm: &Arm) -> Result<TaskFunction, Error> {
         (self.blueprint.on)(arm)
     }
 
-    /// The task function on an arm with its constant targets.
+    /// Make the task function for an arm, with the constant targets. A missing or moving target is an error.
     pub fn goals(&self, arm: &Arm) -> Result<Goals, Error> {
         if let Some(Aim::Rows(lead, values)) = &self.target {
             let (function, rows) = (self.function(arm)?, lead.iter().product::<usize>());
             let size = function.target_size();
-            // An empty batch has no numbers that determine its width.
+            // The product of the axes is compared, because an empty batch has no last axis to compare.
             if rows.checked_mul(size) != Some(values.len()) {
                 let got = shown(&[lead.as_slice(), &[values.len() / rows.max(1)]].concat());
                 return Err(Error::input("target", format!("has the wrong shape: expected (..., {size}), got {got}")));
@@ -221,7 +222,7 @@ impl Task {
         }
     }
 
-    /// The level of priority it makes on an arm; it needs a target.
+    /// Make the level of priority for an arm: the task function, its target and its gains. A missing target is an error.
     pub fn level(&self, arm: &Arm) -> Result<Level, Error> {
         let function = self.function(arm)?;
         let rows = function.rows();
@@ -239,10 +240,10 @@ impl Task {
     }
 }
 
-/// The most names of joints in a list.
+/// The largest number of names in a list.
 const MOST_NAMES: usize = 1 << 20;
 
-/// Read a list of tasks, and apply `of` to each; errors name the task.
+/// Read a list of tasks, and apply `of` to each of them. The errors of `of` name the task.
 pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> Result<T, Error>) -> Result<(Py<PyTuple>, Vec<T>), Failure> {
     let py = tasks.py();
     let refuse = |argument: &str, problem: String| -> Failure { input_error(py, function, argument, problem).into() };
@@ -267,7 +268,7 @@ pub fn each<T>(function: &str, tasks: &Bound<'_, PyAny>, of: impl Fn(&Task) -> R
     Ok((PyTuple::new(py, items)?.unbind(), out))
 }
 
-/// Names of joints, or None.
+/// Read a list of names of joints, or None.
 fn names(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<Option<Vec<String>>, Failure> {
     let Some(value) = value else { return Ok(None) };
     if value.is_instance_of::<PyString>() {
@@ -305,7 +306,7 @@ impl Task {
         let of_frame = slf.get().arguments.get(1).is_some_and(|(name, _)| *name == "axes");
         for (i, (name, value)) in slf.get().arguments.iter().enumerate() {
             let shown = value.bind(py).repr()?.to_string();
-            // Positional until the first missing argument.
+            // Arguments are shown by position until one is missing, and then by name.
             let plain = i < 2 || (i == 2 && *name == "target") || (i == 3 && *name == "gain" && slf.get().arguments[2].0 == "target");
             let keyword = !plain || *name == "damping" || !of_frame;
             parts.push(if keyword { format!("{name}={shown}") } else { shown });
