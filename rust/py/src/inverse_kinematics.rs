@@ -27,8 +27,9 @@ use pyo3::types::{PyList, PyTuple};
 /// - `reached`: a flag for each task.
 /// - `iterations`: number of steps from all starts together.
 /// - `restarts`: number of random starts.
-/// - `status`: `Status.SUCCESS` if every task is reached, `DEGRADED` if the first task is reached, but not all. If the first task is not
-///   reached, it is `INFEASIBLE` when the search made no further progress, and `MAX_STEPS` when it still made progress.
+/// - `status`: `Status.SUCCESS` if every task is reached, and `DEGRADED` if the first task is reached, but not all.
+///
+/// If the first task is not reached, `status` is `INFEASIBLE` when the search made no further progress, and `MAX_STEPS` when it did.
 ///
 /// In a batch all fields are arrays: `q` `(..., n)`, and `errors` a list of `(..., rows_i)`. `reached` (every task of the row is reached),
 /// `iterations`, `restarts` and `status` (integer codes of `Status`) have the shape `(...)`. With `solutions=k`, `q` is `(..., k, n)`, each

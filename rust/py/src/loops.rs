@@ -1,4 +1,4 @@
-//! The closed loops of a batch, as Python states them.
+//! The closed loops of a batch, read from Python arguments.
 
 use crate::arrays::{count, items};
 use crate::errors::{Failure, input_error};
@@ -14,7 +14,7 @@ use armlet_core::simulate::{self as core, Problem};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
-/// One object, or a list of them.
+/// Read one object of the class `T`, or a list of such objects.
 fn several<'py, T: pyo3::PyClass>(
     function: &str,
     name: &str,
@@ -43,12 +43,12 @@ fn several<'py, T: pyo3::PyClass>(
     Ok(out)
 }
 
-/// The number of threads; None is the default.
+/// Read the number of threads. The Python value None means the default.
 pub fn threads_of(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<usize, Failure> {
     value.map_or(Ok(core::default_threads()), |threads| Ok(parallel::require_threads(count(function, "threads", threads)?)?))
 }
 
-/// Plants and laws, one or one per run, and the keywords of the runs.
+/// The plants and the laws, one for all runs or one per run, and the keywords of the runs.
 pub struct Loops<'py> {
     plants: Vec<Bound<'py, Plant>>,
     laws: Vec<Bound<'py, Law>>,
@@ -79,7 +79,7 @@ impl<'py> Loops<'py> {
         Ok((plants, memory::collected(self.laws.iter().map(|law| &law.get().spec))?))
     }
 
-    /// Call a function with the problem of runs that start at `q0` `(B, n)`, and with `B`.
+    /// Call `work` with the simulation problem of runs that start at `q0`, `(B, n)`, and with the number of runs `B`.
     pub fn with_problem<T>(
         &self,
         q0: &Bound<'py, PyAny>,

@@ -16,9 +16,8 @@ use pyo3::prelude::*;
 /// - `computed_torque`: the numbers `kp` in 1/s^2 and `kd` in 1/s, for `ComputedTorque`.
 /// - `inertia`: `m`, `(n,)`, kg m^2 or kg.
 /// - `lightest`: the smallest eigenvalue of `diag(m)^-1 M(q)` at the samples.
-/// - `limit`: the bandwidth, rad/s, below which the sampled loop with `kp`, `kd` is stable; None without a sample time.
-/// - `computed_torque_limit`: the bandwidth, rad/s, below which the sampled loop with `ComputedTorque` is stable; None without a sample
-///   time.
+/// - `limit`: the bandwidth, rad/s, below which the sampled loop with `kp` and `kd` is stable; None without a sample time.
+/// - `computed_torque_limit`: the same bandwidth for the loop with `ComputedTorque`, rad/s; None without a sample time.
 /// - `bandwidth`, `damping_ratio`, `sample_time`: the arguments of `suggest_gains`.
 #[pyclass(frozen, module = "armlet")]
 pub struct SuggestedGains {
