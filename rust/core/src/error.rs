@@ -1,9 +1,9 @@
-//! Errors: a wrong argument, model or file, or a solver without a solution. The outcome of a run is data: see `status`.
+//! Errors: a wrong argument, model or file, or a solver without a solution. The outcome of a run is not an error but data: see `status`.
 
 use crate::interrupt::look;
 use crate::status::Status;
 
-/// The errors of the core. The binding maps each variant to its Python class and puts the name of the called function before the message.
+/// The errors of the core. The Python binding maps each variant to a class, and prepends the name of the called function to the message.
 ///
 /// ```
 /// use armlet_core::arm::{Arm, STANDARD_GRAVITY};
@@ -24,23 +24,23 @@ pub enum Error {
     Input {
         /// Name of the argument.
         argument: String,
-        /// What is wrong with it.
+        /// The problem with the argument.
         problem: String,
-        /// The first bad index, one number per axis; empty if the whole argument is wrong.
+        /// The index of the first bad entry, one number per axis. Empty if the whole argument is wrong.
         index: Box<[usize]>,
     },
-    /// An argument has the wrong shape, or the wrong number of something.
+    /// An argument has the wrong shape, length or count.
     #[error("{argument} has the wrong {what}: expected {expected}, got {got}{}", at_index(index))]
     WrongShape {
         /// Name of the argument.
         argument: String,
-        /// The property that is wrong, such as "shape" or "number of joints".
+        /// The wrong property, such as "shape" or "number of joints".
         what: &'static str,
         /// The value that the function requires.
         expected: Box<str>,
         /// The value of the argument.
         got: Box<str>,
-        /// The wrong part of the argument, as in `Input`.
+        /// The index of the wrong part of the argument, as in `Input`.
         index: Box<[usize]>,
     },
     /// A name is unknown.
@@ -48,7 +48,7 @@ pub enum Error {
     Unknown {
         /// Name of the argument.
         argument: String,
-        /// What is named, such as "frames"; empty if the name of the argument contains it.
+        /// The kind of names, such as "frames". Empty if the name of the argument states it.
         kind: &'static str,
         /// The available names.
         available: Vec<String>,
@@ -62,51 +62,51 @@ pub enum Error {
         file: String,
         /// Line, counted from 1.
         line: u32,
-        /// What is wrong there.
+        /// The problem in this line.
         problem: String,
     },
     /// A solver ended without a solution, at time (or iteration) `t`.
     #[error("{problem}")]
     Solve {
-        /// How it ended.
+        /// The outcome of the solver.
         status: Status,
-        /// Time, s, or iteration.
+        /// Time of the end, s, or number of the iteration.
         t: f64,
-        /// What happened.
+        /// The problem that ended the solver.
         problem: String,
     },
-    /// Stored data is not in the format it claims.
+    /// Stored data does not have the expected format.
     #[error("{0}")]
     Format(String),
-    /// The result does not fit in memory.
+    /// The result is too large for the memory.
     #[error("the result needs {bytes} bytes, more than can be allocated")]
     Memory {
-        /// Size of the result.
+        /// Size of the result, in bytes.
         bytes: u128,
     },
 }
 
-/// Result with the error of this crate.
+/// A result with the error type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// The form `argument problem`, which most errors about an argument have.
+    /// Return an error with the message `argument problem`, the form of most errors about an argument.
     pub fn input(argument: impl Into<String>, problem: impl Into<String>) -> Self {
         Error::Input { argument: argument.into(), problem: problem.into(), index: Box::default() }
     }
 
-    /// An argument with the wrong `what`.
+    /// Return the error that the property `what` of an argument is wrong.
     pub fn wrong(argument: impl Into<String>, what: &'static str, expected: impl ToString, got: impl ToString) -> Self {
         let (expected, got) = (expected.to_string().into(), got.to_string().into());
         Error::WrongShape { argument: argument.into(), what, expected, got, index: Box::default() }
     }
 
-    /// An array with the wrong shape.
+    /// Return the error that an array has the wrong shape.
     pub fn wrong_shape(argument: impl Into<String>, expected: &[usize], got: &[usize]) -> Self {
         Error::wrong(argument, "shape", tuple(expected), tuple(got))
     }
 
-    /// A name that is none of the `available` names of this `kind`.
+    /// Return the error that `got` is not one of the `available` names of this `kind`.
     pub fn unknown<T: Into<String>>(
         argument: impl Into<String>,
         kind: &'static str,
@@ -117,7 +117,7 @@ impl Error {
         Error::Unknown { argument: argument.into(), kind, available, got: got.into() }
     }
 
-    /// The same error, for the entry at this index.
+    /// Return the error with the index of the wrong entry.
     pub fn at(mut self, at: impl Into<Vec<usize>>) -> Self {
         if let Error::Input { index, .. } | Error::WrongShape { index, .. } = &mut self {
             *index = at.into().into_boxed_slice();
@@ -125,7 +125,7 @@ impl Error {
         self
     }
 
-    /// The same error, with the name that the caller uses for the argument.
+    /// Return the error with the name that the caller uses for the argument.
     pub fn of_argument(mut self, name: impl Into<String>) -> Self {
         if let Error::Input { argument, .. } | Error::WrongShape { argument, .. } | Error::Unknown { argument, .. } = &mut self {
             *argument = name.into();
@@ -133,14 +133,14 @@ impl Error {
         self
     }
 
-    /// The problem with the wrong argument: the message between its name and its index.
+    /// The message between the name of the argument and its index. The result is `None` for other errors.
     pub fn problem(&self) -> Option<String> {
         let text = self.to_string();
         let end = text.len() - at_index(self.index()).len();
         self.argument().map(|argument| text[argument.len() + 1..end].to_string())
     }
 
-    /// The wrong argument.
+    /// The name of the wrong argument, if the error is about an argument.
     pub fn argument(&self) -> Option<&str> {
         match self {
             Error::Input { argument, .. } | Error::WrongShape { argument, .. } | Error::Unknown { argument, .. } => Some(argument),
@@ -148,7 +148,7 @@ impl Error {
         }
     }
 
-    /// The first bad index of the wrong argument, one number per axis; empty if there is none.
+    /// The index of the first bad entry of the argument, one number per axis. Empty if there is none.
     pub fn index(&self) -> &[usize] {
         match self {
             Error::Input { index, .. } | Error::WrongShape { index, .. } => index,
@@ -156,13 +156,13 @@ impl Error {
         }
     }
 
-    /// The available names, if the error is an unknown name.
+    /// The available names, if the error is an unknown name. Empty for other errors.
     pub fn available(&self) -> &[String] {
         if let Error::Unknown { available, .. } = self { available } else { &[] }
     }
 }
 
-/// `(first bad index ..)`, or an empty text.
+/// Return the text `(first bad index ..)`, or an empty text without an index.
 fn at_index(index: &[usize]) -> String {
     match index {
         [] => String::new(),
@@ -171,7 +171,7 @@ fn at_index(index: &[usize]) -> String {
     }
 }
 
-/// The notation of a tuple in Python.
+/// Return the numbers in the notation of a Python tuple.
 fn tuple(numbers: &[usize]) -> String {
     match numbers {
         [one] => format!("({one},)"),
@@ -183,19 +183,19 @@ fn of_kind(kind: &str) -> String {
     if kind.is_empty() { String::new() } else { format!("the {kind} ") }
 }
 
-/// The number of names of a long list that a message shows.
+/// The maximum number of names of a list that a message shows.
 const NAMES_SHOWN: usize = 20;
 
-/// The first names, and the number of the others.
+/// Return the first names of a list, and the number of the others.
 pub(crate) fn listed<T: AsRef<str>>(names: &[T]) -> String {
     let shown = names.iter().take(NAMES_SHOWN).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
     if names.len() > NAMES_SHOWN { format!("{shown} and {} more", names.len() - NAMES_SHOWN) } else { shown }
 }
 
-/// The number of values that are read between two checks for a stop request.
+/// The number of values between two checks for a stop request.
 const PIECE: usize = 1 << 16;
 
-/// Whether all values are finite.
+/// Return whether all values are finite.
 pub fn all_finite(values: &[f64]) -> bool {
     if values.len() <= PIECE {
         return few_finite(values);
@@ -206,9 +206,9 @@ pub fn all_finite(values: &[f64]) -> bool {
     })
 }
 
-/// [`all_finite`] for a few values, without a branch per value.
+/// Return whether a few values are finite. The loop has no branch per value.
 fn few_finite(values: &[f64]) -> bool {
-    // Zero, or NaN after a value that is not finite. Eight independent sums, so that none waits for another.
+    // Each sum is zero, or NaN after a value that is not finite. Eight independent sums need not wait for one another.
     let mut zeros = [0.0; 8];
     let (blocks, rest) = values.as_chunks::<8>();
     for block in blocks {

@@ -1,8 +1,8 @@
-//! Interruption: long work calls [`look`] in its loops, and is unwound if its starter requests a stop.
+//! Interruption of long work. The work calls [`look`] in its loops. If a stop is requested, `look` unwinds the stack.
 //!
-//! [`interruptible`] sets who may request a stop, for one piece of work on one thread. Elsewhere a look does nothing. Unwinding drops all
-//! results of the work. Work that keeps a part of them checks a `simulate::Stop` instead. A look costs some 50 ns, so work has one after
-//! every 10 us to 1 ms (`docs/adr/0007-interruption.md`).
+//! [`interruptible`] sets the source of requests for one piece of work on one thread. Without a source, `look` has no effect. Unwinding
+//! drops all results of the work. Work that must return partial results checks a `simulate::Stop` instead. A call of `look` takes about 50
+//! ns, so that work calls it every 10 us to 1 ms (`docs/adr/0007-interruption.md`).
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -10,23 +10,23 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time between two checks of the request.
+/// The time between two checks of a polled request.
 pub const SLICE: Duration = Duration::from_millis(20);
 
-/// The source of the request to stop.
+/// The source of requests to stop.
 #[derive(Clone, Debug)]
 pub enum Watch {
-    /// Another thread, by setting this.
+    /// A flag that another thread sets.
     Flag(Arc<AtomicBool>),
-    /// A function that is called every 20 ms on the thread that works.
+    /// A function that is called every 20 ms on the working thread. The result true requests a stop.
     Poll(fn() -> bool),
 }
 
-/// The work must stop.
+/// The result of work that was stopped on request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 
-/// A source of requests, and the time of its next check.
+/// The present source of requests, and the time of its next check.
 struct Watched {
     watch: Watch,
     next: Instant,
@@ -36,7 +36,7 @@ thread_local! {
     static WATCHED: RefCell<Option<Watched>> = const { RefCell::new(None) };
 }
 
-/// Check for a request to stop; on a request the work unwinds to its [`interruptible`].
+/// Check for a request to stop. On a request, the work unwinds to its [`interruptible`].
 pub fn look() {
     let poll = WATCHED.with_borrow_mut(|watched| match watched {
         None => Err(false),
@@ -50,16 +50,16 @@ pub fn look() {
             Ok(*poll)
         }
     });
-    // Called without the borrow, because the handler may also start interruptible work.
+    // The borrow has ended before this call, because the function may itself start interruptible work.
     if poll.map_or_else(|stop| stop, |poll| poll()) {
         interrupt();
     }
 }
 
-/// The number of rows up to which [`look_at_row`] does nothing: that of the largest arm with mimic joints.
+/// The number of rows up to which [`look_at_row`] has no effect. It is the size of the largest arm with mimic joints.
 const FEW: usize = 256;
 
-/// [`look`] at every 64th row of a large matrix. It serves loops over rows that take little time in small matrices.
+/// Call [`look`] at every 64th row of a large matrix. It is used in loops that take little time for small matrices.
 #[inline(always)]
 pub fn look_at_row(row: usize) {
     if row >= FEW && row.is_multiple_of(64) {
@@ -67,12 +67,12 @@ pub fn look_at_row(row: usize) {
     }
 }
 
-/// Unwind to [`interruptible`] now, for a request from another source. Call it only within `interruptible`.
+/// Unwind to [`interruptible`] now, on a request from another source. Requires an enclosing `interruptible`.
 pub fn interrupt() -> ! {
     resume_unwind(Box::new(Interrupted))
 }
 
-/// Restores the previous source of requests, also after an unwind.
+/// Restores the previous source of requests when it is dropped, also during an unwind.
 struct Restore(Option<Watched>);
 
 impl Drop for Restore {
@@ -81,7 +81,7 @@ impl Drop for Restore {
     }
 }
 
-/// Run `work`, which stops at a look after a request by `watch`.
+/// Run `work`. It stops at its next call of `look` after a request from `watch`.
 pub fn interruptible<R>(watch: Watch, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
     let restore = Restore(WATCHED.replace(Some(Watched { watch, next: Instant::now() + SLICE })));
     let result = catch_unwind(AssertUnwindSafe(work));
@@ -108,7 +108,7 @@ mod tests {
         };
         assert_eq!(interruptible(Watch::Flag(stop.clone()), work), Err(Interrupted));
         assert_eq!(looked, 500);
-        // After the interruption, `look` checks no request.
+        // After the interruption, no source exists, and `look` has no effect.
         (0..100).for_each(|_| look());
         assert_eq!(interruptible(Watch::Flag(Arc::new(AtomicBool::new(false))), || (0..100).for_each(|_| look())), Ok(()));
     }

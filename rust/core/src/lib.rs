@@ -1,8 +1,9 @@
 #![doc = include_str!("../README.md")]
-// The layers, lowest first. A module uses only those before it (checked by `tests/api/test_layering.py`):
+// The modules are listed in layers, lowest first. A module may use only earlier modules (checked by `tests/api/test_layering.py`):
 // `interrupt -> error status scalar -> linalg -> spatial -> arm -> kinematics -> dynamics -> plant -> law -> {analysis, simulate}`,
 // with `linalg -> priority -> law`, `scalar -> motion -> {law, plan}`, `scalar -> trace -> dynamics -> plan`.
-// `integrate` uses only `error, status, scalar, linalg`. `parallel` contains threads and `memory` sizes; neither contains robots.
+// `integrate` uses only `error, status, scalar, linalg`. `parallel` knows only threads, and `memory` knows only sizes. Neither knows
+// robots.
 #![deny(missing_docs)]
 
 pub mod analysis;

@@ -1,14 +1,14 @@
-//! Memory of a size that the caller decides. If it cannot be allocated, the result is an error and the process continues.
+//! Allocation of memory whose size the caller decides. If memory is insufficient, the result is an error, and the process continues.
 
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 
-/// The number of elements written between two checks for a stop request. The first write to a page takes long.
+/// The number of elements that are written between two checks for a stop request. The first write to a page is slow.
 pub const PIECE: usize = 1 << 14;
 /// The number of elements between two checks, for elements that own memory.
 const SMALL_PIECE: usize = 1 << 10;
 
-/// An empty vector with capacity for `n` elements.
+/// Return an empty vector with the capacity `n`.
 pub fn reserved<T>(n: usize) -> Result<Vec<T>> {
     let mut out = Vec::new();
     more(&mut out, n)?;
@@ -21,14 +21,14 @@ pub fn more<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
     out.try_reserve_exact(n).map_err(|_| Error::Memory { bytes })
 }
 
-/// `n` copies of `value`.
+/// Return a vector with `n` copies of `value`.
 pub fn filled<T: Clone>(n: usize, value: T) -> Result<Vec<T>> {
     let mut out = Vec::new();
     enlarge(&mut out, n, value)?;
     Ok(out)
 }
 
-/// At least `n` elements, the new ones copies of `value`.
+/// Extend `out` to at least `n` elements with copies of `value`.
 pub fn enlarge<T: Clone>(out: &mut Vec<T>, n: usize, value: T) -> Result<()> {
     if out.len() < n {
         more(out, n - out.len())?;
@@ -44,7 +44,7 @@ fn extend<T: Clone>(out: &mut Vec<T>, n: usize, value: &T) {
     }
 }
 
-/// `n` copies of `value`. The caller has checked with [`require`] that the memory for the whole structure is available.
+/// Return `n` copies of `value`. The caller has already checked with [`require`] that enough memory is available.
 pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     let mut out = Vec::with_capacity(n);
     while out.len() < n {
@@ -55,7 +55,7 @@ pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     out
 }
 
-/// As [`copied`], for elements that take long to clone. The caller has checked that the memory is available.
+/// Return a copy of `values`, for elements that are slow to clone. The caller has already checked that enough memory is available.
 pub fn cloned<T: Clone>(values: &[T]) -> Vec<T> {
     let mut out = Vec::with_capacity(values.len());
     for piece in values.chunks(SMALL_PIECE) {
@@ -65,7 +65,7 @@ pub fn cloned<T: Clone>(values: &[T]) -> Vec<T> {
     out
 }
 
-/// Copy `from` to `to`, of the same length. Up to one piece, there is no check for a stop request.
+/// Copy `from` to `to`, which has the same length. Copies of at most [`PIECE`] elements do not check for a stop request.
 pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     for (k, (from, to)) in from.chunks(PIECE).zip(to.chunks_mut(PIECE)).enumerate() {
         if k > 0 {
@@ -75,7 +75,8 @@ pub fn copy<T: Copy>(from: &[T], to: &mut [T]) {
     }
 }
 
-/// Set every element to `value`. Up to one piece, there is no check for a stop request, because steps of loops call this.
+/// Set every element to `value`. At most [`PIECE`] elements are set without a check for a stop request, because steps of loops call this
+/// function.
 pub fn set<T: Copy>(out: &mut [T], value: T) {
     for (k, piece) in out.chunks_mut(PIECE).enumerate() {
         if k > 0 {
@@ -85,18 +86,18 @@ pub fn set<T: Copy>(out: &mut [T], value: T) {
     }
 }
 
-/// `n` zeros.
+/// Return `n` zeros.
 pub fn zeros(n: usize) -> Result<Vec<f64>> {
     filled(n, 0.0)
 }
 
-/// `n` zeros. For large `n`, the system provides each page at its first use.
+/// Return `n` zeros. For large `n`, the system provides each page of memory when it is first used.
 pub fn untouched<T: Clone + Default>(n: usize) -> Result<Vec<T>> {
     reserved::<T>(n)?;
     Ok(vec![T::default(); n])
 }
 
-/// A copy.
+/// Return a copy of `values`.
 pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
     let mut out = reserved(values.len())?;
     for piece in values.chunks(PIECE) {
@@ -106,7 +107,7 @@ pub fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>> {
     Ok(out)
 }
 
-/// The elements of an iterator with a known length.
+/// Collect an iterator of known length.
 pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> {
     let mut out = reserved(values.len())?;
     for (k, value) in values.enumerate() {
@@ -118,12 +119,12 @@ pub fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> 
     Ok(out)
 }
 
-/// Reserve memory for `n` more elements, if the capacity is too small.
+/// Reserve memory for `n` more elements if the capacity is too small.
 pub fn ensure<T>(out: &mut Vec<T>, n: usize) -> Result<()> {
     if out.capacity() - out.len() < n { more(out, n) } else { Ok(()) }
 }
 
-/// Append. The capacity grows by half, because such vectors become long record by record.
+/// Append `values`. The capacity grows by half, because many such vectors grow record by record.
 pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
     if out.capacity() - out.len() < values.len() {
         more(out, values.len().max(out.len() / 2))?;
@@ -132,7 +133,7 @@ pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
     Ok(())
 }
 
-/// Refuse a size that cannot be allocated now. For structures of many small parts, `bytes` estimates their sum.
+/// Refuse a size, in bytes, that cannot be allocated now. For structures with many small parts, `bytes` estimates their sum.
 pub fn require(bytes: usize) -> Result<()> {
     reserved::<u8>(bytes).map(drop)
 }

@@ -1,6 +1,6 @@
-//! The outcome of a run. A status is data: a run that diverges is a result with a time, not a misuse.
+//! The outcome of a run. A status is data: a run that diverges is a result, and not an error.
 
-/// The outcome of a run or a solve. The numbers are stable, and Python uses the same ones.
+/// The outcome of a run or a solve. The codes never change, and Python uses the same codes.
 ///
 /// ```
 /// use armlet_core::status::Status;
@@ -17,9 +17,9 @@ pub enum Status {
     Success = 0,
     /// The state, its derivative or a monitor stopped being finite, or the state passed the limit that the caller set.
     Diverged = 1,
-    /// The adaptive step fell below the resolution of time.
+    /// The adaptive step size decreased below the resolution of time.
     StepUnderflow = 2,
-    /// The cap on steps or iterations was reached.
+    /// The maximum number of steps or iterations was reached.
     MaxSteps = 3,
     /// The caller interrupted the run.
     Interrupted = 4,
@@ -29,7 +29,7 @@ pub enum Status {
     Degraded = 6,
     /// No solution exists: the constraints contradict each other.
     Infeasible = 7,
-    /// The adaptive step became so small that the remaining time would take more than the cap on steps.
+    /// The adaptive step size became so small that the run would exceed the maximum number of steps.
     Stalled = 8,
     /// The tolerances are below the rounding error of an implicit method's error estimate.
     ExcessAccuracy = 9,
@@ -50,7 +50,7 @@ impl Status {
         Status::ExcessAccuracy,
     ];
 
-    /// The name used in Python (`al.Status.DIVERGED` is "diverged").
+    /// The name in Python (`al.Status.DIVERGED` is "diverged").
     pub fn name(self) -> &'static str {
         match self {
             Status::Success => "success",
@@ -66,7 +66,7 @@ impl Status {
         }
     }
 
-    /// Advice for the caller.
+    /// Advice for the user: a possible change of the problem.
     pub fn advice(self) -> &'static str {
         match self {
             Status::Success => "the run reached its end",
@@ -88,7 +88,7 @@ impl Status {
         }
     }
 
-    /// The number of the status.
+    /// The code of the status.
     pub fn code(self) -> i32 {
         self as i32
     }

@@ -1,13 +1,14 @@
-//! `#[entered]`: the bodies of entry points run inside `errors::caught`, where a panic becomes an `InternalError`.
+//! The attribute `#[entered]` for entry points of the extension. Their bodies run inside `errors::caught`, where a panic becomes an
+//! `InternalError`.
 
 use proc_macro2::TokenStream;
 use quote::quote;
 use syn::{Block, Expr, ImplItem, Item, ReturnType, Signature, Stmt, Type, parse_quote};
 
-/// Run the body of this function, or of every function of this `impl`, inside `errors::caught`.
+/// Runs the body of this function inside `errors::caught`. On an `impl`, this applies to every function.
 ///
-/// It comes before `#[pymethods]` and `#[pyfunction]`, so that pyo3 sees the changed functions. A function that returned `T` returns `PyResult<T>`.
-/// A body that is one call of `errors::entry` is not changed.
+/// The attribute must precede `#[pymethods]` and `#[pyfunction]`, so that pyo3 receives the changed functions. A function that returns `T`
+/// is changed to return `PyResult<T>`. A body that is one call of `errors::entry` is not changed.
 #[proc_macro_attribute]
 pub fn entered(_: proc_macro::TokenStream, item: proc_macro::TokenStream) -> proc_macro::TokenStream {
     expand(item.into()).unwrap_or_else(|error| error.to_compile_error()).into()
@@ -62,7 +63,7 @@ fn is_result(output: &Type) -> bool {
     matches!(output, Type::Path(path) if path.path.segments.last().is_some_and(|segment| segment.ident == "PyResult"))
 }
 
-/// Whether a body is constants, a `let py = x.py();` at most, and one call of `entry`.
+/// Whether a body consists of one call of `entry`, preceded only by constants and `let py = x.py();`.
 fn is_entry(body: &Block) -> bool {
     let Some((Stmt::Expr(Expr::Call(call), None), before)) = body.stmts.split_last() else { return false };
     let harmless = |statement: &Stmt| match statement {

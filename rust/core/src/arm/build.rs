@@ -1,4 +1,4 @@
-//! Arms from lists of joints.
+//! Arms built from lists of joints.
 
 use super::mimic::{Leader, no_room, resolved};
 use super::{Arm, Follows, Frame, Joint, JointKind, Limits, writable};
@@ -8,17 +8,17 @@ use crate::memory;
 use crate::spatial::{Inertia, Placement, Vector, Vector3};
 use std::collections::HashSet;
 
-/// Type of a joint in a list.
+/// The type of a joint in a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointType {
     /// A joint with one degree of freedom.
     Moving(JointKind),
-    /// A rigid connection.
+    /// A rigid connection, without a degree of freedom.
     Fixed,
 }
 
 impl JointType {
-    /// `"R"`, `"P"`, or the names of URDF.
+    /// Return the type with this name: `"R"`, `"P"`, or a name of URDF. The result is `None` for other names.
     pub fn parse(name: &str) -> Option<JointType> {
         Some(match name {
             "R" | "revolute" => JointType::Moving(JointKind::Revolute),
@@ -30,57 +30,57 @@ impl JointType {
     }
 }
 
-/// One joint of [`Arm::from_chain`]: a placement and a motion.
+/// One joint of [`Arm::from_chain`], with the body that it moves.
 ///
-/// The placement is `(rpy, xyz)` in the parent body frame at `q = 0`. The motion is about or along `axis`. The body frame is the moved joint frame.
+/// At `q = 0`, the joint frame has the placement `(rpy, xyz)` in the frame of the parent body. The joint rotates about `axis` or slides
+/// along it. The body frame is the moved joint frame.
 #[derive(Clone, Debug)]
 pub struct ChainJoint {
-    /// Name; `None` for `"joint1"`, `"joint2"`, ..
+    /// Name of the joint. `None` selects `"joint1"`, `"joint2"`, ..
     pub name: Option<String>,
     /// Type of the joint.
     pub kind: JointType,
-    /// Axis in the joint frame, any length > 0.
+    /// Axis in the joint frame, with any length > 0.
     pub axis: [f64; 3],
     /// Roll, pitch and yaw of the joint frame in the parent body frame, rad.
     pub rpy: [f64; 3],
     /// Origin of the joint frame in the parent body frame, m.
     pub xyz: [f64; 3],
-    /// Inertial parameters of the body, in its frame.
+    /// Inertial parameters of the body, in the body frame, in the order of [`crate::spatial`]. SI units.
     pub phi: [f64; 10],
-    /// Index of the parent in the list, which must come earlier; `Some(None)` is the base, `None` the
-    /// previous joint.
+    /// Index of the parent joint in the list, which must be earlier. `Some(None)` is the base. `None` is the previous joint.
     pub parent: Option<Option<usize>>,
     /// Limits of position, speed and torque.
     pub limits: Limits,
-    /// Rotor inertia seen at the joint, kg m^2 or kg.
+    /// Rotor inertia reduced to the joint, kg m^2 or kg.
     pub armature: f64,
     /// Viscous friction, N m s/rad or N s/m.
     pub damping: f64,
     /// Coulomb friction, N m or N.
     pub friction: f64,
-    /// The joint of the list that it follows, with multiplier and offset: `q = multiplier q_leader + offset`.
+    /// The leader of a mimic joint, as `(index, multiplier, offset)` with `q = multiplier q_leader + offset`.
     pub mimic: Option<Follows>,
 }
 
 impl ChainJoint {
-    /// A joint without limits, rotor and friction. The previous joint of the list carries it.
+    /// Return a joint without limits, rotor inertia and friction. Its parent is the previous joint of the list.
     pub fn new(kind: JointType, axis: [f64; 3], rpy: [f64; 3], xyz: [f64; 3], phi: [f64; 10]) -> Self {
         let limits = Limits::default();
         ChainJoint { name: None, kind, axis, rpy, xyz, phi, parent: None, limits, armature: 0.0, damping: 0.0, friction: 0.0, mimic: None }
     }
 }
 
-/// The approximate memory of a joint in an arm and in its model, names included.
+/// The approximate memory of a joint in an arm and in its model, including names, in bytes.
 const BYTES_PER_JOINT: usize = 4096;
 
-/// Refuse more joints than fit in memory, before allocation begins.
+/// Refuse a number of joints that does not fit in memory, before allocation begins.
 pub(crate) fn require_memory(joints: usize) -> Result<()> {
     memory::require(joints.saturating_mul(BYTES_PER_JOINT))
 }
 
 impl Arm {
-    /// An arm from a list of joints. Frames `"link1"`.. are the body frames (one per list entry, fixed ones included). `q` has the order of
-    /// the list, rearranged depth first.
+    /// Return an arm from a list of joints. `gravity`: world axes, m/s^2. The frames `"link1"`, .. are the body frames, one per list entry,
+    /// including fixed joints. The order of `q` is the order of the list, rearranged depth first.
     pub fn from_chain(list: &[ChainJoint], gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if list.is_empty() {
@@ -89,7 +89,7 @@ impl Arm {
         require_memory(list.len())?;
         let parents = parents_of(list)?;
         let mut arm = Arm { name: "chain".into(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: Vec::new() };
-        // For each list entry: the joint that carries it, and its placement in that joint's body frame.
+        // For each list entry: the moving joint whose body contains it, and its placement in the frame of this body.
         let mut place: Vec<(Option<usize>, Placement)> = vec![(None, Placement::IDENTITY); list.len()];
         let mut names = HashSet::new();
         let mut index = vec![None; list.len()];
@@ -136,14 +136,14 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The same with joints that follow others. `given` has the leader, multiplier and offset of each follower.
+    /// Return the arm with mimic joints. `given`: for each joint its leader, multiplier and offset, or `None`.
     pub fn following(mut self, given: &[Option<Follows>]) -> Result<Arm> {
         let index: Vec<Option<usize>> = (0..self.joints.len()).map(Some).collect();
         self.follow(given, &index)?;
         Ok(self)
     }
 
-    /// Join the joints of a list with their leaders. `index` maps entries of the list to joints of the arm.
+    /// Connect mimic joints with their leaders. `index` maps entries of the list to joints of the arm.
     fn follow(&mut self, given: &[Option<Follows>], index: &[Option<usize>]) -> Result<()> {
         for (i, follows) in given.iter().enumerate() {
             let Some((leader, multiplier, offset)) = *follows else { continue };
@@ -177,7 +177,7 @@ impl Arm {
         Ok(())
     }
 
-    /// Add a body that is fixed to another one. A body that is fixed to the base does not move and has no effect.
+    /// Add a body that is fixed to body `body`. A body that is fixed to the base does not move and has no effect.
     pub(super) fn merge(&mut self, body: Option<usize>, inertia: &Inertia<f64>, placement: &Placement) {
         if let Some(b) = body {
             let sum = Inertia::from_parameters(&self.joints[b].parameters).plus(&inertia.placed(placement));
@@ -197,7 +197,7 @@ fn parents_of(list: &[ChainJoint]) -> Result<Vec<Option<usize>>> {
     list.iter().enumerate().map(parent).collect()
 }
 
-/// Indices in depth-first order, siblings in list order, without recursion.
+/// Return the indices in depth-first order. Siblings have the order of the list. The function is not recursive.
 pub(super) fn depth_first(parents: &[Option<usize>]) -> Vec<usize> {
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); parents.len()];
     let mut stack = Vec::new();
@@ -215,17 +215,17 @@ pub(super) fn depth_first(parents: &[Option<usize>]) -> Vec<usize> {
     order
 }
 
-/// The unit vector along `axis`.
+/// Return the unit vector along `axis`.
 pub(super) fn unit(argument: &str, axis: [f64; 3]) -> Result<[f64; 3]> {
     finite(argument, &axis)?;
-    // Scaled first, so that neither tiny nor huge axes under- or overflow.
+    // The axis is scaled first, so that tiny and huge axes neither underflow nor overflow.
     let largest = axis.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     if largest == 0.0 {
         return Err(Error::input(argument, "is zero: expected a vector with a direction, got (0, 0, 0)"));
     }
-    // Normalised twice, because `largest` may be subnormal, and then its reciprocal is infinite.
+    // `largest` may be subnormal, and then its reciprocal is infinite. So the division is done twice instead.
     let scaled = Vector3::from(axis.map(|x| x / largest));
     let unit = Vector3::from(scaled.array().map(|x| x / scaled.norm()));
-    // A vector that is a unit vector up to rounding keeps its bits. So a result of this function does not change when it is read again.
+    // A unit vector keeps its bits, up to rounding of its length. So this function does not change its own results.
     if (Vector3::from(axis).norm() - 1.0).abs() <= 4.0 * f64::EPSILON { Ok(axis) } else { Ok(unit.array()) }
 }

@@ -1,7 +1,7 @@
-//! The arms of textbooks: Denavit-Hartenberg rows, planar arms, the pendulum.
+//! Arms from textbooks: Denavit-Hartenberg rows, planar arms and the pendulum.
 //!
-//! Standard: `T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)`; modified (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)`.
-//! `q` is added to `theta` of a revolute row and to `d` of a prismatic one.
+//! Standard convention: `T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)`. Modified convention (Craig): `T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)`.
+//! The coordinate `q` is added to `theta` of a revolute joint, and to `d` of a prismatic joint.
 
 use super::build::require_memory;
 use super::{Arm, ChainJoint, Frame, Joint, JointKind, JointType};
@@ -10,7 +10,7 @@ use crate::interrupt::look;
 use crate::memory;
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Vector3};
 
-/// Which axes a DH row joins.
+/// The convention of Denavit-Hartenberg rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Convention {
     /// The joint axis is `z` of the previous frame.
@@ -20,7 +20,7 @@ pub enum Convention {
 }
 
 impl Convention {
-    /// `"standard"` or `"modified"`.
+    /// Return the convention with the name `"standard"` or `"modified"`.
     pub fn parse(name: &str) -> Result<Convention> {
         match name {
             "standard" => Ok(Convention::Standard),
@@ -30,7 +30,7 @@ impl Convention {
     }
 }
 
-/// One Denavit-Hartenberg row; lengths in m, angles in rad.
+/// One Denavit-Hartenberg row: a joint and its body.
 #[derive(Clone, Debug)]
 pub struct DhRow {
     /// Type of the joint.
@@ -39,18 +39,18 @@ pub struct DhRow {
     pub a: f64,
     /// Twist `alpha`, rad.
     pub alpha: f64,
-    /// Offset `d`, m; added to `q` of a prismatic joint.
+    /// Offset `d`, m. For a prismatic joint, `q` is added.
     pub d: f64,
-    /// Angle `theta`, rad; added to `q` of a revolute joint.
+    /// Angle `theta`, rad. For a revolute joint, `q` is added.
     pub theta: f64,
-    /// The body's ten parameters in Denavit-Hartenberg frame `i`.
+    /// The ten inertial parameters of the body in Denavit-Hartenberg frame `i`, in the order of [`crate::spatial`]. SI units.
     pub phi: [f64; 10],
 }
 
 impl Arm {
-    /// An arm from Denavit-Hartenberg rows. The frames `"link1"`.. are the Denavit-Hartenberg frames. In the
-    /// standard convention they are at the far end of the link. Then `parameters` are about the joint, in axes
-    /// with z along the joint axis.
+    /// Return an arm from Denavit-Hartenberg rows. `gravity`: world axes, m/s^2. The frames `"link1"`, .. are the Denavit-Hartenberg
+    /// frames. In the standard convention, this frame is at the far end of the link. `parameters` of the arm are then about the joint, in
+    /// axes with z along the joint axis.
     pub fn from_dh(rows: &[DhRow], convention: Convention, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         if rows.is_empty() {
@@ -67,7 +67,7 @@ impl Arm {
             let along_x = Placement::from_rpy([row.alpha, 0.0, 0.0], [row.a, 0.0, 0.0]);
             let turn = Placement::from_rpy([0.0, 0.0, row.theta], [0.0; 3]);
             let slide = Placement { rotation: Matrix3::IDENTITY, translation: Vector3::from([0.0, 0.0, row.d]) };
-            // Turn and slide share the z axis and commute with the motion of the joint.
+            // The rotation by theta and the translation by d are about and along z, so that they commute with the motion of the joint.
             let (placement, frame) = match convention {
                 Convention::Standard => (before.then(&turn).then(&slide), along_x),
                 Convention::Modified => (before.then(&along_x).then(&turn).then(&slide), Placement::IDENTITY),
@@ -83,9 +83,12 @@ impl Arm {
         Ok(arm)
     }
 
-    /// A planar arm in the x-y plane, `q1` from the x axis, axes along z, frames `"link1"`.. at the link tips.
-    /// `coms` are distances from each joint along the link (m), and `inertias` are about the centre of mass (kg m^2). By default a link is a
-    /// uniform rod, of 1 kg/m without `masses`. Lengths, masses and inertias are not negative.
+    /// Return a planar arm in the x-y plane with axes along z. `q1` is measured from the x axis. The frames `"link1"`, .. are at the tips
+    /// of the links.
+    ///
+    /// `lengths`: m. `masses`: kg. `coms`: distances of the centres of mass from the joints, along the links, m. `inertias`: about the
+    /// centres of mass, kg m^2. `gravity`: x and y components, m/s^2. By default a link is a uniform rod, with 1 kg/m. Lengths, masses and
+    /// inertias are not negative.
     pub fn planar(
         lengths: &[f64],
         masses: Option<&[f64]>,
@@ -100,7 +103,7 @@ impl Arm {
                 return Err(Error::wrong(what, "length", format!("{} (one per link)", lengths.len()), values.len()));
             }
             finite(what, values)?;
-            // A link of length zero makes two axes coincide, which is allowed.
+            // A link of length zero is allowed. Two axes then coincide.
             if let (Some(k), true) = (values.iter().position(|&x| x < 0.0), what != "coms") {
                 return Err(Error::input(what, format!("is negative: expected >= 0, got {}", values[k])).at([k]));
             }
@@ -117,7 +120,7 @@ impl Arm {
             let com = given(coms, i, 0.5 * length);
             let inertia = given(inertias, i, mass * length * length / 12.0);
             let at_joint = inertia + mass * com * com;
-            // Thin in y and z: the moment about x vanishes, and the moments about y and z are equal.
+            // The link is thin in y and z. So the moment of inertia about x is zero, and the moments about y and z are equal.
             let phi = [mass, mass * com, 0.0, 0.0, 0.0, 0.0, at_joint, 0.0, 0.0, at_joint];
             let xyz = if i == 0 { [0.0; 3] } else { [lengths[i - 1], 0.0, 0.0] };
             list.push(ChainJoint::new(JointType::Moving(JointKind::Revolute), [0.0, 0.0, 1.0], [0.0; 3], xyz, phi));
@@ -132,10 +135,10 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The pendulum `I a + G sin(theta) = tau`, theta from the downward vertical.
+    /// Return the pendulum `I a + G sin(theta) = tau`, where theta is measured from the downward vertical.
     ///
-    /// It is a point mass `G^2 / (I g0^2)` at the distance `I g0 / G`, which has this inertia and gravity moment. It moves in the x-y plane
-    /// under `g0 = 9.81` along -y.
+    /// `inertia`: `I`, kg m^2. `gravity_moment`: `G`, N m. The pendulum is a point mass `G^2 / (I g0^2)` at the distance `I g0 / G`. It
+    /// moves in the x-y plane, with the gravity `g0 = 9.81` m/s^2 along -y.
     pub fn pendulum(inertia: f64, gravity_moment: f64) -> Result<Arm> {
         crate::error::positive("inertia", inertia)?;
         finite("gravity_moment", &[gravity_moment])?;

@@ -1,4 +1,4 @@
-//! Arms made from arms: payload, tool frames, locked joints, sub-chains.
+//! Arms made from other arms: payloads, tool frames, locked joints, sub-chains.
 
 use super::mimic::Leader;
 use super::urdf::negative_moment;
@@ -7,7 +7,7 @@ use crate::error::{Error, Result, finite, listed};
 use crate::spatial::{Inertia, Matrix3, Placement, RotationMatrix, Sym3, Vector, Vector3};
 
 impl Arm {
-    /// The arm with a frame `name` placed in another one.
+    /// Return the arm with an additional frame `name`. `rpy`, rad, and `xyz`, m, are its placement in the frame `parent`.
     pub fn with_frame(&self, name: &str, parent: &str, rpy: [f64; 3], xyz: [f64; 3]) -> Result<Arm> {
         finite("rpy", &rpy)?;
         finite("xyz", &xyz)?;
@@ -22,8 +22,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The arm with a body fixed to `frame`. The centre of mass is relative to the frame's origin, and the inertia is about the
-    /// centre of mass. Both are in the axes of the frame. A payload on the base has no effect.
+    /// Return the arm with a body fixed to `frame`. `mass`: kg. `com`: centre of mass relative to the frame's origin, m. `inertia`: about
+    /// the centre of mass, kg m^2. Both are in the axes of the frame. A payload on the base has no effect.
     pub fn with_payload(&self, frame: &str, mass: f64, com: [f64; 3], inertia: [[f64; 3]; 3]) -> Result<Arm> {
         finite("mass", &[mass])?;
         if mass < 0.0 {
@@ -48,7 +48,7 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The arm with joints locked at values. They are removed from `q`, and their bodies are merged with their parents.
+    /// Return the arm with joints locked at positions, rad or m. They are removed from `q`, and their bodies are merged with their parents.
     pub fn locked(&self, joints: &[(&str, f64)]) -> Result<Arm> {
         let (mut held, indices) = (vec![None; self.joints.len()], self.independent_indices());
         for (name, value) in joints {
@@ -59,7 +59,7 @@ impl Arm {
             held[mimic.joint] = held[mimic.leader].map(|x| mimic.multiplier * x + mimic.offset);
         }
         let mut arm = Arm { joints: Vec::new(), frames: Vec::new(), mimics: Vec::new(), ..self.clone() };
-        // For each old body: the body that carries it now, and the placement there.
+        // For each old body: the body of the new arm that contains it, and its placement in this body.
         let mut moved: Vec<(Option<usize>, Placement)> = Vec::with_capacity(self.joints.len());
         let mut index = vec![None; self.joints.len()];
         for (i, (joint, held)) in self.joints.iter().zip(held).enumerate() {
@@ -84,7 +84,7 @@ impl Arm {
         for frame in &self.frames {
             let (body, place) = frame.body.map_or((None, Placement::IDENTITY), |b| moved[b]);
             let locked = frame.body.is_some_and(|b| moved[b].0.is_none() || moved[b].1 != Placement::IDENTITY);
-            // A frame on a locked joint is now on a fixed joint of the same name.
+            // A frame of a locked joint now belongs to a fixed joint with the same name.
             let name = frame.body.filter(|_| locked && frame.joint.is_none()).map(|b| self.joints[b].name.clone());
             arm.frames.push(Frame { body, placement: place.then(&frame.placement), joint: name.or(frame.joint.clone()), ..frame.clone() });
         }
@@ -92,8 +92,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The part of the arm between two frames. `root` becomes the fixed base and the world frame, and gravity is then in its
-    /// axes. With `tip`, only the joints that move it relative to `root` remain.
+    /// Return the part of the arm between two frames. The frame `root` becomes the fixed base and the world frame. Gravity is then in the
+    /// axes of `root`. With `tip`, only the joints that move `tip` relative to `root` remain.
     pub fn sub_chain(&self, root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         let find = |argument: &str, name: Option<&str>| {
             name.map(|name| self.frame_index(name).map_err(|error| error.of_argument(argument))).transpose()
@@ -101,7 +101,7 @@ impl Arm {
         let (root, tip) = (find("root", root)?, find("tip", tip)?);
         let base = root.and_then(|f| self.frames[f].body);
         let back = root.map_or(Placement::IDENTITY, |f| self.frames[f].placement.inverse());
-        // The bodies below `root`, in one pass because parents come first.
+        // The bodies below `root`. One pass is sufficient, because parents precede children.
         let mut below = vec![false; self.joints.len()];
         for (i, joint) in self.joints.iter().enumerate() {
             below[i] = joint.parent == base || joint.parent.is_some_and(|p| below[p]);
@@ -142,8 +142,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Set the joints that follow others in a part of this arm. `index(i)` is the index of joint `i` in the part, or `None` if the part
-    /// lacks it.
+    /// Set the mimic joints of a part of this arm. `index(i)` is the index of joint `i` in the part, or `None` if the part does not contain
+    /// it.
     fn mimics_of(&self, part: &mut Arm, index: impl Fn(usize) -> Option<usize>) -> Result<()> {
         let leader = |mimic: &Mimic| {
             let (Mimic { multiplier, offset, .. }, of) = (*mimic, &self.joints[mimic.leader]);

@@ -1,15 +1,15 @@
-//! Joints and frames of the model, as the user describes them.
+//! Joints and frames of an arm, as the user describes them.
 
 use crate::spatial::Placement;
 
-/// How a joint moves.
+/// The kind of motion of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
-    /// Rotation within limits.
+    /// Rotation about the axis, within limits.
     Revolute,
-    /// Revolute without position limits.
+    /// Rotation about the axis, without position limits.
     Continuous,
-    /// Translation along the axis.
+    /// Translation along the axis, within limits.
     Prismatic,
 }
 
@@ -18,7 +18,7 @@ impl JointKind {
     pub fn is_angle(self) -> bool {
         self != JointKind::Prismatic
     }
-    /// The name in URDF.
+    /// The name of the kind in URDF.
     pub fn name(self) -> &'static str {
         match self {
             JointKind::Revolute => "revolute",
@@ -28,10 +28,10 @@ impl JointKind {
     }
 }
 
-/// Bounds of a joint; infinite if the model has none. Units: rad or m, rad/s or m/s, N m or N.
+/// The limits of a joint. A limit that the model does not state is infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Least position, rad or m.
+    /// Smallest position, rad or m.
     pub lower: f64,
     /// Largest position, rad or m.
     pub upper: f64,
@@ -47,48 +47,49 @@ impl Default for Limits {
     }
 }
 
-/// A moving joint and the body that it carries; the body frame is the moved joint frame.
+/// A moving joint with its body. The body frame is the moved joint frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Name, unique in the arm.
+    /// Name of the joint, unique in the arm.
     pub name: String,
-    /// How it moves.
+    /// The kind of motion.
     pub kind: JointKind,
-    /// Index of the joint that carries the parent body, `None` for the base.
+    /// Index of the joint whose body is the parent. `None` for the base.
     pub parent: Option<usize>,
     /// Placement of the joint frame in the parent's body frame at `q = 0`.
     pub placement: Placement,
-    /// Unit vector in the joint frame.
+    /// Axis of the joint in the joint frame, a unit vector.
     pub axis: [f64; 3],
     /// Limits of position, speed and torque.
     pub limits: Limits,
-    /// Rotor inertia seen at the joint, kg m^2 (kg for a slide): added to the diagonal of `M`.
+    /// Rotor inertia reduced to the joint, kg m^2, or kg for a prismatic joint. It is added to the diagonal of `M`.
     pub armature: f64,
-    /// Viscous friction, N m s/rad (N s/m).
+    /// Viscous friction, N m s/rad or N s/m.
     pub damping: f64,
-    /// Coulomb friction, N m (N).
+    /// Coulomb friction, N m or N.
     pub friction: f64,
-    /// The ten inertial parameters of the body, with everything fixed to it, in SPEC order.
+    /// The ten inertial parameters of the body in the body frame, including all bodies fixed to it, in the order of [`crate::spatial`]. SI
+    /// units.
     pub parameters: [f64; 10],
 }
 
 impl Joint {
-    /// A joint without limits, friction or mass.
+    /// Return a joint without limits, friction or mass.
     pub fn new(name: String, kind: JointKind, parent: Option<usize>, placement: Placement, axis: [f64; 3]) -> Self {
         let limits = Limits::default();
         Joint { name, kind, parent, placement, axis, limits, armature: 0.0, damping: 0.0, friction: 0.0, parameters: [0.0; 10] }
     }
 }
 
-/// A named frame fixed to a body (to the base where `body` is `None`).
+/// A named frame that is fixed to a body or to the base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Name of the frame.
     pub name: String,
-    /// Index of the joint whose body carries it; `None` for the base.
+    /// Index of the joint whose body has the frame. `None` for the base.
     pub body: Option<usize>,
-    /// Placement in the body frame.
+    /// Placement of the frame in the body frame.
     pub placement: Placement,
-    /// The fixed joint that held it in the file, if there was one.
+    /// Name of the fixed joint that connected the frame in the file, if there was one.
     pub joint: Option<String>,
 }

@@ -1,44 +1,45 @@
-//! Joints that follow another one (mimic joints), `q_follower = multiplier q_leader + offset`: one degree of freedom with their leader.
+//! Mimic joints, `q_follower = multiplier q_leader + offset`. A *follower* is a mimic joint. It has one degree of freedom together with its
+//! *leader*.
 //!
-//! A follower keeps its body. Its drive and its limits are added to those of the leader, by `tau = G' tau_joints` with
-//! `q_joints = G q + c`. The leader gets `multiplier^2` of the follower's rotor inertia and viscous friction, and `|multiplier|` of its
-//! Coulomb friction. The leader's range is the part that the follower's limits also allow. The effort limit is that of the leader, whose
-//! motor moves all of them.
+//! A follower has its own body. Its drive and its limits are combined with those of the leader: `tau = G' tau_joints` with
+//! `q_joints = G q + c`. The follower's rotor inertia and viscous friction are added to the leader's, multiplied with `multiplier^2`. Its
+//! Coulomb friction is added, multiplied with `|multiplier|`. The leader's position range is restricted by the follower's limits. The
+//! effort limit is the leader's, because its motor moves all joints.
 
 use super::{Arm, Joint, Limits};
 use crate::error::{Error, Result, finite, listed};
 use crate::interrupt::look;
 
-/// A joint that follows another one.
+/// A mimic joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mimic {
-    /// Index of the joint that follows.
+    /// Index of the follower.
     pub joint: usize,
-    /// Index of its leader, a joint that follows none.
+    /// Index of the leader, which is not a follower.
     pub leader: usize,
-    /// Its rate per unit rate of the leader.
+    /// The rate of the follower divided by the rate of the leader.
     pub multiplier: f64,
-    /// Its position at leader position zero, rad or m.
+    /// The position of the follower when the leader is at zero, rad or m.
     pub offset: f64,
 }
 
-/// The map from coordinates to joints in an arm with joints that follow others: `q_joints = G q + c`.
+/// The map `q_joints = G q + c` from coordinates to joints, in an arm with mimic joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joining {
-    /// For every joint: the coordinate that moves it, multiplier and offset.
+    /// For each joint, the index of the coordinate that moves it, the multiplier and the offset.
     pub rows: Vec<Follows>,
-    /// For every coordinate: the index of its joint.
+    /// For each coordinate, the index of its joint.
     pub leaders: Vec<usize>,
 }
 
-/// Largest number of bodies of an arm with joints that follow others, because the matrices of all its joints are formed and projected.
+/// The maximum number of bodies of an arm with mimic joints. For such arms, matrices of all joints are computed and projected.
 pub const MOST_BODIES: usize = 256;
 
-/// The leader of a joint, multiplier and offset, before chains of followers are resolved.
+/// The index of a joint's leader, the multiplier and the offset.
 pub type Follows = (usize, f64, f64);
 
-/// For every joint: the free joint that it follows through chains of followers; `None` for free joints. The error is the index of a joint
-/// that follows itself, directly or through others.
+/// For each joint, find the free joint that it follows through a chain of followers. The result is `None` for free joints. The error is the
+/// index of a joint that follows itself, directly or through others.
 pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Follows>>, usize> {
     let (mut out, mut known) = (given.to_vec(), vec![false; given.len()]);
     let mut way = Vec::new();
@@ -46,7 +47,7 @@ pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Fol
         look();
         let mut i = start;
         while let (false, Some((leader, ..))) = (known[i], given[i]) {
-            // A cycle. `known` is set below, so the path of a cycle grows beyond the list.
+            // The path is longer than the list, so that it contains a cycle.
             if way.len() > given.len() {
                 return Err(start);
             }
@@ -64,7 +65,7 @@ pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Fol
     Ok(out)
 }
 
-/// Limits and drive of a joint.
+/// The limits and the drive of a joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Moved {
     pub limits: Limits,
@@ -74,7 +75,8 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// A leader with a follower. The second result is true if the follower's limits allow no motion of the leader. They are then ignored.
+    /// Return the leader combined with a follower. The flag is true if the follower's limits allow no motion of the leader. They are then
+    /// ignored.
     pub fn with(&self, follower: &Moved, multiplier: f64, offset: f64) -> (Moved, bool) {
         let own = self.limits;
         let size = multiplier.abs();
@@ -97,7 +99,7 @@ impl Moved {
         (out, empty)
     }
 
-    /// The limits and drive of the leader, converted to the position of a follower.
+    /// Return the limits and drive of the leader, converted to the follower's position.
     fn counted_by(&self, multiplier: f64, offset: f64) -> Moved {
         let ends = [self.limits.lower, self.limits.upper].map(|end| multiplier * end + offset);
         let size = multiplier.abs();
@@ -113,7 +115,7 @@ impl Joint {
         Moved { limits: self.limits, armature: self.armature, damping: self.damping, friction: self.friction }
     }
 
-    /// Remove the drive, which is now part of the leader's.
+    /// Remove the drive of the joint, after it has been added to the leader's drive.
     pub(super) fn undriven(&mut self) {
         (self.armature, self.damping, self.friction) = (0.0, 0.0, 0.0);
     }
@@ -124,25 +126,25 @@ impl Joint {
     }
 }
 
-/// A line for the report: limits that allow no motion.
+/// Return a line for the report: the limits of the follower allow no motion.
 pub fn no_room(follower: &str, leader: &str) -> String {
     format!("limits of {follower}, which follows {leader}, leave {leader} no range: left out")
 }
 
 impl Arm {
-    /// The joints that follow no other one, in the order of `q`.
+    /// The joints that are not followers, in the order of `q`.
     pub fn independent(&self) -> impl Iterator<Item = &Joint> {
         let mut followers = self.mimics.iter().map(|mimic| mimic.joint).peekable();
         self.joints.iter().enumerate().filter(move |(i, _)| followers.next_if_eq(i).is_none()).map(|(_, joint)| joint)
     }
 
-    /// The index in `joints` of each coordinate.
+    /// For each coordinate, the index of its joint in `joints`.
     pub fn independent_indices(&self) -> Vec<usize> {
         let mut followers = self.mimics.iter().map(|mimic| mimic.joint).peekable();
         (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
     }
 
-    /// For every coordinate, whether a full turn returns all bodies to their places. This requires integer multipliers of its followers.
+    /// For each coordinate, whether one revolution returns all bodies to their places. This requires integer multipliers of followers.
     pub fn turns(&self) -> Vec<bool> {
         let mut turns: Vec<bool> = self.joints.iter().map(|joint| joint.kind.is_angle()).collect();
         for mimic in &self.mimics {
@@ -152,7 +154,7 @@ impl Arm {
         self.independent_indices().into_iter().map(|i| turns[i]).collect()
     }
 
-    /// Write the positions `G q + c` of all joints, followers included, at `q` `(n,)`, to `out`.
+    /// Write the positions `G q + c` of all joints, including followers, to `out`. `q`: coordinates, shape `(n,)`, rad or m.
     pub fn joint_positions(&self, q: &[f64], out: &mut [f64]) {
         match self.joining() {
             None => out.copy_from_slice(q),
@@ -162,7 +164,7 @@ impl Arm {
         }
     }
 
-    /// Whether `mimics` are as readers make them: in order, finite, and about existing joints that lead no other one.
+    /// Whether `mimics` are valid: sorted, finite, and with existing joints whose leaders are not followers.
     pub fn mimics_are_sound(&self) -> bool {
         let mut follows = vec![false; self.joints.len()];
         for mimic in &self.mimics {
@@ -176,7 +178,7 @@ impl Arm {
         ordered && self.mimics.iter().all(sound) && (self.mimics.is_empty() || self.joints.len() <= MOST_BODIES)
     }
 
-    /// For every coordinate the next one towards the base; `None` at the base.
+    /// For each coordinate, the next coordinate towards the base. `None` at the base.
     pub fn parents(&self) -> Vec<Option<usize>> {
         let joining = self.joining();
         let coordinate = |i: usize| joining.as_ref().map_or(i, |joining| joining.rows[i].0);
@@ -190,7 +192,7 @@ impl Arm {
         self.independent_indices().into_iter().enumerate().map(inwards).collect()
     }
 
-    /// The map from coordinates to joints; `None` if no joint follows another.
+    /// Return the map from coordinates to joints. The result is `None` for an arm without mimic joints.
     pub fn joining(&self) -> Option<Joining> {
         if self.mimics.is_empty() {
             return None;
@@ -206,8 +208,8 @@ impl Arm {
         Some(Joining { rows, leaders })
     }
 
-    /// Set the leaders of followers: pairs of a joint and its leader. If the leader is no part of the arm, its first follower becomes the
-    /// leader.
+    /// Set the leaders of followers, given as pairs of a joint and its leader. If the leader is not part of the arm, its first follower
+    /// becomes the leader.
     pub(super) fn set_mimics(&mut self, mut followers: Vec<(usize, Leader)>) -> Result<()> {
         followers.sort_by_key(|(joint, _)| *joint);
         let (mut first, mut mimics): (Vec<&(usize, Leader)>, _) = (Vec::new(), Vec::new());
@@ -238,7 +240,7 @@ impl Arm {
         Ok(())
     }
 
-    /// Add a line to the report: the followers and their leaders.
+    /// Add a line with all followers and their leaders to the report.
     pub(super) fn report_mimics(&mut self) {
         let equation =
             |m: &Mimic| format!("{} = {} {} + {}", self.joints[m.joint].name, m.multiplier, self.joints[m.leader].name, m.offset);
@@ -249,7 +251,7 @@ impl Arm {
     }
 }
 
-/// The leader of a joint: its index in the arm, or `None` for a joint that is no part of the arm. `moved` has its limits and drive.
+/// The leader of a joint. `at` is its index in the arm, or `None` if it is not part of the arm. `moved` has its limits and drive.
 pub struct Leader {
     pub at: Option<usize>,
     pub name: String,

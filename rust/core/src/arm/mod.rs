@@ -1,6 +1,6 @@
-//! Arms: trees of revolute, continuous, prismatic and fixed joints. [`Arm`] is the model as the user sees it, [`Tree`] its compiled form.
-//! Readers merge fixed joints into bodies, and keep their links as frames. Joints that follow another one (mimic joints) are one degree of
-//! freedom with it.
+//! Arms: trees of revolute, continuous, prismatic and fixed joints. [`Arm`] is the model as the user describes it. [`Tree`] is its compiled
+//! form, on which the algorithms run. Readers merge fixed joints into bodies, and keep their links as frames. A mimic joint has one degree
+//! of freedom together with the joint that it follows.
 
 mod build;
 mod classic;
@@ -33,8 +33,8 @@ use crate::spatial::PARAMETERS;
 /// Gravity on Earth along `-z`, m/s^2.
 pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
-/// The model of an arm. Joint order is that of `q`: depth first, siblings in the order of the description. Arms are equal if everything
-/// except `report` is equal, because the report does not change the arm.
+/// The model of an arm. The order of joints, and of `q`, is depth first, with siblings in the order of the description. Two arms are equal
+/// if all fields except `report` are equal.
 ///
 /// ```
 /// use armlet_core::arm::{Arm, ChainJoint, Convention, DhRow, JointKind, JointType, STANDARD_GRAVITY};
@@ -57,20 +57,20 @@ pub const STANDARD_GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 pub struct Arm {
     /// Name of the robot.
     pub name: String,
-    /// Joints, depth first; parents come before children. The joints that follow no other one are in the order of `q`.
+    /// The joints, depth first, parents before children. The joints that are not mimic joints have the order of `q`.
     pub joints: Vec<Joint>,
-    /// Joints that follow another one, in the order of `joints`.
+    /// The mimic joints, in the order of `joints`.
     pub mimics: Vec<Mimic>,
-    /// Frames, in the order of the description.
+    /// The frames, in the order of the description.
     pub frames: Vec<Frame>,
     /// Gravity in world axes, m/s^2.
     pub gravity: [f64; 3],
-    /// Remarks of the reader, and what it dropped.
+    /// Remarks of the reader, including the elements that it ignored.
     pub report: Vec<String>,
 }
 
 impl Clone for Arm {
-    /// A clone of a large arm takes long, so it calls [`look`].
+    /// Clones the arm. This takes long for a large arm, and therefore calls [`look`].
     fn clone(&self) -> Self {
         Arm {
             name: self.name.clone(),
@@ -91,23 +91,24 @@ impl PartialEq for Arm {
 }
 
 impl Arm {
-    /// Number of coordinates, which is the number of joints that move independently.
+    /// The number of coordinates, which is the number of joints without mimic joints.
     pub fn n(&self) -> usize {
         self.joints.len() - self.mimics.len()
     }
 
-    /// Names of the independent joints, in the order of `q`.
+    /// The names of the joints that are not mimic joints, in the order of `q`.
     pub fn joint_names(&self) -> impl Iterator<Item = &str> {
         self.independent().map(|joint| joint.name.as_str())
     }
 
-    /// Names of the frames.
+    /// The names of the frames, in the order of the description.
     pub fn frame_names(&self) -> impl Iterator<Item = &str> {
         self.frames.iter().map(|frame| frame.name.as_str())
     }
 
-    /// The frame at the tip: the moving frame with the longest path from the base. The length is `sum |p|` over the offsets of joints and
-    /// frame. Of equal lengths the last frame is taken. Without moving frames the result is `None`.
+    /// Return the index of the frame at the tip: the moving frame with the longest path from the base. The length of a path is `sum |p|`
+    /// over the offsets of its joints and of the frame. For equal lengths, it is the last frame. The result is `None` without moving
+    /// frames.
     pub fn tip_frame(&self) -> Option<usize> {
         let mut reach = Vec::<f64>::with_capacity(self.joints.len());
         for joint in &self.joints {
@@ -118,12 +119,12 @@ impl Arm {
         moving.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
     }
 
-    /// Inertial parameters `(10,)` of the body of every joint, in SPEC order, in the body frames.
+    /// The inertial parameters of all bodies in their body frames, shape `(10 joints,)`, in the order of [`crate::spatial`]. SI units.
     pub fn parameters(&self) -> Vec<f64> {
         self.joints.iter().flat_map(|joint| joint.parameters).collect()
     }
 
-    /// The arm with other inertial parameters: any finite numbers.
+    /// Return the arm with the inertial parameters `pi`, in the layout of [`Arm::parameters`]. Any finite numbers are allowed.
     pub fn with_parameters(&self, pi: &[f64]) -> Result<Arm> {
         if pi.len() != PARAMETERS * self.joints.len() {
             return Err(Error::wrong("parameters", "length", format!("{} (10 per joint)", PARAMETERS * self.joints.len()), pi.len()));
@@ -137,7 +138,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The arm with other rotors and friction, `(n,)` each, any finite numbers; `None` keeps the present values.
+    /// Return the arm with other drives, shape `(n,)` each: rotor inertia, viscous and Coulomb friction. Any finite numbers are allowed.
+    /// `None` keeps the present values.
     pub fn with_drives(&self, armature: Option<&[f64]>, damping: Option<&[f64]>, friction: Option<&[f64]>) -> Result<Arm> {
         type Part = fn(&mut Joint) -> &mut f64;
         let parts: [(_, _, Part); 3] = [
@@ -159,24 +161,24 @@ impl Arm {
         Ok(arm)
     }
 
-    /// The arm under other gravity, world axes, m/s^2.
+    /// Return the arm with another gravity, world axes, m/s^2.
     pub fn with_gravity(&self, gravity: [f64; 3]) -> Result<Arm> {
         finite("gravity", &gravity)?;
         Ok(Arm { gravity, ..self.clone() })
     }
 
-    /// Index of a frame. The error for an unknown name lists the available ones.
+    /// Return the index of the frame `name`. The error for an unknown name lists all frames.
     pub fn frame_index(&self, name: &str) -> Result<usize> {
         index_of(self.frame_names(), name).ok_or_else(|| Error::unknown("frame", "frames", self.frame_names(), name))
     }
 
-    /// Index of a joint. The error for an unknown name lists the available ones.
+    /// Return the index in `q` of the joint `name`. The error for an unknown name lists all joints.
     pub fn joint_index(&self, name: &str) -> Result<usize> {
         index_of(self.joint_names(), name).ok_or_else(|| Error::unknown("joint", "joints", self.joint_names(), name))
     }
 }
 
-/// Refuse a new name that a file cannot hold. XML has no control characters, and many readers end a name at NUL.
+/// Refuse a new name that a file cannot represent. XML has no control characters, and many readers end a name at NUL.
 pub(crate) fn writable(argument: &str, name: &str) -> Result<()> {
     let bad = |c: char| (c < ' ' && !matches!(c, '\t' | '\n' | '\r')) || matches!(c, '\u{fffe}' | '\u{ffff}');
     match name.chars().find(|c| bad(*c)) {

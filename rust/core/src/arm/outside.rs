@@ -1,35 +1,36 @@
-//! Positions outside of joint limits: `q < lower` or `q > upper`, by more than the rounding of numbers in files.
+//! Positions that are outside of joint limits: `q < lower` or `q > upper`, by more than the rounding of decimal numbers.
 
 use super::{Arm, JointKind};
 use crate::interrupt::look;
 use std::f64::consts::TAU;
 
-/// The tolerance of a position beyond a limit, rad or m, because files and scripts round both.
+/// A position may exceed a limit by this number, rad or m, because files and scripts round both.
 const SLACK: f64 = 1e-9;
 
-/// The first position outside of the limits of its joint, and how many there are.
+/// The first position that is outside of its joint's limits, and the counts of such positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outside {
-    /// The row of the first position.
+    /// The row of this position.
     pub row: usize,
-    /// Its joint, as an index of `q`.
+    /// The joint of this position, as an index of `q`.
     pub joint: usize,
     /// The position, rad or m.
     pub value: f64,
     /// The limits of the joint, rad or m.
     pub limits: [f64; 2],
-    /// Whether the coordinate is an angle.
+    /// Whether the position is an angle.
     pub angle: bool,
-    /// Joints outside in the first such row.
+    /// The number of joints outside of their limits in this row.
     pub joints: usize,
-    /// Rows with a joint outside.
+    /// The number of rows with a joint outside of its limits.
     pub rows: usize,
     /// The number of rows that were checked.
     pub of: usize,
 }
 
 impl Outside {
-    /// The first row that is outside, of `rows`: pairs of an arm and a position `(n,)`. NaN is not outside.
+    /// Return the first row with a position outside of limits. `rows`: pairs of an arm and positions, shape `(n,)`, rad or m. NaN is not
+    /// outside.
     pub fn first<'a>(rows: impl IntoIterator<Item = (&'a Arm, &'a [f64])>) -> Option<Outside> {
         let (mut found, mut of): (Option<Outside>, usize) = (None, 0);
         for (row, (arm, q)) in rows.into_iter().enumerate() {
@@ -54,18 +55,18 @@ impl Outside {
         found
     }
 
-    /// Whether the value may be an angle in degrees: as radians it exceeds a turn, and as degrees it is within the limits.
+    /// Whether the value may be an angle in degrees. As radians it exceeds one revolution, and as degrees it is within the limits.
     fn degrees(&self) -> bool {
         let [lower, upper] = self.limits;
         self.angle && self.value.abs() > TAU && (lower..=upper).contains(&self.value.to_radians())
     }
 
-    /// The index of the position: row and joint in an array of rows, otherwise the joint.
+    /// The index of the position as text: row and joint if `of_rows` is true, otherwise only the joint.
     pub fn index(&self, of_rows: bool) -> String {
         if of_rows { format!("[{}, {}]", self.row, self.joint) } else { format!("[{}]", self.joint) }
     }
 
-    /// The problem as text: `= -57 rad is outside [-3.1, 3.1]: degrees?`.
+    /// The problem as text, for example `= -57 rad is outside [-3.1, 3.1]: degrees?`.
     pub fn problem(&self) -> String {
         let ([lower, upper], unit) = (self.limits.map(short), if self.angle { "rad" } else { "m" });
         let mut text = format!("= {} {unit} is outside [{lower}, {upper}]", short(self.value));
@@ -82,7 +83,7 @@ impl Outside {
     }
 }
 
-/// Six digits, without trailing zeros.
+/// Return the number as text with six digits, without trailing zeros.
 fn short(x: f64) -> String {
     let rounded = format!("{x:.5e}").parse().unwrap_or(x);
     if rounded == 0.0 || (1e-4..1e9).contains(&rounded.abs()) || !rounded.is_finite() {

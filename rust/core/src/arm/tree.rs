@@ -1,8 +1,8 @@
 //! The compiled form of an arm, on which the algorithms run.
 //!
-//! Every body has an internal frame: origin on the joint, z along the joint axis. So the motion subspace is `e_z`, and a joint rotation
-//! changes two columns. `turn` is the rotation from the internal frame to the body frame of the model. The geometry is the same in all
-//! lanes. Inertial parameters may differ between lanes.
+//! Each body has a compiled frame, with the origin on the joint and z along the joint axis. So the motion subspace is `e_z`, and a joint
+//! rotation changes two columns of a matrix. `turn` is the rotation from the compiled frame to the body frame of the model. All lanes have
+//! the same geometry. Inertial parameters may differ between lanes.
 
 use super::{Arm, Joining};
 use crate::interrupt::look;
@@ -11,7 +11,7 @@ use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Placement, QuarterTurn, RotationMatrix, Sym3, Vector3};
 use std::sync::Arc;
 
-/// The names of the first moment of a body in recordings. Its mass is `m`.
+/// The labels of the first moment of a body in recordings. The label of its mass is `m`.
 const MOMENT: [&str; 3] = ["mx", "my", "mz"];
 const INERTIA: [&str; 6] = ["Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"];
 const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
@@ -19,35 +19,37 @@ const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
 /// The parent of a body on the fixed base.
 pub const BASE: usize = usize::MAX;
 
+/// A body with its joint.
 #[derive(Clone, Debug)]
 pub struct Body<S: Real> {
-    /// Index of the parent body, [`BASE`] for the base; parents come before children.
+    /// The index of the parent body, or [`BASE`]. Parents precede children.
     pub parent: usize,
-    /// One beyond the last body that it carries. These are the bodies from the next one to `end`, because the order is depth first.
+    /// The index after the last body that this body moves. It moves the bodies from the next one to `end`, because the order is depth
+    /// first.
     pub end: usize,
-    /// Whether a body that is not the next one is its child, so that its values must be stored.
+    /// Whether a body other than the next one is a child of this body. Its values must then be stored.
     pub forks: bool,
-    /// True if the body turns about its axis, false if it slides along it.
+    /// Whether the body rotates about its axis. If false, it slides along the axis.
     pub revolute: bool,
-    /// Placement of the joint in the parent's compiled frame at `q = 0`.
+    /// The placement of the joint in the parent's compiled frame at `q = 0`.
     pub rotation: Matrix3<f64>,
-    /// The kind of quarter turn of `rotation`, if it is one.
+    /// The quarter turn that equals `rotation`, if there is one.
     pub quarter: Option<QuarterTurn>,
     pub translation: Vector3<f64>,
-    /// Whether the joint's origin equals the parent's in every state, as in a wrist. Then moments need no shift.
+    /// Whether the joint's origin equals the parent's origin in every state, as in a wrist. Then moments need no shift.
     pub concentric: bool,
-    /// In compiled axes, about the joint origin.
+    /// The inertia in compiled axes, about the joint origin.
     pub inertia: Inertia<S>,
-    /// `integral of r r' dm = tr(I)/2 - I`.
+    /// The second moment of mass, `integral of r r' dm = tr(I)/2 - I`, kg m^2.
     pub second_moment: Sym3<S>,
-    /// `x_body = turn x_compiled`; `None` if the two frames are the same.
+    /// The rotation `x_body = turn x_compiled`. `None` if the two frames are equal.
     pub turn: Option<Matrix3<f64>>,
     pub armature: S,
     pub damping: S,
     pub friction: S,
 }
 
-/// A frame fixed to a body, in the body's compiled axes; to the base if `body` is [`BASE`].
+/// A frame that is fixed to a body, in the body's compiled axes. If `body` is [`BASE`], it is fixed to the base.
 #[derive(Clone, Debug)]
 pub struct TreeFrame {
     pub body: usize,
@@ -59,20 +61,21 @@ pub struct Tree<S: Real> {
     pub bodies: Vec<Body<S>>,
     pub frames: Vec<TreeFrame>,
     pub gravity: Vector3<f64>,
-    /// The map from coordinates to bodies, if some joints follow others.
+    /// The map from coordinates to bodies, in an arm with mimic joints.
     pub joining: Option<Joining>,
-    /// Whether the branches are short, so that forward dynamics is faster by the mass matrix than by articulated bodies.
+    /// Whether the branches of the tree are short. Forward dynamics with the mass matrix is then faster than with articulated bodies.
     pub is_shallow: bool,
 }
 
-/// Up to this mean number of joints that carry a body, forward dynamics is faster by the mass matrix (`docs/adr/0008`).
+/// The limit for the mean number of joints on the path to a body. Up to it, forward dynamics with the mass matrix is faster
+/// (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
-/// The additional cost of a joint whose placement is no quarter turn.
+/// The relative cost of a joint whose placement is not a quarter turn.
 const GENERAL: f64 = 1.25;
-/// Number of joints up to which a workspace has memory for the mass matrix: 0.5 MB.
+/// The number of joints up to which a workspace has memory for the mass matrix: 0.5 MB.
 const MOST_JOINTS: usize = 256;
 
-/// See [`Tree::is_shallow`]
+/// Determine [`Tree::is_shallow`].
 fn is_shallow(bodies: &[Body<f64>]) -> bool {
     let carried = |i: usize, body: &Body<f64>| (body.end - i) as f64 * if body.quarter.is_some() { 1.0 } else { GENERAL };
     let mean_fits = || bodies.iter().enumerate().map(|(i, body)| carried(i, body)).sum::<f64>() <= SHALLOW * bodies.len() as f64;
@@ -140,12 +143,12 @@ impl Tree<f64> {
         tree
     }
 
-    /// The same tree in every lane.
+    /// Return the tree with the same parameters in every lane.
     pub fn lift<S: Real>(&self) -> Tree<S> {
         Tree::lanes(std::slice::from_ref(self))
     }
 
-    /// Tree `of[i]` in lane `i`, or the only one in every lane. The trees differ only in their inertial parameters.
+    /// Return tree `of[i]` in lane `i`, or the only tree in every lane. The trees differ only in their inertial parameters.
     fn lanes<S: Real>(of: &[Self]) -> Tree<S> {
         let first = &of[0];
         let number = |name, i: usize, f: &dyn Fn(&Self) -> f64| {
@@ -190,19 +193,21 @@ impl Tree<f64> {
 }
 
 impl<S: Real> Tree<S> {
-    /// The arm with the same parameters in every lane. It is compiled in `f64`, so every number type starts from the same bits.
+    /// Compile an arm, with the same parameters in every lane. It is compiled in `f64`, so that every number type starts with the same
+    /// bits.
     pub fn new(arm: &Arm) -> Self {
         Tree::compile(arm).lift()
     }
 
-    /// Arm `of(lane)` in each lane; all have the same geometry.
+    /// Compile the arms `of(lane)`, one per lane. All arms have the same geometry.
     pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Arc<Arm>) -> Self {
         let shared = (1..S::LANES).all(|lane| Arc::ptr_eq(of(lane), of(0)));
         let compiled: Vec<Tree<f64>> = (0..if shared { 1 } else { S::LANES }).map(|lane| Tree::compile(of(lane))).collect();
         Tree::lanes(&compiled)
     }
 
-    /// Set the inertial parameters, `(10 n,)` in SPEC order in the body frames of the model, lane by lane.
+    /// Set the inertial parameters, shape `(10 bodies,)`, in the body frames of the model, in the order of [`crate::spatial`], lane by
+    /// lane.
     pub fn set_parameters(&mut self, pi: &[S]) {
         for (body, p) in self.bodies.iter_mut().zip(pi.chunks_exact(PARAMETERS)) {
             look();
@@ -215,7 +220,7 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    /// The argument of [`Tree::set_parameters`], up to rounding.
+    /// Write the inertial parameters in the layout of [`Tree::set_parameters`]. They equal the set ones up to rounding.
     pub fn write_parameters(&self, pi: &mut [S]) {
         for (body, p) in self.bodies.iter().zip(pi.chunks_exact_mut(PARAMETERS)) {
             let inertia = match body.turn {
@@ -226,13 +231,13 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    /// Number of coordinates: the bodies, without those whose joints follow others.
+    /// The number of coordinates: the number of bodies without the bodies of mimic joints.
     #[inline]
     pub fn n(&self) -> usize {
         self.joining.as_ref().map_or(self.bodies.len(), |joining| joining.leaders.len())
     }
 
-    /// The coordinate that moves a body, and the rate of its joint per unit rate of the coordinate.
+    /// The coordinate that moves a body, and the rate of the body's joint divided by the rate of the coordinate.
     #[inline]
     pub fn mover(&self, body: usize) -> (usize, f64) {
         self.joining.as_ref().map_or((body, 1.0), |joining| (joining.rows[body].0, joining.rows[body].1))
@@ -244,7 +249,7 @@ impl<S: Real> Tree<S> {
         &self.bodies[self.joining.as_ref().map_or(coordinate, |joining| joining.leaders[coordinate])]
     }
 
-    /// Sine, cosine and position of the joint of a body from those of the coordinates.
+    /// The sine, cosine and position of a body's joint, from those of the coordinates.
     #[inline]
     pub fn position(&self, body: usize, trig: &[(S, S)], q: &[S]) -> ((S, S), S) {
         let Some(joining) = &self.joining else { return (trig[body], q[body]) };
@@ -256,7 +261,7 @@ impl<S: Real> Tree<S> {
         (position.sin_cos(), position)
     }
 
-    /// Rate of the joint of a body, from the rates of the coordinates.
+    /// The rate of a body's joint, from the rates of the coordinates.
     #[inline]
     pub fn rate(&self, body: usize, v: &[S]) -> S {
         let Some(joining) = &self.joining else { return v[body] };
@@ -265,8 +270,8 @@ impl<S: Real> Tree<S> {
     }
 }
 
-/// Axes with z along `axis`. If possible, the rotation from them through `before` to the parent's axes is a quarter turn.
-/// Axes of the model with z along the joint axis are kept.
+/// Return axes with z along `axis`. If possible, the rotation from them through `before` to the parent's axes is a quarter turn. If z of
+/// the model is already along the joint axis, the axes of the model do not change.
 fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
     let mut turn = Matrix3::taking_z_to(axis);
     let first = turn;
@@ -282,7 +287,7 @@ fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
     first
 }
 
-/// `tr(I)/2 - I`.
+/// Return the second moment `tr(I)/2 - I`, kg m^2.
 pub fn second_moment<S: Real>(inertia: &Sym3<S>) -> Sym3<S> {
     let [xx, xy, yy, xz, yz, zz] = inertia.0;
     let half_trace = S::splat(0.5) * (xx + yy + zz);

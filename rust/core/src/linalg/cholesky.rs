@@ -1,20 +1,20 @@
-//! `A = L L^T` for symmetric positive definite `A`, row-major.
+//! Cholesky factorisation `A = L L'` of a symmetric positive definite matrix, row-major.
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
-/// Largest asymmetry, relative to the largest entry, that is accepted as rounding.
+/// A relative asymmetry up to this limit is accepted as a rounding error.
 const SYMMETRY: f64 = 1e-12;
 
-/// The lower factor of a symmetric positive definite matrix, zeros above the diagonal; `None` if it is not
+/// Return the lower factor `L` of the matrix `a`, shape `(n, n)`, with zeros above the diagonal. The result is `None` if `a` is not
 /// positive definite.
 pub fn factor(n: usize, a: &[f64]) -> Option<Vec<f64>> {
     let mut l = vec![0.0; n * n];
     (factor_into(n, a, &mut l) == 1.0).then_some(l)
 }
 
-/// Write the lower factor to the lower triangle of `l`; the rest of `l` is unchanged. The result is one if `a` is positive definite, else
-/// zero.
+/// Write the lower factor to the lower triangle of `l`, and leave the other entries unchanged. Return one if `a` is positive definite,
+/// otherwise zero.
 pub fn factor_into<S: Real>(n: usize, a: &[S], l: &mut [S]) -> S {
     let (zero, infinity, mut definite) = (S::zero(), S::splat(f64::INFINITY), S::splat(1.0));
     for i in 0..n {
@@ -34,7 +34,7 @@ pub fn factor_into<S: Real>(n: usize, a: &[S], l: &mut [S]) -> S {
     definite
 }
 
-/// Solve `L y = b` in place.
+/// Solve `L y = b`. `x` contains `b`, and then `y`.
 pub fn solve_lower<S: Real>(n: usize, l: &[S], x: &mut [S]) {
     for i in 0..n {
         for k in 0..i {
@@ -44,7 +44,7 @@ pub fn solve_lower<S: Real>(n: usize, l: &[S], x: &mut [S]) {
     }
 }
 
-/// Solve `L L^T x = b` in place.
+/// Solve `L L' x = b`. `x` contains `b`, and then the solution.
 pub fn solve<S: Real>(n: usize, l: &[S], x: &mut [S]) {
     solve_lower(n, l, x);
     for i in (0..n).rev() {

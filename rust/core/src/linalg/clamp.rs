@@ -1,7 +1,7 @@
-//! Spectral clamp `sigma -> sigma / max(sigma, eps)^2`: the pseudo-inverse where `sigma >= eps`, continuous in the
-//! matrix and bounded by `1/eps` everywhere. A direction keeps the fraction `1 - min(1, (sigma/eps)^2)`.
+//! The spectral clamp `sigma -> sigma / max(sigma, eps)^2` of singular values. It equals the pseudo-inverse if `sigma >= eps`, is
+//! continuous in the matrix, and is bounded by `1/eps`. It leaves the fraction `1 - min(1, (sigma/eps)^2)` of a direction free.
 
-/// Gain of the clamped inverse, 1/unit of `sigma`; zero at zero, also for `eps = 0`.
+/// Return the gain of the clamped inverse, in 1/unit of `sigma`. It is zero for `sigma = 0`, also if `eps = 0`.
 #[inline]
 pub fn clamp_gain(sigma: f64, eps: f64) -> f64 {
     if sigma <= 0.0 {
@@ -9,12 +9,12 @@ pub fn clamp_gain(sigma: f64, eps: f64) -> f64 {
     } else if sigma >= eps {
         1.0 / sigma
     } else {
-        // Two divisions, because eps * eps underflows for tasks in tiny units.
+        // Two divisions are used, because eps * eps underflows for tasks in tiny units.
         (sigma / eps) / eps
     }
 }
 
-/// `1 - sigma gain`: the part of the direction that stays free for lower levels, in `[0, 1]`.
+/// Return `1 - sigma gain`, the fraction of the direction that remains free for lower levels, in `[0, 1]`.
 #[inline]
 pub fn clamp_remainder(sigma: f64, eps: f64) -> f64 {
     if sigma <= 0.0 {
@@ -41,7 +41,7 @@ mod tests {
         assert!(clamp_remainder(below, eps) > 0.0 && clamp_remainder(below, eps) < 1e-15);
         assert_eq!((clamp_gain(0.0, eps), clamp_remainder(0.0, eps)), (0.0, 1.0));
         assert_eq!((clamp_gain(0.0, 0.0), clamp_remainder(0.0, 0.0)), (0.0, 1.0));
-        // eps * eps would underflow; three roundings.
+        // The product eps * eps would underflow. The tolerance covers three roundings.
         assert!((clamp_gain(1e-200, 1e-190) / 1e180 - 1.0).abs() < 1e-15);
     }
 
@@ -49,7 +49,7 @@ mod tests {
     fn bounded_by_one_over_eps() {
         for i in 0..1000 {
             let sigma = 10f64.powf(-20.0 + 0.021 * i as f64);
-            // 2 ulp of tolerance for the division.
+            // The tolerance of the division is 2 ulp.
             assert!(clamp_gain(sigma, 0.02) <= 50.0 * (1.0 + 4e-16));
         }
     }

@@ -1,20 +1,22 @@
-//! `f(A) = max(A, c)^-1` of a symmetric positive semidefinite matrix: its eigenvalues are raised to at least `c`.
+//! The clamped inverse `f(A) = max(A, c)^-1` of a symmetric positive semidefinite matrix. Its eigenvalues are raised to at least `c`.
 //!
-//! The code does not branch on the data. It does a fixed number of sweeps of Jacobi's method (Golub and Van Loan, Matrix Computations,
+//! The code does not branch on the data. It makes a fixed number of sweeps of Jacobi's method (Golub and Van Loan, Matrix Computations,
 //! 8.5).
 //!
-//! With `A = G G'` and `c = eps^2`, `G' f(A)` is the pseudo-inverse of `G` with the spectral clamp `sigma / max(sigma, eps)^2`.
+//! With `A = G G'` and `c = eps^2`, the matrix `G' f(A)` is the pseudo-inverse of `G` with the spectral clamp `sigma / max(sigma, eps)^2`.
 //!
-//! Let `B = V' A V` be nearly diagonal. Then `f(A) = V F V'`, `F_ii = f(B_ii)` and `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)`
-//! (Daleckii and Krein). So the result includes off-diagonal entries to first order, and the rates of `V` cancel in those of the result.
+//! The sweeps make `B = V' A V` nearly diagonal. Then `f(A) = V F V'`, where `F_ii = f(B_ii)` and
+//! `F_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` (Daleckii and Krein). So the result includes the off-diagonal entries of `B` to first
+//! order. Its rate does not depend on the rate of `V`.
 
 use super::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 
-/// By number of rows: sweeps after which off-diagonal entries are below 1e-7 of the largest eigenvalue. Their error is of second order.
+/// For each number of rows, the number of sweeps after which off-diagonal entries are below 1e-7 of the largest eigenvalue. The error of
+/// the result is of second order in them.
 const SWEEPS: [usize; 7] = [0, 0, 1, 4, 5, 6, 7];
 
-/// The inverse of matrices of one size, with its buffers.
+/// The clamped inverse of matrices of one size, with its memory.
 #[derive(Clone, Debug)]
 pub struct ClampedInverse<S> {
     m: usize,
@@ -25,13 +27,13 @@ pub struct ClampedInverse<S> {
 }
 
 impl<S: Real> ClampedInverse<S> {
-    /// For matrices `(m, m)`, `m` at most six, which are the rows of a frame.
+    /// Create the memory for matrices of shape `(m, m)`. `m` is at most six, the number of rows of a frame's Jacobian.
     pub fn new(m: usize) -> Self {
         let zeros = |k: usize| vec![S::zero(); k];
         ClampedInverse { m, b: zeros(m * m), v: zeros(m * m), f: zeros(m * m), row: zeros(m) }
     }
 
-    /// Write `f(a)`, `(m, m)`, to `out`. The result is the smallest eigenvalue of `a`.
+    /// Write `f(a)`, shape `(m, m)`, to `out`. Return the smallest eigenvalue of `a`. `floor` is `c`.
     pub fn compute(&mut self, a: &[S], floor: S, out: &mut [S]) -> S {
         let m = self.m;
         self.b.copy_from_slice(a);
@@ -59,7 +61,7 @@ impl<S: Real> ClampedInverse<S> {
         (1..m).fold(self.b[0], |least, i| least.min(self.b[i * m + i]))
     }
 
-    /// Rotate the axes `p` and `q` so that their off-diagonal entry vanishes; `least`: see [`least_to_turn`].
+    /// Rotate the axes `p` and `q` so that their off-diagonal entry becomes zero. `least`: see [`least_to_turn`].
     fn turn(&mut self, p: usize, q: usize, least: S) {
         let m = self.m;
         let (b, v) = (&mut self.b, &mut self.v);
@@ -78,7 +80,7 @@ impl<S: Real> ClampedInverse<S> {
         }
     }
 
-    /// `F` from `B`: `1 / max(l, c)`, and its divided differences `-share / (max(l, c) max(k, c))`.
+    /// Compute `F` from `B`: the diagonal `1 / max(l, c)`, and the divided differences `-share / (max(l, c) max(k, c))`.
     fn raise(&mut self, floor: S) {
         let (m, zero, one) = (self.m, S::zero(), S::splat(1.0));
         for i in 0..m {
@@ -88,7 +90,7 @@ impl<S: Real> ClampedInverse<S> {
                 let other = self.b[j * m + j];
                 let (low, high) = (own.min(other), own.max(other));
                 let (some, both) = (low.lt(floor), high.lt(floor));
-                // Both eigenvalues on one side of the floor: `share` is 1 or 0, and `apart` has no effect.
+                // If both eigenvalues are on one side of the floor, `share` is 1 or 0, and `apart` has no effect.
                 let apart = S::select(both, one, S::select(some, high - low, one));
                 let share = S::select(both, zero, S::select(some, (high - floor) / apart, one));
                 let entry = -(share * self.b[i * m + j] * self.f[i * m + i] * self.f[j * m + j]);
@@ -104,7 +106,7 @@ mod tests {
     use crate::linalg::symmetric_eigen;
     use crate::scalar::Dual;
 
-    /// A positive semidefinite matrix with entries of random size, and rank up to `m`.
+    /// Return a positive semidefinite matrix with entries of random size and with rank up to `m`.
     fn matrix(m: usize, seed: u64) -> Vec<f64> {
         let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
         let mut next = || {
@@ -115,7 +117,7 @@ mod tests {
         };
         let n = 7;
         let mut g: Vec<f64> = (0..m * n).map(|_| next()).collect();
-        // Rows that are equal or almost equal.
+        // Make two rows equal or almost equal.
         if seed.is_multiple_of(3) && m > 1 {
             let near = 10f64.powf(20.0 * next() - 10.0) * f64::from(u8::from(seed.is_multiple_of(2)));
             for k in 0..n {
@@ -138,7 +140,7 @@ mod tests {
                 for i in 0..m {
                     for j in 0..m {
                         let want: f64 = (0..m).map(|k| vectors[k * m + i] * vectors[k * m + j] / values[k].max(floor)).sum();
-                        // Rounding of the eigenvalues times the bound 1/c^2 of the slope.
+                        // The tolerance is the rounding error of the eigenvalues, multiplied with the bound 1/c^2 of the slope.
                         assert!((got[i * m + j] - want).abs() < 1e-8, "{m} {seed}: {} against {want}", got[i * m + j]);
                     }
                 }
@@ -164,12 +166,12 @@ mod tests {
                 let (ahead, behind) = (at(1e-5), at(-1e-5));
                 for k in 0..m * m {
                     let slope = (ahead[k] - behind[k]) / 2e-5;
-                    // The error of differences is h^2 times the third derivative, 1e4 for numbers up to 1/c = 20.
+                    // The error of finite differences is h^2 times the third derivative, which is 1e4 for numbers up to 1/c = 20.
                     assert!((out[k].rate - slope).abs() < 1e-4 * (1.0 + slope.abs()), "{m} {seed}: {} against {slope}", out[k].rate);
                 }
             }
         }
-        // Equal eigenvalues: the rate of 1/A at A = 1 is minus the rate of A.
+        // For equal eigenvalues, the rate of 1/A at A = 1 is minus the rate of A.
         let moving = [Dual::new(1.0, 0.3), Dual::new(0.0, 0.2), Dual::new(0.0, 0.2), Dual::new(1.0, -0.1)];
         let mut out = [Dual::default(); 4];
         ClampedInverse::new(2).compute(&moving, Dual::new(1e-4, 0.0), &mut out);

@@ -1,12 +1,13 @@
-//! Eigenvalues of any square matrix by the QR algorithm with an iteration cap (Golub and Van Loan, Matrix Computations, 7.5).
+//! Eigenvalues of any square matrix by the QR algorithm with a limited number of iterations (Golub and Van Loan, Matrix Computations, 7.5).
 //!
-//! The matrix is balanced first (Parlett and Reinsch 1969), because rates of position and of motor speed differ by orders of magnitude.
+//! The matrix is first balanced (Parlett and Reinsch 1969), because rates of position and of motor speed differ by orders of magnitude.
 
 use crate::error::{Error, Result, finite};
 use crate::status::Status;
 use nalgebra::DMatrix;
 
-/// `(real, imaginary)` of every eigenvalue of a row-major `(n, n)` matrix, by real part, then imaginary part, ascending.
+/// Return all eigenvalues of a matrix, shape `(n, n)`, row-major, as `(real, imaginary)`. They are sorted by real part, then by imaginary
+/// part.
 pub fn eigenvalues(a: &[f64], n: usize) -> Result<Vec<(f64, f64)>> {
     finite("matrix", a)?;
     let mut balanced = a.to_vec();
@@ -22,12 +23,12 @@ pub fn eigenvalues(a: &[f64], n: usize) -> Result<Vec<(f64, f64)>> {
     Ok(values)
 }
 
-/// The largest magnitude of an eigenvalue.
+/// Return the largest magnitude of all eigenvalues.
 pub fn spectral_radius(a: &[f64], n: usize) -> Result<f64> {
     Ok(eigenvalues(a, n)?.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im))))
 }
 
-/// Scale by powers of two until rows and columns have similar sizes.
+/// Scale the matrix with powers of two until rows and columns have similar sizes.
 fn balance(a: &mut [f64], n: usize) {
     const SWEEPS: usize = 20;
     for _ in 0..SWEEPS {
@@ -60,7 +61,7 @@ mod tests {
 
     #[test]
     fn knows_oscillators() {
-        // x'' + 2 zeta w x' + w^2 x = 0 twice, with very different frequencies, mixed by a similarity transform of size 1.
+        // x'' + 2 zeta w x' + w^2 x = 0 for two very different frequencies. A similarity transform of size 1 mixes the two systems.
         let (slow, fast) = ((0.5, 1.0), (0.1, 1e4));
         let block = |(zeta, w): (f64, f64)| [0.0, 1.0, -w * w, -2.0 * zeta * w];
         let (s, f) = (block(slow), block(fast));
@@ -71,11 +72,11 @@ mod tests {
                 a[(i + 2) * 4 + j + 2] = f[i * 2 + j];
             }
         }
-        a[2] = 3.0; // block triangular: the eigenvalues do not change
+        a[2] = 3.0; // The matrix is block triangular, so that this entry does not change the eigenvalues.
         let got = eigenvalues(&a, 4).expect("finite");
         let root = |(zeta, w): (f64, f64)| (-zeta * w, w * f64::sqrt(1.0 - zeta * zeta));
         for (value, want) in got.iter().zip([root(fast), root(fast), root(slow), root(slow)]) {
-            // A backward stable method has an error of 1e-16 of the balanced norm, 1e4.
+            // The error of a backward stable method is 1e-16 of the balanced norm, which is 1e4.
             assert!((value.0 - want.0).abs() < 1e-10 && (value.1.abs() - want.1).abs() < 1e-10, "{value:?} {want:?}");
         }
         assert!((spectral_radius(&a, 4).expect("finite") - 1e4).abs() < 1e-9);

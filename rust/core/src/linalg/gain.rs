@@ -1,16 +1,15 @@
-//! Gains: a scalar, a diagonal or a full symmetric positive definite matrix (gains, stiffness, inertia), and their
-//! products in a step.
+//! Gains: scalar, diagonal or full symmetric positive definite matrices (also stiffness and inertia), and their products with vectors.
 
 use crate::error::{Error, Result, finite};
 use crate::linalg::cholesky::require_positive_definite;
 use crate::scalar::Real;
 use nalgebra::DMatrix;
 
-/// A positive definite gain of size `n`.
+/// A symmetric positive definite gain of size `n`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gain {
     n: usize,
-    /// The `n` diagonal entries, or all `n n` row-major.
+    /// The `n` diagonal entries, or all `n^2` entries, row-major.
     values: Vec<f64>,
 }
 
@@ -28,7 +27,7 @@ impl Gain {
         Ok(Gain { n: values.len(), values })
     }
 
-    /// `values` is `(n, n)`, row-major. A diagonal matrix is kept as its diagonal.
+    /// Return the gain `values`, shape `(n, n)`, row-major. A diagonal matrix is stored as its diagonal.
     pub fn full(argument: &str, n: usize, values: Vec<f64>) -> Result<Self> {
         require_positive_definite(argument, n, &values)?;
         let off_diagonal = (0..n * n).any(|k| k / n != k % n && values[k] != 0.0);
@@ -38,7 +37,7 @@ impl Gain {
         Ok(Gain { n, values })
     }
 
-    /// The gain of a symmetric positive definite matrix.
+    /// Return the gain of a symmetric positive definite matrix, shape `(n, n)`.
     ///
     /// ```
     /// use armlet_core::law::Gain;
@@ -59,12 +58,12 @@ impl Gain {
         Gain::full(argument, matrix.nrows(), matrix.transpose().as_slice().to_vec())
     }
 
-    /// The gain as a matrix, `(n, n)`.
+    /// The gain as a matrix, shape `(n, n)`.
     pub fn to_matrix(&self) -> DMatrix<f64> {
         DMatrix::from_row_slice(self.n, self.n, &self.matrix())
     }
 
-    /// A diagonal that may have zeros: the gain of a task with feed-forward only.
+    /// Return a diagonal gain that may have zeros, for a task with only feedforward.
     pub fn not_negative(argument: &str, values: Vec<f64>) -> Result<Self> {
         finite(argument, &values)?;
         if let Some(i) = values.iter().position(|&k| k < 0.0) {
@@ -73,7 +72,7 @@ impl Gain {
         Ok(Gain { n: values.len(), values })
     }
 
-    /// `self^1/2`, of a symmetric gain.
+    /// Return the square root of a symmetric gain.
     pub fn square_root(&self) -> Gain {
         if self.is_diagonal() {
             return Gain::unchecked(self.n, self.values.iter().map(|k| k.sqrt()).collect());
@@ -86,7 +85,7 @@ impl Gain {
         Gain::unchecked(n, (0..n * n).map(|k| entry(k / n, k % n)).collect())
     }
 
-    /// Any matrix, such as `Kd^-1 Kp`, which need not be symmetric.
+    /// Return a gain from any matrix. It need not be symmetric, such as `Kd^-1 Kp`.
     pub(crate) fn unchecked(n: usize, values: Vec<f64>) -> Self {
         Gain { n, values }
     }
@@ -99,7 +98,7 @@ impl Gain {
         self.values.len() == self.n
     }
 
-    /// Entry `(i, j)`.
+    /// The entry `(i, j)`.
     #[inline]
     pub fn at(&self, i: usize, j: usize) -> f64 {
         if !self.is_diagonal() {
@@ -111,32 +110,32 @@ impl Gain {
         }
     }
 
-    /// `(n, n)`, row-major.
+    /// All entries, shape `(n, n)`, row-major.
     pub fn matrix(&self) -> Vec<f64> {
         (0..self.n * self.n).map(|k| self.at(k / self.n, k % self.n)).collect()
     }
 
-    /// `self x`.
+    /// Return `self x`.
     pub fn times(&self, x: &[f64]) -> Vec<f64> {
         (0..self.n).map(|i| (0..self.n).map(|j| self.at(i, j) * x[j]).sum()).collect()
     }
 
-    /// `k self`.
+    /// Return `k self`.
     pub fn scaled(&self, k: f64) -> Gain {
         Gain::unchecked(self.n, self.values.iter().map(|x| k * x).collect())
     }
 
-    /// `x' self x`.
+    /// Return `x' self x`.
     pub fn form(&self, x: &[f64]) -> f64 {
         self.times(x).iter().zip(x).map(|(y, x)| y * x).sum()
     }
 
-    /// `self^-1`.
+    /// Return `self^-1`.
     pub fn inverse(&self) -> Gain {
         self.solve(&Gain::unchecked(self.n, vec![1.0; self.n]))
     }
 
-    /// `self other`, diagonal if both are.
+    /// Return `self other`. The result is diagonal if both gains are.
     pub fn product(&self, other: &Gain) -> Gain {
         let n = self.n;
         if self.is_diagonal() && other.is_diagonal() {
@@ -146,7 +145,7 @@ impl Gain {
         Gain::unchecked(n, (0..n * n).map(entry).collect())
     }
 
-    /// `self^-1 other`, diagonal if both are.
+    /// Return `self^-1 other`. The result is diagonal if both gains are.
     pub fn solve(&self, other: &Gain) -> Gain {
         let n = self.n;
         if self.is_diagonal() && other.is_diagonal() {
@@ -168,21 +167,21 @@ impl Gain {
     }
 }
 
-/// A gain in a step: its products with vectors.
+/// Products of a gain with vectors, as used in a step.
 pub trait Multiply<S: Real> {
-    /// `y = K x`.
+    /// Write `y = K x`.
     fn multiply(&self, x: &[S], y: &mut [S]);
-    /// `y += K x`.
+    /// Write `y += K x`.
     fn add_to(&self, x: &[S], y: &mut [S]);
-    /// `x' K x`.
+    /// Return `x' K x`.
     fn quadratic(&self, x: &[S]) -> S;
 }
 
-/// A diagonal gain.
+/// A diagonal gain, stored as its diagonal.
 #[derive(Clone, Copy, Debug)]
 pub struct Diagonal<B>(pub B);
 
-/// A full gain, row-major.
+/// A full gain, stored row-major.
 #[derive(Clone, Copy, Debug)]
 pub struct Full<B>(pub B);
 
@@ -248,7 +247,7 @@ impl<S: Real, B: AsRef<[S]>> Multiply<S> for Full<B> {
     }
 }
 
-/// A gain whose form, diagonal or full, is known at run time; one per lane.
+/// A gain that is diagonal or full, as known at run time, with one gain per lane.
 #[derive(Clone, Debug)]
 pub enum AnyGain<S> {
     Diagonal(Diagonal<Vec<S>>),
@@ -256,12 +255,12 @@ pub enum AnyGain<S> {
 }
 
 impl<S: Real> AnyGain<S> {
-    /// Gain `of(i)` in lane `i`, with the name `name` in recordings.
+    /// Return the gains `of(i)` of all lanes `i`, with the label `name` in recordings.
     pub fn labelled<'a>(name: &'static str, of: impl Fn(usize) -> &'a Gain) -> Self {
         S::labelled(name, 1, || Self::from_lanes(of))
     }
 
-    /// Gain `of(i)` in lane `i`.
+    /// Return the gains `of(i)` of all lanes `i`.
     pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Gain) -> Self {
         let n = of(0).n();
         if (0..S::LANES).all(|i| of(i).is_diagonal()) {

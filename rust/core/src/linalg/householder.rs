@@ -1,14 +1,14 @@
-//! Householder reflection `H = I - beta w w'` with `H x = alpha e1`,
-//! `alpha = -sign(x1) |x|`, `w = x - alpha e1`, `beta = 1 / (|x| |w1|)` (Golub and Van Loan, Matrix Computations, 5.1).
+//! Householder reflections `H = I - beta w w'` with `H x = alpha e1`. `alpha = -sign(x1) |x|`, `w = x - alpha e1`, `beta = 1 / (|x| |w1|)`
+//! (Golub and Van Loan, Matrix Computations, 5.1).
 //!
-//! The sign of `alpha` avoids cancellation in `w1`, which makes the reflection orthogonal to working precision.
+//! The sign of `alpha` avoids cancellation in `w1`. So the reflection is orthogonal to working precision.
 
 use super::{axpy, dot};
 
-/// Below this, the square of a tail has underflowed. The dropped entries are below 1e-145 for a matrix scaled to 1.
+/// If the squared norm of a tail is below this limit, the tail is ignored. Its entries are below 1e-145 for a matrix scaled to 1.
 pub const TAIL: f64 = 1e-290;
 
-/// Overwrite `x` by `w`; return `(alpha, beta)`. A tail of zeros gives `beta = 0`, the identity.
+/// Overwrite `x` by `w`, and return `(alpha, beta)`. For a tail of zeros, `beta = 0`, and the reflection is the identity.
 #[inline]
 pub fn reflector(x: &mut [f64]) -> (f64, f64) {
     let x0 = x[0];
@@ -22,7 +22,7 @@ pub fn reflector(x: &mut [f64]) -> (f64, f64) {
     (alpha, 1.0 / (norm * (norm + x0.abs())))
 }
 
-/// `y <- H y`.
+/// Replace `y` by `H y`.
 #[inline]
 pub fn reflect(w: &[f64], beta: f64, y: &mut [f64]) {
     let s = -beta * dot(w, y);

@@ -1,25 +1,26 @@
-//! `P A = L U` with partial pivoting (Golub and Van Loan, Matrix Computations, section 3.4), row-major, in place.
+//! LU decomposition `P A = L U` with partial pivoting (Golub and Van Loan, Matrix Computations, section 3.4), row-major, in place.
 //!
-//! `L` is below the diagonal, with ones on its diagonal. `U` is above, and the inverse of its diagonal is on the diagonal.
+//! `L` is below the diagonal. Its own diagonal is all ones and not stored. `U` is above the diagonal. The diagonal stores the inverse of
+//! U's diagonal.
 //!
-//! Complex systems use the same method with entries `(re, im)`. They occur in the transformed Newton systems of implicit Runge-Kutta
+//! The code also solves complex systems with entries `(re, im)`. They occur in the transformed Newton systems of implicit Runge-Kutta
 //! methods.
 
 use crate::scalar::Real;
 
-/// The numbers of a decomposition: real or complex.
+/// A number type of a decomposition: real or complex.
 pub trait Entry: Copy {
     type Real: Real;
-    /// A real number as an entry.
+    /// Return the real number `x` in this type.
     fn real(x: Self::Real) -> Self;
     fn magnitude(self) -> f64;
     fn inverse(self) -> Self;
     fn times(self, b: Self) -> Self;
-    /// `self - a b`
+    /// Return `self - a b`.
     fn less(self, a: Self, b: Self) -> Self;
 }
 
-/// One real number per entry.
+/// Real entries.
 impl<S: Real> Entry for S {
     type Real = S;
     #[inline]
@@ -44,7 +45,7 @@ impl<S: Real> Entry for S {
     }
 }
 
-/// A complex number.
+/// A complex number: real part, imaginary part.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Complex<S>(pub S, pub S);
 
@@ -60,7 +61,7 @@ impl<S: Real> Entry for Complex<S> {
     }
     #[inline]
     fn inverse(self) -> Self {
-        // Smith's division has no square that could overflow.
+        // Smith's division computes no square that could overflow.
         if self.0.lane(0).abs() >= self.1.lane(0).abs() {
             let r = self.1 / self.0;
             let d = S::splat(1.0) / r.mul_add(self.1, self.0);
@@ -81,13 +82,13 @@ impl<S: Real> Entry for Complex<S> {
     }
 }
 
-/// From this number of rows on, a decomposition takes milliseconds.
+/// A decomposition with at least this number of rows takes milliseconds.
 const LONG: usize = 200;
 
-/// Decompose `a`, `(n, n)`, in place; `pivots[k]` is the row exchanged with row `k`.
+/// Decompose `a`, shape `(n, n)`, in place. `pivots[k]` is the index of the row that is exchanged with row `k`.
 ///
-/// The result is `false` if `a` has a zero pivot to working precision, is not finite, or after `stopped`. A long decomposition calls
-/// `stopped` once per column. After `false` the content of `a` is undefined.
+/// The result is `false` if `a` is not finite, has a pivot that is zero, or after `stopped` returned true. A long decomposition calls
+/// `stopped` once per column. After `false`, the content of `a` is undefined.
 #[inline]
 pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stopped: impl FnMut() -> bool) -> bool {
     let (a, pivots) = (&mut a[..n * n], &mut pivots[..n]);
@@ -103,7 +104,7 @@ pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stop
                 (most, pivot) = (size, i);
             }
         }
-        // NaN fails too.
+        // The condition also refuses NaN.
         if !(most > 0.0 && most < f64::INFINITY) {
             return false;
         }
@@ -128,7 +129,7 @@ pub fn decompose<E: Entry>(n: usize, a: &mut [E], pivots: &mut [usize], mut stop
     true
 }
 
-/// Solve `A x = b` in place from the decomposition of `a`.
+/// Solve `A x = b` with the decomposition of `a`. `b` is replaced by the solution.
 #[inline]
 pub fn solve<E: Entry>(n: usize, a: &[E], pivots: &[usize], b: &mut [E]) {
     let (a, pivots, b) = (&a[..n * n], &pivots[..n], &mut b[..n]);
@@ -155,7 +156,7 @@ pub fn solve<E: Entry>(n: usize, a: &[E], pivots: &[usize], b: &mut [E]) {
 mod tests {
     use super::*;
 
-    /// Numbers in [-1, 1), reproducible.
+    /// Return `n` reproducible numbers in [-1, 1).
     fn numbers(n: usize, mut state: u64) -> Vec<f64> {
         let mut next = || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -164,7 +165,7 @@ mod tests {
         (0..n).map(|_| next()).collect()
     }
 
-    /// The residual of a solve is a small multiple of eps times |A| |x| (n <= 9, growth of random matrices below 10).
+    /// The residual of a solve is a small multiple of eps |A| |x| (n <= 9, growth of random matrices below 10).
     #[test]
     fn real_and_complex_solutions_satisfy_their_equations() {
         for n in 1..10 {

@@ -1,7 +1,7 @@
-//! Small dense linear algebra on row-major slices. Every decomposition terminates on every input.
+//! Small dense linear algebra on row-major slices. Every decomposition terminates for every input.
 //!
-//! Every routine refuses numbers that are not finite, caps its iterations and keeps its buffers, so that a
-//! control step neither hangs nor allocates. Matrices are row-major slices with their sizes beside them.
+//! Every routine refuses numbers that are not finite, limits its iterations and reuses its memory. So a control step neither hangs nor
+//! allocates. Matrices are row-major slices, with their sizes as separate arguments.
 
 pub mod cholesky;
 pub mod clamp;
@@ -28,13 +28,13 @@ pub use resolvent::Pairs;
 pub use svd::Svd;
 pub use symmetric_eigen::symmetric_eigen;
 
-/// Sum of products of two vectors of equal length.
+/// Return the scalar product of two vectors of equal length.
 #[inline]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// `y += s x`.
+/// Compute `y += s x`.
 #[inline]
 pub fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
@@ -42,7 +42,7 @@ pub fn axpy(s: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// Largest magnitude; NaN if any entry is not finite.
+/// Return the largest magnitude. It is NaN if an entry is not finite.
 #[inline]
 pub fn largest(a: &[f64]) -> f64 {
     let (mut most, mut sound) = (0.0f64, 0.0);

@@ -1,12 +1,13 @@
-//! Moore-Penrose inverse `A# = V diag(1/s) U'` with a cut-off from the caller, in the unit of `A`.
+//! The Moore-Penrose inverse `A# = V diag(1/s) U'`. The caller chooses the cut-off, in the unit of `A`.
 //!
-//! There is no default cut-off relative to `A`, because for a projected Jacobian that scale is wrong (see `priority`).
+//! A default cut-off relative to `A` does not exist, because it would be wrong for a projected Jacobian (see `priority`).
 
 use super::axpy;
 use super::svd::Svd;
 use crate::error::Result;
 
-/// Row-major `(k, m)` pseudo-inverse of the row-major `m` by `k` matrix `a`; singular values at or below `cut` count as zero.
+/// Return the pseudo-inverse, shape `(k, m)`, row-major, of a matrix `a`, shape `(m, k)`, row-major. Singular values up to `cut` count as
+/// zero.
 pub fn pinv(a: &[f64], m: usize, k: usize, cut: f64) -> Result<Vec<f64>> {
     let mut svd = Svd::new(m, k);
     svd.decompose(a, m, k)?;

@@ -1,18 +1,18 @@
-//! `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`: the damping that gives every mode of `M x'' + D x' + K x` the ratio
-//! `zeta` (double diagonalisation: `M = Q'Q`, `K = Q' diag(k) Q`, `D = 2 zeta Q' diag(k)^1/2 Q`; Albu-Schaeffer, Ott,
-//! Frese and Hirzinger 2003).
+//! The damping matrix `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`, for which every mode of `M x'' + D x' + K x` has the damping ratio
+//! `zeta`. Method: double diagonalisation, `M = Q'Q`, `K = Q' diag(k) Q`, `D = 2 zeta Q' diag(k)^1/2 Q` (Albu-Schaeffer, Ott, Frese and
+//! Hirzinger 2003).
 
 use super::{Gain, symmetric_eigen};
 use crate::error::{Result, positive};
 
-/// `A^p` of a symmetric positive definite matrix, row-major.
+/// Return the power `A^p` of a symmetric positive definite matrix, shape `(n, n)`, row-major.
 pub fn symmetric_power(a: &[f64], n: usize, p: f64) -> Result<Vec<f64>> {
     let (values, vectors) = symmetric_eigen(a, n)?;
     let raised: Vec<f64> = values.iter().map(|l| l.powf(p)).collect();
     Ok((0..n * n).map(|at| (0..n).map(|k| vectors[k * n + at / n] * raised[k] * vectors[k * n + at % n]).sum()).collect())
 }
 
-/// The damping of ratio `zeta` > 0 for inertia `M` and stiffness `K`.
+/// Return the damping matrix for the damping ratio `zeta` > 0, the inertia `M` and the stiffness `K`.
 pub fn ratio_damping(inertia: &Gain, stiffness: &Gain, zeta: f64) -> Result<Gain> {
     positive("damping_ratio", zeta)?;
     let n = inertia.n();
@@ -25,7 +25,7 @@ pub fn ratio_damping(inertia: &Gain, stiffness: &Gain, zeta: f64) -> Result<Gain
     let (root, inverse) = (symmetric_power(&inertia.matrix(), n, 0.5)?, symmetric_power(&inertia.matrix(), n, -0.5)?);
     let inner = symmetric_power(&times(&times(&inverse, &stiffness.matrix()), &inverse), n, 0.5)?;
     let d = times(&times(&root, &inner), &root);
-    // Symmetric up to rounding.
+    // The mean with the transpose removes rounding errors of the symmetry.
     Gain::full("damping", n, (0..n * n).map(|at| zeta * (d[at] + d[at % n * n + at / n])).collect())
 }
 
@@ -38,7 +38,7 @@ mod tests {
         let m = Gain::full("m", 2, vec![1.1, 0.3, 0.3, 0.4]).expect("positive definite");
         let k = Gain::full("k", 2, vec![300.0, -50.0, -50.0, 200.0]).expect("positive definite");
         let d = ratio_damping(&m, &k, 0.7).expect("finite");
-        // D M^-1 D = 4 zeta^2 K defines D, and shares no square root with the formula.
+        // D M^-1 D = 4 zeta^2 K also defines D, and has no square root in common with the formula.
         let left = d.product(&m.inverse()).product(&d);
         for at in 0..4 {
             let (got, want) = (left.matrix()[at], 4.0 * 0.49 * k.matrix()[at]);

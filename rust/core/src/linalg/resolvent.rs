@@ -1,11 +1,11 @@
-//! `(s I - J) u = b`, where `J` is the derivative of a mechanical system `x = [x_1, x_1', x_2, x_2', ..., rest]` in blocks of `n`
-//! components. So the row of a position is `s u_p - u_r = b_p`. The positions are eliminated. This leaves half as many equations to
-//! decompose: `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`.
+//! Linear systems `(s I - J) u = b`, where `J` is the Jacobian of a mechanical system. Its state is `x = [x_1, x_1', x_2, x_2', ..., rest]`
+//! in blocks of `n` components. The row of a position `p` with the rate `r` is `s u_p - u_r = b_p`. So the positions are eliminated. Half
+//! as many equations remain to be decomposed: `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`.
 
 use super::lu::{self, Entry};
 use crate::scalar::Real;
 
-/// `count` blocks of `joints` positions, each followed by the block of its rates, at the start of a state.
+/// The positions and rates in a state. It begins with `count` blocks of `joints` positions, each followed by the block of their rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pairs {
     pub joints: usize,
@@ -13,18 +13,18 @@ pub struct Pairs {
 }
 
 impl Pairs {
-    /// Number of positions.
+    /// The number of positions.
     #[inline]
     fn positions(self) -> usize {
         self.joints * self.count
     }
 
-    /// The component that is the rate of component `i`, if `i` is a position.
+    /// Return the index of the rate of component `i`. The result is `None` if `i` is not a position.
     pub fn rate_of(self, i: usize) -> Option<usize> {
         (i < 2 * self.positions() && (i / self.joints).is_multiple_of(2)).then_some(i + self.joints)
     }
 
-    /// Call `each(k, i)` for every component `i` of `n` that is no position; `k` counts them.
+    /// Call `each(k, i)` for each component `i` of `n` that is not a position. `k` counts the calls.
     #[inline]
     fn kept(self, n: usize, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
@@ -37,7 +37,7 @@ impl Pairs {
         }
     }
 
-    /// Call `each(k, i)` for every position `i`; `k` counts them. The rate of the `k`-th position is the `k`-th component that remains.
+    /// Call `each(k, i)` for each position `i`. `k` counts the calls. The rate of the `k`-th position is the `k`-th component that remains.
     #[inline]
     fn positions_each(self, mut each: impl FnMut(usize, usize)) {
         for block in 0..self.count {
@@ -47,8 +47,8 @@ impl Pairs {
         }
     }
 
-    /// Decompose `s I - j` into `lu`, of the size of `j`, `(n, n)`; real or complex like `s`. The result is `false` if it is singular or
-    /// not finite, or if a long decomposition is `stopped`.
+    /// Decompose `s I - j` and write it to `lu`. `j` and `lu` have the shape `(n, n)`. The numbers are real or complex like `s`. The result
+    /// is `false` if the matrix is singular or not finite, or if `stopped` returned true.
     #[inline]
     pub fn decompose<E: Entry>(
         self,
@@ -70,11 +70,11 @@ impl Pairs {
         lu::decompose(m, lu, &mut pivots[..m], stopped)
     }
 
-    /// Solve in place with that decomposition; `work` is memory for `n` numbers.
+    /// Solve `(s I - j) u = b` with this decomposition. `b` is replaced by `u`. `work` is memory for `n` numbers.
     #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
-        // The sign is negative, so that every sum is a difference.
+        // The inverse is negative, so that every sum is a difference.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
         self.positions_each(|_, column| b[column] = b[column].times(inverse));
         self.kept(n, |r, row| {
@@ -94,7 +94,7 @@ mod tests {
     use super::super::lu::Complex;
     use super::*;
 
-    /// `|(s I - J) u - b|` in units of `(|J| + |s|) (|u| + |b / s|)`. An LU decomposition of either form has this residual.
+    /// Return `|(s I - J) u - b|` divided by `(|J| + |s|) (|u| + |b / s|)`. An LU decomposition of either form has a residual of this size.
     fn residual<E: Entry<Real = f64>>(pairs: Pairs, n: usize, s: E, j: &[f64], b: Vec<E>) -> f64 {
         let (mut lu, mut pivots, mut work, mut u) = (b.repeat(n), vec![0; n], b.clone(), b.clone());
         assert!(pairs.decompose(n, s, j, &mut lu, &mut pivots, || false));
@@ -104,7 +104,7 @@ mod tests {
         largest(&left) / ((1e6 + s.magnitude()) * (largest(&u) + largest(&b) / s.magnitude()))
     }
 
-    /// A dozen roundings, of entries up to 1e6 and of values of `s` above and below them.
+    /// The tolerance covers a dozen roundings. The entries are up to 1e6, and `s` is above and below them.
     #[test]
     fn with_positions_eliminated_the_solution_solves_the_whole_system() {
         for (joints, count, rest) in [(2, 2, 0), (2, 2, 2), (3, 1, 4), (1, 1, 0), (0, 0, 5)] {
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn a_singular_matrix_is_refused() {
         let pairs = Pairs { joints: 1, count: 1 };
-        // s = 2 is an eigenvalue of [[0, 1], [4, 0]].
+        // The matrix [[0, 1], [4, 0]] has the eigenvalue 2.
         assert!(!pairs.decompose(2, 2.0, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2], || false));
         assert!(pairs.decompose(2, 2.5, &[0.0, 1.0, 4.0, 0.0], &mut [0.0; 4], &mut [0; 2], || false));
     }

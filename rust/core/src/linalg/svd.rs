@@ -1,21 +1,21 @@
-//! Singular values `A = U diag(s) V'` by one-sided Jacobi rotations on the triangular factor of `A` (Drmac and Veselic 2008,
+//! Singular value decomposition `A = U diag(s) V'` by one-sided Jacobi rotations of the triangular factor of `A` (Drmac and Veselic 2008,
 //! `drmac2008jacobi`).
 //!
-//! The factor is `A = L Q` (wide) or `A = Q R` (tall). Rotations make the columns of the triangle orthogonal. The same rotations are
-//! applied to the rows of `V'`.
+//! The triangular factor is `L` of `A = L Q` (wide) or `R` of `A = Q R` (tall). Rotations make its columns orthogonal. The same rotations
+//! are applied to the rows of `V'`.
 //!
-//! `V` is a product of reflections and rotations. So it is complete (`k` by `k`) and orthonormal even where singular values vanish, and
-//! its trailing rows are the null basis. The number of sweeps is bounded, and the buffers are kept.
+//! `V` is a product of reflections and rotations. So it is complete, `(k, k)`, and orthonormal even if singular values are zero. Its last
+//! rows are the null basis. The number of sweeps is limited, and memory is reused.
 
 use super::householder::{reflect, reflector};
 use super::{axpy, dot, largest};
 use crate::error::{Error, Result, finite};
 use crate::status::Status;
 
-/// Quadratic convergence ends within 5 to 10 sweeps. More sweeps mean a bug.
+/// The convergence is quadratic and takes 5 to 10 sweeps. More sweeps indicate a bug.
 const MAX_SWEEPS: usize = 60;
 
-/// Workspace and result of a decomposition; `new` allocates, `decompose` does not.
+/// The memory and the result of a decomposition. `new` allocates, and `decompose` does not.
 #[derive(Debug, Clone)]
 pub struct Svd {
     m: usize,
@@ -30,7 +30,7 @@ pub struct Svd {
 }
 
 impl Svd {
-    /// Buffers for matrices of up to `rows` by `columns`.
+    /// Allocate memory for matrices of up to `rows` by `columns`.
     pub fn new(rows: usize, columns: usize) -> Self {
         let p = rows.min(columns);
         Svd {
@@ -46,29 +46,29 @@ impl Svd {
         }
     }
 
-    /// Singular values, descending; `min(m, k)` of them.
+    /// The `min(m, k)` singular values, in descending order.
     pub fn s(&self) -> &[f64] {
         &self.s[..self.p]
     }
 
-    /// Left singular vector `j`, shape `(m,)`; zeros where `s[j] = 0`.
+    /// The left singular vector `j`, shape `(m,)`. It is zero if `s[j] = 0`.
     pub fn u(&self, j: usize) -> &[f64] {
         &self.ut[j * self.m..(j + 1) * self.m]
     }
 
-    /// Right singular vector `j < k`, shape `(k,)`; those from `min(m, k)` on complete the basis.
+    /// The right singular vector `j < k`, shape `(k,)`. The vectors from `min(m, k)` on complete the basis.
     pub fn v(&self, j: usize) -> &[f64] {
         &self.vt[j * self.k..(j + 1) * self.k]
     }
 
-    /// Number of singular values above `cut`.
+    /// Return the number of singular values above `cut`.
     pub fn rank(&self, cut: f64) -> usize {
         self.s().iter().filter(|&&s| s > cut).count()
     }
 
-    /// Decompose the row-major `m` by `k` matrix `a`.
+    /// Decompose the matrix `a`, shape `(m, k)`, row-major.
     ///
-    /// Errors: `Input` for a size beyond the buffers or an entry that is not finite, `Solve` at the sweep cap.
+    /// Errors: `Input` for a size beyond the memory or an entry that is not finite, `Solve` at the limit of sweeps.
     pub fn decompose(&mut self, a: &[f64], m: usize, k: usize) -> Result<()> {
         let p = m.min(k);
         if a.len() != m * k || self.work.len() < m * k || self.vt.len() < k * k || self.s.len() < p || self.ut.len() < p * m {
@@ -79,7 +79,7 @@ impl Svd {
             finite("matrix", a)?;
         }
         (self.m, self.k, self.p) = (m, k, p);
-        // Squares of entries must neither overflow nor underflow. A power of two changes no digit.
+        // Squares of entries must neither overflow nor underflow. The scale is a power of two, which changes no digit.
         let scale = if biggest == 0.0 || (1e-60..1e60).contains(&biggest) {
             1.0
         } else {
@@ -91,7 +91,7 @@ impl Svd {
                 *w = a * scale;
             }
             self.triangle(m, k);
-            // Q = H_m .. H_1 applied to the identity from the right. Only H_j with j <= r changes row r.
+            // Apply Q = H_m .. H_1 to the identity from the right. Only H_j with j <= r changes row r.
             for j in (0..m).rev() {
                 let w = &self.work[j * k + j..(j + 1) * k];
                 for r in j..k {
@@ -106,7 +106,8 @@ impl Svd {
             }
             self.triangle(k, m);
         }
-        // Wide: row i of the work array is row i of L, and row j of g is column j of L. Tall: row i is column i of R.
+        // For a wide matrix, row i of the work array is row i of L, and row j of g is column j of L. For a tall one, row i is column i of
+        // R.
         let stride = if m <= k { k } else { m };
         for i in 0..p {
             for j in 0..i {
@@ -132,8 +133,8 @@ impl Svd {
         }
     }
 
-    /// Reduce the `p` rows of length `len` of the work array to a triangle. The diagonal is written to `s`, and the reflectors remain in
-    /// place.
+    /// Reduce the `p` rows of length `len` of the work array to a triangle. The diagonal is written to `s`, and the reflectors replace the
+    /// rows.
     fn triangle(&mut self, p: usize, len: usize) {
         for j in 0..p {
             let (head, below) = self.work[..p * len].split_at_mut((j + 1) * len);
@@ -147,10 +148,10 @@ impl Svd {
         }
     }
 
-    /// Sweeps of plane rotations over the rows of `g`, repeated on the rows of `vt`, until all pairs of rows of `g` are orthogonal.
+    /// Rotate pairs of rows of `g` in sweeps until all pairs are orthogonal, and apply the rotations to the rows of `vt`.
     fn rotate(&mut self) -> Result<()> {
         let (p, k) = (self.p, self.k);
-        // The computed product of two p-vectors has an error of p ulp of their norms.
+        // The computed product of two vectors of length p has an error of p ulp of their norms.
         let tol = f64::EPSILON * (p.max(4) as f64);
         for _ in 0..MAX_SWEEPS {
             let mut quiet = true;
@@ -181,7 +182,7 @@ impl Svd {
         })
     }
 
-    /// Norms, descending order, left singular vectors.
+    /// Compute the norms, sort them in descending order, and compute the left singular vectors.
     fn finish(&mut self, scale: f64) {
         let (m, k, p) = (self.m, self.k, self.p);
         for j in 0..p {
@@ -214,14 +215,14 @@ impl Svd {
     }
 }
 
-/// Rows `i < j` of a row-major array with rows of length `len`.
+/// Return rows `i < j` of a row-major array with rows of length `len`.
 #[inline]
 fn pair(a: &mut [f64], i: usize, j: usize, len: usize) -> (&mut [f64], &mut [f64]) {
     let (head, tail) = a.split_at_mut(j * len);
     (&mut head[i * len..(i + 1) * len], &mut tail[..len])
 }
 
-/// `(x, y) <- (c x - s y, s x + c y)`.
+/// Rotate two vectors: `(x, y) <- (c x - s y, s x + c y)`.
 #[inline]
 fn turn(x: &mut [f64], y: &mut [f64], c: f64, s: f64) {
     for (x, y) in x.iter_mut().zip(y) {

@@ -1,5 +1,5 @@
-//! Eigenvalues `S = V diag(l) V'` of a symmetric matrix by cyclic Jacobi rotations with a sweep cap
-//! (Golub and Van Loan, Matrix Computations, 8.5).
+//! Eigenvalue decomposition `S = V diag(l) V'` of a symmetric matrix by cyclic Jacobi rotations with a limited number of sweeps (Golub and
+//! Van Loan, Matrix Computations, 8.5).
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
@@ -7,10 +7,10 @@ use crate::status::Status;
 
 const MAX_SWEEPS: usize = 60;
 
-/// Ascending eigenvalues and, as rows of a row-major `(n, n)` array, their orthonormal eigenvectors.
+/// Return the eigenvalues in ascending order, and the orthonormal eigenvectors as rows of an array, shape `(n, n)`, row-major.
 ///
-/// `a`: row-major `(n, n)`; its symmetric part `(a + a')/2` is decomposed. Errors: `Input` for entries that are not
-/// finite or a wrong length, `Solve` at the sweep cap.
+/// `a`: shape `(n, n)`, row-major. Its symmetric part `(a + a')/2` is decomposed. Errors: `Input` for entries that are not finite or a
+/// wrong length, `Solve` at the limit of sweeps.
 pub fn symmetric_eigen(a: &[f64], n: usize) -> Result<(Vec<f64>, Vec<f64>)> {
     if a.len() != n * n {
         return Err(Error::input("matrix", format!("is not square: expected {} entries, got {}", n * n, a.len())));
@@ -33,7 +33,8 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> Result<(Vec<f64>, Vec<f64>)> {
             look();
             for q in p + 1..n {
                 let (app, aqq, apq) = (s[p * n + p], s[q * n + q], s[p * n + q]);
-                // Small against both diagonal entries (relative accuracy of graded matrices), or against the rounding error of the matrix.
+                // The entry is negligible compared with both diagonal entries (relative accuracy of graded matrices), or with the rounding
+                // error of the matrix.
                 if apq.abs() <= f64::EPSILON * (app.abs() * aqq.abs()).sqrt() || apq.abs() <= 1e-3 * f64::EPSILON * size {
                     continue;
                 }

@@ -1,7 +1,7 @@
-//! Worker threads: a pool that is made at the first use, and again in a forked child. The caller remains responsive during the work. The
-//! division of rows among workers does not depend on the number of threads.
+//! Worker threads. The pool of threads is created at first use, and again in a forked child process. The calling thread remains responsive
+//! during the work. The division of rows among workers does not depend on the number of threads.
 //!
-//! `pool` has the threads. Without the feature `parallel`, `serial` replaces it: one worker, the same results.
+//! `pool` contains the threads. Without the feature `parallel`, `serial` replaces it: one worker, with the same results.
 
 #[cfg(feature = "parallel")]
 mod pool;
@@ -17,16 +17,16 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 
-/// The largest accepted number of threads.
+/// The maximum number of threads.
 pub const MOST_THREADS: usize = 1024;
 
-/// `ARMLET_NUM_THREADS` if it is a positive integer, otherwise the number of cores; at most [`MOST_THREADS`].
+/// Return `ARMLET_NUM_THREADS` if it is a positive integer, otherwise the number of cores. The result is at most [`MOST_THREADS`].
 pub fn default_threads() -> usize {
     let requested = std::env::var("ARMLET_NUM_THREADS").ok().and_then(|n| n.trim().parse().ok()).filter(|&n| n > 0);
     requested.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())).min(MOST_THREADS)
 }
 
-/// The argument `threads`, or an error if it is zero or more than [`MOST_THREADS`].
+/// Return the argument `threads`. The result is an error if it is zero or more than [`MOST_THREADS`].
 pub fn require_threads(threads: usize) -> Result<usize> {
     if (1..=MOST_THREADS).contains(&threads) {
         return Ok(threads);
@@ -34,21 +34,21 @@ pub fn require_threads(threads: usize) -> Result<usize> {
     Err(Error::input("threads", format!("is out of range: expected 1 to {MOST_THREADS}, got {threads}")))
 }
 
-/// Run `work(stop)` on a separate thread, so that the caller remains responsive. `poll` is called every 20 ms. If no thread can start, the
-/// calling thread does the work.
+/// Run `work(stop)` on another thread, so that the caller remains responsive. `poll` is called every 20 ms on the calling thread. If no
+/// thread can start, the calling thread does the work.
 pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     let stop = Arc::new(AtomicBool::new(false));
     let (todo, result) = (Mutex::new(Some(work)), Mutex::new(None));
     let once = || {
         let work = lock(&todo).take();
-        // A panic is passed on to the caller, with its message.
+        // A panic is passed to the caller with its message.
         let ended = work.map(|work| catch_unwind(AssertUnwindSafe(|| work(&stop))));
         *lock(&result) = ended;
     };
     let spawned = std::thread::scope(|scope| {
         let (done, finished) = mpsc::channel::<()>();
         let task = || {
-            // Dropped when the task ends, which ends the wait.
+            // The end of the task drops this value, which ends the wait of the caller.
             let _done = done;
             once();
         };
@@ -74,8 +74,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Fill the rows of `out`, `length` numbers each, by `work(first, last, rows)` on `chunk` rows at a time. The results of
-/// the chunks are in order.
+/// Fill the rows of `out`, which have `length` numbers each, with `work(first, last, rows)`. Each call has `chunk` rows. Return the results
+/// in the order of the chunks.
 pub fn rows<R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,
@@ -88,7 +88,7 @@ pub fn rows<R: Send>(
     pieces(threads, poll, parts, |(i, rows): (usize, &mut [f64])| work(i * chunk, i * chunk + rows.len() / length.max(1), rows))
 }
 
-/// Run `work` on each of these parts. The results are in the same order.
+/// Run `work` on each of the parts, and return the results in the same order.
 pub fn pieces<P: Send, R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,

@@ -1,4 +1,4 @@
-//! Thread pools of rayon: made at the first use, kept by size, made again in a forked child.
+//! Thread pools of rayon. A pool is created at first use, stored by size, and created again in a forked child process.
 
 use super::{MOST_THREADS, lock, on_worker};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
@@ -7,13 +7,13 @@ use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
-/// The pools of one process, by size. A forked child inherits the map but not the threads.
+/// The pools of this process, by number of threads. A forked child inherits this map, but not the threads.
 static POOLS: Mutex<Option<ProcessPools>> = Mutex::new(None);
 
-/// The process that made the pools, and the pools.
+/// The id of the process that created the pools, and the pools.
 type ProcessPools = (u32, HashMap<usize, Arc<ThreadPool>>);
 
-/// Number of unused pools that are kept.
+/// The number of unused pools that are stored.
 const KEPT_POOLS: usize = 4;
 
 fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
@@ -21,7 +21,7 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
     let mut pools = lock(&POOLS);
     match &*pools {
         Some((owner, _)) if *owner == process => {}
-        // The parent's threads do not exist in this process. Dropping their pool would wait for them for ever.
+        // The threads of the parent do not exist in this process. Dropping their pool would wait for ever.
         _ => std::mem::forget(pools.replace((process, HashMap::new()))),
     }
     let (_, pools) = pools.as_mut()?;
@@ -29,7 +29,7 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
         return Some(pool.clone());
     }
     if pools.len() >= KEPT_POOLS {
-        // The user of a pool has another reference to it.
+        // If a pool is in use, another reference to it exists, and it is not removed.
         pools.retain(|_, pool| Arc::strong_count(pool) > 1);
     }
     let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("armlet-{i}")).build().ok()?;
@@ -38,21 +38,21 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
     Some(pool)
 }
 
-/// Run `work(stop)` in a pool of at most `threads` threads, and at most one per piece of work. `poll` is called every 20 ms, and its result
-/// is passed on as the request to stop. If no thread can start, the calling thread does the work.
+/// Run `work(stop)` in a pool with at most `threads` threads, and at most one thread per piece of work. `poll` is called every 20 ms. If
+/// its result is true, `stop` is set. If no thread can start, the calling thread does the work.
 pub fn run<R: Send>(threads: usize, pieces: usize, poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     match pool(threads.min(pieces).clamp(1, MOST_THREADS)) {
         Some(pool) => on_worker(poll, |stop| pool.install(|| work(stop))),
         None => {
-            // Outside a pool, parallel iterators would start rayon's threads, and panic if that fails. So this thread becomes a pool of
-            // one. If it is a worker already, it remains one.
+            // Outside of a pool, parallel iterators would start rayon's global threads, and panic if that fails. So this thread becomes a
+            // pool of one thread. If it is already a worker, this call has no effect.
             let _ = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
             work(&Arc::default())
         }
     }
 }
 
-/// Run `work` on each part with the threads of the calling pool. The results are in order.
+/// Run `work` on each part with the threads of the present pool, and collect the results in order.
 pub(super) fn map<P: Send, R: Send, C>(parts: Vec<P>, work: impl Fn(P) -> R + Sync) -> C
 where
     C: rayon::iter::FromParallelIterator<R>,
@@ -60,12 +60,12 @@ where
     parts.into_par_iter().with_max_len(1).map(&work).collect()
 }
 
-/// Run `work(i, part)` on each part, by the threads of the calling pool. The result is true if any of them returned true.
+/// Run `work(i, part)` on each part with the threads of the present pool. Return true if any result is true.
 pub fn any<P: Send>(parts: &mut [P], work: impl Fn(usize, &mut P) -> bool + Sync) -> bool {
     parts.par_iter_mut().enumerate().with_max_len(1).map(|(i, part)| work(i, part)).reduce(|| false, |a, b| a | b)
 }
 
-/// Run `work` on each part, with a state that every thread of the pool makes.
+/// Run `work` on each part. Each thread of the pool creates one `state` for its parts.
 pub fn each_with<P: Send, L>(parts: Vec<P>, state: impl Fn() -> L + Sync, work: impl Fn(&mut L, P) + Sync) {
     parts.into_par_iter().with_max_len(1).for_each_init(&state, &work);
 }

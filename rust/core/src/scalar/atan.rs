@@ -1,7 +1,7 @@
-//! The angle of a point without a library call and without a branch. It serves lanes and recordings, with the same bits on every machine.
+//! The angle of a point, without a library call and without a branch. Lanes and recordings use it, with the same bits on every machine.
 //!
-//! `t = min(|x|, |y|) / max(|x|, |y|)` is reduced below 7/16 by `atan t = atan c + atan((t - c) / (1 + c t))`, `c` 0, 1/2 or 1, with one
-//! division for all three. Then fdlibm's polynomial follows.
+//! The quotient `t = min(|x|, |y|) / max(|x|, |y|)` is reduced below 7/16 by `atan t = atan c + atan((t - c) / (1 + c t))`. `c` is 0, 1/2
+//! or 1, and one division serves all three. Then fdlibm's polynomial is evaluated.
 
 use super::Real;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
@@ -20,40 +20,40 @@ const ATAN: [f64; 11] = [
     1.628_582_011_536_578_236_23e-2,
 ];
 
-/// `atan(1/2)` and `atan(1)`, each with its rounding error; then `pi/2` and `pi` in the same form.
+/// `atan(1/2)` and `atan(1)`, then `pi/2` and `pi`. Each is a number and its rounding error.
 const HALF: [f64; 2] = [4.636_476_090_008_060_935_15e-1, 2.269_877_745_296_168_709_24e-17];
 const ONE: [f64; 2] = [FRAC_PI_4, 3.061_616_997_868_383_017_93e-17];
 const RIGHT: [f64; 2] = [FRAC_PI_2, 6.123_233_995_736_766_035_87e-17];
 const STRAIGHT: [f64; 2] = [PI, 1.224_646_799_147_353_177_2e-16];
 
-/// `2^100`
+/// The scale `2^100` for small numbers.
 const UP: f64 = 1_267_650_600_228_229_401_496_703_205_376.0;
 
-/// -1 if the sign bit of `x` is set, also for a zero; otherwise 1.
+/// Return -1 if the sign bit of `x` is set, otherwise 1. Zeros have a sign too.
 #[inline(always)]
 fn sign_of<S: Real>(x: S) -> S {
     let (zero, one) = (S::zero(), S::splat(1.0));
     S::select(x.lt(zero), -one, S::select((one / x).lt(zero), -one, one))
 }
 
-/// The angle of the point `(x, y)` to about 1 ulp, with the conventions of IEEE 754 for zeros and infinities.
+/// Return the angle of the point `(x, y)` to about 1 ulp, with the conventions of IEEE 754 for zeros and infinities.
 #[inline(always)]
 pub(super) fn atan2<S: Real>(y: S, x: S) -> S {
     let k = S::splat;
     let (width, height) = (x.abs(), y.abs());
     let steep = width.lt(height);
     let (small, large) = (S::select(steep, width, height), S::select(steep, height, width));
-    // Two infinities become equal numbers, and two zeros have the quotient zero. NaN fails the comparisons and remains.
+    // Two infinities become equal numbers, and two zeros have the quotient zero. Comparisons with NaN are false, and NaN remains.
     let most = k(f64::MAX);
     let boundless = most.lt(small);
     let (small, large) = (S::select(boundless, most, small), S::select(boundless, large.min(most), large));
     let large = S::select(large.lt(k(f64::from_bits(1))), k(1.0), large);
-    // Scaled, so that no sum overflows and small fractions keep all digits.
+    // The numbers are scaled, so that no sum overflows and small fractions keep all digits.
     let scale = S::select(k(1e300).lt(large), k(0.25), S::select(large.lt(k(1e-270)), k(UP), k(1.0)));
     let (small, large) = (small * scale, large * scale);
     let (low, middle) = (small.lt(k(0.4375) * large), small.lt(k(0.6875) * large));
     let choose = |a: S, b: S, c: S| S::select(low, a, S::select(middle, b, c));
-    // The differences are exact.
+    // These differences are exact.
     let numerator = choose(small, k(2.0).mul_add(small, -large), small - large);
     let denominator = choose(large, k(2.0).mul_add(large, small), small + large);
     let t = numerator / denominator;
@@ -63,7 +63,7 @@ pub(super) fn atan2<S: Real>(y: S, x: S) -> S {
     let odd = [9, 7, 5, 3, 1].into_iter().fold(S::zero(), |sum, i| sum.mul_add(w, k(ATAN[i]))) * w;
     let rest = t.neg_mul_add(even + odd, t);
     let angle = choose(S::zero(), k(HALF[0]), k(ONE[0])) + (choose(S::zero(), k(HALF[1]), k(ONE[1])) + rest);
-    // In the other octants the angle is measured from another axis.
+    // In the other octants, the angle is measured from another axis.
     let (along, up) = (sign_of(x), S::select(steep, k(-1.0), k(1.0)));
     let back = along.lt(S::zero());
     let axis = |i: usize| S::select(steep, k(RIGHT[i]), S::select(back, k(STRAIGHT[i]), S::zero()));
@@ -75,7 +75,7 @@ pub(super) fn atan2<S: Real>(y: S, x: S) -> S {
 mod tests {
     use crate::scalar::{Array8, Real};
 
-    /// The distance to the correct result, in units in the last place.
+    /// Return the distance to the correct result, in units in the last place.
     fn distance(y: f64, x: f64, got: f64) -> f64 {
         let expected = f64::atan2(y, x);
         if got.to_bits() == expected.to_bits() || (got.is_nan() && expected.is_nan()) {
@@ -100,7 +100,7 @@ mod tests {
         let mut most = 0.0f64;
         for i in 0..40_000 {
             let (angle, length) = (std::f64::consts::TAU * random(), 10f64.powf(600.0 * random() - 300.0));
-            // The axes, the diagonals and the boundaries of the reduction, from a small distance.
+            // These angles are close to the axes, the diagonals and the limits of the reduction.
             let seam = [0.0, 0.4375f64.atan(), 0.6875f64.atan(), std::f64::consts::FRAC_PI_4][i % 4];
             let near = seam + f64::from((i % 8) as u32) * std::f64::consts::FRAC_PI_4 + 1e-15 * (random() - 0.5);
             let ratio = 10f64.powf(40.0 * random() - 20.0);

@@ -1,28 +1,26 @@
-//! Dual numbers `a + b eps`, `eps^2 = 0`: the exact derivative along one direction,
-//! `f(x + v eps) = f(x) + f'(x) v eps`.
+//! Dual numbers `a + b eps` with `eps^2 = 0`. They compute the exact derivative along one direction: `f(x + v eps) = f(x) + f'(x) v eps`.
 
 use super::{Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A value and its derivative along the chosen direction.
+/// A value and its derivative along one direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dual<S: Real = f64> {
     /// The value.
     pub value: S,
-    /// Its derivative.
+    /// The derivative of the value.
     pub rate: S,
 }
 
 impl<S: Real> Dual<S> {
-    /// A dual number.
+    /// Return the dual number with this value and derivative.
     #[inline(always)]
     pub fn new(value: S, rate: S) -> Self {
         Dual { value, rate }
     }
 }
 
-/// `along` if `rate` is not zero. A zero rate gives zero also where the slope is infinite, because the derivative along no direction is
-/// zero.
+/// Return `along` if `rate` is not zero, otherwise zero. Where the slope is infinite, the product of zero rate and slope would be NaN.
 #[inline(always)]
 fn unless_still<S: Real>(rate: S, along: S) -> S {
     S::select(rate.lt(S::zero()), along, S::select(S::zero().lt(rate), along, rate))

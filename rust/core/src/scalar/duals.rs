@@ -1,41 +1,41 @@
-//! Dual numbers with several rates, `a + sum b_k eps_k`, `eps_i eps_k = 0`: the exact derivatives along several
-//! directions at once, so that a Jacobian of `n` columns takes `ceil(n / RATES)` evaluations.
+//! Dual numbers with several rates, `a + sum b_k eps_k` with `eps_i eps_k = 0`. They compute exact derivatives along several directions, so
+//! that a Jacobian of `n` columns takes `ceil(n / RATES)` evaluations.
 //!
-//! The rates are lanes, which the compiler vectorises. They share one value.
+//! The rates are the lanes of a vector. All rates share one value.
 
 use super::lanes::Array8;
 use super::{Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A value, and its rate along the direction of each lane of `V`.
+/// A value, and one derivative for the direction of each lane of `V`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Duals<V: Real> {
     /// The value.
     pub value: V::One,
-    /// Its derivatives, one per lane.
+    /// The derivatives of the value, one per lane.
     pub rates: V,
 }
 
-/// Eight rates, for any machine.
+/// Dual numbers with eight rates, for any machine.
 pub type Dual8 = Duals<Array8>;
 
 impl<V: Real> Duals<V> {
-    /// Directions in one evaluation.
+    /// The number of directions in one evaluation.
     pub const RATES: usize = V::LANES;
 
-    /// A dual number.
+    /// Return the dual number with this value and these derivatives.
     #[inline(always)]
     pub fn new(value: V::One, rates: V) -> Self {
         Duals { value, rates }
     }
 
-    /// The number `value` with rate 1 along direction `slot`.
+    /// Return the number `value` with derivative 1 along direction `slot`, and 0 along the others.
     #[inline(always)]
     pub fn seed(value: V::One, slot: usize) -> Self {
         Duals { value, rates: V::from_lanes(|k| if k == slot { 1.0 } else { 0.0 }) }
     }
 
-    /// The rate along direction `slot`.
+    /// The derivative along direction `slot`.
     #[inline(always)]
     pub fn rate(self, slot: usize) -> f64 {
         self.rates.lane(slot)
@@ -139,7 +139,7 @@ impl<V: Real> Real for Duals<V> {
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         let slope = V::One::splat(0.5) / root;
-        // Zero rates stay zero where the slope is infinite, because the derivative along no direction is zero.
+        // Where the slope is infinite, a zero rate remains zero.
         let nothing = self.rates.abs().lt(V::splat(f64::MIN_POSITIVE));
         Duals::new(root, V::select(nothing, V::zero(), self.rates * Self::spread(slope)))
     }
@@ -164,7 +164,7 @@ impl<V: Real> Real for Duals<V> {
     fn atan2(self, x: Self) -> Self {
         let square = x.value.mul_add(x.value, self.value * self.value);
         let across = x.rates.neg_mul_add(Self::spread(self.value), self.rates * Self::spread(x.value));
-        // At the origin the angle has no slope. A zero rate gives zero even there.
+        // At the origin, the angle has no derivative. A zero rate remains zero.
         let nothing = across.abs().lt(V::splat(f64::MIN_POSITIVE));
         Duals::new(self.value.atan2(x.value), V::select(nothing, V::zero(), across / Self::spread(square)))
     }
@@ -204,7 +204,7 @@ mod tests {
         y + (x[0] * x[2]).atan2(x[1])
     }
 
-    /// Every rate equals that of a single dual along its direction, up to the rounding of a dozen operations.
+    /// Each rate equals that of a single dual number along its direction, up to the rounding of a dozen operations.
     #[test]
     fn rates_are_those_of_single_duals() {
         let at = [0.7, -1.3, 2.1];

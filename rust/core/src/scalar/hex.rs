@@ -1,7 +1,6 @@
-//! Numbers in the notation of C99, without rounding: `0x1.8p+1` is 3 (ISO 9899:1999, section
-//! 6.4.4.2).
+//! Exact numbers in the notation of C99: `0x1.8p+1` is 3 (ISO 9899:1999, section 6.4.4.2).
 
-/// A number as a hexadecimal constant of C. A reader gets the same bits.
+/// Return a number as a hexadecimal constant of C, which has the same bits.
 pub fn hex(x: f64) -> String {
     let sign = if x.is_sign_negative() && !x.is_nan() { "-" } else { "" };
     if !x.is_finite() {

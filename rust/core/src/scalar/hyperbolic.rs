@@ -1,16 +1,17 @@
-//! The hyperbolic tangent and the decaying exponential, without a library call and without a branch. They serve lanes and recordings, with
+//! The hyperbolic tangent and the decaying exponential, without a library call and without a branch. Lanes and recordings use them, with
 //! the same bits on every machine.
 //!
-//! `tanh r = r / (1 + r^2 / (3 + r^2 / (5 + ..)))` to thirteen levels for `|r| <= 20/64`, then six times `tanh 2r = 2 tanh r / (1 + tanh^2 r)`.
-//! `1 - exp(-r) = 2 t / (1 + t)` with `t = tanh(r/2)`, then six times `1 - exp(-2r) = u (2 - u)` with `u = 1 - exp(-r)`.
+//! `tanh r = r / (1 + r^2 / (3 + r^2 / (5 + ..)))` with thirteen levels for `|r| <= 20/64`. Then `tanh 2r = 2 tanh r / (1 + tanh^2 r)`, six
+//! times.
+//! `1 - exp(-r) = 2 t / (1 + t)` with `t = tanh(r/2)`. Then `1 - exp(-2r) = u (2 - u)` with `u = 1 - exp(-r)`, six times.
 
 use super::Real;
 
-/// `1 / 2^6`: six doublings restore the argument.
+/// The argument is divided by `2^6`, and six doublings restore it.
 const SHARE: f64 = 1.0 / 64.0;
 const DOUBLINGS: usize = 6;
 
-/// `tanh r` for `|r| <= 20/64`. The relative truncation error is below 1e-18.
+/// Return `tanh r` for `|r| <= 20/64`. The relative truncation error is below 1e-18.
 #[inline]
 fn near_zero<S: Real>(r: S) -> S {
     let k = S::splat;
@@ -20,11 +21,11 @@ fn near_zero<S: Real>(r: S) -> S {
     r * up / down
 }
 
-/// `tanh x` to a few units in the last place; odd, one at infinity, and NaN for NaN.
+/// Return `tanh x` to a few units in the last place. The function is odd, one at infinity, and NaN for NaN.
 #[inline]
 pub fn tanh<S: Real>(x: S) -> S {
     let one = S::splat(1.0);
-    // Beyond 20 the hyperbolic tangent rounds to one.
+    // For arguments beyond 20, the hyperbolic tangent rounds to one.
     let mut t = near_zero(x.clamped(S::splat(-20.0), S::splat(20.0)) * S::splat(SHARE));
     for _ in 0..DOUBLINGS {
         t = (t + t) / t.mul_add(t, one);
@@ -32,7 +33,7 @@ pub fn tanh<S: Real>(x: S) -> S {
     t
 }
 
-/// `exp(-x)` for `x >= 0`, to 1e-15. Below the rounding error of one, the result does not decrease further.
+/// Return `exp(-x)` for `x >= 0`, with an absolute error of 1e-15. Results below the rounding error of one do not decrease further.
 #[inline]
 pub fn decay<S: Real>(x: S) -> S {
     let (one, two) = (S::splat(1.0), S::splat(2.0));
@@ -50,7 +51,7 @@ mod tests {
     use crate::scalar::dual::Dual;
     use crate::scalar::{Array8, Real};
 
-    /// From 1e-12 to 1e3, with both signs, and zero.
+    /// Return arguments from 1e-12 to 1e3 with both signs, zero, and infinities.
     fn arguments() -> impl Iterator<Item = f64> {
         let sizes = (0..3000).map(|k| 10f64.powf(-12.0 + 15.0 * f64::from(k) / 3000.0));
         sizes.flat_map(|x| [x, -x]).chain([0.0, 20.0, -20.0, f64::INFINITY, f64::NEG_INFINITY])
@@ -75,7 +76,7 @@ mod tests {
         for x in [0.0, 1e-9, 0.01, 0.3, 1.0, 3.0, -0.7] {
             let (t, e) = (tanh(Dual::new(x, 1.0)), decay(Dual::new(f64::abs(x), 1.0)));
             assert!((t.rate - (1.0 - x.tanh().powi(2))).abs() <= 1e-14, "{x}");
-            // At zero the argument is clamped, so the derivative there is one-sided.
+            // At zero the argument is clamped, so that the derivative there is one-sided.
             assert!(x == 0.0 || (e.rate + f64::exp(-x.abs())).abs() <= 1e-14, "{x}");
         }
     }

@@ -1,7 +1,7 @@
-//! The natural logarithm without a library call and without a branch. It serves lanes and recordings, with the same bits on every machine.
+//! The natural logarithm, without a library call and without a branch. Lanes and recordings use it, with the same bits on every machine.
 //!
-//! `x = 2^e m` with `m` within `[sqrt(1/2), sqrt 2)`. Comparisons with powers of two give `e`. Then fdlibm's polynomial gives
-//! `log m = 2 atanh(s)`, `s = (m - 1) / (m + 1)`.
+//! The argument is `x = 2^e m` with `m` in `[sqrt(1/2), sqrt 2)`. Comparisons with powers of two determine `e`. Then fdlibm's polynomial
+//! gives `log m = 2 atanh(s)` with `s = (m - 1) / (m + 1)`.
 
 use super::Real;
 
@@ -15,10 +15,10 @@ const LOG: [f64; 7] = [
     1.479_819_860_511_658_591e-1,
 ];
 
-/// `log 2` to 33 bits, and the remainder.
+/// `log 2`, rounded to 33 bits, and the rounding error.
 const LN_2: [f64; 2] = [6.931_471_803_691_238_164_90e-1, 1.908_214_929_270_587_700_02e-10];
 
-/// `log x` to 1 ulp for a positive normal number. For other numbers the result is undefined.
+/// Return `log x` to 1 ulp for a positive normal number `x`. For other numbers, the result is undefined.
 #[inline(always)]
 pub fn ln<S: Real>(x: S) -> S {
     let k = S::splat;

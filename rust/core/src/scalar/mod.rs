@@ -1,9 +1,9 @@
-//! The number that an algorithm runs on: one run ([`Float`]), or several independent runs side by
-//! side ([`lanes`]), one per lane.
+//! The number types of algorithms: one number ([`Float`]) for one run, or several numbers ([`lanes`]) for several independent runs. A
+//! *lane* is one of these numbers.
 //!
-//! Algorithms are written once over [`Real`]. They use `select` instead of branches on lane data. Only planners run in lanes of these types.
-//! All other algorithms run in lanes as programs (`trace`). Functions for planners are `#[inline(always)]`, because code gets the
-//! instruction set of the function around it. [`Real::enter`] is the only entry into a region compiled for AVX2 + FMA or AVX-512.
+//! Algorithms are generic over [`Real`]. They use `select` instead of branches on the data of lanes. Only planners run on the lane types of
+//! this module. All other algorithms run in lanes as programs (`trace`). Functions of planners are `#[inline(always)]`, so that they are
+//! compiled for the instruction set of the calling function. Code for AVX2 with FMA or AVX-512 runs only inside [`Real::enter`].
 
 mod atan;
 pub mod dual;
@@ -49,34 +49,34 @@ pub trait Real:
 {
     /// One truth value per lane.
     type Mask: Copy;
-    /// The number for a single run on the same instruction set.
+    /// The number type of a single run with the same instruction set.
     type One: Real;
-    /// How many independent runs the number carries.
+    /// The number of lanes.
     const LANES: usize;
 
-    /// The same number in every lane.
+    /// Return `x` in every lane.
     fn splat(x: f64) -> Self;
-    /// `f(i)` in lane `i`.
+    /// Return the number `f(i)` in each lane `i`.
     fn from_lanes(f: impl FnMut(usize) -> f64) -> Self;
-    /// A number of an arm, `f(i)` in lane `i`. A loop may hold several copies of it, in its plant and in its law.
+    /// Return a parameter of an arm, `f(i)` in each lane `i`. A loop may contain several copies of it, in its plant and in its law.
     #[inline(always)]
     fn parameter(f: impl FnMut(usize) -> f64) -> Self {
         Self::from_lanes(f)
     }
-    /// A number of the set-up. It is a constant of recordings, unless its derivative is required.
+    /// Return a number of the set-up. It is a constant of recordings, unless its derivative is required.
     #[inline(always)]
     fn fixed(x: f64) -> Self {
         Self::splat(x)
     }
-    /// Label the numbers that `f` makes with `name` and indices from `first` on. Readers of recordings see these labels.
+    /// Label the numbers that `f` creates with `name` and indices from `first` on. Listings of recordings show these labels.
     #[inline(always)]
     fn labelled<T>(_name: &'static str, _first: u32, f: impl FnOnce() -> T) -> T {
         f()
     }
-    /// The number in lane `i`.
+    /// Return the number in lane `i`.
     fn lane(self, i: usize) -> f64;
 
-    /// `from[i]` in lane `i`, from the first numbers of a slice.
+    /// Return the first numbers of a slice, `from[i]` in lane `i`.
     #[inline(always)]
     fn load(from: &[f64]) -> Self {
         Self::from_lanes(|lane| from[lane])
@@ -89,83 +89,83 @@ pub trait Real:
         }
     }
 
-    /// `self * b + c`, fused if the instruction set has it.
+    /// Return `self * b + c`. It is fused if the instruction set has fused multiply-add.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// `c - self * b`, fused if the instruction set has it.
+    /// Return `c - self * b`. It is fused if the instruction set has fused multiply-add.
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
-    /// `1 / self` to 1 ulp, for normal numbers.
+    /// Return `1 / self` to 1 ulp, for normal numbers.
     fn recip(self) -> Self;
-    /// Square root.
+    /// Return the square root.
     fn sqrt(self) -> Self;
-    /// Magnitude.
+    /// Return the absolute value.
     fn abs(self) -> Self;
-    /// The larger number.
+    /// Return the larger number.
     fn max(self, other: Self) -> Self;
-    /// The smaller number.
+    /// Return the smaller number.
     fn min(self, other: Self) -> Self;
-    /// Sine and cosine to 1 ulp for every finite argument.
+    /// Return sine and cosine to 1 ulp for every finite argument, rad.
     fn sin_cos(self) -> (Self, Self);
-    /// The same below [`trig::REDUCTION_LIMIT`], without a check of that limit.
+    /// Return sine and cosine for arguments below [`trig::REDUCTION_LIMIT`], without a check of this limit.
     #[inline(always)]
     fn sin_cos_near(self) -> (Self, Self) {
         self.sin_cos()
     }
 
-    /// The angle of the point `(x, self)` to about 1 ulp.
+    /// Return the angle of the point `(x, self)` to about 1 ulp, rad.
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         atan::atan2(self, x)
     }
 
-    /// `self < other`, lane by lane; false if either is NaN.
+    /// Return `self < other` for each lane. The result is false if one number is NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// `yes` where the mask holds, `no` elsewhere.
+    /// Return `yes` in lanes where `mask` is true, and `no` in the others.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// Whether any lane is true.
+    /// Return whether any lane is true.
     fn any(mask: Self::Mask) -> bool;
-    /// Whether all lanes are true.
+    /// Return whether all lanes are true.
     fn all(mask: Self::Mask) -> bool;
 
-    /// Run `kernel` compiled for the instruction set of this number.
+    /// Run `kernel`, compiled for the instruction set of this type.
     fn enter<K: Kernel>(kernel: K) -> K::Output;
 
-    /// Zero in every lane.
+    /// Return zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
         Self::splat(0.0)
     }
 
-    /// The number limited to `[low, high]`, lane by lane. NaN stays NaN; `min` and `max` alone would replace it.
+    /// Return the number limited to `[low, high]` in each lane. NaN remains NaN, while `min` and `max` alone would replace it.
     #[inline(always)]
     fn clamped(self, low: Self, high: Self) -> Self {
         Self::select(high.lt(self), high, Self::select(self.lt(low), low, self))
     }
 }
 
-/// Work inside the instruction-set region of a known [`Real`]. `run` must be `#[inline(always)]`.
+/// Code that is compiled for the instruction set of a known [`Real`]. `run` must be `#[inline(always)]`.
 pub trait Kernel {
     /// The type of the result.
     type Output;
-    /// Do the work.
+    /// Run the code.
     fn run(self) -> Self::Output;
 }
 
-/// `sign(x)`; zero at zero and for NaN.
+/// Return the sign of `x` as -1, 0 or 1. It is zero for zero and NaN.
 #[inline(always)]
 pub fn sign<S: Real>(x: S) -> S {
     let (zero, one) = (S::zero(), S::splat(1.0));
     S::select(zero.lt(x), one, S::select(x.lt(zero), -one, zero))
 }
 
-/// Work on any [`Real`], before the instruction set is chosen. `run` must be `#[inline(always)]`.
+/// Code that is generic over [`Real`], before the instruction set is selected. `run` must be `#[inline(always)]`.
 pub trait GenericKernel {
     /// The type of the result.
     type Output;
-    /// Do the work on the number `S`.
+    /// Run the code with the number type `S`.
     fn run<S: Real>(self) -> Self::Output;
 }
 
-/// A task on a chosen number type.
+/// Generic code with a selected number type.
 struct On<S, T>(T, std::marker::PhantomData<S>);
 
 impl<S: Real, T: GenericKernel> Kernel for On<S, T> {
@@ -181,7 +181,7 @@ fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
-/// Run `task` on lanes, as suits this machine: one register of them, or two where registers are short.
+/// Run `task` on the lane type that suits this processor: one register of lanes, or two where registers are short.
 #[cfg(target_arch = "x86_64")]
 pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
     match isa() {

@@ -1,17 +1,17 @@
-//! Transfer of one row of numbers into an engine and out of it, with a check for finite numbers.
+//! Copies of one row of numbers into and out of an engine, with a check for finite numbers.
 
 use crate::scalar::Real;
 
-/// The exponent bits of numbers that are not finite.
+/// The exponent bits of a number that is infinite or NaN.
 const INFINITE: u64 = 0x7ff << 52;
 
-/// One if `x` is not finite, otherwise zero, without a branch.
+/// Return one if `x` is not finite, otherwise zero, without a branch.
 #[inline(always)]
 fn infinite(x: f64) -> u64 {
     u64::from(x.to_bits() & INFINITE == INFINITE)
 }
 
-/// Read one row into single numbers. The result is true if all are finite. Groups of four are sufficient, because rows are short.
+/// Read one row into numbers of one lane. Return whether all are finite. Blocks of four are sufficient, because rows are short.
 #[inline(always)]
 pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (given.as_chunks::<4>(), to.as_chunks_mut::<4>());
@@ -29,7 +29,8 @@ pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     bad == [0; 4]
 }
 
-/// Write single numbers as one row. The result is true if all are finite. No zero is negative, because programs do not keep signs of zeros.
+/// Write numbers of one lane as one row. Return whether all are finite. Negative zeros become positive, because programs do not keep their
+/// signs.
 #[inline(always)]
 pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (values.as_chunks::<4>(), out.as_chunks_mut::<4>());

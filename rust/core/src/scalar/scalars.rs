@@ -1,26 +1,26 @@
-//! The two single numbers: `f64` for set-ups, with the same results on every machine, and [`Float`] for runs.
+//! The two types with one number: `f64` for set-ups, with the same results on every machine, and [`Float`] for runs.
 
 use super::lanes::fuses;
 use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The `f64` of direct evaluation. It fuses products with sums where programs do, see [`fuses`].
+/// The `f64` of direct evaluation. It fuses multiply-add operations where programs do, see [`fuses`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[repr(transparent)]
 pub struct Float(pub f64);
 
 impl Float {
-    /// The same numbers, as a slice of this type.
+    /// Return the slice as numbers of this type.
     #[inline]
     pub fn of(x: &[f64]) -> &[Float] {
-        // SAFETY: a `Float` is an `f64` and nothing else (`repr(transparent)`).
+        // SAFETY: a `Float` has the layout of an `f64` (`repr(transparent)`).
         unsafe { std::slice::from_raw_parts(x.as_ptr().cast(), x.len()) }
     }
 
-    /// The same numbers, as a slice of this type.
+    /// Return the mutable slice as numbers of this type.
     #[inline]
     pub fn of_mut(x: &mut [f64]) -> &mut [Float] {
-        // SAFETY: as in `of`; the slice is borrowed from the only one that may change it.
+        // SAFETY: a `Float` has the layout of an `f64` (`repr(transparent)`), and the mutable borrow is passed on.
         unsafe { std::slice::from_raw_parts_mut(x.as_mut_ptr().cast(), x.len()) }
     }
 }

@@ -1,8 +1,8 @@
-//! Every number type against `f64`: the trigonometric functions inside and outside their range, select, and the fused operations.
+//! Tests of every number type against `f64`: trigonometric functions inside and outside of their range, selections, and fused operations.
 
 use super::*;
 
-/// Difficult angles for a reduction: zero, the quadrant edges, large, beyond the range, not finite.
+/// Difficult angles for a reduction: zero, limits of quadrants, large angles, angles beyond the range, and numbers that are not finite.
 const ANGLES: [f64; 16] = [
     0.0,
     -0.0,
@@ -35,12 +35,12 @@ impl GenericKernel for SinCos {
     type Output = ();
     fn run<S: Real>(self) {
         for (k, &x) in ANGLES.iter().enumerate() {
-            // The tested angle is among others, because no lane may disturb its neighbours.
+            // The other lanes have other angles, because no lane may affect another one.
             let lanes = S::from_lanes(|i| ANGLES[(k + i) % ANGLES.len()]);
             let (s, c) = lanes.sin_cos();
             let alone = S::splat(x).sin_cos();
             for (lane, single, want) in [(s, alone.0, x.sin()), (c, alone.1, x.cos())] {
-                // 1 ulp of the polynomials plus half for the reduction's last rounding.
+                // The polynomials have an error of 1 ulp, and the last rounding of the reduction half an ulp.
                 assert!(ulps_apart(lane.lane(0), want) <= 1.5, "{x}: {} {want}", lane.lane(0));
                 assert_eq!(lane.lane(0).to_bits() & !(1 << 63), single.lane(0).to_bits() & !(1 << 63), "{x}");
             }
@@ -73,7 +73,7 @@ impl GenericKernel for Arithmetic {
             assert_eq!(chosen.lane(i), if y < -1.0 { x } else { 0.3 });
         }
         assert!(!S::any(S::splat(f64::NAN).lt(a)) && S::any(c.lt(a)));
-        // One different lane decides the result.
+        // A single different lane decides the result.
         let last = S::from_lanes(|i| if i + 1 == S::LANES { 2.0 } else { 0.0 });
         assert!(S::any(S::splat(1.0).lt(last)) && S::all(last.lt(S::splat(3.0))));
         assert!(!S::all(last.lt(S::splat(1.0))) && !S::any(last.lt(S::zero())));
@@ -114,7 +114,7 @@ fn arithmetic() {
 
 #[test]
 fn duals_differentiate() {
-    // d/dx of x^2 sin(x) / sqrt(1 + |x|) at x0, against the derivative by hand.
+    // The function is x^2 sin(x) / sqrt(1 + |x|) at x0. Its derivative is compared with one computed by hand.
     for x0 in [0.7f64, -1.3] {
         let x = Dual::new(x0, 1.0);
         let (sin, _) = x.sin_cos();
@@ -122,7 +122,7 @@ fn duals_differentiate() {
         let got = (x * x * sin / root).rate;
         let r = (1.0 + x0.abs()).sqrt();
         let want = (2.0 * x0 * x0.sin() + x0 * x0 * x0.cos()) / r - x0 * x0 * x0.sin() * 0.5 * x0.signum() / (r * r * r);
-        // The rounding of a dozen operations on numbers near 1.
+        // The tolerance covers the rounding of a dozen operations on numbers near 1.
         assert!((got - want).abs() < 1e-14, "{got} {want}");
     }
     assert_eq!(Dual::new(0.0, 0.0).sqrt().rate, 0.0);

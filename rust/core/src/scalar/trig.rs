@@ -1,14 +1,14 @@
-//! Sine and cosine without a library call, so that they vectorise and give the same bits everywhere.
+//! Sine and cosine without a library call. So they vectorise, and have the same bits on every machine.
 //!
-//! `x = k pi/2 + r`, with pi/2 split in three parts of 33, 33 and 53 bits (Cody and Waite, fdlibm's split). So `k` times the first two is
-//! exact for `|k| < 2^20`. Minimax polynomials on `|r| <= pi/4` follow (fdlibm's coefficients). Beyond that range, the library function
-//! is used lane by lane.
+//! The argument is `x = k pi/2 + r`, where pi/2 is the sum of three parts with 33, 33 and 53 bits (Cody and Waite, fdlibm's parts). The
+//! product of `k` and each of the first two parts is exact for `|k| < 2^20`. Minimax polynomials for `|r| <= pi/4` follow (fdlibm's
+//! coefficients). For larger `x`, the library function is called for each lane.
 
-/// Largest |x| for which the three-part reduction is sufficiently exact.
+/// The largest `|x|` for which the reduction in three parts is accurate enough, rad.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
 pub(crate) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
-/// 1.5 * 2^52: adding it rounds to an integer and leaves that integer in the low bits.
+/// 1.5 * 2^52. Adding this number rounds to an integer, which is then in the low bits of the sum.
 pub const ROUND: f64 = 6_755_399_441_055_744.0;
 pub(crate) const PIO2: [f64; 3] = [1.570_796_326_734_125_614_17, 6.077_100_506_303_965_976_60e-11, 2.022_266_248_795_950_631_54e-21];
 pub(crate) const SIN: [f64; 6] = [
@@ -28,7 +28,7 @@ pub(crate) const COS: [f64; 6] = [
     4.166_666_666_666_660_190_37e-2,
 ];
 
-/// `a b + c`, fused or not. It is fused only if [`fuses`](super::fuses), because generic code for x86-64 would call the C library.
+/// Return `a b + c`. It is fused only if [`fuses`](super::fuses) is true, because generic code for x86-64 would call the C library.
 #[inline(always)]
 pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if !FUSED {
@@ -37,7 +37,7 @@ pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     #[cfg(target_arch = "x86_64")]
     {
         let mut product = a;
-        // SAFETY: the processor has the instruction, which computes on registers alone.
+        // SAFETY: the processor has this instruction, which computes only on registers.
         unsafe {
             std::arch::asm!("vfmadd213sd {0}, {1}, {2}", inout(xmm_reg) product, in(xmm_reg) b, in(xmm_reg) c, options(pure, nomem, nostack, preserves_flags));
         }
@@ -47,14 +47,14 @@ pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     a.mul_add(b, c)
 }
 
-/// Sine and cosine for `|x| < REDUCTION_LIMIT`, without a branch.
+/// Return sine and cosine for `|x| < REDUCTION_LIMIT`, without a branch.
 #[inline(always)]
 pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
     let rounded = fma::<FUSED>(x, TWO_OVER_PI, ROUND);
     let (quadrant, k) = (rounded.to_bits(), rounded - ROUND);
     let r = fma::<FUSED>(-k, PIO2[2], fma::<FUSED>(-k, PIO2[1], fma::<FUSED>(-k, PIO2[0], x)));
     let (z, zz) = (r * r, (r * r) * (r * r));
-    // Two coefficients at a time, so that fewer operations wait for one another (Estrin).
+    // The polynomial is evaluated in pairs of coefficients (Estrin), so that fewer operations wait for one another.
     let pair = |a: [f64; 6], k: usize| fma::<FUSED>(a[k], z, a[k + 1]);
     let polynomial = |a| fma::<FUSED>(fma::<FUSED>(pair(a, 0), zz, pair(a, 2)), zz, pair(a, 4));
     let sin = fma::<FUSED>(r * z, polynomial(SIN), r).to_bits();
@@ -65,7 +65,7 @@ pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
     (f64::from_bits(s), f64::from_bits(c))
 }
 
-/// Sine and cosine beyond the reduction's range; NaN for infinity and NaN.
+/// Return sine and cosine of angles beyond the range of the reduction. The result is NaN for infinity and NaN.
 #[cold]
 #[inline(never)]
 pub(super) fn sin_cos_far(x: f64) -> (f64, f64) {

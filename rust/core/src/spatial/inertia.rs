@@ -1,17 +1,17 @@
-//! The inertia of a body about its frame origin: mass `m`, first moment `h = m c`, second moment `I`, with
+//! The inertia of a body about the origin of its frame: mass `m`, first moment `h = m c`, and second moment `I`. It satisfies
 //!
-//! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`  (a: acceleration of the origin).
+//! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`, where `a` is the acceleration of the origin.
 //!
-//! A shift of the reference point by `-p` moves the old origin to `p` relative to the new one. Then `h' = h + m p` and
-//! `I' = I + (h.p + p.h') 1 - (p h' + h p')`, symmetrised (Huygens-Steiner).
+//! If the reference point moves by `-p`, the old origin is at `p` relative to the new one. Then `h_new = h + m p` and
+//! `I_new = I + (h.p + p.h_new) 1 - (p h_new' + h p')`, where the prime is the transpose (Huygens-Steiner).
 
 use super::{Matrix, Matrix3, Placement, Sym3, Vector, Vector3};
 use crate::scalar::Real;
 
-/// Inertial parameters per body.
+/// The number of inertial parameters of a body.
 pub const PARAMETERS: usize = 10;
 
-/// The index of each parameter: `m`, `h`, then the inertia in `Sym3`'s order.
+/// The index of each parameter: `m`, `h`, then the inertia in the order of `Sym3`.
 pub mod parameter {
     pub const MASS: usize = 0;
     pub const FIRST_MOMENT: usize = 1;
@@ -31,7 +31,7 @@ impl<S: Real> Inertia<S> {
     pub fn zero() -> Self {
         Inertia { mass: S::zero(), moment: Vector3::zero(), inertia: Sym3::zero() }
     }
-    /// The inertia from ten numbers in SPEC order.
+    /// Return the inertia with these ten parameters, in the order of [`crate::spatial`].
     #[inline]
     pub fn from_parameters(p: &[S]) -> Self {
         Inertia { mass: p[0], moment: Vector3::from([p[1], p[2], p[3]]), inertia: Sym3([p[4], p[5], p[6], p[7], p[8], p[9]]) }
@@ -46,17 +46,17 @@ impl<S: Real> Inertia<S> {
     pub fn plus(&self, b: &Inertia<S>) -> Inertia<S> {
         Inertia { mass: self.mass + b.mass, moment: self.moment + b.moment, inertia: self.inertia.plus(&b.inertia) }
     }
-    /// The same body in axes rotated by `r` (`x_new = r x_old`), about the same point.
+    /// Return the inertia of the body in axes rotated by `r` (`x_new = r x_old`), about the same point.
     #[inline]
     pub fn rotated(&self, r: Matrix3<S>) -> Inertia<S> {
         Inertia { mass: self.mass, moment: r.apply(self.moment), inertia: self.inertia.rotated(r) }
     }
-    /// The same body about a new point; `p` is the old origin relative to the new one.
+    /// Return the inertia of the body about a new point. `p` is the old origin relative to the new one, m.
     #[inline]
     pub fn shifted(&self, p: Vector3<S>) -> Inertia<S> {
         let h = self.moment;
         let moment = p.scale_add(self.mass, h);
-        // p h'^T + h p^T is symmetric; twice its trace part is h.p + p.h'.
+        // The matrix t = p h_new' + h p' is symmetric, and its trace is p.h_new + h.p.
         let t = |i: usize, j: usize| p[i].mul_add(moment[j], h[i] * p[j]);
         let (xx, yy, zz) = (t(0, 0), t(1, 1), t(2, 2));
         let i = self.inertia.0;
@@ -66,17 +66,17 @@ impl<S: Real> Inertia<S> {
 }
 
 impl Inertia<f64> {
-    /// The inertia from mass, centre of mass and inertia about the centre of mass, all in the body's axes.
+    /// Return the inertia for a mass, a centre of mass and an inertia about the centre of mass, all in the axes of the body.
     pub fn about_com(mass: f64, com: Vector3<f64>, inertia: Sym3<f64>) -> Self {
         Inertia { mass, moment: Vector3::zero(), inertia }.shifted(com)
     }
-    /// The same body in the frame in which it is placed.
+    /// Return the inertia in the frame A, for a body whose frame has the placement `x` in A.
     pub fn placed(&self, x: &Placement) -> Self {
         self.rotated(x.rotation).shifted(x.translation)
     }
-    /// Centre of mass, and the inertia about it. For a body without mass, `None` and the inertia about the origin.
+    /// Return the centre of mass, and the inertia about it. For a body without mass, return `None` and the inertia about the origin.
     pub fn com(&self) -> (Option<Vector3<f64>>, Sym3<f64>) {
-        // Divided entry by entry: the reciprocal of a subnormal mass is infinite.
+        // Each component is divided separately, because the reciprocal of a subnormal mass is infinite.
         let com = Vector3::from(self.moment.array().map(|h| h / self.mass));
         let central = self.shifted(-com).inertia;
         if com.array().iter().chain(&central.0).all(|x| x.is_finite()) { (Some(com), central) } else { (None, self.inertia) }

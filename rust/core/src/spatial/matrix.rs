@@ -1,20 +1,20 @@
-//! 3 x 3 matrices: nalgebra's for rotations and general blocks, and symmetric ones (`Sym3`).
+//! Matrices of size 3 x 3: nalgebra's type for rotations and general blocks, and `Sym3` for symmetric matrices.
 
 use super::{Lift, Vector, Vector3};
 use crate::scalar::Real;
 use nalgebra::Matrix3;
 
-/// Conversions between rotation matrices and other descriptions.
+/// Conversions between rotation matrices and other representations.
 pub trait RotationMatrix: Sized {
     const IDENTITY: Self;
-    /// `Rz(yaw) Ry(pitch) Rx(roll)`. If an angle is a multiple of a right angle up to decimal rounding, its sine and cosine are exact. So a
-    /// placement that is a permutation remains one.
+    /// Return `Rz(yaw) Ry(pitch) Rx(roll)`, angles in rad. If an angle is a multiple of a right angle up to decimal rounding, its sine and
+    /// cosine are exact. So a rotation that permutes the axes is exact.
     fn from_rpy(rpy: [f64; 3]) -> Self;
-    /// Angles for which [`RotationMatrix::from_rpy`] gives this rotation.
+    /// Return angles, rad, for which [`RotationMatrix::from_rpy`] returns this rotation.
     fn to_rpy(self) -> [f64; 3];
-    /// The rotation by `angle` about the unit vector `axis` (Rodrigues).
+    /// Return the rotation by `angle`, rad, about the unit vector `axis` (Rodrigues).
     fn from_axis_angle(axis: Vector3<f64>, angle: f64) -> Self;
-    /// A rotation that takes the z axis to the unit vector `axis`; exact for coordinate axes.
+    /// Return a rotation that maps the z axis to the unit vector `axis`. It is exact for coordinate axes.
     fn taking_z_to(axis: Vector3<f64>) -> Self;
 }
 
@@ -33,7 +33,7 @@ impl RotationMatrix for Matrix3<f64> {
     fn to_rpy(self) -> [f64; 3] {
         let m = |r: usize, c: usize| self[(r, c)];
         let cp = m(0, 0).hypot(m(1, 0));
-        // Near the singularity of the convention only roll -+ yaw is defined, so yaw is set to zero.
+        // Near the singularity of the convention, only roll - yaw or roll + yaw is defined, and yaw is set to zero.
         if cp < 1e-12 {
             [(-m(1, 2)).atan2(m(1, 1)), (-m(2, 0)).atan2(cp), 0.0]
         } else {
@@ -53,7 +53,7 @@ impl RotationMatrix for Matrix3<f64> {
     }
 
     fn taking_z_to(axis: Vector3<f64>) -> Self {
-        // The coordinate axis with the least component gives the best conditioned second direction.
+        // The coordinate axis with the smallest component gives the best conditioned second direction.
         let least = (0..3).min_by(|&i, &j| axis[i].abs().total_cmp(&axis[j].abs())).unwrap_or(0);
         if axis == Vector3::from([0.0, 0.0, 1.0]) {
             return Matrix3::IDENTITY;
@@ -74,7 +74,7 @@ impl Lift for Matrix3<f64> {
     }
 }
 
-/// An angle within 1e-15 relative of a multiple of pi/2 is treated as that multiple.
+/// Return sine and cosine of an angle, rad. If it is a multiple of pi/2 up to a relative error of 1e-15, they are exact.
 fn exact_sin_cos(angle: f64) -> (f64, f64) {
     let quarter = (angle / std::f64::consts::FRAC_PI_2).round();
     if quarter.abs() < 1e6 && (angle - quarter * std::f64::consts::FRAC_PI_2).abs() <= 1e-15 * (1.0 + angle.abs()) {
@@ -88,22 +88,22 @@ fn exact_sin_cos(angle: f64) -> (f64, f64) {
     angle.sin_cos()
 }
 
-/// Products of [`Matrix3`](nalgebra::Matrix3) over any [`Real`], with a fused multiply-add per term.
+/// Products of [`Matrix3`](nalgebra::Matrix3) over any [`Real`]. Each term is one fused multiply-add.
 pub trait Matrix<S: Real>: Copy {
     fn zero() -> Self;
-    /// The three columns.
+    /// Return the three columns.
     fn axes(self) -> [Vector3<S>; 3];
     fn axis(self, column: usize) -> Vector3<S>;
-    /// `self x`.
+    /// Return `self x`.
     fn apply(self, x: Vector3<S>) -> Vector3<S>;
-    /// `self x + c`.
+    /// Return `self x + c`.
     fn apply_add(self, x: Vector3<S>, c: Vector3<S>) -> Vector3<S>;
-    /// `self' x`.
+    /// Return `self' x`.
     fn apply_transposed(self, x: Vector3<S>) -> Vector3<S>;
     fn times(self, b: Self) -> Self;
-    /// `self Rz` with the sine and cosine of the angle about z.
+    /// Return `self Rz`, where `trig` is the sine and cosine of the angle about z.
     fn rotate_z(self, trig: (S, S)) -> Self;
-    /// `self' u self` for a general `u`.
+    /// Return `self' u self` for a general matrix `u`.
     fn congruence_transposed(self, u: Self) -> Self;
 }
 
@@ -149,7 +149,7 @@ impl<S: Real> Matrix<S> for Matrix3<S> {
     }
 }
 
-/// A symmetric matrix as `xx, xy, yy, xz, yz, zz`.
+/// A symmetric matrix, stored as `xx, xy, yy, xz, yz, zz`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sym3<S>(pub [S; 6]);
 
@@ -171,7 +171,7 @@ impl<S: Real> Sym3<S> {
     pub fn apply(&self, x: Vector3<S>) -> Vector3<S> {
         self.column(0).scale_add(x[0], self.column(1).scale_add(x[1], self.column(2).scale(x[2])))
     }
-    /// `self x + c`.
+    /// Return `self x + c`.
     #[inline]
     pub fn apply_add(&self, x: Vector3<S>, c: Vector3<S>) -> Vector3<S> {
         self.column(0).scale_add(x[0], self.column(1).scale_add(x[1], self.column(2).scale_add(x[2], c)))
@@ -188,15 +188,15 @@ impl<S: Real> Sym3<S> {
         }
         out
     }
-    /// `r self r'`.
+    /// Return `r self r'`.
     #[inline]
     pub fn rotated(&self, r: Matrix3<S>) -> Sym3<S> {
-        // t = r self, then the lower triangle of t r': row i of t with row j of r.
+        // The product is t = r self, and then the lower triangle of t r': row i of t with row j of r.
         let t = r.times(self.full());
         let entry = |i: usize, j: usize| t[(i, 0)].mul_add(r[(j, 0)], t[(i, 1)].mul_add(r[(j, 1)], t[(i, 2)] * r[(j, 2)]));
         Sym3([entry(0, 0), entry(1, 0), entry(1, 1), entry(2, 0), entry(2, 1), entry(2, 2)])
     }
-    /// `self + k x x'`.
+    /// Return `self + k x x'`.
     #[inline]
     pub fn add_outer(&self, x: Vector3<S>, k: S) -> Sym3<S> {
         let y = x.scale(k);
@@ -213,7 +213,7 @@ impl<S: Real> Sym3<S> {
 }
 
 impl Sym3<f64> {
-    /// The eigenvalues in increasing order, by cyclic Jacobi rotations. Six sweeps reach rounding errors for 3 x 3.
+    /// Return the eigenvalues in increasing order. Six sweeps of cyclic Jacobi rotations reach the rounding error for 3 x 3.
     pub fn principal(&self) -> [f64; 3] {
         let largest = self.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         if !(largest > 0.0 && largest.is_finite()) {
@@ -224,7 +224,7 @@ impl Sym3<f64> {
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
                 let off = a[(q, p)];
                 if off != 0.0 {
-                    // The smaller root of t^2 + 2 theta t - 1 = 0, which is the tangent of the angle that makes the entry zero.
+                    // The smaller root of t^2 + 2 theta t - 1 = 0. It is the tangent of the angle that makes the entry zero.
                     let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * off);
                     let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
                     let c = 1.0 / t.hypot(1.0);

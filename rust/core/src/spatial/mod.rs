@@ -1,8 +1,8 @@
-//! Vectors, rotations, placements and inertias over one number, or one number per lane.
+//! Vectors, rotations, placements and inertias over any number type, with one number per lane.
 //!
-//! Spatial vectors are linear first, `[v; w]` and `[f; n]`. The ten inertial parameters of a body are
-//! `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` with the inertia about the body-frame origin
-//! (the order of Pinocchio's `toDynamicParameters`). Only this file defines these orders.
+//! Spatial vectors have the linear part first: `[v; w]` and `[f; n]`. The ten inertial parameters of a body are
+//! `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`, where the inertia is about the origin of the body frame. This is the order of
+//! Pinocchio's `toDynamicParameters`. Units: kg, kg m, kg m^2. Only this file defines these orders.
 
 #[doc(hidden)]
 mod inertia;
@@ -26,17 +26,17 @@ pub use vector::{Lift, Vector};
 
 use crate::scalar::Real;
 
-/// First row of the linear part of a spatial vector.
+/// The first row of the linear part of a spatial vector.
 pub const LINEAR: usize = 0;
-/// First row of the angular part of a spatial vector.
+/// The first row of the angular part of a spatial vector.
 pub const ANGULAR: usize = 3;
 
-/// `x_A = rotation x_B + translation`: the placement of frame B in frame A.
+/// The placement of frame B in frame A: `x_A = rotation x_B + translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// `R_AB`.
+    /// The rotation `R_AB`.
     pub rotation: Matrix3<f64>,
-    /// `p_AB`, m.
+    /// The origin of B in A, `p_AB`, m.
     pub translation: Vector3<f64>,
 }
 
@@ -44,33 +44,34 @@ impl Placement {
     /// The placement of a frame in itself.
     pub const IDENTITY: Placement = Placement { rotation: Matrix3::IDENTITY, translation: Vector3::new(0.0, 0.0, 0.0) };
 
-    /// `Rz(yaw) Ry(pitch) Rx(roll)` and a translation, the convention of URDF.
+    /// Return the placement with the rotation `Rz(yaw) Ry(pitch) Rx(roll)`, angles in rad, and the translation `xyz`, m. URDF has this
+    /// convention.
     pub fn from_rpy(rpy: [f64; 3], xyz: [f64; 3]) -> Self {
         Placement { rotation: Matrix3::from_rpy(rpy), translation: Vector3::from(xyz) }
     }
 
-    /// The placement of C in A, from the placement of B in A (`self`) and of C in B.
+    /// Return the placement of C in A. `self` is the placement of B in A, and `other` that of C in B.
     pub fn then(&self, other: &Placement) -> Placement {
         Placement { rotation: self.rotation.times(other.rotation), translation: self.rotation.apply(other.translation) + self.translation }
     }
 
-    /// The placement of A in B.
+    /// Return the placement of A in B.
     pub fn inverse(&self) -> Placement {
         Placement { rotation: self.rotation.transpose(), translation: -self.rotation.apply_transposed(self.translation) }
     }
 }
 
-/// A spatial motion or force: `[linear; angular]` at a point.
+/// A spatial motion or force at a point: `[linear; angular]`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spatial<S: Real> {
-    /// Linear part.
+    /// The linear part: velocity, m/s, or force, N.
     pub linear: Vector3<S>,
-    /// Angular part.
+    /// The angular part: angular velocity, rad/s, or moment, N m.
     pub angular: Vector3<S>,
 }
 
 impl<S: Real> Spatial<S> {
-    /// Zero.
+    /// Return the spatial vector zero.
     #[inline]
     pub fn zero() -> Self {
         Spatial { linear: Vector3::zero(), angular: Vector3::zero() }

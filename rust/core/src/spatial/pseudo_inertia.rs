@@ -6,22 +6,22 @@
 //! d(P || Q) = log(|Q| / |P|) + tr(Q^-1 P) - 4 >= 0
 //! ```
 //!
-//! A body is physically possible if and only if `P > 0`. Then its mass has one sign everywhere, and not all of it is on one plane. Let `L`
-//! be the dual of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. Then the law `P_hat' = gamma P_hat L P_hat` gives
-//! `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires this property of an adaptation law. `P_hat` remains
-//! positive definite.
+//! A body is physically possible if `P > 0`, and only then. In this case, a mass distribution without negative density and not on one plane
+//! has these parameters. Let `L` be the dual of `y = Y' s`, so that `tr(P(pi) L) = pi . y` for every `pi`. The adaptation law
+//! `P_hat' = gamma P_hat L P_hat` then has the property `d/dt d(P || P_hat) / gamma = (pi_hat - pi) . y`. Slotine and Li's proof requires
+//! this property of an adaptation law. `P_hat` remains positive definite.
 
 use super::{PARAMETERS, parameter::INERTIA};
 use crate::scalar::Real;
 use crate::scalar::log::ln;
 
-/// Symmetric, an array of rows. The last row and column have the mass and the first moment.
+/// A symmetric 4 x 4 matrix, as an array of rows. The last row and column contain the first moment and the mass.
 pub type Pseudo<S> = [[S; 4]; 4];
 
-/// Row and column of the six inertia entries, in the order of the parameters.
+/// The row and column of each of the six inertia entries, in the order of the parameters.
 const ENTRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)];
 
-/// `P` from ten parameters in SPEC order.
+/// Return `P` for ten parameters, in the order of [`crate::spatial`].
 #[inline]
 pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
     let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *pi;
@@ -29,14 +29,14 @@ pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
     [[half - xx, -xy, -xz, hx], [-xy, half - yy, -yz, hy], [-xz, -yz, half - zz, hz], [hx, hy, hz, m]]
 }
 
-/// The ten parameters of `P`, from its upper triangle.
+/// Return the ten parameters of `P`. Only the upper triangle of `P` is read.
 #[inline]
 pub fn parameters_of<S: Real>(p: &Pseudo<S>) -> [S; PARAMETERS] {
     let (x, y, z) = (p[0][0], p[1][1], p[2][2]);
     [p[3][3], p[0][3], p[1][3], p[2][3], y + z, -p[0][1], x + z, -p[0][2], -p[1][2], x + y]
 }
 
-/// `L` with `tr(P(pi) L) = pi . y` for every `pi`.
+/// Return `L` with `tr(P(pi) L) = pi . y` for every `pi`.
 #[inline]
 pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     let half = S::splat(0.5);
@@ -57,7 +57,7 @@ pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     l
 }
 
-/// `g` with `g . pi = tr(W P(pi))` for every `pi`, for a symmetric `W`: the inverse of [`dual`].
+/// Return `g` with `g . pi = tr(W P(pi))` for every `pi` and a symmetric `W`. It is the inverse of [`dual`].
 #[inline]
 pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     let half = S::splat(0.5);
@@ -67,7 +67,8 @@ pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     [w[3][3], twice(0, 3), twice(1, 3), twice(2, 3), xx, -twice(0, 1), yy, -twice(0, 2), -twice(1, 2), zz]
 }
 
-/// `d pi_hat / dt` of `P_hat' = gamma P_hat L P_hat`, `L` the dual of `y = Y' s`: gradient descent in the natural metric.
+/// Return `d pi_hat / dt` of `P_hat' = gamma P_hat L P_hat`, where `L` is the dual of `y = Y' s`. This is gradient descent in the natural
+/// metric.
 #[inline]
 pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], gamma: S) -> [S; PARAMETERS] {
     let (p, l) = (pseudo_inertia(pi_hat), dual(y_t_s));
@@ -87,7 +88,7 @@ pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], 
     parameters_of(&rate)
 }
 
-/// `L` of `P = L L'`, with its diagonal in place; and one if `P` is positive definite, else zero.
+/// Return the factor `L` of `P = L L'`, and one if `P` is positive definite, otherwise zero.
 #[inline(always)]
 pub fn factor<S: Real>(p: &Pseudo<S>) -> (Pseudo<S>, S) {
     let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
@@ -106,16 +107,16 @@ pub fn factor<S: Real>(p: &Pseudo<S>) -> (Pseudo<S>, S) {
     (l, possible)
 }
 
-/// Whether the body is physically possible: `P > 0`.
+/// Return whether the body is physically possible: `P > 0`.
 pub fn is_positive_definite(pi: &[f64; PARAMETERS]) -> bool {
     factor(&pseudo_inertia(pi)).1 == 1.0
 }
 
-/// The Bregman divergence `d(P || P_hat)` of `-log det`; infinite if either is not positive definite.
+/// Return the Bregman divergence `d(P || P_hat)` of `-log det`. It is infinite if one matrix is not positive definite.
 #[inline(always)]
 pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S {
     let ((l, possible), (hat, possible_hat)) = (factor(&pseudo_inertia(pi)), factor(&pseudo_inertia(pi_hat)));
-    // X = hat^-1 l, tr(P_hat^-1 P) = |X|^2. For similar bodies the diagonal of X is near one, and its logarithms do not cancel.
+    // With X = hat^-1 l, tr(P_hat^-1 P) = |X|^2. For similar bodies the diagonal of X is near one, and its logarithms do not cancel.
     let mut x = [[S::zero(); 4]; 4];
     let mut sum = S::zero();
     for i in 0..4 {
@@ -127,12 +128,12 @@ pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S 
     S::select(S::zero().lt(possible * possible_hat), sum, S::splat(f64::INFINITY))
 }
 
-/// `x^2 - 1 - 2 log x`, without cancellation near one.
+/// Return `x^2 - 1 - 2 log x`, without cancellation near one.
 #[inline(always)]
 fn excess<S: Real>(x: S) -> S {
     let k = S::splat;
     let d = x - k(1.0);
-    // 2 (d - log(1 + d)) + d^2; d^2/2 - d^3/3 + ..: after eight terms the error is 1e-2^10.
+    // The expression is 2 (d - log(1 + d)) + d^2. Its series d^2/2 - d^3/3 + .. with eight terms has an error of 1e-2^10.
     let term = |i: u32| k(if i.is_multiple_of(2) { 1.0 } else { -1.0 } / f64::from(i));
     let near = (2..10).rev().fold(S::zero(), |sum, i| d * sum + term(i)) * d * d;
     let difference = S::select(d.abs().lt(k(1e-2)), near, d - ln(x));
@@ -143,7 +144,7 @@ fn excess<S: Real>(x: S) -> S {
 mod tests {
     use super::*;
 
-    /// A heavy core and four corners: positive definite.
+    /// A heavy core and four corners. Its pseudo-inertia is positive definite.
     const BODY: [f64; 10] = [3.0, 0.3, -0.2, 0.6, 0.9, 0.05, 0.8, -0.1, 0.07, 0.5];
     const OTHER: [f64; 10] = [2.5, 0.1, 0.3, 0.2, 0.7, -0.03, 0.9, 0.04, -0.02, 0.8];
 
@@ -175,12 +176,12 @@ mod tests {
             let moved = std::array::from_fn(|k| OTHER[k] + h * rate[k]);
             divergence(&BODY, &moved)
         };
-        // Central differences with one extrapolation: an error of h^4, and the rounding error of one over the step.
+        // Central differences with one extrapolation have an error of h^4, and the rounding error of one divided by the step.
         let (coarse, fine) = ((at(4e-4) - at(-4e-4)) / 8e-4, (at(2e-4) - at(-2e-4)) / 4e-4);
         let slope = (4.0 * fine - coarse) / 3.0;
         let want = 2.0 * (dot(&OTHER, &y) - dot(&BODY, &y));
         assert!((slope - want).abs() < 1e-8 * want.abs(), "{slope} {want}");
-        // The rate is P L P, also in one lane of eight.
+        // The rate is P L P, also in one of eight lanes.
         use crate::scalar::Array8;
         let lift = |x: &[f64; 10]| x.map(Array8::splat);
         let lanes = natural_rate(&lift(&OTHER), &lift(&y), Array8::splat(2.0));
@@ -191,14 +192,14 @@ mod tests {
     fn the_divergence_is_one() {
         assert_eq!(divergence(&BODY, &BODY), 0.0);
         assert!(divergence(&BODY, &OTHER) > 0.1 && divergence(&OTHER, &BODY) > 0.1);
-        // Near a body the divergence is half the natural metric, on both sides of the switch in `excess`.
+        // Near a body, the divergence is half the squared natural distance, on both sides of the switch in `excess`.
         for h in [1e-6, 4e-3, 5e-3, 6e-3] {
             let scaled = BODY.map(|x| x * (1.0 + h));
             let x: f64 = 1.0 / (1.0 + h);
             let want = 4.0 * (x - 1.0 - x.ln());
             assert!((divergence(&BODY, &scaled) - want).abs() < 1e-15 + 1e-13 * want, "{h}");
         }
-        // The divergence does not change if both are scaled.
+        // The divergence does not change if both bodies are scaled.
         let (a, b) = (BODY.map(|x| 7.0 * x), OTHER.map(|x| 7.0 * x));
         assert!((divergence(&a, &b) - divergence(&BODY, &OTHER)).abs() < 1e-13);
         let mut flat = BODY;

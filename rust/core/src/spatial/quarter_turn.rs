@@ -1,7 +1,7 @@
-//! Rotations by quarter turns about x or y. With z along the joint axis, the joint placements of most robots are of this kind. They cost no
-//! product, because components only change places and signs. The code below is for `R = Rx(90)`, and similar for the others:
+//! Rotations by 90, 180 or 270 degrees about x or y. With z along the joint axis, the joint placements of most robots are of this kind.
+//! They need no product, because components only change their places and signs. For example, for `R = Rx(90)`:
 //!
-//! `R (x, y, z) = (x, -z, y)`,  `M R` has the columns `(m_x, m_z, -m_y)`.
+//! `R (x, y, z) = (x, -z, y)`, and `M R` has the columns `(m_x, m_z, -m_y)`.
 
 use super::{Matrix, Matrix3, RotationMatrix, Sym3, Vector, Vector3};
 use crate::scalar::Real;
@@ -20,12 +20,12 @@ impl QuarterTurn {
     pub const ALL: [QuarterTurn; 6] =
         [QuarterTurn::None, QuarterTurn::X90, QuarterTurn::X180, QuarterTurn::X270, QuarterTurn::Y90, QuarterTurn::Y270];
 
-    /// The quarter turn that equals `r` exactly.
+    /// Return the quarter turn that equals `r` exactly, if there is one.
     pub fn of(r: &Matrix3<f64>) -> Option<QuarterTurn> {
         QuarterTurn::ALL.into_iter().find(|turn| turn.after(Matrix3::IDENTITY) == *r)
     }
 
-    /// `m R`.
+    /// Return `m R`.
     #[inline]
     pub fn after<S: Real>(self, m: Matrix3<S>) -> Matrix3<S> {
         let [x, y, z] = m.axes();
@@ -39,7 +39,7 @@ impl QuarterTurn {
         }
     }
 
-    /// `R v` of each.
+    /// Return `R v` for each vector `v`.
     #[inline]
     pub fn apply<S: Real, const K: usize>(self, mut v: [Vector3<S>; K]) -> [Vector3<S>; K] {
         macro_rules! each {
@@ -61,7 +61,7 @@ impl QuarterTurn {
         v
     }
 
-    /// `R' v` of each.
+    /// Return `R' v` for each vector `v`.
     #[inline]
     pub fn apply_transposed<S: Real, const K: usize>(self, v: [Vector3<S>; K]) -> [Vector3<S>; K] {
         let inverse = match self {
@@ -74,7 +74,7 @@ impl QuarterTurn {
         inverse.apply(v)
     }
 
-    /// `R p R'`.
+    /// Return `R p R'`.
     #[inline]
     pub fn congruence<S: Real>(self, p: Sym3<S>) -> Sym3<S> {
         let [xx, xy, yy, xz, yz, zz] = p.0;

@@ -1,16 +1,16 @@
-//! The rotation vector of a rotation matrix: `log R`, axis times angle in [0, pi].
+//! The rotation vector `log R` of a rotation matrix: the axis multiplied with the angle, rad, in [0, pi].
 //!
-//! The unit quaternion `(w, u)` is computed by the one of four formulas that has the largest square root (Shepperd 1978). Then
-//! `log R = 2 atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity the quotient is
+//! Of four formulas for the unit quaternion `(w, u)`, the code selects the one with the largest square root (Shepperd 1978). Then
+//! `log R = 2 atan2(|u|, |w|) sign(w) u / |u|`, which is accurate at every angle. Near the identity, the factor of `sign(w) u` is
 //! `2 / w (1 - |u|^2/(3 w^2))`.
 
 use super::{Matrix3, Vector3};
 use crate::scalar::Real;
 
-/// Below this |u|^2 the series is exact up to rounding: the next term is `|u|^4 / 5`.
+/// If |u|^2 is below this limit, the series is exact up to rounding. Its next term is `|u|^4 / 5`.
 const SMALL: f64 = 1e-8;
 
-/// `log R` for `R` by columns.
+/// Return the rotation vector `log R`, rad, of `r`.
 #[inline]
 pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     let at = |row: usize, column: usize| r[(row, column)];
@@ -22,7 +22,7 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     let sums = [at(0, 1) + at(1, 0), at(0, 2) + at(2, 0), at(1, 2) + at(2, 1)];
     let [dx, dy, dz] = differences;
     let [xy, xz, yz] = sums;
-    // Candidate k is (w, x, y, z), times twice the square root of squares[k].
+    // Candidate k is (w, x, y, z), multiplied with twice the square root of squares[k].
     let candidates = [[squares[0], dx, dy, dz], [dx, squares[1], xy, xz], [dy, xy, squares[2], yz], [dz, xz, yz, squares[3]]];
     let (mut best, mut quaternion) = (squares[0], candidates[0]);
     for k in 1..4 {
@@ -38,7 +38,8 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     let (w, sign) = (w.abs(), S::select(negative, -one, one));
     let square = ux * ux + uy * uy + uz * uz;
     let small = square.lt(S::splat(SMALL));
-    // A root of zero has no derivative. If the series is used, take the root of another number, whose value does not matter.
+    // The square root of zero has no derivative. If the series is selected, the root of another number is computed, and its value is not
+    // used.
     let length = S::select(small, one, square).sqrt();
     let far = S::splat(2.0) * length.atan2(w) / length;
     let near_w = S::select(small, w, one);
@@ -47,14 +48,16 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     Vector3::from([ux * factor, uy * factor, uz * factor])
 }
 
-/// `exp` of a rotation vector `r`, by columns (Rodrigues): `cos t 1 + sin t / t [r]x + (1 - cos t) / t^2 r r'`, `t = |r|`.
+/// Return the rotation matrix of the rotation vector `vector`, rad (Rodrigues): `cos t 1 + sin t / t [r]x + (1 - cos t) / t^2 r r'` with
+/// `t = |r|`.
 #[inline]
 pub fn rotation_exp<S: Real>(vector: [S; 3]) -> Matrix3<S> {
     let [x, y, z] = vector;
     let one = S::splat(1.0);
     let square = x * x + y * y + z * z;
     let small = square.lt(S::splat(SMALL));
-    // A root of zero has no derivative. If the series is used, take the root of another number, whose value does not matter.
+    // The square root of zero has no derivative. If the series is selected, the root of another number is computed, and its value is not
+    // used.
     let angle = S::select(small, one, square).sqrt();
     let (sin, cos) = angle.sin_cos();
     // The omitted terms are below rounding: `t^4 / 120`, `t^4 / 720`.
@@ -87,12 +90,12 @@ mod tests {
                 assert!((back[k] - vector[k]).abs() < 5e-16 * (1.0 + angle), "{angle}: {:?} against {vector:?}", back.array());
             }
         }
-        // At pi both signs of the axis are correct.
+        // At the angle pi, both signs of the axis are correct.
         let half_turn = rotation_log(&rotation_exp([pi, 0.0, 0.0])).array();
         assert!((half_turn[0].abs() - pi).abs() < 1e-15 && half_turn[1].abs() < 1e-15 && half_turn[2].abs() < 1e-15);
     }
 
-    /// `d exp(r) = [J dr]x exp(r)`, `J` the left Jacobian `1 + (1 - cos t)/t^2 [r]x + (t - sin t)/t^3 [r]x^2`.
+    /// `d exp(r) = [J dr]x exp(r)` with the left Jacobian `J = 1 + (1 - cos t)/t^2 [r]x + (t - sin t)/t^3 [r]x^2`.
     #[test]
     fn exp_turns_at_the_rate_of_the_left_jacobian() {
         let (axis, rate) = ([2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0], [0.3, -0.2, 0.5]);
@@ -113,7 +116,8 @@ mod tests {
                 for k in 0..3 {
                     let got = turned[(k, column)];
                     assert_eq!(got.value, plain.axis(column)[k]);
-                    // Near its threshold the series has an error of `t^4`; the closed form has 1e-16 / t^2 of a number of size t^2.
+                    // Near its threshold the series has an error of `t^4`. The closed form has an error of 1e-16 / t^2 of a number of size
+                    // t^2.
                     assert!((got.rate - expected[k]).abs() < 1e-12, "{angle}: {} against {}", got.rate, expected[k]);
                 }
             }
@@ -124,7 +128,7 @@ mod tests {
     fn its_derivative_at_the_identity_is_the_rate_of_turning() {
         let turning = rotation_exp([0.0; 3]);
         let rate = [0.3, -0.2, 0.5];
-        // R' = [rate]x R at R = 1.
+        // At R = 1, the derivative is R' = [rate]x R.
         let r = Matrix3::from_columns(&std::array::from_fn::<_, 3, _>(|c| {
             let column = Vector3::from(rate).cross(turning.axis(c));
             Vector3::from(std::array::from_fn(|k| Dual::new(turning.axis(c)[k], column[k])))

@@ -1,15 +1,15 @@
-//! The angular velocity of a rotation `exp(r)` with a changing rotation vector `r`, and the derivative of that velocity.
+//! The angular velocity of a rotation `exp(r)` whose rotation vector `r` changes, and the derivative of this velocity.
 //!
-//! `w = r' + b r x r' + c r x (r x r')`, with `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3` and `t = |r|`, from the left Jacobian.
+//! From the left Jacobian, `w = r' + b r x r' + c r x (r x r')`, with `b = (1 - cos t) / t^2`, `c = (t - sin t) / t^3` and `t = |r|`.
 //! See Chirikjian, Stochastic Models, Information Theory, and Lie Groups, volume 2, 10.86.
 
 use super::{Vector, Vector3};
 use crate::scalar::Real;
 
-/// Number of terms of the series, which is used for angles below one. The next term is `1 / 18!`.
+/// The number of terms of the series for angles below 1 rad. The next term is `1 / 18!`.
 const TERMS: usize = 8;
 
-/// `sum (-s)^k / (2 k + first)!` and its derivative with respect to `s`.
+/// Return `sum (-s)^k / (2 k + first)!` and its derivative with respect to `s`.
 fn series<S: Real>(s: S, first: usize) -> (S, S) {
     let mut factorial: f64 = (1..=first).map(|k| k as f64).product();
     let mut coefficients = [0.0; TERMS];
@@ -23,12 +23,13 @@ fn series<S: Real>(s: S, first: usize) -> (S, S) {
     (value, slope)
 }
 
-/// Angular velocity and acceleration of `exp(r)`, world axes, for `r`, `r'` and `r''`.
+/// Return angular velocity, rad/s, and angular acceleration, rad/s^2, of `exp(r)` in world axes. Arguments: `r`, `r'` and `r''`.
 pub fn rotation_rate<S: Real>(r: Vector3<S>, rate: Vector3<S>, acceleration: Vector3<S>) -> (Vector3<S>, Vector3<S>) {
     let (one, two) = (S::splat(1.0), S::splat(2.0));
     let square = r.dot(r);
     let small = square.lt(one);
-    // A root of zero has no derivative. If the series is used, take the root of another number, whose value does not matter.
+    // The square root of zero has no derivative. If the series is selected, the root of another number is computed, and its value is not
+    // used.
     let s = S::select(small, one, square);
     let angle = s.sqrt();
     let (sin, cos) = angle.sin_cos();
@@ -54,7 +55,8 @@ mod tests {
     use super::*;
     use crate::scalar::Dual;
 
-    /// Against duals of `exp`; the acceleration is compared with duals of the velocity, on both sides of the threshold.
+    /// The velocity is compared with dual numbers of `exp`, and the acceleration with dual numbers of the velocity, on both sides of the
+    /// threshold.
     #[test]
     fn it_is_the_rate_of_the_rotation() {
         let (axis, rate, acceleration) = ([2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0], [0.3, -0.2, 0.5], [-1.0, 0.4, 0.7]);

@@ -1,7 +1,7 @@
-//! Three-vectors, of nalgebra's type: `a . b`, `a x b`, and sums with a fused multiply-add per term.
+//! Vectors with three components, of nalgebra's type: `a . b`, `a x b`, and sums. Each term is one fused multiply-add.
 //!
-//! [`Vector`] has the products whose bits depend on the order of operations and on fusing. They take arguments by value, so they precede
-//! nalgebra's methods of the same names, which take references.
+//! [`Vector`] has the products whose bits depend on the order of operations and on fusing. They take arguments by value. So they take
+//! precedence over nalgebra's methods of the same names, which take references.
 
 use crate::scalar::Real;
 use nalgebra::Vector3;
@@ -9,16 +9,16 @@ use nalgebra::Vector3;
 /// Products of [`Vector3`] over any [`Real`].
 pub trait Vector<S: Real>: Copy {
     fn zero() -> Self;
-    /// The three components.
+    /// Return the three components.
     fn array(self) -> [S; 3];
     fn dot(self, b: Self) -> S;
     fn cross(self, b: Self) -> Self;
-    /// `self x b + c`.
+    /// Return `self x b + c`.
     fn cross_add(self, b: Self, c: Self) -> Self;
     fn scale(self, k: S) -> Self;
-    /// `self k + c`.
+    /// Return `self k + c`.
     fn scale_add(self, k: S, c: Self) -> Self;
-    /// `c - self k`.
+    /// Return `c - self k`.
     fn scale_sub(self, k: S, c: Self) -> Self;
 }
 
@@ -59,10 +59,10 @@ impl<S: Real> Vector<S> for Vector3<S> {
     }
 }
 
-/// Vectors and matrices of `f64` on another number type.
+/// Conversion of vectors and matrices of `f64` to another number type.
 pub trait Lift {
     type Of<S: Real>;
-    /// The same numbers as constants of `S`.
+    /// Return the numbers as constants of the type `S`.
     fn lift<S: Real>(&self) -> Self::Of<S>;
 }
 

@@ -1,4 +1,4 @@
-//! From the links and joints of a file to an arm: one root, no cycles, fixed joints merged, without recursion.
+//! The arm of a file, assembled from its links and joints: one root, no cycles, fixed joints merged. The code is not recursive.
 
 use super::element::{Robot, UrdfJoint};
 use super::followers;
@@ -23,7 +23,8 @@ pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<A
         Arm { name: robot.name.clone(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: robot.report.clone() };
     let mut index = vec![None; robot.joints.len()];
     let (mut cut, mut on_base) = (Vec::new(), Vec::new());
-    // A link, the joint that leads to it, the moving body that carries that joint, and the placement of the parent link in that body.
+    // Four values: a link, the joint that leads to it, the moving joint whose body contains this joint, and a placement. It is the
+    // placement of the parent link in this body.
     let mut stack: Vec<(usize, Option<usize>, Option<usize>, Placement)> = vec![(base, None, None, Placement::IDENTITY)];
     while let Some((link, through, carrier, parent)) = stack.pop() {
         look();
@@ -87,11 +88,11 @@ fn moving(joint: &UrdfJoint, parent: Option<usize>, placement: Placement) -> Joi
 struct LinkTree<'r> {
     index: HashMap<&'r str, usize>,
     root: usize,
-    /// Joints that leave a link, in file order.
+    /// The joints that start at each link, in file order.
     children: Vec<Vec<usize>>,
-    /// The joint that leads to a link.
+    /// The joint that leads to each link.
     joint_of: Vec<Option<usize>>,
-    /// For each joint: the link that it leads to, and the link that it starts from.
+    /// For each joint, the link that it leads to, and the link at which it starts.
     child: Vec<usize>,
     parent: Vec<usize>,
 }
@@ -135,8 +136,8 @@ impl<'r> LinkTree<'r> {
         Ok(tree)
     }
 
-    /// The only link without a parent. Every other link has one parent. So a link that is not reached from the root is on a cycle, or a
-    /// cycle carries it.
+    /// Return the only link without a parent. Each other link has one parent. So a link that is not reached from the root is on a cycle, or
+    /// below a cycle.
     fn single_root(&self, source: &Source, robot: &Robot) -> Result<usize> {
         let roots: Vec<usize> = (0..robot.links.len()).filter(|&k| self.joint_of[k].is_none()).collect();
         if robot.links.is_empty() {

@@ -1,9 +1,9 @@
-//! Files that are not well-formed, but that other readers of URDF accept. In some, an XML declaration follows a blank line or a comment. In
-//! others, a name has an undeclared prefix, such as `drake:acceleration`.
+//! Corrections of files that are not well-formed, but that other URDF readers accept. In some files, an XML declaration follows a blank
+//! line or a comment. In others, a name has an undeclared prefix, such as `drake:acceleration`.
 
 use std::borrow::Cow;
 
-/// The text with such a declaration replaced by blanks. Every line and column is kept.
+/// Return the text with a late XML declaration replaced by blanks. Lines and columns do not change.
 pub fn forgiven(text: &str) -> Cow<'_, str> {
     let Some(start) = late(text) else { return Cow::Borrowed(text) };
     let Some(length) = text[start..].find("?>") else { return Cow::Borrowed(text) };
@@ -12,7 +12,7 @@ pub fn forgiven(text: &str) -> Cow<'_, str> {
     Cow::Owned([&text[..start], &blank, &text[end..]].concat())
 }
 
-/// The position of a declaration after blanks or comments.
+/// Return the position of an XML declaration that follows blanks or comments.
 fn late(text: &str) -> Option<usize> {
     let mut rest = text.trim_start_matches('\u{feff}');
     let first = text.len() - rest.len();
@@ -28,8 +28,8 @@ fn late(text: &str) -> Option<usize> {
     }
 }
 
-/// The text with `.` instead of `:` in the names of elements and attributes with this prefix. Every line and column is kept. Such names are
-/// not part of URDF in either form.
+/// Return the text with `.` instead of `:` in the names of elements and attributes with this prefix. Lines and columns do not change. URDF
+/// has no such names.
 pub fn without_prefix(text: &str, prefix: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut rest = text;
@@ -49,7 +49,7 @@ pub fn without_prefix(text: &str, prefix: &str) -> String {
     plain
 }
 
-/// Copy one tag; returns its length.
+/// Copy one tag, and return its length.
 fn tag(markup: &str, prefix: &str, plain: &mut String) -> usize {
     let (mut quote, mut name, mut colon) = (None, false, usize::MAX);
     for (at, c) in markup.char_indices() {

@@ -1,4 +1,4 @@
-//! From XML elements to numbers: links and joints of the file, with their lines.
+//! The links and joints of a file: XML elements as numbers, with their line numbers.
 
 use super::plausible::{ANGLE, Bound, DRIVE, INERTIA, LENGTH, MASS, axis_problem, negative_moment};
 use super::read::{Source, XACRO};
@@ -14,21 +14,21 @@ pub struct Robot {
     pub name: String,
     pub links: Vec<Link>,
     pub joints: Vec<UrdfJoint>,
-    /// Remarks, one line each.
+    /// Remarks for the report, one line each.
     pub report: Vec<String>,
 }
 
 pub struct Link {
     pub name: String,
     pub line: u32,
-    /// About the link frame.
+    /// The inertia about the link frame.
     pub inertia: Inertia<f64>,
 }
 
 pub struct UrdfJoint {
     pub name: String,
     pub line: u32,
-    /// `None` for a fixed joint.
+    /// The kind of motion. `None` for a fixed joint.
     pub kind: Option<JointKind>,
     pub parent: String,
     pub child: String,
@@ -41,7 +41,7 @@ pub struct UrdfJoint {
     pub mimic: Option<Imitated>,
 }
 
-/// The content of an element `mimic`.
+/// The content of a `mimic` element.
 pub struct Imitated {
     pub line: u32,
     pub leader: String,
@@ -49,13 +49,13 @@ pub struct Imitated {
     pub offset: f64,
 }
 
-/// A violation of the triangle inequality by more than this fraction gives a warning.
+/// A violation of the triangle inequality by a larger fraction causes a warning.
 const TRIANGLE: f64 = 1e-6;
 
 struct Reader<'a> {
     source: &'a Source<'a>,
     report: Vec<String>,
-    /// Dropped elements: names of parent and element, count, first line.
+    /// The ignored elements: names of parent and element, number of occurrences, first line.
     dropped: BTreeMap<String, (usize, u32)>,
 }
 
@@ -141,7 +141,7 @@ impl Reader<'_> {
         node.attribute(attribute).map(|text| self.numbers(node, attribute, text)).transpose()
     }
 
-    /// Refuse values beyond their bound; `what` is their name in the message.
+    /// Refuse values beyond their limit. `what` is their name in the message.
     fn plausible(&self, node: Node, what: impl FnOnce() -> String, bound: Bound, values: &[f64]) -> Result<()> {
         bound.problem(values).map_or(Ok(()), |problem| Err(self.error(node, format!("{} {problem}", what()))))
     }
@@ -160,8 +160,8 @@ impl Reader<'_> {
         Ok(placement)
     }
 
-    /// Exact numbers that the writer adds, because the standard ones are rounded. They are used if they agree with the rounded ones
-    /// relative to `scales`. The tolerance is the rounding error of the angles of a rotation at a pitch of 90 degrees.
+    /// Read exact numbers, which the writer adds because standard numbers are rounded. They are used if they agree with the rounded
+    /// numbers, relative to `scales`. The tolerance is the rounding error of the angles of a rotation at a pitch of 90 degrees.
     fn exact<const N: usize>(
         &mut self,
         node: Node,
@@ -179,7 +179,7 @@ impl Reader<'_> {
         Ok(None)
     }
 
-    /// The children of a node with these names, each at most once. The others are counted as dropped.
+    /// Return the children of a node with these names. Each name may occur once. Other children are counted as ignored.
     fn children<'a, 'i, const N: usize>(&mut self, node: Node<'a, 'i>, names: [&str; N]) -> Result<[Option<Node<'a, 'i>>; N]> {
         let mut found = [None; N];
         for child in node.children().filter(Node::is_element) {
@@ -244,7 +244,7 @@ impl Reader<'_> {
                 ),
             );
         }
-        // The file has the moments about the centre of mass, in axes rotated by rpy.
+        // The file has the moments of inertia about the centre of mass, in axes rotated by rpy.
         let turned = Inertia { mass, moment: Vector3::zero(), inertia: moments };
         let mut inertia = turned.placed(&placement);
         let mut rounded = [0.0; PARAMETERS];
@@ -330,7 +330,7 @@ impl Reader<'_> {
         Ok(out)
     }
 
-    /// Bounds that the file does not give are infinite; a continuous joint has no position bounds.
+    /// Limits that the file does not state are infinite. A continuous joint has no position limits.
     fn limits(&mut self, node: Node, kind: JointKind, joint: &str) -> Result<Limits> {
         let mut limits = Limits::default();
         let bounded = kind != JointKind::Continuous;
@@ -356,12 +356,12 @@ impl Reader<'_> {
     }
 }
 
-/// Whether a text has an expression that xacro should have replaced.
+/// Whether a text contains an expression that xacro should have replaced.
 fn left_over(text: &str) -> bool {
     text.contains("${") || text.contains("$(")
 }
 
-/// A word of the file, shortened for a message.
+/// Return a word of the file, shortened for a message.
 fn shortened(word: &str) -> String {
     let cut: String = word.chars().take(40).collect();
     if cut.len() < word.len() { format!("{cut}...") } else { cut }

@@ -1,4 +1,5 @@
-//! Joints of a file that follow others: `<mimic joint= multiplier= offset=/>`.
+//! Mimic joints of a file: `<mimic joint= multiplier= offset=/>`. A *follower* is a mimic joint, and its *leader* the joint that it
+//! follows.
 
 use super::element::{Robot, UrdfJoint};
 use super::read::Source;
@@ -7,10 +8,10 @@ use crate::arm::{Arm, Follows};
 use crate::error::{Error, Result};
 use std::collections::HashMap;
 
-/// The treatment of joints that follow others.
+/// The treatment of mimic joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MimicMode {
-    /// One degree of freedom with their leader.
+    /// A mimic joint has one degree of freedom together with its leader.
     #[default]
     Joined,
     /// Every joint moves independently.
@@ -18,7 +19,7 @@ pub enum MimicMode {
 }
 
 impl MimicMode {
-    /// The mode with this name.
+    /// Return the mode with this name.
     pub fn parse(name: &str) -> Result<Self> {
         match name {
             "joined" => Ok(MimicMode::Joined),
@@ -34,7 +35,8 @@ impl UrdfJoint {
     }
 }
 
-/// For every joint of the file the free joint that it follows. Drives and limits of followers are added to those of their leaders.
+/// For each joint of the file, find the free joint that it follows. Drives and limits of followers are combined with those of their
+/// leaders.
 pub fn join(source: &Source, robot: &mut Robot, mode: MimicMode) -> Result<Vec<Option<Follows>>> {
     let index: HashMap<&str, usize> = robot.joints.iter().enumerate().map(|(i, joint)| (joint.name.as_str(), i)).collect();
     let mut given = vec![None; robot.joints.len()];
@@ -71,7 +73,7 @@ pub fn join(source: &Source, robot: &mut Robot, mode: MimicMode) -> Result<Vec<O
     Ok(followed)
 }
 
-/// Set the joints of an arm that follow others. `index` maps joints of the file to joints of the arm.
+/// Set the mimic joints of an arm. `index` maps joints of the file to joints of the arm.
 pub fn set(arm: &mut Arm, robot: &Robot, followed: &[Option<Follows>], index: &[Option<usize>]) -> Result<()> {
     let pair = |(follows, joint): (&Option<Follows>, &Option<usize>)| {
         let ((leader, multiplier, offset), joint) = ((*follows)?, (*joint)?);

@@ -1,12 +1,13 @@
-//! Reads and writes URDF.
+//! Reader and writer of URDF.
 //!
-//! The reader uses links as frames, inertia, joints (revolute, continuous, prismatic, fixed) with limits, and joints that follow others (mimic).
-//! It uses damping, Coulomb friction, and the rotor inertia `armature` of `<dynamics>`, an extension of URDF. The report counts everything
-//! else. Meshes are never opened.
+//! The reader uses links as frames, inertia, and joints with limits (revolute, continuous, prismatic, fixed, mimic). It uses damping,
+//! Coulomb friction, and the rotor inertia `armature` of `<dynamics>`, an extension of URDF. The report counts everything else. Meshes are
+//! never opened.
 //!
-//! An arm has a rotation and ten parameters per body. Angles and centres of mass in a file may round them. Then the writer adds the
-//! attributes `rotation` of `<origin>` and `parameters` of `<inertial>`, two more extensions. The reader uses them if they agree with the
-//! rounded numbers. So an arm that is written and read again has the same bits, and a number changed by hand is effective.
+//! In an arm, a body has a rotation matrix and ten inertial parameters. Angles and centres of mass in a file may round them. Then the
+//! writer adds the attribute `rotation` to `<origin>`, and `parameters` to `<inertial>`. These are two more extensions. The reader uses
+//! them if they agree with the rounded numbers. So an arm that is written and read again has the same bits, and a number changed by hand is
+//! effective.
 //!
 //! Implausible numbers are refused (`plausible`), because rounding errors would dominate the dynamics of such an arm.
 
@@ -16,7 +17,7 @@ mod assemble;
 mod declaration;
 #[cfg(feature = "urdf")]
 mod element;
-// Without the reader, the writer uses only some of the bounds.
+// Without the reader, only the writer uses these limits, and only some of them.
 #[cfg(feature = "urdf")]
 mod followers;
 #[cfg_attr(not(feature = "urdf"), allow(dead_code))]

@@ -1,15 +1,15 @@
-//! Bounds on the numbers of a robot's file. A number beyond them has a cause such as a lost exponent or a wrong unit, and rounding errors
-//! dominate the dynamics. Every machine is within the bounds: a crane, a ship, a gantry with a model in millimetres.
+//! Limits of the numbers in a robot's file. A number beyond its limit indicates a lost exponent or a wrong unit, and rounding errors would
+//! dominate the dynamics. Every real machine is within the limits: a crane, a ship, a gantry with a model in millimetres.
 
 use crate::spatial::{Sym3, Vector, Vector3};
 
-/// Negative principal moments down to this fraction of the largest entry are rounding errors.
+/// A negative principal moment is taken as a rounding error down to this fraction of the largest entry.
 const NEGATIVE: f64 = 1e-9;
-/// So are those down to this value, kg m^2, because files print seven or eight decimals. (An antenna of one milligram in a public robot has
-/// -3.5e-8.) Smaller violations give a warning about the triangle inequality.
+/// A negative principal moment down to this value, kg m^2, is also taken as a rounding error, because files print seven or eight decimals.
+/// (An antenna of one milligram in a public robot has -3.5e-8.) Smaller violations cause a warning about the triangle inequality.
 const DIGITS: f64 = 1e-7;
 
-/// The kind of a number, and its largest magnitude.
+/// The largest magnitude of a kind of number, and its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
     pub most: f64,
@@ -20,20 +20,20 @@ pub const LENGTH: Bound = Bound { most: 1e6, unit: "m" };
 pub const ANGLE: Bound = Bound { most: 1e6, unit: "rad" };
 pub const MASS: Bound = Bound { most: 1e9, unit: "kg" };
 pub const INERTIA: Bound = Bound { most: 1e15, unit: "kg m^2" };
-/// Armature, damping and Coulomb friction.
+/// The limit of armature, damping and Coulomb friction.
 pub const DRIVE: Bound = Bound { most: 1e15, unit: "in SI units" };
-/// Shortest and longest vector that is accepted as an axis.
+/// The smallest and the largest length of a vector that is accepted as an axis.
 pub const AXIS: [f64; 2] = [1e-6, 1e6];
 
 impl Bound {
-    /// The problem with the first value beyond the bound.
+    /// Return the problem with the first value beyond the limit, if there is one.
     pub fn problem(&self, values: &[f64]) -> Option<String> {
         let beyond = values.iter().find(|x| !(x.abs() <= self.most))?;
         Some(format!("is implausible: expected at most {:e} {}, got {beyond:e}", self.most, self.unit))
     }
 }
 
-/// The problem with the length of an axis. Its entries have no bounds.
+/// Return the problem with the length of an axis, if there is one. Single components have no limit.
 pub fn axis_problem(axis: &[f64; 3]) -> Option<String> {
     let length = axis.iter().fold(0.0, |sum: f64, x| sum.hypot(*x));
     let [least, most] = AXIS;
@@ -43,9 +43,9 @@ pub fn axis_problem(axis: &[f64; 3]) -> Option<String> {
     Some(format!("is implausible: expected a vector of a length from {least:e} to {most:e}, got {length:e}"))
 }
 
-/// The least principal moment about the centre of mass, if it is more negative than rounding errors explain.
+/// Return the smallest principal moment about the centre of mass, if it is more negative than rounding errors explain.
 ///
-/// The digits of the file are rounded, and so is the inertia of a body at `com` after its shift to the centre of mass.
+/// Rounding errors come from the digits of the file, and from the shift of a body at `com` to its centre of mass.
 pub fn negative_moment(moments: &Sym3<f64>, mass: f64, com: Vector3<f64>) -> Option<f64> {
     let largest = moments.0.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let moved = 1e-14 * mass * com.dot(com);

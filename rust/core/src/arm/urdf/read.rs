@@ -1,7 +1,8 @@
-//! The entry of the reader. It checks size, encoding and nesting, then reads XML, elements (`element`) and the arm (`assemble`).
+//! The entry point of the URDF reader. It checks size, encoding and nesting. Then it reads XML, the elements (`element`) and the arm
+//! (`assemble`).
 //!
-//! Reading is linear in the size of the file, and never recurses. Before parsing, a scan of the text refuses everything that makes the
-//! XML parser slow: many attributes in one tag, many namespaces, deep nesting.
+//! Reading time is linear in the size of the file, and the code never recurses. Before parsing, a scan of the text refuses everything that
+//! slows the XML parser: many attributes in one tag, many namespaces, deep nesting.
 
 use super::followers::MimicMode;
 use super::{assemble, declaration, element};
@@ -12,19 +13,19 @@ use crate::memory;
 use std::io::Read;
 use std::path::Path;
 
-/// Largest text that is read.
+/// The maximum size of a text, in bytes.
 pub const MAX_BYTES: usize = 16 << 20;
-/// Deepest nesting of elements.
+/// The maximum nesting depth of elements.
 pub const MAX_DEPTH: usize = 100;
-/// The approximate memory of an element: in the document, in the model read from it, and in the arm.
+/// The approximate memory of an element in bytes: in the document, in the model read from it, and in the arm.
 const BYTES_PER_ELEMENT: usize = 1 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_NAMESPACES: usize = 64;
 const MAX_NODES: u32 = 1_000_000;
-/// Number of prefixes that a text may use without a declaration.
+/// The number of undeclared prefixes that a text may use.
 const MAX_UNDECLARED: usize = 8;
 
-/// The origin of a text, for errors: file name and line starts.
+/// The file name and line starts of a text, for errors.
 pub struct Source<'a> {
     file: &'a str,
     starts: Vec<usize>,
@@ -35,7 +36,7 @@ impl<'a> Source<'a> {
         let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(i, _)| i + 1);
         Source { file, starts: std::iter::once(0).chain(ends).collect() }
     }
-    /// 1-based line of a byte offset.
+    /// Return the line of a byte offset, counted from 1.
     pub(super) fn line(&self, at: usize) -> u32 {
         self.starts.partition_point(|start| *start <= at) as u32
     }
@@ -44,17 +45,17 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Options of the URDF reader. `root` and `tip` are link names. `root` becomes the fixed base (gravity is then in its axes). With `tip`,
-/// only the joints between the two remain.
+/// Options of the URDF reader. `root` and `tip` are link names. The link `root` becomes the fixed base, and gravity is then in its axes.
+/// With `tip`, only the joints between `root` and `tip` remain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UrdfOptions<'a> {
-    /// World axes, m/s^2.
+    /// Gravity in world axes, m/s^2.
     pub gravity: [f64; 3],
-    /// The fixed base; the root of the file if `None`.
+    /// The link that becomes the fixed base. `None` selects the root of the file.
     pub root: Option<&'a str>,
-    /// The end of the chain; the whole tree if `None`.
+    /// The last link of the chain. `None` selects the whole tree.
     pub tip: Option<&'a str>,
-    /// The treatment of joints that follow others.
+    /// The treatment of mimic joints.
     pub mimic: MimicMode,
 }
 
@@ -65,13 +66,13 @@ impl Default for UrdfOptions<'_> {
 }
 
 impl Arm {
-    /// Read a URDF text, as [`Arm::read_urdf`] does. `file` is the name in errors. `root` and `tip` are link names. `root` becomes the
-    /// fixed base (gravity is then in its axes). With `tip`, only the joints between the two remain.
+    /// Read a URDF text like [`Arm::read_urdf`]. `file`: name for errors. `gravity`: world axes, m/s^2. `root` and `tip`: link names. The
+    /// link `root` becomes the fixed base, and gravity is then in its axes. With `tip`, only the joints between `root` and `tip` remain.
     pub fn from_urdf(text: &str, file: &str, gravity: [f64; 3], root: Option<&str>, tip: Option<&str>) -> Result<Arm> {
         Arm::read_urdf(text, file, &UrdfOptions { gravity, root, tip, ..Default::default() })
     }
 
-    /// Read a URDF text. `file` is its name in errors.
+    /// Read a URDF text. `file`: name for errors.
     pub fn read_urdf(text: &str, file: &str, options: &UrdfOptions) -> Result<Arm> {
         crate::error::finite("gravity", &options.gravity)?;
         if text.len() > MAX_BYTES {
@@ -84,7 +85,7 @@ impl Arm {
         assemble::arm(&source, robot, options)
     }
 
-    /// Read a URDF file.
+    /// Read the URDF file `path`.
     pub fn load_urdf(path: &Path, options: &UrdfOptions) -> Result<Arm> {
         let name = path.display().to_string();
         let cannot =
@@ -94,7 +95,7 @@ impl Arm {
         file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(cannot)?;
         let text = match std::str::from_utf8(&bytes) {
             Ok(text) => text,
-            // A character that is cut at the size limit is an error of the size, not of the encoding.
+            // A character may be cut at the size limit. The error is then about the size, not about the encoding.
             Err(_) if bytes.len() > MAX_BYTES => return Err(Source::new(&name, "").error(1, too_large())),
             Err(e) => {
                 let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u32;
@@ -107,7 +108,7 @@ impl Arm {
 
 pub(super) const XACRO: &str = "; this is a xacro file: load_urdf expands *.xacro, or run `xacro robot.xacro > robot.urdf`";
 
-/// The elements of a text. It may use up to `undeclared` more prefixes without a declaration.
+/// Read the elements of a text. It may use up to `undeclared` more undeclared prefixes.
 fn robot(source: &Source, text: &str, undeclared: usize) -> Result<element::Robot> {
     let parsing = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
     match roxmltree::Document::parse_with_options(text, parsing) {
@@ -126,8 +127,7 @@ fn too_large() -> String {
     format!("is too large: expected at most {MAX_BYTES} bytes")
 }
 
-/// Refuse sizes that no robot needs and that slow the parser. The scan skips comments and quoted text, and leaves malformed text to the
-/// parser.
+/// Refuse sizes that no robot needs and that slow the parser. The scan skips comments and quoted text. The parser reports malformed text.
 fn scan(source: &Source, text: &str) -> Result<()> {
     if let Some((at, _)) = text.match_indices("xmlns").nth(MAX_NAMESPACES) {
         return Err(source.error(source.line(at), format!("declares too many namespaces: expected at most {MAX_NAMESPACES}")));
@@ -171,7 +171,7 @@ fn find(bytes: &[u8], from: usize, what: u8) -> Option<usize> {
     bytes.get(from..)?.iter().position(|b| *b == what).map(|k| from + k)
 }
 
-/// The closing bracket of the tag opened at `open`, and the number of its attributes.
+/// Return the position of the closing bracket of the tag at `open`, and the number of the tag's attributes.
 fn tag(bytes: &[u8], open: usize) -> (usize, usize) {
     let (mut quote, mut attributes) = (None, 0);
     for (k, &b) in bytes.iter().enumerate().skip(open + 1) {

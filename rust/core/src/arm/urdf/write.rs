@@ -1,4 +1,4 @@
-//! An arm as URDF. An arm that is read back has the same bits. If `c = h / m` or the angles are rounded, the exact numbers are added.
+//! The URDF writer. An arm that is written and read again has the same bits. If `c = h / m` or angles are rounded, exact numbers are added.
 
 use super::plausible::negative_moment;
 use super::plausible::{DRIVE, INERTIA, LENGTH, MASS};
@@ -9,7 +9,7 @@ use crate::spatial::{Inertia, PARAMETERS, Placement, RotationMatrix, Vector, Vec
 use std::collections::HashSet;
 use std::fmt::Write;
 
-/// The URDF text, and a report of what URDF cannot hold.
+/// The URDF text of an arm, and a report of the properties that URDF cannot represent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
     /// The URDF text.
@@ -19,7 +19,7 @@ pub struct Written {
 }
 
 impl Arm {
-    /// Write the arm: one link per frame, moving joints in the order of `q`.
+    /// Return the arm as URDF: one link per frame, moving joints in the order of `q`.
     pub fn to_urdf(&self) -> Written {
         let mut report = Vec::new();
         let mut taken: HashSet<String> =
@@ -33,7 +33,7 @@ impl Arm {
             }
             name
         };
-        // A link for the base and for every body: a frame at the same place, otherwise a new one.
+        // The base and each body become a link: a frame at the same place if there is one, otherwise a new link.
         let mut own: Vec<Option<usize>> = vec![None; self.joints.len() + 1];
         let slot = |body: Option<usize>| body.map_or(0, |b| b + 1);
         for (k, frame) in self.frames.iter().enumerate() {
@@ -88,7 +88,7 @@ impl Arm {
         Written { text: out, report }
     }
 
-    /// A moving joint, with its leader if it follows one.
+    /// Write a moving joint, with its leader if it is a mimic joint.
     fn moving(&self, out: &mut String, i: usize, child: &str, names: &[String], report: &mut Vec<String>) {
         let joint = &self.joints[i];
         let parent = &names[joint.parent.map_or(0, |p| p + 1)];
@@ -116,7 +116,7 @@ impl Arm {
     }
 }
 
-/// Report an origin that a reader would refuse.
+/// Report an origin that the reader would refuse.
 fn far(joint: &str, placement: &Placement, report: &mut Vec<String>) {
     if LENGTH.problem(&placement.translation.array()).is_some() {
         report.push(format!("joint {joint} is implausibly far away: armlet refuses its origin"));
@@ -138,7 +138,7 @@ fn fixed(out: &mut String, name: &str, frame: &Frame, parent: &str, report: &mut
 }
 
 fn ends(out: &mut String, parent: &str, child: &str, placement: &Placement) {
-    // The sum with zero removes the sign of a zero.
+    // Adding zero removes the sign of a negative zero.
     let rpy = placement.rotation.to_rpy().map(|angle| angle + 0.0);
     let rounded = Placement::from_rpy(rpy, placement.translation.array()).rotation;
     let rows: [f64; 9] = std::array::from_fn(|k| placement.rotation[(k / 3, k % 3)]);
@@ -185,12 +185,12 @@ fn numbers(x: &[f64]) -> String {
     x.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ")
 }
 
-/// The attribute with exact numbers; empty if the standard attributes keep them.
+/// Return the attribute with exact numbers. The result is empty if the standard attributes are already exact.
 fn exact(attribute: &str, x: &[f64], kept: bool) -> String {
     if kept { String::new() } else { format!(" {attribute}=\"{}\"", numbers(x)) }
 }
 
-/// Text inside a quoted attribute. Line breaks and tabs become references, because a parser replaces bare ones by spaces.
+/// Return text for a quoted attribute. Line breaks and tabs become references, because a parser replaces bare ones by spaces.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

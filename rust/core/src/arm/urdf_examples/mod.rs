@@ -1,8 +1,8 @@
-//! Robot models in the library, with plausible numbers. They are not models of products.
+//! Example robot models in the library. Their numbers are plausible, but they are not models of products.
 
 use crate::error::{Error, Result};
 
-/// Name and text of every example.
+/// The name and the URDF text of each example.
 pub const EXAMPLES: [(&str, &str); 6] = [
     ("planar_2r", include_str!("planar_2r.urdf")),
     ("planar_pr", include_str!("planar_pr.urdf")),
@@ -12,7 +12,7 @@ pub const EXAMPLES: [(&str, &str); 6] = [
     ("two_arms", include_str!("two_arms.urdf")),
 ];
 
-/// The URDF text of an example.
+/// Return the URDF text of the example `name`.
 pub fn example_urdf(name: &str) -> Result<&'static str> {
     let found = EXAMPLES.iter().find(|(known, _)| *known == name).map(|(_, text)| *text);
     found.ok_or_else(|| Error::unknown("name", "", EXAMPLES.map(|(name, _)| name), name))

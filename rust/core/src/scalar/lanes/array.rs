@@ -1,10 +1,10 @@
-//! Eight lanes as a plain array, which the compiler vectorises. Products are never fused with sums.
+//! Eight lanes as a plain array, which the compiler vectorises. Multiply-add operations are never fused.
 
 use super::super::{Kernel, Real, trig};
 use std::array::from_fn;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// Eight independent numbers.
+/// Eight independent numbers, one per lane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
 pub struct Array8([f64; 8]);
@@ -69,7 +69,7 @@ impl Array8 {
 }
 
 impl Real for Array8 {
-    /// All bits set where true. So a selection is bit logic, which vectorises.
+    /// All bits of a lane are set where it is true. So a selection consists of bit operations, which vectorise.
     type Mask = [u64; 8];
     type One = f64;
     const LANES: usize = 8;

@@ -1,7 +1,6 @@
-//! Explicit AVX2 and FMA: four lanes in a register.
+//! Explicit AVX2 and FMA: a register has four lanes.
 //!
-//! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the processor has
-//! them because `enter` refused to run otherwise.
+//! SAFETY (all blocks of this file): the intrinsics compute only on register values. The processor has them, because `enter` checks this.
 
 use super::super::{Float, Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
@@ -48,7 +47,7 @@ fn lt(a: __m256d, b: __m256d) -> __m256d {
     unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(a, b) }
 }
 
-/// Select by the sign bit of the mask.
+/// Select by the sign bit of each lane of the mask.
 #[inline(always)]
 fn select(mask: __m256d, yes: __m256d, no: __m256d) -> __m256d {
     unsafe { _mm256_blendv_pd(no, yes, mask) }
@@ -59,19 +58,19 @@ fn bits(mask: __m256d) -> u32 {
     unsafe { _mm256_movemask_pd(mask) as u32 }
 }
 
-/// Bit 0, moved to the sign bit.
+/// Move bit 0 to the sign bit.
 #[inline(always)]
 fn swap(quadrant: __m256d) -> __m256d {
     unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<63>(_mm256_castpd_si256(quadrant))) }
 }
 
-/// Bit 1, moved to the sign bit.
+/// Move bit 1 to the sign bit, and clear other bits.
 #[inline(always)]
 fn sign_of_bit_1(quadrant: __m256d) -> __m256d {
     unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<62>(_mm256_and_si256(_mm256_castpd_si256(quadrant), _mm256_set1_epi64x(2)))) }
 }
 
-/// The bits, as an integer, plus one.
+/// Add one to the bits as an integer.
 #[inline(always)]
 fn next(quadrant: __m256d) -> __m256d {
     unsafe { _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(quadrant), _mm256_set1_epi64x(1))) }

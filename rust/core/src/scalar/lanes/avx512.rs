@@ -1,10 +1,9 @@
-//! Explicit AVX-512: eight lanes in a register.
+//! Explicit AVX-512: a register has eight lanes.
 //!
-//! Every intrinsic below needs AVX-512 F, and DQ for bit logic. Code computes with values of this type only inside [`Real::enter`], which
-//! checks for both.
+//! The intrinsics below require AVX-512 F, and DQ for bit operations. Code computes with this type only inside [`Real::enter`], which
+//! checks that the processor has both.
 //!
-//! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the processor has
-//! them because `enter` refused to run otherwise.
+//! SAFETY (all blocks of this file): the intrinsics compute only on register values. The processor has them, because `enter` checks this.
 
 use super::super::{Float, Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
@@ -41,8 +40,8 @@ fn fnma(a: __m512d, b: __m512d, c: __m512d) -> __m512d {
     unsafe { _mm512_fnmadd_pd(a, b, c) }
 }
 
-/// A division, because the divider works beside the two ports of other instructions: one instruction replaces six (an estimate and two
-/// Newton steps).
+/// This is a division, because the divider works in parallel with the two ports of other instructions. The alternative would be six
+/// instructions (an estimate and two Newton steps).
 #[inline(always)]
 fn recip(x: __m512d) -> __m512d {
     unsafe { _mm512_div_pd(_mm512_set1_pd(1.0), x) }
@@ -63,19 +62,19 @@ fn bits(mask: u8) -> u32 {
     u32::from(mask)
 }
 
-/// The lanes with bit 0 set.
+/// Return the lanes in which bit 0 is set.
 #[inline(always)]
 fn swap(quadrant: __m512d) -> u8 {
     unsafe { _mm512_test_epi64_mask(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(1)) }
 }
 
-/// Bit 1, moved to the sign bit.
+/// Move bit 1 to the sign bit, and clear other bits.
 #[inline(always)]
 fn sign_of_bit_1(quadrant: __m512d) -> __m512d {
     unsafe { _mm512_castsi512_pd(_mm512_slli_epi64::<62>(_mm512_and_si512(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(2)))) }
 }
 
-/// The bits, as an integer, plus one.
+/// Add one to the bits as an integer.
 #[inline(always)]
 fn next(quadrant: __m512d) -> __m512d {
     unsafe { _mm512_castsi512_pd(_mm512_add_epi64(_mm512_castpd_si512(quadrant), _mm512_set1_epi64(1))) }

@@ -1,6 +1,6 @@
-//! The instruction sets, and entries into regions compiled for AVX2 + FMA or AVX-512 after a check of the processor.
+//! The instruction sets, and functions that run code compiled for AVX2 with FMA or for AVX-512 after a check of the processor.
 //!
-//! This entry is `unsafe`.
+//! Such a call is `unsafe`, because an unsupported instruction has undefined behaviour.
 
 mod array;
 #[cfg(target_arch = "x86_64")]
@@ -25,7 +25,7 @@ pub use sse2::Sse2;
 use super::Kernel;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// The instruction set for which code is chosen, in increasing order.
+/// An instruction set for which code is selected. Later sets include the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Isa {
@@ -45,7 +45,7 @@ impl Isa {
         }
     }
 
-    /// The best instruction set of this machine.
+    /// Return the best instruction set of this processor.
     pub fn best() -> Isa {
         #[cfg(target_arch = "x86_64")]
         {
@@ -63,8 +63,8 @@ impl Isa {
 
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
-/// The instruction set in use: that of `ARMLET_ISA`, if the machine has it, or the best of the machine.
-/// See [`isa_request`] for a request that cannot be satisfied.
+/// Return the instruction set in use. It is the set in `ARMLET_ISA` if the processor has it, otherwise the best set. [`isa_request`]
+/// reports a request that cannot be satisfied.
 #[inline(always)]
 pub fn isa() -> Isa {
     match CHOSEN.load(Ordering::Relaxed) {
@@ -75,13 +75,14 @@ pub fn isa() -> Isa {
     }
 }
 
-/// Whether `fma` in the source fuses a product with a sum. It is the same for direct evaluation and programs.
+/// Return whether multiply-add operations are fused. The result applies to direct evaluation and to programs.
 #[inline(always)]
 pub fn fuses() -> bool {
     cfg!(target_arch = "aarch64") || CHOSEN.load(Ordering::Relaxed) >= Isa::Avx2 as u8 || fuses_after_all()
 }
 
-/// The same before the first choice. Direct evaluation calls `fuses` for every product, so `fuses` is short.
+/// Return the result of [`fuses`] before the instruction set is selected. Direct evaluation calls `fuses` for every product, so that it
+/// must be short.
 #[cold]
 #[inline(never)]
 fn fuses_after_all() -> bool {
@@ -95,7 +96,7 @@ fn choose() -> Isa {
     isa
 }
 
-/// The value of `ARMLET_ISA`; an error if it is no instruction set, or one that this machine lacks.
+/// Return the value of `ARMLET_ISA`. The result is an error if it is not an instruction set, or one that this processor lacks.
 pub fn isa_request() -> Result<Option<Isa>, String> {
     let Ok(name) = std::env::var("ARMLET_ISA") else { return Ok(None) };
     let best = Isa::best();
@@ -106,7 +107,7 @@ pub fn isa_request() -> Result<Option<Isa>, String> {
     }
 }
 
-/// Run `kernel` compiled for AVX2 + FMA. The caller has checked [`isa`].
+/// Run `kernel`, compiled for AVX2 and FMA. The caller has already checked [`isa`].
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
@@ -115,24 +116,24 @@ pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
         kernel.run()
     }
     debug_assert!(isa() >= Isa::Avx2);
-    // SAFETY: `isa()` is at least Avx2 only where the processor reported AVX2 and FMA.
+    // SAFETY: `isa()` is at least Avx2 only if the processor reports AVX2 and FMA.
     unsafe { region(kernel) }
 }
 
-/// Run `kernel`. Every processor of this target fuses.
+/// Run `kernel`. Every processor of this target has fused multiply-add.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
 pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
-/// Run `kernel` compiled for vectors of the length of AVX2, if the machine has AVX2. It serves loops over plain numbers.
+/// Run `kernel`, compiled for AVX2 if the processor has it. Loops over plain numbers use this function.
 #[inline]
 pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
     if isa() >= Isa::Avx2 { enter_avx2(kernel) } else { kernel.run() }
 }
 
-/// Run `kernel` compiled for AVX-512. The caller has checked [`isa`].
+/// Run `kernel`, compiled for AVX-512. The caller has already checked [`isa`].
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub(super) fn enter_avx512<K: Kernel>(kernel: K) -> K::Output {
@@ -141,6 +142,6 @@ pub(super) fn enter_avx512<K: Kernel>(kernel: K) -> K::Output {
         kernel.run()
     }
     debug_assert!(isa() >= Isa::Avx512);
-    // SAFETY: `isa()` is Avx512 only where the processor reported AVX-512 F and DQ, AVX2 and FMA.
+    // SAFETY: `isa()` is Avx512 only if the processor reports AVX-512 F and DQ, AVX2 and FMA.
     unsafe { region(kernel) }
 }

@@ -1,9 +1,10 @@
-//! Two numbers side by side: more lanes, and two chains of operations whose latencies overlap.
+//! A pair of numbers with twice as many lanes. Its two halves are independent, so that the latencies of their operations overlap.
 
 use super::super::{Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The lanes of the first, then those of the second. They are fields, not an array, so there is no loop to unroll.
+/// The lanes of the first number, then the lanes of the second. The numbers are fields, because an array would need loops that must be
+/// unrolled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pair<V>(V, V);
 

@@ -1,6 +1,6 @@
-//! Explicit SSE2, which every x86-64 processor has: two lanes in a register, no fused operations.
+//! Explicit SSE2, which every x86-64 processor has: a register has two lanes, and multiply-add is not fused.
 //!
-//! SAFETY (all blocks of this file): the intrinsics only compute on register values, and the target has them.
+//! SAFETY (all blocks of this file): the intrinsics compute only on register values, and every x86-64 processor has them.
 
 use super::super::{Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
@@ -57,19 +57,19 @@ fn bits(mask: __m128d) -> u32 {
     unsafe { _mm_movemask_pd(mask) as u32 }
 }
 
-/// All bits set if bit 0 is set.
+/// Set all bits of a lane if its bit 0 is set, otherwise clear them.
 #[inline(always)]
 fn swap(quadrant: __m128d) -> __m128d {
     unsafe { _mm_castsi128_pd(_mm_sub_epi64(_mm_setzero_si128(), _mm_and_si128(_mm_castpd_si128(quadrant), _mm_set1_epi64x(1)))) }
 }
 
-/// Bit 1, moved to the sign bit.
+/// Move bit 1 to the sign bit, and clear other bits.
 #[inline(always)]
 fn sign_of_bit_1(quadrant: __m128d) -> __m128d {
     unsafe { _mm_castsi128_pd(_mm_slli_epi64::<62>(_mm_and_si128(_mm_castpd_si128(quadrant), _mm_set1_epi64x(2)))) }
 }
 
-/// The bits, as an integer, plus one.
+/// Add one to the bits as an integer.
 #[inline(always)]
 fn next(quadrant: __m128d) -> __m128d {
     unsafe { _mm_castsi128_pd(_mm_add_epi64(_mm_castpd_si128(quadrant), _mm_set1_epi64x(1))) }

@@ -1,10 +1,10 @@
-//! The common part of the explicit vectors. `vector!` writes a register type and its arithmetic from the names of the
-//! intrinsics. So the file of an instruction set contains only its special operations.
+//! The common part of the explicit vector types. The macro `vector!` defines a type and its arithmetic from names of intrinsics. So the
+//! file of an instruction set contains only its special operations.
 
-/// A vector of `$lanes` doubles in `$register`.
+/// Defines a vector of `$lanes` doubles, stored in `$register`.
 ///
-/// `$own` names the operations that the file writes by hand. They are `fma` and `fnma` (`a b + c`, `c - a b`), `recip`, `sin_cos`, `lt`,
-/// `select`, `bits` (a mask, one bit per lane) and `enter`.
+/// The calling file defines the remaining operations as functions. Numbers: `fma` (`a b + c`), `fnma` (`c - a b`), `recip`, `sin_cos`.
+/// Masks: `lt`, `select`, and `bits`, which is the mask as an integer with one bit per lane. The last function is `enter`.
 macro_rules! vector {
     ($name:ident, $register:ident, $lanes:literal, $mask:ty, $one:ty, $set1:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $sqrt:ident, $max:ident, $min:ident, $xor:ident, $andnot:ident) => {
@@ -47,17 +47,17 @@ macro_rules! vector {
 
         #[inline(always)]
         fn to_array(x: $register) -> [f64; $lanes] {
-            // SAFETY: both are that many doubles and nothing else.
+            // SAFETY: both types consist of `$lanes` doubles and nothing else.
             unsafe { std::mem::transmute(x) }
         }
 
         #[inline(always)]
         fn from_array(x: [f64; $lanes]) -> $register {
-            // SAFETY: both are that many doubles and nothing else.
+            // SAFETY: both types consist of `$lanes` doubles and nothing else.
             unsafe { std::mem::transmute(x) }
         }
 
-        /// Compute the lanes beyond the range of the reduction one by one.
+        /// Compute the lanes whose angle is beyond the range of the reduction, one by one.
         #[cold]
         #[inline(never)]
         fn far_lanes(x: $name, s: $name, c: $name) -> ($name, $name) {
@@ -125,7 +125,7 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                // The result is the second operand if either is NaN.
+                // If one operand is NaN, the result is the second operand.
                 $name(unsafe { $max(other.0, self.0) })
             }
             #[inline(always)]
@@ -183,8 +183,8 @@ macro_rules! vector {
 }
 pub(super) use vector;
 
-/// Sine and cosine within the range of the reduction, without a branch, from the register operations of the
-/// calling file. See [`super::super::trig`] for the method.
+/// Defines sine and cosine within the range of the reduction, without a branch. It uses register operations of the calling file. The method
+/// is described in [`super::super::trig`].
 macro_rules! sin_cos_near {
     ($register:ident, $set1:ident, $sub:ident, $mul:ident, $xor:ident, $swap:ident, $sign_of_bit_1:ident, $next:ident) => {
         #[inline(always)]
