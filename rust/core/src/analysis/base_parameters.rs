@@ -1,11 +1,13 @@
-//! The base parameters of an arm: the fewest combinations of the inertial parameters that determine its motion (`gautier1991numerical`).
+//! The base parameters of an arm: the smallest set of combinations of inertial parameters that determines its motion
+//! (`gautier1991numerical`).
 //!
-//! `Y` is linear in `pi`, and over all states its columns span a space of dimension `b <= p`. With independent columns
-//! `Y_b` and every other column a combination of them, `Y = Y_b P`, so that `Y pi = Y_b (P pi)` for every state.
+//! The torque is `Y pi`, with the regressor `Y` and the parameters `pi`. Over all states, the columns of `Y` span a space of dimension `b
+//! <= p`. Let `Y_b` be the independent columns. Every other column is a combination of them: `Y = Y_b P`, so that `Y pi = Y_b (P pi)` at
+//! every state.
 //!
-//! The columns of `Y(q, v, v_r, a_r)` are stacked over seeded random states, and scaled to length one. They are examined in the order of the
-//! parameters, base to tip. A column is dependent if its distance from the span of the earlier columns is a rounding error. So a dependent
-//! parameter is always grouped with parameters of the same body and of bodies that carry it.
+//! The columns of `Y(q, v, v_r, a_r)` are stacked over pseudo-random states, and scaled to length one. They are examined in the order of
+//! the parameters, from base to tip. A column is dependent if its distance from the span of the earlier columns is a rounding error. So a
+//! dependent parameter is always grouped with parameters of the same body and of bodies nearer to the base.
 
 use crate::dynamics::{Model, Quantity, Query};
 use crate::error::Result;
@@ -14,36 +16,36 @@ use crate::linalg::{axpy, dot};
 use crate::memory;
 use crate::spatial::{PARAMETERS, parameter};
 
-/// Distance from the span, relative to the column, below which a column is dependent. On well
-/// spread states, rounding errors are 1e-13. The least independent parameter of real arms has a distance over 1e-4.
+/// Distance from the span of earlier columns, relative to the column, below which a column is dependent. For well spread states, rounding
+/// errors are 1e-13. The least independent parameter of real arms has a distance above 1e-4.
 const DEPENDENT: f64 = 1e-8;
-/// A column whose norm, relative to the largest, is below this counts as zero.
+/// A column whose norm is below this fraction of the largest norm counts as zero.
 const UNSEEN: f64 = 1e-12;
-/// Rows per column: with so many, random states are far from singular.
+/// Number of rows per column. With this number, random states are far from singular.
 const ROWS: usize = 3;
-/// States whose regressors are computed together.
+/// Number of states whose regressors are computed together.
 const BLOCK: usize = 16;
 
-/// A column space found by rank decisions.
+/// The independent columns of a matrix `W`, found by rank decisions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Independent {
-    /// The independent columns, ascending.
+    /// Indices of the independent columns, ascending.
     pub columns: Vec<usize>,
-    /// `(b, p)` row-major: `W = W_b P`.
+    /// The projection `P`, `(b, p)`, row-major, with `W = W_b P`.
     pub projection: Vec<f64>,
-    /// The smallest relative distance of an independent column from the span of those before it.
+    /// The smallest relative distance of an independent column from the span of the earlier columns.
     pub smallest_kept: f64,
-    /// The largest one of a dependent column.
+    /// The largest relative distance of a dependent column from the span of the earlier columns.
     pub largest_dropped: f64,
 }
 
-/// Find the columns of a matrix that are independent of those before them. `columns[j]` is column `j`, and is overwritten.
+/// Find the columns of a matrix that are independent of the earlier columns. `columns[j]` is column `j`, and is overwritten.
 pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     let p = columns.len();
     let norms: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt()).collect();
     let largest = norms.iter().fold(0.0f64, |a, &b| a.max(b));
     let mut out = Independent { columns: Vec::new(), projection: Vec::new(), smallest_kept: 1.0, largest_dropped: 0.0 };
-    // Column j of R: coefficients on the orthonormal basis made from the independent columns so far.
+    // Column j of R: the coefficients in the orthonormal basis of the independent columns so far.
     let mut r: Vec<Vec<f64>> = Vec::with_capacity(p);
     for j in 0..p {
         let (basis, rest) = columns.split_at_mut(j);
@@ -52,7 +54,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
         look();
         if norms[j] > UNSEEN * largest {
             coefficients = vec![0.0; out.columns.len()];
-            // Twice is enough (Parlett 1980): the second pass removes the rounding error of the first.
+            // Two passes are sufficient (Parlett 1980): the second pass removes the rounding error of the first.
             for _ in 0..2 {
                 for (k, &i) in out.columns.iter().enumerate() {
                     look();
@@ -76,7 +78,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     let b = out.columns.len();
     out.projection = vec![0.0; b * p];
     for (j, coefficients) in r.iter().enumerate() {
-        // R_b x = column j of R, R_b the triangle of the independent columns.
+        // Solve R_b x = column j of R, where R_b is the triangle of the independent columns.
         let mut x = coefficients.clone();
         x.resize(b, 0.0);
         for k in (0..b).rev() {
@@ -95,25 +97,25 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     out
 }
 
-/// Round a coefficient to 1 or -1 if it is near: most groupings have only these.
+/// Round a coefficient near 1 or -1 to this number: most groupings have only these coefficients.
 fn snapped(x: f64) -> f64 {
     if (x.abs() - 1.0).abs() < 1e-11 { x.signum() } else { x }
 }
 
-/// The base parameters of an arm, and how they were decided.
+/// The base parameters of an arm, and the rank decisions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameters {
     /// The independent columns, and the projection onto them.
     pub independent: Independent,
-    /// Names of all columns, `Izz[joint]`.
+    /// Names of all parameters, for example `Izz[joint]`.
     pub names: Vec<String>,
 }
 
-/// splitmix64: the same states on every machine.
+/// The generator splitmix64, which gives the same states on every machine.
 struct Seeded(u64);
 
 impl Seeded {
-    /// Uniform in (-scale, scale).
+    /// Fill `x` with uniform numbers in (-scale, scale).
     fn fill(&mut self, scale: f64, x: &mut [f64]) {
         for x in x {
             self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -125,14 +127,14 @@ impl Seeded {
     }
 }
 
-/// The base parameters of `arm` under its own gravity, with columns for armature and friction on request.
+/// Compute the base parameters of `arm` under its own gravity. `armature` and `friction` add the parameters of joints.
 pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<BaseParameters> {
     let n = arm.n();
     let query = Query { armature, friction, ..Quantity::Regressor.into() };
     let names = arm.column_names(armature, friction);
     let p = names.len();
     let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
-    // The columns, their triangle with its projection, and a block of the regressor.
+    // Memory for the columns, their triangle with its projection, and a block of the regressor.
     memory::require(8 * p.saturating_mul(states * n + 3 * p + BLOCK * n))?;
     let mut columns: Vec<Vec<f64>> = (0..p).map(|_| memory::reserved(states * n)).collect::<Result<_>>()?;
     let mut seeded = Seeded(2022);
@@ -166,7 +168,7 @@ impl BaseParameters {
         self.independent.columns.len()
     }
 
-    /// Each base parameter as a sum of parameters, `Izz[a] + Izz[b] + 0.25 m[b]`.
+    /// Each base parameter as the text of a sum, for example `Izz[a] + Izz[b] + 0.25 m[b]`.
     pub fn grouping(&self) -> Vec<String> {
         let p = self.names.len();
         self.independent
@@ -188,7 +190,7 @@ impl BaseParameters {
             .collect()
     }
 
-    /// Parameters without effect on any motion.
+    /// Names of the parameters without effect on any motion.
     pub fn unseen(&self) -> Vec<&str> {
         let p = self.names.len();
         let seen = |j: usize| (0..self.count()).any(|k| self.independent.projection[k * p + j] != 0.0);
@@ -196,7 +198,7 @@ impl BaseParameters {
     }
 }
 
-/// The text of a number with four digits.
+/// The text of a number, with four digits.
 fn short(x: f64) -> String {
     if (1e-3..1e4).contains(&x) {
         let digits = (3 - x.log10().floor() as i32).max(0) as usize;
@@ -207,5 +209,5 @@ fn short(x: f64) -> String {
     }
 }
 
-/// `parameters[0]` of an arm is a mass: the names are in the order of the parameters.
+/// The names are in the order of the parameters: parameter 0 is the mass.
 const _: () = assert!(parameter::NAMES.len() == PARAMETERS && parameter::MASS == 0);

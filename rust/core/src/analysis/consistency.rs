@@ -1,7 +1,9 @@
-//! Physical consistency of inertial parameters: the pseudo-inertia of every body positive definite (`wensing2018linear`), and the nearest parameters that are.
+//! Physical consistency of inertial parameters: the pseudo-inertia `P` of every body must be positive definite (`wensing2018linear`). For
+//! other parameters, the nearest consistent ones are computed.
 //!
-//! Nearest in the Frobenius norm of `D P D`, `D = diag(1/l, 1/l, 1/l, 1)`: the length `l` makes second moment, first moment and mass
-//! comparable, in kg. The nearest matrix above a floor keeps the eigenvectors and raises the eigenvalues (`higham1988nearest`).
+//! The distance is the Frobenius norm of `D P D`, with `D = diag(1/l, 1/l, 1/l, 1)`. The length `l` makes second moment, first moment and
+//! mass comparable, in kg. The nearest matrix above a floor has the same eigenvectors. Its eigenvalues are raised to the floor
+//! (`higham1988nearest`).
 
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::symmetric_eigen;
@@ -11,9 +13,9 @@ use crate::spatial::{Inertia, PARAMETERS, Vector, Vector3};
 /// The check of one body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyReport {
-    /// The four eigenvalues of the pseudo-inertia, ascending, SI units.
+    /// The four eigenvalues of the pseudo-inertia, ascending, in SI units.
     pub eigenvalues: [f64; 4],
-    /// Empty if the body is physically possible.
+    /// The reason why the body is impossible; empty if it is physically possible.
     pub problem: String,
 }
 
@@ -29,7 +31,9 @@ fn eigen(p: &Pseudo<f64>) -> Result<(Vec<f64>, Vec<f64>)> {
     symmetric_eigen(p.as_flattened(), 4)
 }
 
-/// The eigenvalues of each body, and why it is impossible.
+/// Compute the eigenvalues of each body's pseudo-inertia, and the reason why a body is impossible.
+///
+/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units.
 pub fn check_parameters(pi: &[f64]) -> Result<Vec<BodyReport>> {
     let report = |body: &[f64; PARAMETERS]| {
         let (values, _) = eigen(&pseudo_inertia(body))?;
@@ -40,7 +44,7 @@ pub fn check_parameters(pi: &[f64]) -> Result<Vec<BodyReport>> {
     bodies(pi)?.iter().map(report).collect()
 }
 
-/// Why a pseudo-inertia is not positive definite, in terms of mass and inertia about the centre of mass.
+/// The reason why a pseudo-inertia is not positive definite, in terms of mass and inertia about the centre of mass.
 fn problem(body: &[f64; PARAMETERS]) -> String {
     let inertia = Inertia::from_parameters(body);
     if inertia.mass <= 0.0 {
@@ -59,8 +63,10 @@ fn problem(body: &[f64; PARAMETERS]) -> String {
     }
 }
 
-/// The nearest parameters whose bodies are all physically possible; `length` in m, `floor` relative to the largest eigenvalue
-/// of any body. Possible bodies do not change.
+/// Compute the nearest parameters whose bodies are all physically possible. Possible bodies do not change.
+///
+/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units. `length` is in m, and `floor` is relative to the largest
+/// eigenvalue of any body.
 pub fn project_parameters(pi: &[f64], length: f64, floor: f64) -> Result<Vec<f64>> {
     positive("length", length)?;
     positive("floor", floor)?;

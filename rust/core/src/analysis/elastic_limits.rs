@@ -1,10 +1,12 @@
 //! Limits of the control of elastic joints.
 //!
-//! - Sampled motor loop: the largest `dt` for a `B0`, and the smallest `B0` for a `dt`, a damping ratio and a torque sensor.
-//! - Stiffness limit of one joint (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`. With `D0 = 2 sqrt(B0 K_J)` it is
+//! - Sampled motor loop: the largest sample time for a reduced inertia `B0`, and the smallest `B0` for a sample time. They depend on the
+//!   damping ratio and on a torque sensor.
+//! - Stiffness limit of one joint (Routh): `k < K_J (1 + d/D0)(1 - d B0/(D0 M))`. With `D0 = 2 sqrt(B0 K_J)` the limit is
 //!   `K_J (1 + d/D0)(1 - d D0/(4 M K_J))`.
-//! - Stiffness scale: the largest `kappa` with a stable loop. Every eigenvalue of the loop with `kappa K_m`, linearised at rest, has a
-//!   negative real part.
+//! - Stiffness scale: the largest `kappa` with a stable loop. The loop has the stiffness `kappa K_m` and is linearised at rest. It is
+//!   stable
+//!   if every eigenvalue has a negative real part.
 
 use super::equilibrium::equilibrium;
 use crate::error::{Error, Result, positive};
@@ -13,16 +15,19 @@ use crate::law::{LawSpec, LockedMotors};
 use crate::linalg::Gain;
 use crate::plant::PlantSpec;
 
-/// The largest stable stiffness `k` (N m/rad) of a spring at a link of inertia `M` behind a joint `K_J`.
+/// Compute the largest stable stiffness `k`, N m/rad, of a spring at a link behind an elastic joint.
 ///
-/// The motor has the reduced inertia `B0` with damping `D0`, and `d` is the link damping. If the result is not positive, no stiffness is
-/// stable.
+/// `mass` is the inertia `M` of the link and `reduced_inertia` the inertia `B0` of the motor, kg m^2. `joint_stiffness` is `K_J`, N m/rad.
+/// `damping` of the link is `d`, `motor_damping` is `D0`, N m s/rad. If the result is not positive, no stiffness is stable.
 pub fn stiffness_limit(mass: f64, joint_stiffness: f64, reduced_inertia: f64, damping: f64, motor_damping: f64) -> f64 {
     joint_stiffness * (1.0 + damping / motor_damping) * (1.0 - damping * reduced_inertia / (motor_damping * mass))
 }
 
-/// The smallest `B0 <= B` whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` is stable, links locked; NaN if `B0 = B` is unstable.
-/// `bandwidth` of the torque sensor in rad/s, infinite without one.
+/// Compute the smallest `B0 <= B`, kg m^2, whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` and locked links is stable. NaN if `B0
+/// = B` is unstable.
+///
+/// `inertia` is `B`, kg m^2, `stiffness` is `K_J`, N m/rad, and `sample_time` is in s. `bandwidth` of the torque sensor is in rad/s,
+/// infinite without a sensor.
 pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, bandwidth: f64, damping_ratio: f64) -> Result<f64> {
     for (name, x) in
         [("motor_inertia", inertia), ("joint_stiffness", stiffness), ("sample_time", sample_time), ("damping_ratio", damping_ratio)]
@@ -36,8 +41,8 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
         look();
         let damping = 2.0 * damping_ratio * (b0 * stiffness).sqrt();
         let motor = LockedMotors::single(inertia, stiffness, b0, damping, bandwidth);
-        // Beyond the first limit there are isolated stable sample times, because the motor swings back just before the next sample. They
-        // are excluded here: all shorter samples must be stable too.
+        // Above the first limit there are isolated stable sample times, because the motor swings back just before the next sample. They are
+        // excluded: all shorter sample times must be stable too.
         (1..=SHORTER).rev().all(|k| motor.radius(sample_time * f64::from(k) / f64::from(SHORTER)) < 1.0)
     };
     const SHORTER: u32 = 8;
@@ -62,7 +67,7 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
     }
 }
 
-/// The largest `kappa` for which the loop with `kappa K_m` is stable at the equilibrium `q`, `theta`, with the same damping.
+/// Compute the largest `kappa` for which the loop with the stiffness `kappa K_m` and unchanged damping is stable at its equilibrium.
 ///
 /// The result is infinite if no instability is found below `1e6`, and zero if the loop with `K_m` is unstable.
 pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
@@ -95,26 +100,27 @@ pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], forc
     Ok(0.5 * (low + high))
 }
 
-/// The limits of an elastic plant under a law, at an equilibrium.
+/// The limits of an elastic plant with a law, at an equilibrium.
 #[derive(Clone, Debug)]
 pub struct ElasticLimits {
     /// The sample time at which the motor loops become unstable, s.
     pub sample_time_max: f64,
-    /// Per joint: the smallest `B0`, kg m^2, at the requested sample time; empty without one.
+    /// For each joint: the smallest `B0`, kg m^2, at the requested sample time; empty without a sample time.
     pub reduced_inertia_min: Vec<f64>,
-    /// Per joint, the 1-DoF limit with the other joints held, N m/rad, and the stiffness `(J' K_m J)_ii` it bounds.
+    /// For each joint: the stiffness limit with the other joints held, N m/rad.
     pub stiffness_max: Vec<f64>,
-    /// The outer stiffness of the law, row-major.
+    /// For each joint: the stiffness `(J' K_m J)_ii` of the law, N m/rad, which `stiffness_max` bounds.
     pub stiffness: Vec<f64>,
-    /// The largest stable factor of the law's stiffness at this equilibrium.
+    /// The largest factor of the law's stiffness with a stable loop at this equilibrium.
     pub stiffness_scale_max: f64,
-    /// Eigenvalues of the loop linearised at the equilibrium.
+    /// Eigenvalues of the loop linearised at the equilibrium, as `(real, imaginary)`, 1/s.
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
-/// The limits of `plant` under `law` at the equilibrium that is reached from `q0`.
+/// Compute the limits of `plant` with `law` at the equilibrium that is reached from `q0`, `(n,)`.
 ///
-/// `sample_time` and `bandwidth` (rad/s, infinite without a torque sensor) are for the smallest `B0` at the damping ratio of the law.
+/// The smallest `B0` is computed for `sample_time`, s, `bandwidth` (rad/s, infinite without a torque sensor) and the damping ratio of the
+/// law.
 pub fn elastic_limits(
     plant: &PlantSpec,
     law: &LawSpec,

@@ -1,11 +1,12 @@
 //! Equilibria of a controlled arm under a constant force:
 //!
-//! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`,
+//! `r(q) = u(q) + J'F - g(q) = 0`, `tau_E = g(q_E) - J'F`, `theta_E = q_E + K^-1 tau_E`.
 //!
-//! For a law with the plant's gravity this is `J'(K_m (x_d - x) + F) = 0`: `x_E = x_d + K_m^-1 F` if that pose is
-//! reachable and `det J != 0`. A spurious equilibrium (`J' p = 0` with `p = K_m (x_d - x) + F != 0`) has a flag.
-//! A null space adds `N' tau_0`, an integral its wrench `w` with `K_i e = 0`; limits of the law may hold the arm back.
-//! A wall and joint stops add their forces. A law of motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
+//! For a law with the plant's gravity this is `J'(K_m (x_d - x) + F) = 0`. Its solution is `x_E = x_d + K_m^-1 F` if that pose is reachable
+//! and `det J != 0`. Another solution is spurious: `J' p = 0` with `p = K_m (x_d - x) + F != 0`. It has a flag.
+//!
+//! A null space adds `N' tau_0`. An integral adds its wrench `w`, with `K_i e = 0`. Limits of the law may hold the arm away from `x_E`. A
+//! wall and joint stops add their forces. A law of motors has its equilibrium where `tau(q, theta) = K (theta - q) = tau_E`.
 
 use super::loop_slope::{Modes, loop_modes};
 use super::rest::Rest;
@@ -23,25 +24,26 @@ use crate::plant::PlantSpec;
 pub struct Equilibrium {
     /// Joint positions `(n,)`, rad or m.
     pub q: Vec<f64>,
-    /// Motors, `(n,)`; empty for a rigid plant.
+    /// Motor positions, `(n,)`, rad; empty for a rigid plant.
     pub theta: Vec<f64>,
-    /// The plant's input at the equilibrium.
+    /// The plant's input at the equilibrium, `(n,)`, N m or N.
     pub tau: Vec<f64>,
-    /// The controlled coordinates, `(m,)`: joint positions for a law of joints.
+    /// The controlled coordinates, `(m,)`, m or rad; joint positions for a law of joints.
     pub x: Vec<f64>,
-    /// The law's integral wrench `w`, `(m,)`; empty without one.
+    /// The law's integral wrench `w`, `(m,)`, N and N m; empty without an integral.
     pub integral: Vec<f64>,
-    /// Whether `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached at all. A wall, a stop or a limit of the law may hold the arm.
+    /// Whether the pose `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached. A wall, a stop or a limit of the law may prevent this.
     pub reachable: bool,
-    /// An equilibrium with an unbalanced spring; for a law of motors, one away from its target without external force.
+    /// Whether the spring is unbalanced at this equilibrium. For a law of motors: whether it is away from its target without an external
+    /// force.
     pub spurious: bool,
-    /// The wall's force on its frame, `(3,)`, world axes.
+    /// Force of the wall on its frame, `(3,)`, N, world axes.
     pub wall_force: [f64; 3],
-    /// No eigenvalue has a positive real part, apart from those of free motions.
+    /// Whether no eigenvalue has a positive real part, apart from the eigenvalues of free motions.
     pub stable: bool,
-    /// The number of free motions, along which nothing brings the loop back: the null motions of a redundant arm without a posture.
+    /// The number of free motions, which no torque opposes, such as null motions of a redundant arm without a posture.
     pub free_motions: usize,
-    /// Of the linearised closed loop, by real part; zeros of free motions.
+    /// Eigenvalues of the linearised closed loop as `(real, imaginary)`, 1/s, by real part; zeros for free motions.
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
@@ -52,7 +54,7 @@ struct Balance {
     x: Vec<f64>,
     /// Whether the arm is away from `x_E`, because a limit of the law or a contact holds it.
     short: bool,
-    /// The rounding error of zeros.
+    /// The largest `p` that counts as a rounding error.
     rounding: f64,
 }
 
@@ -100,7 +102,7 @@ impl<'a> TargetError<'a> {
         TargetError { law, arm: law.model.at(&vec![0.0; law.model.n()]), target: target(law) }
     }
 
-    /// `e` `(m,)` and `J` `(m, n)`.
+    /// Compute `e`, `(m,)`, and `J`, `(m, n)`, at `q`.
     fn at(&mut self, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let m = self.target.len();
         let (mut e, mut j) = (vec![0.0; m], vec![0.0; m * q.len()]);
@@ -110,7 +112,7 @@ impl<'a> TargetError<'a> {
     }
 }
 
-/// Per joint: the diagonal of `M`, of `J' K_m J` and of `J' D_m J` at `q`; the gains themselves for a law of joints.
+/// For each joint: the diagonals of `M`, of `J' K_m J` and of `J' D_m J` at `q`. For a law of joints, the diagonals of its gains.
 pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = q.len();
     let mut m = vec![0.0; n * n];
@@ -127,9 +129,9 @@ pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f6
     }
 }
 
-/// The part of `p` in the null space of `J'`, which loads no joint.
+/// The part of `p` in the null space of `J'`. It loads no joint.
 fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>> {
-    /// Squares of singular values below this fraction of the largest count as zero. The equilibrium is known to 1e-9.
+    /// Squared singular values below this fraction of the largest count as zero, because the equilibrium is known to 1e-9.
     const SINGULAR: f64 = 1e-12;
     let (n, m) = (q.len(), p.len());
     let (_, j) = TargetError::new(law).at(q);
@@ -145,14 +147,16 @@ fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>
     Ok(part)
 }
 
-/// Whether some pose has `e + K_m^-1 F = 0`: damped Gauss-Newton from `q0` and from spread starts; it may miss a reachable pose.
+/// Whether some pose has `e + K_m^-1 F = 0`. The search is a damped Gauss-Newton method from `q0` and from spread starts. It may miss a
+/// reachable pose.
 fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     const STARTS: u32 = 24;
     const STEPS: usize = 200;
     let (n, m) = (q0.len(), law.coordinates.m());
     let load = law.stiffness.inverse().times(push);
     let mut task = TargetError::new(law);
-    // Additive recurrence by powers of the generalised golden ratio: a fixed sequence that is spread evenly in n dimensions.
+    // The starts are an additive recurrence with powers of the generalised golden ratio. This fixed sequence is spread evenly in n
+    // dimensions.
     let phi = (0..64).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
     (0..STARTS).any(|start| {
         let spread = |i: usize| (f64::from(start) * phi.powi(-(i as i32 + 1))).fract() * std::f64::consts::TAU - std::f64::consts::PI;
@@ -182,12 +186,13 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     })
 }
 
-/// The equilibrium that is reached from `q0` under a constant wrench `[f; m]` (world axes) at `force_frame`; with `None` no force acts.
+/// Compute the equilibrium that is reached from `q0`, `(n,)`, rad or m, under a constant wrench `[f; m]`, N and N m, world axes. It acts at
+/// `force_frame`; with `None` no wrench acts.
 ///
 /// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` if the search does not converge.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
     finite("q0", q0)?;
-    // Stiffness, mass, slopes and eigenvectors of the loop.
+    // Memory for stiffness, mass, slopes and eigenvectors of the loop.
     const MATRICES: usize = 32;
     memory::require((MATRICES * 8 * plant.n()).saturating_mul(plant.n()))?;
     let (n, fault) = (plant.n(), |argument: &str, problem: String| Err(Error::input(argument, problem)));
@@ -197,7 +202,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
             format!("is made for another plant: expected a law for {} of {n} joints, got {}", plant.kind().name(), law.name()),
         );
     }
-    // The limits of an elastic law are those of its motors, whose torque at rest is that of the joints.
+    // The limits of an elastic law apply to the motor torque, which equals the joint torque at rest.
     let outer = law.storage().map(|law| law.outer.clone().into()).or(law.outer());
     let held = match (outer, law.torque_share()) {
         (Some(outer), _) => outer,
@@ -228,7 +233,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         theta = q.iter().zip(stretch).map(|(q, s)| q + s).collect();
         state.extend(&theta);
     }
-    // No speeds, and bristles of friction without a load.
+    // Speeds are zero, and bristles of friction have no load.
     state.resize(plant.states(), 0.0);
     let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
     if let LawSpec::CartesianImpedance(task) = &held {
@@ -243,7 +248,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
         reachable &= !limited;
         if same {
             if pressed {
-                // The force of a contact balances the spring. A wrench that loads no joint does not.
+                // The force of a contact balances the spring. Only a wrench that loads no joint remains unbalanced.
                 if plant.wall().is_some_and(|wall| wall.frame == task.coordinates.frame) {
                     for (p, &row) in p.iter_mut().zip(&task.coordinates.rows) {
                         *p += wall_force.get(row).copied().unwrap_or(0.0);

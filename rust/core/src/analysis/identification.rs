@@ -1,12 +1,13 @@
-//! Least squares on recorded motion (`gautier1992exciting`): `W_b beta = tau`, rows divided by the noise of their joint.
+//! Identification by least squares on recorded motion (`gautier1992exciting`): `W_b beta = tau`. Each row is divided by the noise of its
+//! joint.
 //!
 //! ```text
 //! [W_b tau] = Q [R z; 0 rho],  R = U S V',  beta = V S^-1 U' z,  sigma^2 = rho^2 / (rows - rank),  cov = sigma^2 V S^-2 V'
 //! ```
 //!
-//! Rotors that are not identified are known: `armature a` is subtracted from the torque, as everywhere in the dynamics.
-//! The triangle is updated block by block, so that a long record takes no more memory than a short one. Columns are scaled
-//! to length one before the singular values are judged, so that units do not count.
+//! Rotors that are not identified are known: their torque `armature a` is subtracted from the measured torque. The triangle is updated
+//! block by block, so that the memory does not grow with the length of the record. Columns are scaled to length one before the rank
+//! decision, so that units have no effect.
 
 use super::base_parameters::{BaseParameters, base_parameters};
 use crate::dynamics::{Model, Quantity, Query};
@@ -17,19 +18,19 @@ use crate::linalg::{Svd, dot};
 use crate::memory;
 use std::borrow::Cow;
 
-/// Samples of one block.
+/// Number of samples in one block.
 const BLOCK: usize = 256;
 
 /// The base parameters of a record, with their accuracy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
-    /// The base parameters that were identified.
+    /// The choice of base parameters.
     pub base: BaseParameters,
-    /// `(b,)`.
+    /// Values `beta` of the base parameters, `(b,)`, in SI units.
     pub values: Vec<f64>,
     /// Standard deviations, `(b,)`; infinite for parameters that the record does not determine.
     pub deviations: Vec<f64>,
-    /// `(b, b)` row-major, for the parameters that the record determines.
+    /// Covariance of the values, `(b, b)`, row-major, in the directions that the record determines.
     pub covariance: Vec<f64>,
     /// Numerical rank of the stacked regressor.
     pub rank: usize,
@@ -37,29 +38,29 @@ pub struct Identification {
     pub condition: f64,
     /// Singular values of the scaled columns, descending.
     pub singular_values: Vec<f64>,
-    /// Root mean square of `tau - W_b beta` by joint, `(n,)`.
+    /// Root mean square of `tau - W_b beta` for each joint, `(n,)`, N m or N.
     pub residuals: Vec<f64>,
-    /// All parameters: those nearest to the arm's own that have these base parameters, `(p,)`.
+    /// All parameters, `(p,)`, in SI units. Of all vectors with these base parameters, this is the nearest one to the arm's parameters.
     pub parameters: Vec<f64>,
 }
 
 /// The parameters to identify, and the weights of the record.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
-    /// Identify rotor inertias too.
+    /// Whether to identify rotor inertias.
     pub armature: bool,
-    /// Identify viscous and Coulomb friction too.
+    /// Whether to identify viscous and Coulomb friction.
     pub friction: bool,
-    /// Standard deviation of the torque of each joint, `(n,)`: weights; equal weights if absent.
+    /// Standard deviation of the torque of each joint, `(n,)`, N m or N, as weights; equal weights if `None`.
     pub noise: Option<&'a [f64]>,
-    /// Directions whose singular value, relative to the largest, is below this are not determined by the record.
+    /// A direction is not determined by the record if its singular value is below this fraction of the largest.
     pub cutoff: f64,
 }
 
-/// `[R z]`, upper triangular `(b + 1, b + 1)`, and the rows of the next block.
+/// The triangle `[R z]`, `(b + 1, b + 1)`, and the rows of the next block.
 struct Triangle {
     width: usize,
-    /// Column by column, `width + BLOCK n` rows.
+    /// One array per column, `width + BLOCK n` rows.
     columns: Vec<Vec<f64>>,
 }
 
@@ -68,7 +69,7 @@ impl Triangle {
         Triangle { width, columns: vec![vec![0.0; width + rows]; width] }
     }
 
-    /// Update the triangle with the block below it.
+    /// Update the triangle with the rows of the block below it.
     fn fold(&mut self) {
         for j in 0..self.width {
             let (head, tail) = self.columns.split_at_mut(j + 1);
@@ -85,7 +86,7 @@ impl Triangle {
     }
 }
 
-/// Identify `arm` from `samples` of motion and torque, each `(samples, n)`.
+/// Identify the parameters of `arm` from recorded positions, velocities, accelerations and torques, each `(samples, n)`.
 pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> Result<Identification> {
     let n = arm.n();
     if n == 0 {
@@ -131,7 +132,7 @@ pub fn identify(arm: &Model, [q, v, a, tau]: [&[f64]; 4], options: &Options) -> 
     Ok(Identification { base, ..out })
 }
 
-/// The torque that the parameters to identify have to explain.
+/// The measured torque without the torque of known rotors.
 fn without_known_rotors<'t>(arm: &Model, a: &[f64], tau: &'t [f64], identified: bool) -> Result<Cow<'t, [f64]>> {
     let armature = arm.armature();
     if identified || armature.iter().all(|&x| x == 0.0) {
@@ -141,7 +142,7 @@ fn without_known_rotors<'t>(arm: &Model, a: &[f64], tau: &'t [f64], identified: 
     Ok(Cow::Owned(memory::collected((0..tau.len()).map(|k| tau[k] - armature[k % n] * a[k]))?))
 }
 
-/// All results that do not require the record again.
+/// Compute the results that do not require the record again.
 fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification> {
     let b = triangle.width - 1;
     let columns = &triangle.columns;
@@ -188,7 +189,7 @@ fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification
     Ok(Identification { base, values, deviations, covariance, rank, condition, singular_values: s, residuals, parameters })
 }
 
-/// Root mean square of the differences between torque and model, by joint.
+/// Root mean square of the differences between torque and model, for each joint.
 fn residuals(
     arm: &Model,
     [q, v, a, tau]: [&[f64]; 4],
@@ -213,7 +214,7 @@ fn residuals(
     Ok(sums.iter().map(|sum| (sum / samples as f64).sqrt()).collect())
 }
 
-/// `pi + P' (P P')^-1 (beta - P pi)`: the parameters nearest to those of the arm.
+/// Compute `pi + P' (P P')^-1 (beta - P pi)`: the parameters nearest to the arm's parameters `pi`.
 fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &Options) -> Result<Vec<f64>> {
     let (b, p) = (base.count(), base.names.len());
     let projection = &base.independent.projection;

@@ -1,11 +1,11 @@
-//! `d/dt [dq; dv] = A [dq; dv] + B dtau` about a state of `a = M^-1 (tau - C v - g)`:
+//! Linearisation of `a = M^-1 (tau - C v - g)` about any state, not only about an equilibrium:
 //!
-//! `A = [[0, 1], [da/dq, da/dv]]`, `B = [[0], [M^-1]]`, away from equilibria too.
+//! `d/dt [dq; dv] = A [dq; dv] + B dtau`, `A = [[0, 1], [da/dq, da/dv]]`, `B = [[0], [M^-1]]`.
 
 use crate::interrupt::look_at_row;
 use crate::memory;
 
-/// `A` `(2 n, 2 n)` and `B` `(2 n, n)`, row-major, from the rows of `Quantity::ForwardDynamicsDerivatives` `(3 n, n)`.
+/// Write `A`, `(2 n, 2 n)`, and `B`, `(2 n, n)`, row-major. `slopes`, `(3 n, n)`, has the rows of `Quantity::ForwardDynamicsDerivatives`.
 pub fn state_matrices(n: usize, slopes: &[f64], a: &mut [f64], b: &mut [f64]) {
     memory::set(a, 0.0);
     memory::set(b, 0.0);

@@ -1,5 +1,5 @@
-//! The closed loop linearised about a state: `d x_dot = A d x`, `x = [plant, law]`, one column per dual evaluation of
-//! plant and law, so exact to rounding.
+//! The closed loop linearised about a state `x = [plant, law]`: `d x_dot = A d x`. Each column of `A` is one dual evaluation of plant and
+//! law, so `A` is exact up to rounding.
 
 use crate::error::Result;
 use crate::law::LawSpec;
@@ -9,8 +9,9 @@ use crate::linalg::svd::Svd;
 use crate::plant::PlantSpec;
 use crate::scalar::{Dual, Real};
 
-/// `A`, row-major `(s, s)`, at time `t`, plant state `x` and law state `z`, under `wrench` `[f; m]` (world axes) at
-/// `force_frame`.
+/// Compute `A`, `(s, s)`, row-major, at time `t` (s), the plant's state `x` and the law's state `z`.
+///
+/// The `wrench` `[f; m]`, N and N m, world axes, acts at the frame `force_frame`.
 pub fn loop_slope(
     plant: &PlantSpec,
     law: &LawSpec,
@@ -45,22 +46,23 @@ pub fn loop_slope(
 
 /// The modes of a loop about an equilibrium.
 pub struct Modes {
-    /// The number of free motions: directions of `A d x = 0`, along which nothing brings the loop back.
+    /// The number of free motions: directions with `A d x = 0`, along which the loop has no restoring torque.
     pub free: usize,
-    /// `(real, imaginary)` of the eigenvalues of `A`, by real part, ascending. Free motions have zeros.
+    /// Eigenvalues of `A` as `(real, imaginary)`, 1/s, by ascending real part. Free motions have zeros.
     pub eigenvalues: Vec<(f64, f64)>,
-    /// Whether no other eigenvalue lies to the right.
+    /// Whether all eigenvalues, except those of free motions, have negative real parts, up to rounding.
     pub stable: bool,
 }
 
-/// The modes of [`loop_slope`] at time zero.
+/// Compute the modes of [`loop_slope`] at time zero.
 ///
-/// A free motion without damping is a Jordan block, `d q' = d v`, `d v' = 0`. Rounding of `A` splits its eigenvalues by the root of that
-/// rounding, to both sides. So the free motions `N`, `A N = 0`, are taken out first: the other eigenvalues are those of `Q' A Q`, with
-/// `[N Q]` orthogonal. Singular values up to `FREE` of the largest count as zero, with times in units of the fastest mode.
+/// A free motion without damping is a Jordan block, `d q' = d v`, `d v' = 0`. The rounding error of `A` splits its eigenvalues by the root
+/// of this error, to both sides of zero. So the free motions `N`, with `A N = 0`, are removed first. The other eigenvalues are those of `Q'
+/// A Q`, with `[N Q]` orthogonal. A singular value counts as zero if it is at most `FREE` times the largest. Times are in units of the
+/// fastest mode.
 pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> Result<Modes> {
     const FREE: f64 = 1e-10;
-    /// Real parts up to this, in units of the fastest mode, are rounding.
+    /// The largest real part, in units of the fastest mode, that is a rounding error.
     const RIGHT: f64 = 1e-9;
     let (n, s) = (plant.n(), x.len() + z.len());
     let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame);
@@ -90,10 +92,10 @@ pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench
     Ok(Modes { free: s - kept, eigenvalues: found, stable })
 }
 
-/// `A` with times in units of `1 / fastest`, and with the law's states in units in which their rows and columns are of one size.
+/// `A` in other units: times in units of `1 / fastest`, and the law's states in units that make their rows and columns equally large.
 fn in_units(slope: &[f64], states: usize, n: usize, fastest: f64) -> Vec<f64> {
     let s = slope.len().isqrt();
-    // Positions and speeds of links, then of motors.
+    // The states are positions and speeds of the links, then of the motors.
     let mut unit: Vec<f64> = (0..s).map(|i| if i < states && (i / n) % 2 == 1 { fastest } else { 1.0 }).collect();
     for k in states..s {
         let most = |entry: &dyn Fn(usize) -> f64| (0..states).fold(0.0f64, |most, i| most.max(entry(i).abs()));

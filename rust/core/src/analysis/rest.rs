@@ -1,13 +1,16 @@
-//! The forces on an arm at rest, and the search for an equilibrium. With `L(q) = g(q) - J'F - contacts`, and the law's
-//! output at rest, `u(q)` of a law of the links or `tau(q, theta)` of a law of motors:
+//! The torques on an arm at rest, and the search for an equilibrium.
 //!
-//! `r(q) = u(q) - L(q)`, or `r(q, theta) = [K (theta - q) - L(q), (I + Kt)^-1 (tau(q, theta) - K (theta - q))]`,
+//! The load of the joints is `L(q) = g(q) - J'F - contacts`. At rest, a law of the links has the output `u(q)`, and a law of motors has the
+//! output `tau(q, theta)`. The residual `r` of the unknowns `y` is
 //!
-//! Both are minus the gradient of a potential. From a start, Newton's method with the
-//! magnitudes of the eigenvalues of `-dr/dy` follows `r` downhill.
+//! `r(q) = u(q) - L(q)`, or `r(q, theta) = [K (theta - q) - L(q), (I + Kt)^-1 (tau(q, theta) - K (theta - q))]`.
 //!
-//! A law with a null space, an integral or limits has no potential. `y = [q, w]` with its integral `w` then follows the loop without
-//! velocities, `M q' = r`, `w' = K_i e`, by implicit steps that grow: `(diag(M, 1)/h - dr/dy) d = r` (pseudo-transient continuation).
+//! For a law with a potential, `r` is minus its gradient. Then Newton's method, with the absolute values of the eigenvalues of `-dr/dy`,
+//! follows `r` downhill from a start.
+//!
+//! A law with a null space, an integral or limits has no potential. Its unknowns `y = [q, w]` include its integral `w`. They follow the
+//! loop without velocities, `M q' = r`, `w' = K_i e`, by implicit steps `d` whose size `h` grows: `(diag(M, 1)/h - dr/dy) d = r`
+//! (pseudo-transient continuation).
 
 use crate::dynamics::ArmAt;
 use crate::error::{Error, Result, finite};
@@ -21,37 +24,38 @@ use crate::spatial::{Vector, Vector3};
 use crate::status::Status;
 use nalgebra::{DMatrix, DVector};
 
-/// A plant at rest, with its law and its force.
+/// A plant at rest, with its law and an external wrench.
 pub struct Rest<'a> {
     /// The plant.
     pub plant: &'a PlantSpec,
-    /// A law of the links, or one of motors.
+    /// A law of the links, or a law of motors.
     pub law: &'a LawSpec,
-    /// `[f; m]`, world axes, at a frame.
+    /// External wrench `[f; m]`, N and N m, world axes.
     pub wrench: [f64; 6],
-    /// Frame at which the force acts; `None` for no force.
+    /// Index of the frame at which the wrench acts; `None` for no wrench.
     pub frame: Option<usize>,
 }
 
 impl Rest<'_> {
-    /// The stiffness of the plant's joints and `(I + Kt)^-1`, if the positions of the motors are unknowns beside those of the links.
+    /// The stiffness of the plant's joints, and `(I + Kt)^-1`; `None` unless the motor positions are unknowns in addition to the link
+    /// positions.
     fn motors(&self) -> Option<(&Gain, Gain)> {
         Some((&self.plant.elastic()?.stiffness, self.law.torque_share()?))
     }
 
-    /// The load of the joints at `q`, `L(q)` `(n,)`, and the wall's force.
+    /// Compute the load of the joints `L(q)`, `(n,)`, N m or N, and the force of the wall, `(3,)`, N.
     pub fn load(&self, q: &[f64]) -> (Vec<f64>, [f64; 3]) {
         let mut forces = Forces::<f64>::new(self);
         let wall = forces.load(q);
         (forces.load, wall.array())
     }
 
-    /// Move `q` and the law's integral along the loop without velocities to its equilibrium, for laws without a potential.
+    /// Move `q` to the equilibrium of a law without a potential, along the loop without velocities. The law's integral is appended to `q`.
     pub fn settle(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 1000;
-        /// The longest step, rad or m. A longer one is repeated with a smaller size.
+        /// The largest motion of a joint in one step, rad or m. A longer step is repeated with a smaller `h`.
         const REACH: f64 = 0.3;
-        /// The largest step size in units of the fastest rate, so that rounding errors do not drift along directions without stiffness.
+        /// The largest `h`, times the fastest rate. It prevents rounding errors from growing along directions without stiffness.
         const LONGEST: f64 = 1e8;
         let n = q.len();
         q.extend(self.law.initial_state());
@@ -93,12 +97,13 @@ impl Rest<'_> {
         Err(no_rest(STEPS))
     }
 
-    /// Move `q` downhill to an equilibrium. For a law of motors this includes their positions.
+    /// Move `q` downhill to an equilibrium. For a law of motors, the motor positions are appended to `q`.
     pub fn descend(&self, q: &mut Vec<f64>) -> Result<()> {
         const STEPS: usize = 500;
-        /// Larger steps leave the basin, rad or m.
+        /// The largest motion of a joint in one step, rad or m. A longer step could leave the basin of the equilibrium.
         const REACH: f64 = 0.3;
-        /// A direction with a smaller eigenvalue is a free motion of a redundant arm. The rounding error of `dr/dq` is 1e-15.
+        /// The smallest eigenvalue, relative to the largest, that counts. A direction with a smaller eigenvalue is a free motion of a
+        /// redundant arm. The rounding error of `dr/dq` is 1e-15.
         const FLAT: f64 = 1e-9;
         if let Some((stiffness, _)) = self.motors() {
             let stretch = stiffness.inverse().times(&self.load(q).0);
@@ -123,7 +128,7 @@ impl Rest<'_> {
             }
             let longest = crate::linalg::largest(&step);
             let close = 1.0 + crate::linalg::largest(y);
-            // Converged to rounding, or without further progress.
+            // The search has converged up to rounding, or makes no further progress.
             if longest <= 1e-15 * close || (longest <= 1e-9 * close && longest >= best) {
                 return Ok(());
             }
@@ -134,8 +139,8 @@ impl Rest<'_> {
                     trial[i] = y[i] + size * step[i];
                 }
                 here.residual(&trial, &mut ahead);
-                // The work of r along the step, by the trapezoidal rule: r decreases towards the equilibrium, and has the opposite sign
-                // beyond it.
+                // The work of `r` along the step, by the trapezoidal rule. `r` decreases towards the equilibrium, and changes its sign
+                // beyond it. So a step with negative work is too long.
                 let work: f64 = (0..n).map(|i| step[i] * (r[i] + ahead[i])).sum();
                 if work >= 0.0 || size < 1e-12 || longest < 1e-7 * close {
                     break;
@@ -152,7 +157,7 @@ fn no_rest(steps: usize) -> Error {
     Error::Solve { status: Status::MaxSteps, t: steps as f64, problem: "no rest was found: the descent did not end".into() }
 }
 
-/// `r` on one number, with its buffers.
+/// The residual `r` on one number type, with its buffers.
 struct Forces<'a, S: Real> {
     rest: &'a Rest<'a>,
     law: Box<dyn Law<S> + Send>,
@@ -186,7 +191,7 @@ impl<'a, S: Real> Forces<'a, S> {
         }
     }
 
-    /// `L(q)` into `self.load`; the wall's force.
+    /// Write the load `L(q)` to `self.load`, and return the force of the wall.
     fn load(&mut self, q: &[S]) -> Vector3<S> {
         let n = q.len();
         self.arm.move_to(q);
@@ -220,6 +225,7 @@ impl<'a, S: Real> Forces<'a, S> {
         push
     }
 
+    /// Write the residual of the unknowns `y` to `r`.
     fn residual(&mut self, y: &[S], r: &mut [S]) {
         let n = self.load.len();
         let (q, theta) = y.split_at(n);
@@ -247,7 +253,7 @@ impl<'a, S: Real> Forces<'a, S> {
     }
 }
 
-/// `put(i, j, dr_i/dy_j)` for all entries, column by column.
+/// Call `put(i, j, dr_i/dy_j)` for all entries, column by column.
 fn slopes(forces: &mut Forces<Dual>, y: &[f64], mut put: impl FnMut(usize, usize, f64)) {
     let mut moving: Vec<Dual> = y.iter().map(|&y| Dual::splat(y)).collect();
     let mut r = vec![Dual::default(); y.len()];
@@ -260,7 +266,7 @@ fn slopes(forces: &mut Forces<Dual>, y: &[f64], mut put: impl FnMut(usize, usize
     }
 }
 
-/// `-dr/dy`, its symmetric part.
+/// The symmetric part of `-dr/dy`, `(n, n)`.
 fn hessian(forces: &mut Forces<Dual>, y: &[f64]) -> Vec<f64> {
     let n = y.len();
     let mut h = vec![0.0; n * n];

@@ -1,35 +1,37 @@
-//! Selection of samples for concurrent learning (ChowdharyJohnson2010): the smallest singular value of their stacked `W` shall be large.
+//! Selection of samples for concurrent learning (ChowdharyJohnson2010). It maximises the smallest singular value `sigma` of their stacked
+//! `W`:
 //!
 //! ```text
 //! sigma^2 = min over |u| = 1 of  sum over the stored j of |W_j u|^2
 //! ```
 //!
-//! `u` is in the space of directions that all candidates together determine. First, samples are added one by one: each adds the most along
-//! the weakest `u` of those before. Then samples are exchanged for others as long as this increases `sigma`.
+//! `u` is in the space of directions that all candidates together determine. First, samples are added one after another. Each has the
+//! largest effect in the weakest directions `u` so far. Then samples are exchanged for others as long as this increases `sigma`.
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::linalg::{Svd, dot, symmetric_eigen};
 use crate::memory;
 
-/// Directions whose scaled singular value is below this fraction of the largest are not determined by the candidates.
+/// A direction whose scaled singular value is below this fraction of the largest is not determined by the candidates.
 const CUTOFF: f64 = 1e-6;
-/// Candidates that are added and removed in one attempt to exchange.
+/// Number of candidates that one attempt to exchange adds.
 const ENTERING: usize = 4;
+/// Number of chosen samples that one attempt to exchange removes.
 const LEAVING: usize = 8;
 
-/// The selection.
+/// The selected samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
-    /// The chosen samples, increasing.
+    /// Indices of the chosen samples, increasing.
     pub indices: Vec<usize>,
-    /// The smallest singular value of the stacked rows, on the directions that all candidates determine.
+    /// The smallest singular value of the stacked rows, in the directions that all candidates determine.
     pub singular_value: f64,
-    /// The number of these directions.
+    /// The number of directions that all candidates determine.
     pub rank: usize,
 }
 
-/// The samples on the directions that they determine: `Z_j` `(n, r)`.
+/// The samples in a basis of the determined directions: `Z_j`, `(n, r)`.
 struct Candidates {
     z: Vec<f64>,
     n: usize,
@@ -46,13 +48,13 @@ impl Candidates {
         self.z.len() / (self.n * self.r)
     }
 
-    /// `|Z_j u|^2` over the rows of `directions`.
+    /// The sum of `|Z_j u|^2` over the rows `u` of `directions`.
     fn gain(&self, j: usize, directions: &[f64]) -> f64 {
         let square = |u: &[f64]| self.of(j).chunks_exact(self.r).map(|row| dot(row, u).powi(2)).sum::<f64>();
         directions.chunks_exact(self.r).map(square).sum()
     }
 
-    /// `sign Z_j' Z_j` is added to `gram`.
+    /// Add `sign Z_j' Z_j` to `gram`.
     fn add(&self, j: usize, sign: f64, gram: &mut [f64]) {
         for row in self.of(j).chunks_exact(self.r) {
             for (x, sums) in row.iter().zip(gram.chunks_exact_mut(self.r)) {
@@ -67,7 +69,7 @@ impl Candidates {
     }
 }
 
-/// Choose `count` of the samples `rows` `(K, n, p)`.
+/// Choose `count` of the samples `rows`, `(K, n, p)`.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = rows.len() / (n * p);
     finite("samples", rows)?;
@@ -91,8 +93,8 @@ pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selectio
     Ok(Selection { indices: chosen, singular_value, rank: candidates.r })
 }
 
-/// The samples on an orthonormal basis of the directions that they determine together. Columns are scaled to length one before the rank
-/// decision.
+/// Express the samples in an orthonormal basis of the directions that they determine together. Columns are scaled to length one before the
+/// rank decision.
 fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     let mut gram = memory::zeros(p * p)?;
     for row in rows.chunks_exact(p) {
@@ -113,7 +115,8 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     if kept == 0 {
         return Err(Error::input("samples", "show nothing: expected a record of motion, got zeros"));
     }
-    // The null space of W is D^-1 times that of the scaled W. The determined directions are orthogonal to it: D times the scaled range.
+    // Let D be the column lengths. The null space of W is D^-1 times the null space of the scaled W. The determined directions are
+    // orthogonal to it: they are D times the range of the scaled W.
     let range: Vec<Vec<f64>> =
         vectors.chunks_exact(p).rev().take(kept).map(|u| u.iter().zip(&lengths).map(|(u, d)| u * d).collect()).collect();
     let spread: Vec<f64> = (0..p * p).map(|k| range.iter().map(|u| u[k / p] * u[k % p]).sum()).collect();
@@ -126,7 +129,7 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
     Ok(Candidates { z, n, r: kept })
 }
 
-/// One after another, the sample that adds the most along the weakest directions of those before.
+/// Choose samples one after another. Each has the largest effect in the weakest directions so far.
 fn first_choice(candidates: &Candidates, count: usize) -> Result<Vec<usize>> {
     let r = candidates.r;
     let (mut gram, mut chosen): (Vec<f64>, Vec<usize>) = (vec![0.0; r * r], Vec::with_capacity(count));
@@ -151,7 +154,7 @@ fn first_choice(candidates: &Candidates, count: usize) -> Result<Vec<usize>> {
     Ok(chosen)
 }
 
-/// Exchange samples while the smallest singular value grows.
+/// Exchange samples as long as the smallest singular value grows.
 fn exchange(candidates: &Candidates, chosen: &mut [usize]) -> Result<()> {
     let r = candidates.r;
     let mut free = vec![true; candidates.count()];
@@ -160,7 +163,7 @@ fn exchange(candidates: &Candidates, chosen: &mut [usize]) -> Result<()> {
         free[j] = false;
         candidates.add(j, 1.0, &mut gram);
     }
-    // Each exchange increases sigma^2 by at least a thousandth; most searches end after a few.
+    // Each exchange increases sigma^2 by at least a thousandth. Most searches end after a few exchanges.
     for _ in 0..20 * chosen.len() {
         look();
         let (sigma, u) = candidates.smallest(&gram)?;

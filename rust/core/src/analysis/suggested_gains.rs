@@ -1,13 +1,14 @@
-//! Gains for a bandwidth `w` and a damping ratio `z`, from the mass matrix over the workspace.
+//! Suggested gains for a bandwidth `w` and a damping ratio `z`, from the mass matrix within the joint limits.
 //!
-//! Computed torque decouples the joints, `e'' + kd e' + kp e = 0`: `kp = w^2`, `kd = 2 z w`. For laws whose gains are torques,
+//! Computed torque decouples the joints: `e'' + kd e' + kp e = 0` with `kp = w^2`, `kd = 2 z w`. For laws whose gains are torques,
 //!
-//! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, `s` the least number with `M(q) <= diag(m)` at all samples.
+//! `kp = m w^2`, `kd = 2 z m w`, `m = s max_q diag M(q)`, where `s` is the smallest number with `M(q) <= diag(m)` at all samples.
 //!
-//! With the mass matrix frozen at `q`, each mode of `M e'' + kd e' + kp e = 0` obeys `l s^2 + 2 z w s + w^2 = 0`. Here `l` is an eigenvalue of
+//! If the mass matrix is constant, each mode of `M e'' + kd e' + kp e = 0` obeys `l s^2 + 2 z w s + w^2 = 0`. Here `l` is an eigenvalue of
 //! `diag(m)^-1 M` in (0, 1]. So the natural frequency is `w / sqrt(l) >= w`, and the damping ratio `z / sqrt(l) >= z`.
 //!
-//! With an input held for a sample `h`, the loop is `x_(k+1) = [1 h; 0 1] x_k - [h^2/2; h] [kp kd] x_k / l`. It is stable if and only if
+//! If the input is constant over a sample `h`, the loop is `x_(k+1) = [1 h; 0 1] x_k - [h^2/2; h] [kp kd] x_k / l`. It is stable if and
+//! only if
 //! `kd h < 2 l` and `kp h < 2 kd` (Jury), that is `w h < min(4 z, l / z)`. Gains of decoupled joints: `SicilianoEtAl2009`, section 8.5.
 
 use super::uniform::within;
@@ -18,7 +19,7 @@ use crate::linalg::symmetric_eigen;
 use crate::memory;
 use std::fmt;
 
-/// Configurations at which the mass matrix is evaluated.
+/// Number of configurations at which the mass matrix is evaluated.
 pub const SAMPLES: usize = 512;
 
 /// Gains, and the limits that follow from them.
@@ -28,11 +29,11 @@ pub struct SuggestedGains {
     pub bandwidth: f64,
     /// Requested damping ratio.
     pub damping_ratio: f64,
-    /// How long a sampled law holds its input, s.
+    /// Sample time of a sampled law, s; `None` for a continuous law.
     pub sample_time: Option<f64>,
-    /// `m` `(n,)`, kg m^2 or kg.
+    /// Inertia `m`, `(n,)`, kg m^2 or kg.
     pub inertia: Vec<f64>,
-    /// The least `l` of all samples, in (0, 1]: the inertia of the lightest direction relative to `m`.
+    /// The smallest `l` of all samples, in (0, 1]: the inertia of the lightest direction relative to `m`.
     pub lightest: f64,
 }
 
@@ -42,39 +43,39 @@ impl SuggestedGains {
         self.inertia.iter().map(|m| m * self.bandwidth * self.bandwidth).collect()
     }
 
-    /// Velocity gains of these laws, `(n,)`, N m s/rad or N s/m.
+    /// Velocity gains of laws whose gains are torques, `(n,)`, N m s/rad or N s/m.
     pub fn kd(&self) -> Vec<f64> {
         self.inertia.iter().map(|m| 2.0 * self.damping_ratio * m * self.bandwidth).collect()
     }
 
-    /// `kp` in 1/s^2 and `kd` in 1/s of computed torque, for every joint.
+    /// Gains `kp`, 1/s^2, and `kd`, 1/s, of computed torque, for every joint.
     pub fn computed_torque(&self) -> (f64, f64) {
         (self.bandwidth * self.bandwidth, 2.0 * self.damping_ratio * self.bandwidth)
     }
 
-    /// The bandwidth below which the sampled loop is stable, rad/s: for gains that are torques, and for computed
-    /// torque. None without a sample time.
+    /// The bandwidths below which the sampled loop is stable, rad/s: for laws whose gains are torques, and for computed torque. `None`
+    /// without a sample time.
     pub fn limits(&self) -> Option<(f64, f64)> {
         let z = self.damping_ratio;
         self.sample_time.map(|h| ((4.0 * z).min(self.lightest / z) / h, (4.0 * z).min(1.0 / z) / h))
     }
 
-    /// The slowest decay and the largest pole of any mode at the samples, rad/s, without sampling.
+    /// The slowest decay rate and the largest absolute value of a pole, of all modes at the samples, rad/s, for a continuous law.
     pub fn poles(&self) -> (f64, f64) {
         let (w, z) = (self.bandwidth, self.damping_ratio);
         let of = |l: f64| {
             let root = z * z - l;
             if root < 0.0 { (z * w / l, w / l.sqrt()) } else { (w / (z + root.sqrt()), w * (z + root.sqrt()) / l) }
         };
-        // The decay rate increases up to l = z^2 and then decreases, so its least value is at an end.
+        // The decay rate increases up to l = z^2 and then decreases, so its smallest value is at an end of the range of l.
         let (light, heavy) = (of(self.lightest), of(1.0));
         (light.0.min(heavy.0), light.1.max(heavy.1))
     }
 }
 
-/// Gains of an arm for `bandwidth` in rad/s and a damping ratio.
+/// Suggest gains of an arm for `bandwidth`, rad/s, and a damping ratio.
 ///
-/// The law is continuous, or with `sample_time` in s a sampled one.
+/// The law is continuous, or sampled with `sample_time`, s.
 ///
 /// ```
 /// use armlet_core::analysis::suggested_gains::suggest_gains;
@@ -106,7 +107,7 @@ pub fn suggest_gains(model: &Model, bandwidth: f64, damping_ratio: f64, sample_t
     Ok(gains)
 }
 
-/// `m` and the least eigenvalue of `diag(m)^-1 M` at samples within the joint limits.
+/// Compute `m`, and the smallest eigenvalue of `diag(m)^-1 M` at samples within the joint limits.
 fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
     let n = model.n();
     let bounds = match model {
@@ -146,7 +147,7 @@ fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
         (most, least) = (most.max(values[n - 1]), least.min(values[0]));
         Ok(())
     })?;
-    // The rounding error is some n eps of the largest eigenvalue.
+    // The rounding error of an eigenvalue is a few times n eps of the largest one.
     if !(least > 4.0 * n as f64 * f64::EPSILON * most) {
         let problem = "has a mass matrix that is not positive definite: expected M(q) > 0 within the joint limits";
         return Err(Error::input("arm", format!("{problem}, got an eigenvalue {least:e} of 1")));

@@ -12,7 +12,7 @@ pub(super) fn uniform(state: &mut u64) -> f64 {
     (z >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Uniform positions within the limits. A joint without limits has a range of one turn, or of a metre on both sides of `q0`.
+/// Uniform positions within the limits. A joint without limits has a range of one revolution, or of one metre on both sides of `q0`.
 pub(super) fn within(bounds: &[(f64, f64)], angles: &[bool], q0: &[f64], state: &mut u64, q: &mut [f64]) {
     for (i, (to, &bounds)) in q.iter_mut().zip(bounds).enumerate() {
         let (low, high) = range(bounds, angles[i], q0[i]);
@@ -20,7 +20,7 @@ pub(super) fn within(bounds: &[(f64, f64)], angles: &[bool], q0: &[f64], state: 
     }
 }
 
-/// The mirror image of `q` in the middle of the ranges of [`within`].
+/// Mirror `q` about the middle of the ranges of [`within`].
 pub(super) fn mirror(bounds: &[(f64, f64)], angles: &[bool], q0: &[f64], q: &mut [f64]) {
     for (i, (to, &bounds)) in q.iter_mut().zip(bounds).enumerate() {
         let (low, high) = range(bounds, angles[i], q0[i]);
@@ -28,7 +28,7 @@ pub(super) fn mirror(bounds: &[(f64, f64)], angles: &[bool], q0: &[f64], q: &mut
     }
 }
 
-/// The range of a joint: its limits, or the default for missing ones.
+/// The range of a joint: its limits, or default limits for missing ones.
 fn range((lower, upper): (f64, f64), angle: bool, q0: f64) -> (f64, f64) {
     let (around, half) = if angle { (0.0, PI) } else { (q0, 1.0) };
     let low = if lower.is_finite() { lower } else { (around - half).min(upper - 2.0 * half) };

@@ -96,7 +96,7 @@ pub trait Definition {
         None
     }
 
-    /// The law that computes the torque on the links: the outer loop of an elastic arm, or a law of a rigid arm with a spring.
+    /// The law that commands the joint torque: the outer loop of an elastic arm, or a law of a rigid arm with a spring.
     fn outer(&self) -> Option<LawSpec> {
         None
     }

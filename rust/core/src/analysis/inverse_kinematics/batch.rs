@@ -1,6 +1,6 @@
 //! Inverse kinematics of many targets, in threads. Each row is one search, from one start to one target.
 //!
-//! Its numbers are those of a single call. They do not depend on the other rows or on the number of threads.
+//! A row has the results of a single call. They do not depend on the other rows or on the number of threads.
 
 use super::{IkOptions, IkSolver};
 use crate::arm::Arm;
@@ -11,24 +11,25 @@ use crate::memory;
 use crate::parallel;
 use crate::status::Status;
 
-/// Targets of one piece of work of a thread. It takes a hundred microseconds for near targets, and a second for unreachable ones.
+/// Number of targets in one piece of work of a thread. A piece takes a hundred microseconds for near targets, and a second for unreachable
+/// ones.
 const CHUNK: usize = 32;
 
-/// The results for `count` targets, `k` solutions each.
+/// The results for `count` targets, with `k` solutions each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IkRows {
-    /// `(count, k, n)`, the best first; NaN if a target was not finite, if the search overflowed, or if there are fewer solutions.
+    /// Joint positions, `(count, k, n)`, the best first; NaN if a target is not finite, if the search overflows, or for missing solutions.
     pub q: Vec<f64>,
-    /// Errors of each task, `(count, k, rows)` each.
+    /// Errors of each task, `(count, k, rows)` each, m or rad.
     pub errors: Vec<Vec<f64>>,
     /// Whether each task is reached, `(count, k, tasks)`.
     pub reached: Vec<bool>,
-    /// Steps taken from all starts together, `(count,)`.
+    /// Number of steps from all starts together, `(count,)`.
     pub iterations: Vec<i64>,
-    /// Random starts used, `(count,)`.
+    /// Number of random starts, `(count,)`.
     pub restarts: Vec<i64>,
-    /// As in [`super::IkSolution`], `(count, k)`, by code. `Diverged` if a row is not finite or overflows, `Infeasible` if
-    /// there are fewer solutions.
+    /// Codes of the status in [`super::IkSolution`], `(count, k)`. `Diverged` if a row is not finite or overflows, `Infeasible` for missing
+    /// solutions.
     pub status: Vec<i32>,
 }
 
@@ -43,12 +44,12 @@ struct Part<'a> {
     status: &'a mut [i32],
 }
 
-/// As [`super::inverse_kinematics`], for `count` targets.
+/// Run [`super::inverse_kinematics`] for `count` targets.
 ///
-/// `targets` has `(count, size)` numbers per task, or `(size,)` for all rows, and `q0` is `(count, n)` or `(n,)`. `solutions` is the number of
-/// different postures per target, the best first. `poll` is called every 20 ms, and stops the search.
+/// `targets` has one array per task, `(count, size)`, or `(size,)` for all rows. `q0` is `(count, n)` or `(n,)`, rad or m. `solutions` is
+/// the number of different postures per target, the best first. `poll` is called every 20 ms, and stops the search if it returns true.
 ///
-/// A row that is not finite ends as `Diverged` and changes no other row.
+/// A row that is not finite ends as `Diverged`, and does not change any other row.
 ///
 /// ```
 /// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics_batch};
@@ -122,7 +123,7 @@ pub fn inverse_kinematics_batch(
     Ok(rows)
 }
 
-/// The common arguments of all rows.
+/// The arguments of all rows.
 struct Given<'a> {
     functions: &'a [TaskFunction],
     targets: &'a [Vec<f64>],
@@ -156,7 +157,7 @@ fn solve_part(solver: &mut IkSolver, given: &Given, part: Part, solutions: usize
     }
 }
 
-/// Row `i` of values with rows of this width, or the only one.
+/// Row `i` of values with `width` numbers per row, or their only row.
 fn row(values: &[f64], width: usize, i: usize) -> &[f64] {
     let i = if values.len() == width { 0 } else { i };
     &values[i * width..(i + 1) * width]
@@ -169,7 +170,7 @@ fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
     head
 }
 
-/// The stacked errors `(slots, total)`, task by task.
+/// Divide the stacked errors, `(slots, total)`, into one array per task.
 fn by_task(stacked: &[f64], functions: &[TaskFunction], slots: usize, total: usize) -> Result<Vec<Vec<f64>>> {
     let (mut at, mut errors) = (0, Vec::with_capacity(functions.len()));
     for function in functions {

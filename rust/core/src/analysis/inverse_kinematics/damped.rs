@@ -1,10 +1,10 @@
 //! Steps for all tasks together, damped by the size of the error (`sugihara2011solvability`):
 //!
-//! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  `z` the motion towards the middle of the ranges,
+//! `dq = z + J' (J J' + (0.3 |e|^2 + floor) 1)^-1 (e - J z)`,  with the motion `z` towards the middle of the ranges.
 //!
-//! `J` and `e` the rows of all tasks, each divided by the size of its Jacobian's row, so that `e` is in joint coordinates. Far from the
-//! goal the damping keeps steps short along directions with small singular values. Near the goal it decreases faster than the error, so a
-//! step approaches Newton's step. No singular values are needed. With more rows than joints the same step comes from `J' J`.
+//! `J` and `e` have the rows of all tasks, each divided by the size of its Jacobian row. So `e` is in joint coordinates. Far from the goal,
+//! the damping shortens steps along directions with small singular values. Near the goal, the damping decreases faster than the error, so a
+//! step approaches a Newton step. No singular values are computed. With more rows than joints, the same step is computed from `J' J`.
 
 use super::super::uniform::{mirror, within};
 use super::newton::{Attempt, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
@@ -13,30 +13,31 @@ use crate::interrupt::look;
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::linalg::dot;
 
-/// The damping over the square of the error. With half of it more random starts are needed, with three times as much more steps.
+/// The damping divided by the squared error. Half of it requires more random starts, and three times as much requires more steps.
 const DAMPING: f64 = 0.3;
-/// The least damping over the largest diagonal entry, because linearly dependent rows make the matrix singular.
+/// The smallest damping, divided by the largest diagonal entry. It prevents a singular matrix for linearly dependent rows.
 const FLOOR: f64 = 1e-12;
 /// If the square of the error decreases by less than this fraction in `PROGRESS_STEPS` steps, a start ends.
 const PROGRESS: f64 = 0.02;
 const PROGRESS_STEPS: usize = 8;
-/// Pairs of positions at which the size of the Jacobian's rows is taken. Both are mirror images, so that a mirrored arm has the same sizes.
+/// Number of pairs of positions at which the size of Jacobian rows is measured. The positions of a pair are mirror images, so that a
+/// mirrored arm has the same sizes.
 const SAMPLES: usize = 4;
 
-/// The steps of one arm and its tasks.
+/// Damped steps of one arm and its tasks.
 #[derive(Clone)]
 pub(super) struct Damped {
     stack: TaskStack,
-    /// One over the size of each row of the Jacobian, `(rows,)`.
+    /// The reciprocal size of each row of the Jacobian, `(rows,)`.
     weights: Vec<f64>,
     e: Vec<f64>,
     w: Vec<f64>,
-    /// Jacobian `(rows, n)`, weighted; the columns of held joints are zero.
+    /// Weighted Jacobian, `(rows, n)`. The columns of held joints are zero.
     j: Vec<f64>,
-    /// The matrix to be solved, `(k, k)`, then its Cholesky factor; `k` the lesser of rows and joints.
+    /// The matrix of the step, `(k, k)`, and later its Cholesky factor; `k` is the smaller of rows and joints.
     gram: Vec<f64>,
     y: Vec<f64>,
-    /// `e - J z`
+    /// `e - J z`, `(rows,)`.
     rest: Vec<f64>,
     z: Vec<f64>,
     dq: Vec<f64>,
@@ -54,7 +55,7 @@ pub(super) struct Reach<'a> {
 }
 
 impl Damped {
-    /// For these tasks; joints are sampled within `bounds`.
+    /// Create the steps for these tasks. Jacobian rows are measured at positions within `bounds`.
     pub fn new(arm: &Arm, functions: &[TaskFunction], bounds: &[(f64, f64)], angles: &[bool]) -> Self {
         let (n, rows) = (arm.n(), functions.iter().map(TaskFunction::rows).sum());
         let k = n.min(rows);
@@ -89,8 +90,8 @@ impl Damped {
         damped
     }
 
-    /// Steps from `q`, within the limits, until all tasks are reached, there is no progress, or the steps are used up. The best result is
-    /// written to `found`. Returns whether the steps ended without progress.
+    /// Take steps from `q`, within the limits, until all tasks are reached, until progress ends, or up to the largest number of steps. The
+    /// best result is written to `found`. Return whether the steps ended without progress.
     pub fn descend(&mut self, q: &mut [f64], desired: &[Vec<f64>], reach: &Reach, found: &mut Attempt, iterations: &mut usize) -> bool {
         let (mut mark, mut since) = (f64::INFINITY, 0);
         clip(q, reach.bounds);
@@ -135,7 +136,7 @@ impl Damped {
         }
     }
 
-    /// One step of `q`, the bodies placed and the errors weighted; returns the largest motion of a joint.
+    /// Take one step of `q`, after bodies were placed and errors weighted. Return the largest motion of a joint.
     fn step(&mut self, q: &mut [f64], reach: &Reach, far: f64, size: f64) -> f64 {
         let n = q.len();
         self.stack.jacobians(&mut self.j);
@@ -144,7 +145,7 @@ impl Damped {
         }
         aim_at_middle(q, reach.bounds, far, &mut self.z);
         self.held.fill(false);
-        // Every pass holds one more joint, so there are at most n + 1.
+        // Every pass holds one more joint, so there are at most n + 1 passes.
         loop {
             self.solve(size);
             if !blocked(q, &self.dq, reach.bounds, &mut self.held) {
@@ -158,7 +159,7 @@ impl Damped {
         advance(q, &self.dq, reach.bounds, reach.step_max)
     }
 
-    /// `dq` for the weighted Jacobian, error and `z`.
+    /// Compute `dq` from the weighted Jacobian, the weighted error and `z`.
     fn solve(&mut self, size: f64) {
         let Damped { j, gram, y, rest, z, dq, e, .. } = self;
         let n = dq.len();
@@ -195,7 +196,8 @@ impl Damped {
     }
 }
 
-/// `y <- (A + d 1)^-1 y` by Cholesky's method, `d` from the square of the error; `A` symmetric, its lower half given.
+/// Compute `y <- (A + d 1)^-1 y` by Cholesky's method. `a` has the lower half of the symmetric `A`. The damping `d` follows from the
+/// squared error `size`.
 fn solve_damped(a: &mut [f64], y: &mut [f64], size: f64) {
     let k = y.len();
     let most = (0..k).fold(0.0, |most: f64, r| most.max(a[r * k + r]));
@@ -206,7 +208,7 @@ fn solve_damped(a: &mut [f64], y: &mut [f64], size: f64) {
             let row = &above[c * k..(c + 1) * k];
             own[c] = (own[c] - dot(&own[..c], &row[..c])) / row[c];
         }
-        // Rounding is far below the damping. A start with NaN ends without progress.
+        // Rounding errors are far below the damping. A start with NaN ends without progress.
         own[r] = (own[r] + damping - dot(&own[..r], &own[..r])).max(f64::MIN_POSITIVE).sqrt();
         y[r] = (y[r] - dot(&own[..r], &y[..r])) / own[r];
     }
@@ -221,7 +223,7 @@ fn solve_damped(a: &mut [f64], y: &mut [f64], size: f64) {
 mod tests {
     use super::*;
 
-    /// Against the equation itself: random matrices, a singular one, and one of zeros.
+    /// Compare with the equation itself: random matrices, a singular matrix, and a matrix of zeros.
     #[test]
     fn the_damped_equation_is_solved() {
         let mut state = 7;
@@ -234,13 +236,13 @@ mod tests {
             solve_damped(&mut a, &mut y, 0.1);
             for r in 0..k {
                 let left = dot(&full[r * k..(r + 1) * k], &y) + 0.03 * y[r];
-                // Rounding over the damping, 0.03, and the floor of 1e-12.
+                // The tolerance covers rounding errors divided by the damping, 0.03, and the floor of 1e-12.
                 assert!((left - right[r]).abs() < 1e-9, "{k} {rank}: {left} {}", right[r]);
             }
         }
     }
 
-    /// Fewer rows than joints, as many, and more: the same step by a matrix of rows and by one of joints.
+    /// With fewer rows than joints, equal numbers, and more rows, the matrix of rows and the matrix of joints give the same step.
     #[test]
     fn both_matrices_have_the_same_step() {
         let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();
@@ -256,10 +258,10 @@ mod tests {
         };
         let aim = vec![0.6, 0.5, 0.0, 0.0, 0.0, 0.0];
         let plain = step(std::slice::from_ref(&tip), std::slice::from_ref(&aim));
-        // Twice the same rows count twice in the error too: half of the damping, so compare with twice the error's square.
+        // Two equal tasks double J'J and the squared error.
         let twice = step(&[tip.clone(), tip], &[aim.clone(), aim]);
         let gap = plain.iter().zip(&twice).fold(0.0, |gap: f64, (a, b)| gap.max((a - b).abs()));
-        // J'J doubles and so does the damping: the step is the same but for the floor.
+        // The damping doubles like J'J, so the steps differ only by the floor.
         assert!(gap < 1e-9, "{plain:?} {twice:?}");
     }
 }

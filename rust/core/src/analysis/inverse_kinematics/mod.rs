@@ -1,13 +1,14 @@
-//! Inverse kinematics of positions: damped Newton steps within the joint limits (`sugihara2011solvability`, `nakamura1986inverse`,
-//! `siciliano1991priority`; limits as an active set).
+//! Inverse kinematics of positions: damped Newton steps within the joint limits, with an active set of limits (`sugihara2011solvability`,
+//! `nakamura1986inverse`, `siciliano1991priority`).
 //!
-//! `q <- clip(q + s dq)`, where `s <= 1` keeps every joint's step below a cap. First `dq` is a damped least-squares step for all tasks
-//! together. If this does not reach several tasks, `dq` solves `J_i dq = e_i` in priority, by a map that is bounded at singularities. A
-//! `method` or an `eps` selects these steps from the start. A joint at a limit that the step would cross is held: its column becomes zero, and
-//! the step is solved anew. While errors are large, the remaining freedom moves joints towards the middle of their range. After a start
-//! without success the search continues from random starts with a seed. Several solutions of one target come from more starts.
+//! A step is `q <- clip(q + s dq)`, where `s <= 1` limits the motion of every joint. First, `dq` is a damped least-squares step for all
+//! tasks together. If such steps do not reach several tasks, `dq` solves `J_i dq = e_i` in priority, by a map that is bounded at
+//! singularities. The option `method` or `eps` selects these steps from the start. A joint at a limit is held if the step would cross the
+//! limit. Its column becomes zero, and the step is computed again. While errors are large, the remaining freedom moves joints towards the
+//! middle of their range. After a start without success, the search continues from pseudo-random starts. Several solutions of one target
+//! come from more starts.
 //!
-//! `damped` has the steps for all tasks together, `newton` those in priority, `batch` the rows of many targets.
+//! `damped` has the steps for all tasks together, `newton` the steps in priority, and `batch` the search for many targets.
 
 mod batch;
 mod damped;
@@ -22,25 +23,25 @@ use crate::priority::PriorityMethod;
 use crate::status::Status;
 use newton::{Attempt, Newton, better};
 
-/// How to search.
+/// Options of a search.
 #[derive(Clone, Debug)]
 pub struct IkOptions {
-    /// A task is reached when every entry of its error is at most this, m or rad.
+    /// Tolerance, m or rad. A task is reached if no entry of its error is larger.
     pub tolerance: f64,
-    /// Steps from each start.
+    /// Largest number of steps from each start.
     pub max_iterations: usize,
-    /// Random starts after the first one.
+    /// Largest number of random starts after the first start.
     pub restarts: usize,
     /// Seed of the random starts.
     pub seed: u64,
-    /// Largest step of a joint, rad or m.
+    /// Largest motion of a joint in one step, rad or m.
     pub step_max: f64,
-    /// Keep to the joint limits of the arm.
+    /// Whether the search keeps the joints within the limits of the arm.
     pub limits: bool,
-    /// How the tasks share the joints in a step. `None` without `eps`: damped steps for all tasks together, and `Clamp` where these do not
-    /// reach them. `None` with `eps`: `Clamp`.
+    /// The priority map of a step. `None` without `eps`: damped steps for all tasks together, then `Clamp` if these do not reach several
+    /// tasks. `None` with `eps`: `Clamp`.
     pub method: Option<PriorityMethod>,
-    /// Threshold on singular values, one per task or one for all.
+    /// Thresholds of singular values, one per task or one for all tasks.
     pub eps: Option<Vec<f64>>,
 }
 
@@ -54,15 +55,15 @@ impl Default for IkOptions {
 /// The result of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IkSolution {
-    /// `(n,)`
+    /// Joint positions, `(n,)`, rad or m.
     pub q: Vec<f64>,
-    /// Errors of all tasks at `q`, one after another, `(sum rows,)`.
+    /// Errors of all tasks at `q`, one after another, `(sum rows,)`, m or rad.
     pub errors: Vec<f64>,
     /// Whether each task is reached.
     pub reached: Vec<bool>,
-    /// Steps taken from all starts together, and random starts used.
+    /// Number of steps from all starts together.
     pub iterations: usize,
-    /// Random starts used.
+    /// Number of random starts.
     pub restarts: usize,
     /// `Success`: every task is reached. `Degraded`: the first task is reached, but not all. `Infeasible`: the first task is not reached,
     /// and the best start made no more progress. `MaxSteps`: the first task is not reached, and the best start was still moving.
@@ -70,13 +71,13 @@ pub struct IkSolution {
     pub status: Status,
 }
 
-/// Solutions whose joints differ by no more than this, rad or m, are the same one.
+/// Solutions whose joints differ by no more than this, rad or m, count as equal.
 const SAME: f64 = 1e-3;
 
-/// A task with its constant target; the target is empty for a task without one.
+/// A task with its constant target. The target is empty for a task without one.
 pub type Goal = (TaskFunction, Vec<f64>);
 
-/// Joint positions where the tasks `goals` are reached, the highest first, from `q0` `(n,)`.
+/// Search for joint positions that reach the tasks `goals`, the highest priority first, from `q0`, `(n,)`, rad or m.
 ///
 /// ```
 /// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
@@ -105,7 +106,7 @@ pub fn inverse_kinematics(arm: &Arm, goals: &[Goal], q0: &[f64], search: &IkOpti
     let mut solver = IkSolver::new(arm, &functions, search)?;
     match solver.solve(&targets, q0, 1) {
         Ok(()) => Ok(solver.solution(0)),
-        // The target is so far away that the search overflows: the same result as in a batch.
+        // If the target is so far away that the search overflows, the result is the same as in a batch.
         Err(Error::Solve { .. }) => Ok(IkSolution {
             q: vec![f64::NAN; n],
             errors: vec![f64::NAN; functions.iter().map(TaskFunction::rows).sum()],
@@ -129,7 +130,7 @@ impl IkOptions {
     }
 }
 
-/// The search for one target after another, its buffers made once.
+/// The search for one target after another, with its buffers.
 #[derive(Clone)]
 struct IkSolver {
     newton: Newton,
@@ -147,7 +148,7 @@ impl IkSolver {
         Ok(IkSolver { newton, search: search.clone(), start: vec![0.0; arm.n()], found: Vec::new(), iterations: 0, restarts: 0 })
     }
 
-    /// Search from `q0` `(n,)`, then from random starts, until `solutions` different ones reach every task.
+    /// Search from `q0`, `(n,)`, then from random starts, until `solutions` different postures reach every task.
     fn solve(&mut self, targets: &[&[f64]], q0: &[f64], solutions: usize) -> Result<()> {
         for (desired, target) in self.newton.desired.iter_mut().zip(targets) {
             desired[..target.len()].copy_from_slice(target);
@@ -174,8 +175,8 @@ impl IkSolver {
         Ok(())
     }
 
-    /// Insert the result of the last start in order. The order is by the error of the first task that differs. Results that reach every task
-    /// are ordered by their distance from `q0`, then by time. Among equal postures the better one is kept.
+    /// Insert the result of the last start in order. The order is by the error of the first task with different errors. Results that reach
+    /// every task are ordered by their distance from `q0`, then by time. Among equal postures the better one is kept.
     fn rank(&mut self, q0: &[f64], most: usize) {
         let IkSolver { newton, found, .. } = self;
         let new = &newton.found;
@@ -223,7 +224,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// Lower and upper limit of each joint, infinite where there are none.
+/// Lower and upper limit of each joint; infinite where there is no limit.
 fn limits(arm: &Arm, keep: bool) -> Result<Vec<(f64, f64)>> {
     let free = (f64::NEG_INFINITY, f64::INFINITY);
     let of = |joint: &crate::arm::Joint| if keep { (joint.limits.lower, joint.limits.upper) } else { free };

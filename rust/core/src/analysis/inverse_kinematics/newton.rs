@@ -14,25 +14,25 @@ use crate::linalg::dot;
 use crate::priority::{DEFAULT_EPS, PriorityMethod, PriorityOptions};
 use std::f64::consts::PI;
 
-/// Newton steps of the highest tasks alone, for the case that lower tasks prevent their convergence.
+/// Number of Newton steps for the highest tasks alone, if lower tasks prevent their convergence.
 const LAST_STEPS: usize = 10;
 /// If the error of the first unreached task decreases by less than this fraction in `PROGRESS_STEPS` steps, a start ends.
 const PROGRESS: f64 = 1e-3;
 const PROGRESS_STEPS: usize = 20;
 
-/// The fraction of the distance to the middle of its range that a joint moves in a step, for errors of order one. It decreases
-/// with the errors, so that the last steps are Newton's.
+/// In one step, a joint moves by this fraction of the distance to the middle of its range, for errors of order one. The fraction decreases
+/// with the errors, so that the last steps are Newton steps.
 const CENTRING: f64 = 0.2;
 
-/// The least threshold: singular values below it are rounding errors.
+/// The smallest threshold. Singular values below it are rounding errors.
 const SMALLEST_EPS: f64 = 1e-9;
 
-/// The result of a start.
+/// The result of the search from one start.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Attempt {
-    /// `(n,)`
+    /// Joint positions, `(n,)`, rad or m.
     pub q: Vec<f64>,
-    /// Largest error of each task, zero where it is reached.
+    /// Largest error of each task, m or rad; zero where the task is reached.
     pub misses: Vec<f64>,
     /// Whether the steps ended without progress.
     pub resting: bool,
@@ -45,7 +45,7 @@ impl Attempt {
     }
 }
 
-/// Whether the misses `a` are better than `b` at the first task in which they differ.
+/// Whether the misses `a` are smaller than `b` at the first task in which they differ.
 pub(super) fn better(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).find(|(a, b)| a != b).is_some_and(|(a, b)| a < b)
 }
@@ -54,13 +54,13 @@ pub(super) fn better(a: &[f64], b: &[f64]) -> bool {
 #[derive(Clone)]
 pub(super) struct Newton {
     solver: ArmSolver,
-    /// `[x_d, 0, 0]` of each task.
+    /// `[x_d, 0, 0]` of each task: its target, with zero rate and acceleration.
     pub desired: Vec<Vec<f64>>,
-    /// Lower and upper limit of each joint, infinite where there are none.
+    /// Lower and upper limit of each joint; infinite where there is no limit.
     bounds: Vec<(f64, f64)>,
     /// Whether each joint is revolute.
     angles: Vec<bool>,
-    /// Whether a whole turn of each joint moves no body.
+    /// Whether a full revolution of each joint moves no body.
     turns: Vec<bool>,
     search: IkOptions,
     e: Vec<f64>,
@@ -104,7 +104,7 @@ impl Newton {
         })
     }
 
-    /// Errors of all tasks at `q`.
+    /// Compute the errors of all tasks at `q`.
     pub fn errors(&mut self, q: &[f64]) -> &[f64] {
         self.solver.tasks().place(q);
         let mut at = 0;
@@ -116,19 +116,19 @@ impl Newton {
         &self.e
     }
 
-    /// The largest error of each task into `misses`.
+    /// Write the largest error of each task to `misses`.
     fn look_at(&mut self, q: &[f64]) {
         self.errors(q);
         misses_of(&self.e, self.solver.rows(), self.search.tolerance, &mut self.misses);
     }
 
-    /// Steps from `start` until all tasks are reached, there is no progress, or the steps are used up. The best result is written to
-    /// `found`.
+    /// Take steps from `start` until all tasks are reached, until progress ends, or up to the largest number of steps. The best result is
+    /// written to `found`.
     ///
-    /// Without a map and thresholds in the options, the steps are for all tasks together. If these do not reach several tasks, steps in
-    /// priority follow.
+    /// If the options have neither a map nor thresholds, the steps are for all tasks together. If these do not reach several tasks, steps
+    /// in priority follow.
     pub fn descend(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
-        // Moved out during the search.
+        // `q` is moved out of `self` during the search.
         let mut q = std::mem::take(&mut self.q);
         q.copy_from_slice(start);
         clip(&mut q, &self.bounds);
@@ -149,12 +149,13 @@ impl Newton {
         Ok(())
     }
 
-    /// Whether a start for one task may end before its error is least. [`Newton::settle`] then takes the last steps.
+    /// Whether the search from a start may end before the error of the single task is smallest. [`Newton::settle`] then takes the last
+    /// steps.
     pub fn is_coarse(&self) -> bool {
         self.damped.is_some() && self.desired.len() == 1
     }
 
-    /// Steps in priority from `start`, if no start reached the task: to the least error, or to the goal.
+    /// Take steps in priority from `start`, if no start reached the task. They end at the smallest error, or at the goal.
     pub fn settle(&mut self, start: &[f64], iterations: &mut usize) -> Result<()> {
         let mut q = std::mem::take(&mut self.q);
         q.copy_from_slice(start);
@@ -166,15 +167,16 @@ impl Newton {
         Ok(())
     }
 
-    /// Take steps in priority from `q`. Returns whether they ended without progress, or reached the tasks of the last steps.
+    /// Take steps in priority from `q`. Return whether they ended without progress, or reached the tasks of the last steps.
     fn in_priority(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         let resting = self.descend_from(q, iterations)?;
         Ok(self.without_lower_tasks(q, iterations)? || resting)
     }
 
-    /// Newton steps from the best result for the first unreached task and those above it; the tasks below command no motion.
-    /// Far from their targets, these move the joints so much that the nonlinearity of a higher task prevents its convergence. Returns
-    /// whether it is reached.
+    /// Take Newton steps from the best result, for the first unreached task and the tasks above it. Lower tasks command no motion.
+    ///
+    /// Far from their targets, lower tasks move the joints so much that the nonlinearity of a higher task prevents its convergence. Return
+    /// whether the first unreached task is then reached.
     fn without_lower_tasks(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         let Some(missed) = self.found.misses.iter().position(|miss| *miss > 0.0).filter(|k| k + 1 < self.desired.len()) else {
             return Ok(false);
@@ -198,7 +200,7 @@ impl Newton {
         Ok(false)
     }
 
-    /// Take steps from `q`. Returns whether they ended without progress.
+    /// Take steps from `q`. Return whether they ended without progress.
     fn descend_from(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         clip(q, &self.bounds);
         self.mark.fill(f64::INFINITY);
@@ -211,7 +213,7 @@ impl Newton {
                 return Ok(true);
             }
             self.solver.prepare(q)?;
-            // A start ends if its first unreached task makes too little progress.
+            // The search from a start ends if its first unreached task makes too little progress.
             let ahead = self.misses.iter().zip(&self.mark).find(|(now, before)| now != before);
             if ahead.is_some_and(|(now, before)| *now < (1.0 - PROGRESS) * before) {
                 self.mark.copy_from_slice(&self.misses);
@@ -240,8 +242,8 @@ impl Newton {
         }
     }
 
-    /// `eps = |e| / step_max`, at most the threshold of control. It bounds a step by `step_max` for every singular value. Near
-    /// the goal a step is Newton's, also with small singular values.
+    /// Set `eps = |e| / step_max`, at most the threshold of control. It bounds a step by `step_max` for every singular value. Near the goal
+    /// a step is a Newton step, even with small singular values.
     fn set_thresholds(&mut self) -> Result<()> {
         let (n, levels) = (self.held.len(), self.solver.rows().len());
         let mut at = 0;
@@ -267,11 +269,11 @@ impl Newton {
         self.solver.solver_mut().set_eps(&self.eps)
     }
 
-    /// One step of `q`, its Jacobians filled in; returns the largest motion of a joint.
+    /// Take one step of `q`, after its Jacobians were computed. Return the largest motion of a joint.
     fn step(&mut self, q: &mut [f64], centring: f64) -> Result<f64> {
         let n = q.len();
         self.held.fill(false);
-        // Every pass holds one more joint, so there are at most n + 1.
+        // Every pass holds one more joint, so there are at most n + 1 passes.
         loop {
             let (jacobian, command) = self.solver.solver_mut().inputs();
             let (tasks, rest) = command.split_at_mut(self.e.len());
@@ -289,12 +291,13 @@ impl Newton {
         Ok(advance(q, self.solver.solver().v(), &self.bounds, self.search.step_max))
     }
 
-    /// A random start, uniform within the limits. A joint without limits has a range of one turn, or of a metre on both sides of `q0`.
+    /// Draw a random start, uniform within the limits. A joint without limits has a range of one revolution, or of one metre on both sides
+    /// of `q0`.
     pub fn random_start(&self, q0: &[f64], state: &mut u64, start: &mut [f64]) {
         within(&self.bounds, &self.angles, q0, state, start);
     }
 
-    /// The largest difference of `a` and `b` in a joint, rad or m. Whole turns that move no body do not count.
+    /// The largest difference between `a` and `b` in a joint, rad or m. Full revolutions that move no body do not count.
     pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
         let gap = |(turns, (a, b)): (&bool, (&f64, &f64))| {
             let gap = b - a;
@@ -315,7 +318,7 @@ pub(super) fn misses_of(e: &[f64], rows: &[usize], tolerance: f64, misses: &mut 
     }
 }
 
-/// The motion `z` of joints with a range towards its middle, where the largest error is `far`.
+/// Compute the motion `z` towards the middle of the ranges, for joints that have a range. `far` is the largest error.
 pub(super) fn aim_at_middle(q: &[f64], bounds: &[(f64, f64)], far: f64, z: &mut [f64]) {
     let centring = CENTRING * far.min(1.0);
     for ((z, q), (lower, upper)) in z.iter_mut().zip(q).zip(bounds) {
@@ -323,7 +326,7 @@ pub(super) fn aim_at_middle(q: &[f64], bounds: &[(f64, f64)], far: f64, z: &mut 
     }
 }
 
-/// Hold the joints at a limit that the motion `v` would cross. Returns whether there is a new one.
+/// Hold the joints at a limit that the motion `v` would cross. Return whether another joint is now held.
 pub(super) fn blocked(q: &[f64], v: &[f64], bounds: &[(f64, f64)], held: &mut [bool]) -> bool {
     let mut more = false;
     for (i, (lower, upper)) in bounds.iter().enumerate() {
@@ -334,7 +337,7 @@ pub(super) fn blocked(q: &[f64], v: &[f64], bounds: &[(f64, f64)], held: &mut [b
     more
 }
 
-/// Move `q` by `v`, no joint by more than `step_max` and none beyond its limits; the largest motion of a joint.
+/// Move `q` by `v`, no joint by more than `step_max`, and none beyond its limits. Return the largest motion of a joint.
 pub(super) fn advance(q: &mut [f64], v: &[f64], bounds: &[(f64, f64)], step_max: f64) -> f64 {
     let most = v.iter().fold(0.0f64, |most, v| most.max(v.abs()));
     let scale = if most > step_max { step_max / most } else { 1.0 };
@@ -347,12 +350,12 @@ pub(super) fn advance(q: &mut [f64], v: &[f64], bounds: &[(f64, f64)], step_max:
     moved
 }
 
-/// The largest entry by its size.
+/// The largest absolute value of an entry.
 pub(super) fn largest(e: &[f64]) -> f64 {
     e.iter().fold(0.0, |most, e| most.max(e.abs()))
 }
 
-/// The tasks, and below them the joints that have a range.
+/// A solver for the tasks. Below them, it has a task for the positions of the joints that have a range.
 fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut options: PriorityOptions) -> Result<ArmSolver> {
     let mut functions = tasks.to_vec();
     let joints: Vec<usize> = (0..bounds.len()).filter(|&i| (bounds[i].1 - bounds[i].0).is_finite()).collect();

@@ -1,15 +1,15 @@
-//! Results from the external torque: the touched link, and the wrench at a frame.
+//! Results from the residual of a momentum observer: the touched link, and the wrench at a frame.
 
 use super::MomentumObserver;
 use crate::error::{Error, Result, finite, positive};
 use crate::law::touched;
 use crate::linalg::{axpy, clamp_gain, dot};
 
-/// The default clamp of singular values, as a fraction of the largest row norm of `J'`.
+/// The default `eps` of the clamp of singular values, as a fraction of the largest row norm of `J'`.
 const SHARE: f64 = 0.02;
 
 impl MomentumObserver {
-    /// The thresholds of contact `(n,)`, > 0.
+    /// Set the thresholds of contact, `(n,)`, > 0, N m or N.
     pub fn set_thresholds(&mut self, thresholds: Vec<f64>) -> Result<()> {
         if thresholds.len() != self.n() {
             return Err(Error::wrong_shape("threshold", &[self.n()], &[thresholds.len()]));
@@ -24,7 +24,8 @@ impl MomentumObserver {
         self.thresholds.as_deref()
     }
 
-    /// Set the thresholds from residuals of free motion, rows of `n`: the magnitude of their mean plus `sigmas` standard deviations.
+    /// Set the thresholds from the residuals of a free motion, rows of `n`: the absolute value of the mean plus `sigmas` standard
+    /// deviations.
     pub fn calibrate(&mut self, residuals: &[f64], sigmas: f64) -> Result<()> {
         let n = self.n();
         positive("sigmas", sigmas)?;
@@ -46,7 +47,9 @@ impl MomentumObserver {
         self.set_thresholds(thresholds)
     }
 
-    /// The wrench `[f; m]` at a frame, rows of 6, and the part of the residual that it does not explain, rows of `n`. `eps` is the clamp.
+    /// Compute the wrench `[f; m]` at a frame, rows of 6, N and N m, and the rest of the residual, rows of `n`.
+    ///
+    /// `q` has rows of `n`. `eps` is the clamp of singular values; `None` uses a default.
     pub fn wrench(&mut self, q: &[f64], frame: &str, eps: Option<f64>, out: &mut [f64], rest: &mut [f64]) -> Result<()> {
         if self.motors.is_some() {
             return Err(Error::input("frame", "is of no use: expected an observer of links, got one of motors"));
@@ -74,7 +77,7 @@ impl MomentumObserver {
             let eps = eps.unwrap_or(SHARE * largest);
             let f = &mut out[6 * row..6 * (row + 1)];
             f.fill(0.0);
-            // Singular values of the size of rounding errors of the Jacobian do not count.
+            // Singular values as small as rounding errors of the Jacobian do not count.
             let null = 1e-14 * largest;
             for j in 0..self.svd.s().len() {
                 let sigma = self.svd.s()[j];
@@ -89,7 +92,7 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// The joint of the touched link of each row; `None` without contact.
+    /// The joint of the touched link of each arm; `None` without contact.
     pub fn contacts(&self) -> Result<Vec<Option<usize>>> {
         let Some(thresholds) = &self.thresholds else {
             return Err(Error::input("threshold", "is missing: expected thresholds (n,) or calibrate() before"));

@@ -1,4 +1,4 @@
-//! Momentum observer (`DeLuca2006`): the external torque, from positions, velocities and motor torques, without accelerations.
+//! Momentum observer (`DeLuca2006`): it estimates the external torque from positions, velocities and motor torques, without accelerations.
 //!
 //! ```text
 //! p = M v,   p' = tau + tau_ext - tau_f + C' v - g          (M' = C + C', C the Christoffel factorisation)
@@ -6,11 +6,12 @@
 //! sampled: r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - (tau - tau_f + C' v - g)_(k-1) dt))
 //! ```
 //!
-//! With `M = B`, `C = g = 0` and the torque `tau_m - tau_J` it observes the motors of elastic joints: `r` converges to minus their
-//! friction.
+//! With `M = B`, `C = g = 0` and the torque `tau_m - tau_J`, the observer applies to the motors of elastic joints. `r` then converges to
+//! minus their friction.
 //!
-//! At a frame `r = J' F`: `F` by least squares, singular values of `J'` below `eps` clamped (`linalg::clamp`); `r - J' F` is the rest.
-//! The touched link is the outermost one whose joint has `|r_i|` above its threshold: a force on a link loads no joint beyond it.
+//! At a frame `r = J' F`. The wrench `F` is a least-squares solution, with singular values of `J'` below `eps` clamped (`linalg::clamp`).
+//! It leaves the rest `r - J' F`. The touched link is the outermost link whose joint has `|r_i|` above its threshold. A force on a link
+//! does not load the joints beyond that link.
 
 mod contact;
 mod momentum;
@@ -25,14 +26,14 @@ use crate::memory::zeros;
 use momentum::{Gained, Momentum};
 use std::ops::Range;
 
-/// The state of an observer: rows of `n` numbers each.
+/// The state of an observer. Each array has one row of `n` numbers per arm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObserverState {
-    /// The estimate of the external torque.
+    /// The residual `r`, an estimate of the external torque, N m or N.
     pub residual: Vec<f64>,
-    /// `p` at the last sample.
+    /// Momentum `p` at the last sample.
     pub momentum: Vec<f64>,
-    /// `C' v - g - tau_f` there.
+    /// Drift `C' v - g - tau_f` at the last sample.
     pub drift: Vec<f64>,
 }
 
@@ -41,20 +42,20 @@ impl ObserverState {
         Ok(ObserverState { residual: zeros(size)?, momentum: zeros(size)?, drift: zeros(size)? })
     }
 
-    /// The first place with a number that is not finite.
+    /// The first index with a number that is not finite.
     fn bad(&self) -> Option<usize> {
         let sound = |i: &usize| self.residual[*i].is_finite() && self.momentum[*i].is_finite() && self.drift[*i].is_finite();
         (0..self.residual.len()).find(|i| !sound(i))
     }
 }
 
-/// The observer of one arm, or of several side by side.
+/// The observer of one arm, or of several equal arms.
 pub struct MomentumObserver {
     model: Model,
-    /// `K` as passed by the caller.
+    /// Gain `K` as passed by the caller.
     given: Gain,
     gain: AnyGain<f64>,
-    /// Viscous and Coulomb friction that is subtracted; zero if unknown.
+    /// Known viscous and Coulomb friction, `(n,)` each; zero if unknown.
     friction: [Vec<f64>; 2],
     takes_friction: bool,
     motors: Option<Gain>,
@@ -63,8 +64,9 @@ pub struct MomentumObserver {
     state: ObserverState,
     /// Memory for the state after a sample. It replaces `state` if it is finite.
     next: ObserverState,
-    /// The `dt` of `factor`, which is of `I + K dt`.
+    /// The `dt` for which `factor` was computed, s.
     dt: f64,
+    /// The diagonal of `I + K dt`, or its Cholesky factor.
     factor: Vec<f64>,
     sum: Vec<f64>,
     work: Vec<f64>,
@@ -73,7 +75,8 @@ pub struct MomentumObserver {
 }
 
 impl MomentumObserver {
-    /// The observer of this model with the gain `K`, 1/s, of size `n`. `friction`: the model's viscous and Coulomb friction is known.
+    /// Create the observer of `model` with the gain `K`, of size `n`, 1/s. `friction`: whether the model's viscous and Coulomb friction is
+    /// known.
     pub fn new(model: Model, gain: Gain, friction: bool) -> Result<Self> {
         let n = model.n();
         if gain.n() != n {
@@ -100,7 +103,7 @@ impl MomentumObserver {
         })
     }
 
-    /// The same for motors of this inertia `B`, with their positions, velocities and torques `tau_m - tau_J`.
+    /// Observe motors of the inertia `B`, of size `n`, kg m^2. Samples are then motor positions, velocities and torques `tau_m - tau_J`.
     pub fn of_motors(mut self, inertia: Gain) -> Result<Self> {
         if self.takes_friction {
             let problem = "goes with no motor_inertia: expected False, since the model's friction is that of its joints, got True";
@@ -114,7 +117,7 @@ impl MomentumObserver {
         Ok(self)
     }
 
-    /// The model, the gain `K`, and viscous and Coulomb friction as far as they are known; `None` for an observer of motors.
+    /// The model, the gain `K`, and the known viscous and Coulomb friction; `None` for an observer of motors.
     pub fn of_links(&self) -> Option<(&Model, &Gain, &[Vec<f64>; 2])> {
         self.motors.is_none().then_some((&self.model, &self.given, &self.friction))
     }
@@ -129,7 +132,7 @@ impl MomentumObserver {
         &self.state
     }
 
-    /// How many arms it observes; 0 before the first sample.
+    /// The number of observed arms; 0 before the first sample.
     pub fn rows(&self) -> usize {
         self.state.residual.len() / self.n()
     }
@@ -147,7 +150,7 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// Start at positions and velocities, rows of `n`, with no external torque.
+    /// Start at positions `q` and velocities `v`, rows of `n`, with zero external torque.
     pub fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<()> {
         self.check(&[("q", q), ("v", v)], None)?;
         let n = self.n();
@@ -160,8 +163,10 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// A sample: positions and velocities now, and the torques that acted since the last one, `dt` ago; rows of `n`. The first sample starts.
-    /// One after which a number would not be finite is refused, and changes nothing.
+    /// Process a sample: positions and velocities now, and the torques since the last sample, `dt` seconds ago; rows of `n`.
+    ///
+    /// The first sample only starts the observer. A sample is refused if a number of the new state would not be finite. Then nothing
+    /// changes.
     pub fn update(&mut self, q: &[f64], v: &[f64], tau: &[f64], dt: f64) -> Result<()> {
         positive("dt", dt)?;
         if self.rows() == 0 {
@@ -185,7 +190,7 @@ impl MomentumObserver {
         accepted
     }
 
-    /// Correct `r` of the row that starts here, by the change of its momentum beyond the known torques.
+    /// Correct the residual `r` of the row that starts at `first`, by the change of its momentum beyond the known torques.
     fn correct(&mut self, residual: &mut [f64], momentum: &[f64], tau: &[f64], first: usize) {
         let before = first..first + residual.len();
         residual.copy_from_slice(&self.state.residual[before.clone()]);
@@ -193,13 +198,13 @@ impl MomentumObserver {
         gained.correct((&self.gain, &self.factor), (tau, self.dt), &mut self.work, residual);
     }
 
-    /// Refuse a state that is not finite, and name the argument that caused this. `tau`: the torques and how long they acted.
+    /// Refuse a state that is not finite, and name the argument that caused it. `tau` has the torques and their duration.
     fn accepted(&self, state: &ObserverState, q: &[f64], v: &[f64], tau: Option<(&[f64], f64)>) -> Result<()> {
         let Some(bad) = state.bad() else { return Ok(()) };
         let (n, rows) = (self.n(), q.len() / self.n());
         let row = bad / n * n..(bad / n + 1) * n;
         let of_state = row.clone().any(|i| !(state.momentum[i].is_finite() && state.drift[i].is_finite()));
-        // The largest number of the row that contributes to the overflow; among equal ones the first.
+        // The largest number of the row that contributes to the overflow; among equal numbers the first.
         let sizes = |i: usize| match tau {
             Some((tau, dt)) if !of_state => [((tau[i] * dt).abs(), "tau", tau[i]), (state.momentum[i].abs(), "v", v[i])],
             _ => [(q[i].abs(), "q", q[i]), (v[i].abs(), "v", v[i])],
@@ -211,7 +216,7 @@ impl MomentumObserver {
         Err(Error::input(argument, format!("is too large: expected a finite residual, got {value:e}")).at(index))
     }
 
-    /// `I + K dt`: its diagonal, or its Cholesky factor.
+    /// Compute the diagonal of `I + K dt`, or its Cholesky factor.
     fn prepare(&mut self, dt: f64) -> Result<()> {
         if dt == self.dt {
             return Ok(());
@@ -227,7 +232,7 @@ impl MomentumObserver {
                 for (at, (sum, k)) in self.sum.iter_mut().zip(k).enumerate() {
                     *sum = k.mul_add(dt, if at / n == at % n { 1.0 } else { 0.0 });
                 }
-                // The least pivot: the sum with the identity has positive pivots, except with overflow.
+                // The result is the smallest pivot. A sum with the identity has positive pivots, except with overflow.
                 factor_into(n, &self.sum, &mut self.factor) > 0.0
             }
         };
@@ -238,13 +243,13 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// `p` and `C' v - g - tau_f` of this row, into the state.
+    /// Write `p` and `C' v - g - tau_f` of this row to the state.
     fn look(&mut self, state: &mut ObserverState, q: &[f64], v: &[f64], row: Range<usize>) {
         let (momentum, drift) = (&mut state.momentum[row.clone()], &mut state.drift[row.clone()]);
         self.sample.look(&q[row.clone()], &v[row], momentum, drift);
     }
 
-    /// Rows of `n` finite numbers, all of one length.
+    /// Require rows of `n` finite numbers, and equal lengths of all arguments.
     fn check(&self, arguments: &[(&str, &[f64])], length: Option<usize>) -> Result<()> {
         let n = self.n();
         let wanted = length.unwrap_or(arguments[0].1.len());

@@ -1,4 +1,9 @@
-//! A sample of an observer on any number: momentum, what of its rate is known, and the correction of the residual.
+//! One sample of a momentum observer, on any number type:
+//!
+//! ```text
+//! p = M v of the links, or p = B v of the motors;   drift = C' v - g - tau_f, the known part of p' beside the torque tau
+//! r <- (I + K dt)^-1 (r + K (p - p_last - (tau + drift_last) dt))                  the residual, an estimate of the external torque
+//! ```
 
 use crate::dynamics::{ArmAt, Model};
 use crate::linalg::cholesky::solve;
@@ -6,18 +11,19 @@ use crate::linalg::gain::Multiply;
 use crate::linalg::{AnyGain, Gain};
 use crate::scalar::{Real, sign};
 
-/// The momentum of the links, or of the motors.
+/// The momentum of the links or of the motors, with its buffers.
 pub struct Momentum<S: Real> {
     pub arm: ArmAt<S>,
-    /// The inertia of the motors, where they are observed.
+    /// Motor inertia `B` if the motors are observed; `None` for the links.
     motors: Option<AnyGain<S>>,
-    /// Viscous and Coulomb friction that is known.
+    /// Known viscous and Coulomb friction, `(n,)` each.
     friction: [Vec<S>; 2],
     mass: Vec<S>,
     coriolis: Vec<S>,
 }
 
 impl<S: Real> Momentum<S> {
+    /// Create the momentum of the links of `model`, or of motors with the inertia `motors`. `friction` is the known friction.
     pub fn new(model: &Model, motors: Option<&Gain>, friction: &[Vec<f64>; 2]) -> Self {
         let n = model.n();
         let rows = |values: &Vec<f64>| values.iter().map(|&x| S::from_lanes(|_| x)).collect();
@@ -30,7 +36,7 @@ impl<S: Real> Momentum<S> {
         }
     }
 
-    /// `p` and `C' v - g - tau_f` at `q` and `v`; the latter stays as it is for motors.
+    /// Compute the momentum `p` and the drift `C' v - g - tau_f` at `q` and `v`, `(n,)` each. For motors, `drift` does not change.
     pub fn look(&mut self, q: &[S], v: &[S], momentum: &mut [S], drift: &mut [S]) {
         if let Some(inertia) = &self.motors {
             return inertia.multiply(v, momentum);
@@ -54,15 +60,20 @@ impl<S: Real> Momentum<S> {
     }
 }
 
-/// The known quantities of a momentum: `p` and `C' v - g - tau_f` at the last sample, and `p` at the present one.
+/// The momentum and the drift at the last sample, and the momentum at this sample.
 pub struct Gained<'a, S> {
+    /// Momentum `p` at the last sample.
     pub momentum: &'a [S],
+    /// Drift `C' v - g - tau_f` at the last sample.
     pub drift: &'a [S],
+    /// Momentum `p` at this sample.
     pub now: &'a [S],
 }
 
 impl<S: Real> Gained<'_, S> {
-    /// From the residual of the last sample to this one, by the gain of momentum in `dt` that the known torques do not explain.
+    /// Update the residual from the last sample to this one, `dt` later. The correction is the gain of momentum that `tau` and the drift do
+    /// not explain.
+    ///
     /// `factor` is the diagonal of `I + K dt`, or its Cholesky factor. `work` has `n` numbers.
     pub fn correct(&self, (gain, factor): (&AnyGain<S>, &[S]), (tau, dt): (&[S], S), work: &mut [S], residual: &mut [S]) {
         for (i, gained) in work.iter_mut().enumerate() {

@@ -1,6 +1,7 @@
-//! A momentum observer as C: `init`, `update` and, where thresholds are known, `contact`. See [`crate::trace::c`].
+//! A momentum observer as C code: `init`, `update` and, if thresholds are known, `contact` (see [`crate::trace::c`]).
 //!
-//! The C has the bits of [`MomentumObserver::update`], whose numbers are plain `f64`: no product is fused with a sum, except within `I + K dt`.
+//! The C code has the bits of [`MomentumObserver::update`], which uses plain `f64`. No product is fused with a sum, except within `I + K
+//! dt`.
 
 use super::MomentumObserver;
 use super::momentum::{Gained, Momentum};
@@ -15,11 +16,11 @@ use crate::trace::c::{CFile, COptions, CSource, Routine};
 use crate::trace::function::{Recorded, recorded};
 use crate::trace::{Sym, sym};
 
-/// Joints of the largest arm whose observer is printed.
+/// The largest number of joints of an arm whose observer is printed.
 const MOST_JOINTS: usize = 60;
 
-/// The functions `init` and `update`. Their tokens are filled in: `$answers` is the size of the result of `correct`, and `$factor` that of
-/// `I + K dt`. `$identity` is an entry of `I`, `$gain` a table, and `$definite` a condition.
+/// The functions `init` and `update`, with tokens to replace. `$answers` is the length of the result of `correct`, and `$factor` the length
+/// of `I + K dt`. `$identity` is an entry of `I`, `$gain` a table, and `$definite` a condition.
 const UPDATE: &str = "void $prefix_init($prefix_state *state)
 {
     memset(state, 0, sizeof *state);
@@ -63,7 +64,7 @@ $gain    double next[2 * $joints], x[5 * $joints + 1 + $factor], y[$answers];
 }
 ";
 
-/// The function `contact`; `$threshold` and `$parent` are tables.
+/// The function `contact`. The tokens `$threshold` and `$parent` are tables.
 const CONTACT: &str = "
 int $prefix_contact(const $prefix_state *state)
 {
@@ -84,7 +85,7 @@ $threshold$parent    int inner[$joints] = {0}, found = -1, i, k;
 }
 ";
 
-/// The declarations of the header; `$parts` and `$torque` are words.
+/// The declarations of the header. The tokens `$parts` and `$torque` are words.
 const HEADER: &str = "
 /* An observer. */
 typedef struct {
@@ -109,7 +110,7 @@ const CONTACT_HEADER: &str = "
 int $prefix_contact(const $prefix_state *state);
 ";
 
-/// The function of a recording: `$name`, `$parameters`, `$locals` and `$steps`.
+/// The function of a recording, with the tokens `$name`, `$parameters`, `$locals` and `$steps`.
 const FUNCTION: &str = "static int $prefix_$name($parameters, double *y)
 {
 $locals    int sound = 1;
@@ -119,7 +120,7 @@ $steps    return sound;
 ";
 
 impl MomentumObserver {
-    /// The observer as C: a header, a source file and a CMake file. Its state there starts anew.
+    /// Print the observer as C: a header, a source file and a CMake file. The C code starts with a new state.
     ///
     /// ```
     /// use armlet_core::analysis::momentum_observer::MomentumObserver;
@@ -192,7 +193,7 @@ impl MomentumObserver {
         }
     }
 
-    /// `p` and `C' v - g - tau_f`, from `q` and `v`.
+    /// Record `p` and `C' v - g - tau_f` as functions of `q` and `v`.
     fn recorded_look(&self) -> Option<Recorded> {
         let n = self.n();
         let made = || sym::unfused(|| Momentum::<Sym>::new(&self.model, self.motors.as_ref(), &self.friction));
@@ -204,8 +205,10 @@ impl MomentumObserver {
         })
     }
 
-    /// The residual. Its inputs are the residual, `p` and the drift of the last sample, the torque, `p` now, `dt`, and `I + K dt`.
-    /// A full gain has another number behind the residual: one where `I + K dt` is positive definite.
+    /// Record the correction of the residual.
+    ///
+    /// Its inputs are the residual, `p` and the drift of the last sample, the torque, `p` now, `dt`, and `I + K dt`. For a full gain the
+    /// result has one more number after the residual: one if `I + K dt` is positive definite.
     fn recorded_correction(&self) -> Option<Recorded> {
         let n = self.n();
         let sums = if self.given.is_diagonal() { n } else { n * n };
@@ -228,15 +231,15 @@ impl MomentumObserver {
     }
 }
 
-/// A token of a text, and what stands for it.
+/// A token of a text, and its replacement.
 type Filling<'a> = (&'a str, &'a str);
 
-/// A text with its tokens filled in.
+/// A text with its tokens replaced.
 fn filled(text: &str, names: &[Filling], more: &[Filling]) -> String {
     more.iter().chain(names).fold(text.to_string(), |text, (token, by)| text.replace(token, by))
 }
 
-/// The function of a recording.
+/// Print the function of a recording.
 fn print(source: &mut CSource, recorded: &Recorded, names: &[Filling], more: &[Filling; 3]) {
     let given = given(recorded);
     let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
