@@ -1,4 +1,4 @@
-//! Decompositions of `armlet_core::linalg` beside nalgebra's: time, and error of the smallest singular value of graded matrices.
+//! Comparison of decompositions in `armlet_core::linalg` and nalgebra: time, and error of the smallest singular value of graded matrices.
 //! `cargo run --release --example linear_algebra` prints the table of `docs/adr/0002-dependencies.md`.
 
 use armlet_core::linalg::{Svd, cholesky, lu, symmetric_eigen};
@@ -6,10 +6,10 @@ use nalgebra::{DMatrix, DVector};
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Rounds; the fastest of each is printed.
+/// The number of rounds. The printed time is that of the fastest round.
 const ROUNDS: usize = 15;
 
-/// A row-major matrix of numbers between -1 and 1, always the same.
+/// Return `count` reproducible numbers between -1 and 1, the entries of a row-major matrix.
 fn numbers(count: usize) -> Vec<f64> {
     let mut state = 1_u64;
     let mut next = || {
@@ -19,7 +19,7 @@ fn numbers(count: usize) -> Vec<f64> {
     (0..count).map(|_| next()).collect()
 }
 
-/// Seconds of one call, of the fastest round.
+/// Return the time of one call in the fastest round, s.
 fn time(mut call: impl FnMut()) -> f64 {
     const CALLS: u32 = 2_000;
     let round = |_| {
@@ -34,7 +34,7 @@ fn row(name: &str, own: f64, theirs: f64) {
     println!("| {name} | {:.0} | {:.0} | {:.2} |", own * 1e9, theirs * 1e9, theirs / own);
 }
 
-/// `A A' + n I`
+/// Return the positive definite matrix `A A' + n I`.
 fn definite(n: usize) -> Vec<f64> {
     let a = DMatrix::from_row_slice(n, n, &numbers(n * n));
     (&a * a.transpose() + DMatrix::identity(n, n) * n as f64).as_slice().to_vec()
@@ -87,12 +87,12 @@ fn times() {
     }
 }
 
-/// Rows of sizes from 1 down to 1e-12: how exact the smallest values are.
+/// Print the error of the smallest values of matrices whose rows have sizes from 1 to 1e-12.
 fn errors() {
     println!("\n| smallest value of a graded matrix, relative error | armlet | nalgebra |\n|---|---:|---:|");
     let n = 6;
     let scale: Vec<f64> = (0..n).map(|i| 10f64.powf(-12.0 * i as f64 / (n - 1) as f64)).collect();
-    // D Q with orthonormal rows of Q has the entries of D as singular values.
+    // If Q has orthonormal rows, the singular values of D Q are the entries of D.
     let q = DMatrix::from_row_slice(n, n, &numbers(n * n)).qr().q();
     let a: Vec<f64> = (0..n * n).map(|at| scale[at / n] * q[(at / n, at % n)]).collect();
     let mut svd = Svd::new(n, n);
@@ -100,7 +100,7 @@ fn errors() {
     let theirs = DMatrix::from_row_slice(n, n, &a).singular_values().min();
     let error = |x: f64, want: f64| (x / want - 1.0).abs();
     println!("| singular values of D Q | {:.1e} | {:.1e} |", error(svd.s()[n - 1], scale[n - 1]), error(theirs, scale[n - 1]));
-    // D S D, S nearly the identity: the product of the eigenvalues is |D|^2 |S|, |S| = (1 - 0.1)^(n - 1) (1 + 0.1 (n - 1)).
+    // If S is nearly the identity, the product of the eigenvalues of D S D is |D|^2 |S|. Here |S| = (1 - 0.1)^(n - 1) (1 + 0.1 (n - 1)).
     for (name, order) in [("falling", [0, 1, 2, 3, 4, 5]), ("rising", [5, 4, 3, 2, 1, 0]), ("mixed", [3, 0, 5, 1, 4, 2])] {
         let root = |i: usize| scale[order[i]].sqrt();
         let s: Vec<f64> = (0..n * n).map(|at| if at / n == at % n { 1.0 } else { 0.1 } * root(at / n) * root(at % n)).collect();
@@ -111,7 +111,7 @@ fn errors() {
         let error = |values: &[f64]| (10f64.powf(product(values) - want) - 1.0).abs();
         println!("| product of the eigenvalues of D S D, {name} | {:.1e} | {:.1e} |", error(&own), error(theirs.as_slice()));
     }
-    // [[1, 1e-7], [1e-7, 2e-14]] has the determinant 1e-14.
+    // The matrix [[1, 1e-7], [1e-7, 2e-14]] has the determinant 1e-14.
     let s = [1.0, 1e-7, 1e-7, 2e-14];
     let (own, _) = symmetric_eigen(&s, 2).expect("finite");
     let theirs = DMatrix::from_row_slice(2, 2, &s).symmetric_eigenvalues();

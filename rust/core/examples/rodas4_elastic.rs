@@ -1,5 +1,5 @@
-//! How to drive a stiff method with exact Jacobians: a planar arm of two elastic joints under motor-inertia reduction and Cartesian
-//! impedance, 2 s at rtol 1e-6, timed. `cargo run --release --example rodas4_elastic`.
+//! A stiff method with exact Jacobians. The plant is a planar arm with two elastic joints, motor-inertia reduction and Cartesian impedance.
+//! The run takes 2 s at rtol 1e-6, and is timed. `cargo run --release --example rodas4_elastic`.
 //!
 //! `x = [q, v, theta, theta']`, `tau = (1 - B/B0) K (theta - q) + B/B0 (u - D0 theta')`, `u = J' (K_m (x_d - x) - D_m x') + g`.
 
@@ -8,7 +8,7 @@ use armlet_core::scalar::{Array8, Duals, Kernel, Real};
 use std::marker::PhantomData;
 use std::time::Instant;
 
-/// Joint stiffness, reduced motor inertia and its damping.
+/// The joint stiffness, the reduced motor inertia and its damping.
 #[derive(Clone, Copy)]
 struct Loop {
     stiffness: f64,
@@ -62,7 +62,7 @@ impl<V: Real> DualSystem<V> for Loop {
     }
 }
 
-/// A run on one number, with eight rates per dual in `V`.
+/// A run on plain numbers. `V` has the eight rates of a dual number.
 struct Run<V> {
     plant: Loop,
     t_end: f64,
@@ -92,8 +92,8 @@ fn drive<S: Real, F: System<S>, M: Adaptive<S, F, [S; 8]>>(mut method: M, system
     (method.x().map(|x| x.lane(0)), method.work())
 }
 
-/// The fastest variant of this machine. It uses two AVX2 registers even with AVX-512, because one value beside eight rates in a separate
-/// register is slower (a step of RODAS on 8 states: 1.08 against 0.73 us).
+/// The fastest variant on this processor. It uses two AVX2 registers even if AVX-512 exists. One value next to eight rates in a single
+/// register is slower (a step of RODAS with 8 states: 1.08 against 0.73 us).
 fn run(plant: Loop, t_end: f64, rtol: f64) -> ([f64; 8], Work) {
     #[cfg(target_arch = "x86_64")]
     if armlet_core::scalar::isa() > armlet_core::scalar::Isa::Baseline {

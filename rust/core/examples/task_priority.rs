@@ -1,4 +1,4 @@
-//! Tasks in priority on an arm from URDF: the tip first, then a posture with the remaining freedom.
+//! Task priorities on a URDF arm: the first task is the position of the tip, the second a posture of the joints.
 //! `cargo run --release --example task_priority`.
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -22,7 +22,7 @@ pub fn main() -> Result<()> {
     let target = dvector![start.x - 0.1, start.y + 0.05, start.z + 0.1];
     let (position, posture) = (TaskFunction::frame(&arm, &name, "xyz")?, TaskFunction::posture(&arm, None)?);
 
-    // Which directions can be commanded here, and how much freedom is left.
+    // Diagnose the directions that can be commanded in this posture.
     let options = PriorityOptions::default();
     let diagnosis = ArmSolver::new(&arm, vec![position.clone(), posture.clone()], &options)?.diagnose(q0.as_slice(), None)?;
     println!("ranks {:?}, in the freedom left {:?}", diagnosis.ranks(), diagnosis.projected_ranks());
@@ -39,7 +39,7 @@ pub fn main() -> Result<()> {
     let reached = evaluator.pose(&run.positions().column(run.t.len() - 1).into_owned(), tip)?.translation.vector;
     let error = (DVector::from_column_slice(reached.as_slice()) - target).norm();
     println!("{:?}: the tip is {error:.1e} m from its target", run.status);
-    // The posture does not disturb the tip, whose error decays as exp(-5 t).
+    // The posture does not disturb the tip, whose error decays with exp(-5 t).
     assert!(error < 1e-8, "{error}");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! The fastest motion of an arm from URDF through waypoints, under its torque and speed limits, then tracked.
+//! The fastest motion of a URDF arm through waypoints, under its torque and speed limits. A controller then tracks this motion.
 //! `cargo run --release --example time_optimal_path`.
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub fn main() -> Result<()> {
     let arm = Arm::from_urdf(example_urdf("planar_2r")?, "planar_2r", STANDARD_GRAVITY, None, None)?;
     let n = arm.n();
-    // One waypoint per column.
+    // Each column is a waypoint.
     let waypoints = DMatrix::from_column_slice(n, 4, &[0.0, 0.5, 0.6, 0.2, 0.9, -0.6, 0.3, -0.9]);
     let (path, _) = Path::waypoints(waypoints.as_slice(), n, None, Ends::Natural)?;
     let torques: Vec<f64> = arm.joints.iter().map(|joint| joint.limits.effort).collect();
@@ -38,7 +38,7 @@ pub fn main() -> Result<()> {
         used.iter_mut().zip(tau.iter().zip(&torques)).for_each(|(used, (tau, limit))| *used = used.max((tau / limit).abs()));
     }
     println!("largest torques, in parts of their limits: {used:.4?} ({} joints)", model.n());
-    // The planner keeps limits to 1e-3 of themselves between its grid points, and the fastest motion reaches one of them.
+    // Between its grid points, the planner may exceed limits by the fraction 1e-3. The fastest motion reaches one of the limits.
     assert!(used.iter().all(|used| *used < 1.001) && used.iter().any(|used| *used > 0.9), "{used:?}");
     Ok(())
 }

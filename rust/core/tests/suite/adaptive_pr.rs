@@ -1,4 +1,4 @@
-//! System 1 against the 25-digit vectors, and its loops against each other.
+//! Tests of the planar PR arm under adaptive control against vectors with 25 digits, and of its loops against each other.
 
 use armlet_core::dynamics::{Dynamics, Model, PlanarPr};
 use armlet_core::law::{Adaptation, AdaptiveSpec, Gain, LawSpec};
@@ -14,7 +14,7 @@ fn vectors() -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).expect("vectors are in the repository")).expect("vectors are JSON")
 }
 
-/// Numbers, written as numbers or as decimal strings, in one list.
+/// Return all numbers of nested arrays in one list. They are written as numbers or as decimal strings.
 fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),
@@ -126,7 +126,7 @@ fn trajectory_vectors() {
     for case in cases("trajectory") {
         let built = Case::from(&case["input"]);
         let tolerance = case["tolerance"]["abs"].as_f64().unwrap();
-        // The error of RK4 at 0.1 ms is below 1e-11 over these runs, well inside the tolerance of the vectors.
+        // RK4 with steps of 0.1 ms has an error below 1e-11 in these runs, far below the tolerance of the vectors.
         for (method, dt) in [(Method::Dop853, None), (Method::Rk4, Some(1e-4))] {
             let run = simulate(&built.problem(method, dt, Times::At(built.times.clone())), &stop).unwrap();
             assert_eq!((run.status, &run.t), (Status::Success, &built.times));
@@ -160,7 +160,7 @@ fn batch_rows_are_runs() {
     problem.options.t_end = 2.0;
     let start = |i: usize| if i % 4 < 2 { 0.3 * (i as f64).sin() } else { 0.2 * (i as f64).cos() };
     problem.x0 = (0..4 * runs).map(start).collect();
-    // One run has a start from which it diverges. Its neighbours must not change.
+    // One run diverges from its initial state. It must not affect the other lanes.
     problem.x0[4 * 7 + 2] = 1e200;
     let batch = simulate_batch(problem.clone(), Keep::All, 1, &mut || false).unwrap();
     let other = simulate_batch(problem.clone(), Keep::All, 3, &mut || false).unwrap();
@@ -173,10 +173,10 @@ fn batch_rows_are_runs() {
         let run = simulate(&one, &stop).unwrap();
         assert_eq!(batch.status[i], run.status);
         if run.status == Status::Success {
-            // The rounding of the same operations differs. The loop is contracting, so both runs remain close.
+            // The operations are equal but round differently. The loop is contracting, so that both runs remain close.
             assert_close(&batch.q[2 * k * i..2 * k * (i + 1)], &run.q, 1e-12, "q");
             assert_close(&batch.tau[2 * k * i..2 * k * (i + 1)], &run.tau, 1e-11, "tau");
-            // The errors of the run's balances, from their definitions.
+            // Compute the residuals of the run's balances from their definitions.
             let row = |name: &str| &batch.monitors.iter().find(|(known, _)| *known == name).unwrap().1[k * i..k * (i + 1)];
             let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most: f64, x| most.max(x.abs()));
             let (energy, balance, lyapunov) = (row("energy"), row("energy_balance"), row("lyapunov"));
@@ -206,11 +206,11 @@ fn sampled_control_holds_the_input() {
         let held = run.tau[2 * k] == run.tau[2 * (k + 1)];
         assert_eq!(held, (k + 1) % 10 != 0, "{k}");
     }
-    // The adaptive method gives the same sampled run.
+    // The adaptive method must give the same sampled run.
     problem.options.method = Method::Dop853;
     problem.options.times = Times::At(vec![0.1, 0.2]);
     let fine = simulate(&problem, &stop).unwrap();
-    // RK4 at 1 ms against order 8: the local error is h^5 for a smooth held input.
+    // The error of RK4 at 1 ms is compared with order 8. Its local error is h^5 for a smooth held input.
     assert_close(&fine.q[2..], &run.q[400..], 1e-9, "q");
     assert_close(&fine.tau[2..], &run.tau[400..], 1e-6, "tau");
 }

@@ -1,4 +1,4 @@
-//! An evaluator allocates nothing after its construction.
+//! Test that an evaluator does not allocate after its construction.
 
 use crate::arm_common::{Rng, random_tree};
 use crate::arm_functions::ALL;

@@ -1,4 +1,4 @@
-//! Functions of an arm in batches: the program of a function gives the bits of direct evaluation, row by row.
+//! Tests of arm functions in batches: the program of a function has the bits of direct evaluation, row by row.
 
 use crate::arm_common::{Rng, random_tree};
 use crate::counting::counted;
@@ -30,17 +30,17 @@ pub const ALL: [Quantity; 20] = [
     Quantity::ForwardDynamicsDerivatives,
 ];
 
-/// Number of rows for which every program saves time.
+/// The number of rows for which every program saves time.
 const MANY: usize = 1_000_000;
 
 fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Number of single calls after which a query has its program.
+/// The number of single calls after which the program of a query exists.
 const OFTEN: usize = 20;
 
-/// A chain of `n` joints about `axes` in turn. The fifth joint is a slide.
+/// Return a chain of `n` joints whose axes repeat the list `axes`. The fifth joint is prismatic.
 fn chain(n: usize, axes: &[[f64; 3]]) -> Arc<Arm> {
     let joint = |i: usize| {
         let kind = JointType::Moving(if i == 4 { JointKind::Prismatic } else { JointKind::Revolute });
@@ -80,7 +80,7 @@ impl Both {
     fn width(&self, k: usize) -> usize {
         self.query.input_length(k, self.functions.arm().n())
     }
-    /// Rows `first..last`, and whether all are finite.
+    /// Return the rows `first..last`, and whether all numbers are finite.
     fn rows(&self, first: usize, last: usize) -> (Vec<f64>, bool) {
         let inputs: Vec<&[f64]> = self.inputs.iter().enumerate().map(|(k, x)| &x[first * self.width(k)..last * self.width(k)]).collect();
         let mut out = vec![f64::NAN; (last - first) * self.length()];
@@ -165,13 +165,13 @@ fn angles_beyond_reason_and_rows_that_overflow_are_answered_directly() {
     assert!(sound);
     let same = |rows: &[f64], row: usize| bits(&rows[5 * row..5 * row + 5]) == bits(&both.alone(row));
     assert!((0..14).all(|row| same(&got, row)));
-    // An angle out of range in one call does not affect the next call.
+    // An angle beyond the range in one call must not affect the next call.
     both.inputs[1][5 * 8 + turn] = 1e200;
     let (got, sound) = both.rows(0, 14);
     assert!(!sound, "a row overflows");
     assert!((0..14).filter(|row| *row != 8).all(|row| got[5 * row..5 * row + 5].iter().all(|x| x.is_finite())));
     assert!(got[40..45].iter().any(|x| !x.is_finite()));
-    // Numbers that are not finite are refused by name, for every evaluation of the rows.
+    // Numbers that are not finite are refused, and the error names their argument.
     both.inputs[1][7] = f64::NAN;
     let inputs = [&both.inputs[0][..], &both.inputs[1]];
     let refused = both.functions.rows(&both.query, &inputs, 14, &mut [0.0; 70]).unwrap_err().to_string();
@@ -180,7 +180,7 @@ fn angles_beyond_reason_and_rows_that_overflow_are_answered_directly() {
 
 #[test]
 fn a_singular_mass_matrix_is_told_as_by_single_calls() {
-    // Two coaxial joints: only the sum of the angles moves a body.
+    // The two joints are coaxial. Only the sum of their angles moves a body.
     let still = ChainJoint::new(JointType::Moving(JointKind::Revolute), [0.0, 0.0, 1.0], [0.0; 3], [0.0; 3], [0.0; 10]);
     let mut body = still.clone();
     body.phi = [1.0, 0.2, 0.0, 0.0, 0.01, 0.0, 0.06, 0.0, 0.0, 0.07];
@@ -217,11 +217,11 @@ fn single_calls_have_the_same_bits_before_and_after_their_program() {
             let mut both = Both::new(&arm, query, OFTEN, &mut rng);
             let first: Vec<Vec<u64>> = (0..OFTEN).map(|row| bits(&both.alone(row))).collect();
             let (again, count) = counted(|| both.alone(0));
-            // The allocations are the vectors of inputs and result above.
+            // The allocations are the vectors of inputs and of the result above.
             assert!(count <= 2, "{query:?}: {count} allocations");
             assert_eq!(bits(&again), first[0]);
             assert!((1..OFTEN).all(|row| bits(&both.alone(row)) == first[row]), "{} joints, {query:?}", arm.n());
-            // Huge angles, numbers that are not finite and arguments of the wrong length have the same result as in the first call.
+            // Huge angles, numbers that are not finite and arguments of the wrong length must have the same result as in the first call.
             let fresh = Functions::new(arm.clone());
             for bad in [5e6, f64::INFINITY, 1e308] {
                 both.inputs[0][0] = bad;

@@ -1,4 +1,5 @@
-//! Identities of rigid-body dynamics, on seeded random trees of 1 to 30 joints with branches, slides and fixed bodies.
+//! Tests of identities of rigid-body dynamics on seeded random trees. They have 1 to 30 joints, with branches, prismatic joints and fixed
+//! bodies.
 
 use crate::arm_common::{Rng, close, largest, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, Tree};
@@ -11,7 +12,7 @@ use armlet_core::spatial::{Matrix, Vector, Vector3};
 const EXACT: f64 = 1e-12;
 const SIZES: [usize; 10] = [1, 2, 3, 4, 5, 7, 9, 14, 21, 30];
 
-/// All quantities of one arm on one number type, read back from lane `lane`.
+/// Computes all quantities of one arm with one number type.
 struct Run<S: Real> {
     tree: Tree<S>,
     ws: Workspace<S>,
@@ -55,7 +56,7 @@ fn lane<S: Real>(x: &[S], k: usize) -> Vec<f64> {
     x.iter().map(|x| x.lane(k)).collect()
 }
 
-/// A different random vector in every lane.
+/// Return a random vector, which differs between lanes.
 fn random<S: Real>(rng: &mut Rng, n: usize, scale: f64) -> Vec<S> {
     (0..n).map(|_| S::from_lanes(|_| scale * rng.unit())).collect()
 }
@@ -96,7 +97,7 @@ impl GenericKernel for Laws {
             let mut forward = zero.clone();
             run.tree.forward_dynamics(&mut run.ws, &trig, &q, &v, &tau, &mut forward);
             let back = run.inverse(&q, &v, &forward);
-            // Compared as a residual, because the error of the accelerations grows with the condition number of M.
+            // The test compares residuals, because the error of accelerations increases with the condition number of M.
             same("RNEA after ABA", &back, &tau, 1e-10);
 
             let mut y = vec![S::splat(f64::NAN); n * 10 * n];
@@ -154,8 +155,8 @@ fn recursions_agree() {
     }
 }
 
-/// Central difference of `f` along `v`, with one extrapolation. The error is `h^4` (1e-12 at h = 1e-3) plus rounding `eps / h` (2e-13).
-/// Both are multiplied by the growth of fourth derivatives over long chains.
+/// Return the central difference of `f` along `v`, with one extrapolation. Its error is `h^4` (1e-12 for h = 1e-3) and the rounding error
+/// `eps / h` (2e-13). Both are multiplied with the growth of fourth derivatives in long chains.
 fn slope(f: &mut dyn FnMut(f64) -> Vec<f64>) -> Vec<f64> {
     let h = 1e-3;
     let at: Vec<Vec<f64>> = [-h, h, -2.0 * h, 2.0 * h].into_iter().map(f).collect();
@@ -180,7 +181,7 @@ fn rates_agree_with_differences() {
         let m_dot = slope(&mut |h| run.mass(&moved(&q, &v, h)));
         close("dM/dt = C + C'", &sum, &m_dot, DIFFERENCE, 1.0);
 
-        // Power: dT/dt + dU/dt = v . tau.
+        // The power balance is dT/dt + dU/dt = v . tau.
         let a = rng.vector(n, 1.0);
         let tau = run.inverse(&q, &v, &a);
         let power: f64 = tau.iter().zip(&v).map(|(t, v)| t * v).sum();
@@ -235,7 +236,7 @@ fn jacobians_agree_with_differences() {
             });
             close("dJ/dt", &j_dot, &rate, DIFFERENCE, 1.0);
 
-            // Virtual power of a wrench: the torque is J' F, at the poses of the previous Jacobian.
+            // The virtual power of a wrench determines the torque J' F, at the poses of the previous Jacobian.
             let wrench: [f64; 6] = std::array::from_fn(|_| rng.unit());
             let want: Vec<f64> = (0..n).map(|k| 0.25 - 2.0 * (0..6).map(|r| j[r * n + k] * wrench[r]).sum::<f64>()).collect();
             let mut tau = vec![0.25; n];
@@ -304,7 +305,7 @@ fn derivatives_agree_with_differences() {
             (Quantity::ForwardDynamics, Quantity::ForwardDynamicsDerivatives),
         ] {
             let mut evaluator = Evaluator::new(&arm);
-            // Coulomb friction jumps at zero velocity. No velocity here is near zero.
+            // Coulomb friction jumps at zero velocity. All velocities here are far from zero.
             let with = |quantity: Quantity| Query { friction: true, ..quantity.into() };
             let blocks = slopes_shape(slopes, n);
             let mut got = vec![f64::NAN; blocks * n * n];
@@ -313,7 +314,7 @@ fn derivatives_agree_with_differences() {
                 for j in 0..n {
                     let rate = slope(&mut |h| {
                         let mut at = [q.clone(), v.clone(), x.clone()];
-                        // The step keeps the sign of v, because friction jumps at zero.
+                        // The step must not change the sign of v, because friction jumps at zero.
                         at[block][j] += if block == 1 { h * v[j].abs().min(1.0) } else { h };
                         let mut out = vec![0.0; n];
                         evaluator.one(&with(value), &[&at[0], &at[1], &at[2]], &mut out).unwrap();
@@ -321,7 +322,7 @@ fn derivatives_agree_with_differences() {
                     });
                     let scale = if block == 1 { v[j].abs().min(1.0) } else { 1.0 };
                     let column: Vec<f64> = (0..n).map(|i| scale * got[(block * n + i) * n + j]).collect();
-                    // Forward dynamics: relative to the accelerations, which a light last link makes large.
+                    // For forward dynamics, the tolerance is relative to the accelerations, which are large if the last link is light.
                     close(&format!("{slopes:?} {block} by {j}"), &column, &rate, 10.0 * DIFFERENCE, largest(&column).max(1.0));
                 }
             }

@@ -1,4 +1,5 @@
-//! Textbook arms, arms made from arms, and the evaluator on `f64` arrays, against closed forms and against each other.
+//! Tests of textbook arms, of arms made from other arms, and of the evaluator on `f64` arrays. References are closed forms and other
+//! methods.
 
 use crate::arm_common;
 
@@ -42,7 +43,7 @@ fn pendulum_is_its_equation() {
 
 #[test]
 fn planar_arms() {
-    // SPEC system 2, case a: the tip and the elbow of links L, L, L/4, L/4.
+    // The tip and the elbow of an arm with the links L, L, L/4, L/4 (case a of the macro-micro arm).
     let arm = Arm::planar(&[1.0, 1.0, 0.25, 0.25], None, None, None, [0.0, -9.81]).unwrap();
     let half = std::f64::consts::FRAC_PI_2;
     let q = [0.0, half, half, 0.0];
@@ -51,7 +52,7 @@ fn planar_arms() {
     let j = at(&arm, Quantity::Jacobian, "link4", &q);
     close("J1 x", &j[..4], &[-1.0, -1.0, 0.0, 0.0], 1e-15, 1.0);
     close("J1 y", &j[4..8], &[0.5, -0.5, -0.5, -0.25], 1e-15, 1.0);
-    // One uniform rod: M = m l^2 / 3 and g = m g l / 2 at the horizontal, with m = l.
+    // A uniform rod has M = m l^2 / 3 and, if it is horizontal, g = m g l / 2. Here m = l.
     let rod = Arm::planar(&[0.8], None, None, None, [0.0, -9.81]).unwrap();
     close("M", &ask(&rod, Quantity::MassMatrix, &[&[0.3]]), &[0.8f64.powi(3) / 3.0], 1e-15, 0.1);
     close("g", &ask(&rod, Quantity::Gravity, &[&[0.0]]), &[9.81 * 0.32], 1e-15, 1.0);
@@ -62,7 +63,7 @@ fn planar_arms() {
     refused(Arm::planar(&[1.0], None, None, Some(&[f64::INFINITY]), [0.0; 2]), "inertias", "not finite");
 }
 
-/// `Rz(theta) Tz(d) Tx(a) Rx(alpha)` and Craig's order, as products of matrices.
+/// Return `Rz(theta) Tz(d) Tx(a) Rx(alpha)`, or Craig's order of these matrices, as a matrix product.
 fn dh_by_hand(rows: &[DhRow], q: &[f64], convention: Convention) -> [[f64; 4]; 4] {
     let mul = |a: [[f64; 4]; 4], b: [[f64; 4]; 4]| -> [[f64; 4]; 4] {
         std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
@@ -101,7 +102,7 @@ fn denavit_hartenberg_rows() {
             let pose = at(&arm, Quantity::Pose, &format!("link{k}"), &q);
             close("pose", &pose, dh_by_hand(&rows[..k], &q, convention).as_flattened(), 1e-14, 1.0);
         }
-        // Parameters are about the Denavit-Hartenberg frame, so the centre of mass of the last body is h / m in it.
+        // Parameters are about the Denavit-Hartenberg frame. So the centre of mass of the last body is h / m in this frame.
         let mut only = rows.clone();
         for row in &mut only[..4] {
             row.phi = [0.0; 10];
@@ -121,7 +122,7 @@ fn payload_is_a_body_fixed_to_a_frame() {
     let (mass, com, inertia) = (1.7, [0.05, -0.02, 0.1], [[0.02, 0.001, 0.0], [0.001, 0.03, -0.002], [0.0, -0.002, 0.04]]);
     let loaded = arm.with_payload("tool", mass, com, inertia).unwrap();
     let (q, v) = (rng.vector(5, 2.0), rng.vector(5, 1.0));
-    // Kinetic energy of the payload from the Jacobian of its frame.
+    // Compute the kinetic energy of the payload from the Jacobian of its frame.
     let pose = at(&arm, Quantity::Pose, "tool", &q);
     let j = at(&arm, Quantity::Jacobian, "tool", &q);
     let twist: Vec<f64> = (0..6).map(|r| (0..5).map(|k| j[5 * r + k] * v[k]).sum()).collect();
@@ -169,7 +170,7 @@ fn chains_refuse_what_they_cannot_use() {
     let named = ChainJoint { name: Some("a".into()), ..joint([0.0, 0.0, 1.0]) };
     refused(build(&[named.clone(), named]), "joints[1].name", "duplicate");
     refused(Arm::from_chain(&[], [0.0, 0.0, f64::INFINITY]), "gravity", "not finite");
-    // An axis of any length is a direction.
+    // An axis may have any length.
     for scale in [5e-324, 1e-200, 1e300] {
         assert_eq!(build(&[joint([0.0, -scale, 0.0])]).unwrap().joints[0].axis, [0.0, -1.0, 0.0]);
     }
@@ -194,7 +195,7 @@ fn evaluator_options() {
     close("friction", &with, &want, 1e-14, 1.0);
     let back = ask(&arm, Query { friction: true, ..Quantity::ForwardDynamics.into() }, &[&q, &v, &with]);
     close("forward with friction", &back, &a, 1e-9, 1.0);
-    // Extra columns: armature, damping, friction, in this order after the inertial parameters.
+    // After the inertial parameters, there are columns for armature, damping and friction, in this order.
     let y = ask(&arm, Query { friction: true, armature: true, ..Quantity::Regressor.into() }, &[&q, &v, &v, &a]);
     let mut pi = arm.parameters();
     pi.extend(arm.joints.iter().map(|j| j.armature));
@@ -202,7 +203,7 @@ fn evaluator_options() {
     pi.extend(arm.joints.iter().map(|j| j.friction));
     let y_pi: Vec<f64> = (0..n).map(|i| (0..pi.len()).map(|k| y[i * pi.len() + k] * pi[k]).sum()).collect();
     close("Y pi", &y_pi, &with, 1e-13, 1.0);
-    // A wrench and its torque J' F, in both dynamics.
+    // Compare a wrench with its torque J' F, in inverse and in forward dynamics.
     let frame = arm.frames.len() - 1;
     let wrench = rng.vector(6, 2.0);
     let pushed = Query { wrench: Some(frame), ..Quantity::InverseDynamics.into() };

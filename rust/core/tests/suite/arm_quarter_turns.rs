@@ -1,4 +1,4 @@
-//! Quarter turns as joint placements have special code. Its results are those of the full products.
+//! Joint placements that are quarter turns have special code. Its results must equal those of the full products.
 
 use crate::arm_common::{Rng, close, lift, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType, Tree};
@@ -7,7 +7,7 @@ use armlet_core::kinematics;
 use armlet_core::scalar::{GenericKernel, Real};
 use armlet_core::spatial::QuarterTurn;
 
-/// Every algorithm that transforms over joints, one after the other.
+/// Compute the results of every algorithm that transforms over joints, one after the other.
 fn answers<S: Real>(tree: &Tree<S>, [q, v, x, a]: &[Vec<S>; 4]) -> Vec<f64> {
     let n = tree.n();
     let (ws, trig, mut all) = (&mut Workspace::new(tree), sin_cos(q), Vec::new());
@@ -46,10 +46,10 @@ impl GenericKernel for Shortcuts {
             let given = std::array::from_fn(|_| lift::<S>(&rng.vector(n, 1.5)));
             let short = answers(&tree, &given);
             tree.bodies.iter_mut().for_each(|body| body.quarter = None);
-            // The same sums in a different order.
+            // The two results add the same terms in different orders.
             close("quarter turns", &short, &answers(&tree, &given), 1e-13, 1.0);
         }
-        // Some placements are quarter turns, and some are not.
+        // The tree must contain quarter turns and other placements.
         assert!(met[1..6].iter().sum::<i32>() > 3 && met[6] > 0, "{met:?}");
     }
 }

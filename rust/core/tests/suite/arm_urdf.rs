@@ -1,4 +1,4 @@
-//! The URDF reader and writer: examples, round trips, and bad files with the lines of their errors.
+//! Tests of the URDF reader and writer: examples, round trips, and bad files with the line numbers of their errors.
 
 use crate::arm_common;
 
@@ -19,7 +19,7 @@ fn names<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     names.collect()
 }
 
-/// `M(q)` row-major and `g(q)`.
+/// Return `M(q)`, row-major, and `g(q)`.
 pub fn dynamics(arm: &Arm, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let tree = Tree::<f64>::new(arm);
     let mut ws = Workspace::new(&tree);
@@ -43,14 +43,14 @@ fn examples_read_as_written() {
     assert_eq!((arm.joints[0].damping, arm.joints[0].friction, arm.joints[3].armature), (40.0, 5.0, 0.08));
     let seven = example("seven_axis");
     assert!(seven.report.iter().any(|line| line.contains("fixed to the base") && line.contains("base")), "{:?}", seven.report);
-    // The fixed hand is merged with the last body.
+    // The mass of the fixed hand is added to the last body.
     assert!((seven.joints[6].parameters[0] - 1.4).abs() < 1e-15);
     assert!(matches!(example_urdf("nine_axis"), Err(Error::Unknown { available, .. }) if available.contains(&"seven_axis".into())));
 }
 
 #[test]
 fn two_links_by_hand() {
-    // Rods with their centre of mass in the middle: the textbook 2R in a vertical plane.
+    // The textbook 2R arm in a vertical plane. Its links are rods with the centre of mass in the middle.
     let arm = example("planar_2r");
     let (m1, m2, l1, c1, c2) = (3.0, 2.0, 0.5, 0.25, 0.2);
     let (i1, i2) = (3.0 * (3.0 * 0.04 * 0.04 + 0.25) / 12.0, 2.0 * (3.0 * 0.03 * 0.03 + 0.16) / 12.0);
@@ -78,11 +78,11 @@ fn round_trips() {
         let written = arm.to_urdf();
         let back = read(&written.text).unwrap();
         assert_eq!(names(back.joint_names()), names(arm.joint_names()));
-        // The example files have a link for every frame. Chains lack a base link, which the writer adds.
+        // The example files have a link for every frame. Chains have no base link, and the writer adds one.
         let kept: Vec<&str> = back.frame_names().filter(|name| arm.frame_index(name).is_ok()).collect();
         assert_eq!(kept, names(arm.frame_names()), "{}", written.text);
         assert!(back.frames.len() == arm.frames.len() || written.report.iter().any(|line| line.starts_with("added")));
-        // Exactly equal: parameters, placements, axes, limits, drives.
+        // Parameters, placements, axes, limits and drives must be exactly equal.
         assert_eq!(back.joints, arm.joints);
         for frame in &arm.frames {
             let other = &back.frames[back.frame_index(&frame.name).unwrap()];
@@ -90,7 +90,7 @@ fn round_trips() {
         }
         assert!(back == arm || written.report.iter().any(|line| line.starts_with("added")));
         assert_eq!(back.to_urdf().text, written.text);
-        // For other readers the robot is the same up to a few roundings, because the added attributes change only the last digits.
+        // Other readers ignore the additional attributes. They must obtain the same robot up to a few roundings.
         let plain = read(&without(&written.text, &["rotation", "parameters"])).unwrap();
         for (a, b) in arm.joints.iter().zip(&plain.joints) {
             close(&a.name, &b.parameters, &a.parameters, 1e-14, 1.0);
@@ -101,7 +101,7 @@ fn round_trips() {
     }
 }
 
-/// The text without all attributes of these names.
+/// Return the text without all attributes of these names.
 fn without(text: &str, attributes: &[&str]) -> String {
     attributes.iter().fold(text.to_string(), |text, name| {
         let attribute = format!(" {name}=\"");
@@ -140,7 +140,7 @@ fn odd_names_survive() {
     assert_eq!(arm.frames[0].name, "x <\"\ty");
     let back = read(&arm.to_urdf().text).unwrap();
     assert_eq!((back.name, back.frames, back.joints[0].name.as_str()), (arm.name, arm.frames, "j>"));
-    // Without an axis a joint rotates about x, and without limits it has none. Its body has no mass, which is in the report.
+    // A joint without an axis rotates about x. A joint without limits has infinite limits. The report mentions that its body has no mass.
     assert_eq!((arm.joints[0].axis, arm.joints[0].limits.lower), ([1.0, 0.0, 0.0], f64::NEG_INFINITY));
     assert!(arm.report.iter().any(|line| line.contains("zero mass") && line.contains("j>")));
 }
@@ -242,7 +242,7 @@ fn the_bounds_themselves_are_plausible() {
     let arm = read(&format!("<robot><link name='a'/>{body}{}</robot>", joint("j", "revolute", "a", "b", inside))).unwrap();
     assert_eq!(arm.joints[0].axis, [0.0, 0.0, 1.0]);
     assert!(arm.joints[0].parameters.iter().all(|x| x.is_finite()));
-    // A sum of offsets beyond the bounds is allowed. The writer reports that a reader refuses it.
+    // The sum of offsets may exceed the limits. The writer reports that a reader would refuse such an origin.
     let origin = "<origin xyz='1e6 0 0'/>";
     let long = format!("{LINKS}{}{}</robot>", joint("j1", "fixed", "a", "b", origin), joint("j2", "fixed", "b", "c", origin));
     let written = read(&long).unwrap().to_urdf();
@@ -257,7 +257,7 @@ fn a_late_declaration_is_forgiven() {
     let plain = read(&format!("{declaration}{rest}")).unwrap();
     for before in ["\n", " \t\r\n", "<!-- a comment -->\n", "\n<!-- one -->\n<!-- <?xml ?> two -->", "\u{feff}\n", "\u{feff}"] {
         assert_eq!(read(&format!("{before}{declaration}{rest}")).unwrap(), plain, "{before:?}");
-        // The lines of errors do not change.
+        // The line numbers of errors must not change.
         let error = read(&format!("{before}{declaration}\n<robot>\n<link/></robot>")).unwrap_err();
         let lines = before.matches('\n').count() as u32;
         assert!(matches!(&error, Error::Model { line, .. } if *line == lines + 4), "{error:?}");
@@ -329,7 +329,7 @@ fn root_and_tip_cut_the_tree() {
     let arm = cut(Some("column"), Some("left_fore")).unwrap();
     assert_eq!(names(arm.joint_names()), ["left_shoulder_pitch", "left_elbow"]);
     assert_eq!(arm.frames[0].name, "column");
-    // The same sub-chain from the arm, and the placement relative to the new base.
+    // Compare with the sub-chain of the complete arm, including the placement relative to the new base.
     let again = example("two_arms").sub_chain(Some("column"), Some("left_fore")).unwrap();
     assert_eq!(names(again.joint_names()), names(arm.joint_names()));
     assert_eq!((again.joints[0].placement, again.parameters()), (arm.joints[0].placement, arm.parameters()));

@@ -1,4 +1,4 @@
-//! The URDF reader on unusual files: mutants, and chains of many links.
+//! Tests of the URDF reader on unusual files: mutated examples, and chains of many links.
 
 use crate::arm_common::Rng;
 use crate::arm_urdf::{dynamics, joint, read};
@@ -6,7 +6,7 @@ use armlet_core::arm::EXAMPLES;
 use armlet_core::error::Error;
 use std::time::{Duration, Instant};
 
-/// A robot with a chain of `n` links.
+/// Return a robot whose links form a chain of `n` links.
 fn chain(kind: &str, n: usize) -> String {
     let mut text = String::from("<robot name='long'>\n<link name='l0'/>\n");
     for k in 1..n {
@@ -16,8 +16,8 @@ fn chain(kind: &str, n: usize) -> String {
     text + "</robot>"
 }
 
-/// A chain of 16 times as many links takes 16 times as long if each link costs the same. It takes some 100 times as long if each link
-/// searches all others. The least times of several trials are compared, so other work on the machine has little effect.
+/// If each link costs the same, a chain with 16 times as many links takes 16 times as long. If each link searches all others, it takes
+/// about 100 times as long. The test compares the shortest times of several trials, so that other work on the machine has little effect.
 #[test]
 fn long_chains_take_time_in_proportion() {
     const SIZES: [usize; 2] = [2_500, 40_000];
@@ -43,10 +43,11 @@ fn long_chains_take_time_in_proportion() {
     }
 }
 
-/// Bytes are changed, cut or doubled, and words replaced by difficult ones. The reader soon returns an arm or a `ModelError`.
+/// Bytes are changed, removed or duplicated, and words are replaced by difficult ones. The reader must soon return an arm or a
+/// `ModelError`.
 #[test]
 fn mutants_do_no_harm() {
-    // With optimisation, as in `make test`: 100,000. ARMLET_URDF_MUTANTS sets another number.
+    // With optimisation, as in `make test`, there are 100,000 mutants. ARMLET_URDF_MUTANTS sets another number.
     let usual = if cfg!(debug_assertions) { 5_000 } else { 100_000 };
     let count: usize = std::env::var("ARMLET_URDF_MUTANTS").ok().and_then(|n| n.parse().ok()).unwrap_or(usual);
     const SHARES: usize = 4;
@@ -57,11 +58,11 @@ fn mutants_do_no_harm() {
     let read_well: usize = shares.iter().map(|share| share.0).sum();
     let slowest = shares.iter().map(|share| share.1).max().unwrap();
     assert!(slowest < Duration::from_secs(1), "{slowest:?}");
-    // Both outcomes must occur. Otherwise the mutator tests nothing.
+    // Both outcomes must occur often. Otherwise the mutants test nothing.
     assert!(read_well > count / 20 && read_well < count - count / 20, "{read_well} of {count}");
 }
 
-/// The number of mutants that were read as arms, and the longest time for one mutant.
+/// Return the number of mutants that were read as arms, and the longest time for one mutant.
 fn mutants(seed: u64, count: usize) -> (usize, Duration) {
     const WORDS: [&str; 18] = [
         "nan",
@@ -94,7 +95,7 @@ fn mutants(seed: u64, count: usize) -> (usize, Duration) {
         match read(&text) {
             Ok(arm) => {
                 read_well += 1;
-                // An arm that was read can be used and written.
+                // An arm that was read must be usable, and the writer must accept it.
                 let (m, _) = dynamics(&arm, &vec![0.3; arm.n()]);
                 assert_eq!(m.len(), arm.n() * arm.n());
                 let written = arm.to_urdf();
@@ -136,7 +137,7 @@ fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
             text.replace_range(first..last, "");
         }
         4..=6 => {
-            // Change one digit, which usually gives another valid robot.
+            // Change one digit. The result is usually another valid robot.
             let digits: Vec<usize> = text.bytes().enumerate().filter(|(_, b)| b.is_ascii_digit()).map(|(at, _)| at).collect();
             if !digits.is_empty() {
                 let at = digits[rng.below(digits.len())];
@@ -144,7 +145,7 @@ fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
             }
         }
         _ => {
-            // Double a line, which gives duplicates and second elements.
+            // Duplicate a line, which creates duplicate names and second elements.
             let lines: Vec<&str> = text.lines().collect();
             if !lines.is_empty() {
                 let k = rng.below(lines.len());

@@ -1,4 +1,4 @@
-//! The planar 2R arm with elastic joints: programs against direct evaluation, with the same steps, states and monitors.
+//! Tests of the planar 2R arm with elastic joints. Programs and direct evaluation must give the same steps, states and monitors.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::Model;
@@ -24,7 +24,8 @@ fn stiff(relative: bool) -> (PlantSpec, LawSpec) {
     (PlantSpec::Elastic(plant), LawSpec::ElasticImpedance(ElasticImpedanceSpec { outer, inner }))
 }
 
-/// 0.3 s from a moving start. With `steps` the force is piecewise constant, which a program can read. Otherwise it is a function of time.
+/// Return a run of 0.3 s from a moving start. With `steps` the force is piecewise constant, and programs can read it. Otherwise it is a
+/// function of time.
 fn run(relative: bool, method: Method, monitors: bool, steps: bool) -> Run {
     let (plant, law) = stiff(relative);
     let force = if steps { Force::steps(vec![0.0], vec![WRENCH]).unwrap() } else { Force::Signal(Arc::new(|_| Some(WRENCH))) };
@@ -47,21 +48,21 @@ fn run(relative: bool, method: Method, monitors: bool, steps: bool) -> Run {
     run
 }
 
-/// Largest difference of two series, relative to the largest entry.
+/// Return the largest difference of two series, relative to the largest entry.
 fn differ(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let size = a.iter().fold(1e-300f64, |most, x| most.max(x.abs()));
     a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs() / size))
 }
 
-/// The rounding error of a monitor: 1e-10 of positions times 1e5 N m/rad for torques; 1e-8 J for energies of 20 J.
+/// Return the rounding error of a monitor. Torques: 1e-10 of positions, multiplied with 1e5 N m/rad. Energies of 20 J: 1e-8 J.
 fn rounding(monitor: &str) -> f64 {
     if monitor == "torque_error" { 1e-5 } else { 1e-8 }
 }
 
-/// A wrong derivative changes a run of a Rosenbrock method by its tolerance of 1e-6. With correct ones only rounding remains: 500 steps at
-/// 1e5 N m/rad raise it to 1e-10, and for rates to 1e-8. The law multiplies the rounding of spring torques by B/B0 = 5000, which gives 1e-5
-/// of the torque.
+/// A wrong derivative would change a run of a Rosenbrock method by its tolerance of 1e-6. With correct derivatives, only rounding errors
+/// remain. In 500 steps with 1e5 N m/rad, they grow to 1e-10, and to 1e-8 for rates. The law multiplies the rounding error of spring
+/// torques by B/B0 = 5000. This is 1e-5 of the torque.
 #[test]
 fn forces_in_steps_and_as_functions_give_the_same_steps() {
     for relative in [false, true] {
@@ -88,7 +89,7 @@ fn forces_in_steps_and_as_functions_give_the_same_steps() {
     }
 }
 
-/// The motion does not depend on the monitors or the step control. The energy balance holds within the error of the method.
+/// The motion must not depend on the monitors or the step control. The energy balance must be zero within the error of the method.
 #[test]
 fn monitors_do_not_disturb_a_run() {
     let plain = run(false, Method::Dop853, false, true);
@@ -96,18 +97,18 @@ fn monitors_do_not_disturb_a_run() {
     assert_eq!((plain.steps, plain.rejections), (watched.steps, watched.rejections));
     assert!(differ(&plain.q, &watched.q) < 1e-13);
     let general = run(false, Method::Dop853, true, false);
-    // The steps of an explicit method remain at the limit of stability, where rounding changes their lengths. So the two loops agree only
-    // to rtol 1e-6 of 20 J. Torque errors are those of springs times B/B0 = 5000.
+    // The steps of an explicit method remain at the limit of stability, where rounding changes their sizes. So the two loops agree only up
+    // to rtol 1e-6 of 20 J. Errors of torques are errors of springs, multiplied with B/B0 = 5000.
     for ((name, a), (_, b)) in watched.monitors.iter().zip(&general.monitors) {
         let tolerance = if *name == "torque_error" { 2e-2 } else { 1e-6 };
         assert!(a.iter().zip(b).all(|(x, y)| (x - y).abs() < tolerance), "{name}: {a:?} {b:?}");
     }
     let (_, balance) = watched.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
-    // At rtol 1e-6 the balance of 20 J holds to 1e-5 J.
+    // At rtol 1e-6, the error of the balance of 20 J is below 1e-5 J.
     assert!(balance.iter().all(|b| b.abs() < 1e-5), "{balance:?}");
 }
 
-/// A row of a monitored batch equals the monitored run.
+/// A row of a monitored batch must equal the monitored run.
 #[test]
 fn batches_are_monitored_in_lanes() {
     let (plant, law) = stiff(true);
@@ -144,6 +145,6 @@ fn batches_are_monitored_in_lanes() {
             assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < rounding(name)), "{name}: {series:?} {row:?}");
         }
     }
-    // Motors at 3e4 rad/s in steps of 2 us: the error of order 4, relative to 20 J.
+    // The motors move at 3e4 rad/s with steps of 2 us. The tolerance is the error of order 4, relative to 20 J.
     assert!(one.monitors[2].1.iter().all(|b| b.abs() < 1e-6), "{:?}", one.monitors[2]);
 }

@@ -1,4 +1,5 @@
-//! System 3 against `oracle_ex3_elastic_public.json`, 25 digits: outputs of laws, trajectories by every method, equilibria, limits.
+//! Tests of elastic joints against `oracle_ex3_elastic_public.json` with 25 digits. They compare outputs of laws, trajectories of every
+//! method, equilibria and limits.
 
 use crate::arm_common::{numbers, vectors};
 use armlet_core::analysis::elastic_limits::{smallest_reduced_inertia, stiffness_limit, stiffness_scale};
@@ -20,7 +21,7 @@ fn matrix(name: &str, value: &Value) -> Gain {
     Gain::full(name, 2, value.as_array().unwrap().iter().flat_map(numbers).collect()).unwrap()
 }
 
-/// Plant and law of a case, with scaled stiffness, damping and reduced inertia.
+/// Return plant and law of a case, with scaled damping and reduced inertia.
 fn scaled(input: &Value, [b0, d_m]: [f64; 2]) -> (PlantSpec, LawSpec) {
     let r = |key: &str| numbers(&input["robot"][key])[0];
     let pair = |key: &str| vec![r(&format!("{key}1")), r(&format!("{key}2"))];
@@ -88,7 +89,7 @@ fn trajectories() {
         let t_end = *times.last().unwrap();
         let samples = case["expected"]["samples"].as_array().unwrap();
         let names = ["q", "qd", "theta", "thetad"];
-        // Order 4 at 0.1 ms, for modes up to 300/s, and the stiff method at 1e-11.
+        // RK4 has steps of 0.1 ms, for modes up to 300/s. The stiff method has the tolerance 1e-11.
         for (method, monitors) in [
             (Method::Rk4, true),
             (Method::Rk4, false),
@@ -124,7 +125,7 @@ fn trajectories() {
                         tolerance,
                     );
                 }
-                // A state error changes the torque by up to B/B0 K_J = 40 000 times as much.
+                // An error of the state changes the torque by up to B/B0 K_J = 40 000 times this error.
                 close("tau", &run.tau[2 * k..2 * k + 2], &numbers(&sample["tau"]), 4e4 * tolerance);
             }
             if method == Method::Rk4 && !monitors {
@@ -170,8 +171,8 @@ fn limits() {
     for entry in entries("zoh_limit") {
         let get = |key: &str| entry[key].as_f64().unwrap();
         let got = smallest_reduced_inertia(get("B"), get("K_J"), get("dt"), f64::INFINITY, 1.0).unwrap();
-        // Near the limit the spectral radius hardly depends on B0. So the error of the root is the rounding error of the eigenvalues over
-        // the slope.
+        // Near the limit, the spectral radius hardly depends on B0. So the error of the root is the rounding error of the eigenvalues,
+        // divided by the slope.
         assert!((got / get("B0_min") - 1.0).abs() < 1e-7, "{entry}: {got}");
     }
     for entry in entries("routh_1dof") {
@@ -181,7 +182,8 @@ fn limits() {
     }
     let input = &cases(&file, "trajectory")[0]["input"];
     for entry in entries("km_scaling_limit") {
-        // A law requires positive definite damping. So "none" is 1e-9 of it, which changes kappa by the same fraction.
+        // A law requires positive definite damping. So zero damping is replaced by the fraction 1e-9, which changes kappa by the same
+        // fraction.
         for (name, share) in [("Dm_x1", 1.0), ("Dm_x02", 0.2), ("Dm_0", 1e-9)] {
             let (plant, law) = scaled(input, [entry["B0_over_B"].as_f64().unwrap(), share]);
             let frame = law.coordinates().map(|c| c.frame);

@@ -1,4 +1,4 @@
-//! The programs of five loops for NEON, which `make test-aarch64` runs in an emulator.
+//! Writes the NEON programs of five loops, which `make test-aarch64` runs in an emulator.
 
 use crate::harness::{self, Cases};
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -18,7 +18,7 @@ use armlet_core::trace::{Engine, Frame, Part, Program, Scratch};
 use std::sync::Arc;
 
 const STEP: f64 = 1e-3;
-/// Number of iterations along a stream.
+/// The number of iterations along a stream.
 const TURNS: usize = 3;
 
 fn gain(n: usize, k: f64) -> Gain {
@@ -40,13 +40,13 @@ fn adaptive(model: &Model) -> LawSpec {
     LawSpec::Adaptive(AdaptiveSpec::new(model.clone(), motion, gain(n, 40.0), gain(n, 20.0), gamma, None, None).unwrap())
 }
 
-/// A Cartesian impedance of the tip's position.
+/// Return a Cartesian impedance law for the position of the tip.
 fn impedance(model: &Model, frame: &str) -> CartesianImpedanceSpec {
     let target = Motion::hold(vec![0.4, 0.2, 0.5]).unwrap();
     CartesianImpedanceSpec::new(model.clone(), target, gain(3, 300.0), gain(3, 60.0), frame, "xyz").unwrap()
 }
 
-/// PR adaptive, planar 4R computed torque, six-axis impedance, seven-axis adaptive, seven-axis elastic impedance.
+/// Return five loops: PR adaptive, planar 4R computed torque, six-axis impedance, seven-axis adaptive, seven-axis elastic impedance.
 fn loops() -> Vec<(PlantSpec, LawSpec)> {
     let of = |name: &str| (Model::Tree(Arc::new(arm(name))), arm(name).frame_names().last().unwrap().to_owned());
     let rigid = |model: &Model| PlantSpec::Rigid(RigidSpec::new(model.clone()));
@@ -82,12 +82,12 @@ fn options() -> Options {
     }
 }
 
-/// Numbers of order one. None of them is zero or one.
+/// Return a number of order one that is neither zero nor one.
 fn number(k: usize) -> f64 {
     (0.7 * k as f64 + 0.3).sin()
 }
 
-/// A program on a frame that starts with the numbers of `inputs`. The emulator must reproduce the result of portable evaluation.
+/// Add a program with a frame that starts with `inputs`. The emulator must reproduce the result of portable evaluation.
 fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, inputs: &[f64]) {
     let (emitted, portable) = (emit::<Assembler>(program, form, scratch.free), Program::of(program, scratch.free, form, Engine::Portable));
     let [mut frame, mut expected] = [emitted.slots, portable.slots()].map(|slots| Frame::new(slots.max(scratch.free), form.lanes()));
@@ -101,7 +101,7 @@ fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, 
         None => portable.run(&mut expected),
         Some(Stream { first, count, .. }) => {
             portable.run_along(&mut expected, desired.numbers(), turns);
-            // The machine code does not change these slots.
+            // The machine code does not write to these slots.
             (first..first + count)
                 .for_each(|slot| [&mut frame, &mut expected].into_iter().for_each(|frame| frame.fill(slot as usize, 0.0)));
         }
@@ -111,7 +111,7 @@ fn add(cases: &mut Cases, (program, scratch): (&Straight, Scratch), form: Form, 
     cases.add(&emitted.bytes, frame.numbers(), &emitted.constants, (desired.numbers(), turns), expected);
 }
 
-/// Every program of every loop, for one run and for lanes.
+/// Write every program of every loop, for one run and for lanes.
 #[test]
 fn loops_are_written_for_the_emulator() {
     let (mut cases, mut spilling) = (Cases::default(), 0);

@@ -1,4 +1,4 @@
-//! The examples with an arm complete, and their assertions hold.
+//! Runs the examples with an arm, and checks their assertions.
 
 #[path = "../../examples/computed_torque.rs"]
 mod computed_torque;

@@ -1,4 +1,4 @@
-//! No method allocates after its construction: steps, dense output and events.
+//! Tests that no method allocates after its construction: in steps, dense output and events.
 
 use crate::counting::counted;
 use crate::integrate_support::*;

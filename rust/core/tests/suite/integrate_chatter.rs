@@ -1,4 +1,4 @@
-//! Chattering ends a run within its budget. Smooth but steep slopes, rounding errors and single jumps do not end it.
+//! Tests of chattering, which must end a run within its budget. Steep smooth slopes, rounding errors and single jumps must not end a run.
 
 use crate::integrate_support::*;
 use armlet_core::scalar::{Real, sign};
@@ -6,7 +6,7 @@ use armlet_core::status::Status;
 
 const BUDGET: u64 = 2_000;
 
-/// Two states slide along `x_0 = 0` and `x_1 = 0.3`.
+/// Two states that slide along `x_0 = 0` and `x_1 = 0.3`.
 struct Switch;
 impl Problem for Switch {
     const N: usize = 2;
@@ -22,7 +22,7 @@ impl Problem for Switch {
     }
 }
 
-/// The sign function with a layer of width 1e-5, in which an explicit method needs tiny steps.
+/// A smooth sign function with a layer of width 1e-5, in which an explicit method needs tiny steps.
 struct Steep;
 impl Problem for Steep {
     const N: usize = 1;
@@ -37,7 +37,7 @@ impl Problem for Steep {
     }
 }
 
-/// `x = cos t` with such a high stiffness that the rounding error of `x` changes the slope by 2e-4.
+/// The solution is `x = cos t`. The stiffness is so high that the rounding error of `x` changes the slope by 2e-4.
 struct Noisy;
 impl Problem for Noisy {
     const N: usize = 1;
@@ -53,7 +53,7 @@ impl Problem for Noisy {
     }
 }
 
-/// A triangular wave: the slope jumps 64 times, and the solution continues.
+/// A triangular wave. The slope jumps 64 times, and the solution continues after each jump.
 struct Wave;
 impl Problem for Wave {
     const N: usize = 2;
@@ -76,7 +76,7 @@ fn a_slide_along_a_jump_ends_within_the_budget() {
             let mut method = adaptive::<Switch>(name, rtol, atol);
             let status = run(&mut method, 0.0, 10.0);
             assert!(matches!(status, Err(Status::Stalled | Status::StepUnderflow)), "{name} {rtol}: {status:?}");
-            // The run takes less than a thousand attempts before the jump.
+            // Before the jump, the run takes fewer than a thousand attempts.
             let work = method.work();
             assert!(work.steps + work.rejections < BUDGET + 1_000, "{name} {rtol}: {work:?}");
         }

@@ -1,10 +1,10 @@
-//! Every method of `integrate` on the same problems: order, dense output, ends, Jacobians.
+//! Tests of every integration method on the same problems: order, dense output, ends, Jacobians.
 
 use crate::integrate_support::*;
 use armlet_core::integrate::*;
 use armlet_core::status::Status;
 
-/// The observed order: the slope of the last two errors as steps are halved.
+/// Return the observed order: the binary logarithm of the ratio of errors for the steps `h` and `h / 2`.
 fn order(error: impl Fn(f64) -> f64, h: f64) -> f64 {
     (error(h) / error(h / 2.0)).log2()
 }
@@ -19,7 +19,7 @@ fn fixed_error<P: Exact>(name: &str, t_end: f64, h: f64) -> f64 {
     distance(&x, &P::exact(t_end))
 }
 
-/// The largest error at the ends of steps of length `h`, and the largest error of the dense output.
+/// Return the largest error at the ends of steps of size `h`, and the largest error of the dense output.
 fn adaptive_errors<P: Exact + 'static>(name: &str, t_end: f64, h: f64) -> (f64, f64) {
     let mut method = adaptive::<P>(name, 1e6, 1e6);
     let mut system = twin::<P>();
@@ -43,8 +43,8 @@ fn adaptive_errors<P: Exact + 'static>(name: &str, t_end: f64, h: f64) -> (f64, 
     (ends, dense)
 }
 
-// At these step lengths the leading term of the error dominates both the next term and rounding. The tolerance 0.1 is a requirement of the
-// project.
+// At these step sizes, the leading term of the error is much larger than the next term and than rounding. The tolerance 0.1 is a
+// requirement of the project.
 #[test]
 fn methods_have_their_order() {
     for (name, expected, h) in
@@ -65,7 +65,7 @@ fn methods_have_their_order() {
     }
 }
 
-/// The polynomial of degree d has a local error of order d + 1. So the largest error decreases as h^(d + 1), if the method is accurate
+/// A polynomial of degree d has a local error of order d + 1. So the largest error decreases with h^(d + 1), if the method is accurate
 /// enough.
 #[test]
 fn dense_outputs_have_their_order() {
@@ -84,7 +84,7 @@ fn errors_fall_with_the_tolerance() {
             let mut method = adaptive::<Circle>(name, rtol, rtol);
             run(&mut method, 0.0, 10.0).unwrap();
             let error = distance(method.x(), &Circle::exact(10.0));
-            // On this neutrally stable problem the global error is a moderate multiple of the tolerance.
+            // This problem is neutrally stable. Its global error is a moderate multiple of the tolerance.
             assert!(error < 100.0 * rtol && error < last / 10.0, "{name} {rtol:e}: {error:e}");
             last = error;
         }
@@ -100,7 +100,7 @@ fn symplectic_euler_keeps_its_invariant() {
     for k in 0..10_000 {
         method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
     }
-    // The rounding error of 1e4 steps.
+    // The tolerance is the rounding error of 1e4 steps.
     assert!((invariant(&x) - before).abs() < 1e-11);
     assert!(SemiImplicit::new::<f64, _>(&twin::<Circle>(), Circle::start(), 0.0).is_err());
 }
@@ -123,7 +123,7 @@ fn jacobians_by_duals_match_central_differences() {
         down[k] -= eps;
         let (up, down) = (f(t, &up), f(t, &down));
         for i in 0..10 {
-            // The rounding error over eps: 1e-16 / 1e-6.
+            // The tolerance is the rounding error divided by eps: 1e-16 / 1e-6.
             assert!((j[i * 10 + k] - (up[i] - down[i]) / (2.0 * eps)).abs() < 1e-8, "{i} {k}");
         }
     }
@@ -133,8 +133,8 @@ fn jacobians_by_duals_match_central_differences() {
     }
 }
 
-/// `x' = -1e6 (x - cos t)` at h = 1 ms: the transient of a pole with h lambda = -1000 vanishes in a few steps, and the slow solution
-/// remains.
+/// `x' = -1e6 (x - cos t)` with steps of 1 ms. The transient of the pole with h lambda = -1000 vanishes in a few steps. Only the slow
+/// solution remains.
 struct Stiff;
 impl Problem for Stiff {
     const N: usize = 1;
@@ -153,11 +153,11 @@ fn ros2_damps_what_it_cannot_resolve() {
     for k in 0..1000 {
         method.step(&mut system, k as f64 * h, h, (k + 1) as f64 * h, &mut x);
     }
-    // The slow manifold is cos t + O(1e-6). The method adds an error O(h^2) = 1e-6.
+    // The slow solution is cos t + O(1e-6). The method adds an error O(h^2) = 1e-6.
     assert!((x[0] - 1f64.cos()).abs() < 1e-5, "{}", x[0] - 1f64.cos());
 }
 
-/// A right-hand side that is not finite after some time, or where the state is large.
+/// A right-hand side that is not finite after some time, or for large states.
 struct Bad<const KIND: u8>;
 impl<const KIND: u8> Problem for Bad<KIND> {
     const N: usize = 2;
@@ -168,7 +168,7 @@ impl<const KIND: u8> Problem for Bad<KIND> {
             0 => dx[0] = S::splat(f64::NAN),
             1 if t.lane(0) > 0.5 => dx[1] = S::splat(f64::NAN),
             2 if t.lane(0) > 0.5 => dx[1] = S::splat(f64::INFINITY),
-            // x = 1 / (1 - t)
+            // The solution is x = 1 / (1 - t).
             3 => (dx[0], dx[1]) = (x[0] * x[0], S::zero()),
             _ => {}
         }
@@ -199,14 +199,14 @@ fn what_is_not_finite_ends_with_a_status() {
         let mut method = adaptive::<Oscillator>(name, 1e-8, 1e-10);
         method.x_mut()[0] = f64::NAN;
         assert_eq!(run(&mut method, 0.0, 1.0), Err(Status::Diverged), "{name}");
-        // A span of zero has no step.
+        // A time span of zero has no step.
         let mut method = adaptive::<Oscillator>(name, 1e-8, 1e-10);
         assert_eq!(run(&mut method, 1.0, 1.0), Ok(()), "{name}");
         assert_eq!((method.work().steps, method.x()[0]), (0, 1.0));
     }
 }
 
-/// Free fall onto an elastic floor. Events stop the run, the state jumps, and the run continues.
+/// Free fall onto an elastic floor. An event stops the run, the state jumps, and the run continues.
 struct Fall;
 impl Problem for Fall {
     const N: usize = 2;
@@ -227,7 +227,7 @@ fn events_stop_and_runs_go_on_after_jumps() {
         let mut method = adaptive::<Fall>(name, 1e-10, 1e-12);
         let mut height = |_: usize, _: f64, x: &[f64]| x[0];
         let (mut t, mut at, g) = (0.0, Fall::start(), 9.81f64);
-        // The speed after a bounce equals the speed before it, so the period is constant: one fall before the first bounce, then 2 falls
+        // The speed after a bounce equals the speed before it. So the period is constant: one fall before the first bounce, then two falls
         // each.
         let fall = (2.0 / g).sqrt();
         for k in 0..5 {
@@ -242,11 +242,11 @@ fn events_stop_and_runs_go_on_after_jumps() {
                 assert!(!done, "{name} misses the floor");
             };
             let expected = fall * (2 * k + 1) as f64;
-            // The parabola is exact for every method. Only rounding remains, magnified by the few steps of each flight.
+            // Every method computes a parabola exactly. Only rounding errors remain, which grow in the few steps of each flight.
             assert!((hit - expected).abs() < 1e-12 * (k + 1) as f64, "{name} {k}: {:e}", hit - expected);
             method.interpolate(&mut system, hit, &mut at);
             assert!(at[0] <= 0.0 && at[0] > -1e-13, "{name}: {:e}", at[0]);
-            // Rounding may leave the state beyond the floor. So the new monitor keeps no sign, or the old one, until the height is
+            // Rounding may leave the state below the floor. So the event detection stores no sign, or the old one, until the height is
             // positive.
             method.x_mut().copy_from_slice(&[0.0, -at[1]]);
             t = hit;
@@ -254,7 +254,8 @@ fn events_stop_and_runs_go_on_after_jumps() {
     }
 }
 
-/// A link on an elastic joint under motor-inertia reduction, K = 1e6 N m/rad, B0 = 1e-5: poles at 3e5 rad/s, an outer loop at 10.
+/// A link with an elastic joint under motor-inertia reduction. K = 1e6 N m/rad and B0 = 1e-5 give poles at 3e5 rad/s. The outer loop has 10
+/// rad/s.
 struct Elastic;
 impl Problem for Elastic {
     const N: usize = 4;
@@ -286,7 +287,8 @@ fn ros2_takes_elastic_joints_at_a_millisecond() {
         distance(&x[..2], &exact.x()[..2])
     };
     let errors = [1e-3, 5e-4, 2.5e-4].map(error);
-    // The motion has 1 rad and 5 rad/s. At 1 ms the error is (10 h)^2 of that. It decreases almost with order 2 beyond the fast poles.
+    // The motion has 1 rad and 5 rad/s. At 1 ms the error is (10 h)^2 of the motion. It decreases almost with order 2, although the poles
+    // are faster.
     assert!(errors[0] < 5e-4, "{errors:?}");
     assert!((errors[0] / errors[2]).log2() > 3.0, "{errors:?}");
 }

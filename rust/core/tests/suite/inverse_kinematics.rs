@@ -1,4 +1,4 @@
-//! Inverse kinematics from random starts, and its report about unreachable poses.
+//! Tests of inverse kinematics from random starts, and of its report for unreachable poses.
 
 use crate::arm_common::Rng;
 use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinematics};
@@ -11,7 +11,7 @@ fn arm(name: &str) -> Arm {
     Arm::from_urdf(example_urdf(name).unwrap(), name, STANDARD_GRAVITY, None, None).unwrap()
 }
 
-/// The pose of the last frame at `q`, as a goal that is reachable.
+/// Return the pose of the last frame at `q` as a goal, which is reachable.
 fn goal_at(arm: &Arm, q: &[f64], axes: &str) -> Goal {
     let last = arm.frame_names().last().unwrap().to_string();
     let function = TaskFunction::frame(arm, &last, axes).unwrap();
@@ -50,7 +50,7 @@ fn reachable_poses_are_reached_within_the_limits() {
                 reached += 1;
             }
         }
-        // 50 random starts. If one start in eight reaches a pose, all starts miss it once in 900.
+        // There are 50 random starts. If one start in eight reaches a pose, all starts fail once in 900 poses.
         assert!(reached == 60, "{name}: {reached} of 60");
     }
 }

@@ -1,4 +1,4 @@
-//! A step of a closed loop allocates nothing: a run of more steps does not make more allocations.
+//! Tests that a step of a closed loop allocates nothing: runs with more steps must not make more allocations.
 
 use crate::counting::counted;
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -19,7 +19,7 @@ fn sinusoid(n: usize) -> Motion {
     Motion::Sinusoid(Sinusoid::new(vec![0.1; n], 1, vec![0.3; n], vec![1.5; n], vec![0.0; n]).unwrap())
 }
 
-/// The allocations of a run of `steps` steps of 1 ms, which records only its end, or every step.
+/// Return the number of allocations of a run with `steps` steps of 1 ms. It records only its end, or every step.
 fn allocations(
     plant: &PlantSpec,
     law: &LawSpec,
@@ -60,7 +60,7 @@ fn allocations(
     count
 }
 
-/// Adaptive control with diagonal or full adaptation gains.
+/// Return adaptive control with diagonal or full adaptation gains.
 fn adaptive(model: &Model, diagonal: bool) -> LawSpec {
     let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
     let (n, p) = (model.n(), model.parameter_count());
@@ -120,18 +120,18 @@ fn steps_allocate_nothing() {
         ("impedance under a force", rigid(&two), impedance, Some(&push)),
     ];
     for (what, plant, law, force) in &cases {
-        // Unreachable targets make these laws switch between maps. An adaptive method would locate every switch.
+        // Unreachable targets make these laws switch between solutions. An adaptive method would locate every switch.
         let methods: &[Method] = if what.ends_with("in priority") { &[Method::Rk4] } else { &[Method::Rk4, Method::Dop853] };
         for &method in methods {
-            // Records of accepted steps enlarge their arrays, so they are excluded.
+            // Records of accepted steps enlarge their arrays. They are therefore excluded.
             let ways: &[_] = if method == Method::Rk4 {
                 &[(None, false), (None, true), (Some(0.002), false), (Some(0.002), true)]
             } else {
                 &[(None, false), (Some(0.002), false)]
             };
             for &(sample, every) in ways {
-                // With an unreachable target, accelerations held for 2 ms make the arm diverge. Rounding decides when, so the runs are
-                // short.
+                // With an unreachable target, accelerations that are held for 2 ms make the arm diverge. The time depends on rounding, so
+                // that the runs are short.
                 let steps = match method {
                     _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
                     // Both runs are long enough to use programs.
@@ -140,7 +140,7 @@ fn steps_allocate_nothing() {
                 };
                 // The first run makes the programs of the loop.
                 allocations(plant, law, *force, method, (sample, every), steps[1]);
-                // Other tests fill the store of programs at the same time. The least of three runs excludes runs that make their program
+                // Other tests fill the store of programs at the same time. The minimum of three runs excludes runs that make their program
                 // again.
                 let least = |steps| (0..3).map(|_| allocations(plant, law, *force, method, (sample, every), steps)).min();
                 let [few, many] = steps.map(least);
@@ -152,7 +152,7 @@ fn steps_allocate_nothing() {
     elastic_steps_allocate_nothing(two);
 }
 
-/// Elastic joints with torque sensors at the sampling times, moving into a stop.
+/// Test elastic joints with torque sensors at the sample times, moving into a stop.
 fn elastic_steps_allocate_nothing(two: Model) {
     let gain = |n: usize, k: f64| Gain::scalar("gain", n, k).unwrap();
     let stops = Stops::new(vec![-3.0; 2], vec![0.21, 3.0], vec![1e3; 2], vec![10.0; 2]).unwrap();

@@ -1,4 +1,4 @@
-//! The derivatives of every closed loop, by programs and by dual numbers, against central differences of order 6 of its rates.
+//! Tests of the derivatives of every closed loop, from programs and from dual numbers, against central differences of order 6 of the rates.
 
 use armlet_core::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use armlet_core::dynamics::Model;
@@ -17,20 +17,22 @@ use std::sync::Arc;
 
 const N: usize = 6;
 const FRAME: &str = "flange";
-/// The instant at which the derivatives are taken, s.
+/// The time at which derivatives are computed, s.
 const T: f64 = 0.3;
-/// Step of the differences in a state or in time. The truncation error is some 1e-17 of a seventh derivative, the rounding error 2e-16 / H.
+/// The step of differences in a state or in time. The truncation error is about 1e-17 of a seventh derivative. The rounding error is 2e-16
+/// / H.
 const H: f64 = 2e-3;
-/// Step in a parameter. The rate of an estimate has a kink at a boundary, which a longer step may cross, and is a polynomial of low degree.
+/// The step in a parameter. The rate of an estimate has a kink at a boundary, which a larger step may cross. It is a polynomial of low
+/// degree.
 const H_PARAMETER: f64 = 1e-5;
-/// Step in a parameter below the least bodies. The lightest has 1e-5 kg m^2; the rounding error is then 2e-16 / H of a row.
+/// The step in a parameter below the smallest bodies. The smallest has 1e-5 kg m^2. The rounding error is then 2e-16 / H of a row.
 const H_BELOW: f64 = 1e-8;
 
 fn six_axis() -> Model {
     Model::Tree(Arc::new(Arm::from_urdf(example_urdf("six_axis").unwrap(), "six_axis", STANDARD_GRAVITY, None, None).unwrap()))
 }
 
-/// Numbers spread over a range, the same in every run.
+/// Return reproducible numbers that are spread over a range.
 fn numbers(n: usize, offset: f64, scale: f64) -> Vec<f64> {
     (0..n).map(|i| offset + scale * (1.0 + 2.3 * i as f64).sin()).collect()
 }
@@ -39,7 +41,7 @@ fn gain(n: usize, scale: f64) -> Gain {
     Gain::diagonal("gain", (0..n).map(|i| scale * (1.0 + 0.1 * i as f64)).collect()).unwrap()
 }
 
-/// A gain that is not diagonal.
+/// Return a gain that is not diagonal.
 fn full(n: usize, scale: f64) -> Gain {
     Gain::full("gain", n, (0..n * n).map(|k| if k / n == k % n { scale } else { 0.05 * scale }).collect()).unwrap()
 }
@@ -49,7 +51,7 @@ fn moving(offset: Vec<f64>) -> Motion {
     Motion::Sinusoid(Sinusoid::new(offset, 1, vec![0.2; n], numbers(n, 1.5, 0.5), numbers(n, 0.0, 1.0)).unwrap())
 }
 
-/// Rows of the flange's pose at `q`: `[p; log R]`, rotated by `turn` in world axes.
+/// Return the flange's pose at `q`, `[p; log R]`, rotated by the rotation vector `turn` in world axes.
 fn pose(model: &Model, q: &[f64], turn: [f64; 3]) -> Vec<f64> {
     let coordinates = Coordinates::new(model.tree("arm").unwrap(), FRAME, "xyz rx ry rz").unwrap();
     // The error of the flange relative to the base frame is the negative pose.
@@ -65,7 +67,7 @@ struct Case {
     law: LawSpec,
     force: Option<Force>,
     tau_max: Option<Vec<f64>>,
-    /// The law's state at which the derivatives are taken; `None` for its initial state.
+    /// The law's state at which derivatives are computed. `None` selects its initial state.
     estimate: Option<Vec<f64>>,
 }
 
@@ -78,15 +80,15 @@ fn cartesian(model: &Model, target: Motion, axes: &str) -> CartesianImpedanceSpe
     CartesianImpedanceSpec::new(model.clone(), target, full(m, 400.0), full(m, 40.0), FRAME, axes).unwrap()
 }
 
-/// A law of every kind that has derivatives, and every part of a plant. `at` is the position of the arm.
-// Long: a list of loops.
+/// Return loops with a law of every kind that has derivatives, and with every part of a plant. `at` is the position of the arm.
+// The function is long because it is a list of loops.
 fn cases(at: &[f64]) -> Vec<Case> {
     let model = six_axis();
     let rigid = || PlantSpec::Rigid(RigidSpec::new(model.clone()));
     let q_d = numbers(N, 0.1, 0.4);
     let mut all = Vec::new();
 
-    // Orientation errors: zero, below the threshold of the logarithm's series, and every size up to nearly half a turn.
+    // Orientation errors of all sizes: zero, below the threshold of the logarithm's series, and up to nearly 180 degrees.
     for angle in [0.0, 1e-9, 1e-5, 1e-3, 0.1, 1.0, 3.0] {
         let target = Motion::Hold(pose(&model, at, [0.36 * angle, -0.48 * angle, 0.8 * angle]));
         all.push(case(
@@ -130,8 +132,8 @@ fn cases(at: &[f64]) -> Vec<Case> {
     ] {
         all.push(case(name, rigid(), LawSpec::from(law)));
     }
-    // The filtered velocity is 10 rad/s. Then differences over `H` do not cross a limit of the torque, as they would from the initial
-    // state.
+    // The filtered velocity is 10 rad/s here. Differences with the step `H` then do not cross a limit of the torque. At the initial state
+    // they would.
     let behind = at.iter().map(|q| q - 10.0 / 150.0);
     let state = [0.0; N].into_iter().chain(behind).chain([0.0; N]).collect();
     let law = LawSpec::from(pid(moving(q_d.clone()), true, all_of_it()));
@@ -152,7 +154,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("Adaptive, natural", rigid(), LawSpec::Adaptive(adaptive(natural, Some(estimate.clone())))));
     let least: Vec<f64> = truth.iter().map(|x| 0.2 * x).collect();
     let kinds = [JointColumn::Armature, JointColumn::Viscous, JointColumn::Coulomb, JointColumn::Stribeck];
-    // A Stribeck friction that varies over 0.4 rad/s would have a seventh derivative 1e4 times larger, and a truncation error of 5e-9.
+    // A Stribeck friction that varies over 0.4 rad/s has a 1e4 times larger seventh derivative, and a truncation error of 5e-9.
     let columns = JointColumns::new(N, &kinds, vec![1.5; N]).unwrap();
     let (beside, wide) = ([estimate.clone(), vec![0.3; 4 * N]].concat(), Adaptation::Euclidean(gain(p + 4 * N, 0.5)));
     let gains = [gain(N, 60.0), full(N, 20.0)];
@@ -163,7 +165,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     }
     let projected = adaptive(euclidean(), Some(estimate)).projected(Projection::new(p, &least).unwrap()).unwrap();
     all.push(case("Adaptive, projected", rigid(), LawSpec::Adaptive(projected.clone())));
-    // Below the least bodies: equal eigenvalues, different eigenvalues, and parameters that are not physical.
+    // Estimates below the smallest bodies: equal eigenvalues, different eigenvalues, and parameters that are not physical.
     let scaled = |by: &dyn Fn(usize) -> f64| Some(truth.iter().enumerate().map(|(k, x)| by(k) * x).collect::<Vec<f64>>());
     for (what, estimate) in [
         ("equal", scaled(&|_| 0.1)),
@@ -211,7 +213,8 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("JointImpedance", PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
     for online in [false, true] {
         let law = MotorPdSpec::new(model.clone(), &q_d, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
-        // Without a load. Otherwise differences could change the sign of the spring torque, whose magnitude has no derivative at zero.
+        // The friction does not depend on the load here. Otherwise differences could change the sign of the spring torque. Its magnitude
+        // has no derivative at zero.
         let rubbing = elastic().with_friction(lugre(None)).unwrap();
         all.push(case(&format!("MotorPD, LuGre friction, {online}"), PlantSpec::Elastic(rubbing), LawSpec::MotorPd(law.clone())));
         all.push(case(&format!("MotorPD, {online}"), PlantSpec::Elastic(elastic()), LawSpec::MotorPd(law)));
@@ -222,7 +225,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all
 }
 
-/// The largest error of a row, relative to the size of the row: of `df/dx` and of `df/dt`.
+/// Return the largest errors of rows of `df/dx` and of `df/dt`, relative to the size of the row.
 fn worst(
     loops: &mut impl Differentiable<f64, Input = Exogenous<f64>>,
     instant: Exogenous<f64>,
@@ -271,8 +274,8 @@ fn worst(
     (in_state, in_time)
 }
 
-/// The rounding error of the differences is 1e-13 of a row. Cancellation in a loop may raise it a hundredfold. A missing term is 1e-3 or
-/// more. The rate of a desired acceleration is a difference in the loop itself, accurate to 1e-6.
+/// The rounding error of the differences is 1e-13 of a row. Cancellation in a loop may increase it by a factor of 100. A missing term is at
+/// least 1e-3. The rate of a desired acceleration is a difference in the loop itself, accurate to 1e-6.
 #[test]
 fn programs_and_duals_are_the_derivatives_of_every_loop() {
     let at = numbers(N, 0.2, 0.7);
@@ -287,9 +290,9 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
             LawSpec::JointImpedance(_) => 5,
             LawSpec::MotorPd(_) => 6,
             LawSpec::StateFeedback(_) => 7,
-            // These laws have no derivatives, so implicit methods refuse them.
+            // These laws have no derivatives, so that implicit methods refuse them.
             LawSpec::PriorityVelocity(_) | LawSpec::PriorityAcceleration(_) | LawSpec::External(_) => 8,
-            // A reaction needs sampling, where implicit methods hold the input.
+            // A guarded law requires sampling, and implicit methods then hold the input.
             LawSpec::Guarded(_) => 8,
             LawSpec::Pid(_) => 9,
         };
@@ -316,14 +319,14 @@ fn programs_and_duals_are_the_derivatives_of_every_loop() {
                 x[states..states + estimate.len()].copy_from_slice(estimate);
             }
             let instant = closed.instant();
-            // A loop with a contact that is held is not recorded.
+            // A loop with a held contact is not recorded.
             assert_eq!(closed.is_running(), plant.is_free(), "{name}");
             let below = kind == 0 && estimate.is_some();
             let (h, most) = if below { (H_BELOW, 1e-5) } else { (H_PARAMETER, 1e-10) };
             let found =
                 [worst(&mut closed, instant.clone(), &x, plant.states(), h), worst(&mut closed.direct, instant, &x, plant.states(), h)];
             for ((in_state, in_time), way) in found.into_iter().zip(["program", "duals"]) {
-                // NaN is also wrong.
+                // NaN must also be reported as wrong.
                 if !(in_state < most && in_time < 1e-6) {
                     wrong.push(format!("{name}, {way}, still: {still}: df/dx by {in_state:.1e}, df/dt by {in_time:.1e}"));
                 }
@@ -349,7 +352,7 @@ fn rodas4(tau_max: Option<Vec<f64>>, monitors: bool) -> Options {
     }
 }
 
-/// Beyond the range of the programs' sines, rates and derivatives are evaluated directly. They are those of the loop itself.
+/// Beyond the range of the programs' sines, rates and derivatives are evaluated without programs, with the same results.
 #[test]
 fn a_loop_that_turns_far_goes_on_directly() {
     let model = six_axis();

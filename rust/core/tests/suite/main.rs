@@ -1,4 +1,4 @@
-//! One binary with all integration tests, so that they are linked once.
+//! All integration tests in one binary, so that they are linked only once.
 
 mod adaptive_ndof;
 mod adaptive_pr;
@@ -16,7 +16,7 @@ mod elastic_loops;
 mod elastic_oracle;
 mod emulated_loops;
 mod examples;
-// The unit tests use the same format of cases.
+// Unit tests use the same format of cases.
 #[path = "../../src/trace/harness.rs"]
 mod harness;
 mod integrate_alloc;

@@ -1,4 +1,4 @@
-//! The bang-bang profile: the public oracle, an independent checker by sampling on random problems, symmetries, errors.
+//! Tests of the bang-bang profile: the public oracle, random problems against an independent checker by sampling, symmetries, and errors.
 
 use crate::plan_support::{Problem, Random, cases, expression, near, number, random_count};
 use armlet_core::plan::{BangBangReport, BangBangTimes, Limit, Place, Reason, bang_bang_time, bang_bang_times};
@@ -44,14 +44,14 @@ fn public_oracle() {
 
 #[test]
 fn infeasible_motions_say_what_is_missing() {
-    // G = 2.5, tau_max = 1: the exam motion needs tau_max = G/2 = 1.25, so 0.25 is missing on both limits.
+    // With G = 2.5 and tau_max = 1, the exam motion requires tau_max = G/2 = 1.25. So 0.25 is missing on both limits.
     let half = std::f64::consts::FRAC_PI_2;
     let r = bang_bang_time(-half, half, 1.0, 2.5, -1.0, 1.0).unwrap();
     let Reason::Conflict { upper, lower, missing } = r.reason() else { panic!("{:?}", r.reason()) };
     assert!((missing - 0.25).abs() < 1e-15);
     assert_eq!((upper.limit, upper.place, lower.limit, lower.place), (Limit::TauMax, Place::Switch, Limit::TauMin, Place::Start));
     assert!(r.reason().to_string().contains("tau_max at theta = 0.000000 rad (phase1:switch)"), "{}", r.reason());
-    // The reported amount is the exact threshold: slightly less fails, slightly more succeeds.
+    // The reported amount is the exact threshold. Slightly less is infeasible, and slightly more is feasible.
     let mut random = Random::new(3);
     let mut checked = 0;
     for _ in 0..20_000 {
@@ -68,7 +68,7 @@ fn infeasible_motions_say_what_is_missing() {
     assert!(checked > 2_000, "{checked}");
 }
 
-/// Largest excess over the torque bounds for the motion of duration t, by independent sampling.
+/// Return the largest excess over the torque limits for a motion of duration t, by independent sampling.
 fn excess(p: &Problem, t: f64) -> f64 {
     let acceleration = 4.0 * (p.thetaf - p.theta0) / (t * t);
     let middle = 0.5 * (p.theta0 + p.thetaf);
@@ -100,12 +100,13 @@ fn random_problems_against_a_sampling_checker() {
         if r.feasible {
             feasible += 1;
             assert!(r.t_min.is_finite() && r.t_min > 0.0 && r.t_max >= r.t_min, "{p:?} {r:?}");
-            // 1e-9 of the torques, for the rounding of t^2 and of the sines. The tolerance of the planner is 1e-12 of the bound.
+            // The tolerance is 1e-9 of the torques, for the rounding of t^2 and of the sines. The planner's tolerance is 1e-12 of the
+            // limit.
             assert!(excess(&p, r.t_min) <= 1e-9 * scale, "{p:?} {r:?} {}", excess(&p, r.t_min));
             if r.t_max.is_finite() {
                 assert!(excess(&p, r.t_max) <= 1e-9 * scale, "{p:?} {r:?}");
             }
-            // The limit is active where the report states it. Any faster motion violates it.
+            // The limit must be active where the report states it. A faster motion must violate it.
             let bind = r.active_upper();
             let sign = if (bind.phase == 1) == (p.thetaf > p.theta0) { 1.0 } else { -1.0 };
             let tau = sign * r.a_max + p.gravity * bind.theta.sin();
@@ -114,7 +115,7 @@ fn random_problems_against_a_sampling_checker() {
             assert!((0.0..=r.t_min * (1.0 + 1e-12)).contains(&bind.time), "{p:?} {bind:?}");
         } else {
             infeasible += 1;
-            // Infeasible is never wrong: every duration of a wide scan violates a limit.
+            // If the planner reports infeasible, every duration of a wide scan must violate a limit.
             let base = (p.inertia * (p.thetaf - p.theta0).abs() / scale).sqrt();
             for j in 0..60 {
                 assert!(excess(&p, base * 10f64.powf(-1.0 + j as f64 * 0.1)) > 0.0, "{p:?} {r:?} {j}");
@@ -131,7 +132,7 @@ fn mirror_reversal_and_shift_laws() {
     for k in 0..5_000 {
         let p = Problem::stratum(&mut random, k);
         let r = report(&p);
-        // theta -> -theta swaps the bounds. Reversal of time swaps only the ends.
+        // The reflection theta -> -theta exchanges the limits. The reversal of time exchanges the two ends.
         let mirrored = report(&Problem { theta0: -p.theta0, thetaf: -p.thetaf, tau_min: -p.tau_max, tau_max: -p.tau_min, ..p });
         let reversed = report(&Problem { theta0: p.thetaf, thetaf: p.theta0, ..p });
         for other in [mirrored, reversed] {
@@ -140,7 +141,7 @@ fn mirror_reversal_and_shift_laws() {
             assert_eq!(r.t_min.to_bits(), other.t_min.to_bits(), "{p:?}");
         }
         assert_eq!((r.hold_start, r.hold_end), (reversed.hold_end, reversed.hold_start));
-        // G -> -G measures theta from the upward vertical, a shift by pi. Only the shifted angle is rounded.
+        // With G -> -G, theta is measured from the upward vertical, a shift by pi. Only the shifted angle is rounded.
         let pi = std::f64::consts::PI;
         let up = report(&Problem { theta0: p.theta0 + pi, thetaf: p.thetaf + pi, gravity: -p.gravity, ..p });
         let scale = 1e-13 * (p.tau_max - p.tau_min + p.gravity.abs()) * (1.0 + p.theta0.abs() + p.thetaf.abs());
@@ -156,15 +157,15 @@ fn zero_moves_and_asymmetric_bounds() {
     let falling = bang_bang_time(half, half, 1.0, 1.5, -1.0, 1.0).unwrap();
     assert!(!falling.feasible && falling.t_min.is_nan());
     assert_eq!(falling.reason(), Reason::CannotHold { limit: Limit::TauMax, theta: half, missing: 0.5 });
-    // The smallest representable motion on either side of zero.
+    // The smallest representable motions on both sides of zero.
     for end in [f64::from_bits(half.to_bits() + 1), f64::from_bits(half.to_bits() - 1)] {
         let tiny = bang_bang_time(half, end, 1.0, 0.5, -1.0, 1.0).unwrap();
         assert!(tiny.feasible && near(tiny.t_min, 2.0 * ((end - half).abs() / 0.5).sqrt(), 1e-12), "{tiny:?}");
     }
-    // No gravity, tau in [-1, 2]: the weaker limit determines the symmetric profile, in the braking phase.
+    // Without gravity and with tau in [-1, 2], the weaker limit determines the symmetric profile, in the braking phase.
     let r = bang_bang_time(0.0, 1.0, 1.0, 0.0, -1.0, 2.0).unwrap();
     assert!(r.a_max == 1.0 && r.t_min == 2.0 && r.active_upper().limit == Limit::TauMin && r.active_upper().phase == 2);
-    // One-sided torque: tau in [0, 1] brakes by gravity only, which is weakest at the switch.
+    // With tau in [0, 1], only gravity brakes. Gravity is weakest at the switch.
     let r = bang_bang_time(0.2, 0.6, 1.0, 1.0, 0.0, 1.0).unwrap();
     assert!(r.feasible && near(r.a_max, 0.4f64.sin(), 1e-15));
 }
@@ -194,7 +195,8 @@ fn refusals() {
     }
 }
 
-/// Batches with every remainder of the lanes, among them large angles and rest; and the first bad problem of a batch.
+/// Batches of all sizes modulo the number of lanes, with large angles and motions of length zero. The first bad problem of a batch is
+/// reported.
 #[test]
 fn batches_have_the_bits_of_single_calls() {
     let mut random = Random::new(5);
@@ -211,7 +213,7 @@ fn batches_have_the_bits_of_single_calls() {
                 column.push(x);
             }
         }
-        // One inertia for all problems.
+        // All problems have the same inertia.
         columns[2].truncate(1);
         let row = |columns: &[Vec<f64>; 6], i: usize| std::array::from_fn::<f64, 6, _>(|k| columns[k][if k == 2 { 0 } else { i }]);
         let run = |columns: &[Vec<f64>; 6]| {

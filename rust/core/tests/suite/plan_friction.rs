@@ -1,5 +1,5 @@
-//! The optimum with friction. Without friction it is the frictionless optimum, with only Coulomb friction that of shifted bounds, otherwise
-//! it is compared with time stepping.
+//! Tests of the optimum with friction. Without friction, it must equal the frictionless optimum. With only Coulomb friction, it must equal
+//! the optimum with shifted limits. Otherwise it is compared with time stepping.
 
 use crate::plan_support::{Problem, Random, near};
 use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, torque_optimal_time, torque_optimal_time_with_friction};
@@ -12,13 +12,13 @@ fn without_viscous_friction_the_bounds_are_shifted() {
         let p = Problem::nominal(&mut random);
         let c = if k % 2 == 0 { 0.0 } else { random.range(0.0, 0.9) * p.tau_max.min(-p.tau_min) };
         let f = torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, 0.0, c).unwrap();
-        // Friction opposes the acceleration and supports the brake: both bounds move against the motion.
+        // Friction opposes the acceleration and supports the brake. So both limits move against the motion.
         let shift = if p.thetaf > p.theta0 { -c } else { c };
         let o = torque_optimal_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min + shift, p.tau_max + shift).unwrap();
         assert_eq!(f.feasible, o.feasible, "{p:?} {c} {f:?} {o:?}");
         if f.feasible {
             compared += 1;
-            // Near a maximum of gravity the errors of both grow with exp(t sqrt(|G|/I)).
+            // Near a maximum of gravity, both errors grow with exp(t sqrt(|G|/I)).
             let growth = (o.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.t, o.t, 1e-13 * growth + 1e-12), "{p:?} {c} {} {}", f.t, o.t);
             assert!((f.theta_switch - o.theta_switch).abs() <= 1e-12 * growth, "{p:?} {c}");
@@ -54,7 +54,7 @@ fn with_viscous_friction_the_motion_arrives_at_rest() {
                 v += h / 6.0 * (l1 + 2.0 * l2 + 2.0 * l3 + l4);
             }
         }
-        // Runge-Kutta of order 4 with 2000 steps per phase, growth up to exp(6).
+        // Runge-Kutta of order 4 with 2000 steps per phase. Errors grow by up to exp(6).
         assert!((q - p.thetaf).abs() < 1e-8 && v.abs() < 1e-7, "{p:?} {d} {c} {o:?} {q} {v}");
     }
     assert!(arrived > 100, "{arrived}");
@@ -73,7 +73,7 @@ fn swings_without_friction_are_the_exact_ones() {
         assert_eq!(f.best.kind, o.best.kind, "{p:?} {f:?} {o:?}");
         if f.best.switches == 2 {
             swings += 1;
-            // Near a maximum of gravity the errors of both grow with exp(t sqrt(|G|/I)). At its turning point T is stationary.
+            // Near a maximum of gravity, both errors grow with exp(t sqrt(|G|/I)). The time T is stationary at the turning point.
             let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.best.t, o.best.t, 1e-13 * growth + 1e-11), "{p:?} {f:?} {o:?}");
         }
@@ -83,7 +83,8 @@ fn swings_without_friction_are_the_exact_ones() {
 
 #[test]
 fn swings_with_coulomb_friction_beat_every_detour() {
-    // Each leg is a frictionless optimum with both bounds shifted against its motion: independent formulas and an independent search.
+    // Each part of the motion is a frictionless optimum whose limits are both shifted against its motion. Formulas and search are
+    // independent.
     let (mut random, mut swings) = (Random::new(111), 0);
     for _ in 0..30 {
         let p = Problem::nominal(&mut random);
@@ -144,7 +145,7 @@ fn swings_with_viscous_friction_arrive_at_rest() {
             }
             t = times[k];
             if k == 1 {
-                // At the turning point the velocity is zero. Runge-Kutta of order 4 with 2000 steps, growth up to exp(8).
+                // The velocity is zero at the turning point. Runge-Kutta of order 4 with 2000 steps. Errors grow by up to exp(8).
                 assert!((q - best.theta_turn).abs() < 1e-7 && v.abs() < 1e-6, "{p:?} {d} {c} {o:?} {q} {v}");
             }
         }
@@ -155,7 +156,8 @@ fn swings_with_viscous_friction_arrive_at_rest() {
 
 #[test]
 fn friction_that_settles_leaves_the_slow_motion() {
-    // v = N/d up to I|G|/d^2, N the net torque: T = d int dx/N, here by Simpson's rule, plus some time constants at the ends.
+    // Up to I|G|/d^2, v = N/d, where N is the net torque. So T = d int dx/N (here with Simpson's rule) plus some time constants at the
+    // ends.
     let (mut random, mut settled) = (Random::new(131), 0);
     for _ in 0..300 {
         let p = Problem::nominal(&mut random);
@@ -175,7 +177,7 @@ fn friction_that_settles_leaves_the_slow_motion() {
         let slow = d * (x1 - x0) / 6000.0 * (0..=2000).map(|k| weight(k) / net(k)).sum::<f64>();
         let most = p.inertia / (d * d) * (push.max(brake) + p.gravity.abs());
         assert!(o.feasible && o.certified_global && o.best.kind == Family::Monotone, "{p:?} {d} {c} {o:?}");
-        // The rule has an error of 1e-8 where N is a thousandth of the push. It omits a few time constants at the ends.
+        // Simpson's rule has an error of 1e-8 where N is a thousandth of the push. It omits a few time constants at the ends.
         assert!(near(o.t, slow, 1e-7 + 30.0 * most / (least / push * (x1 - x0).min(1.0))), "{p:?} {d} {c} {} {slow}", o.t);
     }
     assert!(settled > 50, "{settled}");
@@ -197,7 +199,7 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
         for (theta, t) in best.theta_switches.into_iter().zip(best.t_switches).take(best.switches) {
             let (before, after) = (profile.at(t * (1.0 - 1e-15)), profile.at(t));
             assert!((before.q - theta).abs() + (after.q - theta).abs() <= 1e-12 * growth, "{p:?} {d} {c} {o:?} {before:?} {after:?}");
-            // A brake may be so short that its duration is below the rounding error of the time.
+            // The braking phase may be so short that its duration is below the rounding error of the time.
             assert!(
                 t == best.t || (before.v - after.v).abs() <= 1e-10 * growth * speed + 2e-15 * t * after.a.abs(),
                 "{p:?} {d} {c} {o:?} {before:?} {after:?}"
@@ -217,7 +219,8 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
 fn a_motion_that_friction_stalls_says_what_is_missing() {
     let o = torque_optimal_time_with_friction(0.1, 3.0, 1.0, 1.0, -0.9, 0.9, 30.0, 0.0).unwrap();
     let MonotoneReason::Apart { push, missing, .. } = o.reason else { panic!("{:?}", o.reason) };
-    // Overdamped: the push creeps to the angle where gravity takes all of it. The missing torque is the additional gravity at its maximum.
+    // The motion is overdamped. The push moves slowly to the angle at which gravity equals the push. The missing torque is the rest of
+    // gravity's maximum.
     assert!((push - 0.9f64.asin()).abs() < 1e-6 && (missing - 0.1).abs() < 1e-6 && o.best.kind == Family::NoneFound, "{o:?}");
 }
 
@@ -227,7 +230,7 @@ fn refusals() {
         let e = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 1.0, -2.0, 2.0, viscous, coulomb).unwrap_err();
         assert!(e.to_string().starts_with(name), "{e}");
     }
-    // Coulomb friction above the torque: no motion.
+    // If Coulomb friction is at least the torque, the link does not move.
     let o = torque_optimal_time_with_friction(0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0, 1.0).unwrap();
     assert!(!o.feasible && o.t.is_nan() && o.reason == MonotoneReason::StartBlocked { missing: 0.0 }, "{:?}", o.reason);
 }

@@ -1,11 +1,11 @@
-//! Trapezoid and minimum jerk under torque bounds, against independent samples of their torque.
+//! Tests of the trapezoid and the minimum-jerk profile under torque limits, against independent samples of their torque.
 
 use crate::plan_support::{Problem, Random, near, random_count};
 use armlet_core::plan::{bang_bang_time, minimum_jerk_time, trapezoid_time};
 
 type Shape = Box<dyn Fn(f64) -> (f64, f64)>;
 
-/// (s, s'') of the trapezoid at u.
+/// Return (s, s'') of the trapezoid at the time fraction u.
 fn trapezoid(u: f64, r: f64) -> (f64, f64) {
     let v = 1.0 / (1.0 - r);
     if u < r {
@@ -21,10 +21,10 @@ fn quintic(u: f64) -> (f64, f64) {
     (u.powi(3) * (10.0 - 15.0 * u + 6.0 * u * u), 60.0 * u - 180.0 * u * u + 120.0 * u.powi(3))
 }
 
-/// Largest excess over the torque bounds for the motion of duration t.
+/// Return the largest excess over the torque limits for a motion of duration t.
 fn excess(p: &Problem, t: f64, ramp: f64, s: impl Fn(f64) -> (f64, f64)) -> f64 {
     let d = p.thetaf - p.theta0;
-    // The ends of the ramps, where the torque jumps, are also samples.
+    // The samples include the ends of the ramps, where the torque jumps.
     (0..=900).map(|k| k as f64 / 900.0).chain([ramp, 1.0 - ramp]).fold(f64::NEG_INFINITY, |worst, u| {
         let (s, second) = s(u);
         let tau = p.inertia * d * second / (t * t) + p.gravity * (p.theta0 + d * s).sin();
@@ -66,11 +66,11 @@ fn random_problems_against_a_sampling_checker() {
             counts[j][usize::from(r.feasible)] += 1;
             if r.feasible {
                 assert!(r.t_min.is_finite() && r.t_min > 0.0 && r.t_max >= r.t_min && r.missing == 0.0, "{p:?} {r:?}");
-                // In the checker, polynomials have a rounding error of 1e-16 of their largest term, and T^2 of 1e-16 of the torque.
+                // In the checker, polynomials have a rounding error of 1e-16 of their largest term, and T^2 has one of 1e-16 of the torque.
                 assert!(excess(&p, r.t_min, ramp, shape) <= 1e-9 * scale, "{j} {p:?} {r:?} {}", excess(&p, r.t_min, ramp, shape));
                 assert!(r.t_max.is_infinite() || excess(&p, r.t_max, ramp, shape) <= 1e-9 * scale, "{j} {p:?} {r:?}");
-                // The duration is minimal: a slightly faster motion violates a limit. If gravity equals the torque, k is a rounding error
-                // and is not checked.
+                // The duration must be minimal: a slightly faster motion must violate a limit. If gravity equals the torque, k is a
+                // rounding error and is not checked.
                 assert!(
                     r.k_max < 1e-3 * scale
                         || excess(&p, 0.99 * r.t_min, ramp, shape) > 0.0
@@ -81,7 +81,7 @@ fn random_problems_against_a_sampling_checker() {
                 assert!(r.missing >= 0.0 && r.t_min.is_nan(), "{j} {p:?} {r:?}");
                 let base = (p.inertia * (p.thetaf - p.theta0).abs() / scale).sqrt();
                 for e in 0..50 {
-                    // Between samples, a maximum may exceed them by (s' D/900)^2/8 of the scale, s' <= 2.
+                    // Between two samples, a maximum may exceed them by (s' D/900)^2/8 of the scale, where s' <= 2.
                     let hidden = 1e-6 * (1.0 + (p.thetaf - p.theta0).powi(2)) * scale;
                     assert!(excess(&p, base * 10f64.powf(-0.5 + 0.1 * e as f64), ramp, shape) > -hidden, "{j} {p:?} {r:?}");
                 }
@@ -94,12 +94,12 @@ fn random_problems_against_a_sampling_checker() {
 
 #[test]
 fn known_values_and_refusals() {
-    // No gravity: k_max = tau_max / max s''. Trapezoid r = 1/3: 4.5; quintic: 10/sqrt(3).
+    // Without gravity, k_max = tau_max / max s''. The maximum of s'' is 4.5 for the trapezoid with r = 1/3, and 10/sqrt(3) for the quintic.
     let r = trapezoid_time(0.0, 1.0, 2.0, 0.0, -3.0, 3.0, 1.0 / 3.0).unwrap();
     assert!(near(r.t_min, (2.0 * 4.5 / 3.0f64).sqrt(), 1e-14) && r.t_max.is_infinite());
     let r = minimum_jerk_time(0.0, 1.0, 2.0, 0.0, -3.0, 3.0).unwrap();
     assert!(near(r.t_min, (2.0 * 10.0 / 3.0f64.sqrt() / 3.0).sqrt(), 1e-14), "{r:?}");
-    // The quintic starts and ends with zero acceleration. So an end that cannot be held cannot be reached.
+    // The quintic starts and ends with zero acceleration. So it cannot reach an end that cannot be held.
     assert!(!minimum_jerk_time(-1.5, 1.5, 1.0, 1.5, -1.0, 1.0).unwrap().feasible);
     for ramp in [0.0, -0.1, 0.51, f64::NAN, f64::INFINITY] {
         assert!(trapezoid_time(0.0, 1.0, 1.0, 1.0, -2.0, 2.0, ramp).unwrap_err().to_string().starts_with("ramp"));

@@ -1,4 +1,4 @@
-//! Timings of paths with results in closed form, and paths with a reversal.
+//! Tests of path timings with results in closed form, and of paths with a reversal.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::{Functions, PlanarPr};
@@ -6,7 +6,7 @@ use armlet_core::motion::{Ends, Path};
 use armlet_core::plan::{Mover, PathLimits, TimePath, TimePathOptions, time_path};
 use std::sync::Arc;
 
-/// One revolute joint without gravity.
+/// Return an arm with one revolute joint, without gravity.
 fn pendulum() -> Arm {
     Arm::planar(&[0.5], None, None, None, [0.0, 0.0]).unwrap()
 }
@@ -16,18 +16,18 @@ fn timed(arm: &Arm, q: &[f64], limits: PathLimits, options: TimePathOptions) -> 
     time_path(Mover::Tree(&Functions::new(Arc::new(arm.clone()))), Arc::new(path), &limits, &options).unwrap()
 }
 
-/// One inertia, no gravity: bang-bang, `T = 2 sqrt(I D / tau)`.
+/// With constant inertia and no gravity, the motion is bang-bang with `T = 2 sqrt(I D / tau)`.
 #[test]
 fn straight_line() {
     let arm = PlanarPr::with_parameters([2.0, 0.5, 0.5]);
     let (path, _) = Path::waypoints(&[0.0, 0.0, 1.0, 0.0], 2, None, Ends::Natural).unwrap();
     let limits = PathLimits { torque: Some((vec![-8.0; 2], vec![8.0; 2])), ..PathLimits::default() };
     let p = time_path(Mover::PlanarPr(arm), Arc::new(path), &limits, &TimePathOptions::default()).unwrap();
-    // The switch is at a grid point.
+    // The switch is exactly at a grid point.
     assert!((p.motion.duration() - 1.0).abs() < 1e-12);
 }
 
-/// At a reversal of the path q' = 0, so no speed limit bounds the path speed.
+/// At a reversal of the path, q' = 0, so that no speed limit restricts the path speed.
 #[test]
 fn turning_back_with_much_torque() {
     let q = [0.3171705300029175, 1.1445280548279282, 0.24228325436612685, -0.5987319715652603, 0.2792056757544894];

@@ -1,4 +1,4 @@
-//! The torque optimum: the public oracle, random problems against a checker by time stepping, symmetries, errors.
+//! Tests of the torque optimum: the public oracle, random problems against time stepping, symmetries, and errors.
 
 use crate::plan_support::{Problem, Random, cases, near, number, oracle, random_count};
 use armlet_core::plan::{Family, MonotoneReason, TorqueOptimum, bang_bang_time, torque_optimal_time, torque_optimal_time_with_friction};
@@ -35,7 +35,7 @@ fn public_oracle() {
         if swing.is_object() {
             assert_eq!(o.best.kind, Family::BackSwing, "{id}");
             assert!(near(o.best.t, number(&swing["T"]), number(&case["tolerance"]["backswing_T_rel"])), "{id}: {:?}", o.best);
-            // The position of a minimum has an error of the square root of the tolerance of its value.
+            // The error of the position of a minimum is the square root of the tolerance of its value.
             assert!((o.best.theta_switches[0] - number(&swing["theta_first_switch"])).abs() < 1e-6, "{id}: {:?}", o.best);
         }
     }
@@ -58,30 +58,30 @@ fn ratio_table() {
 
 #[test]
 fn a_swing_can_win_and_can_make_feasible() {
-    // SPEC: pi/2 -> 3 at tau_max = 1.02 G.
+    // The known case: from pi/2 to 3 with tau_max = 1.02 G.
     let o = torque_optimal_time(FRAC_PI_2, 3.0, 1.0, 1.0, -1.02, 1.02).unwrap();
     assert!((o.t - 8.419).abs() < 5e-4 && (o.best.t - 5.702).abs() < 5e-4 && o.best.kind == Family::BackSwing, "{o:?}");
-    // Its mirror in time: from pi - 3 beyond the goal and back.
+    // The same motion reversed in time moves from pi - 3 beyond the goal and back.
     let o = torque_optimal_time(-3.0, -FRAC_PI_2, 1.0, 1.0, -1.02, 1.02).unwrap();
     assert!((o.best.t - 5.702).abs() < 5e-4 && o.best.kind == Family::Overshoot, "{o:?}");
-    // Too weak to leave the horizontal directly: only a swing is feasible.
+    // The torque is too weak to leave the horizontal directly. Only a swing is feasible.
     let o = torque_optimal_time(FRAC_PI_2, PI, 1.0, 1.0, -0.9, 0.9).unwrap();
     assert!(!o.feasible && matches!(o.reason, MonotoneReason::StartBlocked { .. }) && o.best.kind == Family::BackSwing, "{o:?}");
-    // Much too weak for one reversal.
+    // The torque is much too weak for a swing with one reversal.
     let o = torque_optimal_time(0.0, PI, 1.0, 1.0, -0.01, 0.01).unwrap();
     assert!(!o.feasible && o.best.kind == Family::NoneFound && o.best.t.is_nan(), "{o:?}");
 }
 
 #[test]
 fn equal_ends_take_no_time_where_the_torque_holds_the_pose() {
-    // G sin(pi/6) = 1/2: at the limit, and beyond it by more than the tolerance.
+    // With G sin(pi/6) = 1/2, the torque is exactly at the limit. Then it is beyond the limit by more than the tolerance.
     let at = |limit: f64| torque_optimal_time(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, limit).unwrap();
     let o = at(0.5);
     assert!(o.feasible && o.t == 0.0 && o.certified_global && o.reason == MonotoneReason::Feasible, "{o:?}");
     let o = at(0.5 - 1e-9);
     assert!(!o.feasible && o.t.is_nan() && !o.certified_global && o.best.kind != Family::Monotone, "{o:?}");
     assert!(matches!(o.reason, MonotoneReason::CannotHold { missing, .. } if near(missing, 1e-9, 1e-6)), "{o:?}");
-    // Coulomb friction holds the part that the torque does not hold.
+    // Coulomb friction holds the part of gravity that the torque does not hold.
     let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, 0.2, 0.11).unwrap();
     assert!(o.feasible && o.t == 0.0, "{o:?}");
     let o = torque_optimal_time_with_friction(PI / 6.0, PI / 6.0, 1.0, 1.0, -2.0, 0.4, 0.2, 0.09).unwrap();
@@ -90,8 +90,8 @@ fn equal_ends_take_no_time_where_the_torque_holds_the_pose() {
 
 #[test]
 fn narrow_minima_are_found() {
-    // Best turning points close to a limit of the feasible set, the last one 8e-6 rad from it. The times are from golden section searches
-    // of the sum of the two monotone optima.
+    // The best turning points are close to a limit of the feasible set, the last one within 8e-6 rad. The times come from golden section
+    // searches of the sum of the two monotone optima.
     for (problem, kind, t) in [
         (
             [-0.24539383661196013, 1.2645826390094088, 0.1651331798136474, 1.4220160377317037, 0.610841926842161, -0.5009252063825774],
@@ -115,8 +115,8 @@ fn narrow_minima_are_found() {
     }
 }
 
-/// Displacement and speed at the end under the torque sequence, by the classical Runge-Kutta method without formulas of the planner. The
-/// integrated variable is the displacement, not the angle, so that tiny motions keep their digits.
+/// Return displacement and speed at the end of the torque sequence, with the classical Runge-Kutta method and without formulas of the
+/// planner. The integrated variable is the displacement instead of the angle, so that tiny motions keep their digits.
 fn drive(p: &Problem, o: &TorqueOptimum, steps: usize) -> (f64, f64) {
     let b = &o.best;
     let first_up = (p.thetaf >= p.theta0) == (b.kind != Family::BackSwing);
@@ -139,7 +139,7 @@ fn drive(p: &Problem, o: &TorqueOptimum, steps: usize) -> (f64, f64) {
     (q, v)
 }
 
-/// The least kinetic energy of the monotone motion, relative to the work scale, by sampling of `cos`.
+/// Return the smallest kinetic energy of the monotone motion, relative to the work scale, by sampling of `cos`.
 fn sampled_margin(p: &Problem) -> f64 {
     let s = if p.thetaf >= p.theta0 { 1.0 } else { -1.0 };
     let (x0, x1) = (s * p.theta0, s * p.thetaf);
@@ -150,7 +150,7 @@ fn sampled_margin(p: &Problem) -> f64 {
         let x = x0 + (x1 - x0) * k as f64 / n as f64;
         let push = up * (x - x0) - p.gravity * (x0.cos() - x.cos());
         let brake = down * (x1 - x) - p.gravity * (x1.cos() - x.cos());
-        // Divided by the distances to the ends, so that the ends are resolved too.
+        // The energy is divided by the distances to the ends. So samples near the ends have the same weight.
         least = least.min(push.min(brake) / (x - x0).min(x1 - x));
     }
     least
@@ -167,7 +167,7 @@ fn random_problems_arrive_at_rest() {
         let scale = p.tau_max.max(-p.tau_min) + p.gravity.abs();
         let distance = (p.thetaf - p.theta0).abs();
         if distance > 1e-3 {
-            // The verdict on the monotone motion is correct, up to rounding and sampling.
+            // The result for the monotone motion must be correct up to rounding and sampling.
             let margin = sampled_margin(&p) / scale;
             assert!(if o.feasible { margin > -1e-9 } else { margin < 2e-2 }, "{p:?} {o:?} {margin}");
         }
@@ -175,13 +175,14 @@ fn random_problems_arrive_at_rest() {
             continue;
         }
         assert!(o.best.t.is_finite() && o.best.t >= 0.0 && (o.t.is_nan() || o.best.t <= o.t), "{p:?} {o:?}");
-        // The open loop is unstable: an error grows by at most exp(t sqrt(|G|/I)). Problems beyond 1e4 are left to the profile test.
+        // The open loop is unstable. An error grows by at most exp(t sqrt(|G|/I)). The profile test covers problems with a growth above
+        // 1e4.
         let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
         if growth < 1e4 {
             let (q, v) = drive(&p, &o, 400);
             let size = distance + if o.best.switches == 2 { (o.best.theta_turn - p.theta0).abs() } else { 0.0 };
             let error = (q - (p.thetaf - p.theta0)).abs().max(v.abs() * o.best.t) / size;
-            // Runge-Kutta of order 4 in 400 steps per phase: an error of (t/400)^4, amplified.
+            // Runge-Kutta of order 4 with 400 steps per phase has an error of (t/400)^4, which then grows.
             assert!(error < 1e-8 * growth, "{p:?} {o:?} {q} {v} {error}");
             worst = worst.max(error / growth);
         }
@@ -192,7 +193,7 @@ fn random_problems_arrive_at_rest() {
 
 #[test]
 fn no_detour_beats_the_best() {
-    // T(a, z) + T(z, b) of monotone motions, for turning points z outside the path, on a separate grid.
+    // T(a, z) + T(z, b) is the time of two monotone motions, for turning points z outside of the path on a separate grid.
     let mut random = Random::new(31);
     let mut detours = 0;
     for k in 0..random_count() / 80 {
@@ -230,7 +231,8 @@ fn profiles_are_continuous_and_obey_the_dynamics() {
         let (first, last) = (profile.at(0.0), profile.at(t));
         assert!(first.q == p.theta0 && first.v == 0.0 && last.q == p.thetaf && last.v == 0.0);
         let top = (2.0 * (p.tau_max - p.tau_min + 2.0 * p.gravity.abs()) * size / p.inertia).sqrt();
-        // The phases are integrated from rest at both ends. A jump at a switch is the error of both, which grows with exp(t sqrt(|G|/I)).
+        // The phases are integrated from rest at both ends. A jump at a switch is the error of both phases, which grows with exp(t
+        // sqrt(|G|/I)).
         let growth = (t * (p.gravity.abs() / p.inertia).sqrt()).exp().min(1e6);
         for s in o.best.t_switches.iter().take(o.best.switches) {
             let (before, after) = (profile.at(s * (1.0 - 1e-15)), profile.at(*s));
@@ -242,9 +244,9 @@ fn profiles_are_continuous_and_obey_the_dynamics() {
             let time = t * random.unit();
             let s = profile.at(time);
             assert!(s.tau == p.tau_max || s.tau == p.tau_min, "{p:?} {s:?}");
-            // Energy: v^2/2 is the work since the last rest, which is the integral of the dynamics.
+            // The energy v^2/2 is the work since the last rest. It is the integral of the dynamics.
             assert!((p.inertia * s.a + p.gravity * s.q.sin() - s.tau).abs() <= 1e-12 * (s.tau.abs() + p.gravity.abs()), "{j}");
-            // The speed is the derivative of the angle: a central difference, away from the switches.
+            // The speed is the derivative of the angle. It is compared with a central difference, away from the switches.
             let h = 1e-5 * t;
             let near_switch = o.best.t_switches.iter().chain([&o.best.t_turn, &0.0, &t]).any(|x| (x - time).abs() < 2.0 * h);
             if !near_switch && size > 1e-3 {
@@ -265,7 +267,7 @@ fn mirror_and_reversal_laws() {
         let mirrored = optimum(&Problem { theta0: -p.theta0, thetaf: -p.thetaf, tau_min: -p.tau_max, tau_max: -p.tau_min, ..p });
         assert_eq!((o.t.to_bits(), o.best.t.to_bits(), o.best.kind), (mirrored.t.to_bits(), mirrored.best.t.to_bits(), mirrored.best.kind));
         assert!(o.theta_switch == -mirrored.theta_switch || o.theta_switch.is_nan() && mirrored.theta_switch.is_nan());
-        // Reversed in time, the back-swing becomes an overshoot. The order of the sums differs, so rounding differs.
+        // A back-swing becomes an overshoot if time is reversed. The order of sums differs, and so does rounding.
         let reversed = optimum(&Problem { theta0: p.thetaf, thetaf: p.theta0, ..p });
         assert_eq!(o.feasible, reversed.feasible, "{p:?}");
         assert!(!o.feasible || near(o.t, reversed.t, 1e-13), "{p:?}");
@@ -275,17 +277,17 @@ fn mirror_and_reversal_laws() {
 
 #[test]
 fn small_arguments_and_refusals() {
-    // Equal ends: time zero if the torque holds the link (2 sin 0.3 < 1), otherwise a swing that returns (2 sin 1 > 1).
+    // For equal ends, the time is zero if the torque holds the link (2 sin 0.3 < 1). Otherwise a swing returns to the start (2 sin 1 > 1).
     let o = torque_optimal_time(0.3, 0.3, 1.0, 2.0, -1.0, 1.0).unwrap();
     assert!(o.feasible && o.t == 0.0 && o.best.t == 0.0 && o.best.kind == Family::Monotone);
     let o = torque_optimal_time(1.0, 1.0, 1.0, 2.0, -1.0, 1.0).unwrap();
     assert!(!o.feasible && !o.certified_global && o.best.t > 0.0 && o.best.kind == Family::BackSwing);
-    // Tiny motions: gravity is constant, T = sqrt(2 I D (u1 + u2)/(u1 u2)) with the net torques u.
+    // In tiny motions, gravity is constant, and T = sqrt(2 I D (u1 + u2)/(u1 u2)) with the net torques u1 and u2.
     for d in [1e-16, 1e-12, 1e-8] {
         let o = torque_optimal_time(0.0, d, 2.0, 0.7, -1.0, 3.0).unwrap();
         assert!(near(o.t, (2.0 * 2.0 * d * 4.0 / 3.0f64).sqrt(), 1e-7), "{d}: {}", o.t);
     }
-    // On either side of the length (pi) at which the quadrature changes its method.
+    // The quadrature changes its method at the length 2 pi. The test compares both sides of this length.
     let f = |d: f64| torque_optimal_time(-0.3, -0.3 + d, 1.0, 0.4, -1.0, 1.0).unwrap().t;
     assert!(near(f(2.0 * PI - 1e-9), f(2.0 * PI + 1e-9), 1e-8) && near(f(6.1), 0.5 * (f(6.1 - 1e-4) + f(6.1 + 1e-4)), 1e-8));
     for (name, bad) in [

@@ -1,4 +1,4 @@
-//! A solve does not allocate after construction, for any method and any evaluation.
+//! Tests that a solve does not allocate after construction, for any method and any evaluation.
 
 use crate::counting::counted;
 use crate::priority_support::{Random, planar_jacobian};
@@ -20,7 +20,7 @@ fn solves_do_not_allocate() {
                 let mut eye = vec![0.0; 16];
                 (0..4).for_each(|i| eye[5 * i] = 1.0);
                 let command = random.normals(8);
-                // Once in normal units, and once in units that need scaling.
+                // The units are normal in the first trial, and require scaling in the second.
                 for unit in [1.0, 1e-150] {
                     let j2: Vec<f64> = j2.iter().map(|x| x * unit).collect();
                     let c2 = [command[2] * unit, command[3] * unit];

@@ -1,4 +1,5 @@
-//! The classifier of SPEC system 2 on all 27 sign patterns of (s2, s3, s4): stretched and folded arms, random link lengths, many turns.
+//! Tests of the classification of the macro-micro arm for all 27 sign patterns of (s2, s3, s4), with random link lengths and many
+//! revolutions.
 
 use crate::priority_support;
 
@@ -6,7 +7,7 @@ use crate::priority_support::{Random, norm, planar_jacobian};
 use armlet_core::priority::{Kind, PriorityMethod, PriorityOptions, diagnose, solve_priority};
 use std::f64::consts::PI;
 
-/// Ranks of J1, J2, J_E, J2 P1 and the kind, as functions of the sines that vanish.
+/// Return the ranks of J1, J2, J_E and J2 P1, and the kind. They depend on which sines vanish.
 fn expected(s2: bool, s3: bool, s4: bool) -> ([usize; 4], Kind) {
     match (s2, s3, s4) {
         (true, _, true) => ([2, 2, 4, 2], Kind::Regular),
@@ -24,7 +25,7 @@ fn all_sign_patterns() {
     for pattern in 0..27 {
         let signs = [pattern % 3, pattern / 3 % 3, pattern / 9].map(|s| s as f64 - 1.0);
         for trial in 0..40 {
-            // Folded configurations are multiples of pi. Full turns grow up to 1e4 revolutions.
+            // Folded configurations are multiples of pi. The number of revolutions increases to 1e4.
             let turns = [0.0, 1.0, 7.0, 1e2, 1e4][trial % 5];
             let lengths: Vec<f64> = (0..4).map(|_| 10f64.powf(2.0 * random.uniform() - 1.0)).collect();
             let mut q = vec![PI * (2.0 * random.uniform() - 1.0)];
@@ -45,7 +46,7 @@ fn all_sign_patterns() {
             assert_eq!(d.levels[1].algorithmic, matches!(kind, Kind::Algorithmic | Kind::Both));
             assert_eq!((d.levels[0].kinematic, d.levels[1].kinematic), (ranks[0] < 2, ranks[1] < 2));
             assert_eq!(d.levels[1].lost.len(), 2 - ranks[3]);
-            // The ranks of the solver equal those of the diagnosis.
+            // The ranks of the solver must equal those of the diagnosis.
             let options = PriorityOptions { rounding: Some(rounding), ..PriorityOptions::new(PriorityMethod::Exact) };
             let solution = solve_priority(4, &[&j1, &j2], &[&[1.0, 0.5], &[-0.3, 0.7]], &options).unwrap();
             assert_eq!(solution.ranks, d.projected_ranks());
@@ -55,7 +56,7 @@ fn all_sign_patterns() {
     assert_eq!(seen, 27 * 40);
 }
 
-/// The residual columns of the table: the residual is the projection of the command named in the table.
+/// Test the residuals of the table: each residual is the projection of the command that the table states.
 #[test]
 fn residuals_of_the_table() {
     let (p1, p2) = ([0.4, -0.7], [0.9, 0.2]);
@@ -87,19 +88,19 @@ fn residuals_of_the_table() {
     let r = residual(q);
     near(&r[0], [0.0; 2]);
     near(&r[1], [0.0; 2]);
-    // Case a: n n'(p2 - p1), n = (c123, s123).
+    // Case a: the residual is n n'(p2 - p1), with n = (c123, s123).
     let q: [f64; 4] = [0.3, 0.9, -0.6, 0.0];
     let n = [(q[0] + q[1] + q[2]).cos(), (q[0] + q[1] + q[2]).sin()];
     near(&residual(q)[1], along(n, [p2[0] - p1[0], p2[1] - p1[1]]));
-    // Secondary singular: m m' p2.
+    // The second task is singular: the residual is m m' p2.
     let m = [0.3f64.cos(), 0.3f64.sin()];
     near(&residual([0.3, 0.0, -0.6, 1.1])[1], along(m, p2));
-    // Case b: p2 - e1 (n.p1)/sin(q2 + q3).
+    // Case b: the residual is p2 - e1 (n.p1)/sin(q2 + q3).
     let q: [f64; 4] = [0.3, 0.0, -0.6, 0.0];
     let n = [(q[0] + q[1] + q[2]).cos(), (q[0] + q[1] + q[2]).sin()];
     let s = (n[0] * p1[0] + n[1] * p1[1]) / (q[1] + q[2]).sin();
     near(&residual(q)[1], [p2[0] + m[1] * s, p2[1] - m[0] * s]);
-    // Degenerate: m m' p1, m m' p2.
+    // The arm is degenerate: the residuals are m m' p1 and m m' p2.
     let r = residual([0.3, 0.0, 0.0, 0.0]);
     near(&r[0], along(m, p1));
     near(&r[1], along(m, p2));

@@ -1,4 +1,4 @@
-//! Special inputs: empty stacks, zero rows, more rows than joints, numbers that are not finite, extreme units, weights, bounds.
+//! Tests of special inputs: empty stacks, zero rows, more rows than joints, numbers that are not finite, extreme units, weights, bounds.
 
 use crate::priority_support::{Random, apart, norm, product, times};
 use armlet_core::error::{Error, Result};
@@ -37,8 +37,8 @@ fn more_rows_than_joints_is_least_squares() {
         for method in [PriorityMethod::Exact, PriorityMethod::Clamp, PriorityMethod::Damped, PriorityMethod::Sns] {
             let s = solve_priority(n, &[&j, &j], &[&c, &c], &options(method, n)).unwrap();
             assert_eq!(s.ranks, [n, 0], "{method:?}");
-            // Normal equations: J'(c - J v) = 0 up to the rounding of sums of m products of order 1. These random stacks do not reach
-            // thresholds.
+            // The normal equations J'(c - J v) = 0 hold up to the rounding of sums of m products of order 1. These random stacks do not
+            // reach the thresholds.
             let gradient: Vec<f64> = (0..n).map(|k| (0..m).map(|r| j[r * n + k] * s.residuals[0][r]).sum()).collect();
             if s.status == Status::Success {
                 assert!(norm(&gradient) < 1e-11 * (1.0 + norm(&s.v)), "{method:?} n = {n}: {gradient:?}");
@@ -87,7 +87,7 @@ fn wrong_sizes_and_options_are_refused() {
     assert_eq!(PriorityMethod::from_name("sns").unwrap(), PriorityMethod::Sns);
 }
 
-/// The result does not depend on the unit of a level, even an extreme one.
+/// The result must not depend on the unit of a level, even if it is extreme.
 #[test]
 fn extreme_units_change_nothing() {
     let mut random = Random::new(12);
@@ -112,7 +112,7 @@ fn extreme_units_change_nothing() {
     assert!((d.levels[1].projected_singular_values[0] / 1e300 - 1.0).abs() < 1e-15);
 }
 
-/// With the weight `W`, level 1 minimises `v'Wv`: the gradient `W v` is in the row space of `J1`.
+/// With the weight `W`, level 1 minimises `v'Wv`. So the gradient `W v` must be in the row space of `J1`.
 #[test]
 fn weighted_metric_minimises_its_norm() {
     let mut random = Random::new(13);
@@ -144,7 +144,7 @@ fn weighted_metric_minimises_its_norm() {
 
 #[test]
 fn sns_saturates_before_it_scales() {
-    // Both joints move the task. The first can do a quarter of the pseudo-inverse's command, and the second adds the remainder.
+    // Both joints move the task. The first joint can do a quarter of the pseudo-inverse's command, and the second joint adds the rest.
     let bounded = |upper: [f64; 2], c: f64| {
         let o = PriorityOptions { v_max: Some(upper.to_vec()), ..PriorityOptions::new(PriorityMethod::Sns) };
         solve_priority(2, &[&[1.0, 1.0]], &[&[c]], &o).unwrap()
@@ -157,7 +157,7 @@ fn sns_saturates_before_it_scales() {
     assert!(apart(&free.v, &[1.0, 1.0]) < 1e-15 && free.status == Status::Success);
     let still = bounded([0.0, 0.0], 2.0);
     assert_eq!((still.v, still.scales), (vec![0.0, 0.0], vec![0.0]));
-    // Zero velocity is out of bounds: a joint is driven back from its limit, and the other one maintains the task.
+    // Zero velocity is out of bounds: one joint is driven back from its limit, and the other joint maintains the task.
     let o = PriorityOptions { v_min: Some(vec![0.5, -9.0]), v_max: Some(vec![1.0, 9.0]), ..PriorityOptions::new(PriorityMethod::Sns) };
     let back = solve_priority(2, &[&[1.0, 1.0]], &[&[0.0]], &o).unwrap();
     assert!(apart(&back.v, &[0.5, -0.5]) < 1e-15 && back.scales == [1.0], "{back:?}");
@@ -182,7 +182,7 @@ fn reusing_a_solver_gives_the_same_bits() {
     }
 }
 
-/// A level without remaining freedom changes no bit of the levels above it, even if their solution is ill-conditioned.
+/// A level without free directions must not change any bit of the levels above it, even if their solution is ill-conditioned.
 #[test]
 fn a_level_without_freedom_changes_nothing() {
     let mut random = Random::new(15);

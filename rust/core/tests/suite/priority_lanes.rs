@@ -1,5 +1,5 @@
-//! Batches by programs and in threads. Every row has the bits, ranks and status of its single solve, on regular and singular stacks. Its
-//! neighbours, the number of rows and the number of threads have no effect.
+//! Tests of batches with programs and threads. Every row must have the bits, ranks and status of its single solve, for regular and singular
+//! stacks. Other rows, the number of rows and the number of threads must have no effect.
 
 use crate::priority_support::Random;
 use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, StackAnswers, StackRows};
@@ -15,8 +15,8 @@ struct Batch {
     velocities: Vec<Vec<f64>>,
 }
 
-/// `count` stacks of one size, 4 to 9 joints, 2 to 4 levels. Every fifth has a row that repeats the previous one, exactly or nearly. Every
-/// 31st has a number that is not finite.
+/// Return `count` stacks of one size, with 4 to 9 joints and 2 to 4 levels. In every fifth stack, a row repeats the previous one exactly or
+/// nearly. Every thirty-first stack has a number that is not finite.
 fn batch(random: &mut Random, count: usize) -> Batch {
     let n = 4 + random.below(6);
     let rows: Vec<usize> = (0..2 + random.below(3)).map(|_| [0, 1, 2, 3, n, n + 1][random.below(6)]).collect();
@@ -53,7 +53,7 @@ struct Answers {
     status: Vec<i32>,
 }
 
-/// Every NaN equals every other, regardless of payload and sign.
+/// Return the bits of the numbers. All NaN have the same bits here, regardless of payload and sign.
 fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| if x.is_nan() { u64::MAX } else { x.to_bits() }).collect()
 }
@@ -144,7 +144,7 @@ fn the_number_of_threads_and_of_rows_changes_no_bit() {
     }
     let fewer = solved(&b, &solver, 1237, 2);
     assert_eq!(fewer.v[..], one.v[..1237 * b.n]);
-    // A request stops the work after the first slice of waiting.
+    // The request must stop the work after the first waiting period.
     let many = StackRows { jacobians: &[&[1.0, 0.0]], velocities: &[&[1.0]] };
     let small = PrioritySolver::new(2, &[1], &PriorityOptions::new(PriorityMethod::Chiaverini)).unwrap();
     let rows = 200_000;
@@ -163,7 +163,7 @@ fn the_regular_route_is_the_recursion_over_singular_values() {
         for trial in 0..200 {
             let b = batch(&mut random, 30);
             let weight: Vec<f64> = (0..b.n * b.n).map(|k| if k / b.n == k % b.n { 2.0 + (k / b.n) as f64 } else { 0.3 }).collect();
-            // Both bounds have the same sign in every tenth trial, so that zero is out of bounds.
+            // In every tenth trial, both bounds have the same sign, so that zero is out of bounds.
             let v_min = vec![if trial % 10 == 9 { 0.1 } else { -1.5 }; b.n];
             let bounds = (method == PriorityMethod::Sns).then(|| (v_min, vec![2.0; b.n]));
             let (v_min, v_max) = bounds.unzip();
@@ -188,7 +188,7 @@ fn the_regular_route_is_the_recursion_over_singular_values() {
                 assert!(solver.scales().iter().all(|&scale| scale == 1.0));
                 let largest = route.v.iter().fold(1.0f64, |most, v| most.max(v.abs()));
                 for (regular, singular) in route.v.iter().zip(solver.v()) {
-                    // The rounding error, times the condition number of random stacks.
+                    // The tolerance is the rounding error, multiplied with the condition number of random stacks.
                     assert!((regular - singular).abs() < 1e-9 * largest, "{method:?}, rows {:?}: {regular} {singular}", b.rows);
                 }
                 let ranks = solver.ranks().to_vec();

@@ -1,4 +1,4 @@
-//! Penrose conditions, orthonormality and relative accuracy of the decompositions. They terminate on every input.
+//! Tests of decompositions: Penrose conditions, orthonormality and relative accuracy. They must terminate for every input.
 
 use crate::priority_support::{Random, apart, norm, product};
 use armlet_core::error::Error;
@@ -8,7 +8,7 @@ fn transpose(a: &[f64], m: usize, k: usize) -> Vec<f64> {
     (0..k).flat_map(|c| (0..m).map(move |r| r * k + c)).map(|at| a[at]).collect()
 }
 
-/// Random sizes and ranks: rows beyond the rank are combinations of the first ones.
+/// Return a matrix of random size and rank. Rows beyond the rank are combinations of the first ones.
 fn matrix(random: &mut Random) -> (Vec<f64>, usize, usize, usize) {
     let (m, k) = (1 + random.below(9), 1 + random.below(9));
     let rank = random.below(m.min(k) + 1);
@@ -24,7 +24,7 @@ fn penrose_conditions_hold_at_every_rank() {
         let mut svd = Svd::new(m, k);
         svd.decompose(&a, m, k).unwrap();
         let largest = svd.s()[0];
-        // Products of two factors of order 1 are accurate to some ulp of the largest value. The smallest true values are above 1e-9 here.
+        // Products of two factors of order 1 are accurate to some ulp of the largest value. The smallest true values exceed 1e-9 here.
         let cut = 1e-13 * largest;
         if svd.s().iter().any(|s| *s > cut && *s < 1e-6 * largest) {
             continue;
@@ -32,7 +32,7 @@ fn penrose_conditions_hold_at_every_rank() {
         assert_eq!(svd.rank(cut), rank, "{:?}", svd.s());
         let x = pinv(&a, m, k, cut).unwrap();
         let (ax, xa) = (product(&a, &x, k, m), product(&x, &a, m, k));
-        // 1e-15 of the products, times the condition number (at most 1e6), with a margin of ten.
+        // The tolerance is 1e-15 of the products, multiplied with the condition number (at most 1e6) and with a margin of ten.
         let tolerance = 1e-8 * (1.0 + norm(&x)) * (1.0 + norm(&a));
         assert!(apart(&product(&ax, &a, m, k), &a) <= tolerance);
         assert!(apart(&product(&xa, &x, k, m), &x) <= tolerance);
@@ -59,7 +59,7 @@ fn factors_are_orthonormal_and_reproduce_the_matrix() {
         for i in 0..k {
             for j in 0..k {
                 let dot: f64 = svd.v(i).iter().zip(svd.v(j)).map(|(x, y)| x * y).sum();
-                // 9 reflections and some hundred rotations, with an error of at most one ulp each.
+                // Nine reflections and some hundred rotations have an error of at most one ulp each.
                 assert!((dot - if i == j { 1.0 } else { 0.0 }).abs() <= 1e-14, "V at scale {scale}");
             }
         }
@@ -76,7 +76,7 @@ fn factors_are_orthonormal_and_reproduce_the_matrix() {
 
 #[test]
 fn tiny_singular_values_of_graded_rows_keep_their_digits() {
-    // A = diag(1, 1e-8, 1e-16) Q with orthonormal rows of Q: the singular values are 1, 1e-8, 1e-16 to relative precision.
+    // With A = diag(1, 1e-8, 1e-16) Q and orthonormal rows of Q, the singular values are 1, 1e-8 and 1e-16 to relative precision.
     let q = [[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]];
     let a: Vec<f64> = (0..3).flat_map(|i| q[i].iter().map(move |x| x / 3.0 * 10f64.powi(-8 * i as i32))).collect();
     let mut svd = Svd::new(3, 3);
@@ -108,7 +108,7 @@ fn eigenvalues_of_symmetric_matrices() {
             let b = random.normals(n * n);
             let mut s: Vec<f64> = (0..n * n).map(|at| b[at] + b[at % n * n + at / n]).collect();
             if trial % 4 == 0 {
-                // Repeated eigenvalues.
+                // This matrix has repeated eigenvalues.
                 s = (0..n * n).map(|at| if at / n == at % n { 2.0 } else { 1.0 }).collect();
             }
             let (values, vectors) = symmetric_eigen(&s, n).unwrap();

@@ -1,4 +1,4 @@
-//! The macro-micro 4R arm of SPEC system 2 against 120-digit vectors: classes, ranks, exact and clamped maps, bounds, continuity.
+//! Tests of the macro-micro 4R arm against vectors with 120 digits: classes, ranks, exact and clamped methods, bounds, continuity.
 
 use crate::priority_support::{apart, norm, planar_jacobian, times};
 use armlet_core::priority::{PriorityMethod, PriorityOptions, PrioritySolver, Solution, solve_priority};
@@ -46,7 +46,7 @@ fn clamp_is_the_canonical_map() {
         let (id, input, expected) = (&case["id"], &case["input"], &case["expected"]);
         let solution = solve(input, &numbers(&input["q"]), PriorityMethod::Clamp);
         let want = numbers(&expected["reg_qd"]);
-        // The vectors allow 1e-9. The condition number of the map is at most |J|/eps = 100, so 1e-12 is rounding.
+        // The vectors allow an error of 1e-9. The condition number is at most |J|/eps = 100, so that an error of 1e-12 is rounding.
         assert!(apart(&solution.v, &want) <= 1e-12 * (1.0 + norm(&want)), "{id}: {:?} instead of {want:?}", solution.v);
         assert!(apart(&solution.residuals[0], &numbers(&expected["reg_res1"])) <= 1e-12, "{id}: primary residual");
         assert!(apart(&solution.residuals[1], &numbers(&expected["reg_res2"])) <= 1e-11, "{id}: secondary residual");
@@ -66,14 +66,14 @@ fn exact_is_equation_5() {
         let q = numbers(&input["q"]);
         if number(&expected["exact_norm"]) < 1e3 {
             let (solution, want) = (solve(input, &q, PriorityMethod::Exact), numbers(&expected["exact_qd"]));
-            // The vectors state 1e-9. Near q4 = 1e-12 .. the compatible cases divide rounding errors by the singular value.
+            // The vectors state 1e-9. Near q4 = 1e-12, the compatible cases divide rounding errors by the small singular value.
             let near = q.iter().any(|q| *q != 0.0 && q.sin().abs() < 1e-5);
             if !near {
                 assert!(apart(&solution.v, &want) <= 1e-9 * norm(&want), "{id}: {:?} instead of {want:?}", solution.v);
                 compared += 1;
             }
         }
-        // With small angles moved to the singularity, the ranks are those of the class.
+        // If small angles are set to the singular angle, the ranks must be those of the class.
         let tolerance = number(&input["angle_tol"]);
         let pi = std::f64::consts::PI;
         let q: Vec<f64> = q.iter().map(|q| if q.sin().abs() <= tolerance { (q / pi).round() * pi } else { *q }).collect();
@@ -82,7 +82,7 @@ fn exact_is_equation_5() {
         assert_eq!(solution.ranks[0] as u64, ranks["J1"].as_u64().unwrap(), "{id}: rank J1");
         assert_eq!(solution.ranks[1] as u64, ranks["J2P1"].as_u64().unwrap(), "{id}: rank J2 P1");
         let want = numbers(&expected["class_qd"]);
-        // The rounding error of the inputs over the smallest singular value of this configuration.
+        // The tolerance is the rounding error of the inputs, divided by the smallest singular value of this configuration.
         let sigma =
             numbers(&expected["sigma_J2P1"]).into_iter().chain(numbers(&expected["sigma_J1"])).filter(|s| *s > 1e-9).fold(1.0, f64::min);
         assert!(apart(&solution.v, &want) <= 4e-15 * (1.0 + norm(&want)) / sigma, "{id}: {:?} instead of {want:?}", solution.v);
@@ -124,7 +124,7 @@ fn paths_through_singularities_are_continuous() {
     assert_eq!(paths, 2);
 }
 
-/// The two results of the exam, for any base rotation and after many turns of the joints.
+/// Test the two cases of the exam, for any base rotation and after many revolutions of the joints.
 #[test]
 fn cases_a_and_b_from_any_base_rotation() {
     let half = std::f64::consts::FRAC_PI_2;
@@ -142,7 +142,7 @@ fn cases_a_and_b_from_any_base_rotation() {
                 for method in [PriorityMethod::Exact, PriorityMethod::Clamp] {
                     let o = PriorityOptions { method, rounding: Some(rounding), ..PriorityOptions::default() };
                     let solution = solve_priority(4, &[&j1, &j2], &[&p, &p], &o).unwrap();
-                    // The error of the angles is `rounding`, and the condition number of the map is below 100.
+                    // The error of the angles is `rounding`, and the condition number is below 100.
                     assert!(apart(&solution.v, &want) <= 100.0 * rounding, "{method:?} at {q:?}: {:?}", solution.v);
                     assert!(apart(&times(&j1, &solution.v), &p) <= 1e-13);
                 }

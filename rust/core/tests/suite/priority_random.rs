@@ -1,6 +1,6 @@
-//! The non-disturbance properties of SPEC system 2 on random stacks: 2 to 5 levels, 4 to 9 joints, 30 % exactly singular, 30 % within
-//! 1e-16..1e-2 of it. Rows may be duplicate, zero, dependent or conflicting. `ARMLET_RANDOM_STACKS` sets the count; strata and seed are
-//! printed.
+//! Tests on random stacks that lower levels do not disturb higher ones. The stacks have 2 to 5 levels and 4 to 9 joints. 30 % are exactly
+//! singular, and the same fraction is within 1e-16 to 1e-2 of a singularity. Rows may be duplicate, zero, dependent or conflicting.
+//! `ARMLET_RANDOM_STACKS` sets the number of stacks. Strata and seed are printed.
 
 use crate::priority_support::{Random, apart, norm, times};
 use armlet_core::linalg::Svd;
@@ -48,7 +48,7 @@ fn stack(random: &mut Random) -> Stack {
             _ => 1 + random.below(3),
         })
         .collect();
-    // Tasks have different units, so each level has a scale.
+    // Tasks have different units. So each level has a different scale.
     let mut jacobians: Vec<Vec<f64>> = rows
         .iter()
         .map(|m| {
@@ -94,7 +94,7 @@ struct Answer {
     status: Status,
 }
 
-/// The first `levels` levels of the stack.
+/// Solve the first `levels` levels of the stack.
 fn prefix(s: &Stack, levels: usize, method: PriorityMethod) -> Answer {
     prefix_eps(s, levels, method, None)
 }
@@ -122,7 +122,7 @@ fn check(s: &Stack, method: PriorityMethod) {
     let levels = s.jacobians.len();
     let prefixes: Vec<Answer> = (1..=levels).map(|k| prefix(s, k, method)).collect();
     let last = &prefixes[levels - 1];
-    // Near singularities the velocities of exact maps reach 1e15. The disturbance by their rounding grows with them.
+    // Near singularities, the velocities of exact methods reach 1e15. The disturbance due to rounding increases with the velocities.
     let allowed = f64::max(1e-10, 1e-12 * (1.0 + norm(&last.v)));
     let always = matches!(method, PriorityMethod::Exact | PriorityMethod::Chiaverini | PriorityMethod::Sns);
     for i in 0..levels {
@@ -134,11 +134,11 @@ fn check(s: &Stack, method: PriorityMethod) {
         if matches!(method, PriorityMethod::Clamp | PriorityMethod::Damped) {
             let before = if i == 0 { vec![0.0; s.n] } else { prefixes[i - 1].v.clone() };
             let rest = norm(&difference(&s.velocities[i], &times(&s.jacobians[i], &before)));
-            // The gain of damping by the manipulability has the maximum 1.21/eps: max of x/(x^2 + (1-x)^2).
+            // The gain of damping by manipulability has the maximum 1.21/eps, the maximum of x/(x^2 + (1-x)^2) divided by eps.
             let peak = if method == PriorityMethod::Clamp { 1.0 } else { 1.2072 };
             let step = norm(&difference(&prefixes[i].v, &before));
             let e = eps(s, i);
-            // For rows of size 1e-16, eps is equally small and velocities reach 1e15. The last term is their rounding error.
+            // For rows of size 1e-16, eps is also of this size, and velocities reach 1e15. The last term is their rounding error.
             let most = peak / e * rest * (1.0 + 1e-9) + 1e-12 * (1.0 + norm(&prefixes[i].v).max(norm(&before)));
             assert!(e == 0.0 || step <= most, "{method:?}: level {i} moves {step} for {rest}, eps {e}, |v| = {:e}", norm(&before));
         }
@@ -167,8 +167,8 @@ fn check(s: &Stack, method: PriorityMethod) {
     }
     if method == PriorityMethod::Clamp && last.status == Status::Success {
         let exact = prefix(s, levels, PriorityMethod::Exact);
-        // All singular values are above 0.02 of their level's rows. Five levels amplify rounding by at most 50 each, and typically by 50 in
-        // total.
+        // All singular values are above 0.02 of the rows of their level. Five levels amplify rounding by at most 50 each, and typically by
+        // 50 in total.
         assert!(apart(&last.v, &exact.v) <= 1e-9 * (1.0 + norm(&exact.v)), "clamp {:?} and exact {:?} differ", last.v, exact.v);
     }
 }
@@ -186,7 +186,8 @@ fn no_lower_level_disturbs_a_higher_one() {
     assert!(total < 1000 || strata.iter().all(|s| *s > total / 5), "strata {strata:?}");
 }
 
-/// Along a line of stacks through a singular one: as the interval around the largest step of the clamped map is refined, the step vanishes.
+/// On a line of stacks through a singular one, find the largest step of the clamped method. If the interval around it is refined, the step
+/// must vanish.
 #[test]
 fn clamp_is_continuous_for_any_number_of_levels() {
     let mut random = Random::new(SEED + 1);
@@ -201,7 +202,7 @@ fn clamp_is_continuous_for_any_number_of_levels() {
             for (j, (c, d)) in s.jacobians.iter_mut().zip(centre.iter().zip(&noise)) {
                 *j = c.iter().zip(d).map(|(c, d)| c + t * d).collect();
             }
-            // `eps` is fixed. An `eps` relative to a level that is zero at the centre would vanish there.
+            // `eps` is fixed. An `eps` relative to a level that is zero at the centre would also be zero there.
             prefix_eps(&s, centre.len(), PriorityMethod::Clamp, Some(vec![0.05])).v
         };
         let (mut from, mut to, mut samples) = (-1.0, 1.0, 500);
@@ -215,7 +216,7 @@ fn clamp_is_continuous_for_any_number_of_levels() {
             first.get_or_insert(most);
             (from, to, samples) = (grid[k], grid[k + 1], 4);
         }
-        // The interval has shrunk by 4^19 = 3e11. A jump would not have shrunk.
+        // The interval has shrunk by 4^19 = 3e11. A jump would not have become smaller.
         assert!(step <= 1e-6 * (1.0 + first.unwrap()), "step {step} near t = {from}, first {first:?}");
     }
 }

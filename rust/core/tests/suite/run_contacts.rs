@@ -1,5 +1,5 @@
-//! Contacts and events in runs. Between their changes, held contacts equal free ones. A stop is reached at the expected time, and the
-//! balance holds through a damped stop.
+//! Tests of contacts and events in runs. Between their changes, held contacts must equal free ones. A stop must be reached at the expected
+//! time. The energy balance must be zero through a damped stop.
 
 use armlet_core::arm::Arm;
 use armlet_core::dynamics::Model;
@@ -28,7 +28,7 @@ fn held_contacts_agree_with_free_ones_where_they_hold() {
 #[test]
 fn a_contact_is_entered_pressed_and_left_slack() {
     assert_eq!(Touch::Apart.next(0, 0.0), Touch::Pressed);
-    // A contact with a damper separates before the surface is reached, and a spring alone at the surface.
+    // With a damper, the contact separates before the surface is reached. With a spring alone, it separates at the surface.
     assert_eq!(Touch::Pressed.next(0, 0.01), Touch::Slack);
     assert_eq!(Touch::Pressed.next(0, 0.0), Touch::Apart);
     assert_eq!(Touch::Slack.next(0, 0.0), Touch::Apart);
@@ -49,7 +49,7 @@ fn stops_say_what_they_lack() {
     assert_eq!((one.energy(&[1.1]), one.energy(&[0.9])), (0.5 * 1e3 * (1.1f64 - 1.0) * (1.1 - 1.0), 0.0));
 }
 
-/// A link of 1 kg m^2 without a drive, at 2 rad/s towards a stop at 1 rad.
+/// Return a run of a link of 1 kg m^2 without a drive, which moves at 2 rad/s towards a stop at 1 rad.
 fn thrown(damping: f64, method: Method, observer: Option<&mut RunObserver>) -> Run {
     let model = Model::Tree(Arc::new(Arm::pendulum(1.0, 0.0).unwrap()));
     let stops = Stops::new(vec![f64::NEG_INFINITY], vec![1.0], vec![400.0], vec![damping]).unwrap();
@@ -84,14 +84,15 @@ fn a_stop_is_met_and_left_when_it_should_be() {
         let mut observer = RunObserver { events, polynomials: Some(Polynomials::default()), ..RunObserver::default() };
         let run = thrown(0.0, method, Some(&mut observer));
         assert_eq!(run.status, Status::Success, "{method:?}");
-        // v0 = 2, sqrt(k/I) = 20: contact at 1/2, reversal a quarter period later, separation half a period after contact.
+        // With v0 = 2 and sqrt(k/I) = 20, the contact begins at 1/2. The reversal is a quarter period later, and the separation half a
+        // period later.
         let expected = [0.5, 0.5 + PI / 40.0, 0.5 + PI / 20.0];
         assert_eq!(observer.crossings.index, [0, 1, 0], "{method:?}");
         for (t, want) in observer.crossings.t.iter().zip(expected) {
-            // The error of the run at this tolerance. The error of the search is one ulp.
+            // The tolerance is the error of the run. The error of the root search is one ulp.
             assert!((t - want).abs() < 1e-8, "{method:?}: {t} {want}");
         }
-        // The steps have no gaps: each begins where the previous one ended, and one of them ends at the stop.
+        // The steps must have no gaps: each begins where the previous one ended. One step must end at the stop.
         let ends = observer.polynomials.unwrap().ends;
         assert!(ends.windows(2).all(|pair| pair[0] < pair[1]) && ends.last() == Some(&1.0));
         assert!(ends.iter().any(|&t| t == observer.crossings.t[0]), "{method:?}");

@@ -1,4 +1,4 @@
-//! The measurements of a sampled controller: noise with the moments of its distribution, encoders with a resolution.
+//! Tests of a sampled controller's measurements: the moments of the noise, and the resolution of encoders.
 
 use armlet_core::simulate::Sampling;
 
@@ -11,7 +11,7 @@ fn noise_has_its_moments_and_no_memory() {
     let mean = draws.iter().sum::<f64>() / n as f64;
     let second = draws.iter().map(|x| x * x).sum::<f64>() / n as f64;
     let lag = draws.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / n as f64;
-    // Five standard errors: 1/sqrt(n) of mean and of correlation at lag one, sqrt(2/n) of the variance.
+    // The tolerances are five standard errors: 1/sqrt(n) for the mean and the correlation at lag one, and sqrt(2/n) for the variance.
     let error = 5.0 / (n as f64).sqrt();
     assert!(mean.abs() < error && lag.abs() < error && (second - 1.0).abs() < 1.5 * error, "{mean} {second} {lag}");
     assert_ne!(sampling.measure(7, 1, 3, 0, 0.0), sampling.measure(8, 1, 3, 0, 0.0));

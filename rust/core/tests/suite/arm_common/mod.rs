@@ -1,4 +1,4 @@
-//! Common parts of the arm tests: every number type, seeded random trees, chains from the vectors.
+//! Common parts of the arm tests: a task for every number type, seeded random trees, and chains from the vectors.
 
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType};
 use armlet_core::scalar::{Array8, Float, GenericKernel, Isa, Kernel, Real};
@@ -17,7 +17,7 @@ pub fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
-/// Run the task on every number type of this machine. The result is their number.
+/// Run the task on every number type of this machine, and return how many types exist.
 pub fn on_every_number<T: GenericKernel + Copy>(task: T) -> usize {
     on::<f64, T>(task);
     on::<Float, T>(task);
@@ -49,7 +49,7 @@ pub fn vectors(file: &str) -> Value {
     serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap()
 }
 
-/// The vectors have numbers, or decimal strings, in nested arrays.
+/// Return all numbers of nested arrays in one list. They are written as numbers or as decimal strings.
 pub fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(items) => items.iter().flat_map(numbers).collect(),
@@ -71,7 +71,7 @@ pub fn chain(value: &Value) -> Arm {
     Arm::from_chain(&joints, array(&value["gravity"])).unwrap()
 }
 
-/// splitmix64: small, seeded, and the same on every machine.
+/// A random generator with a seed (splitmix64). Its numbers are the same on every machine.
 #[derive(Clone, Copy)]
 pub struct Rng(pub u64);
 impl Rng {
@@ -82,7 +82,7 @@ impl Rng {
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ (z >> 31)
     }
-    /// Uniform in (-1, 1).
+    /// Return a number that is uniform in (-1, 1).
     pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
@@ -97,7 +97,7 @@ impl Rng {
     }
 }
 
-/// Parameters of a physical body: five random point masses on a core.
+/// Return the inertial parameters of a physical body: a core with five random point masses.
 pub fn body(rng: &mut Rng) -> [f64; 10] {
     let mut phi = [0.0; 10];
     for k in 0..6 {
@@ -112,8 +112,8 @@ pub fn body(rng: &mut Rng) -> [f64; 10] {
     phi
 }
 
-/// A random tree with `n` moving joints: branches, slides, fixed bodies and rotors; axes along coordinates or oblique, placements by
-/// quarter turns or oblique.
+/// Return a random tree with `n` moving joints. It has branches, prismatic joints, fixed bodies and rotors. Axes and placements are along
+/// the coordinate axes or oblique.
 pub fn random_tree(rng: &mut Rng, n: usize) -> Arm {
     let mut list: Vec<ChainJoint> = Vec::new();
     let mut moving = 0;
@@ -138,7 +138,7 @@ pub fn random_tree(rng: &mut Rng, n: usize) -> Arm {
             _ => rng.array3(2.0),
         };
         let mut joint = ChainJoint::new(kind, axis, rpy, rng.array3(0.4), body(rng));
-        // Mostly chains, sometimes a branch, rarely a second tree on the base.
+        // Most joints continue a chain, some begin a branch, and few begin a second tree on the base.
         joint.parent = match rng.below(8) {
             0 if !list.is_empty() => Some(Some(rng.below(list.len()))),
             1 if list.len() > 2 && rng.below(3) == 0 => Some(None),
@@ -154,7 +154,7 @@ pub fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// Fail if an entry differs by more than `tolerance` times the largest entry of `want` (and `floor`).
+/// Fail if an entry differs by more than `tolerance`, relative to the largest entry of `want` or to `floor`.
 #[track_caller]
 pub fn close(what: &str, got: &[f64], want: &[f64], tolerance: f64, floor: f64) {
     assert_eq!(got.len(), want.len(), "{what}");

@@ -1,4 +1,4 @@
-//! The system allocator with a count of the allocations of each thread.
+//! The system allocator, with a counter of allocations for each thread.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -9,15 +9,15 @@ thread_local! {
 
 struct Counting;
 
-// SAFETY: every call is passed on to the system allocator unchanged.
+// SAFETY: every call is passed to the system allocator without changes.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's contract is passed on.
+        // SAFETY: the caller's contract is passed to the system allocator.
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's contract is passed on.
+        // SAFETY: the caller's contract is passed to the system allocator.
         unsafe { System.dealloc(pointer, layout) }
     }
 }
@@ -25,7 +25,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The result of `work`, and the number of its allocations on this thread.
+/// Return the result of `work`, and the number of its allocations on this thread.
 pub fn counted<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = COUNT.with(Cell::get);
     let done = work();

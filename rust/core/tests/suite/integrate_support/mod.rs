@@ -1,10 +1,10 @@
-//! Problems with known solutions, written once for every number type, and a common interface to every method.
+//! Problems with known solutions, generic over the number type, and a common interface to every method.
 
 use armlet_core::integrate::*;
 use armlet_core::scalar::{Array8, Dual8, Duals, Real};
 use armlet_core::status::Status;
 
-/// `x' = f(t, x)`.
+/// A problem `x' = f(t, x)` with `N` states.
 pub trait Problem {
     const N: usize;
     fn f<S: Real>(t: S, x: &[S], dx: &mut [S]);
@@ -15,7 +15,7 @@ pub trait Problem {
     fn rate_of(_i: usize) -> Option<usize> {
         None
     }
-    /// Attempts along a jump before the run ends.
+    /// The number of attempts at jumps after which the run ends.
     fn chatter_budget() -> u64 {
         u64::MAX
     }
@@ -88,7 +88,7 @@ pub fn fixed<P: Problem>(name: &str) -> Box<dyn FixedStep<f64, Twin<P>, Vec<f64>
     }
 }
 
-/// The end of a run and its status.
+/// Run a method to its end, or to an error.
 pub fn run<P: Problem + 'static>(method: &mut Boxed<P>, t: f64, t_end: f64) -> Result<(), Status> {
     let mut system = twin::<P>();
     method.begin(&mut system, t, t_end, t_end)?;
@@ -100,7 +100,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// A point on a circle with varying speed: not linear in time, not autonomous.
+/// A point on a circle with varying speed: not linear in time, and not autonomous.
 pub struct Circle;
 impl Problem for Circle {
     const N: usize = 2;
@@ -120,7 +120,7 @@ impl Exact for Circle {
     }
 }
 
-/// The rate of `x0 = 1 / (2 - t/2)` is proportional to its square. `x1 = exp(sin t)` is driven by `x0`.
+/// `x0 = 1 / (2 - t/2)` has a rate that is proportional to its square. `x1 = exp(sin t)` depends on `x0`.
 pub struct Riccati;
 impl Problem for Riccati {
     const N: usize = 2;
@@ -139,7 +139,7 @@ impl Exact for Riccati {
     }
 }
 
-/// A harmonic oscillator: position, velocity.
+/// A harmonic oscillator with the states position and velocity.
 pub struct Oscillator;
 impl Problem for Oscillator {
     const N: usize = 2;
@@ -163,7 +163,7 @@ impl Exact for Oscillator {
     }
 }
 
-/// Ten coupled decays, so that the Jacobian takes more than one evaluation with duals.
+/// Ten coupled decays. Their Jacobian takes more than one evaluation with dual numbers.
 pub struct Chain;
 impl Problem for Chain {
     const N: usize = 10;

@@ -1,4 +1,4 @@
-//! Common parts of the planner tests: the oracle file, a seeded generator, and the strata of random problems.
+//! Common parts of the planner tests: the oracle file, a random generator with a seed, and the strata of random problems.
 
 use serde_json::Value;
 
@@ -12,7 +12,7 @@ pub fn cases() -> Vec<Value> {
     oracle()["cases"].as_array().expect("cases").clone()
 }
 
-/// A product of numbers and `pi`: `-pi/2`, `9.81*0.3*2*pi/pi`, `inf`.
+/// Evaluate a product of numbers and `pi`, such as `-pi/2`, `9.81*0.3*2*pi/pi` or `inf`.
 pub fn expression(text: &str) -> f64 {
     let (sign, text) = text.strip_prefix('-').map_or((1.0, text), |rest| (-1.0, rest));
     let mut value = 1.0;
@@ -26,7 +26,7 @@ pub fn expression(text: &str) -> f64 {
     sign * value
 }
 
-/// A number, or a text for `expression`.
+/// Return a number, or the value of a text for `expression`.
 pub fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| expression(value.as_str().expect("a number")))
 }
@@ -35,12 +35,12 @@ pub fn near(x: f64, y: f64, relative: f64) -> bool {
     x == y || (x - y).abs() <= relative * y.abs()
 }
 
-/// The number of random problems: 20,000, or ARMLET_RANDOM_PLANS.
+/// Return the number of random problems: 20,000, or ARMLET_RANDOM_PLANS.
 pub fn random_count() -> usize {
     std::env::var("ARMLET_RANDOM_PLANS").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000)
 }
 
-/// xorshift64*.
+/// A random generator with a seed (xorshift64*).
 pub struct Random(u64);
 
 impl Random {
@@ -88,7 +88,8 @@ impl Problem {
         Problem { theta0, thetaf, inertia: r.log(0.1, 10.0), gravity: r.range(-0.5, 2.0), tau_min, tau_max }
     }
 
-    /// Strata in turn: nominal, tiny motions 1e-16..1e-6, limits 1e-3..1e8 with gravity of similar size, special angles.
+    /// Return problem `k`. The strata alternate: nominal, tiny motions 1e-16..1e-6, limits 1e-3..1e8 with gravity of similar size, special
+    /// angles.
     pub fn stratum(r: &mut Random, k: usize) -> Self {
         let mut p = Problem::nominal(r);
         match k % 4 {

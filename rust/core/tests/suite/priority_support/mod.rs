@@ -1,8 +1,8 @@
-//! Common parts of the priority tests: planar kinematics, a seeded generator, small matrix products.
+//! Common parts of the priority tests: planar kinematics, a random generator with a seed, and small matrix products.
 
 use std::f64::consts::TAU;
 
-/// Row-major `(2, n)` Jacobian of the tip of link `tip` (1-based) of a planar arm with relative angles.
+/// Return the Jacobian of the tip of link `tip` (1-based), shape `(2, n)`, row-major, of a planar arm with relative angles.
 pub fn planar_jacobian(lengths: &[f64], q: &[f64], tip: usize) -> Vec<f64> {
     let n = q.len();
     let mut j = vec![0.0; 2 * n];
@@ -19,7 +19,7 @@ pub fn planar_jacobian(lengths: &[f64], q: &[f64], tip: usize) -> Vec<f64> {
     j
 }
 
-/// Multiplicative generator of the form of L'Ecuyer 1988 on 64 bits (Knuth's MMIX constants). The output is its high bits.
+/// A multiplicative random generator of the form of L'Ecuyer 1988 with 64 bits (Knuth's MMIX constants). The output is its high bits.
 pub struct Random(u64);
 
 impl Random {
@@ -31,7 +31,7 @@ impl Random {
         r
     }
 
-    /// Uniform in `[0, 1)`.
+    /// Return a number that is uniform in `[0, 1)`.
     pub fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         ((self.0 >> 11) as f64) / ((1u64 << 53) as f64)
@@ -41,7 +41,7 @@ impl Random {
         ((self.uniform() * n as f64) as usize).min(n - 1)
     }
 
-    /// Standard normal (Box and Muller).
+    /// Return a number with the standard normal distribution (Box and Muller).
     pub fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (TAU * self.uniform()).cos()
     }
@@ -51,12 +51,12 @@ impl Random {
     }
 }
 
-/// `J v` for a row-major matrix.
+/// Return `J v` for a row-major matrix.
 pub fn times(j: &[f64], v: &[f64]) -> Vec<f64> {
     j.chunks_exact(v.len()).map(|row| row.iter().zip(v).map(|(a, b)| a * b).sum()).collect()
 }
 
-/// Row-major product of `(m, k)` and `(k, n)`.
+/// Return the row-major product of matrices with the shapes `(m, k)` and `(k, n)`.
 pub fn product(a: &[f64], b: &[f64], k: usize, n: usize) -> Vec<f64> {
     a.chunks_exact(k).flat_map(|row| (0..n).map(move |c| row.iter().enumerate().map(|(l, x)| x * b[l * n + c]).sum())).collect()
 }
@@ -65,7 +65,7 @@ pub fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Largest absolute difference.
+/// Return the largest absolute difference.
 pub fn apart(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).fold(0.0, |m, (x, y)| if (x - y).abs() <= m { m } else { (x - y).abs() })
