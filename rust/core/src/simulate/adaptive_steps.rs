@@ -184,7 +184,7 @@ impl Due<'_> {
 }
 
 /// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record.
-// The function is long because it is one loop whose branches share their state.
+// Long: one loop, whose branches share its state.
 pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,

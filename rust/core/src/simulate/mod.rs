@@ -8,7 +8,7 @@
 //! - A *sample* is one evaluation of a sampled law. Its output is *held* until the next sample.
 //! - A *lane* is one element of a SIMD register. A *group* is the runs that the lanes of a number compute at the same time.
 //! - The *set-up* is the constant part of a loop: parameters, gains, targets, limits.
-//! - A *program* is a recorded computation ([`crate::trace`]). Its *frame* is its memory, and a *slot* of the frame has one number per
+//! - A *program* is a recorded computation (the module `trace`). Its *frame* is its memory, and a *slot* of the frame has one number per
 //!   lane.
 
 mod adaptive_steps;

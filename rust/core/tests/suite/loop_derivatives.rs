@@ -81,7 +81,7 @@ fn cartesian(model: &Model, target: Motion, axes: &str) -> CartesianImpedanceSpe
 }
 
 /// Return loops with a law of every kind that has derivatives, and with every part of a plant. `at` is the position of the arm.
-// The function is long because it is a list of loops.
+// Long: a list of loops.
 fn cases(at: &[f64]) -> Vec<Case> {
     let model = six_axis();
     let rigid = || PlantSpec::Rigid(RigidSpec::new(model.clone()));
