@@ -1,4 +1,4 @@
-"""C of `armlet.export_c`, compiled and called: every C compiler of this machine, with all warnings as errors."""
+"""Compile and call the C of `armlet.export_c` with every installed C compiler, with all warnings as errors."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Compilers that are here. armlet itself cannot be built without one, so that a machine without any fails.
+#: Installed compilers. armlet cannot be built without a C compiler, so a test on a machine without any fails.
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] or ["cc"]
 FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-ffp-contract=off", "-O1"]
 
 
 def build(files: list[Path], compiler: str, *more: str) -> Path:
-    """A shared library of the source file."""
+    """Compile the source file to a shared library and return its path."""
     header, source, _ = files
     library = source.with_name(f"{source.stem}_{compiler}{len(more)}.so")
     command = [compiler, *FLAGS, *more, "-fPIC", "-shared", str(source), "-o", str(library), "-lm"]
@@ -35,7 +35,7 @@ def pointer(x: Array) -> Any:
 
 
 class Functions:
-    """The functions of an arm."""
+    """The compiled functions of an arm."""
 
     def __init__(self, files: list[Path], compiler: str, *more: str, prefix: str = "arm") -> None:
         self.library = ctypes.CDLL(str(build(files, compiler, *more)))
@@ -55,7 +55,7 @@ class Functions:
 
 
 class Controller:
-    """A law: its state, and steps from state to state."""
+    """A compiled law. It stores the law's state and computes steps."""
 
     def __init__(self, files: list[Path], compiler: str, *more: str, prefix: str = "law") -> None:
         self.library = ctypes.CDLL(str(build(files, compiler, *more)))
@@ -63,7 +63,7 @@ class Controller:
         self.n, self.p = (int(re.findall(rf"#define {prefix.upper()}_{name} (\d+)", text)[0]) for name in ("N", "STATES"))
         self.step = getattr(self.library, f"{prefix}_step")
         self.begin = getattr(self.library, f"{prefix}_init")
-        # tau, then state, rate, t and started where the law has a state of its own.
+        # The C state has tau and, for a law with a state, also the state, its rate, t and the flag `started`.
         self.memory = np.full(self.n + (2 * self.p + 2 if self.p else 0), np.nan)
         self.init()
 
@@ -71,7 +71,7 @@ class Controller:
         self.begin(pointer(self.memory))
 
     def resume(self, t: float, state: Array) -> None:
-        """As after a call at `t` with this state, whose rate was zero: filters do not start anew."""
+        """Set the state as after a call at time `t` that found the rate zero. So filters do not restart."""
         self.memory[self.n : self.n + self.p] = state
         self.memory[self.n + self.p : self.n + 2 * self.p] = 0.0
         self.memory[self.n + 2 * self.p] = t
@@ -93,12 +93,12 @@ class Controller:
 
 
 class Observer:
-    """A momentum observer: its state, and samples."""
+    """A compiled momentum observer. It stores the observer's state and processes samples."""
 
     def __init__(self, files: list[Path], compiler: str, *more: str) -> None:
         self.library = ctypes.CDLL(str(build(files, compiler, *more)))
         self.n = int(re.findall(r"#define OBSERVER_N (\d+)", files[0].read_text())[0])
-        # residual, momentum, drift, started.
+        # The C state has residual, momentum, drift and the flag `started`.
         self.memory = np.full(3 * self.n + 1, np.nan)
         self.library.observer_init(pointer(self.memory))
 

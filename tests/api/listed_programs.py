@@ -1,4 +1,4 @@
-"""An interpreter of the lines of a `LoopProgram`: what each kind of line does, in Python, on numbers and on their bits."""
+"""An interpreter in Python for the lines of a `LoopProgram`. It evaluates each kind of line on numbers, and some on their bits."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def of_bits(word: int) -> float:
 
 
 def fused(a: float, b: float, c: float) -> float:
-    """a b + c, rounded once: a fraction becomes the nearest number."""
+    """The value a b + c with one rounding: the exact fraction is converted to the nearest float."""
     if not all(map(math.isfinite, (a, b, c))):
         return a * b + c
     exact = Fraction(a) * Fraction(b) + Fraction(c)
@@ -63,7 +63,7 @@ KINDS: dict[str, Callable[..., float]] = {
 
 
 def evaluate(program: al.LoopProgram, inputs: Mapping[str, float]) -> dict[str, float]:
-    """The outputs of a program, from the values of what changes within a run."""
+    """The outputs of a program. `inputs` has the values of its inputs that change during a run."""
     known = {name: inputs[name] if value is None else value for name, value in program.inputs.items()}
 
     def value(name: str) -> float:

@@ -1,4 +1,4 @@
-"""The adaptive loop of the PR robot, of which tests of misuse change an argument at a time."""
+"""The adaptive loop of the PR robot. Tests of invalid arguments change one argument of it at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RUN: dict[str, Any] = {"t_end": 0.01, "dt": 1e-3}
 
 
 def changed(changes: dict[str, Any]) -> dict[str, Any]:
-    """RUN with other arguments; a method that chooses its steps takes no `dt`."""
+    """The arguments RUN with `changes`. Adaptive methods have no `dt`."""
     free = {"dt": None} if changes.get("method") in ("dopri5", "dop853", "radau5", "rodas4") else {}
     return RUN | free | changes
 

@@ -1,4 +1,4 @@
-"""What a test of misuse expects."""
+"""The check of an error message, for tests of invalid arguments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import armlet as al
 
 
 def refused(call: Callable[[], Any], *words: str) -> None:
-    """An InputError whose message holds these words, and what was expected."""
+    """Assert that `call` raises an InputError whose message contains `words` and the expected value."""
     with pytest.raises(al.InputError) as caught:
         call()
     assert isinstance(caught.value, ValueError) and isinstance(caught.value, al.ArmletError)

@@ -1,4 +1,4 @@
-"""What worker processes of a sweep import to fail at chosen cells: cells whose first joint starts at one of BAD."""
+"""Worker processes of a sweep import this module to fail at chosen cells: those whose first joint starts at a position in BAD."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ BAD = (0.3, 0.7)
 
 
 def sabotage(how: str, log: str) -> None:
-    """From now on this process raises, raises at the first try alone, or aborts where a batch has a bad cell, and writes that down."""
+    """Make batches with a bad cell fail in this process: raise, raise only once, or abort. Each failure is written to the file `log`."""
     chunk: Any = import_module("armlet.sweeping.chunk")
     whole = chunk.simulate_batch
 
@@ -31,5 +31,5 @@ def sabotage(how: str, log: str) -> None:
 
 
 def die(how: str = "", log: str = "") -> None:
-    """A worker that cannot begin."""
+    """End the process, as a worker that cannot start."""
     os.abort()

@@ -1,4 +1,4 @@
-"""Films of runs: what is drawn of trees with slides and followers, in the plane and in space; GIF, MP4, and what is refused."""
+"""Animations of runs: drawing of trees with prismatic and mimic joints, in a plane and in space; GIF, MP4, and refused arguments."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def moved(arm: al.Arm, q: Any) -> al.Run:
 
 
 def test_lines_of_a_tree() -> None:
-    """A lift of two arms, one of which slides: links end where the joints are, a slide starts where it is at zero."""
+    """On a lift with two arms, one of them prismatic, links end at joints, and a prismatic joint is drawn from its position at zero."""
     joints = [
         BODY | {"type": "P", "xyz": [0, 0, 0.2], "name": "lift"},
         BODY | {"axis": [1, 0, 0], "xyz": [0, 0.3, 0], "parent": 0},
@@ -44,7 +44,7 @@ def test_lines_of_a_tree() -> None:
 
 @pytest.mark.parametrize("arm", [PLANAR, SEVEN, al.load_urdf(GRIPPER), al.planar_arm([0.3] * 4)], ids=["2", "7", "gripper", "4"])
 def test_every_joint_hangs_on_the_one_that_carries_it(arm: al.Arm) -> None:
-    """The end of each link is a joint or a frame; turning joints keep the lengths of all links."""
+    """Each link ends at a joint or a frame. Motion of revolute joints does not change the lengths of links."""
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (6, arm.n))
     lines = Skeleton("test", arm).lines(q)
     lengths = np.linalg.norm(np.diff(lines.links, axis=2)[:, :, 0], axis=-1)
@@ -55,7 +55,7 @@ def test_every_joint_hangs_on_the_one_that_carries_it(arm: al.Arm) -> None:
 
 
 def test_planes_and_space() -> None:
-    """The plane where all points are in one; space where they are not, or where a view is given."""
+    """The picture is a plane if all points are in one. It is in space if they are not, or if a view is an argument."""
     flat = Skeleton("test", PLANAR).lines(np.array([[0.1, 0.2], [0.3, 0.5]])).cloud()
     assert Picture("test", flat, 100).axes == [0, 2] and Picture("test", flat, 100, (30.0, 40.0)).ax.azim == 40.0
     wide = Picture("test", Skeleton("test", SEVEN).lines(np.array([np.ones(7)])).cloud(), 100)
@@ -64,7 +64,7 @@ def test_planes_and_space() -> None:
 
 
 def test_a_picture_shows_the_arm() -> None:
-    """Its lines hold the numbers of the skeleton, and the pixels differ from those of another configuration."""
+    """The lines of a picture have the skeleton's points. Pixels differ from those of another configuration."""
     skeleton, q = Skeleton("test", SEVEN), np.array([np.zeros(7), np.full(7, 0.4)])
     lines, figure = skeleton.lines(q), Figure()
     figure.set_dpi(100)
@@ -89,18 +89,18 @@ def test_films_of_arms_in_space(tmp_path: Path) -> None:
 
 
 def test_the_path_in_a_film_is_that_of_the_tip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A frame of the base may be the last of the file."""
+    """The path is that of the tip, also if the last frame of the file belongs to another link."""
     arm = al.planar_arm([0.5, 0.4]).with_frame("elbow", "link1")
     assert arm.tip_frame == "link2" and arm.frame_names[-1] == "elbow"
     seen: list[Any] = []
     monkeypatch.setattr(Picture, "show", lambda self, lines, k, title: seen.append((lines.tip[k], title)))
     monkeypatch.setattr(Picture, "pixels", lambda self: np.full((100, 100, 3), len(seen), dtype=np.uint8))
     moved(arm, [0.0, 1.0]).animate(tmp_path / "a.gif", fps=10.0, size=100)
-    np.testing.assert_allclose(seen[0][0], [0.9, 0.0, 0.0], atol=1e-12)  # stretched out, to rounding
+    np.testing.assert_allclose(seen[0][0], [0.9, 0.0, 0.0], atol=1e-12)  # the arm is stretched; error of rounding
     assert seen[3][1] == "t = 0.30 s; orange: path of link2" and len(seen) == 10
 
 
-#: In the place of ffmpeg: writes what it was called with and how many bytes came, or fails.
+#: A replacement for ffmpeg. It writes its arguments and the number of bytes that it received, or fails.
 CODER = """#!{python}
 import sys
 count = len(sys.stdin.buffer.read())
@@ -113,7 +113,7 @@ with open(sys.argv[-1], "w") as film:
 
 @pytest.mark.parametrize("fails", [False, True])
 def test_mp4_by_ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
-    """Every picture reaches the program, of an even size; where it fails there is no file."""
+    """ffmpeg receives every picture, with even width and height. If it fails, no file remains."""
     program, film = tmp_path / "bin" / "ffmpeg", tmp_path / "a.MP4"
     program.parent.mkdir()
     program.write_text(CODER.format(python=sys.executable, fails=fails))

@@ -1,4 +1,4 @@
-"""Batches of arm functions: the same bits for every number of threads, the GIL given up, Ctrl-C answered."""
+"""Batches of arm functions: equal bits for every number of threads, release of the GIL, and response to Ctrl-C."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ import armlet as al
 
 ARM = al.load_urdf(al.example_urdf("seven_axis"))
 
-# Those that this processor has.
+# Instruction sets that this processor supports.
 SETS = ("baseline", "avx2", "avx512")[: 1 + ("baseline", "avx2", "avx512").index(al.build_info()["best_instruction_set"])]
 
-# Over a millisecond of work each, with a last group of lanes that is not full.
+# Each batch takes over a millisecond, and its last group of lanes is not full.
 DIGEST = """
     import hashlib, numpy as np, armlet as al
     arm = al.load_urdf(al.example_urdf("seven_axis"))
@@ -44,7 +44,7 @@ def test_every_number_of_threads_gives_the_same_bits() -> None:
 
 
 def test_a_long_call_gives_the_same_bits_as_short_ones() -> None:
-    """Short calls hold the GIL and run on the calling thread; rows in other lanes and pieces give the same bits."""
+    """A short call keeps the GIL and runs on the calling thread. Its rows have the bits of a long call, which divides them otherwise."""
     q, v, a = np.random.default_rng(2).uniform(-2.0, 2.0, (3, 20003, ARM.n))
     whole = ARM.inverse_dynamics(q, v, a)
     parts = [ARM.inverse_dynamics(q[i : i + 997], v[i : i + 997], a[i : i + 997]) for i in range(0, len(q), 997)]
@@ -54,7 +54,7 @@ def test_a_long_call_gives_the_same_bits_as_short_ones() -> None:
     np.testing.assert_array_equal(whole, out)
 
 
-# A batch that runs as programs against the same configurations one by one; an angle beyond the range of their sines among them.
+# A batch that runs as a compiled program is compared with single calls. One angle exceeds the range of the program's sine.
 ALONE = """
     import numpy as np, armlet as al
     arm = al.load_urdf(al.example_urdf("six_axis"))
@@ -76,7 +76,7 @@ def test_a_row_of_a_program_has_the_bits_of_a_single_call(isa: str, programs: st
     environment = os.environ | {"ARMLET_ISA": isa, "ARMLET_PROGRAMS": programs}
     command = [sys.executable, "-P", "-c", textwrap.dedent(ALONE)]
     done = subprocess.run(command, env=environment, check=False, capture_output=True, text=True)
-    if isa not in SETS:  # a processor without it says so
+    if isa not in SETS:  # a processor without this instruction set reports an error
         assert done.returncode != 0
         assert isa in done.stderr
         return
@@ -94,7 +94,7 @@ def test_a_bad_row_of_a_long_call_is_named() -> None:
 
 
 def test_other_threads_run_meanwhile() -> None:
-    """While half a second of work is done, another Python thread counts: it could not if the GIL were kept."""
+    """A second Python thread counts during half a second of computation. It could not count if armlet kept the GIL."""
     q = np.zeros((400_000, ARM.n))
     busy, ticks = threading.Event(), []
 
@@ -112,7 +112,7 @@ def test_other_threads_run_meanwhile() -> None:
         after = time.perf_counter()
     busy.set()
     counter.join()
-    # Within the last call alone, a few of its slices of a millisecond.
+    # During the last call alone, the thread must get at least three of its 1 ms slices.
     assert sum(before < tick < after for tick in ticks) >= 3
 
 
@@ -129,5 +129,5 @@ def test_ctrl_c_is_answered(interrupted: Callable[[str], tuple[list[str], float]
             print("interrupted", flush=True)
     """)
     assert words == ["interrupted"]
-    # A slice of 20 ms, a piece of half a millisecond, the slack of a busy machine.
+    # The wait is at most 20 ms until the next check and 0.5 ms for a piece of work. The rest is a margin for a busy machine.
     assert waited < 0.5

@@ -1,4 +1,4 @@
-"""Arms from odd models: each is read with a word in `arm.report`, or refused with a typed error that says where."""
+"""Arms from unusual models: each is accepted, with a line in `arm.report`, or refused with a typed error that names the place."""
 
 from __future__ import annotations
 
@@ -115,7 +115,10 @@ def test_spellings_of_one_robot_are_one_arm(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("least, accepted", [(-0.9e-7, True), (-1.2e-7, False)])
 def test_printed_digits_of_small_inertias_are_forgiven(least: float, accepted: bool) -> None:
-    """Files print seven or eight decimals: a principal moment of -1e-7 kg m^2 is rounding, more is not."""
+    """Robot files have seven or eight decimals.
+
+    So a principal moment of -1e-7 kg m^2 counts as rounding and is accepted, a larger one not.
+    """
     small = LINK.replace('value="1"', 'value="1e-6"').replace(INERTIA, f'<inertia ixx="{least}" iyy="1e-6" izz="1e-6"/>')
     if not accepted:
         with pytest.raises(al.ModelError, match="negative principal moment") as caught:
@@ -146,7 +149,7 @@ def test_constructors_refuse_what_means_nothing() -> None:
     for name, given in {"lengths": [0.5, -0.1], "masses": [1.0, -1.0], "inertias": [0.1, -0.1]}.items():
         with pytest.raises(al.InputError, match=rf"{name} is negative: expected >= 0, got -.* \(first bad index 1\)"):
             al.planar_arm(**({"lengths": [0.5, 0.5]} | {name: given}))
-    # A link of length zero puts two axes on one another; a centre of mass may lie behind the joint.
+    # A link of length zero gives two coincident axes. A centre of mass may be behind its joint.
     arm = al.planar_arm([0.0, 0.5], masses=[1.0, 1.0], inertias=[0.1, 0.1], coms=[-0.1, 0.2])
     np.testing.assert_array_equal(arm.position([0.0, 0.0], "link2"), [0.5, 0.0, 0.0])
 
@@ -276,7 +279,10 @@ def test_numpy_flags_are_flags() -> None:
 
 @pytest.mark.parametrize("name", ["six_axis", "seven_axis", "two_arms", "macro_micro_4r"])
 def test_what_is_written_and_read_again_is_the_same_arm(name: str) -> None:
-    """To the bit, with loads, tools and joints held too; the report alone may differ."""
+    """An arm that is written as URDF and read again has equal bits, also with payloads, tools and locked joints.
+
+    Only the report may differ.
+    """
     arm = al.load_urdf(al.example_urdf(name))
     frame = arm.frame_names[-1]
     tool = arm.with_frame("gripper", frame, xyz=[0.1, 0.2, 0.3], rpy=[0.4, -0.5, 2.6])
@@ -311,7 +317,10 @@ def test_a_text_with_words_before_it_is_a_text() -> None:
 
 @pytest.mark.parametrize("count, accepted", [(64, True), (65, False)])
 def test_tags_of_many_attributes(count: int, accepted: bool) -> None:
-    """The XML parser compares the attributes of a tag with each other: with more of them 16 MiB would take over a second."""
+    """The number of attributes of a tag is limited.
+
+    The XML parser compares all pairs of them, so 16 MiB of attributes would take over 1 s.
+    """
     text = robot("<x " + " ".join(f'a{i}="1"' for i in range(count)) + "/>" + joint())
     if accepted:
         assert al.load_urdf(text).n == 1
@@ -354,7 +363,7 @@ def test_names_that_no_file_can_hold_are_refused(name: str) -> None:
     for make in (lambda: arm.with_frame(name, "link2"), lambda: al.Arm.from_chain([joint])):
         with pytest.raises(al.InputError, match=r"name.* holds (a control character|the character NUL)"):
             make()
-    # And a frame that is asked for by such a name is not found, or said to hold what no name does.
+    # A frame with such a name is reported as unknown, or its name as one that contains NUL.
     for ask in (lambda: arm.position([0.0, 0.0], name), lambda: al.RigidArm(arm, wall=al.Wall(name, [0, 0, 0], [1, 0, 0], stiffness=1.0))):
         with pytest.raises(al.InputError, match=r"NUL|unknown"):
             ask()

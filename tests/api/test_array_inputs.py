@@ -1,4 +1,4 @@
-"""Arrays of every kind: every honest form of the same numbers gives the same bits; `out=`; sizes from nothing to beyond the memory."""
+"""Array arguments: every valid form of equal numbers gives equal bits; the argument `out`; sizes from empty to larger than the memory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-# Kinds of arrays
+# Refused kinds of arrays.
 
 REFUSED: dict[str, Any] = {
     "complex": np.zeros(2, complex),
@@ -84,7 +84,7 @@ FORMS: dict[str, Callable[[Array], Any]] = {
 
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS.keys())
 def test_the_same_numbers_give_the_same_bits(form: Callable[[Array], Any]) -> None:
-    """Small integers are exact in every one of these forms."""
+    """Small integers are exact in all of these types, so all results must be equal."""
     rng = np.random.default_rng(5)
     q, v, a = rng.integers(-3, 4, (3, 7, 2)).astype(float)
     for name, values in (("mass_matrix", (q,)), ("bias", (q, v)), ("forward_dynamics", (q, v, a)), ("regressor", (q, v, a, q))):
@@ -113,7 +113,7 @@ def test_what_the_caller_changes_later_changes_nothing() -> None:
     assert repr(law) == shown
 
 
-# out=
+# The argument `out`.
 
 
 def test_out_is_filled() -> None:
@@ -133,7 +133,7 @@ def test_out_that_cannot_be_written() -> None:
     refused(lambda: ARM.bias(q, q, out=np.zeros((2, 4)).T), "bias: out ", "contiguous")
     refused(lambda: ARM.bias(q, q, out=np.zeros((4, 2), ">f8")), "bias: out ", "float64")
     refused(lambda: ARM.bias(q, q, out=unaligned(q)), "bias: out ")
-    # (a broadcast view holds one row four times)
+    # The rows of a broadcast view are one row of memory.
     refused(lambda: ARM.bias(q, q, out=np.broadcast_to(np.zeros(2), (4, 2))), "bias: out ")
 
 
@@ -153,7 +153,7 @@ def test_a_refused_call_leaves_out_alone() -> None:
     np.testing.assert_array_equal(out, 7.0)
 
 
-# Sizes
+# Sizes of arrays.
 
 
 def test_an_empty_batch_is_empty() -> None:
@@ -187,7 +187,7 @@ def test_too_much_is_a_memory_error_at_once() -> None:
 
 
 def test_an_outer_product_too_large_does_not_end_the_process() -> None:
-    """10^12 rows from two small arguments: in a process of its own, because the fault would be an abort."""
+    """Two small arguments give 10^12 rows. The test runs in a separate process, because the error to exclude is an abort of the process."""
     code = """
 import numpy as np, armlet as al
 arm = al.planar_pr(2.0, 0.5, 0.5)

@@ -1,4 +1,4 @@
-"""Batches in pieces: the metrics alone, progress, and the same bits however they are cut."""
+"""Batches that armlet divides into pieces: only metrics, progress, and equal bits for every division."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OPTIONS: dict[str, Any] = {"t_end": 1.0, "dt": 1e-3, "record_every": 10}
 
 def test_metrics_alone_are_those_of_the_records(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = al.simulate_batch(PLANT, LAW, Q0, **OPTIONS)
-    # Pieces of 64 runs: three of them.
+    # PIECE = 1 gives pieces of 64 runs, so the batch has three pieces.
     monkeypatch.setattr(batches, "PIECE", 1)
     seen: list[tuple[int, int]] = []
     summed = al.simulate_batch(PLANT, LAW, Q0, keep="metrics", progress=lambda done, runs: seen.append((done, runs)), **OPTIONS)
@@ -28,8 +28,8 @@ def test_metrics_alone_are_those_of_the_records(monkeypatch: pytest.MonkeyPatch)
     assert summed.q.shape == (150, 1, 2)
     np.testing.assert_array_equal(summed.q[:, 0], whole.q[:, -1])
     for name, values in whole.metrics().items():
-        # The sums of a hundred records are added in another order: some 1e-14. A balance is a difference of energies: its rounding is
-        # some 1e-16 of them.
+        # The 100 terms are added in another order, which changes a sum by about 1e-14. A balance is a difference of energies, so its error
+        # is about 1e-16 times the energies.
         np.testing.assert_allclose(summed.metrics()[name], values, rtol=1e-12, atol=1e-14, err_msg=name)
     again = pickle.loads(pickle.dumps(summed))
     np.testing.assert_array_equal(again.metrics()["error_rms"], summed.metrics()["error_rms"])
@@ -62,7 +62,7 @@ def test_what_is_wrong_is_said() -> None:
 
 @pytest.mark.parametrize("keep", ["all", "metrics"])
 def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Constants (B, k), or steps run by run: each row is the single run under its own force, to the bit."""
+    """Forces as constants (B, k), or as steps for each run. Each row has the bits of a single run with its force."""
     monkeypatch.setattr(batches, "PIECE", 1)
     arm = al.planar_arm([0.5, 0.4])
     plant, law = al.RigidArm(arm), al.PDGravity(arm, [0.3, 0.6], kp=60.0, kd=12.0)
@@ -84,7 +84,7 @@ def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.M
     ):
         with pytest.raises(al.InputError, match=f"^simulate_batch: {message}"):
             al.simulate_batch(plant, law, q0, force=bad, keep="final", **options)
-    # One for all, as lists of lists too.
+    # One force for all runs, also as nested lists.
     together = al.simulate_batch(plant, law, q0[:3], force=[[0.0, [1.0, 2.0, 0.0]], [0.05, [0.0, 0.0, 0.0]]], **options)
     np.testing.assert_array_equal(
         together.q[1, -1], al.simulate(plant, law, q0[1], force=[(0.0, [1.0, 2.0, 0.0]), (0.05, [0.0] * 3)], **options).q[-1]
@@ -92,7 +92,10 @@ def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.M
 
 
 def test_finished_rows_are_kept_in_the_arrays_of_the_caller() -> None:
-    """Ctrl-C comes after the second piece, from the progress callback: two pieces are there, the rest says that it is not."""
+    """The progress callback raises KeyboardInterrupt after the second piece.
+
+    Two pieces are valid, the other rows have the status INTERRUPTED.
+    """
     q0 = np.linspace(-0.2, 0.2, 600).reshape(300, 2)
     whole = al.simulate_batch(PLANT, LAW, q0, **OPTIONS)
     q, status = np.zeros_like(whole.q), np.zeros(300, dtype=np.int64)

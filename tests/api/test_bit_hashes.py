@@ -1,7 +1,7 @@
-"""The bits of every kind of result, against the hashes in the repository, on every instruction set that this processor has.
+"""The bits of every kind of result, compared with the hashes in the repository, on every instruction set of this processor.
 
-Each in its own process, held to one set by ARMLET_ISA, where all ways to divide the work (threads 1, 2, 3, 5, 8; 1, 5, 16 rows at a time;
-other orders) have to give the same bits.
+One process per instruction set, selected by ARMLET_ISA, computes the results. Every division of the work must give equal bits. The
+tests use 1, 2, 3, 5 and 8 threads, 1, 5 and 16 rows at a time, and other orders of rows.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def load() -> Any:
     spec = importlib.util.spec_from_file_location("bit_hashes", TOOL)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["bit_hashes"] = module  # dataclasses look themselves up
+    sys.modules["bit_hashes"] = module  # dataclasses look up their module here
     spec.loader.exec_module(module)
     return module
 
@@ -34,7 +34,7 @@ KEPT = json.loads(bits.FILE.read_text())
 
 @pytest.fixture(scope="module")
 def hashes() -> dict[str, Any]:
-    """All hashes by instruction set; the processes run side by side."""
+    """All hashes by instruction set. The processes run in parallel."""
     names = bits.available()
     with ThreadPoolExecutor(len(names)) as pool:
         return dict(zip(names, pool.map(lambda name: bits.of(name, True), names), strict=True))
@@ -58,7 +58,7 @@ def test_the_file_is_for_all_instruction_sets() -> None:
 
 
 def test_what_differs_is_named() -> None:
-    """A changed hash, a case too many, a case too few; nothing where the C library is another."""
+    """The names of a changed hash, a new case and a missing case are reported. Nothing is reported if the C library differs."""
     hashes = {"a": "1", "b": "2", "c": "3"}
     found = {"set": "avx2", "libm": "x", "functions": {"a": "1", "b": "9"}, "batches": {"as it is": {"d": "4"}}}
     kept = {"libm": "x", "sets": {"avx2": hashes}}

@@ -1,4 +1,4 @@
-"""`cartesian_path` as Python sees it: refusals that name the argument, timings of its paths, pickles."""
+"""The Python interface of `cartesian_path`: refused arguments with their names, timing of its paths, pickles."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_an_arm_without_frames() -> None:
 
 
 def test_its_timing() -> None:
-    """`time_path` follows the same spline, stops at the corners, and keeps the tip to its speed on the way."""
+    """`time_path` follows the spline of a `CartesianPath`, stops at its corners, and respects the tip's speed limit between them."""
     found = path(tolerance=1e-5)
     limits: dict[str, Any] = {"tau_max": [20.0, 8.0], "tip_speed": 0.4, "tip_acceleration": 3.0, "frame": "link2"}
     timed = al.time_path(ARM, found, stops=found.corners[1:-1], **limits)
@@ -127,7 +127,7 @@ def test_a_path_that_the_arm_cannot_follow() -> None:
         with pytest.raises(al.SolveError, match=r"can't follow the poses from s = 0\.5") as caught:
             use()
         assert caught.value.status is al.Status.INFEASIBLE
-    # The start of the search may be far away: the first pose alone says which branch.
+    # The start of the search may be far from the first pose. It only selects the branch of solutions.
     assert path(q0=[0.5, -1.0]).q[0, 1] < 0.0 < path().q[0, 1]
 
 

@@ -1,4 +1,4 @@
-"""Starts, targets, ends of motions and waypoints outside of joint limits: warned of by name, refused with `check_limits=True`."""
+"""Joint limits: a start, target, end of motion or waypoint outside of them gives a warning, and an error with `check_limits=True`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def hinge(lower: float, upper: float, kind: str = "R") -> dict[str, Any]:
     }
 
 
-# A joint without limits, a hinge and a slide.
+# The joints are a revolute joint without limits, a revolute joint and a prismatic joint with limits.
 ARM = al.Arm.from_chain([hinge(-np.inf, np.inf), hinge(-3.1, 3.1), hinge(0.0, 0.5, "P")])
 PLANT = al.RigidArm(ARM)
 HOME = [0.0, 0.1, 0.2]
@@ -92,7 +92,7 @@ def test_a_position_outside_is_named(name: str) -> None:
 @pytest.mark.parametrize("name", ROWS)
 def test_one_warning_counts_the_rows(name: str) -> None:
     argument, call = ROWS[name]
-    # More than one piece.
+    # The batch consists of several pieces.
     rows = np.linspace(HOME, [0.0, 1.0, 0.3], 130)
     rows[[3, 70, 129], 1] = [4.0, -57.0, 90.0]
     with pytest.warns(
@@ -134,11 +134,11 @@ def test_what_is_within_is_not_told() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             loop(law(q), q, check_limits=True)
-    # Arms in closed form have no limits, and a search without limits does not look at them.
+    # Closed-form arms have no limits, and `check_limits` must ignore them.
     pr = al.planar_pr(2.0, 0.5, 0.5)
     al.simulate(al.RigidArm(pr), al.PDGravity(pr, [90.0, 90.0], 1.0, 1.0), [90.0, 90.0], **SHORT, check_limits=True)
     al.inverse_kinematics(ARM, TASK, DEGREES, limits=False, check_limits=True)
-    # The limits that the call names are those that count.
+    # Limits that are arguments of the call replace those of the arm.
     al.time_path(ARM, [HOME, [0.0, 4.0, 0.2]], v_max=1.0, a_max=1.0, q_max=[9.0, 9.0, 9.0], check_limits=True)
 
 

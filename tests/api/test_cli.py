@@ -1,4 +1,4 @@
-"""The command line: exit codes, one line per refusal, nothing half-written; and the verdicts of the demonstration."""
+"""The command line: exit codes, one line per error, no partial files; and the verdicts of the demonstration."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_an_erratum_shows_what_was_printed() -> None:
 
 @pytest.fixture
 def system(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Report], None]], None]:
-    """Puts one made-up system in the place of the real ones."""
+    """Return a function that replaces the demonstration's systems by one test system."""
 
     def put(run: Callable[[Report], None]) -> None:
         module = ModuleType("armlet.demo.made_up")
@@ -94,7 +94,7 @@ def test_demo_fails_when_a_system_stops(system: System, tmp_path: Path, capsys: 
 def test_the_table_fits_its_terminal(
     system: System, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Three columns side by side, in a file always; where a terminal is narrower, the values stand below their claim."""
+    """A file has three columns. In a terminal that is too narrow for them, the values are below their claim."""
     system(lambda report: report.near("a claim of some length, about nothing in particular", 1.0, 1.0, 0.5))
     wide = "  a claim of some length, about nothing in particular  1 +- 0.5  1    ok"
     narrow = ["  ok      a claim of some length, about nothing in particular", "          expected 1 +- 0.5, got 1"]
@@ -123,7 +123,7 @@ def test_demo_without_matplotlib(
 
 
 def test_the_page_stands_alone(system: System, tmp_path: Path) -> None:
-    """No address, no script, and what a check says is text, not markup."""
+    """The page contains no address and no script. The text of a check is escaped."""
     system(lambda report: report.near("<script>a & b</script>", (1.0, 2.0), (1.0, 3.0), 0.5, "1 < 2", "E1"))
     assert cli.main(["demo", "--out", str(tmp_path)]) == 1
     text = (tmp_path / "report.html").read_text()
@@ -151,7 +151,7 @@ def test_interruption(system: System, tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_closed_stdout(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody listens: the exit code alone is left, as it is otherwise."""
+    """If standard output is closed, the exit codes are unchanged."""
     for arguments, code in ((["info"], 0), (["new", "adaptive"], 0), (["check", "none.toml"], 2)):
         monkeypatch.setattr(sys, "stdout", None)
         assert cli.main(arguments) == code
@@ -164,7 +164,7 @@ def test_wrong_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str
     assert stop.value.code == 2
     err = capsys.readouterr().err
     assert "usage: armlet" in err
-    # Nothing at all is a question: what is there?
+    # Without arguments the help lists all commands.
     commands = ("demo", "info", "run", "check", "export", "new", "sweep", "schema", "view", "lab")
     assert arguments or all(f"  {command} " in err for command in commands)
 
@@ -182,7 +182,7 @@ def test_info(tmp_path: Path) -> None:
 
 
 def test_the_demonstration_holds(tmp_path: Path) -> None:
-    """Every check of the real systems holds, and every figure is there."""
+    """All checks of the demonstration are true, and all figures exist."""
     result = armlet("demo", "--out", str(tmp_path / "out"), cwd=tmp_path)
     assert result.returncode == 0, result.stdout + result.stderr
     assert "FAILED" not in result.stdout

@@ -1,4 +1,4 @@
-"""`armlet run`, `check`, `new`, `sweep`, `schema`: exit codes, one line per refusal, nothing half-written."""
+"""`armlet run`, `check`, `new`, `sweep`, `schema`: exit codes, one line per error, no partial files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def one_line(capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line on stderr, and nothing of a result on stdout."""
+    """Return the single line on stderr. stdout must be empty."""
     out, err = capsys.readouterr()
     (line,) = err.splitlines()
     assert line.startswith("armlet: ") and "wrote" not in out
@@ -130,7 +130,7 @@ def test_check_lists_all_problems(file: Path, capsys: pytest.CaptureFixture[str]
     assert cli.main(["check", str(file)]) == 2
     err = capsys.readouterr().err.splitlines()
     assert [line.partition(": $.")[2] for line in err] == ["law.kd: expected > 0, got -1.0", "run.dt: expected > 0, got 0"]
-    file.write_text(TEXT.replace("[0.5, 0.2]", "[0.5]"))  # only the constructor can see this
+    file.write_text(TEXT.replace("[0.5, 0.2]", "[0.5]"))  # only the constructor can detect this error
     assert cli.main(["check", str(file)]) == 2
     assert "$.law.target: has the wrong shape" in capsys.readouterr().err
 
@@ -149,7 +149,7 @@ ROBOT = f"""<robot name="crane">
 
 
 def test_check_shows_a_robot(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its joints in the order of every list, with their units, and what of its file the loop leaves out."""
+    """`armlet check` lists the joints in their order with units, and the parts of the robot file that the loop ignores."""
     (tmp_path / "crane.urdf").write_text(ROBOT)
     file.write_text(TEXT[: TEXT.index("[arm")] + '[arm]\nkind = "urdf"\npath = "crane.urdf"\n' + TEXT[TEXT.index("[law") :])
     dropped = "  dropped: inertia of links fixed to the base, which never move: base"
@@ -180,7 +180,7 @@ def test_check_tries_the_sweep(file: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_a_run_that_fails(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its reason in one line, an exit code, and no files."""
+    """A failed run prints its reason in one line, returns an exit code, and writes no files."""
     file.write_text(TEXT.replace("kd = 5.0", "kd = 1e9"))
     assert cli.main(["run", str(file), "--out", str(tmp_path / "out")]) == 2
     assert "diverged" in one_line(capsys)
@@ -195,7 +195,7 @@ def test_where_nothing_can_be_written(command: str, file: Path, tmp_path: Path, 
 
 
 def test_no_permission(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "access", lambda path, mode: False)  # the tests may run as root, who may write anywhere
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # root may write anywhere, and tests may run as root
     for arguments in (["run", str(file), "--plot"], ["run", str(file)], ["demo"]):
         assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 2
         assert "is not writable" in one_line(capsys)
@@ -203,7 +203,7 @@ def test_no_permission(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_a_full_disk(command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second sync to disk fails: what was written before is whole, and there is nothing else."""
+    """The second sync to disk fails. The file before it is complete, and no other file exists."""
     calls = []
 
     def fsync(handle: int) -> None:

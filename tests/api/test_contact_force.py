@@ -1,4 +1,4 @@
-"""The force of a wall over runs: against the joint torques of the reference's wall, in rows of a batch, and in files."""
+"""The contact force of a wall: compared with joint torques of the reference's wall, in rows of a batch, and in files."""
 
 from __future__ import annotations
 
@@ -23,26 +23,29 @@ PLANTS = [al.RigidArm(ARM, wall=al.Wall("link2", **wall)) for wall in WALLS]
 
 @pytest.mark.parametrize("kind", [0, 1])
 def test_against_the_torques_of_the_reference(kind: int) -> None:
-    """`tau = J' n f`, where the reference has `-f dd/dq` by a complex step of the depth."""
+    """The torque is `tau = J' n f`. The reference computes `-f dd/dq` by a complex step of the depth d."""
     run = al.simulate(PLANTS[kind], LAW, [0.8, 1.2], t_end=0.6, dt=1e-3)
     assert run.contact_force is not None and run.contact_force.shape == (len(run),)
     (wall,) = contact.contacts(ref.planar_arm([0.5, 0.4]), contact.Wall("link2", **WALLS[kind]), None)
     n = np.array(WALLS[kind]["normal"]) / np.linalg.norm(WALLS[kind]["normal"])
     for q, v, force in zip(run.q[::7], run.v[::7], run.contact_force[::7], strict=True):
         wanted = contact.push(wall, q, v)[0]
-        # Rounding of a force of some hundred newtons.
+        # The tolerance covers rounding of a force of some hundred newtons.
         np.testing.assert_allclose(ARM.jacobian(q, "link2")[:3].T @ n * force, wanted, rtol=1e-11, atol=1e-11)
     assert run.contact_force.max() > 1.0 and (run.contact_force == 0.0).any()
 
 
 def test_rows_and_files(tmp_path: Path) -> None:
-    """A row of a batch has the force of its own wall; a file keeps it; a batch with a plant without a wall has none."""
+    """A row of a batch has the force of its plant's wall.
+
+    A file stores the force. A batch with a plant without a wall has no contact forces.
+    """
     batch = al.simulate_batch(PLANTS, [LAW, LAW], [[0.8, 1.2]] * 2, t_end=0.6, dt=1e-3, keep="all")
     assert batch.contact_force is not None and batch.contact_force.shape == (2, batch.q.shape[1])
     for i, plant in enumerate(PLANTS):
         alone = al.simulate(plant, LAW, [0.8, 1.2], t_end=0.6, dt=1e-3)
         np.testing.assert_array_equal(batch[i].contact_force, batch.contact_force[i])
-        # Batches and single runs differ by rounding, which a stiff wall makes larger.
+        # Batches and single runs differ by rounding, which a stiff wall amplifies.
         assert alone.contact_force is not None
         np.testing.assert_allclose(batch.contact_force[i], alone.contact_force, rtol=1e-6, atol=1e-6)
     batch.save(tmp_path / "batch.npz")

@@ -1,4 +1,4 @@
-"""Systems for python-control: their responses beside `simulate`, their poles beside `equilibrium`, what is refused."""
+"""Systems for python-control: responses compared with `simulate`, poles compared with `equilibrium`, and refused arguments."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ TIGHT = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12}
 
 
 def start(system: Any, run: al.Run) -> Any:
-    """The first record as the states of the system."""
+    """The first record of a run as a state vector of the system."""
     parts = {name: getattr(run, name) for name in ("q", "v", "theta", "theta_dot", "estimate")}
     return np.concatenate([values[0] for name, values in parts.items() if values is not None and f"{name}1" in system.state_labels])
 
 
 @pytest.mark.parametrize(("plant", "law"), LOOPS.values(), ids=LOOPS.keys())
 def test_a_loop_responds_as_it_is_simulated(plant: al.Plant, law: al.Law) -> None:
-    """Two integrators at relative 1e-11 per step, over some hundred steps of loops that contract: 1e-8."""
+    """Two integrators have errors of 1e-11 per step over some hundred steps of contracting loops. The tolerance is 1e-8."""
     run = al.simulate(plant, law, Q0, t_end=0.5, method="dop853", rtol=1e-11, atol=1e-12, t_eval=TIMES)
     system = al.to_control(plant, law)
     response = control.input_output_response(system, TIMES, 0.0, start(system, run), solve_ivp_kwargs=TIGHT)
@@ -68,7 +68,7 @@ def test_a_loop_responds_as_it_is_simulated(plant: al.Plant, law: al.Law) -> Non
 
 @pytest.mark.parametrize("plant", [al.RigidArm(ARM), al.RigidArm(SEVEN, friction=True), ELASTIC], ids=["rigid", "friction", "elastic"])
 def test_an_arm_responds_as_it_is_simulated(plant: al.Plant) -> None:
-    """Under a constant torque. 1e-7: arms without a controller lose a digit or two in 0.1 s; seven axes with dry friction switch."""
+    """The torque is constant. The tolerance is 1e-7: errors grow 10 to 100 times in 0.1 s, and dry friction of seven axes switches."""
     n = plant.arm.n
     tau = 0.5 * np.ones(n)
     push: Any = (lambda t, q, v, theta, theta_dot: tau) if isinstance(plant, al.ElasticArm) else (lambda t, q, v: tau)
@@ -85,7 +85,10 @@ def test_an_arm_responds_as_it_is_simulated(plant: al.Plant) -> None:
 
 @pytest.mark.parametrize(("plant", "law"), LOOPS.values(), ids=LOOPS.keys())
 def test_the_linear_loop_is_the_slope_of_the_nonlinear_one(plant: al.Plant, law: al.Law) -> None:
-    """python-control's one-sided difference of step 1e-6: 1e-6 of the curvature, and 1e-16 / 1e-6 of the largest rate, 1e4."""
+    """python-control differentiates by one-sided differences with step 1e-6.
+
+    Their errors are 1e-6 curvatures, and 1e-10 of the rate, 1e4.
+    """
     nonlinear = al.to_control(plant, law)
     rng = np.random.default_rng(2)
     x = rng.uniform(-0.5, 0.5, nonlinear.nstates)
@@ -98,7 +101,7 @@ def test_the_linear_loop_is_the_slope_of_the_nonlinear_one(plant: al.Plant, law:
 
 
 def test_a_small_step_of_the_linear_loop_is_the_simulated_one() -> None:
-    """From 1e-4 off the rest: what the linear system leaves out is of the order of 1e-8."""
+    """At a distance of 1e-4 from the equilibrium, the linear system neglects terms of about 1e-8."""
     system = al.to_control(al.RigidArm(ARM), PD, HOLD)
     off = np.array([1e-4, -1e-4])
     run = al.simulate(al.RigidArm(ARM), PD, HOLD + off, t_end=0.5, method="dop853", rtol=1e-11, atol=1e-13, t_eval=TIMES)
@@ -109,12 +112,15 @@ def test_a_small_step_of_the_linear_loop_is_the_simulated_one() -> None:
 
 @pytest.mark.parametrize(("plant", "law"), [(al.RigidArm(ARM), PD), (PLAIN_ELASTIC, SPRING), (ELASTIC, None)], ids=["PD", "elastic", "arm"])
 def test_poles(plant: al.Plant, law: al.Law | None) -> None:
-    """Those of `equilibrium`; of the arm alone, those of its pencil with the springs at rest, by Newton's equations undamped."""
+    """The poles equal the eigenvalues of `equilibrium`.
+
+    Those of an arm alone equal the undamped frequencies of its mass and stiffness matrices.
+    """
     if law is not None:
         rest = al.equilibrium(plant, law, None, q0=HOLD)
         x = np.concatenate([rest.q, [0.0, 0.0]] + ([] if rest.theta is None else [rest.theta, [0.0, 0.0]]))
         found = np.sort_complex(al.to_control(plant, law, x).poles())
-        # Eigenvalues of matrices that agree to 1e-9 of their size, 1e4.
+        # The matrices have entries up to 1e4 and agree to 1e-9 relative.
         np.testing.assert_allclose(found, np.sort_complex(rest.eigenvalues), rtol=0.0, atol=1e-4)
         return
     system = al.to_control(al.ElasticArm(ARM.with_gravity([0.0, 0.0, 0.0]), STIFF, [0.4, 0.3]), x0=HOLD)
@@ -155,12 +161,15 @@ DRY = ARM.with_drives(damping=[0.8, 0.5], friction=[1.5, 1.0])
 
 @pytest.mark.parametrize("law", [None, PD], ids=["arm", "loop"])
 def test_friction_is_in_the_linear_system(law: al.Law | None) -> None:
-    """In motion, where Coulomb friction is flat and viscous friction is not: the slope of the nonlinear system, 0.8 N m s/rad and all."""
+    """In motion, Coulomb friction has derivative zero, viscous friction has not.
+
+    The linear system has the derivatives of the nonlinear one.
+    """
     plant, x = al.RigidArm(DRY, friction=True), np.array([0.3, 1.0, 0.6, -0.7])
     u = np.zeros(2) if law else DRY.bias(x[:2], x[2:], friction=True)
     linear = al.to_control(plant, law, x)
     theirs = al.to_control(plant, law).linearize(x, u)
-    # One-sided differences of step 1e-6, as above.
+    # The reference uses one-sided differences with step 1e-6.
     np.testing.assert_allclose(linear.A, theirs.A, rtol=0.0, atol=3e-5 * np.abs(theirs.A).max())
     np.testing.assert_allclose(linear.B, theirs.B, rtol=0.0, atol=3e-5 * np.abs(theirs.B).max())
     without = al.to_control(al.RigidArm(DRY), law, x)

@@ -1,4 +1,4 @@
-"""The same inputs give the same bits, whatever the threads and the order; runs stop on Ctrl-C, and survive a fork."""
+"""Equal inputs give equal bits for every number of threads and order of rows. Runs stop on Ctrl-C and work after a fork."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ METHODS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("options", METHODS.values(), ids=METHODS.keys())
 def test_threads_do_not_matter(options: dict[str, Any]) -> None:
-    """61 rows: tails in every division of the work."""
+    """With 61 rows, every division of the work has an incomplete last group of lanes."""
     q0, v0 = states(61)
     one = al.simulate_batch(PLANT, LAW, q0, v0=v0, threads=1, **options)
     assert np.all(one.status == al.Status.SUCCESS) and np.all(np.isfinite(one.q))
@@ -69,7 +69,7 @@ def test_order_and_company_do_not_matter(options: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("options", METHODS.values(), ids=METHODS.keys())
 def test_a_row_is_a_run(options: dict[str, Any]) -> None:
-    """Lanes and the single run may round differently; a loop that contracts forgets it."""
+    """A batch and a single run may round differently. The loop is contracting, so the difference does not grow."""
     q0, v0 = states(11)
     rows = al.simulate_batch(PLANT, LAW, q0, v0=v0, **options)
     for i in range(11):
@@ -80,7 +80,7 @@ def test_a_row_is_a_run(options: dict[str, Any]) -> None:
 
 
 def test_own_plants_and_laws_per_row() -> None:
-    """A list of B plants and laws is B batches of one."""
+    """A batch with a list of B plants and laws has the bits of B batches with one row."""
     rng = np.random.default_rng(33)
     plants = [al.RigidArm(al.planar_pr(a, 0.3, c)) for a, c in rng.uniform(1.0, 3.0, (10, 2))]
     laws = [
@@ -96,10 +96,13 @@ def test_own_plants_and_laws_per_row() -> None:
 @pytest.mark.parametrize("cause", ["law", "state"])
 @pytest.mark.parametrize("bad", [0, 7, 8, 12])
 def test_a_row_that_diverges_leaves_the_others_alone(bad: int, cause: str) -> None:
-    """An adaptation too fast for the step, or a start too fast for any; at both edges of a lane group and inside one."""
+    """One row has an adaptation gain too large for the step, or an initial speed too large for any step.
+
+    It is at an edge of or inside a group of lanes.
+    """
     q0, v0 = states(13)
     wild_v0 = v0.copy()
-    # Without a bound the state goes on until it is no number.
+    # Without a state limit the state grows until it is not finite.
     options = OPTIONS | {"t_end": 2.0, "dt": 0.01, "record_every": 1, "state_limit": np.inf}
     laws: Any = LAW
     wild_laws: Any = LAW
@@ -156,7 +159,7 @@ def test_instruction_sets_agree() -> None:
     for name, answer in answers.items():
         for field, values in answer.items():
             assert np.all(np.isfinite(values))
-            # The loop contracts: roundings of different order stay at that order.
+            # The loop is contracting, so differences of rounding do not grow.
             np.testing.assert_allclose(values, answers["baseline"][field], rtol=1e-12, atol=1e-12, err_msg=f"{name} {field}")
 
 
@@ -200,7 +203,7 @@ CALLS = {
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
 def test_ctrl_c(call: str, interrupted: Callable[[str], tuple[list[str], float]]) -> None:
-    """The caller looks every 20 ms; half a second is what a busy machine may add."""
+    """The caller checks for signals every 20 ms. The limit of 0.5 s is a margin for a busy machine."""
     words, waited = interrupted(LONG.replace("{call}", call))
     assert words and words[0] == "interrupted", words
     print(f"{call}: KeyboardInterrupt {1e3 * float(words[1]):.1f} ms after the handler, {1e3 * waited:.1f} ms in all with a new batch")
@@ -231,7 +234,7 @@ def test_a_forked_child_has_its_own_pool() -> None:
 
 
 def test_batches_from_several_threads() -> None:
-    """Two callers at a time share the pool and get their own answers."""
+    """Two Python threads use the pool of worker threads at the same time. Each must get the correct results."""
     q0, v0 = states(40)
     expected = al.simulate_batch(PLANT, LAW, q0, v0=v0, **OPTIONS)
     results: list[Any] = [None] * 4
@@ -249,7 +252,7 @@ def test_batches_from_several_threads() -> None:
 
 
 def rk4(motion: al.Motion, q0: Any, v0: Any, steps: int, h: float) -> Array:
-    """The loop of `PLANT` and a law with the gains of `LAW` in numpy: (q, v, estimate) at the end."""
+    """Simulate `PLANT` under a law with the gains of `LAW` in numpy. Return (q, v, estimate) at the end."""
     a, b, c = PLANT.arm.parameters
     kp, kd = np.array([40.0, 20.0]), np.array([20.0, 10.0])
 
@@ -276,12 +279,12 @@ def rk4(motion: al.Motion, q0: Any, v0: Any, steps: int, h: float) -> Array:
 FAR = al.Sinusoid([0.0, 3e8], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
 
 
-# The rows that spin turn by a quarter of a radian in a step.
+# In the rows `odd`, joint 2 rotates by up to 0.24 rad per step.
 @pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 @pytest.mark.parametrize("monitors", [False, True])
 @pytest.mark.parametrize(("motion", "v2", "dt"), [(MOTION, 12.0, 0.02), (FAR, 0.5, 1e-3)], ids=["spins", "far"])
 def test_rows_that_spin_or_are_far_round_leave_the_others(motion: al.Motion, v2: float, dt: float, monitors: bool) -> None:
-    """A step that turns a joint by 1/32 rad, or begins beyond 1e6 rad, is done with sines in full: in its own lane alone."""
+    """A step that rotates a joint by over 1/32 rad, or starts beyond 1e6 rad, needs the full sine. It must not change other rows."""
     law = al.Adaptive(ARM, motion, [40.0, 20.0], [20.0, 10.0], 5.0)
     q0, v0 = states(24)
     q0[:, 1] += motion(0.0)[0][1]
@@ -298,8 +301,8 @@ def test_rows_that_spin_or_are_far_round_leave_the_others(motion: al.Motion, v2:
         for got in (run, mixed[row]):
             x = np.concatenate([got.q[-1], got.v[-1], got.estimate[-1]])
             if motion is FAR:
-                # Angles of 3e8 are rounded to 6e-8, which the gains multiply by 20 and more.
+                # Angles of 3e8 rad have rounding errors of 6e-8 rad, which the gains multiply by 20 or more.
                 np.testing.assert_allclose(x, end, rtol=1e-9, atol=3e-6)
             else:
-                # Two codes differ by rounding; the series alone, as if the turn were small, would err by 2e-12.
+                # The two programs differ by rounding. The series for small rotations would have an error of 2e-12 here.
                 np.testing.assert_allclose(x, end, rtol=5e-14, atol=5e-14)

@@ -1,8 +1,8 @@
-"""Every Python block of README and docs/, and every example, runs as printed; so does code in the lines between the blocks.
+"""Every Python block of README and docs/ and every example runs, and so does the code in sentences between the blocks.
 
-Code in a line is an expression in code font with an attribute, a call or an index, all of whose names the blocks of the page bind:
-`axes[0].figure` beside a block that binds `axes`. It runs where it stands, or at the end of the page if its names are bound after it. Of
-others, whose arguments stand for the reader's own, the names of armlet must exist: `al.time_path(arm, path)`.
+Code in a sentence is an expression in code font with an attribute, a call or an index, such as `axes[0].figure`. If the blocks of the page
+define all its names, it is evaluated. This happens at its line, or at the end of the page if its names are defined later. In other
+expressions, whose arguments stand for objects of the reader, the names of armlet must exist: `al.time_path(arm, path)`.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ import armlet as al
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-# Examples that need what `make test` does not install; `make test-peers` runs them where it is.
+# Examples that need a package that `make test` does not install. `make test-peers` installs it and runs them.
 NEEDS = {"mujoco_loop.py": "mujoco"}
 FENCE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
-# Lines that are no prose: blocks in any language, and what is indented.
+# Text that is not prose: blocks in any language, and indented lines.
 NO_PROSE = re.compile(r"^```.*?^```$|^    .*?$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 
 
 def program(page: str) -> str:
-    """The code of a page, each on the line where it stands, so that a traceback names the page's line: blocks, and code in prose."""
+    """The code of a page: its blocks and its code in sentences. Each line has its line number of the page, so that a traceback names it."""
     prose = NO_PROSE.sub(lambda match: re.sub(r"[^\n]", " ", match.group()), page)
     lines: dict[int, str] = {}
     for span in INLINE.finditer(prose):
@@ -46,7 +46,10 @@ def program(page: str) -> str:
 
 
 def inline(code: str, bound: dict[str, Any]) -> str:
-    """Run code in prose where all its names are `bound`, else look up the names of armlet; what was done, "" for nothing."""
+    """Evaluate code in a sentence if all its names are in `bound`, otherwise look up the names of armlet.
+
+    Return "run", "looked up", or "" if nothing was done.
+    """
     import builtins
 
     try:
@@ -56,7 +59,7 @@ def inline(code: str, bound: dict[str, Any]) -> str:
     nodes = list(ast.walk(tree))
     names = {node.id for node in nodes if isinstance(node, ast.Name)}
     own = names - set(dir(builtins))
-    # A list is a table of a TOML file.
+    # A list in code font is a table of a TOML file.
     if not own or isinstance(tree.body, ast.List) or not any(isinstance(node, ast.Attribute | ast.Call | ast.Subscript) for node in nodes):
         return ""
     if own <= set(bound):
@@ -70,7 +73,7 @@ def inline(code: str, bound: dict[str, Any]) -> str:
 
 
 def run(source: str, name: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a program in its own interpreter and folder, without a display; warnings are errors."""
+    """Run a program in a new interpreter and in `folder`, without a display. Warnings are errors."""
     code = f"""
 import ast, re
 from typing import Any
@@ -104,7 +107,7 @@ def test_example(example: Path, tmp_path: Path) -> None:
     result = run(example.read_text(), name_of(example), tmp_path)
     needed = NEEDS.get(example.name)
     if needed is not None and find_spec(needed) is None:
-        # It says so in one line.
+        # Without the package, an example prints one line.
         assert result.returncode == 1
         assert result.stderr == f"{example.stem}: {needed} is not installed: pip install 'armlet[{needed}]'\n"
         return
@@ -126,9 +129,9 @@ def test_a_broken_block_is_seen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "line"),
     [
-        ("x.shape", 7),  # a name of the block above without such an attribute
-        ("later.shape", None),  # of a block below: at the end
-        ("al.simulat(plant, law)", 7),  # no such name, whatever the arguments are
+        ("x.shape", 7),  # the name is defined above, the attribute does not exist
+        ("later.shape", None),  # the name is defined below, so it is evaluated at the end
+        ("al.simulat(plant, law)", 7),  # the name does not exist; its arguments do not matter
         ("x(1).y", 7),
     ],
 )
@@ -149,7 +152,7 @@ def test_sound_code_in_prose_passes(code: str, tmp_path: Path) -> None:
 
 
 def test_links_lead_somewhere() -> None:
-    """Relative links of the pages name files that exist."""
+    """Relative links of the pages point to existing files."""
     broken = []
     for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
         for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
@@ -169,7 +172,7 @@ def test_code_paths_exist() -> None:
 
 
 def test_index_links_to_every_page() -> None:
-    """The built pages are in the order of these links."""
+    """The index links to every page. The order of the links is the order of the built pages."""
     index = (ROOT / "docs/index.md").read_text()
     assert [p.name for p in (ROOT / "docs").glob("*.md") if p.name not in ("index.md", "sources.md") and f"]({p.name})" not in index] == []
 
@@ -180,7 +183,7 @@ def test_reference_lists_every_name() -> None:
 
 
 def test_citations_have_a_source() -> None:
-    """`[Key]` and `[Key1, Key2]` of a page are keys of references.bib, which builds them into links."""
+    """`[Key]` and `[Key1, Key2]` in a page are keys of references.bib, which the build converts to links."""
     keys = set(re.findall(r"^@\w+\{([^,]+),", (ROOT / "docs/references.bib").read_text(), re.MULTILINE))
     cited = {}
     for page in PAGES:
@@ -192,7 +195,7 @@ def test_citations_have_a_source() -> None:
 
 
 def formula_faults(page: str) -> list[str]:
-    """Rendered formulas whose braces, environments or delimiters do not close: MathJax shows them in red, and no build fails."""
+    """Rendered formulas with unclosed braces, environments or delimiters. MathJax shows them in red, and the build does not fail."""
     faults = []
     for formula in re.findall(r"^```math$\n(.*?)^```$", page, re.MULTILINE | re.DOTALL):
         opened, closed = re.findall(r"\\begin\{(\w+)\}", formula), re.findall(r"\\end\{(\w+)\}", formula)
@@ -215,7 +218,7 @@ def test_open_formulas_are_seen(formula: str) -> None:
 
 
 def test_examples_have_a_title() -> None:
-    """The gallery of the built pages takes it from the docstring: a title, underlined, and what the script shows."""
+    """The gallery uses the docstring of an example: an underlined title, and a description."""
     assert [name_of(path) for path in EXAMPLES if not re.match(r'"""(\S.*)\n=+\n\n\S', path.read_text())] == []
 
 
@@ -224,7 +227,7 @@ CONCEPTS = "adaptive arms batches elastic identification impedance integration m
 
 @pytest.mark.parametrize("concept", CONCEPTS)
 def test_concept_pages_are_complete(concept: str) -> None:
-    """Equation, code that runs, figure of an example, limits, and where the code and its example stand."""
+    """A concept page has an equation, code that runs, a figure of an example, limits, and the paths of source and example."""
     text = (ROOT / f"docs/{concept}.md").read_text()
     wanted = {
         "equation": r"^    .*[=<]|^```math$",

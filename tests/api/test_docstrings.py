@@ -1,8 +1,8 @@
-"""Docstrings of public functions and constructors have all parts; `docstrings_missing.toml` lists what is missing, and only shrinks.
+"""Docstrings of public functions and constructors have all parts. `docstrings_missing.toml` lists the missing parts, and only shrinks.
 
 The parts are `args` (an entry for every argument of the signature), `returns` (functions), `raises`, `source` (`Source: ..`, or a key of
-docs/references.bib) and `example`. Classes that only armlet makes have no public constructor and are left out. Methods of classes
-written in Python have `args` and `returns`; their source and example are those of the class.
+docs/references.bib) and `example`. Classes of results, which only armlet constructs, are not checked. Methods of classes written in
+Python have `args` and `returns`; the class has source and example.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SECTION = r"^{}:\n((?:    .*\n|\n)+)"
 
 
 def callables() -> list[str]:
-    """Public functions, and classes whose signature or docstring shows a constructor."""
+    """Names of public functions, and of classes whose docstring has arguments of a constructor."""
     found = []
     for name in al.__all__:
         thing = getattr(al, name)

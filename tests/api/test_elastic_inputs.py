@@ -1,4 +1,4 @@
-"""Misuse of the laws and limits of elastic joints is an `InputError` that names function, argument and what was expected."""
+"""Invalid arguments of laws and limits of elastic joints raise an `InputError` with function, argument and expected value."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_limits() -> None:
 
 
 def test_a_divergence_ends_with_status_and_time() -> None:
-    # A hundredth of a millisecond is needed; a millisecond is taken.
+    # The stable sample time is 0.01 ms; the run uses 1 ms.
     law = impedance(reduced_inertia=[4e-8, 2.5e-8])
     with pytest.raises(al.SolveError) as caught:
         al.simulate(PLANT, law, [0.3, 1.2], t_end=1.0, dt=1e-3, force=[10.0, -15.0])

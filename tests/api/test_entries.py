@@ -1,8 +1,7 @@
-"""Every function and every slot of the extension goes through the one entry that turns a panic into an `InternalError`.
+"""Every function and special method of the extension has the attribute `#[entered]`, which converts a panic to an `InternalError`.
 
-pyo3 would raise a `PanicException`, which is no `Exception`. The attribute `#[entered]` changes the bodies; the unit tests of
-`rust/macros` show that it does. Arguments are read by pyo3 outside of the bodies, so that only types whose reading cannot panic or
-abort stand in signatures.
+pyo3 would raise a `PanicException`, which is not an `Exception`. The unit tests of `rust/macros` show that the attribute works. pyo3
+converts arguments before the body runs. So a signature may only have types whose conversion cannot panic or abort.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from armlet import _core
 BINDING = Path(__file__).resolve().parents[2] / "rust" / "py" / "src"
 SOURCES = sorted(BINDING.rglob("*.rs"))
 
-# A reference to an object, a number, a flag, a text: none of them is as large as a caller likes.
+# Valid types of arguments: a reference to an object, a number, a flag, a text. The caller cannot make them arbitrarily large.
 READ = re.compile(
     r"""(?:mut\s+)?_?\w+\s*:\s*(?:Option<)?
     (?:Python<'\w+>|Outs<'_,\s*'py>|&\s*(?:'\w+\s+)?Bound<'\w+,\s*\w+>|Bound<'\w+,\s*\w+>|PyRef<'\w+,\s*\w+>|Py<\w+>|f64|bool|usize|u64|i64|isize|u32|&\s*(?:'\w+\s+)?str
@@ -32,14 +31,14 @@ READ = re.compile(
 
 
 def not_entered(source: str) -> list[str]:
-    """Blocks of methods and functions of Python without the attribute."""
+    """Blocks of methods and functions for Python that lack the attribute."""
     lines = without_comments(source).split("\n")
     marks = [i for i, line in enumerate(lines) if re.match(r"\s*#\[(pymethods|pyfunction)", line)]
     return [lines[i] for i in marks if i == 0 or lines[i - 1].strip() != "#[entered]"]
 
 
 def signatures(source: str) -> list[tuple[str, list[str]]]:
-    """The functions that Python calls: name and arguments."""
+    """The functions that Python can call: names and arguments."""
     text = without_comments(source)
     found = []
     for mark in re.finditer(r"#\[(pymethods|pyfunction)\b", text):
@@ -80,7 +79,7 @@ def test_arguments_are_read_inside() -> None:
     for path in SOURCES:
         for name, arguments in signatures(path.read_text()):
             bad = [each for each in arguments if not READ.match(re.sub(r"\s+", " ", each))]
-            # What pickles hold is sealed by a checksum, and read as tuples of known lengths.
+            # A pickle has a checksum, and is read as tuples of fixed lengths.
             if bad and not name.startswith("_restore"):
                 outside[f"{path.name}:{name}"] = bad
     assert outside == {}
@@ -96,7 +95,7 @@ def test_rules_see_planted_violations() -> None:
 
 
 def slots(kind: type) -> list[str]:
-    """The special methods that a class of the extension defines and that can be called without knowing what it is."""
+    """The special methods of a class of the extension that can be called without knowledge of the class."""
     return [name for name, value in vars(kind).items() if name.startswith("__") and callable(value) and name not in ("__new__", "__init__")]
 
 
@@ -105,7 +104,7 @@ HOLD = al.Hold([0.5, 0.5])
 
 
 def objects() -> list[Any]:
-    """One of each class that can be had with little."""
+    """One object of each class that has a simple constructor."""
     law, plant = al.PDGravity(ARM, [0.5, 0.5], 1.0, 1.0), al.RigidArm(ARM)
     return [
         ARM,
@@ -126,7 +125,7 @@ def objects() -> list[Any]:
 
 
 class Vast:
-    """As long as Python can say, with entries without end."""
+    """A sequence with the largest possible length and endless entries."""
 
     def __len__(self) -> int:
         return 2**62
@@ -140,7 +139,7 @@ ODD: list[Any] = [None, True, -1, 2**70, 1.5, "x", b"x", [], (), {}, Vast(), ran
 
 @pytest.mark.parametrize("made", objects(), ids=lambda made: type(made).__name__)
 def test_odd_arguments_raise_exceptions_alone(made: Any) -> None:
-    """Every method and slot, with each odd argument at every place: an exception, or an answer, but no PanicException."""
+    """Every method is called with each odd argument at every position. It returns a value or raises an exception, but no PanicException."""
     kind = type(made)
     methods = [name for name in dir(kind) if not name.startswith("_") and callable(getattr(kind, name))]
     for name in [*methods, *slots(kind)]:
@@ -165,5 +164,5 @@ def test_odd_arguments_of_functions_raise_exceptions_alone() -> None:
 
 
 def test_every_class_of_the_extension_has_slots_of_its_own() -> None:
-    """The walk above is not over nothing."""
+    """The test above calls many methods, so it is not empty."""
     assert sum(len(slots(value)) for value in vars(_core).values() if inspect.isclass(value)) > 60

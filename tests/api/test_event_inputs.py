@@ -1,4 +1,4 @@
-"""Misuse of events, stops, dense output and torque sensors is an `InputError` that says what was expected."""
+"""Invalid arguments of events, stops, dense output and torque sensors raise an `InputError` with the expected value."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def test_events() -> None:
     refused(lambda: run(events=[0.5]), "events", "float")
     refused(lambda: al.Event.speed(0, direction=NAN), "direction")
     refused(lambda: al.Event.speed(0, stop=-1), "stop")
-    refused(lambda: al.Event.joint_stop(0, "middle"), "side")  # type: ignore[arg-type]  # on purpose
-    refused(lambda: al.Event.function(3.0), "callable")  # type: ignore[arg-type]  # on purpose
+    refused(lambda: al.Event.joint_stop(0, "middle"), "side")  # type: ignore[arg-type]  # an invalid argument
+    refused(lambda: al.Event.function(3.0), "callable")  # type: ignore[arg-type]  # an invalid argument
     found = run(events=al.Event.joint(ARM.joint_names[0], 0.1)).events
     assert found is not None
     refused(lambda: found.of("other"), "joint")

@@ -1,4 +1,4 @@
-"""The errata and the sub-questions of the printed exam have a row in `armlet demo` and a section in docs/exam.md whose code runs."""
+"""Each erratum and sub-question of the printed exam has a row in `armlet demo` and a section with code in docs/exam.md."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 ERRATA = [f"E{i}" for i in range(1, 14)]
-# Sub-question: a row of the demonstration, and the section of the page that has its code.
+# For each sub-question: a row of the demonstration, and the section of the page with its code.
 QUESTIONS = {
     "the linear parametrisation": ("Y(q, v, v_r, a_r) a = M a_r + S v_r", "Exercise 1: adaptive tracking"),
     "Christoffel matrices": ("C_1 = [[0, 0], [0, -B sin q2]], C_2 = 0", "Exercise 1: adaptive tracking"),
@@ -29,23 +29,23 @@ QUESTIONS = {
 
 
 def demonstration() -> str:
-    """The sources of `armlet demo`."""
+    """The source text of `armlet demo`."""
     return "".join(path.read_text() for path in sorted((ROOT / "python/armlet/demo").glob("*.py")))
 
 
 def rows(sources: str) -> set[str]:
-    """The errata that the checks of the demonstration name."""
+    """The errata that checks of the demonstration name."""
     return set(re.findall(r'"(E\d+)"', sources))
 
 
 def with_code(page: str) -> set[str]:
-    """The headings of a page where code follows before the next heading."""
+    """The headings of a page whose sections contain code."""
     parts = re.split(r"^#+ (.*)$", page, flags=re.MULTILINE)
     return {title for title, text in zip(parts[1::2], parts[2::2], strict=True) if "```python" in text}
 
 
 def sections(page: str) -> set[str]:
-    """The errata that the headings of a page name, where code follows before the next heading."""
+    """The errata in headings of a page whose sections contain code."""
     return {name for title in with_code(page) for name in re.findall(r"E\d+", title)}
 
 

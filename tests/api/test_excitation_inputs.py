@@ -1,4 +1,4 @@
-"""Arguments of `exciting_motion`, and its motion as an object."""
+"""Arguments of `exciting_motion`, and the object that it returns."""
 
 from __future__ import annotations
 

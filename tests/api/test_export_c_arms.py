@@ -40,7 +40,7 @@ FRAMED = ("pose", "pose_vector", "position", "jacobian", "jacobian_dot")
 
 
 def branched() -> al.Arm:
-    """A trunk of two joints that bears two branches, one of them with a prismatic joint."""
+    """A tree with a trunk of two joints and two branches, one of which has a prismatic joint."""
     inertia = "<inertia ixx='0.02' iyy='0.03' izz='0.01' ixy='0.001' ixz='0' iyz='0'/>"
     link = f"<link name='{{0}}'><inertial><origin xyz='0.1 0.02 0.2'/><mass value='1.5'/>{inertia}</inertial></link>"
     placed = "<origin xyz='0.1 0 0.3' rpy='0.2 0.1 -0.3'/><axis xyz='{4}'/><limit effort='9' velocity='9' lower='-2' upper='2'/>"
@@ -60,7 +60,7 @@ ARMS = {
     "tree": branched,
 }
 
-#: Names of links that would end a comment, begin one, or go on into the next line.
+#: Names of links that would end a comment in C, begin one, or continue it in the next line.
 NAMES = [
     "t */ int injected(void){return 42;} /* ",
     "a*/b",
@@ -176,7 +176,7 @@ def test_rounding_of_every_product_is_another_answer_and_close(tmp_path: Path) -
     rng = np.random.default_rng(10)
     x = rng.uniform(-3.0, 3.0, (100, 2, 6))
     answers = np.array([rounded("bias", *pair) for pair in x])
-    # Sums of some hundred products of this size.
+    # The tolerance covers rounding of sums of some hundred products.
     np.testing.assert_allclose(answers, arm.bias(x[:, 0], x[:, 1]), rtol=0.0, atol=1e-11)
 
 
@@ -242,7 +242,7 @@ def test_an_arm_without_frames_has_its_dynamics_alone(tmp_path: Path) -> None:
 def test_files_of_others_are_kept(tmp_path: Path) -> None:
     arm = al.planar_arm([0.5, 0.4])
     first = [file.read_text() for file in al.export_c(arm, tmp_path)]
-    # What armlet wrote it may write again.
+    # armlet may overwrite files that armlet wrote.
     files = al.export_c(arm, tmp_path)
     assert [file.read_text() for file in files] == first
     assert [file.name for file in files] == ["arm.h", "arm.c", "CMakeLists.txt"]

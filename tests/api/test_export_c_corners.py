@@ -1,4 +1,4 @@
-"""Corners of exported laws: limits, sample times, arms of one and nine joints, sliding joints, followers, and odd arguments."""
+"""Corner cases of exported laws: limits, sample times, arms of one and nine joints, prismatic and mimic joints, and odd arguments."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def chain(types: str) -> al.Arm:
 
 
 def following() -> al.Arm:
-    """Three moving joints, the second of which follows the first."""
+    """An arm with three moving joints; the second is a mimic joint of the first."""
     body = "<inertial><origin xyz='0.1 0.02 0.2'/><mass value='1.5'/>"
     body += "<inertia ixx='0.02' iyy='0.03' izz='0.01' ixy='0' ixz='0' iyz='0'/></inertial>"
     links = "".join(f"<link name='{name}'>{body}</link>" for name in "abc")
@@ -54,7 +54,7 @@ ARMS = {
 
 @pytest.mark.parametrize("name", ARMS)
 def test_arms_of_many_kinds_in_a_sampled_loop(name: str, tmp_path: Path) -> None:
-    """The law of the largest code, with limits: inputs and estimates of every sample."""
+    """The law with the most code, with limits: inputs and estimates are compared at every sample."""
     arm = ARMS[name]()
     n, dt = arm.n, 2e-3
     motion = al.Sinusoid(np.full(n, 0.3), np.full(n, 0.2), np.full(n, 3.0), np.zeros(n))
@@ -88,7 +88,7 @@ def test_a_guarded_law_knows_its_sample_time_and_its_limits(samples: int, limit:
 
 
 def test_measurements_and_delay_of_a_sampled_loop(tmp_path: Path) -> None:
-    """The C gets what the law of the loop gets: old and rounded measurements. Its input acts late, which is no part of the law."""
+    """The C receives the law's measurements: delayed and rounded. The delay of the input is not part of the law."""
     law = al.PDGravity(PLANAR, [0.5, 0.3], 60.0, 9.0)
     c = Controller(al.export_c(law, tmp_path), COMPILERS[0])
     sampling = al.Sampling(1e-3, delay=1e-3, sensor_delay=1)
@@ -109,7 +109,7 @@ def test_no_number_that_is_bad_passes(tmp_path: Path) -> None:
             assert status == 1
             np.testing.assert_array_equal(tau, first)
             np.testing.assert_array_equal(c.memory, before)
-    # A state that is no number is found in the answer.
+    # The C reports a state that is not finite.
     c.memory[c.n + 1] = np.nan
     assert c.status(1e-3, [0.1, 0.2], [0.0, 0.0])[0] == 4
 

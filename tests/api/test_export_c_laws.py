@@ -1,4 +1,4 @@
-"""Laws as C: the bits of armlet, asked alone and in sampled loops, with the law's own states, every motion and task priority."""
+"""Laws as C have the bits of armlet: in single calls and in sampled loops, with states of laws, every motion and task priority."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from test_export_c_arms import ARMS, branched
 
 import armlet as al
 
-# What is compared is the law; the runs need not be accurate.
+# Only the laws are compared, so the runs need not be accurate.
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning", "ignore:.*close to unstable:UserWarning")
 
 SIX, SEVEN = (al.load_urdf(al.example_urdf(name)) for name in ("six_axis", "seven_axis"))
@@ -33,7 +33,7 @@ def target(arm: al.Arm) -> np.ndarray:
 
 
 def limits(arm: al.Arm) -> np.ndarray:
-    """The last joint has none."""
+    """Torque limits; the last joint has none."""
     return np.append(np.full(arm.n - 1, 5.0), np.inf)
 
 
@@ -54,7 +54,7 @@ RIGID: dict[str, Callable[[al.Arm], al.Law]] = {
     "Adaptive, composite": lambda arm: al.Adaptive(arm, quintic(arm), 40.0, 20.0, 0.1, composite=0.3, armature=True),
     "Adaptive, estimate": lambda arm: al.Adaptive(arm, quintic(arm), kp=40.0, kd=20.0, gamma=0.2, estimate=0.9 * arm.parameters),
 }
-#: Laws of tasks of a frame.
+#: Laws with tasks of a frame.
 FRAMED: dict[str, Callable[[al.Arm], al.Law]] = {
     "CartesianImpedance": lambda arm: al.CartesianImpedance(arm, [0.5, 0.2], 300.0, 60.0, frame=str(arm.tip_frame), axes="xy"),
     "CartesianImpedance, turning": lambda arm: al.CartesianImpedance(
@@ -95,7 +95,7 @@ def test_a_law_has_the_bits_of_armlet(name: str, arm: str, compiler: str, tmp_pa
     c = Controller(al.export_c(law, tmp_path), compiler)
     rng, n = np.random.default_rng(11), ALL[arm].n
     motors = ("theta", "theta_dot") if name in ELASTIC else ()
-    # The state at rest at zero is one of them.
+    # The first state is at rest at zero.
     for k in range(1000):
         t, x = rng.uniform(0.0, 0.4), rng.uniform(-3.0, 3.0, (4, n)) * (k > 0)
         if motors:
@@ -105,7 +105,7 @@ def test_a_law_has_the_bits_of_armlet(name: str, arm: str, compiler: str, tmp_pa
         if c.p:
             c.memory[n : n + c.p] = rng.uniform(-2.0, 2.0, c.p)
             z["state"] = c.state
-            # Not the first call, which starts filters at what it measures: the last one was at the same time.
+            # The first call of a law would initialise its filters. So the state of an earlier call at the same time is set.
             c.memory[n + 2 * c.p] = t
             c.memory[n + 2 * c.p + 1 :].view(np.int32)[0] = 1
         expected = law(t, x[0], x[1], **dict(zip(motors, x[2:], strict=False)), **z)
@@ -154,7 +154,7 @@ def test_a_motion_in_c_has_the_bits_of_armlet(name: str, compiler: str, tmp_path
 LOOPS: dict[str, Callable[[al.Arm], al.Law]] = {
     "Adaptive": lambda arm: al.Adaptive(arm, quintic(arm), kp=40.0, kd=20.0, gamma=0.2),
     "Adaptive, sinusoid": lambda arm: al.Adaptive(arm, MOTIONS["Sinusoid"](arm), kp=40.0, kd=20.0, gamma=0.2),
-    # Its acceleration jumps within a step.
+    # The acceleration of this motion jumps within a step.
     "Adaptive, bang-bang": lambda arm: al.Adaptive(arm, al.BangBang(np.zeros(arm.n), target(arm), 0.2347), kp=40.0, kd=20.0, gamma=0.2),
     "PID": RIGID["PID within limits"],
     "PID, all options": RIGID["PID, all options"],
@@ -166,7 +166,7 @@ LOOPS: dict[str, Callable[[al.Arm], al.Law]] = {
 @pytest.mark.parametrize("methods", [["rk4"], ["euler", "semi_implicit"]], ids=["rk4", "euler, semi_implicit"])
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_state_advances_as_in_a_sampled_loop(name: str, methods: list[str], tmp_path: Path) -> None:
-    """At every sample of a run the C has the input and the state of the law of the run."""
+    """At every sample of a run, the C has the input and the state of the run's law."""
     arm, dt = SIX, 1e-3
     law = LOOPS[name](arm)
     texts = {tuple(file.read_text() for file in al.export_c(law, tmp_path, dt=dt, method=method)) for method in methods}
@@ -181,7 +181,7 @@ def compare_with_run(c: Controller, arm: al.Arm, law: al.Law, dt: float, samples
     options: dict[str, Any] = {"t_end": 0.4, "dt": dt, "sample_time": samples * dt, "record_every": samples, "method": method}
     run = al.simulate(al.RigidArm(arm), law, np.linspace(0.1, -0.2, arm.n), check_limits=False, **options)
     states = run.estimate
-    # The last step ends at `t_end`, which is not a multiple of the step.
+    # The last step ends at `t_end`, which is not a multiple of `dt`, so it is not compared.
     for k in range(len(run.t) - 1):
         np.testing.assert_array_equal(c(run.t[k], run.q[k], run.v[k]), run.tau[k], err_msg=f"sample {k}")
         if states is not None:
@@ -190,7 +190,7 @@ def compare_with_run(c: Controller, arm: al.Arm, law: al.Law, dt: float, samples
 
 @pytest.mark.parametrize("reaction", [None, "stop", "float", "retract"])
 def test_a_guarded_law_reacts_in_c_as_in_a_loop(reaction: str | None, tmp_path: Path) -> None:
-    """The observer needs the sample time, which is `dt`; the tip is pushed. A force that jumps would divide a step of the run."""
+    """A constant force pushes the tip. The observer needs the sample time `dt`. A force that jumps would divide a step of the run."""
     inner = al.ComputedTorque(PLANAR, quintic(PLANAR), 100.0, 20.0)
     gains: dict[str, Any] = {None: {}, "float": {"damping": 2.0}}.get(reaction, {"stiffness": 60.0, "damping": 9.0})
     law = al.Guarded(inner, al.MomentumObserver(PLANAR, 50.0, threshold=0.5), reaction, **gains)
@@ -208,7 +208,7 @@ def test_a_guarded_law_reacts_in_c_as_in_a_loop(reaction: str | None, tmp_path: 
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("arm", ["tree", "six axes"])
 def test_a_loop_closed_by_c_is_the_loop_of_armlet(arm: str, compiler: str, tmp_path: Path) -> None:
-    """The plant is stepped from outside, the C is the controller."""
+    """A loop in numpy advances the plant, and the C is the controller."""
     plant, dt, n = al.RigidArm(CHAINS[arm]), 1e-3, CHAINS[arm].n
     law = al.Adaptive(CHAINS[arm], MOTIONS["Sinusoid"](CHAINS[arm]), kp=40.0, kd=20.0, gamma=0.05)
     c = Controller(al.export_c(law, tmp_path, dt=dt), compiler)
@@ -228,7 +228,7 @@ def test_without_a_step_the_state_advances_by_the_time_between_calls(tmp_path: P
         if before is not None:
             w = w + (t - before) * (40.0 * (target(PLANAR) - q))
         tau = c(t, q, v)
-        # Sums of two terms, one of them fused.
+        # The tolerance covers sums of two terms, one of which is fused.
         np.testing.assert_allclose(c.state, w, rtol=1e-15)
         np.testing.assert_array_equal(tau, law(t, q, v, state=c.state))
 
@@ -277,7 +277,7 @@ def tasks(arm: al.Arm) -> list[al.Task]:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("arm", ["six axes", "seven axes"])
 def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp_path: Path) -> None:
-    """Where ranks need no decision the C has the answer of the programs of loops; where they do it says so."""
+    """If no rank must be decided, the C has the results of compiled loops. Otherwise it returns a status."""
     law = al.PriorityVelocity(CHAINS[arm], tasks(CHAINS[arm]), method=method)
     c = Controller(al.export_c(law, tmp_path), compiler)
     n = CHAINS[arm].n
@@ -291,7 +291,7 @@ def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp
         if status == 0:
             np.testing.assert_array_equal(u, run.tau[k], err_msg=f"sample {k}")
     assert sum(status == 0 for status, _ in answered) > 450
-    # On 1,000 random states against the route that decides, which rounds otherwise.
+    # In 1,000 random states the C is compared with the algorithm that decides ranks, which rounds differently.
     regular = 0
     for q in rng.uniform(-2.0, 2.0, (1000, n)):
         before = c.memory[:n].copy()
@@ -299,7 +299,7 @@ def test_priority_by_the_regular_route(arm: str, method: str, compiler: str, tmp
         if status == 0:
             regular += 1
             expected = law(0.1, q, np.zeros(n))
-            # Velocities of up to some hundred rad/s near singularities, by two routes.
+            # Near singularities velocities reach some hundred rad/s, and the two algorithms round differently.
             np.testing.assert_allclose(u, expected, rtol=1e-7, atol=1e-9)
         else:
             assert status == 3
@@ -347,7 +347,7 @@ def test_what_has_no_c_is_refused_by_name(tmp_path: Path) -> None:
 
 
 def test_a_library_as_its_cmake_file_says(tmp_path: Path) -> None:
-    """With the options of the CMake file, fused instructions among them, the bits are the same."""
+    """With the options of the CMake file, which include fused instructions, the bits are equal."""
     law = RIGID["Adaptive"](SIX)
     files = al.export_c(law, tmp_path)
     options = re.findall(r"PRIVATE (.*)\)", files[2].read_text())

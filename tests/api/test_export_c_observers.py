@@ -1,4 +1,4 @@
-"""Momentum observers as C: the bits of `MomentumObserver.update` and of its contacts, and what is refused."""
+"""Momentum observers as C have the bits of `MomentumObserver.update` and of its contacts. Invalid arguments are refused."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ def test_an_observer_has_the_bits_of_armlet(name: str, compiler: str, tmp_path: 
 
 
 def test_at_rest_the_residual_is_the_torque_from_outside(tmp_path: Path) -> None:
-    """A test that does not need armlet: `r' = K (tau_ext - r)` from rest."""
+    """A check without armlet: the solution of `r' = K (tau_ext - r)` from rest."""
     c = Observer(al.export_c(al.MomentumObserver(al.planar_arm([0.5], gravity=[0.0, 0.0]), 50.0), tmp_path), COMPILERS[0])
     for _ in range(1001):
         r = c([0.3], [0.0], [-1.5], 1e-3)
-    # exp(-50) is below rounding.
+    # The remaining error exp(-50) is below rounding.
     np.testing.assert_allclose(r, [1.5], rtol=1e-14)
 
 

@@ -1,6 +1,6 @@
-"""Every law with every option as C: the bits of armlet at 1,000 states, or a refusal that names the law.
+"""Every law with every option as C: it has the bits of armlet in 1,000 states, or is refused with its name.
 
-The table has an entry for each class of laws and for each of its arguments. A class or an argument that is not in it fails a test.
+The table has an entry for each class of laws and for each of its arguments. A class or an argument without an entry fails a test.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ OBSERVER = al.MomentumObserver(ARM, 50.0, threshold=0.5)
 ROWS = np.random.default_rng(5).uniform(-1.0, 1.0, (3, N, P))
 SAMPLES = al.Samples(W=ROWS, tau=ROWS @ ARM.parameters, indices=np.arange(3), singular_value=0.1, rank=3)
 
-#: Parameters of two bodies of 3 and 2 kg that are not flat.
+#: Inertial parameters of two spatial bodies of 3 and 2 kg.
 POSSIBLE = np.array([3.0, 0.75, 0.0, 0.0, 0.05, 0.0, 0.24, 0.0, 0.0, 0.24, 2.0, 0.4, 0.0, 0.0, 0.04, 0.0, 0.12, 0.0, 0.0, 0.12])
 
 Case = tuple[str, dict[str, Any]]
@@ -40,7 +40,7 @@ def tasks(*more: al.Task) -> list[al.Task]:
     return [al.Task("link2", "x", motion=al.Sinusoid([0.4], np.array([[0.1]]), [[2.0]], [[0.0]]), gain=4.0), *more]
 
 
-#: By class: options beside the arm, each with a name.
+#: For each class: named cases with options besides the arm.
 OPTIONS: dict[str, list[Case]] = {
     "Adaptive": [
         ("full gains", {"motion": MOTION, "kp": FULL, "kd": FULL / 3.0, "gamma": 0.2 * np.eye(P) + 0.01}),
@@ -130,7 +130,7 @@ OPTIONS: dict[str, list[Case]] = {
         ),
     ],
 }
-#: The same of laws without C, with the reason.
+#: Cases of laws that cannot be exported, with the reason.
 REFUSED: dict[str, list[tuple[str, dict[str, Any], str]]] = {
     "PriorityVelocity": [
         ("sns", {"tasks": tasks(), "method": "sns", "v_min": -1.0, "v_max": 1.0}, "limits of joint velocities"),
@@ -197,14 +197,14 @@ def test_a_law_has_the_bits_of_armlet(name: str, options: dict[str, Any], compil
         c.init()
         z = {}
         if c.p:
-            # Near the start: some estimates are to be possible.
+            # The states are near the initial state, because some estimates must be physically possible.
             state = start * rng.uniform(0.9, 1.1, c.p) + (0.0 if start.any() and k % 2 else rng.uniform(-0.01, 0.01, c.p))
             c.resume(t, state)
             z["state"] = state
         motors = {"theta": x[2], "theta_dot": x[3]} if elastic else {}
         status, tau = c.status(t, *x[: 4 if elastic else 2])
         if name in ("PriorityVelocity", "PriorityAcceleration"):
-            # Regular states alone, by another route than that of the call: the bits are those of loops.
+            # In regular states the C has the bits of compiled loops. A call of the law uses another algorithm.
             regular += status == 0
             if status == 0:
                 np.testing.assert_allclose(tau, law(t, *x[:2]), rtol=1e-6, atol=1e-9, err_msg=f"state {k}")

@@ -1,4 +1,4 @@
-"""The sheet that all figures are drawn on: who makes it, how large it is, and the style that ends with it."""
+"""The matplotlib figure of all plots: who creates it, its size, and the style, which is reset afterwards."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_drawn_into_what_is_given(name: str) -> None:
     figure, before = Figure(figsize=(3.0, 2.0)), {key: matplotlib.rcParams[key] for key in style.STYLE}
     DRAWN[name][1](figure)
     assert figure.axes and {key: matplotlib.rcParams[key] for key in before} == before
-    # Panels need their room; the one of a sweep takes what it is given.
+    # Figures with several panels set their size. The figure of a sweep keeps the size of the caller.
     assert (tuple(figure.get_size_inches()) == (3.0, 2.0)) == (name == "sweep")
 
 
@@ -64,7 +64,7 @@ def test_a_new_one_where_none_is_given(name: str) -> None:
 
 
 def test_the_distance_of_a_cartesian_law() -> None:
-    """What the law is for is drawn too: how far the frame is from its target."""
+    """The plot of a Cartesian law includes the distance of the frame from its target."""
     law = al.CartesianImpedance(ARM, [0.5, 0.5], 300.0, 40.0, frame="link2", axes="xy")
     made = al.simulate(al.RigidArm(ARM), law, [0.3, 1.0], t_end=0.1, dt=1e-3)
     (panel,) = [ax for ax in made.plot(Figure()).flat if ax.get_ylabel() == "distance (m)"]
@@ -97,12 +97,12 @@ def test_a_sweep_by_a_chosen_metric(metric: str, label: str) -> None:
 
 
 def test_the_force_of_a_wall() -> None:
-    """At rest it balances the law's own stiffness: the frame stands in the wall, between both springs."""
+    """At rest the wall's force balances the law's stiffness. The frame is in the wall, between both springs."""
     wall = al.Wall("link2", [0.7, 0.0, 0.0], [-2.0, 0.0, 0.0], stiffness=1e3, damping=20.0)
     law = al.CartesianImpedance(ARM, [0.75, 0.2], 300.0, 40.0, frame="link2", axes="xy")
     made = al.simulate(al.RigidArm(ARM, wall=wall), law, [0.8, 1.2], t_end=3.0, dt=1e-3)
     force = made.contact_force
-    # Two springs in series over 0.05 m, to what is left of the motion after 3 s.
+    # Two springs in series with 0.05 m between their rest positions. The tolerance covers the motion that remains after 3 s.
     assert force is not None and force.min() == 0.0 and force[-1] == pytest.approx(0.05 / (1 / 300.0 + 1 / 1e3), rel=1e-3)
     (panel,) = [ax for ax in made.plot(Figure()).flat if ax.get_ylabel() == "force (N)"]
     np.testing.assert_array_equal(panel.get_lines()[0].get_ydata(), force)
@@ -110,7 +110,7 @@ def test_the_force_of_a_wall() -> None:
 
 
 def test_estimates_of_many_links() -> None:
-    """A panel per kind of parameter, with its unit, a colour per link and a stroke per component."""
+    """Each kind of parameter has a panel with its unit. Links differ by colour, components by line style."""
     law = al.Adaptive(ARM, al.Sinusoid([0.1, 0.2], [0.3, 0.3], [1.0, 2.0], [0.0, 0.0]), 50.0, 5.0, 1.0, friction=True)
     axes = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3).plot(Figure())
     panels = [ax for ax in axes.flat if "Estimates" in ax.get_title(loc="left")]
@@ -121,7 +121,7 @@ def test_estimates_of_many_links() -> None:
 
 
 def test_joints_are_named_once() -> None:
-    """Above the panels, with what dashes are; no panel has a legend over its data."""
+    """Joints and dashes are explained above the panels. No panel has a legend over its data."""
     law = al.ComputedTorque(ARM, al.Quintic([0.0, 0.0], [0.5, 0.5], 1.0), 50.0, 10.0)
     figure = Figure()
     axes = al.simulate(al.RigidArm(ARM), law, [0.0, 0.0], t_end=0.1, dt=1e-3).plot(figure)
@@ -142,7 +142,7 @@ def test_limits_that_a_run_comes_near() -> None:
 
 
 def test_many_joints_share_no_panel() -> None:
-    """Up to seven in one, each with the names of its joints."""
+    """A panel has at most seven joints, with their names."""
     arm = al.planar_arm([0.1] * 9)
     axes = al.simulate(al.RigidArm(arm), al.PDGravity(arm, [0.1] * 9, 1.0, 0.1), [0.0] * 9, t_end=1e-3, method="dop853").plot(Figure())
     titles = [ax.get_title(loc="left") for ax in axes.flat]

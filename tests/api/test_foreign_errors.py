@@ -1,4 +1,4 @@
-"""Whatever is given, what is raised is an ArmletError, TypeError, MemoryError or OSError; the command line prints no traceback."""
+"""For every argument, errors are an ArmletError, TypeError, MemoryError or OSError. The command line prints no traceback."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FEW: dict[str, Any] = {"vary": {"law.kp": {"uniform": [1.0, 2.0]}}, "cost": "err
 
 
 class Shrinking:
-    """A sequence that claims more entries than it has."""
+    """A sequence whose reported length is larger than its number of entries."""
 
     def __len__(self) -> int:
         return 3
@@ -51,7 +51,7 @@ class Shrinking:
 
 
 class Nameless(type):
-    """Classes that do not say where they are from."""
+    """A metaclass that hides the module and the name of its classes."""
 
     def __getattribute__(cls, name: str) -> Any:
         if name == "__module__":
@@ -60,7 +60,7 @@ class Nameless(type):
 
 
 class Stranger(metaclass=Nameless):
-    """What shows itself to nobody."""
+    """An object whose `repr` fails."""
 
     def __repr__(self) -> str:
         raise LookupError("mine")
@@ -84,7 +84,7 @@ OBJECTS: list[Any] = [Shrinking(), Stranger(), None, object(), len, slice(None),
 MASKED = [np.ma.masked_array([1.0, 2.0], [True, False])]
 JUNK = [*NUMBERS, *TEXTS, *LISTED, *ARRAYS, *OBJECTS, *MASKED]
 
-#: Calls with one argument that is anything.
+#: Calls with one argument that can be any object.
 CALLS: dict[str, Callable[[Any], Any]] = {
     "Contact": lambda x: al.Contact(x, 1, np.ones(2)),
     "Contact.joint": lambda x: al.Contact(0.1, x, np.ones(2)),
@@ -251,7 +251,7 @@ def test_junk_raises_errors_of_armlet(call: Callable[[Any], Any], tmp_path: Path
     monkeypatch.chdir(tmp_path)
     for junk in JUNK:
         try:
-            # What shows itself is shown in time.
+            # If the result has a `repr`, it must be computed in time.
             shown = call(junk)
             assert isinstance(shown, dict | np.ndarray) or isinstance(repr(shown), str)
         except (*ALLOWED, ImportError) as error:
@@ -280,7 +280,7 @@ def test_a_fault_of_armlet_is_an_internal_error() -> None:
     with pytest.raises(al.InternalError, match=r"faulty: internal error, please report it: KeyError: 'key'") as caught:
         _ours_faulty()
     assert isinstance(caught.value.__cause__, KeyError)
-    # What a function of the caller raises is the caller's.
+    # Exceptions of the caller's functions pass unchanged.
     for name in ("simulate", "integrate"):
         with pytest.raises(LookupError, match="mine"):
             if name == "simulate":
@@ -293,7 +293,7 @@ def test_a_fault_of_armlet_is_an_internal_error() -> None:
 
 
 def _ours_faulty() -> Any:
-    """A function that lives in armlet as far as its border can tell."""
+    """A function that `border` takes for a function of armlet."""
     space: dict[str, Any] = {"__name__": "armlet.somewhere"}
     exec("def faulty():\n    return {}['key']", space)
     return border(space["faulty"])()
@@ -302,7 +302,7 @@ def _ours_faulty() -> Any:
 FILES = {
     "brackets": b"a = " + b"[" * 20_000,
     "tables": b"a = " + b"{a=" * 20_000,
-    "keys": b"a" + b".a" * 4_000 + b" = 1",  # four times what Python recurses; reading takes the square of it
+    "keys": b"a" + b".a" * 4_000 + b" = 1",  # four times Python's recursion limit; reading takes quadratic time
     "digits": b"a = " + b"9" * 100_000,
     "bytes": b"\xff\xfe\0",
     "nul": b"a = 1\n\0",
@@ -345,7 +345,7 @@ def test_files_without_an_end_are_refused(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_only_files_are_replaced(tmp_path: Path) -> None:
-    """A result is renamed to its place: a pipe or a device there would be lost, /dev/null to the whole machine."""
+    """A result is renamed to its final path. So a pipe or a device such as /dev/null there would be lost, and must be refused."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     (tmp_path / "link").symlink_to(pipe)
@@ -365,7 +365,7 @@ def test_the_process_itself_ends_in_one_line(tmp_path: Path) -> None:
 
 
 def open_doors(module: Any, names: list[str]) -> set[str]:
-    """Public functions and methods that are written in Python and lie before no border."""
+    """Public functions and methods that are written in Python and are not wrapped by `border`."""
     found: set[str] = set()
     for name in names:
         thing = getattr(module, name)
@@ -388,7 +388,7 @@ def open_doors(module: Any, names: list[str]) -> set[str]:
 
 
 def test_all_that_is_public_lies_before_the_border() -> None:
-    """Every function, and every method and property of every class, that is written in Python; demo and reference are programs."""
+    """All public functions, methods and properties written in Python are wrapped by `border`, except those of demo and reference."""
     assert open_doors(al, al.__all__) == set()
     assert open_doors(gym, gym.__all__) == set()
     assert open_doors(scenario, scenario.__all__) == set()

@@ -1,4 +1,4 @@
-"""A frame that is unknown is refused under the name that its argument has."""
+"""The error about an unknown frame has the name of the argument."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dry friction of plants: what is refused, what is kept, and where it can be given."""
+"""Dry friction of plants: refused arguments, stored arguments, and the places that accept friction models."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_rows_of_batches_are_runs(model: Any, options: dict[str, Any]) -> None:
             run = al.simulate(plant, law, starts[i], **options)
             for name in ("q", "v", "friction", "bristles"):
                 mine, theirs = getattr(run, name), getattr(batch[i], name)
-                # Lanes and single runs differ by rounding, which damped loops do not amplify.
+                # Batches and single runs differ by rounding, which damped loops do not amplify.
                 assert mine is theirs is None or np.allclose(mine, theirs, rtol=0.0, atol=1e-10), name
             assert np.allclose(run.monitors["energy_balance"], batch[i].monitors["energy_balance"], atol=1e-10)
 
@@ -167,7 +167,7 @@ def test_events_and_polynomials_leave_bristles_out() -> None:
 
 @pytest.mark.parametrize("model", [al.LuGre(**LUGRE), al.StickSlip(**STICKS)])
 def test_environments_step_such_plants(model: Any) -> None:
-    """The rows of an environment are steps of a `Simulator` under the same torque."""
+    """A row of an environment has the states of a `Simulator` under equal torques."""
     plant = rigid(model)
     environment = ArmVectorEnv(3, plant, tau_max=20.0)
     environment.reset(seed=1)
@@ -199,7 +199,7 @@ def test_features_that_need_smooth_plants_refuse_them() -> None:
 
 
 def test_derivatives_of_runs_with_bristles() -> None:
-    """Derivatives with respect to numbers of the friction are those of differences of runs."""
+    """Derivatives with respect to friction parameters equal differences of runs."""
     options: dict[str, Any] = {"t_end": 0.2, "dt": 1e-4, "monitors": False}
     names = ["plant.friction.coulomb", "plant.friction.stiffness", "law.kp"]
     run = al.simulate(rigid(al.LuGre(**LUGRE)), LAW, [0.0, 0.0], sensitivity=names, **options)
@@ -215,7 +215,7 @@ def test_derivatives_of_runs_with_bristles() -> None:
         for name in ("q", "bristles"):
             slope = (getattr(above, name)[-1] - getattr(below, name)[-1]) / (2.0 * step)
             found = getattr(run.sensitivity[f"plant.friction.{number}"], name)[-1, :, 0]
-            # Differences of 1e-5: 1e-10 of the third derivative, and roundings of 1e-16/1e-5.
+            # Differences with step 1e-5 have errors of 1e-10 third derivatives and 1e-16/1e-5 of rounding.
             assert np.allclose(found, slope, rtol=1e-6, atol=1e-11 / LUGRE[number])
             assert np.abs(found).max() > 0.0
 

@@ -1,4 +1,4 @@
-"""What `simulate(sensitivity=)` and `gradient` refuse, and how they say it."""
+"""Refused arguments of `simulate(sensitivity=)` and `gradient`, and their messages."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_a_run_keeps_its_derivatives_when_pickled() -> None:
 
 
 def test_a_contact_that_is_grazed_has_none() -> None:
-    """The joint leaves from rest at a stop: the instant of the touch has no derivative."""
+    """A joint starts at rest at a stop and leaves it. The time of this contact has no derivative."""
     arm = al.planar_arm([1.0], gravity=[0.0, 0.0])
     plant = al.RigidArm(arm, stops=al.JointStops(1e3, 50.0, lower=-1.0, upper=1e-20))
     law = al.PDGravity(arm, [0.5], 10.0, 1.0)
@@ -171,7 +171,7 @@ def test_a_scenario_has_names(tmp_path: Path) -> None:
     found, expected = scenario.run().sensitivity, run(["law.kp", "arm.damping"]).sensitivity
     assert found is not None and expected is not None and list(found) == list(expected)
     np.testing.assert_array_equal(found["law.kp"].q, expected["law.kp"].q)
-    # What is not a run of its own has none.
+    # A run inside a gradient or a sweep computes no derivatives of its scenario.
     assert al.gradient("error_rms", scenario, names="law.kp")[1]["law.kp"].shape == (2,)
     assert al.sweep(scenario, {"law.kp": [5.0, 9.0]})["completed"].tolist() == [1.0, 1.0]
     with pytest.raises(al.InputError, match=r"\$.run.sensitivity: expected a list of names, got 'law.kp'"):
@@ -205,14 +205,14 @@ def test_a_number_that_may_not_be_negative_is_varied_on_one_side() -> None:
     found = run("plant.wall.damping", plant=touching(0.0), v0=[0.5, -1.0])
     moved = [al.simulate(touching(damping), LAW, Q0, v0=[0.5, -1.0], **OPTIONS).q for damping in (0.0, 1e-3, 2e-3)]
     assert found.sensitivity is not None
-    # A difference of second order.
+    # The reference is a one-sided difference of second order.
     expected = (4.0 * moved[1] - 3.0 * moved[0] - moved[2]) / 2e-3
     assert np.abs(expected).max() > 1e-6
     np.testing.assert_allclose(found.sensitivity["plant.wall.damping"].q[..., 0], expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
 
 
 def test_numbers_that_are_zero_and_one_move() -> None:
-    """A program folds zeros and ones of the set-up; those that move stay inputs."""
+    """A program folds constants that are 0 or 1. Parameters with derivatives must remain inputs."""
     law = al.PDGravity(ARM, [0.0, 1.0], kp=[1.0, 6.0], kd=[1.0, 1.0])
     found = run(["law.kp", "law.kd", "law.target"], law=law).sensitivity
     assert found is not None

@@ -1,4 +1,4 @@
-"""Gymnasium environments: what `check_env` asks, the vector environment against Gymnasium's own loop over single ones, ends, refusals."""
+"""Gymnasium environments: `check_env`, the vector environment compared with single environments, ends of runs, refused arguments."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_gymnasium_checks_them(options: dict[str, Any]) -> None:
-    """Warnings are errors here: the checker's advice is taken too."""
+    """Warnings are errors, so the advice of the checker also counts."""
     check_env(gymnasium.make("armlet/Reach-v0", **options).unwrapped)
 
 
@@ -53,7 +53,7 @@ PLANTS: dict[str, al.Plant] = {
 @pytest.mark.parametrize("rows", [1, 5, 200])
 @pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS.keys())
 def test_rows_are_simulators(plant: al.Plant, rows: int) -> None:
-    """To the bit; some turn by angles for which programs have no sines, and some start anew on the way."""
+    """Rows have the bits of simulators, also with angles beyond the range of the program's sine, and after restarts."""
     rng, n = np.random.default_rng(rows), plant.arm.n
     arms = _core._BatchStepper(plant, rows, 2e-3)
     q = rng.uniform(-1.0, 1.0, (rows, n))
@@ -99,14 +99,14 @@ def test_environments_are_copied_with_their_states() -> None:
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP], ids=lambda mode: mode.value)
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
 def test_many_at_once_are_many_one_by_one(options: dict[str, Any], mode: AutoresetMode) -> None:
-    """Through ends and new starts."""
+    """The vector environment equals single environments, also at ends and restarts."""
     many = ArmVectorEnv(ROWS, **options, autoreset_mode=mode)
     each = SyncVectorEnv([lambda: ArmEnv(**options)] * ROWS, autoreset_mode=mode)
     rng = np.random.default_rng(4)
     ends = 0
     np.testing.assert_array_equal(many.reset(seed=5)[0], each.reset(seed=5)[0])
     for _ in range(2 * round(options.get("horizon", 1.0) / 0.02) + 5):
-        action = rng.uniform(-1.2, 1.2, (ROWS, many.action_space.shape[1]))  # type: ignore[index]  # a Box has one
+        action = rng.uniform(-1.2, 1.2, (ROWS, many.action_space.shape[1]))  # type: ignore[index]  # a Box has a shape
         mine, theirs = many.step(action), each.step(action)
         for a, b in zip(mine[:4], theirs[:4], strict=True):
             np.testing.assert_array_equal(a, b)
@@ -147,7 +147,7 @@ def test_seeds_repeat_and_rows_are_their_own() -> None:
 
 
 class _Doubled(Reach):
-    """Starts and errors of its own."""
+    """A task with a different `draw` and `error`."""
 
     def draw(self, rng: np.random.Generator) -> Any:
         q0, v0, goal = super().draw(rng)
@@ -159,7 +159,7 @@ class _Doubled(Reach):
 
 @pytest.mark.parametrize("task", [Reach(), Reach(axes="zx"), Track(MOTION), _Doubled()], ids=["all axes", "two axes", "track", "own"])
 def test_starts_and_errors_of_all_rows_are_those_of_each(task: Reach | Track) -> None:
-    """To the bit: rows that start anew at once draw the numbers that `draw` draws, and observe the error that `error` finds."""
+    """Rows that restart together draw the numbers of `draw` and observe the error of `error`, with equal bits."""
     envs = ArmVectorEnv(ROWS, ARM, task, tau_max=[30.0, 10.0], horizon=0.2)
     observed, _ = envs.reset(seed=3)
     own = envs._rows.task
@@ -181,7 +181,7 @@ def test_starts_and_errors_of_all_rows_are_those_of_each(task: Reach | Track) ->
 
 
 def test_how_runs_end() -> None:
-    """At the horizon, out of the limits, at the target; the last observation is in the space."""
+    """A run ends at the horizon, outside of the limits, or at the target. The last observation is in the observation space."""
     env = ArmEnv(ARM, Reach(axes="xy", spread=0.0), tau_max=1.0, horizon=0.1)
     env.reset(seed=0)
     flags = [env.step([0.0, 0.0])[2:4] for _ in range(5)]
@@ -198,7 +198,7 @@ def test_how_runs_end() -> None:
 
 
 def test_a_row_that_diverges_ends_and_leaves_the_others_alone() -> None:
-    """Speeds at which a step of rk4 overflows; the row keeps its last finite state, and the others their bits."""
+    """At these speeds an rk4 step overflows. The row keeps its last finite state, and other rows keep their bits."""
     options: dict[str, Any] = {
         "plant": ARM,
         "task": Track(MOTION, spread=0.0),
@@ -222,7 +222,7 @@ def test_a_row_that_diverges_ends_and_leaves_the_others_alone() -> None:
 
 
 def test_a_controller_is_paid() -> None:
-    """Computed torque on the state tracks to within the error of holding it for a period, and is paid nearly 1 per step."""
+    """Computed torque as the agent tracks up to the error of holding a torque for a period. Its reward is nearly 1 per step."""
     env = ArmEnv(ARM, Track(MOTION), tau_max=10.0, period=4e-3, horizon=2.0)
     observation, _ = env.reset(seed=1)
     law = al.ComputedTorque(ARM, MOTION, kp=100.0, kd=20.0)
@@ -285,7 +285,7 @@ def test_actions_beyond_the_limit_are_the_limit() -> None:
     ],
 )
 def test_bad_actions(action: Any, message: str) -> None:
-    """Refused before anything moves."""
+    """A refused action does not change the state."""
     env, envs = ArmEnv(), ArmVectorEnv(1)
     env.reset(seed=0), envs.reset(seed=0)
     for step, given in ((env.step, action), (envs.step, [action])):

@@ -1,4 +1,4 @@
-"""Pictures of environments: Gymnasium's own check of `render`, what is drawn, windows, and what is refused."""
+"""Pictures of environments: Gymnasium's check of `render`, the drawn objects, windows, and refused arguments."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def without_windows() -> None:
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
 def test_gymnasium_checks_render(mode: str) -> None:
-    """Warnings are errors here; `metadata` has the pictures per second of the environment's own period."""
+    """Warnings are errors. `metadata` has the frame rate of the environment's period."""
     env = gymnasium.make("armlet/Reach-v0", render_mode=mode, period=0.05).unwrapped
     check_env(env)
     assert env.metadata["render_fps"] == 20.0 and env.render_mode == mode
@@ -52,7 +52,7 @@ def test_the_picture_follows_the_arm() -> None:
 
 @pytest.mark.parametrize("task", [Reach(axes="xy"), Reach(axes="x"), Track(MOTION)], ids=["xy", "x", "track"])
 def test_targets_are_drawn(task: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The point drawn less the tip is the error that is observed; along a free axis it is the tip's own."""
+    """The drawn target minus the tip is the observed error. Along a free axis the target is drawn at the tip."""
     seen: list[Any] = []
     monkeypatch.setattr(Picture, "show", lambda self, lines, k, title, targets: seen.append((lines.tip[0], title, targets)))
     monkeypatch.setattr(Picture, "pixels", lambda self: np.zeros((2, 2, 3), dtype=np.uint8))
@@ -73,7 +73,7 @@ def test_targets_are_drawn(task: Any, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Clock:
-    """A clock on which nothing but sleep takes time."""
+    """A clock that advances only by `sleep`."""
 
     def __init__(self) -> None:
         self.now = 7.0
@@ -86,7 +86,7 @@ class Clock:
 
 
 def test_a_window_keeps_the_pace_of_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each step waits for its time: 10 steps of 50 ms take half a second."""
+    """Each step waits until its real time: 10 steps of 50 ms take 0.5 s."""
     from matplotlib import pyplot
 
     before = set(pyplot.get_fignums())

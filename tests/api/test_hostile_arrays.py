@@ -1,4 +1,4 @@
-"""Arguments that are nearly arrays: masked, endless, of impossible length, not exact in float64. Each is refused at once, by name."""
+"""Objects similar to arrays: masked, endless, with impossible lengths, not exact in float64. Each is refused quickly, with its name."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def environment() -> ArmEnv:
     return env
 
 
-# Every way of an array into the extension, and into the Python layer over it.
+# Every argument by which an array enters the extension or the Python layer.
 SCENARIO = al.Scenario(
     {
         "arm": {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5},
@@ -126,21 +126,21 @@ ENTRIES: dict[str, Callable[[Any], Any]] = {
 
 
 class Endless:
-    """Entries without end, and no length."""
+    """A sequence with endless entries and no length."""
 
     def __getitem__(self, i: int) -> float:
         return 0.5
 
 
 class Longer(Endless):
-    """Entries without end behind a length of two."""
+    """A sequence with endless entries and the length two."""
 
     def __len__(self) -> int:
         return 2
 
 
 class Vast(Endless):
-    """As long as Python can say."""
+    """A sequence with the largest possible length."""
 
     def __len__(self) -> int:
         return 2**62
@@ -188,9 +188,9 @@ HOSTILE: dict[str, Callable[[], Any]] = {
     "bytes": lambda: b"ab",
 }
 
-# What these arguments are meant to take.
+# These arguments accept the object, so the test is skipped for them.
 MEANT = {
-    # Any shape is one of many problems, or of many times.
+    # These functions accept arrays of any shape, as many problems or many times.
     *(
         ("wrong shape, seen at once", entry)
         for entry in ("bang_bang_time", "torque_optimal_time", "path times", "elastic_limits", "Table", "Run")
@@ -225,13 +225,13 @@ def test_hostile_arguments_are_refused_at_once(name: str) -> None:
 
 
 def test_no_more_is_read_than_the_length_says() -> None:
-    """A length of two with entries without end is a vector of two."""
+    """If the length is two, exactly two entries are read, although the entries are endless."""
     np.testing.assert_array_equal(ARM.mass_matrix(Longer()), ARM.mass_matrix([0.5, 0.5]))
 
 
 @pytest.mark.parametrize("many", [Endless, endless, lambda: range(10**9)])
 def test_sequences_of_anything_end(many: Callable[[], Any]) -> None:
-    """Arguments that are no arrays of numbers, but are read entry by entry."""
+    """Arguments that are not arrays of numbers and are read entry by entry. The read must end."""
     with pytest.raises(al.InputError, match="integrate: args is too long"):
         al.integrate(lambda t, y: -y, (0.0, 1.0), Q, args=many())
     with pytest.raises(al.InputError, match=r"ArmVectorEnv\.reset: seed is too long"):
@@ -278,5 +278,5 @@ except Late as late:
 
 def test_signals_are_answered_while_a_list_is_read() -> None:
     output = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=True, timeout=120).stdout
-    # Seconds; a list of two million rows takes several times this to read in a debug build.
+    # The limit in seconds. A debug build takes several times as long to read a list of two million rows.
     assert float(output) < 1.0

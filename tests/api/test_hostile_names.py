@@ -1,4 +1,4 @@
-"""Names from files in figures, reports and lines of the command line: text, and nothing else."""
+"""Names from files appear as plain text in figures, reports and lines of the command line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armlet.demo.report import Report
 from armlet.figures import literal
 from armlet.figures.time_path import PathTiming
 
-# A script, unfinished mathematics (an error when it is drawn), finished mathematics, TeX that reads a file, a label that is hidden.
+# A script, incomplete mathematics (an error when drawn), complete mathematics, TeX that reads a file, a hidden label, and others.
 NAMES = ["<script>alert(1)</script>", r"$\frac{", "$x_1$", r"\input{/etc/passwd}", "_hidden", r"\$5$", "a\u202eb", "two\nlines"]
 SCENARIO = """title = {title}
 arm = {{ kind = "planar_pr", A = 2.0, B = 0.5, C = 0.5 }}
@@ -29,8 +29,8 @@ run = {{ q0 = [0.0, 0.0], t_end = 0.01, dt = 1e-3 }}
 
 
 def drawn(figure: Figure) -> set[str]:
-    """The texts of a figure that is drawn, as a reader sees them; none of them may be mathematics or TeX."""
-    FigureCanvasAgg(figure).draw()  # once, where savefig draws twice
+    """The visible texts of a drawn figure. None of them may be rendered as mathematics or TeX."""
+    FigureCanvasAgg(figure).draw()  # draws once; savefig would draw twice
     return {text.get_text().replace(r"\$", "$").strip() for text in figure.findobj(Text)}
 
 

@@ -1,4 +1,4 @@
-"""Options and targets of impedance laws: what is refused and how, poses and motions as targets, batches, scenarios."""
+"""Options and targets of impedance laws: refused arguments, poses and motions as targets, batches, scenarios."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_options(made: str) -> None:
     refused(take(nullspace=al.NullSpace(al.Hold([0.1, 0.2]), 1.0, 1.0)), "nullspace.q_d", "expected 3, got 2")
     refused(take(nullspace=al.NullSpace([0.1] * 3, -1.0, 1.0)), "nullspace.stiffness is negative")
     refused(lambda: al.NullSpace([0.1] * 3, 1.0, [1.0, 1.0]), "NullSpace: damping has the wrong shape", "(3,)")
-    # The shape alone is read: listing these numbers would take a minute.
+    # Only the shape is checked. Converting these numbers would take a minute.
     refused(lambda: al.NullSpace([0.1] * 3, np.broadcast_to(0.1, (10**8, 3)), 1.0), "NullSpace: stiffness has the wrong shape")
     refused(take(nullspace=al.NullSpace([0.1] * 3, np.ones((3, 3)), 1.0)), "nullspace.stiffness is not positive definite")
     refused(take(feedforward=[1.0]), f"{made}: feedforward", "(2,)")
@@ -96,7 +96,7 @@ def test_a_pose_as_target() -> None:
     rows = {"frame": frame, "axes": "xyz rx ry rz"}
     by_pose = al.CartesianImpedance(six, six.pose(q, frame), 300.0, 30.0, **rows)
     by_rows = al.CartesianImpedance(six, six.pose_vector(q, frame), 300.0, 30.0, **rows)
-    # The rotation vector of the rounded pose.
+    # The rotation vector is that of the rounded pose.
     np.testing.assert_allclose(by_pose.terms(0.0, q, np.zeros(6))["e"], np.zeros(6), atol=1e-15)
     np.testing.assert_allclose(by_pose(0.0, q + 0.1, q), by_rows(0.0, q + 0.1, q), rtol=0.0, atol=1e-12)
     assert np.array_equal(pickle.loads(pickle.dumps(by_pose))(0.0, q + 0.1, q), by_pose(0.0, q + 0.1, q))
@@ -115,7 +115,7 @@ def test_a_wrench_that_is_fed_forward_moves_the_rest() -> None:
     plant = al.RigidArm(ARM)
     pushed = al.equilibrium(plant, law(), [6.0, -3.0], q0=[0.2, 0.5, 0.4])
     fed = al.equilibrium(plant, law(feedforward=[6.0, -3.0]), q0=[0.2, 0.5, 0.4])
-    # The same rest, found from the same start to 1e-9.
+    # Both searches find the same equilibrium, from the same start, to 1e-9.
     np.testing.assert_allclose(fed.x, pushed.x, atol=1e-8)
     assert fed.reachable and not fed.spurious and fed.estimate is None
 
@@ -128,7 +128,7 @@ def test_the_rest_of_a_law_with_options_is_where_its_run_ends(projection: Any) -
         made = law(nullspace=posture, **options)
         rest = al.equilibrium(plant, made, force, q0=q0)
         run = al.simulate(plant, made, q0, t_end=30.0, dt=5e-4, record_every=1000, force=force)
-        # The slowest mode of the run, 0.5/s, leaves 1e-13.
+        # The slowest mode, 0.5 1/s, has decayed to 1e-13.
         np.testing.assert_allclose(rest.q, run.q[-1], atol=1e-9)
         np.testing.assert_allclose(rest.tau, run.tau[-1], atol=1e-7)
         assert rest.stable and rest.reachable and not rest.spurious
@@ -143,21 +143,21 @@ def test_the_rest_of_a_law_with_options_is_where_its_run_ends(projection: Any) -
 def test_a_limit_holds_the_rest_back() -> None:
     plant, q0 = al.RigidArm(ARM), [0.2, 0.5, 0.4]
     posture = al.NullSpace([0.3, 0.4, 0.5], 20.0, 8.0)
-    # A spring of 12 N at most against 30 N: the arm is stretched along the rest of the force.
+    # A spring limited to 12 N opposes 30 N, so the arm stretches along the remaining force.
     pushed = al.equilibrium(plant, law(wrench_max=12.0), [30.0, 0.0], q0=q0)
     assert pushed.spurious and not pushed.reachable and np.linalg.norm(pushed.x) == pytest.approx(1.2, abs=1e-6)
-    # A target out of reach, and a limit that the spring meets before the arm is stretched.
+    # The target is out of reach. With `wrench_max` the spring reaches its limit before the arm is stretched.
     free = al.equilibrium(plant, law(target=[2.0, 1.0], nullspace=posture), q0=q0)
     held = al.equilibrium(plant, law(target=[2.0, 1.0], nullspace=posture, wrench_max=20.0), q0=q0)
     for rest in (free, held):
         assert not rest.reachable and rest.spurious
-    # A weak motor cannot carry the arm: it hangs where gravity is as much as the motor can do.
+    # Weak motors cannot hold the arm. At equilibrium, gravity equals the torque limit.
     weak = al.equilibrium(plant, law(nullspace=posture, tau_max=[4.0, 30.0, 30.0]), q0=q0)
     assert not weak.reachable and abs(weak.tau[0]) == pytest.approx(4.0, abs=1e-9)
 
 
 def test_rows_of_a_batch_are_the_runs() -> None:
-    """Postures, limits and wrenches that differ; laws of another shape among them."""
+    """A batch with different postures, limits and wrenches, and laws with a different shape, equals single runs."""
     laws = [
         law(nullspace=al.NullSpace([0.3, 0.4, k], 20.0 + k, 2.0), feedforward=[k, -k], integral_gain=5.0, tau_max=20.0 + k, eps=0.1)
         for k in (0.1, 0.5, 0.9)
@@ -168,7 +168,7 @@ def test_rows_of_a_batch_are_the_runs() -> None:
     for row, each in enumerate(laws):
         run = al.simulate(al.RigidArm(ARM), each, q0, **options)
         for name in ("q", "v", "tau", "estimate"):
-            # The states of a row and of a run alone differ by roundings.
+            # A batch and single runs differ by rounding.
             np.testing.assert_allclose(getattr(batch, name)[row], getattr(run, name), rtol=1e-9, atol=1e-10)
 
 

@@ -1,4 +1,4 @@
-"""What an import brings along, what a star import gives, and that every example in a docstring runs."""
+"""Modules that an import loads, names of a star import, and the examples in docstrings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def python(code: str) -> str:
 
 
 def test_nothing_optional_is_imported() -> None:
-    """Import, and a run as well."""
+    """Neither an import nor a run loads an optional package."""
     code = """
 import sys
 import armlet as al
@@ -40,7 +40,7 @@ print(*sys.modules)
 
 
 def test_only_numpy_is_brought_along() -> None:
-    """Beyond numpy's own modules an import of armlet loads armlet and the standard library."""
+    """Beyond numpy's modules, an import of armlet loads only armlet and the standard library."""
     brought = python("import sys, numpy; before = set(sys.modules); import armlet; print(*(set(sys.modules) - before))").split()
     roots = {name.partition(".")[0] for name in brought}
     assert "armlet" in roots
@@ -79,7 +79,7 @@ def test_everything_public_is_documented(name: str) -> None:
 
 
 def test_there_are_examples() -> None:
-    """The list below is what the next test runs; losing one is noticed here."""
+    """The list of examples, which the next test runs, contains these names. So a lost example is noticed."""
     assert {"armlet", "planar_pr", "Adaptive", "ComputedTorque", "Hold", "RigidArm", "Sinusoid", "simulate", "simulate_batch"} <= set(
         EXAMPLES
     )

@@ -1,4 +1,4 @@
-"""Misuse is a typed error that names function, argument and first bad index; the outcome of a run is data."""
+"""Invalid arguments raise a typed error with function, argument and first bad index. The result of a run is data."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-# Plants
+# Plants.
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_impossible_plants(pi: tuple[float, ...]) -> None:
 
 
 def test_a_barely_possible_plant() -> None:
-    """A C > B^2 by one part in 1e15 is a plant; equality is none."""
+    """A C > B^2 by one part in 1e15 gives a valid plant; A C = B^2 does not."""
     al.planar_pr(1.0, 1.0, 1.0 + 1e-15)
     refused(lambda: al.planar_pr(1.0, 1.0, 1.0), "planar_pr:")
 
@@ -50,7 +50,7 @@ def test_scalars_of_the_wrong_kind(value: Any) -> None:
     refused(lambda: al.planar_pr(value, 0.5, 0.5), "planar_pr:", "A ")
     refused(lambda: al.Quintic([0.0], [1.0], value), "Quintic:", "duration ")
     if not isinstance(value, list):
-        # Several times are several rows.
+        # Several times return several rows.
         refused(lambda: HOLD(value), "Motion:", "t ")
     refused(lambda: LAW(value, [0.0, 0.0], [0.0, 0.0]), "Adaptive:", "t ")
     refused(lambda: run(t_end=value), "simulate:", "t_end ")
@@ -67,7 +67,7 @@ def test_scalars_of_any_honest_kind() -> None:
         np.testing.assert_array_equal(run(law=calm(), t_end=one, dt=half, state_limit=INF, monitors=False).q, exact)
 
 
-# Gains and shapes
+# Gains and shapes.
 
 
 @pytest.mark.parametrize("name, n", [("kp", 2), ("kd", 2), ("gamma", 3)])
@@ -111,7 +111,7 @@ def test_wrong_shapes() -> None:
     refused(lambda: ARM.with_parameters([1.0, 2.0]), "with_parameters:", "pi", "(3,)")
 
 
-# Not finite, with its index
+# Numbers that are not finite, with their index.
 
 
 @pytest.mark.parametrize("bad", [NAN, INF, -INF])
@@ -145,7 +145,7 @@ def test_not_finite(bad: float) -> None:
 
 
 def test_results_that_are_not_finite() -> None:
-    """A singular mass matrix and an overflow are told from finite answers, with the row."""
+    """A singular mass matrix and an overflow raise an error that names the row."""
     singular = ARM.with_parameters([1.0, 1.0, 1.0])
     tau = np.ones((3, 2))
     q = np.array([[1.0, 1.0], [0.0, 2.0], [1.0, 0.0]])
@@ -154,7 +154,7 @@ def test_results_that_are_not_finite() -> None:
     refused(lambda: ARM.energy([0.0, 0.0], [1e200, 0.0]), "energy: q, v ", "not finite")
 
 
-# Objects and names
+# Objects and names.
 
 
 def test_objects_of_the_wrong_type() -> None:
@@ -190,7 +190,7 @@ def test_counts(value: Any) -> None:
     refused(lambda: batch(threads=value), "simulate_batch:", "threads ")
 
 
-# Time
+# Times.
 
 
 def test_a_run_of_no_length() -> None:
@@ -200,14 +200,14 @@ def test_a_run_of_no_length() -> None:
         np.testing.assert_array_equal(result.q, [[0.1, 0.2]])
         np.testing.assert_allclose(result.tau, [LAW(0.0, [0.1, 0.2], [0.0, 0.0])], atol=1e-13)
         assert result.status is al.Status.SUCCESS
-        # (adaptive batches share the times they are asked for)
+        # All rows of an adaptive batch have the same recorded times.
         rows = batch(t_end=0.0, **({"dt": None, "t_eval": [0.0]} | options))
         assert rows.q.shape == (3, 1, 2)
 
 
 def test_a_step_longer_than_the_run() -> None:
     np.testing.assert_array_equal(run(t_end=0.01, dt=5.0).t, [0.0, 0.01])
-    # The one step is cut to the run: the same bits as a step of that length.
+    # The only step is shortened to the run. It has the bits of a step of this length.
     np.testing.assert_array_equal(run(t_end=0.01, dt=5.0).q, run(t_end=0.01, dt=0.01).q)
 
 
@@ -241,16 +241,16 @@ def test_wanted_times(options: dict[str, Any]) -> None:
     assert nothing.t.shape == (0,) and nothing.q.shape == (0, 2) and nothing.status is al.Status.SUCCESS
 
 
-# Outcome is data
+# The result of a run is data.
 
 
 def diverging() -> al.Adaptive:
-    """An adaptation far too fast for a step of 50 ms."""
+    """A law whose adaptation is unstable at steps of 50 ms."""
     return al.Adaptive(ARM, HOLD, 400.0, 200.0, 1e6)
 
 
 def calm() -> al.Adaptive:
-    """Gains that a step of 50 ms still follows."""
+    """A law that is stable at steps of 50 ms."""
     return al.Adaptive(ARM, HOLD, 4.0, 4.0, 0.5)
 
 
@@ -277,7 +277,7 @@ def test_rows_that_diverge_do_not_raise() -> None:
 
 
 def test_numbers_that_overflow_end_a_run_at_once() -> None:
-    """f(0) is not finite: no step is taken, nothing hangs."""
+    """The initial rate is not finite. The run ends without a step and without hanging."""
     for options in ({"dt": 1e-3}, {"dt": None, "method": "dop853"}):
         result = run(v0=[1e200, 1e200], throw=False, **options)
         assert result.status in (al.Status.DIVERGED, al.Status.STEP_UNDERFLOW)

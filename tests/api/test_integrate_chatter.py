@@ -1,4 +1,4 @@
-"""Right-hand sides that chatter: one budget of work under `integrate` and under `solve_ivp`, and the same outcome."""
+"""Right-hand sides that chatter: `integrate` and `solve_ivp` have one limit of work and the same result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ADAPTIVE = ("dopri5", "dop853", "radau5", "rodas4")
 
 
 class Switch:
-    """Two states that slide along `y_0 = 0` and `y_1 = 0.3`; its calls are counted."""
+    """Two states that slide along the switching surfaces `y_0 = 0` and `y_1 = 0.3`. The object counts its calls."""
 
     def __init__(self) -> None:
         self.calls = 0
@@ -32,12 +32,12 @@ def test_one_budget_and_one_outcome(method: str, tolerances: dict[str, float]) -
     began = time.perf_counter()
     run = al.integrate(ours, (0.0, 5.0), [1.0, 1.0], method=method, throw=False, **tolerances)
     solution = solve_ivp(theirs, (0.0, 5.0), [1.0, 1.0], method=al.scipy_method(method), **tolerances)
-    # A tenth of this in an optimised build.
+    # An optimised build takes a tenth of this time.
     assert time.perf_counter() - began < 20.0
     assert run.status in (al.Status.STALLED, al.Status.STEP_UNDERFLOW)
     assert not solution.success and solution.message.endswith(run.status.advice)
     assert solution.t[-1] == run.ended and np.array_equal(solution.y[:, -1], run.y[-1])
-    # 5,000 attempts along the jump and a thousand before it, of 20 evaluations at most.
+    # At most 5,000 attempts along the surface and 1,000 before it, with at most 20 evaluations each.
     assert run.stats["steps"] + run.stats["rejections"] < 6_000
     assert ours.calls < 120_000 and abs(ours.calls - theirs.calls) < 10
 
@@ -49,12 +49,12 @@ def test_the_defaults_of_both_agree() -> None:
         assert not run.success and not solution.success
 
 
-# Implicit methods take a hundred times as many steps for the millisecond.
+# Implicit methods take a hundred times as many steps during this millisecond.
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_a_short_slide_is_no_fault(method: str) -> None:
-    """The force of friction falls below what drives after 1 ms of rest."""
+    """A state is at rest by friction for 1 ms, until the driving force exceeds the friction. This short slide must not end the run."""
     run = al.integrate(
         lambda t, y: [-np.sign(y[0]) + (20 * t if t > 0.051 else 0.0)], (0.0, 0.2), [0.05], method=method, rtol=1e-3, atol=1e-6
     )
-    # 20 t > 1 from 0.051 s on: y' = 20 t - 1.
+    # From 0.051 s on, 20 t > 1, so y' = 20 t - 1.
     assert run.y[-1, 0] == pytest.approx(10 * (0.04 - 0.051**2) - 0.149, abs=1e-4)

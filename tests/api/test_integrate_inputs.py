@@ -1,4 +1,4 @@
-"""`integrate` and `scipy_method`: what is refused, what ends with a status, and that nothing ends well with NaN."""
+"""`integrate` and `scipy_method`: refused arguments, statuses, and failure of every run that meets NaN."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def options(method: str, dt: float = 1e-2) -> dict[str, Any]:
 
 
 def fails(f: Any, method: str, y0: Any = (1.0, 0.0), span: tuple[float, float] = (0.0, 1.0)) -> al.SolveError:
-    """The error of a run that must not end well, within a second of the processor; what it reached is finite."""
+    """Return the error of a run that must fail within a second of processor time. All its recorded values must be finite."""
     began = time.process_time()
     with pytest.raises(al.SolveError) as caught:
         al.integrate(f, span, y0, **options(method))
@@ -51,11 +51,12 @@ class TestNotFinite:
     @pytest.mark.parametrize("end", [1.0, -1.0])
     def test_slope_later(self, method: str, bad: float, end: float) -> None:
         error = fails(lambda t, y: [y[1], bad if abs(t) > 0.5 else -y[0]], method, span=(0.0, end))
-        # A step of the fixed methods, or what the last step before the fault could resolve.
+        # The tolerance is a step of the fixed-step methods, or the last resolved time of adaptive methods.
         assert abs(error.t) == pytest.approx(0.5, abs=2e-2)
 
     def test_blow_up(self, method: str) -> None:
-        # x = 1/(1 - t). The slope is infinite soon before the pole: a linearly implicit step of fixed length may jump over it.
+        # x = 1/(1 - t) has a pole. The rate is infinite shortly before it, because a linearly implicit step of fixed length could jump over
+        # the pole.
         fails(lambda t, y: [x**2 if abs(x) < 50 else np.inf for x in y], method, (1.0, 1.0), (0.0, 2.0))
 
     def test_status_without_raising(self, method: str) -> None:
@@ -66,15 +67,15 @@ class TestNotFinite:
 @pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "rodas4"])
 @pytest.mark.parametrize("rate", [1e20, 1e154, 1e300])
 def test_growth_whose_squares_overflow(method: str, rate: float) -> None:
-    # A first step of the span's length would let an L-stable method damp what grows.
+    # If the first step were as long as the span, an L-stable method would damp the growing solution.
     error = fails(lambda t, y: [rate * float(y[0])], method, (1.0,))
-    # exp(rate t) overflows at 709.8.
+    # exp(rate t) overflows at rate t = 709.8.
     assert 0.0 <= error.t <= 720.0 / rate
 
 
 @pytest.mark.parametrize("method", ["radau5", "rodas4", "ros2"])
 def test_ctrl_c_in_a_decomposition(method: str, interrupted: Callable[[str], tuple[list[str], float]]) -> None:
-    """n = 2,500: one decomposition takes seconds, and no other call comes for as long."""
+    """With n = 2,500 one matrix decomposition takes seconds, during which f is not called. Ctrl-C must still be answered."""
     words, seconds = interrupted(f"""
         import numpy as np, armlet as al
         a = np.random.default_rng(1).standard_normal((2500, 2500))
@@ -84,7 +85,7 @@ def test_ctrl_c_in_a_decomposition(method: str, interrupted: Callable[[str], tup
         except KeyboardInterrupt:
             print("interrupted", flush=True)
     """)
-    # A tenth of a second is promised; the other processes of a test machine may have as much.
+    # armlet promises 0.1 s. The limit is larger because other processes run on a test machine.
     assert words == ["interrupted"] and seconds < 0.5
 
 
@@ -110,7 +111,7 @@ class TestRuns:
         assert run.t.tolist() == [3.0] and run.y.tolist() == [[1.0, 2.0]]
 
     def test_both_directions(self, method: str) -> None:
-        # Forth and back: twice the error of the method's own, 1e-2 at first order.
+        # Integration forward and backward has twice the error of the method, 1e-2 at first order.
         forth = al.integrate(oscillator, (0.0, 2.0), [1.0, 0.5], **options(method, 1e-3))
         back = al.integrate(oscillator, (2.0, 0.0), forth.y[-1], **options(method, 1e-3))
         assert forth.t[-1] == 2.0 and back.t[-1] == 0.0 and (np.diff(back.t) < 0).all()
@@ -135,14 +136,14 @@ class TestRuns:
         falling.direction = -1  # type: ignore[attr-defined]
         falling.terminal = 2  # type: ignore[attr-defined]
         run = al.integrate(oscillator, (0.0, end), [1.0, 0.0], events=[zero, falling], **options(method, 1e-3))
-        # cos falls through zero at pi/2 and 5 pi/2 along either direction of time.
+        # cos crosses zero downwards at pi/2 and 5 pi/2, in both directions of time.
         expected = np.sign(end) * np.pi * np.array([0.5, 1.5, 2.5])
         tolerance = 1e-2 if method in ("euler", "semi_implicit") else 1e-5
         assert run.status is al.Status.EVENT and run.success
         assert np.abs(run.t_events[0] - expected).max() < tolerance
         assert np.array_equal(run.t_events[1], run.t_events[0][::2])
         assert run.t[-1] == run.t_events[1][-1] == run.ended
-        # Located to rounding on the dense output: the state there is zero to rounding of the slope.
+        # The event is located to rounding on the dense output, so the state there is zero up to rounding times the slope.
         assert np.abs(run.y_events[0][:, 0]).max() < 1e-14
 
     @pytest.mark.parametrize("end", [3.0, -3.0])
@@ -152,7 +153,7 @@ class TestRuns:
         np.testing.assert_allclose(run.dense(run.t), run.y, rtol=0, atol=1e-14)
         times = np.linspace(0.0, end, 97)
         asked = al.integrate(oscillator, (0.0, end), [1.0, 0.0], t_eval=times, **options(method, 1e-2))
-        # The same polynomials by another route: rounding.
+        # Both evaluate the same polynomials by different formulas, so they differ by rounding.
         np.testing.assert_allclose(run.dense(times), asked.y, rtol=0, atol=1e-13)
         assert run.dense(times[5]).shape == (2,)
         with pytest.raises(al.InputError, match="not in the run"):
@@ -252,7 +253,7 @@ class TestScipyMethod:
             times = np.linspace(0.0, end, 41)
             assert ours.dense is not None
             np.testing.assert_allclose(theirs.sol(times).T, ours.dense(times), rtol=0, atol=1e-13)
-            # scipy does not count what differences take, nor does it locate the end of a dense output twice.
+            # scipy does not count evaluations for differences, and locates the end of a dense output only once.
             assert theirs.nfev <= ours.stats["evaluations"] and theirs.nlu == ours.stats["factorisations"]
             assert theirs.njev == ours.stats["jacobians"]
 

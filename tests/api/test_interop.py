@@ -1,4 +1,4 @@
-"""What of the interop can be said without the other libraries: they are not imported until asked for, and misuse is told."""
+"""Tests of interop that do not need other libraries: imports on demand, and messages about invalid arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ctrl-C ends every long call soon, and other threads run meanwhile. `make test-latency` measures how soon; here nothing hangs."""
+"""Ctrl-C ends every long call quickly, and other threads run meanwhile. `make test-latency` measures the delay."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_ctrl_c_ends_a_long_call(name: str, interrupted: Callable[[str], tuple[l
     setup, call = LONG[name]
     words, waited = interrupted(START.replace("{setup}", setup).replace("{call}", call))
     assert words == ["interrupted"]
-    # Every 20 ms the call looks for a signal; the rest is what a busy machine may add to an unoptimised build.
+    # The call checks for signals every 20 ms. The rest is a margin for a busy machine and an unoptimised build.
     assert waited < 1.5
 
 
@@ -88,7 +88,7 @@ def test_ctrl_c_ends_a_long_call(name: str, interrupted: Callable[[str], tuple[l
     ],
 )
 def test_large_arrays_are_read_whole(form: Callable[[np.ndarray], Any]) -> None:
-    """More numbers than one piece holds, and not a multiple of it."""
+    """The array is larger than one piece, and its size is not a multiple of a piece."""
     q = np.random.default_rng(1).integers(0, 4, (40_001, 2)).astype(float)
     arm = al.planar_pr(2.0, 0.5, 1.0)
     given = form(q)
@@ -107,7 +107,7 @@ def test_an_integer_that_is_not_exact_is_named_in_a_later_piece() -> None:
 
 
 def longest_gap(call: Callable[[], object]) -> tuple[float, float]:
-    """Seconds that a call takes, and the longest time for which another thread did not run meanwhile."""
+    """Return the seconds of a call, and the longest time during which another thread did not run."""
     turns: list[float] = []
     over = threading.Event()
 
@@ -131,12 +131,12 @@ def test_other_threads_run_while_a_model_is_read() -> None:
     space: dict[str, str] = {}
     exec(CHAIN, space)
     took, gap = longest_gap(lambda: al.load_urdf(space["text"]))
-    # An optimised build reads it within the time that a busy machine may take for a turn of a thread.
+    # An optimised build reads the list in less time than a busy machine may need to schedule a thread.
     assert gap < max(0.5 * took, 0.1)
 
 
 def test_other_threads_run_while_a_list_is_read() -> None:
-    """Reading it takes longer than other threads may wait."""
+    """Reading the list takes longer than other threads may have to wait."""
     long = [0.0] * 5_000_000
     took, gap = longest_gap(lambda: al.Hold(long))
     assert gap < max(0.5 * took, 0.1)
@@ -160,7 +160,7 @@ for _ in sys.stdin:
 
 
 def test_no_signal_is_lost_in_a_comparison_of_statuses() -> None:
-    """numpy drops exceptions while it looks at an operand that is no plain number; a batch compares its statuses after every call."""
+    """numpy drops exceptions while it inspects an operand that is not a plain number. A batch compares its statuses after every call."""
     with subprocess.Popen([sys.executable, "-c", LOST], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdin is not None and child.stdout is not None
         guard = threading.Timer(60.0, child.kill)
@@ -176,7 +176,7 @@ def test_no_signal_is_lost_in_a_comparison_of_statuses() -> None:
 
 
 def test_memory_of_many_records_is_given_back_without_the_lock() -> None:
-    """The system takes back a gigabyte in a tenth of a second: what owns it frees it without the interpreter's lock."""
+    """The system needs 0.1 s to free a gigabyte. The owner must free it without the interpreter lock."""
     arm = al.planar_pr(2.0, 0.5, 1.0)
     law = al.PDGravity(arm, [0.5, 0.5], 50.0, 20.0)
     run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=2.0, dt=1e-3)

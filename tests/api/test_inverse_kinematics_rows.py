@@ -17,7 +17,7 @@ ONCE = {"restarts": 2, "max_iterations": 30}
 
 
 def problem(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the tool, and starts near what reaches them."""
+    """Return reachable positions of the tool, and starts near their solutions."""
     rng = np.random.default_rng(seed)
     q = rng.uniform(0.7 * SEVEN.limits["q_min"], 0.7 * SEVEN.limits["q_max"], (count, 7))
     starts = np.clip(q + rng.uniform(-0.3, 0.3, q.shape), SEVEN.limits["q_min"], SEVEN.limits["q_max"])
@@ -25,7 +25,7 @@ def problem(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_rows_have_the_bits_of_single_calls_for_any_number_of_threads() -> None:
-    """More rows than a thread takes at a time; one out of reach and one that is not finite among them."""
+    """There are more rows than a thread processes at a time. One target is out of reach, and one is not finite."""
     points, starts = problem(70, 0)
     points[40] = 9.0
     points[50, 1] = np.nan
@@ -70,7 +70,7 @@ def test_leading_axes(lead: tuple[int, ...]) -> None:
     ],
 )
 def test_every_task_with_a_target_has_rows(task: Any, one: list[list[float]]) -> None:
-    """The second row has no target: it alone is without an answer."""
+    """Only the second row has no target. Only this row has no solution."""
     q0 = [0.1, 0.2, 0.3, 0.4]
     found = al.inverse_kinematics(FOUR, [task(one)], q0, **ONCE)
     assert found.status[1] == al.Status.DIVERGED and not found.reached[1] and not bool(found)
@@ -136,7 +136,7 @@ def test_a_lower_task_does_not_keep_the_first_from_being_reached() -> None:
     assert al.inverse_kinematics(arm, [tip], np.zeros(7), check_limits=False).reached.all()
     both = al.inverse_kinematics(arm, [tip, posture], np.zeros(7), restarts=2, check_limits=False)
     assert (both.status == al.Status.DEGRADED).all()
-    # The tolerance of the search.
+    # The tolerance of the search is 1e-6.
     assert np.abs(arm.position(both.q, "tcp") - targets).max() < 1e-6
 
 
@@ -145,7 +145,10 @@ def test_a_lower_task_does_not_keep_the_first_from_being_reached() -> None:
     [("R", 0.5, 2), ("R", 1.25, 2), ("P", 0.1, 2), ("R", 2.0, 1), ("R", -1.0, 1), ("R", 0.0, 1), ("P", 0.0, 1)],
 )
 def test_a_turn_of_a_leader_is_another_solution_where_it_moves_its_followers(kind: str, multiplier: float, count: int) -> None:
-    """A leader that may turn twice reaches a point at two angles; a follower is elsewhere then, unless it made whole turns too."""
+    """A leader with a range of two revolutions reaches a point at two angles.
+
+    Its mimic joint is then elsewhere, unless its angle differs by 2 pi k.
+    """
     body = {"axis": [0, 0, 1], "phi": [1, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}
     leader = {"type": "R", **body, "lower": -6.5, "upper": 6.5}
     follower = {"type": kind, **body, "xyz": [1, 0, 0], "mimic": {"joint": 0, "multiplier": multiplier}}

@@ -1,4 +1,4 @@
-"""A law whose input overflows says so: a call raises, a run ends with a status and an error that names the input."""
+"""If the input of a law overflows, a call raises, and a run ends with a status and an error that names the input."""
 
 from __future__ import annotations
 

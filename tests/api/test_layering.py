@@ -1,6 +1,7 @@
-"""Who may import whom: the house rules, read from the sources.
+"""Rules about imports between modules, checked in the sources.
 
-The table is CONTRIBUTING.md's; each rule is also shown a planted violation, so that none of them can pass unread.
+CONTRIBUTING.md has the table of allowed imports. Each rule is also tested with a deliberate violation, so that a rule cannot become
+ineffective unnoticed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ PACKAGE = ROOT / "python" / "armlet"
 
 LINES = 400
 
-# What each module of the core may use directly, before closing over the chain.
+# Modules that each module of the core may use directly. `allowed` adds indirect ones.
 BELOW = {
     "error": {"status", "interrupt"},
     "interrupt": set(),
@@ -45,7 +46,7 @@ BELOW = {
 
 
 def allowed() -> dict[str, set[str]]:
-    """BELOW closed transitively: a module may use everything under what it may use."""
+    """The transitive closure of BELOW: a module may use everything that its allowed modules may use."""
 
     def under(module: str) -> set[str]:
         return BELOW[module].union(*(under(below) for below in BELOW[module]))
@@ -54,7 +55,7 @@ def allowed() -> dict[str, set[str]]:
 
 
 def without_comments(source: str) -> str:
-    """Rust source without comments and string literals, line breaks kept."""
+    """Rust source without comments and string literals. Line breaks are kept."""
 
     def blank(match: re.Match[str]) -> str:
         return re.sub(r"[^\n]", " ", match.group())
@@ -63,7 +64,7 @@ def without_comments(source: str) -> str:
 
 
 def uses(source: str) -> set[str]:
-    """The top-level modules a Rust source names: `crate::x`, `use crate::{x, y::z}`, in any position."""
+    """The top-level modules that a Rust source names, as `crate::x` or `use crate::{x, y::z}`."""
     text = without_comments(source)
     found = set(re.findall(r"\bcrate::([a-z_]\w*)", text))
     for start in re.finditer(r"\bcrate::\{", text):
@@ -83,17 +84,17 @@ def uses(source: str) -> set[str]:
 
 
 def module_of(path: Path) -> str:
-    """The top-level module of the core that a file belongs to."""
+    """The top-level module of the core to which a file belongs."""
     return path.relative_to(CORE).parts[0].removesuffix(".rs")
 
 
 def strays(module: str, source: str) -> set[str]:
-    """Modules that `source`, a file of `module`, uses and may not."""
+    """Modules that `source`, a file of `module`, uses although they are not allowed."""
     return uses(source) - allowed()[module] - {module}
 
 
 def imports(source: str) -> set[str]:
-    """Top-level packages a Python file imports; relative imports read as `.`, with the module at the border."""
+    """Top-level packages that a Python file imports. A relative import has the form `.` plus the module."""
     found = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -110,7 +111,7 @@ def sources(top: Path, pattern: str) -> list[Path]:
 
 
 def test_core_modules_are_in_the_table() -> None:
-    """A new top-level module needs its place in the table."""
+    """Every top-level module is in the table."""
     assert {module_of(p) for p in sources(CORE, "*.rs")} - {"lib"} <= set(BELOW)
 
 
@@ -143,7 +144,10 @@ def test_core_knows_no_python() -> None:
 
 
 def imported(package: Path) -> dict[str, set[str]]:
-    """Which modules of a package each of them imports: at its top, inside functions, or for types alone. The extension is one of them."""
+    """For each module of a package, the modules that it imports: at the top, inside functions, or only for types.
+
+    This includes the extension.
+    """
     files = {path.relative_to(package.parent).with_suffix("").parts: path for path in sources(package, "*.py")}
     names = {".".join(parts[:-1] if parts[-1] == "__init__" else parts): path for parts, path in files.items()}
     found: dict[str, set[str]] = {name: set() for name in names}
@@ -156,13 +160,13 @@ def imported(package: Path) -> dict[str, set[str]]:
                 start = home[: len(home) + 1 - node.level] if node.level else []
                 module = ".".join([*start, *([node.module] if node.module else [])])
                 whole = {alias.name: f"{module}.{alias.name}" for alias in node.names}
-                # `from . import x` is of the module x where there is one, else of the package.
+                # `from . import x` imports the module x if it exists, otherwise a name of the package.
                 found[name] |= {full if full in names else module for alias, full in whole.items() if alias != "_core"}
     return {name: (modules & set(names)) - {name} for name, modules in found.items()}
 
 
 def circles(package: Path) -> list[tuple[str, ...]]:
-    """Groups of modules each of which needs all the others."""
+    """Groups of modules that import each other in a circle."""
     needs = imported(package)
 
     def under(name: str) -> set[str]:
@@ -198,7 +202,7 @@ def test_circle_rule_sees_planted_violations(tmp_path: Path) -> None:
 
 
 def unsafe_files(top: Path) -> list[Path]:
-    """Files with `unsafe` code (the lint name unsafe_op_in_unsafe_fn and comments do not count)."""
+    """Files with `unsafe` code. The lint name unsafe_op_in_unsafe_fn and comments do not count."""
     return [p for p in sources(top, "*.rs") if re.search(r"\bunsafe\b", without_comments(p.read_text()))]
 
 
@@ -215,7 +219,7 @@ def test_unsafe_rule_sees_planted_violation(tmp_path: Path) -> None:
 
 
 def never_tested(top: Path) -> list[str]:
-    """Files with unit tests that are never built: they are of a module that stands under `#[cfg(not(test))]`."""
+    """Files with unit tests that are never built, because their module is under `#[cfg(not(test))]`."""
     left_out = r"#\[cfg\(not\(test\)\)\]\s*(?:#\[[^\]]*\]\s*)*(?:pub(?:\([^)]*\))?\s+)?mod\s+(\w+)\s*;"
     found = set()
     for path in sources(top, "*.rs"):
@@ -232,7 +236,7 @@ def never_tested(top: Path) -> list[str]:
 def test_every_unit_test_is_built() -> None:
     assert [p.name for p in sources(CORE, "*.rs") if re.search(r"cfg\(not\(test\)\)", without_comments(p.read_text()))] == []
     assert never_tested(CORE) == []
-    # The extension has no tests of its own: `test = false`.
+    # The extension is built with `test = false`, so it must not contain tests.
     assert [p.name for p in sources(BINDING, "*.rs") if re.search(r"#\[(cfg\(test\)|test)\]", without_comments(p.read_text()))] == []
 
 
@@ -253,7 +257,7 @@ def test_unit_test_rule_sees_planted_violations(tmp_path: Path) -> None:
 
 
 def long_files(tops: list[Path]) -> dict[str, int]:
-    """Files of code with more lines than a reader takes in."""
+    """Source files with more than 400 lines."""
     paths = [p for top in tops for pattern in ("*.rs", "*.py", "*.pyi") for p in top.rglob(pattern) if "target" not in p.parts]
     assert paths
     lengths = {str(p): p.read_text().count("\n") for p in paths}
@@ -272,7 +276,7 @@ def test_length_rule_sees_planted_violation(tmp_path: Path) -> None:
 
 
 def reference_strays(source: str) -> set[str]:
-    """What a file of `reference` imports beside numpy, the standard library and its own package."""
+    """Imports of a file of `reference` other than numpy, the standard library and its own package."""
     own = {name for name in imports(source) if name.startswith(".") and not name.startswith("..")}
     return imports(source) - own - sys.stdlib_module_names - {"numpy"}
 
@@ -292,14 +296,15 @@ def test_reference_rule_sees_planted_violations(line: str) -> None:
 
 
 def test_nothing_falls_back_to_the_reference() -> None:
-    """The package imports `reference` nowhere: it is for tests and readers."""
+    """The package does not import `reference`, which is only for tests and readers."""
     outside = [p for p in sources(PACKAGE, "*.py") if "reference" not in p.relative_to(PACKAGE).parts[:-1]]
     assert outside
     naming = [p.name for p in outside if re.search(r"^\s*(from|import)\b.*\breference\b", p.read_text(), re.MULTILINE)]
-    assert naming in ([], ["__init__.py"])  # `al.reference` may be named as a submodule, for `al.reference.x` to read well
+    assert naming in ([], ["__init__.py"])  # `al.reference` may be named as a submodule, so that `al.reference.x` works
 
 
-# Not the caller's, or no float64: flags and statuses, what scipy and other libraries hand on, a law's own target, axes of a figure.
+# These functions may pass a parameter to numpy. It is not the caller's array or not float64: flags and statuses, values from scipy and
+# other libraries, a law's target, axes of a figure.
 READ_BY_NUMPY = {
     ("gym/vector.py", "_mask"),
     ("interop/scipy_solver.py", "_call_impl"),
@@ -313,7 +318,7 @@ CALLERS = ("ArrayLike", "Any", "object")
 
 
 def raw_reads(source: str) -> set[tuple[str, str]]:
-    """Functions that give numpy a parameter or a field that may be any array-like, and its name: a masked array would lose its mask."""
+    """Functions that pass an array-like parameter or field to numpy, and its name. The mask of a masked array would be lost there."""
     found: set[tuple[str, str]] = set()
 
     def annotated(node: ast.expr | None) -> bool:
@@ -358,7 +363,7 @@ CONVERTERS = {
 
 
 def test_arrays_of_the_caller_are_read_in_one_place() -> None:
-    """`_core.numbers` reads them, which refuses masked arrays; `armlet.reference` is a second derivation with its own ways."""
+    """`_core.numbers` converts the caller's arrays and refuses masked arrays. `armlet.reference` is exempt as a second derivation."""
     own = [path for path in sources(PACKAGE, "*.py") if path.relative_to(PACKAGE).parts[0] not in ("reference", "demo")]
     strays = {(str(p.relative_to(PACKAGE)), function, name) for p in own for function, name in raw_reads(p.read_text(encoding="utf-8"))}
     assert {stray for stray in strays if stray[:2] not in READ_BY_NUMPY} == set()

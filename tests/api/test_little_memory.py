@@ -1,4 +1,4 @@
-"""With little memory a large request is a `MemoryError`, and the process lives on."""
+"""If memory is scarce, a large request raises a `MemoryError`, and the process continues."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 import pytest
 
 LINKS = "arm = al.planar_arm(np.ones({n})); z = np.zeros({n})"
-# What is made before the limit, and what is called under it. Sizes are above the room that is left, MiB.
+# For each case: the code that runs before the memory limit is set, and the call under the limit. Sizes exceed the remaining memory.
 CASES = {
     "a view of many configurations": ("q = np.broadcast_to(np.zeros(2), (10**7, 2))", "arm.mass_matrix(q)"),
     "many links": ("lengths = np.ones(10**5)", "al.planar_arm(lengths)"),
@@ -121,7 +121,7 @@ def test_a_large_request_is_an_error(case: str) -> None:
 
 @pytest.mark.parametrize("parent", ["k - 1", "0"], ids=["chain", "star"])
 def test_twenty_thousand_joints_load(parent: str) -> None:
-    """Room for n^2 numbers, 3.2 GB, is made when they are asked for and not before."""
+    """The memory for n^2 numbers, 3.2 GB, is allocated only when they are requested."""
     joint = '<link name="l{k}"/><joint name="j{k}" type="continuous"><parent link="l{parent}"/><child link="l{k}"/></joint>'
     links = f"links = ''.join('{joint}'.format(k=k, parent={parent}) for k in range(1, 20001))"
     text = f"{links}; text = '<robot><link name=\"l0\"/>' + links + '</robot>'"
@@ -133,7 +133,10 @@ def test_twenty_thousand_joints_load(parent: str) -> None:
 
 
 def test_without_room_for_a_thread_the_caller_works() -> None:
-    """Eight threads have stacks of 8 MiB and more; what is left is a tenth of that. The rows are the same."""
+    """Eight threads need stacks of 8 MiB or more.
+
+    The remaining memory is a tenth of that, so the caller's thread computes the same rows.
+    """
     q0 = "q0 = np.linspace(0.0, 1.0, 128).reshape(64, 2)"
     run = "run = lambda **k: al.simulate_batch(plant, law, q0, t_end=0.1, dt=1e-2, **k).q"
     call = "print(np.array_equal(run(threads=8), once))"

@@ -1,4 +1,4 @@
-"""Metrics reduced while the runs go, against the metrics of the recorded runs."""
+"""Metrics that are computed during the runs, compared with metrics of recorded runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ THREE = al.planar_arm([0.4, 0.3, 0.2])
 
 
 def chain(n: int) -> al.Arm:
-    """A chain of turned axes in space, of bodies of some kilograms."""
+    """A spatial chain of `n` joints with rotated axes and bodies of some kilograms."""
     rng = np.random.default_rng(3)
     body = np.zeros(10)
     for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
@@ -88,7 +88,7 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
     "state feedback": lambda: (ELASTIC, al.StateFeedback(TWO, [0.3, 0.6], 300.0, 40.0, 1.0, 0.1, 700.0), {}),
     "priority of velocities": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks()), {}),
     "priority of accelerations": lambda: (al.RigidArm(THREE), al.PriorityAcceleration(THREE, tasks()), {}),
-    # The arm is drawn straight, where the program of the law declines its steps.
+    # The arm becomes stretched. There the program of the law refuses its steps.
     "priority at a singularity": lambda: (VELOCITY, al.PriorityVelocity(THREE, tasks([1.5, 0.3])), {"t_end": 0.6, "dt": 5e-3}),
     "priority at a singularity, sampled": lambda: (
         VELOCITY,
@@ -100,7 +100,7 @@ CASES: dict[str, Callable[[], tuple[Any, Any, dict[str, Any]]]] = {
         al.PriorityAcceleration(THREE, tasks(), eps=0.2),
         {"t_end": 0.2, "dt": 2e-3},
     ),
-    # Angles that the program's sines are not made for: the row is run again.
+    # The angles exceed the range of the program's sine, so the row is simulated again.
     "angles beyond a million": lambda: (
         RIGID,
         al.PDGravity(TWO, [0.5, 0.9], 1e-3, 1e-3),
@@ -151,11 +151,11 @@ def agree(plant: Any, law: Any, q0: Any, options: dict[str, Any], measures: dict
     wanted, metrics = whole.metrics(**measures), found.metrics()
     assert list(metrics) == list(wanted)
     for name, values in wanted.items():
-        # Sums of 100 records in another order, and monitors whose products are fused with sums: some 1e-13 of the values; of the largest
-        # energies where they are differences of energies.
+        # The sums of 100 records have another order, and monitors fuse multiplications and additions. Differences are about 1e-13 of the
+        # values. For differences of energies they are 1e-13 of the largest energy.
         rtol, atol = (0.0, 1e-12) if name == "energy_error" else (1e-10, 1e-12)
         if name == "monitor_violations" and "tolerance" in measures:
-            continue  # at the level of rounding it is chance what is beyond
+            continue  # violations at the level of rounding are random
         np.testing.assert_allclose(metrics[name], values, rtol, atol, err_msg=name)
     np.testing.assert_array_equal(found.status, whole.status)
     for name in ("q", "v", "tau", "theta", "theta_dot", "estimate"):
@@ -190,11 +190,11 @@ def test_references_frames_and_rows_that_fail() -> None:
         agree(RIGID, computed, q0, options, measures)
     impedance = al.CartesianImpedance(TWO, [0.6, 0.4], 300.0, 30.0, **TIP)
     agree(RIGID, impedance, q0, options, {"reference": [0.3, 0.5]})
-    # Record by record, (K, n) and (B, K, n): such metrics take the records.
+    # References for each record, (K, n) and (B, K, n). These metrics need the records.
     wanted = np.linspace([0.1, 0.4], [0.3, 0.6], 101)
     agree(RIGID, impedance, q0, options, {"reference": wanted})
     agree(RIGID, impedance, q0, options, {"reference": np.stack([wanted + 0.01 * i for i in range(5)])})
-    # One row passes the limit of the state: it is NaN, and the others keep their bits.
+    # One row exceeds the state limit: its metrics are NaN, and other rows keep their bits.
     v0 = np.zeros((5, 2))
     v0[2] = 30.0
     found = agree(RIGID, computed, q0, options | {"v0": v0, "state_limit": 29.0}, {})
@@ -250,7 +250,10 @@ def test_what_is_measured_is_refused_where_it_is_wrong() -> None:
 
 
 def test_the_band_so_far_finds_the_settling_time_of_the_whole_run() -> None:
-    """The largest error is outside of its own band, so the last record outside is not before it; behind it both bands are the same."""
+    """The largest error is outside of its band, so the last record outside is not earlier.
+
+    After it, the present and the final band are equal.
+    """
     rng = np.random.default_rng(7)
     settled = 0
     for case in range(400):
@@ -269,7 +272,7 @@ def test_the_band_so_far_finds_the_settling_time_of_the_whole_run() -> None:
 
 
 def test_settling_times_are_the_same_to_the_bit() -> None:
-    """Errors that grow at first, as those of a motion that starts fast, and bands of all widths."""
+    """Errors grow at first, as for a motion that starts fast, and bands have all widths."""
     law = al.ComputedTorque(TWO, al.Sinusoid([0.1, 0.4], [0.5, 0.4], 12.0, 0.0), 60.0, 9.0)
     q0 = np.tile([0.1, 0.4], (5, 1)) + 1e-3 * np.arange(5)[:, None]
     options: dict[str, Any] = {"t_end": 0.4, "dt": 2e-3}
@@ -283,7 +286,7 @@ def test_settling_times_are_the_same_to_the_bit() -> None:
 
 
 def test_a_monitor_that_is_not_finite_ends_the_run() -> None:
-    """The energy of the second row overflows at once, that of the third in some steps; both states are finite there."""
+    """The energy of row 2 overflows immediately, that of row 3 after some steps. Both states are finite there."""
     options: dict[str, Any] = {"t_end": 0.1, "dt": 1e-3, "state_limit": np.inf, "v0": np.outer([0.0, 1e160, 1e153], [1.0, 0.0])}
     law = al.Adaptive(PR, al.Hold([0.3, 0.5]), 60.0, 12.0, 2.0)
     q0 = np.zeros((3, 2))
@@ -310,6 +313,6 @@ print(most(100_000) - few)
 
 
 def test_memory_does_not_depend_on_the_number_of_steps() -> None:
-    """The records of 16 runs with 100,000 steps would be 140 MB, the places of the steps in time 2.4 MB."""
+    """The records of 16 runs with 100,000 steps would need 140 MB, the times of the steps 2.4 MB."""
     printed = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, check=True).stdout
-    assert int(printed) < 20_000  # kB; what the table of the motion and the allocator take
+    assert int(printed) < 20_000  # kB; includes the table of the motion and the allocator

@@ -1,4 +1,4 @@
-"""The programs of loops as they are shown: counts by hand, and every stage evaluated line by line against the run itself."""
+"""Listings of loop programs: numbers of operations counted by hand, and every stage evaluated line by line and compared with the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PR = al.planar_pr(2.0, 0.5, 0.7)
 TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
 SIX = al.load_urdf(al.example_urdf("six_axis"))
 STAGES = ("recorded", "simplified", "lowered", "machine")
-# Rounding of some hundred operations, and of the sines: numpy's are not those of the program.
+# The tolerance covers rounding of some hundred operations and of sines, since numpy's sines differ from the program's.
 CLOSE: dict[str, Any] = {"rtol": 1e-13, "atol": 1e-13}
 
 
@@ -34,7 +34,7 @@ def quintic(arm: al.Arm) -> al.Quintic:
     return al.Quintic(np.zeros(arm.n), np.linspace(0.4, 0.3, arm.n), 1.0)
 
 
-#: A plant, a law for it, and what the law is to reach.
+#: For each loop: a plant, a law, and the target of the law.
 LOOPS: dict[str, Callable[[], tuple[al.Plant, al.Law, Any]]] = {
     "PR adaptive": lambda: (al.RigidArm(PR), al.Adaptive(PR, quintic(PR), 40.0, 20.0, 5.0, estimate=[1.5, 0.3, 0.6]), quintic(PR)),
     "2R PD": lambda: (al.RigidArm(TWO), pd(TWO), TARGET),
@@ -63,7 +63,7 @@ def start(plant: al.Plant) -> dict[str, Any]:
 
 
 def state(run: al.Run, k: int) -> dict[str, float]:
-    """The state of a record by the names that programs give it."""
+    """The state of record `k`, by the names of a program's inputs."""
     parts = {"q": run.q, "v": run.v, "theta": run.theta, "theta_dot": run.theta_dot, "estimate": run.estimate}
     if run.theta is None and run.tau is not None and run.law_name == "PriorityVelocity":
         del parts["v"]
@@ -71,7 +71,7 @@ def state(run: al.Run, k: int) -> dict[str, float]:
 
 
 def desired(target: Any, h: float) -> dict[str, float]:
-    """The desired motion at the instants of a step by the names that programs give it, in joints or in other coordinates."""
+    """The desired motion at start, middle and end of a step, by the names of a program's inputs, in joint or other coordinates."""
     found = {}
     for suffix, t in (("", 0.0), ("_mid", h / 2), ("_end", h)):
         samples = target(t) if callable(target) else (target, np.zeros(len(target)), np.zeros(len(target)))
@@ -94,7 +94,7 @@ def test_a_small_loop_counted_by_hand() -> None:
         for kind, count in part.items():
             expected[kind] = expected.get(kind, 0) + count
     assert program.operations == expected and len(program) == sum(expected.values()) == 24
-    # q_d - q, kp e, - kd v, + B s v^2, C r, - B c r, / det, v + h a
+    # The chain is q_d - q, kp e, - kd v, + B s v^2, C r, - B c r, / det, v + h a.
     assert program.critical_path == 8
     assert (program.part, program.stage, program.stages) == ("step", "simplified", STAGES)
     assert program.parts["step"] == len(program.at("lowered")) > len(program)
@@ -134,13 +134,13 @@ def test_the_lines_of_every_stage_are_the_step(loop: str, method: str) -> None:
     for stage in program.stages:
         found = evaluate(program.at(stage), inputs)
         assert set(expected) <= set(found) <= set(expected) | {"largest_angle", "valid"}
-        # The instructions are all there is: to the bit. Before them sines are those of another library.
+        # The results of instructions have equal bits. The earlier stages use numpy's sines.
         close = CLOSE if stage in ("recorded", "simplified") else {"rtol": 0.0, "atol": 0.0}
         np.testing.assert_allclose([found[name] for name in expected], list(expected.values()), **close, err_msg=stage)
 
 
 def test_machine_code_chooses_as_its_instructions_do() -> None:
-    """Where a comparison with NaN fails, too: what is not a number is no larger angle."""
+    """A comparison with NaN is false in machine code and in the instructions: NaN is not a larger angle."""
     program = al.loop_program(al.RigidArm(TWO), pd(TWO), method="euler", tau_max=5.0)
     inputs = {"q1": np.nan, "q2": 0.7, "v1": 0.4, "v2": -0.6, "q_d1": 0.3, "q_d2": -0.4, "h": 0.01, "largest_angle": 0.5}
     lowered, machine = (evaluate(program.at(stage), inputs) for stage in ("lowered", "machine"))
@@ -149,7 +149,7 @@ def test_machine_code_chooses_as_its_instructions_do() -> None:
 
 
 def test_simplifying_takes_away_most_of_what_the_source_computes() -> None:
-    """The source knows spatial arms alone; a planar one comes out planar."""
+    """The source has only spatial arms. Simplification reduces a planar arm to planar equations."""
     program = al.loop_program(al.RigidArm(TWO), pd(TWO), method="euler")
     assert len(program.at("recorded")) > 3 * len(program)
     assert not any("0.0" in line.operands for line in program.instructions)
@@ -158,7 +158,7 @@ def test_simplifying_takes_away_most_of_what_the_source_computes() -> None:
 
 @pytest.mark.parametrize("method", ["dopri5", "rodas4"])
 def test_the_rates_are_those_of_the_equations(method: str) -> None:
-    """q' = v, v' = M^-1 (tau - n), with the arm's own forward dynamics and the law called by itself."""
+    """The rates are q' = v, v' = M^-1 (tau - n), computed with the arm's forward dynamics and a call of the law."""
     rng = np.random.default_rng(1)
     q, v = rng.normal(size=(2, 6))
     law = pd(SIX)
@@ -170,12 +170,12 @@ def test_the_rates_are_those_of_the_equations(method: str) -> None:
     for stage in program.stages:
         found = evaluate(program.at(stage), inputs)
         np.testing.assert_allclose([found[f"dq{i + 1}"] for i in range(6)], v, **CLOSE)
-        # Accelerations of light wrists are a thousand times the velocities, and M^-1 amplifies.
+        # Accelerations of light wrists are a thousand times the velocities, and M^-1 amplifies rounding.
         np.testing.assert_allclose([found[f"dv{i + 1}"] for i in range(6)], a, rtol=1e-11, atol=1e-11, err_msg=stage)
 
 
 def test_a_large_step_is_its_parts() -> None:
-    """Segment, rates, segment, ..: the parts hand one another what they name."""
+    """A step of a large loop consists of the parts segment, rates, segment, and so on. Outputs of one part are inputs of the next."""
     law, h = pd(SIX), 1e-3
     q0, v0 = np.linspace(0.1, -0.2, 6), np.linspace(-0.3, 0.4, 6)
     run = al.simulate(al.RigidArm(SIX), law, q0, v0=v0, t_end=h, dt=h, monitors=False)
@@ -196,7 +196,7 @@ def test_a_large_step_is_its_parts() -> None:
 
 
 def test_derivatives_are_those_of_the_rates() -> None:
-    """Along a direction, against central differences of the rates."""
+    """Derivatives along a direction equal central differences of the rates."""
     plant, law, target = LOOPS["PR adaptive"]()
     parts = {part: al.loop_program(plant, law, method="radau5", part=part) for part in ("rates", "values", "along_plant", "along_law")}
     assert list(parts["rates"].parts) == list(parts)
@@ -209,7 +209,7 @@ def test_derivatives_are_those_of_the_rates() -> None:
         step = 1e-6
         above, below = (evaluate(parts["rates"], known | {name: point[name] + side * step}) for side in (1, -1))
         for rate in (f"d{other}" for other in point):
-            # The error of central differences, and rounding over the step.
+            # The tolerance covers the error of central differences, and rounding divided by the step.
             np.testing.assert_allclose(found[f"{rate}_along"], (above[rate] - below[rate]) / (2 * step), rtol=1e-7, atol=1e-7)
 
 
@@ -303,14 +303,17 @@ def test_a_figure_shows_every_line_and_refuses_what_it_cannot_show() -> None:
     assert axes.figure is figure
     texts = [text.get_text() for text in axes.texts]
     assert texts.count("×") == 9 and texts.count("sin") == 1 and {"kp1", "h", "v2"} <= set(texts)
-    # Seven edges between the eight lines of the longest chain, and one to its output.
+    # The longest chain has eight lines, so seven edges, plus one edge to its output.
     assert sum(line.get_linewidth() == 1.8 and len(line.get_xdata()) > 0 for line in axes.lines) == 8
     with pytest.raises(al.InputError, match=r"^LoopProgram.plot: the program is too long .*: expected at most 300 lines, got \d+ at stage"):
         al.loop_program(al.RigidArm(SIX), pd(SIX)).plot(figure)
 
 
 def test_the_page_shows_the_listing_as_it_is() -> None:
-    """The simplified stage does not depend on the processor, but for the lines about the stages behind it."""
+    """The page docs/programs.md shows the current listing.
+
+    Except for lines about later stages, the simplified stage is equal on all processors.
+    """
     page = (Path(__file__).resolve().parents[2] / "docs" / "programs.md").read_text()
     (shown,) = re.findall(r"^```text\n(One step.*?)^```$", page, re.MULTILINE | re.DOTALL)
     pendulum = al.pendulum(0.3, 2.0)

@@ -1,4 +1,4 @@
-"""A machine that lacks something is told so in one line, before anything is built or downloaded."""
+"""If the machine lacks a tool, one line reports it before anything is built or downloaded."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GOOD = {
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Path:
-    """A folder to serve as PATH: the plain tools, and stand-ins for what armlet needs."""
+    """A folder for PATH with basic tools, and replacements for the tools that armlet needs."""
     for tool in TOOLS:
         found = shutil.which(tool)
         assert found, tool

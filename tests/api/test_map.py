@@ -1,4 +1,4 @@
-"""docs/map.md: its picture has every part of the core, and its table the files that a new law, method, task, plant or monitor touches."""
+"""docs/map.md: its picture has all parts of the core, its table the files that a new law, method, task, plant or monitor changes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from test_layering import BELOW
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/map.md").read_text(encoding="utf-8")
 SOURCES = ("rust/core/src", "rust/py/src", "python/armlet")
-#: Lists of exports, demonstrations and unit tests.
+#: Files that do not count: lists of exports, demonstrations and unit tests.
 LEFT_OUT = re.compile(r"__init__\.pyi?$|rust/py/src/lib\.rs$|/(demo|live)/|tests\.rs$")
-#: How the code names the example of a row.
+#: Patterns that find the example of a row in the code.
 NAMES = {
     "JointImpedance": r"JointImpedance|joint_impedance",
     "ros2": r"Ros2|\bros2\b",
@@ -33,7 +33,7 @@ def code(path: Path) -> str:
 
 
 def naming(pattern: str, top: Path) -> set[str]:
-    """The files of code below `top` that name what matches the pattern."""
+    """The source files in `top` that match the pattern."""
     files = [path for part in SOURCES for path in (top / part).rglob("*") if path.suffix in (".rs", ".py", ".pyi")]
     kept = [path for path in files if not LEFT_OUT.search(path.relative_to(top).as_posix())]
     return {path.relative_to(top).as_posix() for path in kept if re.search(pattern, code(path))}
@@ -46,7 +46,7 @@ def test_every_kind_has_its_row() -> None:
 
 @pytest.mark.parametrize(("what", "example", "count", "files"), ROWS, ids=[row[0] for row in ROWS])
 def test_the_files_that_a_new_part_touches(what: str, example: str, count: str, files: str) -> None:
-    """Where this fails, write the files that it found into the row of docs/map.md: fewer are better."""
+    """If this test fails, write the files that it found into the row of docs/map.md. Fewer files are better."""
     listed = re.findall(r"`([^`]+)`", files)
     assert [name for name in listed if not (ROOT / name).is_file()] == []
     assert sorted(naming(NAMES[example], ROOT)) == listed

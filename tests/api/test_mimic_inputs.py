@@ -1,4 +1,4 @@
-"""Joints that follow others: what is read, refused, reported, stored and cut."""
+"""Mimic joints: accepted, refused, reported, stored and cut."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ARM = al.load_urdf(GRIPPER)
 
 
 def fingers(*more: str, kind: str = "prismatic") -> str:
-    """A base with two joints; `more`: what the elements of the two hold."""
+    """A base with two joints. `more` are the child elements of the first and of the second joint."""
     first, second = (*more, "", "")[:2]
     bodies = link("a", 1.0, "0 0 0.1", 0.1) + link("b", 1.0, "0 0 0.1", 0.1)
     joints = [joint("j1", "revolute", "base", "a", "0 0 0", "0 0 1", first), joint("j2", kind, "a", "b", "0 0 1", "1 0 0", second)]
@@ -46,7 +46,7 @@ def test_independent_joints_on_request() -> None:
     free = al.load_urdf(GRIPPER, mimic="independent")
     assert free.n == 6 and any("joint right mimics left: kept as an independent joint" in line for line in free.report)
     assert free.joint_names == free.file_joint_names and np.array_equal(free.file_positions(np.arange(6.0)), np.arange(6.0))
-    # A leader that is missing matters to nobody then.
+    # With mimic="independent" a missing leader does not matter.
     assert al.load_urdf(REFUSED["no such joint"][0], mimic="independent").n == 2
     with pytest.raises(al.InputError, match="load_urdf: mimic is unknown: expected joined or independent, got free"):
         al.load_urdf(GRIPPER, mimic="free")  # type: ignore[arg-type]
@@ -71,7 +71,7 @@ def test_limits_that_leave_no_room_are_left_out() -> None:
 
 
 def test_a_joint_that_stands_still_with_its_leader() -> None:
-    """A multiplier of zero: held at the offset."""
+    """A multiplier of zero fixes the mimic joint at its offset."""
     arm = al.load_urdf(fingers("", "<mimic joint='j1' multiplier='0' offset='0.25'/>"))
     held = al.load_urdf(fingers("", ""), mimic="independent").locked({"j2": 0.25})
     q, v, a = [0.3], [0.4], [0.5]
@@ -121,13 +121,13 @@ def test_positions_of_the_joints_of_the_file() -> None:
 
 
 def test_the_tree_of_the_joints() -> None:
-    """Which joint carries which, what moves each frame, and where the joints are; planar_pr has no links."""
+    """Parents of joints, joints that move each frame, and poses of joints. planar_pr has no links."""
     assert [ARM.file_joint_names[p] if p >= 0 else "" for p in ARM.file_joint_parents][:2] == ["", "shoulder"]
     for frame, mover in zip(ARM.frame_names, ARM.frame_joints, strict=True):
         assert mover >= -1 and (mover >= 0 or np.ptp(ARM.position(np.eye(3), frame), axis=0).max() == 0.0)
     q = np.tile([0.1, 0.2, 0.3], (2, 5, 1))
     assert ARM.file_joint_poses(q).shape == (2, 5, 6, 4, 4) and ARM.file_joint_poses(np.zeros((0, 3))).shape == (0, 6, 4, 4)
-    many = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))  # as a program
+    many = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))  # enough rows for a compiled program
     np.testing.assert_array_equal(ARM.file_joint_poses(many)[17], ARM.file_joint_poses(many[17]))
     out = np.empty((6, 4, 4))
     assert ARM.file_joint_poses(many[0], out=out) is out
@@ -143,7 +143,7 @@ def test_the_tree_of_the_joints() -> None:
 
 
 def test_cut_arms() -> None:
-    """A locked leader holds its followers; a leader that is cut off is replaced by its first follower."""
+    """Locking a leader locks its mimic joints. If a leader is cut off, its first mimic joint becomes the leader."""
     free = al.load_urdf(GRIPPER, mimic="independent")
     held = ARM.locked({"left": 0.2})
     values = dict(zip(ARM.file_joint_names, ARM.file_positions([0.0, 0.0, 0.2]), strict=True))
@@ -201,7 +201,7 @@ def test_trees_that_are_too_large_say_so() -> None:
 
 
 def test_long_chains_of_followers() -> None:
-    """Each follows the one before: q_k = q_1 + k; the order of the list does not matter to who leads."""
+    """Each joint mimics the previous one: q_k = q_1 + k. The leader does not depend on the order of the list."""
     joints = [chain()[0], *[{**chain()[0], "mimic": {"joint": k, "offset": 1.0}} for k in range(100)]]
     arm = al.Arm.from_chain(joints)
     assert arm.n == 1 and np.array_equal(arm.file_positions([0.5])[:4], [0.5, 1.5, 2.5, 3.5])
@@ -210,7 +210,7 @@ def test_long_chains_of_followers() -> None:
 
 
 def test_an_arm_whose_follower_alone_has_mass() -> None:
-    """The mass matrix of the joined arm is what counts: no report that it is singular."""
+    """Only the mass matrix of the joined arm must be regular. So the report has no line about a singular one."""
     light = fingers("", "<mimic joint='j1'/>").replace(link("a", 1.0, "0 0 0.1", 0.1), "<link name='a'/>")
     assert not any("positive definite" in line for line in al.load_urdf(light).report)
     none = light.replace(link("b", 1.0, "0 0 0.1", 0.1), "<link name='b'/>").replace("armature='0.03'", "")

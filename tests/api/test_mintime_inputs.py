@@ -1,4 +1,4 @@
-"""The minimum-time planners as Python sees them: numbers of every type, refusals that name the argument, pickles, texts."""
+"""The Python interface of the minimum-time planners: numbers of every type, refused arguments with their names, pickles, texts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ planners = pytest.mark.parametrize("planner", PLANNERS, ids=lambda p: p.__name__
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: repr(bad)[:20])
 def test_refused_by_name(planner: Any, name: str, bad: Any) -> None:
     if (name, bad) == ("tau_min", None):
-        return  # the default
+        return  # `tau_min` has a default
     with pytest.raises(al.InputError, match=rf"^{planner.__name__}: {name} is "):
         planner(**{**GOOD, name: bad})
 
@@ -42,7 +42,7 @@ def test_out_of_range(planner: Any, name: str, bad: float) -> None:
 @planners
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
 def test_one_limit_for_both_is_named(planner: Any, bad: float) -> None:
-    """Without `tau_min` the fault is that of `tau_max`, not of a `tau_min` that nobody gave."""
+    """Without the argument `tau_min`, an error about the limits names `tau_max`."""
     with pytest.raises(al.InputError, match=rf"^{planner.__name__}: tau_max is not positive"):
         planner(-1.0, 1.0, 1.0, 0.5, bad)
 
@@ -104,7 +104,7 @@ def test_a_bad_row_of_a_batch_is_named() -> None:
 
 
 def test_batch_keeps_its_own_numbers() -> None:
-    """Reasons and reports are made on request: from the numbers that were given, not from what became of the caller's array."""
+    """Reasons and reports are computed on request, from the original numbers, even if the caller's array has changed."""
     gravity = np.array([0.5, 3.0])
     batch = al.bang_bang_time(-1.5, 1.5, 1.0, gravity, 1.0)
     before = batch.reason.tolist()
@@ -156,8 +156,8 @@ def test_a_motion_of_many_turns_that_does_not_exist_takes_as_long_as_one_that_do
         al.minimum_jerk_time(-1e308, 0.0, 1.0, gravity_moment, 1.0)
         return time.process_time() - begun
 
-    # The missing torque is a search on the same grid. With the weight of the link evaluated anew in each of its steps it took 80 times as
-    # long. Between two places of the grid it goes on: now 16 to 20 times.
+    # The search for the missing torque uses the same grid. It takes 16 to 20 times as long as a solvable problem. It took 80 times as long
+    # when each step computed the link's gravity again.
     exists, not_there = (min(spent(gravity_moment) for _ in range(3)) for gravity_moment in (0.0, 47.0))
     assert not_there < 30.0 * exists
 
@@ -222,7 +222,7 @@ def test_profile_of_an_optimum() -> None:
     for k in np.ndindex(3, 4):
         single = o.profile(t[k])
         assert all(type(x) is float for x in single) and single == tuple(x[k] for x in arrays)
-    # At rest, held by the torque of gravity, outside.
+    # Outside of the motion the link is at rest, held by the torque of gravity.
     assert o.profile(-1.0) == (-1.0, 0.0, 0.0, 0.5 * math.sin(-1.0)) and o.profile(o.t)[:3] == (1.0, 0.0, 0.0)
     assert o.profile(1) == o.monotone_profile(np.float32(1.0)) and o.profile([])[0].shape == (0,)
     for bad in (math.nan, math.inf, True, "1", [math.nan]):
@@ -231,7 +231,7 @@ def test_profile_of_an_optimum() -> None:
     none = al.torque_optimal_time(0.0, math.pi, 1.0, 50.0, 1.0)
     with pytest.raises(al.InputError, match=r"^TorqueOptimum\.profile: the optimum has no motion"):
         none.profile(0.0)
-    # With friction it holds a little of the torque back.
+    # With friction, the torque at rest is reduced by the friction.
     rough = al.torque_optimal_time(0.0, 1.0, 1.0, 0.2, 1.0, viscous=0.1, coulomb=0.25)
     assert rough.monotone_profile(0.0) == (0.0, 0.0, 0.75, 1.0) and rough.profile(rough.t)[:3] == (1.0, 0.0, 0.0)
 

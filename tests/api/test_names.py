@@ -1,4 +1,4 @@
-"""The names that users write: those of the public contract are all there, and `dir(al)` holds nothing else by accident."""
+"""The public names: all names of the contract exist, and `dir(al)` has no accidental names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 import armlet as al
 
-# What the contract names, by the page that has it.
+# Names of the contract, grouped by page.
 ARMS = "load_urdf planar_pr planar_arm pendulum Arm"
 PRIORITY = "solve_priority PrioritySolver diagnose_priority Task"
 MOTIONS = "Hold Quintic BangBang Sinusoid"
@@ -22,7 +22,7 @@ PLANS = "bang_bang_time torque_optimal_time time_path"
 ERRORS = "ArmletError InputError ModelError SolveError FormatError InternalError"
 CONTRACT = f"{ARMS} {PRIORITY} {MOTIONS} {PLANS} {PLANTS} {LAWS} {RUNS} {ERRORS}".split()
 
-# Members of the classes; those of results are asked of a result below, where the class has no attribute of its own.
+# Members of the classes. Members of results are checked on a result below, if the class itself lacks the attribute.
 MEMBERS = {
     "Arm": "from_chain from_dh n joint_names frame_names parameters with_parameters report mass_matrix coriolis_matrix gravity bias "
     "inverse_dynamics forward_dynamics regressor pose pose_vector position jacobian jacobian_dot energy",
@@ -40,7 +40,7 @@ RESULTS = {
     "best": "t switches kind",
     "path": "duration margin reason",
 }
-# Arguments, in order: those after "*" are given by name.
+# Arguments in order; those after "*" are keyword-only.
 SIGNATURES = {
     "planar_pr": "A B C",
     "load_urdf": "path_or_xml * gravity root tip",
@@ -68,7 +68,7 @@ SIGNATURES = {
     "torque_optimal_time": "theta0 thetaf inertia gravity_moment tau_max",
     "time_path": "arm path * tau_max v_max a_max",
 }
-# Present in `dir(al)` beyond the contract: each with a page of its own.
+# Names in `dir(al)` beyond the contract; each has a page.
 EXTENSIONS = set(al.__all__) - set(CONTRACT)
 
 
@@ -110,7 +110,7 @@ def test_results() -> None:
 
 @pytest.mark.parametrize("name", SIGNATURES)
 def test_signature(name: str) -> None:
-    """The arguments of the contract stand first and in order, those given by name are there; what follows is an extension."""
+    """The positional arguments of the contract come first and in order. Its keyword arguments exist. Further arguments are extensions."""
     parameters = inspect.signature(getattr(al, name)).parameters.values()
     positional = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.POSITIONAL_ONLY)]
     first, _, last = SIGNATURES[name].partition("*")
@@ -119,7 +119,7 @@ def test_signature(name: str) -> None:
 
 
 def test_dir_is_the_set_of_names() -> None:
-    """No module, no helper, nothing that is not documented; classes in capitals, functions in small letters."""
+    """`dir(al)` has no modules, no helpers and only documented names. Classes begin with a capital letter, functions with a small one."""
     assert dir(al) == sorted(al.__all__)
     assert [name for name in al.__all__ if isinstance(getattr(al, name), types.ModuleType)] == []
     assert [name for name in al.__all__ if name.startswith("_")] == ["__version__"]

@@ -1,4 +1,4 @@
-"""The notebooks run from the first cell to the last, without network, and contain neither outputs nor pictures."""
+"""The notebooks run completely without network, and contain neither outputs nor pictures."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ socket.socket = Closed
 
 
 def code(notebook: dict[str, Any]) -> str:
-    """The code cells as one program; each begins with a comment that names it."""
+    """The code cells as one program. A comment before each cell names it."""
     cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     return "\n\n".join(f"# {cell['id']}\n{''.join(cell['source'])}" for cell in cells)
 
 
 def run(source: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """In its own interpreter, without a display and without sockets; warnings are errors."""
+    """Run the code in a new interpreter, without display and without sockets. Warnings are errors."""
     head = "import matplotlib\nmatplotlib.use('Agg')\n" + CLOSED
     command = [sys.executable, "-P", "-W", "error", "-c", head + source]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
 def faults(notebook: dict[str, Any]) -> list[str]:
-    """What a notebook of the repository must not have, and what it must."""
+    """The faults of a notebook: forbidden content, and missing content."""
     found = [] if (notebook["nbformat"], bool(notebook["cells"])) == (4, True) else ["is no notebook of format 4 with cells"]
     ids = [cell["id"] for cell in notebook["cells"]]
     found += ["has two cells of one id"] if len(set(ids)) < len(ids) else []

@@ -1,4 +1,4 @@
-"""Entries of a named number that move in the same loops: the derivatives have the bits of those whose entries move one by one."""
+"""Several entries of a named parameter share loops. Their derivatives have the bits of derivatives with one loop per entry."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ LOOPS: dict[str, tuple[Any, Any, list[str], bool]] = {
     ),
     "target": (al.RigidArm(ARM), al.PDGravity(ARM, Q0, KP, KD), ["law.kp", "law.kd", "q0"], True),
     "law's arm": (al.RigidArm(ARM), al.PDGravity(ARM, Q0, KP, KD), ["law.arm.parameters", "law.target"], False),
-    # Entry (i, j) of Lambda = kd^-1 kp depends on kp_j alone.
+    # Entry (i, j) of Lambda = kd^-1 kp depends only on kp_j.
     "full gain": (al.RigidArm(ARM), al.Adaptive(ARM, MOTION, KP, np.diag(KD) + 0.1, 0.2), ["law.kp"], True),
-    # The inputs of programs combine the parameters of a body, and the start of an elastic arm depends on those of all bodies.
+    # Inputs of programs combine the parameters of a body, and the initial state of an elastic arm depends on the parameters of all bodies.
     "elastic": (
         al.ElasticArm(ARM, np.full(N, 900.0), np.full(N, 0.2)),
         al.MotorPD(ARM, Q0, KP, KD, 900.0),
@@ -70,19 +70,19 @@ def test_many_entries_need_few_loops() -> None:
     loop = (al.RigidArm(ARM), law, {"q0": Q0})
     group = together(loop, NamedNumber("law.gamma", np.linspace(0.1, 0.3, P)), [(i,) for i in range(P)])
     assert isinstance(group, Together)
-    # 50 entries: 8 probes have 70 codes of four ones. One by one they are 200 loops.
+    # Eight probe loops give 70 codes of four bits, enough for 50 entries. Separate loops would be 200.
     assert len(group.loops) == 8 + 4 and len(set(group.codes)) == P
     assert {code.bit_count() for code in group.codes} == {4}
 
 
 def test_a_code_that_is_wrong_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The core compares the probes with the codes, so that rates cannot go to another number."""
+    """The core compares the probe loops with the codes. So a derivative cannot be assigned to the wrong entry."""
     plant, law, _, _ = LOOPS["gains"]
     loop = (plant, law, {"q0": Q0, "v0": None, "theta0": None, "theta_dot0": None})
     named = NamedNumber("law.kp", KP)
     group = together(loop, named, [(i,) for i in range(N)])
     assert group is not None
-    # Five of the six codes of two ones in four.
+    # Five of the six codes with two of four bits.
     assert group.codes == [0b0011, 0b0101, 0b1001, 0b0110, 0b1010]
     wrong = Together(group.loops, group.weights, [0b1100, *group.codes[1:]])
     loops = stacked(loop, [named], [wrong], lambda _: [])

@@ -1,7 +1,7 @@
-"""What travels: the sdist and the wheel hold the sources and nothing an earlier build or run left behind, and import.
+"""Content of the sdist and the wheel: they contain all sources and nothing from earlier builds or runs, and they can be imported.
 
-`make test` builds both once and names them in ARMLET_SDIST and ARMLET_WHEEL. Without those names (a run of pytest alone)
-the sdist is listed by building one, and the installed package stands for the wheel.
+`make test` builds both once and names them in ARMLET_SDIST and ARMLET_WHEEL. Without these names (pytest called directly) a new sdist is
+built, and the installed package is checked instead of the wheel.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PACKAGE += ["run/records.py", "figures/run.py", "cli/__init__.py", "demo/__init_
 
 
 def artefact(variable: str) -> Path | None:
-    """The file that make names in `variable`; None in a run of pytest alone."""
+    """The file that make names in `variable`; None if pytest was called directly."""
     value = os.environ.get(variable)
     if value:
         return Path(value)
@@ -34,7 +34,7 @@ def artefact(variable: str) -> Path | None:
 
 
 def stale(names: list[str]) -> list[str]:
-    """Names that no sdist holds: compiled code, caches, build and run outputs."""
+    """Names that an sdist must not contain: compiled code, caches, outputs of builds and runs."""
     folders = {"__pycache__", "build", "dist", "out", "target", ".venv", ".git", ".mypy_cache", ".ruff_cache", ".pytest_cache", "results"}
     endings = (".pyc", ".so", ".pyd", ".dylib", ".dll", ".whl", ".tar.gz", ".egg-info", ".orig", "~")
     return [name for name in names if folders & set(name.split("/")[:-1]) or name.endswith(endings)]
@@ -57,7 +57,7 @@ def wheel_names() -> list[str]:
     if wheel is not None:
         with zipfile.ZipFile(wheel) as archive:
             return archive.namelist()
-    # pip writes caches and the launcher of the command line at installation: they are not the wheel's.
+    # pip writes caches and the command-line launcher during installation. They are not in the wheel.
     names = [str(file) for file in metadata.files("armlet") or []]
     return [name for name in names if "__pycache__" not in name and not name.startswith("..")]
 
@@ -72,7 +72,7 @@ def test_sdist_has_no_leftovers(sdist_names: list[str]) -> None:
 
 
 def test_sdist_is_complete(sdist_names: list[str]) -> None:
-    """One can build, test and read from the sdist alone: the tracked sources are all there."""
+    """The sdist contains all tracked sources. So it is sufficient to build, test and read armlet."""
     kinds = {"python": ".py", "rust": ".rs", "tests": ".py", "examples": ".py", "docs": ".md", "requirements": ".txt"}
     wanted = [str(p.relative_to(ROOT)) for top, end in kinds.items() for p in (ROOT / top).rglob(f"*{end}") if "_build" not in p.parts]
     wanted += [str(p.relative_to(ROOT)) for p in (ROOT / "tests" / "vectors").glob("*.json")]
@@ -87,7 +87,7 @@ def test_wheel_holds_package_and_metadata_alone(wheel_names: list[str]) -> None:
     dist_info = {top for top in tops if top.startswith("armlet-") and top.endswith(".dist-info")}
     assert leftovers == []
     assert len(dist_info) == 1
-    assert tops - dist_info <= {"armlet", "armlet.pth"}  # the .pth: an editable installation, outside make
+    assert tops - dist_info <= {"armlet", "armlet.pth"}  # the .pth belongs to an editable installation
     if "armlet.pth" not in tops:
         assert len(extension) == 1, extension
         assert "abi3" in extension[0]
@@ -96,7 +96,7 @@ def test_wheel_holds_package_and_metadata_alone(wheel_names: list[str]) -> None:
 
 
 def test_tests_see_the_installed_wheel() -> None:
-    """Under make, the package under test is the wheel's, not the source tree's."""
+    """Under make, the tested package is the wheel, not the source tree."""
     import armlet
 
     where = Path(armlet.__file__).resolve()
@@ -104,7 +104,7 @@ def test_tests_see_the_installed_wheel() -> None:
 
 
 def test_imports_with_numpy_alone(tmp_path: Path) -> None:
-    """A clean environment with the wheel and numpy: it imports, says its version, and imports nothing optional."""
+    """In an environment with only the wheel and numpy, armlet imports, reports its version, and loads nothing optional."""
     venv.create(tmp_path / "clean", with_pip=False, symlinks=os.name != "nt")
     python = tmp_path / "clean" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     where = "import sysconfig; print(sysconfig.get_path('platlib'))"
@@ -112,7 +112,7 @@ def test_imports_with_numpy_alone(tmp_path: Path) -> None:
     site = Path(report.stdout.strip())
     import numpy
 
-    # numpy as it is installed here, and nothing else of this environment.
+    # Only numpy of this environment is added to the path.
     numpy_dir = Path(numpy.__file__).parent
     for folder in [numpy_dir, numpy_dir.parent / "numpy.libs"]:
         if folder.exists():
