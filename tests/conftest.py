@@ -1,4 +1,4 @@
-"""What tests of several folders share."""
+"""Fixtures and settings for tests in several folders."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from collections.abc import Callable
 
 import pytest
 
-# Whoever started the tests may have Ctrl-C ignored (`nohup`, a job in the background), and programs that tests start would inherit that.
+# If the parent process ignores Ctrl-C (`nohup`, a background job), programs that tests start would inherit this. So it is reset.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture
 def interrupted() -> Callable[[str], tuple[list[str], float]]:
-    """A function that runs a program, sends it Ctrl-C 0.4 s after its line "ready", and returns the words
-    of its next line and the seconds until then.
+    """Return a function that runs a program and sends it Ctrl-C 0.4 s after its line "ready".
 
-    A program that does not answer is killed after 40 s: it then has no words.
+    The function returns the words of the program's next line, and the seconds until that line. A program that does not answer is killed
+    after 40 s and has no words.
     """
 
     def run(code: str) -> tuple[list[str], float]:

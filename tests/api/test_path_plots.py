@@ -1,4 +1,4 @@
-"""The figure of a timing: its panels, the region that no motion passes, and what it refuses."""
+"""The figure of a path timing: its panels, its infeasible region, and refused arguments."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def test_panels() -> None:
         assert ax.get_xlabel() and ax.get_ylabel() and ax.get_title(loc="left")
     for ax in axes[0, :2]:
         drawn = np.concatenate([line.get_ydata() for line in ax.get_lines()])
-        # In parts of the limits; drawn to a digit more than can be seen.
+        # The curves are relative to the limits, and drawn with one digit more than is visible.
         assert np.isfinite(drawn).all() and np.abs(drawn).max() <= 1.0 + 1e-6 and np.abs(drawn).max() >= 0.999
 
 
 def test_joints_over_time() -> None:
-    """Positions in rad; speeds in parts of their limits; accelerations in rad/s^2 without a limit, in parts of it with one."""
+    """Positions are in rad, speeds relative to their limits. Accelerations are in rad/s^2, or relative to a limit if there is one."""
     axes = PathTiming(ARM, TIMED, **LIMITS).plot(Figure())  # type: ignore[arg-type]
     labels = ["joint position (rad)", "joint speed, in parts of its limits", "joint acceleration (rad/s²)"]
     assert [ax.get_ylabel() for ax in axes[1]] == labels
@@ -35,17 +35,20 @@ def test_joints_over_time() -> None:
     limited = al.time_path(ARM, [[0.0, 0.0], [0.5, 0.8]], tau_max=99.0, a_max=[4.0, 3.0])
     drawn = PathTiming(ARM, limited, 99.0, a_max=[4.0, 3.0]).plot(Figure())[1, 2]
     shares = np.array([line.get_ydata() for line in drawn.get_lines() if len(line.get_ydata()) > 2])
-    # The second joint goes the longer way and binds throughout, by its own limits.
+    # Relative to the limits, joint 2 has the longer way. So its acceleration is at its limit during the whole motion.
     assert np.abs(shares[1]).max() == pytest.approx(1.0, abs=1e-6) and np.abs(shares).max() <= 1.0 + 1e-6
 
 
 def test_the_timing_lies_in_its_region() -> None:
-    """At every grid point the limits leave some path acceleration; well above the profile, where torque binds, none."""
+    """At every grid point the limits allow some path acceleration.
+
+    At much higher path speeds, where torque limits bind, they allow none.
+    """
     figure = PathTiming(ARM, TIMED, tau_max=LIMITS["tau_max"])
     margin = np.array([figure.margin(s, r)[0, 0] for s, r in zip(TIMED.s[:, None], TIMED.s_dot[:, None], strict=True)])
-    # On the edge of the region the margin is zero, to the tolerance of the limits and their rounding.
+    # On the edge of the region the margin is zero, up to the tolerance of the limits and rounding.
     assert np.all(margin >= -1e-6 * np.abs(margin).max())
-    # Not at the ends, where the spline has no curvature.
+    # This is not true at the ends, where the spline has no curvature.
     assert np.mean(figure.margin(TIMED.s, [1e3]) < 0.0) > 0.5
     free = figure.margin(TIMED.s, [0.0])
     assert np.all(free > 0.0)

@@ -1,4 +1,4 @@
-"""Every public object pickles, copies and shows itself; what comes back computes the same bits."""
+"""Every public object can be pickled, copied and printed. The copy computes equal bits."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ way = pytest.mark.parametrize("back", WAYS.values(), ids=WAYS.keys())
 
 @way
 def test_arms(back: Callable[[Any], Any]) -> None:
-    # (the last is no possible robot: with_parameters takes any finite numbers)
+    # The last arm is not physically possible, because `with_parameters` accepts any finite numbers.
     for arm in (ARM, al.planar_pr(1.0 / 3.0, 0.0, 1e-300), ARM.with_parameters([-1.0, 0.0, 2.0])):
         other = back(arm)
         assert type(other) is al.Arm and other == arm and hash(other) == hash(arm) and repr(other) == repr(arm)
@@ -112,7 +112,7 @@ def test_errors(back: Callable[[Any], Any]) -> None:
 
 
 def test_reprs_read_like_what_made_them() -> None:
-    """Arms, motions and laws show the call that makes them; runs say how they went."""
+    """The `repr` of an arm, motion or law is the call that constructs it. The `repr` of a run has its result."""
     names = {name: getattr(al, name) for name in al.__all__}
     assert eval(repr(ARM), names) == ARM
     for motion in MOTIONS:
@@ -126,7 +126,7 @@ def test_reprs_read_like_what_made_them() -> None:
 
 
 def test_the_hot_classes_take_no_attributes() -> None:
-    """A misspelt attribute is an error, not a silent new one."""
+    """Setting a misspelt attribute is an error and does not create an attribute."""
     for thing in (ARM, MOTIONS[0], LAWS[0], al.RigidArm(ARM)):
         with pytest.raises(AttributeError):
             thing.gravty = 1.0  # type: ignore[union-attr]
@@ -176,7 +176,7 @@ def test_a_simulator_between_samples_says_that_it_cannot_be_pickled() -> None:
 
 
 def test_a_pickle_of_many_links_is_as_few_objects_as_one_of_few() -> None:
-    """Whoever writes or reads a pickle has the interpreter for as long as it has objects."""
+    """Writing or reading a pickle holds the interpreter lock for each object. So the number of objects must not grow with the links."""
     counts = []
     for links in (5, 500):
         arm = al.planar_arm(np.ones(links))
@@ -184,7 +184,7 @@ def test_a_pickle_of_many_links_is_as_few_objects_as_one_of_few() -> None:
         counts.append(sum(1 for _ in pickletools.genops(payload[32:])))
         back = pickle.loads(pickle.dumps(arm))
         assert back == arm and repr(back) == repr(arm) and back.frame_names == arm.frame_names and back.report == arm.report
-    # One frame more, at most.
+    # At most one more frame of the pickle protocol.
     assert counts[1] <= counts[0] + 1
 
 
@@ -197,7 +197,7 @@ def test_names_of_any_letters_survive_a_pickle() -> None:
     np.testing.assert_array_equal(back.limits["q_max"], arm.limits["q_max"])
 
 
-# More numbers than a pickle holds in one piece, and not a multiple of it.
+# More numbers than one piece of a pickle contains, and not a multiple of a piece.
 MANY = 600_001
 SHARE = 1 << 22
 
@@ -207,7 +207,10 @@ def longest_bytes(pickled: bytes) -> int:
 
 
 def test_large_arrays_are_pickled_in_shares() -> None:
-    """Python writes and reads bytes in one stretch, in which no other thread runs and no signal is heard."""
+    """Python writes and reads bytes without interruption, so no other thread runs meanwhile and no signal is handled.
+
+    So pieces must be small.
+    """
     q = np.random.default_rng(3).standard_normal((MANY, 1))
     table = al.Table(1e-3, q, 2.0 * q, 3.0 * q)
     assert longest_bytes(pickle.dumps(table)) <= SHARE

@@ -1,4 +1,4 @@
-"""A damaged pickle of the extension is a FormatError, never another object; older pickles load or are a FormatError."""
+"""A damaged pickle of the extension raises FormatError and never gives a different object. Older pickles load or raise FormatError."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def joint_law(law: Any, arm: al.Arm, **keywords: Any) -> al.Law:
     return made
 
 
-#: One object, or more, of every class that pickles.
+#: At least one object of every class that can be pickled.
 THINGS: dict[str, Any] = {
     "Arm": PR,
     "Arm of links": TREE,
@@ -117,7 +117,7 @@ RUN = al.simulate(
 SRDF = al.load_srdf('<robot><group name="arm"><joint name="j"/></group></robot>')
 ODE = al.integrate(lambda t, y: -y, (0.0, 1.0), [1.0], dense_output=True)
 DRIVEN = np.random.default_rng(1).normal(size=(4, 30, 2))
-#: Of the classes that are written in Python.
+#: Objects of classes that are written in Python.
 PYTHON: dict[str, Any] = {
     "Run": RUN,
     "BatchRun": al.simulate_batch(al.RigidArm(PR), THINGS["ComputedTorque"], np.zeros((2, 2)), t_end=0.01, dt=1e-3),
@@ -169,22 +169,22 @@ each = pytest.mark.parametrize("thing", EVERY.values(), ids=EVERY.keys())
 
 
 def payload(thing: Any) -> tuple[bytes, range]:
-    """The pickle, and the places of the bytes of its one payload."""
+    """The pickle, and the range of the bytes of its only payload."""
     stored = pickle.dumps(thing, 4)
     ((argument, at),) = [(arg, pos) for op, arg, pos in pickletools.genops(stored) if op.name in ("SHORT_BINBYTES", "BINBYTES")]
     start = stored.index(argument, at)
-    assert len(stored) - len(argument) < 80  # names and opcodes of pickle itself
+    assert len(stored) - len(argument) < 80  # names and opcodes of pickle
     return stored, range(start, start + len(argument))
 
 
 def test_every_class_that_pickles_is_here() -> None:
-    """A class is in the list above, or refuses to be pickled."""
+    """Every class is in the list above, or its objects cannot be pickled."""
     classes = {name for name, value in vars(_core).items() if isinstance(value, type)}
     listed = {type(thing).__name__ for thing in THINGS.values()}
     assert classes - listed == {"Law", "Motion", "Plant", "Stepper", "_BatchStepper"}
     public = {name for name in al.__all__ if isinstance(getattr(al, name), type) and getattr(al, name).__module__ != "armlet._core"}
     listed = {type(thing).__name__ for thing in EVERY.values()}
-    # Errors are made of texts, a status is a number.
+    # Errors consist of texts, and a status is a number.
     assert {name for name in public - listed if not issubclass(getattr(al, name), Exception)} == {"Law", "Motion", "Plant", "Status"}
 
 
@@ -196,7 +196,7 @@ def test_it_comes_back(thing: Any) -> None:
 
 @each
 def test_a_flipped_bit_is_noticed(thing: Any) -> None:
-    """Every byte of a short payload, 400 of a long one, one bit each."""
+    """One bit of every byte is flipped in a short payload, and of 400 bytes in a long one."""
     stored, inside = payload(thing)
     places = np.unique(np.linspace(inside[0], inside[-1], 400).astype(int))
     for k, place in enumerate(places):
@@ -208,7 +208,7 @@ def test_a_flipped_bit_is_noticed(thing: Any) -> None:
 
 @pytest.fixture
 def little_memory() -> Iterator[None]:
-    """A gigabyte more than there is: pickle takes a flipped opcode for a memo of 64 GB, and would fill as much as it gets."""
+    """Limit the memory to 1 GB above the present use. pickle would read a flipped opcode as a memo of 64 GB and allocate it."""
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     before = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (used + (1 << 30), before[1]))
@@ -218,7 +218,7 @@ def little_memory() -> Iterator[None]:
 
 @pytest.mark.parametrize("thing", [PR, TREE, THINGS["ComputedTorque"]], ids=["planar_pr", "tree", "law"])
 def test_no_flipped_bit_gives_another_object(thing: Any, little_memory: None) -> None:
-    """All bits, those of pickle's own opcodes too: an error, or the same object."""
+    """Every single flipped bit, also in opcodes of pickle, gives an error or an equal object."""
     stored = pickle.dumps(thing, 4)
     same = 0
     for place in range(len(stored)):
@@ -227,11 +227,11 @@ def test_no_flipped_bit_gives_another_object(thing: Any, little_memory: None) ->
             damaged[place] ^= 1 << bit
             try:
                 other = pickle.loads(bytes(damaged))
-            except Exception:  # the FormatError of the payload, or what pickle raises of its own opcodes
+            except Exception:  # FormatError of the payload, or an error of pickle
                 continue
             same += 1
             assert repr(other) == repr(thing) or not isinstance(other, type(thing))
-    # The number of the protocol, the length of the frame and what is memoised may change without effect.
+    # A change of the protocol number, the frame length or a memo may have no effect.
     assert same < 60
 
 
@@ -239,7 +239,7 @@ def test_a_payload_that_is_cut_or_is_none() -> None:
     whole = pickle.loads(pickle.dumps(PR)).__reduce__()[1][0]
     for part in (b"", whole[:31], whole[:-1], whole + b"\0", "text", None, 3):
         with pytest.raises(al.FormatError, match="damaged"):
-            _core._restore(part)  # type: ignore[arg-type]  # that is the test
+            _core._restore(part)  # type: ignore[arg-type]  # invalid arguments
 
 
 def test_what_another_version_wrote_is_said() -> None:
@@ -260,7 +260,7 @@ def test_what_stood_in_a_module_that_has_moved_is_refused(place: str) -> None:
 
 
 class Older:
-    """Pickles as armlet 0.1 wrote them: a function or a class, and its arguments."""
+    """Pickles in the form of armlet 0.1: a function or a class, and its arguments."""
 
     def __init__(self, make: Any, *arguments: Any) -> None:
         self.call = make, arguments

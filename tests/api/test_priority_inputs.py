@@ -1,4 +1,4 @@
-"""Task priority at the border: what is refused and how, equal answers for every sort of array, batches, pickling."""
+"""The Python interface of task priority: refused arguments, equal results for every kind of array, batches, pickling."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_out_may_not_share_memory_in_part_either() -> None:
 
 
 def test_calls_in_a_row_do_not_know_of_each_other() -> None:
-    """solve_priority keeps its last buffers: never the options of the last call."""
+    """solve_priority reuses buffers of the last call, but never its options."""
     near = [np.array([[1.0, 0.0]]), np.array([[1.0, 1e-9]])]
     asked = [np.array([1.0]), np.array([2.0])]
     fine = al.solve_priority(near, asked, method="exact")
@@ -172,7 +172,7 @@ def test_an_answer_that_overflows_is_an_error() -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("count", [1, 7, 3000])
 def test_batches_are_their_rows(method: str, count: int) -> None:
-    """Leading axes broadcast, and each row has the bits of its own call; above 512 rows the interpreter lock is released."""
+    """Leading axes broadcast, and each row has the bits of a single call. Above 512 rows the interpreter lock is released."""
     rng = np.random.default_rng(3)
     first, second, velocities = rng.normal(size=(count, 2, 4)), rng.normal(size=(1, 1, 4)), rng.normal(size=(count, 2))
     sol = al.solve_priority([first, second], [velocities, [0.5]], **keywords(method))

@@ -1,4 +1,4 @@
-"""Laws of tasks in priority as programs: a step where the regular route does not stand is taken directly, in its row alone."""
+"""Priority laws as compiled programs. If a row has a singular step, the program declines it, and only this row takes the step directly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 import armlet as al
 
-# The runs are compared, they need not be accurate.
+# The runs are only compared, so they need not be accurate.
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 
 FOUR = al.planar_arm([1.0, 1.0, 0.25, 0.25])
@@ -30,7 +30,7 @@ ODD = [
     al.JointLimitTask(gain=1.0),
 ]
 Q4, Q7 = np.array([0.1, 1.2, 0.9, 1.4]), np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
-#: Stretched, so that both tasks are singular at the start and the way out passes algorithmic singularities.
+#: The stretched arm. Both tasks are singular at the start, and the motion passes algorithmic singularities.
 STRETCHED = np.array([0.3, 0.0, 0.02, 0.01])
 PROGRAMS = al.build_info()["programs"]
 STEPS, DT = 120, 2e-3
@@ -72,7 +72,7 @@ OPTIONS: list[dict[str, Any]] = [{}, {"method": "euler"}, {"sample_time": 3 * DT
 
 
 def step_by_step(plant: al.Plant, law: al.Law, q0: Any, **options: Any) -> np.ndarray:
-    """The same run directly."""
+    """Simulate the run directly, without a program. Return the final q, (n,)."""
     simulator = al.Simulator(plant, law, q0, dt=DT, **options)
     for _ in range(STEPS):
         simulator.step()
@@ -85,14 +85,14 @@ def test_a_program_is_the_loop(name: str, options: dict[str, Any]) -> None:
     plant, law, q0 = LOOPS[name]()
     run = al.simulate(plant, law, q0, t_end=STEPS * DT, dt=DT, **options)
     assert run.stats["engine"] == PROGRAMS
-    # Rounding, times the slopes of the maps next to a singularity.
+    # The tolerance covers rounding, amplified by the large derivatives of the maps near a singularity.
     np.testing.assert_allclose(run.q[-1], step_by_step(plant, law, q0, **options), rtol=0.0, atol=1e-9 if "stretched" in name else 1e-12)
     assert np.abs(run.q[-1] - q0).max() > 1e-3
 
 
 @pytest.mark.parametrize("name", ["4R stretched, exact", "4R stretched, clamp", "4R accelerations, stretched", "seven axes, accelerations"])
 def test_a_row_has_the_bits_of_its_run_alone(name: str) -> None:
-    """Singular and regular rows side by side, in any order, on any number of threads."""
+    """A batch has singular and regular rows. Each row has the bits of a single run, for every order and number of threads."""
     plant, law, singular = LOOPS[name]()
     rng = np.random.default_rng(5)
     q0 = singular + np.where(np.arange(19)[:, None] % 3 > 0, rng.uniform(-1.0, 1.0, (19, plant.arm.n)), 0.0)
@@ -112,7 +112,7 @@ def test_a_row_has_the_bits_of_its_run_alone(name: str) -> None:
 
 
 def test_steps_that_are_declined_are_taken_directly() -> None:
-    """The regular route alone would ask for velocities far beyond the bound of the clamp, or for NaN."""
+    """The algorithm for regular steps would give velocities far beyond the bound of the clamp, or NaN."""
     plant, bounded = al.VelocityArm(FOUR), al.PriorityVelocity(FOUR, BOTH, "clamp", eps=0.2)
     run = al.simulate(plant, bounded, [0.3, 0.0, 0.0, 0.0], t_end=STEPS * DT, dt=DT)
     assert run.stats["engine"] == PROGRAMS and run.status == al.Status.SUCCESS

@@ -1,4 +1,4 @@
-"""Loops as programs: which runs are programs, and that a program of any kind gives the run that the loop itself gives."""
+"""Loops as compiled programs: which runs use programs, and that every program gives the result of the direct run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 import armlet as al
 
-# The gains are the same for all joints, too stiff for light ones at these steps: the runs are compared, they need not be accurate.
+# All joints have equal gains, too stiff for light joints at these steps. The runs are only compared, so they need not be accurate.
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 
 TWO = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0])
@@ -26,7 +26,7 @@ def pd(arm: al.Arm, **gains: Any) -> al.PDGravity:
 
 
 def series(run: Any) -> list[np.ndarray]:
-    """What is recorded. The monitors of the target model are left out: with a wall, and with limits of the torque, a run has none."""
+    """The recorded series, without the monitors of the target model, which a run with a wall or torque limits does not have."""
     names = [name for name in sorted(run.monitors) if not name.startswith("target")]
     return [run.q, run.v, run.tau, *(run.monitors[name] for name in names)]
 
@@ -39,14 +39,14 @@ def test_a_run_says_how_it_was_computed() -> None:
     assert al.simulate_batch(plant, law, np.zeros((3, 6)), **OPTIONS).stats["engine"] == programs
     assert al.simulate(plant, law, q0, t_end=2.0, method="dopri5").stats["engine"] == programs
     assert al.simulate_batch(plant, law, np.zeros((3, 6)), t_end=2.0, method="rodas4", t_eval=[2.0]).stats["engine"] == programs
-    # Short runs with fixed steps and laws in Python run directly.
+    # Short runs with fixed steps, and laws in Python, run directly.
     assert al.simulate(plant, law, q0, t_end=0.015, dt=1e-3).stats["engine"] == "direct"
     own = al.simulate(plant, lambda t, q, v: -20.0 * q - 5.0 * v, q0, t_end=0.15, dt=1e-3, sample_time=1e-3)
     assert own.stats["engine"] == "direct"
 
 
 def test_a_known_loop_has_its_program_at_once_and_the_same_bits() -> None:
-    # Lengths that no loop of this process had: lengths are fixed in the code.
+    # The lengths are random, because a program contains lengths as constants. So no earlier program fits.
     arm = al.planar_arm(np.random.default_rng().uniform(0.3, 0.5, 3), masses=[1.0, 2.0, 3.0])
     plant, law, q0 = al.RigidArm(arm), pd(arm), np.array([0.1, 0.2, -0.3])
     options: dict[str, Any] = {"method": "dopri5", "rtol": 1e-8, "atol": 1e-10}
@@ -65,7 +65,7 @@ def test_a_short_run_is_the_start_of_a_long_one(law: str) -> None:
     short, long = (al.simulate(al.RigidArm(SIX), made, np.linspace(0.1, -0.2, 6), t_end=t, dt=1e-3) for t in (0.015, 0.15))
     assert (short.stats["engine"], long.stats["engine"]) == ("direct", al.build_info()["programs"])
     for one, other in zip(series(short), series(long), strict=True):
-        # The last step ends at `t_end`, which is not quite a multiple of the step.
+        # The last step ends at `t_end` and differs from `dt` by rounding.
         np.testing.assert_array_equal(one[:-1], other[: len(one) - 1])
 
 
@@ -74,7 +74,7 @@ def quintic(arm: al.Arm, duration: float) -> al.Quintic:
 
 
 def redundant(arm: al.Arm, duration: float, projection: Any, **options: Any) -> al.CartesianImpedance:
-    """Of a position that moves, and a turn where there are joints for it, with all that the law may do beside."""
+    """An impedance law of a moving position (and an orientation if there are enough joints), with all options."""
     rows, start = (1, np.array([0.0])) if arm.n == 2 else (2, np.array([0.1, 0.1]))
     target = al.Quintic(start, start + 0.2, duration)
     posture = al.NullSpace(np.full(arm.n, 0.2), 20.0, 10.0, projection=projection)
@@ -83,7 +83,7 @@ def redundant(arm: al.Arm, duration: float, projection: Any, **options: Any) -> 
 
 
 def pid(arm: al.Arm, motion: al.Motion, **options: Any) -> al.PID:
-    """With all that the law may do beside its gains."""
+    """A PID law with all options besides its gains."""
     given: dict[str, Any] = {"derivative_filter": 90.0, "friction": True, "observer_bandwidth": 30.0}
     return al.PID(arm, motion, kp=60.0, ki=40.0, kd=15.0, **given, **options)
 
@@ -114,7 +114,7 @@ LAWS: dict[str, Callable[[al.Arm, float], Any]] = {
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("arm", [TWO, SIX], ids=["2R", "six axes"])
 def test_a_program_is_the_loop(arm: al.Arm, law: str, method: str, held: bool) -> None:
-    """Against the same loop with a force that is a function, which runs directly, and that is zero."""
+    """The reference has a force that is a Python function with the value zero, so it runs directly."""
     plant, made, q0 = al.RigidArm(arm), LAWS[law](arm, 0.1), np.linspace(0.1, -0.2, arm.n)
     options: dict[str, Any] = {"t_end": 0.15, "dt": 1e-3, "record_every": 30, "method": method, "tau_max": 40.0} | (
         {"sample_time": 5e-3} if held else {}
@@ -128,7 +128,7 @@ def test_a_program_is_the_loop(arm: al.Arm, law: str, method: str, held: bool) -
 
 @pytest.mark.parametrize("law", [*LAWS])
 def test_a_law_that_is_asked_often_keeps_its_bits(law: str) -> None:
-    """From the seventeenth call on a law runs as a program, but for angles beyond the range of its sines."""
+    """From its 17th call on, a law runs as a program, except for angles beyond the range of the program's sine."""
     arm = al.planar_arm([1.0, 0.7, 0.4])
     asked, rng = LAWS[law](arm, 0.5), np.random.default_rng(5)
     states = [(t, rng.normal(size=3), rng.normal(size=3)) for t in np.linspace(0.0, 0.6, 40)]
@@ -151,11 +151,11 @@ def test_a_known_loop_with_other_limits_or_another_frame_is_another_loop(batch: 
             q = al.simulate_batch(plant, made, [q0], **span).q[0] if batch else al.simulate(plant, made, q0, **span).q
             np.testing.assert_array_equal(q, direct.q)
             runs.append(direct.q[-1])
-    # Limits and frames matter here.
+    # The runs differ, so limits and frames have an effect.
     assert len({tuple(q) for q in runs}) == 6
 
 
-# A plant with a wall runs directly, and this one is out of reach.
+# A plant with a wall runs directly. The arm cannot reach this wall.
 FAR = al.Wall(TWO.frame_names[-1], [-50.0, 0.0, 0.0], [1.0, 0.0, 0.0], stiffness=1e3)
 METHODS: dict[str, dict[str, Any]] = {
     "dopri5": {"rtol": 1e-8, "atol": 1e-10},
@@ -168,7 +168,7 @@ METHODS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("held", [False, True], ids=["continuous", "sampled"])
 @pytest.mark.parametrize("method", METHODS)
-# Where a torque meets its limit the slope has a corner, and another turn of Newton's iteration leads elsewhere within the tolerance.
+# Where a torque reaches its limit the derivative jumps. There Newton's iteration may find a different result within the tolerance.
 @pytest.mark.parametrize("law", [law for law in LAWS if not law.endswith("within limits")])
 def test_rates_and_derivatives_as_programs_are_those_of_the_loop(law: str, method: str, held: bool) -> None:
     made, q0, times = LAWS[law](TWO, 0.5), np.linspace(0.1, -0.2, 2), np.linspace(0.0, 0.6, 7)
@@ -182,14 +182,14 @@ def test_rates_and_derivatives_as_programs_are_those_of_the_loop(law: str, metho
         if method in ("dopri5", "dop853"):
             np.testing.assert_array_equal(one, other)
         else:
-            # Jacobians by dual numbers round otherwise; light joints amplify that, and Newton's iteration may take another turn, within a
-            # hundredth of the tolerance. Filters multiply differences by their rates: four tenths of the tolerance were measured.
+            # Jacobians by dual numbers round differently, which light joints amplify. Newton's iteration may take another step, which
+            # changes the result by 1 % of the tolerance. Filters multiply differences by their rates, to 40 % of the tolerance.
             tolerance = 5e-7 if "filters" in law else 1e-8
             np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance)
 
 
 def test_rows_of_adaptive_batches_are_the_runs_alone() -> None:
-    """Gains and parameters of several structures; runs that take programs and runs that end before."""
+    """Rows with gains and parameters of several structures. Some runs are programs, others end earlier and are direct."""
     gains: list[Any] = [60.0, 1.0, [60.0, 1.0], 60.0 * np.eye(2) + 1.0, 61.0]
     arms = [TWO.with_parameters(np.asarray(TWO.parameters) * (1.0 + 0.1 * k)) for k in range(len(gains))]
     laws, plants = [pd(arm, kp=kp) for arm, kp in zip(arms, gains, strict=True)], [al.RigidArm(arm) for arm in arms]
@@ -217,7 +217,7 @@ def test_a_simulator_of_an_implicit_method_runs_programs(driven: bool) -> None:
 
 
 def test_rows_of_other_structure_do_not_touch_one_another() -> None:
-    """Gains that are one, full gains and other parameters: each row has the bits of the run alone."""
+    """Rows with gains equal to one, full gains and other parameters. Each row has the bits of a single run."""
     gains: list[Any] = [60.0, 1.0, [60.0, 1.0], [1.0, 60.0], 60.0 * np.eye(2) + 1.0, np.eye(2), 61.0, [1.0, 1.0], 62.0, [60.0, 61.0]]
     arms = [TWO.with_parameters(np.asarray(TWO.parameters) * (1.0 + 0.1 * k)) if k % 3 == 0 else TWO for k in range(len(gains))]
     laws = [pd(arm, kp=kp) for arm, kp in zip(arms, gains, strict=True)]
@@ -230,7 +230,7 @@ def test_rows_of_other_structure_do_not_touch_one_another() -> None:
 
 
 def test_more_structures_than_are_kept() -> None:
-    """Seventy geometries, each twice: programs are dropped and made again with the same bits."""
+    """Seventy geometries need more programs than armlet stores. Dropped programs are made again with equal bits."""
     arms = [al.planar_arm([0.5 + 0.001 * k, 0.4]) for k in range(70)]
     runs = [[al.simulate(al.RigidArm(arm), pd(arm), [0.1, 0.2], t_end=0.1, dt=1e-3).q for arm in arms] for _ in range(2)]
     for first, second in zip(*runs, strict=True):
@@ -239,7 +239,7 @@ def test_more_structures_than_are_kept() -> None:
 
 @pytest.mark.parametrize("start", [9.9e5, 1.0e6 + 3.0, 4.0e8])
 def test_angles_beyond_the_range_of_the_polynomials(start: float) -> None:
-    """Such a run is computed again directly; its neighbours in a batch keep their bits."""
+    """Such a run is computed again directly. Other rows of the batch keep their bits."""
     plant, law = al.RigidArm(TWO), al.PDGravity(TWO, [start, 0.0], 50.0, 20.0)
     options = OPTIONS | {"state_limit": 1e12}
     far = al.simulate(plant, law, [start, 0.1], **options)
@@ -253,7 +253,7 @@ def test_angles_beyond_the_range_of_the_polynomials(start: float) -> None:
 
 @pytest.mark.parametrize("method", ["dop853", "rodas4"])
 def test_an_adaptive_run_leaves_the_range_of_the_polynomials(method: str) -> None:
-    """From the evaluation on at which an angle passes 1e6 rad it goes on directly."""
+    """When an angle exceeds 1e6 rad, an adaptive run continues directly."""
     limit = 1.0e6
     law = al.PDGravity(TWO, [limit + 300.0, 0.0], 50.0, 20.0)
     options: dict[str, Any] = {"t_end": 3.0, "method": method, "t_eval": [1.0, 2.0, 3.0], "state_limit": 1e12, "rtol": 1e-9, "atol": 1e-6}

@@ -1,4 +1,4 @@
-"""How far long work is: the line that `progress=True` writes, and what else it may be."""
+"""Progress of long computations: the line that `progress=True` writes, and other values of the argument."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ BATCH = (al.RigidArm(ARM), al.PDGravity(ARM, [0.1, 0.2], 20.0, 5.0), np.zeros((5
 
 
 def lines(given: dict[float, int], total: int, before: int = 0) -> list[str]:
-    """What is written if so many are done at these times."""
+    """The lines written for a dict of amounts done by time, in s."""
     stream, now = io.StringIO(), 0.0
     progress = Progress("runs", stream, lambda: now)
     progress.start(before)
-    for now, done in given.items():  # noqa: B007  # the clock reads it
+    for now, done in given.items():  # noqa: B007  # read by the clock
         progress(done, total)
     return stream.getvalue().split("\r")[1:]
 
@@ -34,9 +34,9 @@ def test_the_remaining_time() -> None:
         "1,000 of 10,000 runs, 1 min 30 s left", "4,000 of 10,000 runs, 30 s left", "9,990 of 10,000 runs, 0 s left",
         "10,000 of 10,000 runs in 1 min 40 s",
     ]  # fmt: skip
-    # A shorter line covers a longer one.
+    # A shorter line is padded to cover a longer one.
     assert len(written[1]) == len(written[0])
-    # What was done before says nothing about the speed of what is left.
+    # The amount done before the start does not count for the speed.
     assert lines({7200.0: 600}, 1200, before=500) == ["600 of 1,200 runs, 12 h 0 min left"]
     assert lines({1.0: 500}, 1200, before=500) == ["500 of 1,200 runs"]
 

@@ -1,4 +1,4 @@
-"""What a function of the user's raises ends the run: it comes back soon, as it is, and nobody is asked again."""
+"""An exception of the caller's function ends the run. It is raised quickly and unchanged, and no function is called again."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_law_that_raises_is_asked_no_more(clock: dict[str, Any]) -> None:
     with pytest.raises(ZeroDivisionError, match="law") as caught:
         al.simulate(PLANT, law, [0.0, 0.0], t_end=1e3, **clock)
     assert caught.traceback[-1].name == "law"
-    # 501 samples up to 0.5 s, and the one that raised; an adaptive run may look at a sample twice.
+    # There are 501 samples up to 0.5 s, and the call that raised. An adaptive run may evaluate a sample twice.
     assert 502 <= calls <= 504
 
 
@@ -90,7 +90,7 @@ CALLS = {
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS.keys())
 def test_ctrl_c(call: str, interrupted: Callable[[str], tuple[list[str], float]]) -> None:
-    """Asked for are 100 ms; a second is what a busy machine may add."""
+    """The goal is 100 ms. The limit of 1 s is a margin for a busy machine."""
     words, _ = interrupted(LONG.replace("{call}", call))
     assert words and words[0] == "interrupted", words
     assert float(words[1]) <= 1.0

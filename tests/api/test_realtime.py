@@ -1,4 +1,4 @@
-"""The loop on a clock: both controllers run, and their robot ends where `al.simulate` does. Nothing is said about time."""
+"""The real-time example: both controllers run, and the robot's final state equals that of `al.simulate`. Times are not checked."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Records that programs note within their steps, against the same records taken one by one.
+"""Records that programs store within their steps equal records that are taken one by one.
 
-`record_every` notes records within steps; `t_eval` with the same times takes each record by itself, with monitors on plain numbers.
+With `record_every` a program stores records within its steps. With `t_eval` at the same times each record is a separate evaluation.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import armlet as al
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 
-ROWS = 11  # more than one group of lanes, the last one not full
-SPAN: dict[str, Any] = {"t_end": 0.0605, "dt": 1e-3}  # the last step is a half
+ROWS = 11  # more than one group of SIMD lanes, the last one not full
+SPAN: dict[str, Any] = {"t_end": 0.0605, "dt": 1e-3}  # the last step is a half step
 
 
 def series(run: Any) -> dict[str, np.ndarray]:
@@ -25,7 +25,7 @@ def series(run: Any) -> dict[str, np.ndarray]:
 
 
 def bits(values: np.ndarray) -> np.ndarray:
-    """Of zeros with their signs; every NaN is the same."""
+    """The bits of numbers. Signs of zeros count; all NaNs are equal."""
     return np.where(np.isnan(values), np.nan, values).view(np.int64)
 
 
@@ -43,7 +43,7 @@ def starts(plant: al.Plant) -> np.ndarray:
 
 
 def has_equal_steps(case: str) -> bool:
-    """Whether the runs of a case take explicit steps of one size: only these note records within programs."""
+    """Whether the runs of a case have explicit steps of equal size. Only such runs store records within programs."""
     _, _, options = CASES[case]()
     return "method" not in options and options.get("dt", 1e-3) is not None
 
@@ -53,7 +53,7 @@ def has_equal_steps(case: str) -> bool:
 def test_records_of_a_batch_are_those_taken_one_by_one(case: str, every: int) -> None:
     plant, law, options = CASES[case]()
     options = {name: value for name, value in (SPAN | options).items() if name not in ("t_eval", "record_every")}
-    options["check_limits"] = False  # the case "limits" starts outside of some
+    options["check_limits"] = False  # the case "limits" starts outside of some limits
     q0 = start(plant) if isinstance(law, list) or "v0" in options else starts(plant)
     within = al.simulate_batch(plant, law, q0, **options, record_every=every)
     alone = al.simulate_batch(plant, law, q0, **options, t_eval=within.t)
@@ -84,7 +84,7 @@ def test_jumps_of_force_and_motion_are_records_of_what_follows() -> None:
 @pytest.mark.parametrize("monitors", [True, False])
 @pytest.mark.parametrize("every", [1, 5])
 def test_rows_are_nan_from_a_fault_on(every: int, monitors: bool) -> None:
-    """One row leaves the bound of the state, one overflows, one is too stiff for the step; the others go on."""
+    """One row exceeds the state limit, one overflows, and two are too stiff for the step. The other rows continue."""
     gains = [100.0, 100.0, 100.0, 4e7, 100.0, 100.0, 1e300, 100.0, 100.0, 100.0, 4e7]
     laws = [al.PDGravity(TWO, [0.3, 0.2], gain, 20.0) for gain in gains]
     q0 = starts(RIGID)

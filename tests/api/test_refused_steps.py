@@ -1,4 +1,4 @@
-"""Steps and samples that are refused: what stays, what is copied, and the input that acted."""
+"""Refused steps and samples: the state is unchanged, arrays are copies, and the applied input is reported."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def loose(law: al.Law | None = None, **options: Any) -> al.Simulator:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_input_is_the_one_that_acted(method: str) -> None:
-    """A given input beyond `tau_max` is clipped, and `tau` says so."""
+    """An input argument beyond `tau_max` is clipped, and `tau` has the clipped value."""
     limited, free = loose(tau_max=[1.5, 1.5, 0.5], method=method), loose(method=method)
     limited.step([1.0, -2.0, 3.0])
     free.step([1.0, -1.5, 0.5])
@@ -52,7 +52,7 @@ def test_a_refused_step_changes_nothing(method: str) -> None:
 
 
 def test_a_refused_velocity_changes_nothing() -> None:
-    """The velocity of a plant that takes velocities is its input."""
+    """In a velocity-controlled plant, the velocity is the input. A refused step does not change it."""
     sim = al.Simulator(al.VelocityArm(ARM), None, Q0, dt=1e-3, state_limit=2.0)
     sim.step([0.1, 0.2, 0.3])
     q = sim.q.copy()
@@ -62,7 +62,7 @@ def test_a_refused_velocity_changes_nothing() -> None:
 
 
 def test_a_refused_input_is_not_held() -> None:
-    """Between two samples the law's last input goes on."""
+    """Between two samples the last input of the law stays. A refused input does not replace it."""
     law = al.PDGravity(ARM, [0.0, 0.0, 0.0], 20.0, 5.0)
     sim, other = loose(law, sample_time=4e-3), loose(law, sample_time=4e-3)
     for each in (sim, other):
@@ -98,7 +98,7 @@ def test_a_copy_has_diverged_too(back: Any) -> None:
 
 
 def test_pickles_without_a_status_load() -> None:
-    """As they were written before."""
+    """Older pickles have no status."""
     sim = loose()
     sim.step([1.0, 2.0, 3.0])
     at = (1, np.concatenate([sim.q, sim.v]).tolist(), sim.tau.tolist())

@@ -1,4 +1,4 @@
-"""What checks a release sees what is wrong: licences that are not permitted, wheels that are not what their tags say."""
+"""Release checks detect faults: licences that are not allowed, and wheels that do not agree with their tags."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_wheels(tmp_path: Path, platform: str, binary: bytes, without: str, wron
 
 
 def test_the_folder_of_the_build_leaves(tmp_path: Path) -> None:
-    """Of the bill of materials alone; RECORD says what is there then, and the rest is untouched."""
+    """Only the bill of materials changes. RECORD has its new hash, and other files are unchanged."""
     path = wheel(tmp_path, "manylinux_2_17_x86_64", elf(62, "2.17"), without="sboms")
     bill, record = ("armlet-0.1.0.dist-info/" + name for name in ("sboms/armlet.cyclonedx.json", "RECORD"))
     with zipfile.ZipFile(path, "a") as archive:

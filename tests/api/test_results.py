@@ -1,4 +1,4 @@
-"""What a run comes to, by definition and against made-up records; and where its results go: CSV, Parquet, xarray, figures, films."""
+"""Metrics of a run, by definition and for synthetic records; and export of results: CSV, Parquet, xarray, figures, animations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LIMITS = {"q_min": [-9.0, -9.0], "q_max": [1.2, 9.0], "v_max": [9.0, 9.0], "effo
 
 
 def made(**changes: Any) -> Run:
-    """q1 swings in to 1 like exp(-t) cos(4 t), q2 stays; tau1 = 3 sin(2 pi t), tau2 = -2."""
+    """A synthetic run: q1 oscillates to 1 with error exp(-t) cos(4 t), q2 is constant; tau1 = 3 sin(2 pi t), tau2 = -2."""
     swing = np.exp(-T) * np.cos(4.0 * T)
     fields: dict[str, Any] = {"t": T, "q": np.stack([1.0 - swing, 0.5 + 0.0 * T], 1), "v": np.zeros((len(T), 2))}
     fields |= {"tau": np.stack([3.0 * np.sin(2 * np.pi * T), -2.0 + 0.0 * T], 1), "target": np.array([1.0, 0.5])}
@@ -32,15 +32,15 @@ def made(**changes: Any) -> Run:
 def test_metrics_by_definition() -> None:
     found = made().metrics()
     assert tuple(found) == (*PER_JOINT, *PER_RUN)
-    # int_0^inf exp(-2 t) cos(4 t)^2 dt = 1/4 + 1/4 Re 1/(1 - 4i) = 1/4 (1 + 1/17), over 10 s; the grid's error is some 1e-7.
+    # int_0^inf exp(-2 t) cos(4 t)^2 dt = 1/4 + 1/4 Re 1/(1 - 4i) = 1/4 (1 + 1/17), over 10 s. The error of the grid is about 1e-7.
     np.testing.assert_allclose(found["error_rms"], [np.sqrt(0.25 * (1 + 1 / 17) / 10.0), 0.0], atol=1e-6)
     np.testing.assert_array_equal(found["error_peak"], [1.0, 0.0])
-    # The first swing beyond 1: cos(4 t) exp(-t) is least where tan(4 t) = -1/4, past t = pi/8.
+    # The first overshoot is the minimum of exp(-t) cos(4 t) after t = pi/8, at tan(4 t) = -1/4.
     t = (np.pi - np.arctan(0.25)) / 4.0
     np.testing.assert_allclose(found["overshoot"], [-np.exp(-t) * np.cos(4 * t), np.nan], rtol=1e-6)
     np.testing.assert_allclose(found["tau_rms"], [3.0 / np.sqrt(2.0), 2.0], rtol=1e-9)
     np.testing.assert_allclose(found["tau_peak"], [3.0, 2.0], rtol=1e-6)
-    # From the record after the last one outside the band on.
+    # The run has settled at the record after the last one outside of the band.
     last = T[np.abs(np.exp(-T) * np.cos(4.0 * T)) > 0.02].max()
     np.testing.assert_allclose(found["settling_time"], last + 1e-3, atol=1e-12)
     outside = np.sum(1.0 - np.exp(-T) * np.cos(4 * T) > 1.2) * 1e-3
@@ -80,11 +80,11 @@ def test_violations() -> None:
     energy = np.ones(len(T))
     balance, lyapunov = np.zeros(len(T)), np.linspace(1.0, 0.0, len(T))
     balance[[5, 7]] = 1e-5, np.nan
-    lyapunov[100] += 0.1  # a rise of one record
+    lyapunov[100] += 0.1  # an increase of one record
     monitors = {"energy": energy, "energy_balance": balance, "lyapunov": lyapunov, "skewness": 0.0 * T}
     assert made(monitors=monitors).metrics()["monitor_violations"] == 3
     assert made(monitors=monitors).metrics(tolerance=1e-4)["monitor_violations"] == 2
-    assert made(monitors=monitors).metrics(tolerance=1.0)["monitor_violations"] == 1  # NaN holds at no tolerance
+    assert made(monitors=monitors).metrics(tolerance=1.0)["monitor_violations"] == 1  # NaN is a violation at every tolerance
 
 
 def test_a_run_that_stopped_being_finite() -> None:
@@ -96,7 +96,7 @@ def test_a_run_that_stopped_being_finite() -> None:
 
 
 def test_rows_of_a_batch_are_runs() -> None:
-    """Vectorised or one by one: the same numbers, with motions shared and motions of their own."""
+    """Metrics of a batch, computed for all rows together, equal those of each row, with a common motion and with separate motions."""
     arm = al.planar_arm([0.5, 0.4])
     q0 = np.random.default_rng(3).uniform(-0.3, 0.3, (5, 2))
     ends = np.random.default_rng(4).uniform(0.2, 0.9, (5, 2))
@@ -158,7 +158,7 @@ def test_xarray() -> None:
 
 
 def test_parquet_hands_pyarrow_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """pyarrow itself is an extra: what reaches it, and that the file is its file."""
+    """pyarrow is optional, so a replacement records its arguments and the file that it receives."""
     seen: dict[str, Any] = {}
     monkeypatch.setitem(sys.modules, "pyarrow", SimpleNamespace(array=np.asarray, table=lambda columns: seen.update(columns) or "table"))
     write = SimpleNamespace(write_table=lambda table, file: file.write(table.encode()))
@@ -206,7 +206,7 @@ ONLY = {"q_min": [-9.0, -9.0], "q_max": [9.0, 9.0], "v_max": [9.0, 9.0], "effort
 
 
 def outside(*, name: str, joint: int, value: float, law: str = "PDGravity", **limits: list[float]) -> float:
-    """The time outside limits of a run at zero, in which one quantity of one joint is `value` from 2 s to 5 s."""
+    """Time outside limits of a run at zero, in which one quantity of one joint has the value `value` from 2 s to 5 s."""
     fields: dict[str, Any] = {each: np.zeros((len(T), 2)) for each in ("q", "v", "tau")}
     fields[name][(T >= 2.0) & (T < 5.0), joint] = value
     stated = {each: np.array(numbers) for each, numbers in (ONLY | limits).items()}
@@ -216,7 +216,7 @@ def outside(*, name: str, joint: int, value: float, law: str = "PDGravity", **li
 @pytest.mark.parametrize("joint", [0, 1])
 @pytest.mark.parametrize("name", ["q", "v", "tau"])
 def test_every_limit_has_two_sides(name: str, joint: int) -> None:
-    """Position, speed and effort, up and down, of either joint: 3 s of 10, at records of 1 ms. On the limit is inside."""
+    """Each limit is exceeded by 3 s of 10 s, for position, speed and effort, both signs and both joints. A value on the limit is inside."""
     for value in (9.5, -9.5):
         assert outside(name=name, joint=joint, value=value) == pytest.approx(3.0, abs=1e-9)
     for value in (9.0, -9.0):
@@ -224,7 +224,7 @@ def test_every_limit_has_two_sides(name: str, joint: int) -> None:
 
 
 def test_the_input_of_a_velocity_plant_is_compared_with_speeds() -> None:
-    """Its input is a velocity: `v_max` is its limit, whatever the arm states for its efforts."""
+    """The input is a velocity, so `v_max` is its limit. The arm's effort limits have no effect."""
     command: dict[str, Any] = {"name": "tau", "joint": 1, "v_max": [2.0, 2.0], "effort": [0.1, 0.1]}
     assert outside(**command, value=1.0, law="PriorityVelocity") == 0.0
     assert outside(**command, value=1.0) == pytest.approx(3.0, abs=1e-9)
@@ -234,19 +234,22 @@ def test_the_input_of_a_velocity_plant_is_compared_with_speeds() -> None:
 
 
 def test_the_settling_band_is_shared_by_joints_of_one_unit() -> None:
-    """q1 errs by 1 at most, so that the band is 0.02 for both: 0.015 of q2 for good is inside it, and alone in its unit it is not."""
+    """q1 has an error of at most 1, so the common band is 0.02.
+
+    The constant error 0.015 of q2 is inside; with a different unit it is not.
+    """
     q = made().q.copy()
     q[:, 1] = 0.5 + 0.015
     alone = made().metrics()["settling_time"]
     assert made(q=q).metrics()["settling_time"] == alone
     assert np.isnan(made(q=q, units=("rad", "m")).metrics()["settling_time"])
-    # A band per joint is that joint's: 0.01 rad is too narrow for q2.
+    # With one band per joint, 0.01 rad is too narrow for q2.
     assert np.isnan(made(q=q).metrics(band=[0.02, 0.01])["settling_time"])
     assert made(q=q).metrics(band=[0.02, 0.02])["settling_time"] == alone
 
 
 def test_a_mirrored_run_comes_to_the_same() -> None:
-    """With every sign changed, of the state, the input, the target, the limits and the balances: the same numbers."""
+    """If the signs of state, input, target, limits and balances change, the metrics are equal."""
     one = made()
     wave = np.sin(T)
     balances = {"energy_balance": 1e-5 * wave, "lyapunov_balance": 2e-6 * wave + 1e-6, "skewness": 3e-6 * wave + 1e-6}
@@ -263,7 +266,7 @@ def test_a_mirrored_run_comes_to_the_same() -> None:
 
 
 def test_metrics_know_no_scale_and_no_start() -> None:
-    """Times that start later, energies in other units, and rows of a batch with clocks of their own: the same numbers."""
+    """A later start, other units of energy, or rows with different times do not change the metrics."""
     monitors = {"lyapunov": 2.0 + np.cos(T), "lyapunov_balance": 1e-6 * np.sin(T)}
     monitors |= {"energy": np.ones(len(T)), "energy_balance": 2e-6 * np.sin(T)}
     wanted = made(monitors=monitors).metrics()

@@ -1,4 +1,4 @@
-"""Files of robots: packages by `package://`, xacro by the package `xacro`, groups and poses of SRDF."""
+"""Robot files: packages by `package://`, xacro files by the package `xacro`, groups and poses of SRDF."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class TestPackages:
         monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
         for name in ("my_robot", "other"):
             assert al.load_urdf(f"package://{name}/urdf/robot.urdf") == ARM
-        # The caller's folders come first.
+        # Folders of the caller are searched first.
         heavy = TEXT.replace('name="planar_2r"', 'name="first"')
         package(tmp_path / "mine", text=heavy)
         assert al.load_urdf("package://my_robot/urdf/robot.urdf", search_path=tmp_path / "mine") == al.load_urdf(heavy)
@@ -59,7 +59,7 @@ class TestPackages:
         (own / "away").symlink_to(outside)
         with pytest.raises(al.InputError, match=r"path_or_xml leads out of its package: expected a file inside"):
             al.load_urdf(f"package://my_robot/{rest}", search_path=own)
-        # A folder that is named too is no way out: workspaces link from what is installed to its source.
+        # A link out of the package is allowed into a folder of `search_path`, because workspaces link installed files to sources.
         assert al.load_urdf("package://my_robot/out.urdf", search_path=[own, outside]) == ARM
 
     @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ class TestXacro:
             path.write_text(text)
             with pytest.raises(al.InputError, match=f"is refused by xacro: .*{words}"):
                 al.load_urdf(path, search_path=folder)
-        # Others find their packages as before.
+        # Other users of xacro still find their packages.
         import xacro.substitution_args
 
         assert xacro.substitution_args._eval_find.__module__ == "xacro.substitution_args"
@@ -291,7 +291,7 @@ class TestSrdf:
 
 
 def prefixed(limit: str, more: str) -> str:
-    """A robot of one joint with additions to its limit and to the file."""
+    """A robot with one joint. `limit` and `more` are added to its limit and to the file."""
     return f"""<robot name='r'>
 <link name='a'/>
 <link name='drake:b'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>
@@ -301,7 +301,7 @@ def prefixed(limit: str, more: str) -> str:
 
 
 def test_prefixes_without_a_declaration() -> None:
-    """Names that other readers of URDF take; text in quotes keeps its colon, and elements are reported with their own line."""
+    """Other URDF readers accept such names. A colon in a quoted text is kept, and elements are reported with their line."""
     plain = al.load_urdf(prefixed("", ""))
     arm = al.load_urdf(prefixed("drake:acceleration='2.5' old:x=\"drake:y\"", "<drake:joint name='k'><drake:member/></drake:joint>"))
     assert arm.n == 1 and "drake:b" in arm.frame_names and arm.limits["v_max"] == plain.limits["v_max"]
@@ -309,7 +309,7 @@ def test_prefixes_without_a_declaration() -> None:
     assert [line for line in arm.report if "drake" in line] == ["dropped: drake.joint of robot (1, first in line 6)"]
     with pytest.raises(al.ModelError, match=r":6: "):
         al.load_urdf(prefixed("drake:a='1'", "<joint name='k'/>"))
-    # A file with ever more of them is refused, and so is one that xacro has not expanded.
+    # A file with many different prefixes is refused, and so is a file of xacro that is not expanded.
     with pytest.raises(al.ModelError, match="unknown namespace prefix"):
         al.load_urdf(prefixed("", "".join(f"<p{i}:x/>" for i in range(20))))
     with pytest.raises(al.ModelError, match="xacro"):

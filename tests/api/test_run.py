@@ -1,4 +1,4 @@
-"""`Run` and `BatchRun`: fields, storage that notices damage, tables, figures. The runs here are made up: no simulation."""
+"""`Run` and `BatchRun`: fields, storage that detects damage, tables, figures. The runs are synthetic, not simulated."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def motion(t: float) -> tuple[NDArray[np.float64], ...]:
 
 
 class Adaptive:
-    """Stands for the law of the same name."""
+    """A replacement for the law of this name."""
 
     motion = staticmethod(motion)
 
@@ -137,14 +137,14 @@ def test_pickle_returns_the_same(run: Run, batch: BatchRun) -> None:
 
 
 def test_any_damage_is_noticed(run: Run, tmp_path: Path) -> None:
-    """No cut, no flipped byte, whatever it means to the archive, and nothing appended: FormatError."""
+    """A truncated file, a flipped byte, or appended bytes raise FormatError."""
     path = tmp_path / "x.armlet"
     run.save(path)
     whole = path.read_bytes()
-    # All of the archive's directory, which is at the end and has the most ways to go wrong; the rest here and there.
+    # All bytes of the archive's directory, which is at the end and has the most kinds of faults; and some other bytes.
     for position in [*range(0, len(whole) - 2000, 499), *range(len(whole) - 2000, len(whole))]:
         for damaged in (whole[:position], whole[:position] + bytes([whole[position] ^ 0x04]) + whole[position + 1 :]):
-            # A file of its own: some disks wait for a file that is written over.
+            # Each damaged file is a new file, because some disks are slow when a file is overwritten.
             other = tmp_path / f"{position}.{len(damaged)}"
             other.write_bytes(damaged)
             with pytest.raises(FormatError, match=r"^load: "):
@@ -156,7 +156,7 @@ def test_any_damage_is_noticed(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_changed_number_is_noticed_by_the_checksum(run: Run, tmp_path: Path) -> None:
-    """The container's own checks pass here: only the digest can tell."""
+    """The container's checks pass here, so only the checksum can detect the change."""
     run.save(tmp_path / "x.armlet")
     with np.load(tmp_path / "x.armlet") as container:
         arrays = dict(container)
@@ -210,7 +210,7 @@ def test_tables(run: Run, batch: BatchRun) -> None:
 
 
 def test_figure(run: Run) -> None:
-    """Every panel has data, a title, and a unit on its axis."""
+    """Every panel has data, a title, and an axis with its unit."""
     from matplotlib.figure import Figure
 
     axes = run.plot(Figure())

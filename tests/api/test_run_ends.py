@@ -1,4 +1,4 @@
-"""Runs that end: a state beyond `state_limit` or a monitor that is not finite is no success; a balance that does not close is warned of."""
+"""Ends of runs: a state beyond `state_limit` or a monitor that is not finite is a failure; a balance that is not zero is a warning."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import armlet as al
 
 ARM = al.planar_arm([1.0, 1.0])
 PLANT = al.RigidArm(ARM)
-# Stable in continuous time, wildly unstable in steps of half a second.
+# Stable in continuous time, but strongly unstable with steps of 0.5 s.
 LAW = al.PDGravity(ARM, [1.0, 0.5], kp=100.0, kd=20.0)
 COARSE: dict[str, Any] = {"t_end": 1.0, "dt": 0.5}
 FREE = al.PDGravity(al.planar_arm([1.0, 1.0], gravity=(0.0, 0.0)), [0.0, 0.0], kp=1e-9, kd=1e-9)
@@ -32,7 +32,7 @@ def test_nonsense_is_no_success() -> None:
 
 @pytest.mark.parametrize("method", ["euler", "semi_implicit", "rk4", "ros2", "dopri5", "dop853", "radau5", "rodas4"])
 def test_the_limit_is_the_callers(method: str) -> None:
-    """A joint turned at 2 rad/s passes 1 rad after half a second: the run ends there, at the first step beyond."""
+    """The run ends at the first step after which a position or a velocity exceeds `state_limit`."""
     steps = {"dt": 1e-3} if method in ("euler", "semi_implicit", "rk4", "ros2") else {}
     with pytest.raises(al.SolveError) as caught:
         al.simulate(FLYING, FREE, [0.0, 0.0], v0=[2.0, 0.0], t_end=2.0, method=method, state_limit=2.5, **steps)  # type: ignore[arg-type]
@@ -40,7 +40,7 @@ def test_the_limit_is_the_callers(method: str) -> None:
     assert caught.value.status is al.Status.DIVERGED and len(run.t) and t is not None
     assert np.abs(run.q).max() <= 2.5 and np.abs(run.v).max() <= 2.5 and run.t[-1] <= t < 2.0
     if steps:
-        # One joint stretched, or not, the angle is between 1 and 2.5 when the speed of the other passes the limit.
+        # With fixed steps, the last record is one step before the time of the error.
         assert run.t[-1] == pytest.approx(t - 1e-3, abs=1e-12)
     full = al.simulate(FLYING, FREE, [0.0, 0.0], v0=[2.0, 0.0], t_end=2.0, method=method, state_limit=np.inf, **steps)  # type: ignore[arg-type]
     assert full.status is al.Status.SUCCESS and max(np.abs(full.q).max(), np.abs(full.v).max()) > 2.5
@@ -61,7 +61,7 @@ def test_neighbours_keep_their_bits(plant: Any, law: Any, extra: dict[str, Any],
     options = {"t_end": 0.3, "dt": 2e-3, "record_every": 7, "state_limit": 30.0} | extra
     sound = al.simulate_batch(plant, law, q0, v0=v0, **options)
     v0[bad] = 29.999
-    q0[bad] = 29.999  # moves on at 30 rad/s or m/s, and passes the limit within the first steps
+    q0[bad] = 29.999  # continues at 30 rad/s or m/s and exceeds the limit within the first steps
     batch = al.simulate_batch(plant, law, q0, v0=v0, **options)
     others = np.arange(9) != bad
     assert batch.status[bad] == al.Status.DIVERGED and (batch.status[others] == al.Status.SUCCESS).all()
@@ -96,7 +96,7 @@ def test_limits_that_are_none(value: float) -> None:
 
 @pytest.mark.parametrize("extra", [{"dt": 1e-3}, {"method": "dop853", "t_eval": [0.0, 0.05, 0.1]}])
 def test_a_monitor_that_is_not_finite_ends_the_run(extra: dict[str, Any]) -> None:
-    """The state is finite and small, the energy is not a number of doubles."""
+    """The state is finite and small, but the energy overflows."""
     heavy = al.planar_arm([1.0, 1.0], masses=[1e308, 1e308], gravity=(0.0, -9.81))
     law = al.PDGravity(heavy, [0.0, 0.0], kp=1e-3, kd=1e-3)
     options = {"v0": [1e5, 0.0], "t_end": 0.1} | extra
@@ -108,7 +108,7 @@ def test_a_monitor_that_is_not_finite_ends_the_run(extra: dict[str, Any]) -> Non
 
 
 def test_a_balance_that_does_not_close_is_warned_of() -> None:
-    """Steps of 0.02 s are stable here by no means: the state grows, but not beyond the limit in these few steps."""
+    """The steps are unstable here, but in these few steps the state does not reach the limit."""
     with pytest.warns(UserWarning, match=r"simulate: the energy balance does not close: .* J are missing.*reduce dt") as warned:
         run = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.12, dt=0.04, state_limit=np.inf)
     assert run.status is al.Status.SUCCESS and __file__ == warned[0].filename
@@ -123,7 +123,7 @@ def test_a_balance_that_does_not_close_is_warned_of() -> None:
         warnings.simplefilter("error")
         fine = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.12, dt=1e-3)
         assert al.metrics(fine)["energy_error"] < 1e-6
-        al.simulate(PLANT, al.PDGravity(ARM, [0.0, 0.0], 10.0, 1.0), [0.0, 0.0], t_end=0.1, dt=1e-2)  # at rest: nothing but rounding
+        al.simulate(PLANT, al.PDGravity(ARM, [0.0, 0.0], 10.0, 1.0), [0.0, 0.0], t_end=0.1, dt=1e-2)  # at rest, with rounding only
         al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.5, dt=1e-3, method="euler")
 
 
@@ -163,7 +163,7 @@ class TestSimulator:
             sim.step()
         error = caught.value
         assert error.status is al.Status.DIVERGED and error.t == 0.0 and error.partial["q"].tolist() == [0.0, 0.0]
-        # The step is not taken, nor is any other.
+        # Neither this step nor any later step is taken.
         assert sim.status is al.Status.DIVERGED and sim.t == 0.0 and sim.q.tolist() == sim.v.tolist() == [0.0, 0.0]
         with pytest.raises(al.SolveError):
             sim.step([0.0, 0.0])
@@ -198,12 +198,12 @@ class TestSimulator:
             for _ in range(1000):
                 sim.step()
         assert stepped.value.t == pytest.approx(caught.value.t - 2e-2)
-        # The loop that records and the one that is stepped by hand differ by rounding.
+        # The recording loop and the loop of single steps differ by rounding.
         assert np.abs(sim.q - caught.value.partial.q[-1]).max() < 1e-12
 
     @pytest.mark.parametrize("method", ["rk4", "euler", "semi_implicit", "ros2"])
     def test_a_force_of_one_step(self, method: str) -> None:
-        """Pushed from 10 to 30 ms: as the force in steps of `simulate`."""
+        """A force that acts from 10 ms to 30 ms, as an argument of the steps and as an argument of `simulate`."""
         arm = al.load_urdf(al.example_urdf("planar_2r"))
         law = al.CartesianImpedance(arm, [0.5, 0.3], 300.0, 40.0, frame="tool", axes="xz")
         push = [20.0, -10.0]
@@ -212,7 +212,7 @@ class TestSimulator:
         sim = al.Simulator(al.RigidArm(arm), law, [0.3, 0.8], dt=1e-3, method=method)
         for k in range(50):
             sim.step(force=push if 10 <= k < 30 else None)
-        # Sums of steps, added up in two ways.
+        # The times of both loops are sums of steps that round differently.
         assert np.abs(sim.q - run.q[-1]).max() < 1e-12
         free = al.simulate(al.RigidArm(arm), law, [0.3, 0.8], t_end=0.05, dt=1e-3, method=method)
         assert np.abs(sim.q - free.q[-1]).max() > 1e-4
@@ -261,7 +261,7 @@ class TestSimulator:
         for _ in range(20):
             sim.step()
         run = al.simulate(plant, law, [0.3, -0.2], v0=[1.0, 2.0], theta0=state["theta"], theta_dot0=state["theta_dot"], t_end=2e-3, dt=1e-4)
-        # The law does not know the time: the same steps from the same state.
+        # The law does not depend on time, so equal states give equal steps.
         assert np.array_equal(sim.q, run.q[-1]) and np.array_equal(sim.theta, run.theta[-1])  # type: ignore[arg-type, index]
         with pytest.raises(al.InputError, match=r"^Simulator.set_state: theta_dot is not finite"):
             sim.set_state([0.0, 0.0], [0.0, 0.0], theta_dot=[np.nan, 0.0])
@@ -269,7 +269,7 @@ class TestSimulator:
             al.Simulator(PLANT, LAW, [0.0, 0.0], dt=1e-3).set_state([0.0, 0.0], [0.0, 0.0], theta=[0.0, 0.0])
 
     def test_the_state_of_the_law_is_set_too(self) -> None:
-        """A loop that is taken up by another one goes on with the same bits: integral, estimate with its filters, observer and contact."""
+        """A loop that continues from the state of another loop has its bits: integral, estimate with filters, observer and contact."""
         watch = al.MomentumObserver(ARM, 50.0, threshold=0.5)
         retract = {"stiffness": 100.0, "damping": 20.0, "speed": 0.3, "duration": 0.5}
         inner = al.PID(ARM, [0.4, 0.1], 60.0, 30.0, 10.0, derivative_filter=200.0, observer_bandwidth=10.0)
@@ -290,7 +290,7 @@ class TestSimulator:
                 for _ in range(40):
                     sim.step()
             assert np.array_equal(first.q, second.q) and np.array_equal(first.estimate, second.estimate)  # type: ignore[arg-type]
-            # A law that starts anew asks for another torque.
+            # A law with a reset state gives a different torque.
             second.reset(first.q, first.v)
             second.step()
             first.step()
@@ -316,7 +316,7 @@ class TestSimulator:
     @pytest.mark.parametrize("method", ["euler", "semi_implicit", "rk4", "ros2"])
     @pytest.mark.parametrize("sample_time", [None, 2e-3])
     def test_steps_have_the_bits_of_the_run(self, method: str, sample_time: float | None) -> None:
-        """Every step of rigid and elastic arms under laws that decide no ranks."""
+        """Steps of rigid and elastic arms are checked under laws that decide no ranks."""
         elastic = al.MotorPD(ARM, [0.2, 0.1], 10.0, 1.0, joint_stiffness=1e3)
         loops: list[tuple[Any, Any]] = [
             (PLANT, al.ComputedTorque(ARM, al.Quintic([0.3, 0.5], [0.6, 0.1], 0.2), 100.0, 20.0)),
@@ -326,7 +326,7 @@ class TestSimulator:
         ]
         for plant, law in loops:
             options: dict[str, Any] = {"dt": 1e-3, "method": method, "sample_time": sample_time}
-            # A step that ends at t_end, or where the motion jumps, is longer or shorter than dt by rounding.
+            # A step that ends at t_end, or where the motion jumps, differs from dt by rounding.
             run = al.simulate(plant, law, [0.3, 0.5], t_end=0.052, monitors=False, **options)
             sim = al.Simulator(plant, law, [0.3, 0.5], **options)
             for k in range(50):
@@ -342,7 +342,7 @@ class TestSimulator:
 
 
 class TestUnusedArguments:
-    """What the method would not look at is refused where the caller gave it."""
+    """An argument that the method does not use is refused."""
 
     @pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "rodas4"])
     def test_dt(self, method: str) -> None:
@@ -379,7 +379,7 @@ class TestUnusedArguments:
 
 
 def test_monitors_of_prioritised_accelerations() -> None:
-    """The energy of the plant, and error and residual of every level, as the pages say."""
+    """The monitors are the energy of the plant, and error and residual of every level, as the pages describe."""
     arm = al.load_urdf(al.example_urdf("seven_axis"))
     q0 = np.array([0.0, 0.6, 0.1, -1.4, 0.2, 0.9, 0.0])
     tip = arm.position(q0, "tcp")

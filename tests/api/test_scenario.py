@@ -1,4 +1,4 @@
-"""Scenario files: what they build, what is refused and where, templates, the schema."""
+"""Scenario files: the objects that they make, errors with their paths, templates, the schema."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GOOD: dict[str, Any] = {
 
 
 def changed(changes: dict[str, Any]) -> dict[str, Any]:
-    """GOOD with tables replaced or, by `table.key`, one entry; None removes."""
+    """The tables GOOD with changes: a whole table, or, by `table.key`, one entry. None removes it."""
     data = copy.deepcopy(GOOD)
     for path, value in changes.items():
         table, _, key = path.partition(".")
@@ -51,11 +51,11 @@ TIMED: dict[str, Any] = {"kind": "TimedPath", "tau_max": [20.0, 8.0], "tip_speed
 
 
 def timed(change: dict[str, Any], **path: Any) -> dict[str, Any]:
-    """A motion along poses with other keys, and other keys of the poses."""
+    """A motion along poses with changed keys. `path` changes keys of the table of poses."""
     return {"motion": TIMED | {"path": POSES | path} | change}
 
 
-# What is changed, and the message without the scenario's name.
+# Changes, and the message of the error without the scenario's name.
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"law": None}, "$.law: is missing: expected a table with kind = one of Adaptive, "),
     ({"law": 3}, "$.law: expected a table with kind = one of Adaptive, "),
@@ -129,7 +129,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("changes", "message"), REFUSED, ids=[message[:50] for _, message in REFUSED])
 def test_refusals(changes: dict[str, Any], message: str) -> None:
-    """Each is refused before it runs, in one line, and `check` refuses what `run` does."""
+    """Each scenario is refused before a run, with one line. `check` refuses the scenarios that `run` refuses."""
     for act in ("run", "check"):
         with pytest.raises(al.InputError) as caught:
             getattr(Scenario.from_dict(changed(changes)), act)()
@@ -155,7 +155,7 @@ def test_the_same_as_in_python() -> None:
 
 
 def test_a_motion_along_poses() -> None:
-    """As in Python; the arm stops at the pose that is named, and moves at the others."""
+    """The motion equals that of `cartesian_path` and `time_path` in Python. The arm stops only at the named pose."""
     data = changed({"motion": TIMED, "run.q0": [-0.5, 1.0]})
     built = Scenario.from_dict(data).build()
     arm = al.planar_arm([0.5, 0.4])
@@ -207,7 +207,7 @@ def test_the_law_may_believe_in_another_arm() -> None:
 
 
 def test_files(tmp_path: Path) -> None:
-    """Paths are relative to the file; `standalone` needs no file any more; a scenario is picklable."""
+    """Paths are relative to the file. `standalone` removes the dependence on files. A scenario can be pickled."""
     (tmp_path / "robot.urdf").write_text(al.example_urdf("planar_2r"))
     text = '[arm]\nkind = "urdf"\npath = "robot.urdf"\n[law]\nkind = "PDGravity"\ntarget = [0.2, 0.3]\nkp = 50.0\nkd = 10.0\n'
     file = tmp_path / "a.toml"
@@ -251,7 +251,7 @@ def test_replace_leaves_the_first_as_it_was() -> None:
 
 
 def test_replace_changes_one_table() -> None:
-    """Where one dict is given for two tables, each is its own."""
+    """If two tables are one dict, a change affects only the named table."""
     arm = {"kind": "planar_arm", "lengths": [0.5, 0.4]}
     scenario = Scenario(GOOD | {"arm": arm, "model": arm}).replace({"arm.masses": [1.0, 2.0]})
     assert (
@@ -265,7 +265,7 @@ def test_templates_run(name: str, tmp_path: Path) -> None:
     file.write_text(template(name))
     run = Scenario.load(file).run()
     assert run.status is al.Status.SUCCESS and "#" in template(name)
-    # A template shows a loop that works: what it follows is reached, what it holds is at rest.
+    # The template has a loop that works: errors are small at the end, and no monitor is violated.
     assert np.nanmax(run.metrics()["error_final"], initial=0.0) < 0.02 and run.metrics()["monitor_violations"] == 0
 
 
@@ -275,7 +275,7 @@ def test_unknown_template() -> None:
 
 
 def holds(value: Any, form: dict[str, Any]) -> bool:
-    """As much of JSON schema as `schema()` uses."""
+    """Whether a value satisfies a JSON schema. Only the parts that `schema()` uses are implemented."""
     kinds = {"object": dict, "array": list, "string": str, "boolean": bool, "number": (int, float), "integer": int}
     if "enum" in form or "const" in form:
         return bool(value in form.get("enum", [form.get("const")]))
@@ -305,7 +305,7 @@ def test_the_schema_says_what_the_check_says() -> None:
     for name in TEMPLATES:
         assert holds(tomllib.loads(template(name)), form)
     assert holds(GOOD, form)
-    # NaN and infinity are beyond JSON; the rest of what the tables themselves refuse, the schema refuses.
+    # JSON has no NaN and infinity. The schema refuses everything else that the tables refuse.
     refused = [changed(changes) for changes, message in REFUSED if "expected a finite number" not in message]
     refused = [data for data in refused if list(SCENARIO.check(data, "$"))]
     assert len(refused) >= 20
@@ -313,7 +313,7 @@ def test_the_schema_says_what_the_check_says() -> None:
 
 
 def test_every_class_is_in_the_tables() -> None:
-    """A public law, plant or motion is to be had in a scenario too."""
+    """Every public law, plant and motion is available in scenarios."""
     for table, base in (("law", al.Law), ("plant", al.Plant), ("motion", al.Motion)):
         public = {name for name in al.__all__ if isinstance(getattr(al, name), type) and issubclass(getattr(al, name), base)}
         what = SCENARIO.keys[table]

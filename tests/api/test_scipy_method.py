@@ -1,4 +1,4 @@
-"""What scipy's own solvers take: under `solve_ivp`, in steps, and as options of `integrate`. `make test-scipy` runs scipy's tests."""
+"""Features of scipy's solvers: with `solve_ivp`, step by step, and as options of `integrate`. `make test-scipy` runs scipy's tests."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BAND = np.abs(np.subtract.outer(np.arange(N), np.arange(N))) <= 1
 
 
 class Counted:
-    """A function, with the number of its calls."""
+    """A function that counts its calls."""
 
     def __init__(self, f: Callable[..., Any]) -> None:
         self.f, self.calls = f, 0
@@ -36,7 +36,7 @@ def linear(t: float, y: Any) -> Any:
 
 
 def diffusion(t: float, y: Any) -> Any:
-    """On N points, with a nonlinear sink; y is (N,) or (N, k)."""
+    """Diffusion with a nonlinear sink, discretised at N points; y is (N,) or (N, k)."""
     slope = -2.0 * y - y**3
     slope[1:] += y[:-1]
     slope[:-1] += y[1:]
@@ -48,7 +48,7 @@ def start() -> Any:
 
 
 def both(method: str, f: Any, span: Any, y0: Any, **options: Any) -> tuple[al.Integration, Any]:
-    """The same problem by `integrate` and by `solve_ivp`, whose steps are the same."""
+    """Solve one problem by `integrate` and by `solve_ivp`. Their steps are equal."""
     tolerances = {"rtol": 1e-6, "atol": 1e-8} | options
     ours = al.integrate(f, span, y0, method=method, **tolerances)
     theirs = solve_ivp(f, span, y0, method=al.scipy_method(method), **tolerances)
@@ -65,7 +65,7 @@ class TestUnboundedTime:
         for _ in range(40):
             assert solver.step() is None
         assert solver.status == "running" and abs(solver.t - 1.0) > 1.0
-        # The defaults of scipy, over some tens of steps.
+        # The tolerance covers scipy's default tolerances over some tens of steps.
         assert solver.y[0] == pytest.approx(np.exp(-abs(solver.t - 1.0)), abs=1e-3)
 
     def test_an_event_ends_it(self, method: str) -> None:
@@ -76,7 +76,7 @@ class TestUnboundedTime:
         ours = al.integrate(lambda t, y: -y, (0.0, np.inf), [1.0], method=method, rtol=1e-6, events=down)
         theirs = solve_ivp(lambda t, y: -y, (0.0, np.inf), [1.0], method=al.scipy_method(method), rtol=1e-6, atol=1e-10, events=down)
         assert ours.status is al.Status.EVENT and theirs.status == 1
-        # The last time is that of the event, for which scipy searches itself.
+        # The last time is the event, which scipy locates by its own search.
         assert np.array_equal(ours.t[:-1], theirs.t[:-1])
         assert ours.t[-1] == pytest.approx(np.log(4.0), rel=1e-5)
 
@@ -103,7 +103,7 @@ class TestJacobians:
         sparse, _ = both(method, linear, (0.0, 2.0), [0.0, 2.0], jac=kind(MATRIX))
         called, more = both(method, linear, (0.0, 2.0), [0.0, 2.0], jac=lambda t, y: kind(MATRIX))
         assert np.array_equal(plain.y, sparse.y) and np.array_equal(plain.y, called.y)
-        # A constant one is never evaluated.
+        # A constant Jacobian is never evaluated.
         assert counts.njev == 0 and plain.stats["jacobians"] == 0 and counts.nlu > 0
         assert more.njev == called.stats["jacobians"] > 0
 
@@ -123,7 +123,7 @@ class TestJacobians:
         sparse = al.integrate(f, (0.0, 0.2), start(), method=method, rtol=1e-6, atol=1e-8, jac_sparsity=pattern)
         both(method, diffusion, (0.0, 0.2), start(), jac_sparsity=pattern)
         assert np.array_equal(dense.y, sparse.y) and f.calls == sparse.stats["evaluations"]
-        # Three groups of columns in place of 24.
+        # Three groups of columns replace 24 columns.
         per_jacobian = 21 * (2 if method == "rodas4" else 1)
         assert dense.stats["evaluations"] - f.calls == per_jacobian * sparse.stats["jacobians"]
 
@@ -163,7 +163,7 @@ def test_vectorised_right_hand_sides_that_are_not() -> None:
         al.integrate(lambda t, y: MATRIX, (0.0, 1.0), [1.0, 0.0], vectorized=True)
     with pytest.raises(al.InputError, match="vectorized is given with lists"):
         al.integrate(linear, (0.0, 1.0), [1.0, 0.0], vectorized=True, lists=True)
-    # One state at a time may come back as (n,).
+    # For one state, f may return (n,).
     assert al.integrate(lambda t, y: (MATRIX @ y)[:, 0], (0.0, 1.0), [1.0, 0.0], vectorized=True).success
 
 
@@ -175,7 +175,7 @@ class TestTolerances:
         one, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], **loose)
         all_of, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], **tight)
         assert one.stats["steps"] < all_of.stats["steps"]
-        # Global errors of some steps of 1e-9.
+        # The tolerance covers the global error of some steps with tolerance 1e-9.
         assert abs(one.y[-1, 0] - np.exp(-1.0)) < 1e-7
         same, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], rtol=[1e-9, 1e-9], atol=[1e-12, 1e-12])
         assert np.array_equal(same.y, all_of.y)
@@ -245,7 +245,7 @@ class TestAsAClass:
     def test_counts_are_scipys(self, method: str) -> None:
         f = Counted(diffusion)
         solution = solve_ivp(f, (0.0, 0.1), start(), method=al.scipy_method(method))
-        # Differences do not count; scipy's own constructor calls nothing.
+        # Evaluations for differences are not counted. scipy's constructor evaluates nothing.
         assert solution.nfev < f.calls if method in IMPLICIT else solution.nfev == f.calls
         exact = solve_ivp(Counted(diffusion), (0.0, 0.1), start(), method=al.scipy_method("radau5"), jac_sparsity=BAND)
         assert exact.nfev < 300 and exact.njev > 0
@@ -268,12 +268,12 @@ class TestAsAClass:
             al.integrate(linear, (0.0, 1.0), [1.0j, 0.0], method=method)
 
     def test_polynomials_go_on_beyond_their_steps(self, method: str) -> None:
-        """A parabola is continued to a thousand steps ahead."""
+        """The parabola of a step is extrapolated over a thousand steps."""
         solver = al.scipy_method(method)(lambda t, y: [y[1], -9.81], 0.0, [0.0, 0.01], 1.0, max_step=1e-5)
         for _ in range(400):
             solver.step()
         dense, t = solver.dense_output(), solver.t + np.array([-0.5e-5, 0.0, 1e-2])
-        # Rounding errors of the curvature grow with the square of the distance in steps: 1e6 times 1e-16, of the step's 1e-7.
+        # Rounding errors of the curvature grow with the square of the number of steps: 1e6 times 1e-16 relative to 1e-7.
         np.testing.assert_allclose(dense(t)[0], 0.01 * t - 9.81 / 2 * t**2, atol=1e-7)
         np.testing.assert_allclose(dense(t)[1], 0.01 - 9.81 * t, atol=1e-7)
         assert dense(t[2]).shape == (2,) and np.array_equal(dense(t[2]), dense(t)[:, 2])

@@ -1,4 +1,4 @@
-"""The rules of tools/source_rules.py hold for the sources, and each of them sees a planted violation."""
+"""The sources follow the rules of tools/source_rules.py, and each rule detects a deliberate violation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def tool() -> ModuleType:
 
 RULES = tool()
 SOURCES = RULES.sources(ROOT / "rust", ROOT / "python")
-#: Functions that are longer, and their lines at most; the list only shrinks.
+#: Exceptions: longer functions, with their largest numbers of lines. The list only shrinks.
 LONGER = {
     "rust/core/src/plan/time_path/examine.rs": {"run": 104},
     "rust/core/src/plan/time_path/mod.rs": {"plan": 101},
@@ -79,12 +79,12 @@ def test_equal_lines_are_seen(tmp_path: Path) -> None:
     (tmp_path / "c.py").write_text("\n".join(lines[:9]))
     (tmp_path / "d.pyi").write_text("\n".join(lines))
     assert RULES.repeated(RULES.sources(tmp_path)) == [[(tmp_path / "a.py", 2, 12), (tmp_path / "b.py", 2, 12)]]
-    # Parameters of functions are read whole by those who call them.
+    # Parameters of functions may repeat.
     parameters = ",\n".join(f"    x{i}: int = {i}" for i in range(12))
     (tmp_path / "a.py").write_text(f"def f(\n{parameters},\n): ...\n")
     (tmp_path / "b.py").write_text(f"def g(\n{parameters},\n): ...\n")
     assert RULES.repeated(RULES.sources(tmp_path)) == []
-    # So they are where the function is written in Rust.
+    # Parameters may also repeat if the function is written in Rust.
     (tmp_path / "a.py").unlink()
     (tmp_path / "b.py").unlink()
     for name, kind in (("a.rs", "&Bound<'py, PyAny>"), ("b.rs", "&Bound<'py, PyAny>"), ("c.rs", "&[f64]"), ("d.rs", "&[f64]")):

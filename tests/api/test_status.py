@@ -1,4 +1,4 @@
-"""Statuses and errors on the Python side: the same numbers and advice as the core's, and they survive pickling."""
+"""Statuses and errors in Python: numbers and advice equal those of the core, and pickling keeps them."""
 
 from __future__ import annotations
 

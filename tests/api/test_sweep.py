@@ -1,4 +1,4 @@
-"""Sweeps: the same bits however they are cut and wherever they run; folders that survive kills; what is refused."""
+"""Sweeps: equal bits for every chunk size and executor; folders that survive killed processes; refused arguments."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ def same(a: al.SweepTable, b: al.SweepTable) -> None:
 
 
 def test_a_grid() -> None:
-    """The last entry is the fastest; a row is the run of its cell."""
+    """The last varied entry changes fastest. A row equals the run of its cell."""
     table = al.sweep(SCENARIO, GRID)
     assert table.rows == 6 and set(table["status"]) == {0}
     np.testing.assert_array_equal(table["law.gamma"], [1.0, 1.0, 5.0, 5.0, 25.0, 25.0])
     np.testing.assert_array_equal(table["law.kd[0]"], [10.0, 20.0] * 3)
     alone = SCENARIO.replace({"law.gamma": 25.0, "law.kd": [10.0, 5.0]}).run().metrics().columns()
     for name, value in alone.items():
-        # A batch row and a single run agree to the rounding of contracting runs.
+        # A row of a batch and a single run differ by rounding, which contracting runs do not amplify.
         np.testing.assert_allclose(table[name][4], value, rtol=1e-9, atol=1e-12, err_msg=name)
     assert "error_rms1" in str(table) and "6 success" in str(table)
 
@@ -67,7 +67,7 @@ def test_draws_depend_on_seed_and_cell_alone() -> None:
     assert not np.array_equal(table["law.gamma"], al.sweep(SCENARIO, DRAWS, draws=40, seed=4)["law.gamma"])
     assert 10.0 <= table["law.kd[0]"].min() < 15.0 and 35.0 < table["law.kd[0]"].max() <= 40.0
     assert set(table["arm.A"]) == {1.5, 2.0, 3.0} and set(table["run.method"]) == {"rk4", "euler"}
-    assert abs(table["run.q0[0]"].mean()) < 0.1 and 0.05 < table["run.q0[0]"].std() < 0.2  # 40 draws of deviation 0.1
+    assert abs(table["run.q0[0]"].mean()) < 0.1 and 0.05 < table["run.q0[0]"].std() < 0.2  # 40 draws with standard deviation 0.1
 
 
 def test_same_bits_on_any_number_of_workers() -> None:
@@ -112,7 +112,7 @@ def test_a_folder_is_gone_on_with(tmp_path: Path) -> None:
     assert files == ["chunk-000000.npz", "chunk-000001.npz", "sweep.json"]
     before = {name: (tmp_path / name).stat().st_mtime_ns for name in files}
     calls: list[tuple[int, int]] = []
-    # The chunk size is that of the beginning, whatever is asked now.
+    # The chunk size of the first call applies, not the argument of a later call.
     same(wanted, al.sweep(SCENARIO, DRAWS, draws=40, seed=3, chunk=7, out=tmp_path, progress=lambda *n: calls.append(n)))
     assert calls == [(30, 40), (40, 40)] and {name: (tmp_path / name).stat().st_mtime_ns for name in files} == before
     same(wanted, al.sweep(SCENARIO, DRAWS, draws=40, seed=3, out=tmp_path))
@@ -121,7 +121,7 @@ def test_a_folder_is_gone_on_with(tmp_path: Path) -> None:
 def test_damaged_chunks_are_computed_again(tmp_path: Path) -> None:
     wanted = al.sweep(SCENARIO, DRAWS, draws=40, seed=3, chunk=10, out=tmp_path)
     whole = (tmp_path / "chunk-000001.npz").read_bytes()
-    (tmp_path / "chunk-000000.npz").write_bytes(whole)  # another chunk's
+    (tmp_path / "chunk-000000.npz").write_bytes(whole)  # the file of another chunk
     (tmp_path / "chunk-000001.npz").write_bytes(whole[: len(whole) // 2])
     spoiled = bytearray((tmp_path / "chunk-000002.npz").read_bytes())
     spoiled[spoiled.index(b"NUMPY") + 140] ^= 1
@@ -174,11 +174,11 @@ def test_refusals(vary: Any, options: dict[str, Any], message: str, tmp_path: Pa
     with pytest.raises(al.InputError) as caught:
         al.sweep(SCENARIO, vary, out=tmp_path / "out", **options)
     assert message in str(caught.value)
-    assert not (tmp_path / "out").exists()  # so that the corrected sweep may go there
+    assert not (tmp_path / "out").exists()  # so the corrected sweep can use this folder
 
 
 class Recording(ThreadPoolExecutor):
-    """Keeps the jobs that it is given."""
+    """An executor that records its jobs."""
 
     def __init__(self) -> None:
         super().__init__(1)
@@ -190,7 +190,7 @@ class Recording(ThreadPoolExecutor):
 
 
 def test_a_job_holds_no_object_that_an_executor_would_look_through() -> None:
-    """Dask makes a name of a job from all numbers in it; of bytes it takes a digest."""
+    """Dask computes the name of a job from all numbers in it, which is slow. For bytes it only computes a hash."""
     with Recording() as executor:
         same(al.sweep(SCENARIO, GRID), al.sweep(SCENARIO, GRID, chunk=2, executor=executor))
     kinds = {type(part) for job in executor.jobs for part in job.args}
@@ -198,7 +198,7 @@ def test_a_job_holds_no_object_that_an_executor_would_look_through() -> None:
 
 
 class Broken(Executor):
-    """A pool whose workers died."""
+    """A pool whose workers have ended."""
 
     def submit(self, *args: Any, **keywords: Any) -> Future[Any]:  # type: ignore[override]
         future: Future[Any] = Future()
@@ -227,7 +227,7 @@ if __name__ == "__main__":
 
 
 def gone(pid: int) -> bool:
-    """Whether a process has ended, if nobody has asked how."""
+    """Whether a process has ended, also if no process has waited for it."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except OSError:
@@ -236,10 +236,10 @@ def gone(pid: int) -> bool:
 
 @pytest.mark.parametrize("victim", ["worker", "client"])
 def test_sigkill(victim: str, tmp_path: Path) -> None:
-    """Killed in the middle, again and again, then left alone: the table is that of an undisturbed sweep, bit for bit.
+    """A sweep that is killed repeatedly and then completed has the bits of an undisturbed sweep.
 
-    A sweep outlives its worker, whose chunk is run again; a client that was killed is started again.
-    ARMLET_KILL_TRIALS says how many folders; 1 by default, 20 in `make test-sweep-kill`.
+    If a worker is killed, the sweep runs its chunk again. If the client is killed, the test starts it again.
+    ARMLET_KILL_TRIALS is the number of folders: 1 by default, 20 in `make test-sweep-kill`.
     """
     data = dict(SCENARIO.data) | {"sweep": {"vary": DRAWS, "draws": 480, "seed": 7, "chunk": 8}}
     data["run"] = data["run"] | {"t_end": 3.0}
@@ -260,7 +260,7 @@ def test_sigkill(victim: str, tmp_path: Path) -> None:
                 target = chance.choice(workers) if victim == "worker" else process.pid
                 had = len(list(out.glob("chunk-*")))
                 deadline = time.monotonic() + 60.0
-                # Not before it has got somewhere, and then at any moment.
+                # The process is killed after three more chunks, at a random time.
                 while len(list(out.glob("chunk-*"))) < had + 3 and process.poll() is None and time.monotonic() < deadline:
                     time.sleep(0.005)
                 time.sleep(chance.random() * 0.05)
@@ -272,7 +272,7 @@ def test_sigkill(victim: str, tmp_path: Path) -> None:
                 code = process.wait(120.0)
                 assert code == 0 if victim == "worker" else not met or code != 0
                 interrupted += met
-            # Nobody waits for a call that never comes.
+            # No worker may wait for a client that has ended.
             deadline = time.monotonic() + 30.0
             while not all(map(gone, workers)) and time.monotonic() < deadline:
                 time.sleep(0.02)
@@ -280,13 +280,13 @@ def test_sigkill(victim: str, tmp_path: Path) -> None:
         left = {path.name for path in out.glob("chunk-*")}
         calls: list[int] = []
         same(wanted, al.sweep(scenario, out=out, progress=lambda done, _, calls=calls: calls.append(done)))  # type: ignore[misc]
-        assert len(left) + len(calls) == 60  # what was finished stayed; what was not was computed once
+        assert len(left) + len(calls) == 60  # finished chunks are kept, and every other chunk is computed once
     print(f"{victim}: {trials} sweeps equal bit for bit, {interrupted} of {2 * trials} kills met a running sweep")
     assert interrupted > 0
 
 
 def toml(data: Any) -> str:
-    """Tables as TOML: every value of a key written inline."""
+    """Convert tables to TOML, with the values of each key inline."""
 
     def inline(value: Any) -> str:
         if isinstance(value, dict):
@@ -297,7 +297,10 @@ def toml(data: Any) -> str:
 
 
 def test_plot() -> None:
-    """The first metric over what varied, on scales that fit; runs without a value are shown as such; wrong names are told."""
+    """The plot has the first metric over the varied values, with suitable scales.
+
+    Rows without a value are marked. Wrong names are refused.
+    """
     table = al.sweep(SCENARIO, {"law.kd": [10.0, 20.0, 1e6], "law.gamma": {"geomspace": [0.5, 50.0, 4]}})
     figure = Figure()
     ax = table.plot(fig=figure)
@@ -311,18 +314,18 @@ def test_plot() -> None:
 
 
 def test_every_cell_of_every_seed_draws_its_own_numbers() -> None:
-    """2,500 pairs of seed and cell, three entries each: no number twice, none shared between entries, no pair that stands for another."""
+    """In 2,500 pairs of seed and cell with three entries each, all random numbers are different."""
     vary = {name: {"uniform": [0.0, 1.0]} for name in ("a", "b", "c")}
     pairs = [(seed, i) for seed in range(50) for i in range(50)]
     cells = {seed: Cells.of(vary, 50, seed) for seed in range(50)}
     u = np.array([list(cells[seed][i].values()) for seed, i in pairs])
     assert len(np.unique(u)) == u.size
     assert len({cells[seed].sampling_seed(i) for seed, i in pairs}) == len(pairs)
-    # Nor far apart: no cell of one seed is the first of another.
+    # Pairs that are far apart also differ: no cell of one seed equals the first cell of another seed.
     far = [(seed, i) for seed in range(300) for i in (0, 1, 10, 100, 2**8, 1000, 10**4, 2**16, 10**6, 2**20, 10**8 - 1)]
     made = [Cells.of(vary, 10**8, seed) for seed in range(300)]
     assert len({tuple(made[seed][i].values()) for seed, i in far}) == len({made[seed].sampling_seed(i) for seed, i in far}) == len(far)
-    # Means of 2,500 numbers deviate by 0.006, correlations of neighbours by 0.02: five deviations.
+    # The tolerances are five standard deviations: 0.006 for means of 2,500 numbers, 0.02 for correlations of neighbours.
     assert np.abs(u.mean(axis=0) - 0.5).max() < 0.03 and np.abs(u.std(axis=0) - np.sqrt(1 / 12)).max() < 0.03
     grid = u.reshape(50, 50, 3) - 0.5
     for one, other in ((grid[1:], grid[:-1]), (grid[:, 1:], grid[:, :-1]), (grid[1:, :-1], grid[:-1, 1:]), (grid[..., 1:], grid[..., :-1])):
@@ -330,7 +333,7 @@ def test_every_cell_of_every_seed_draws_its_own_numbers() -> None:
 
 
 def test_noise_is_the_cells_own_in_a_chunk_of_several_kinds() -> None:
-    """Cells that alternate between steps cannot share a batch: the noise of each is that of its number all the same."""
+    """Cells with alternating steps cannot share a batch. The noise of a cell still depends only on its number."""
     noisy = SCENARIO.replace({"run.sample_time": {"period": 0.01, "noise": {"v": 0.1}, "jitter": 2e-3}})
     vary: dict[str, Any] = {"law.kp": [[40.0, 20.0]] * 4, "run.dt": [2e-3, 1e-3]}
     wanted = al.sweep(noisy, vary, chunk=1, seed=1)

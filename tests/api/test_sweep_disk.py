@@ -1,4 +1,4 @@
-"""A sweep into a place that cannot be written: one line, nothing half-written, and gone on with as ever."""
+"""A sweep into a folder that cannot be written: one line, no partial files, and it can be continued later."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from test_sweep import DRAWS, SCENARIO, same, toml
 import armlet as al
 
 OPTIONS = {"draws": 40, "seed": 3, "chunk": 10}
-# Files of this process end at 4 KiB: a chunk needs more. What a full disk does to a write, without a disk to fill.
+# Limits the files of this process to 4 KiB, less than a chunk. A write then fails as on a full disk.
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
@@ -24,7 +24,7 @@ sys.exit(main(["sweep", sys.argv[1], "--out", sys.argv[2]]))
 def test_a_disk_without_room(tmp_path: Path) -> None:
     file, out = tmp_path / "s.toml", tmp_path / "out"
     file.write_text(toml(dict(SCENARIO.data) | {"sweep": {"vary": DRAWS, **OPTIONS}}))
-    wanted = al.sweep(SCENARIO, DRAWS, **OPTIONS)  # type: ignore[arg-type]  # counts all
+    wanted = al.sweep(SCENARIO, DRAWS, **OPTIONS)  # type: ignore[arg-type]  # OPTIONS has only counts
 
     class Stop(Exception):
         pass
@@ -47,7 +47,7 @@ def test_a_disk_without_room(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("place", ["file", "below a file", "not ours"])
 def test_a_place_that_cannot_be_written(place: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Said before anything is run."""
+    """The error is raised before any run."""
     from armlet.cli import main
 
     (tmp_path / "taken").write_text("")

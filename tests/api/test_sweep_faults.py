@@ -1,4 +1,4 @@
-"""A cell that raises, or ends its worker, costs itself alone: three tries at most, its error in the table, every other row as ever."""
+"""A cell that raises or ends its worker fails alone. It has at most three tries and an error in the table; other rows are correct."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from test_sweep import SCENARIO, same
 import armlet as al
 from armlet.sweeping import chunk as sweep_chunk
 
-#: Cell 3 and cell 7 are bad, in chunks of their own where a chunk has four cells.
+#: Cells 3 and 7 fail. With four cells per chunk they are in different chunks.
 VARY: dict[str, Any] = {"run.q0[0]": [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]}
 BAD = [3, 7]
 
 
 def check(table: al.SweepTable, wanted: al.SweepTable, error: str, bad: list[int] = BAD) -> None:
-    """Bad rows have an error and NaN, the others the bits of an undisturbed sweep."""
+    """Failed rows have an error and NaN. Other rows have the bits of an undisturbed sweep."""
     good = np.setdiff1d(np.arange(table.rows), bad)
     assert list(table) == [*wanted, "error"]
     assert table["error"][good].tolist() == [""] * len(good) and all(error in text for text in table["error"][bad])
@@ -38,7 +38,7 @@ def tries(log: Path) -> Counter[str]:
 @pytest.mark.parametrize("chunk", [1, 4, 100])
 def test_a_cell_that_raises(chunk: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = al.sweep(SCENARIO, VARY)
-    monkeypatch.setattr(sweep_chunk, "simulate_batch", sweep_chunk.simulate_batch)  # put back at the end
+    monkeypatch.setattr(sweep_chunk, "simulate_batch", sweep_chunk.simulate_batch)  # monkeypatch restores it at the end
     sweep_saboteur.sabotage("raise", str(tmp_path / "log"))
     table = al.sweep(SCENARIO, VARY, chunk=chunk)
     check(table, wanted, "ZeroDivisionError: a law's fault")
@@ -56,13 +56,13 @@ def test_a_cell_that_raises_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_cell_that_is_refused() -> None:
-    """The first and the last cell are tried before a sweep begins; a bad one in between is a row, not the end."""
+    """The first and the last cell are checked before a sweep begins. Another invalid cell is only a failed row."""
     vary = {"law.gamma": [1.0, -1.0, 5.0]}
     table = al.sweep(SCENARIO, vary)
     message = "InputError: sweep: cell 1 (law.gamma = -1.0): scenario: $.law.gamma: expected > 0, got -1.0"
     assert table["error"].tolist() == ["", message, ""]
     assert table["status"].tolist() == [0, al.Status.INTERRUPTED, 0] and np.isfinite(table["error_rms1"]).tolist() == [True, False, True]
-    # Alone in its chunk it has no metrics to be NaN in; the table has them all the same.
+    # In a chunk of one cell, no other row has metrics. The table still has all columns.
     same(al.sweep(SCENARIO, vary, chunk=1), table)
 
 
@@ -73,14 +73,14 @@ def test_arguments_of_metrics_are_refused() -> None:
 
 @pytest.mark.parametrize("chunk", [1, 4, 100])
 def test_a_cell_that_aborts(chunk: int, tmp_path: Path) -> None:
-    """Its worker dies with it: the pool is replaced, with the start method and the initializer of the caller's."""
+    """The worker of an aborting cell ends. The pool is replaced, with the caller's start method and initializer."""
     wanted = al.sweep(SCENARIO, VARY)
     log, out = tmp_path / "log", tmp_path / "out"
     with ProcessPoolExecutor(2, get_context("spawn"), sweep_saboteur.sabotage, ("abort", str(log))) as pool:
         table = al.sweep(SCENARIO, VARY, chunk=chunk, executor=pool, out=out)
     check(table, wanted, "the worker's process died, 3 times")
     assert max(tries(log).values()) <= 3 and set(tries(log)) == {"0.3", "0.7"}
-    # Recorded: the same call reads the folder and runs nothing.
+    # The failure is recorded, so a repeated call reads the folder and runs nothing.
     same(al.sweep(SCENARIO, VARY, out=out, progress=lambda done, total: pytest.fail("a chunk was run again")), table)
 
 

@@ -1,4 +1,4 @@
-"""Tasks, their laws, solvers and inverse kinematics: bad input is refused by name, everything pickles and shows itself."""
+"""Tasks, their laws, solvers and inverse kinematics: invalid arguments are refused by name; every object can be pickled and printed."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_plants_and_methods_that_do_not_fit() -> None:
         al.simulate(al.RigidArm(ARM), law, Q, t_end=0.1, dt=0.01)
     with pytest.raises(al.InputError, match="method needs derivatives, which PriorityVelocity has not"):
         al.simulate(al.VelocityArm(ARM), law, Q, t_end=0.1, method="radau5")
-    # Held between samples there is nothing to differentiate.
+    # In a sampled loop the input is constant between samples, so no derivative is needed.
     al.simulate(al.VelocityArm(ARM), law, Q, t_end=0.1, method="radau5", sample_time=0.02)
 
 
@@ -201,7 +201,7 @@ def test_out_of_reach_is_a_status() -> None:
     assert not found and found.status is al.Status.INFEASIBLE and found.reached == [False] and found.restarts == 2
     both = al.inverse_kinematics(ARM, [TIP, al.PostureTask(np.zeros(4))], Q, restarts=2)
     assert both.status is al.Status.DEGRADED and both.reached == [True, False]
-    # The posture is as near as the tip allows: what is left of its error has no part in the null space.
+    # The posture is the nearest one that the tip's task allows, so its error has no component in the null space.
     J = ARM.jacobian(both.q, "link4")[:2]
     null = np.linalg.svd(J)[2][2:]
     assert np.abs(null @ both.errors[1]).max() <= 1e-6

@@ -1,4 +1,4 @@
-"""Errors of tasks in metres: beside the native monitors, by hand, in batches, on the disk; and the error of any frame."""
+"""Errors of tasks in metres: compared with the monitors and with direct computation, in batches and in files; and errors of any frame."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ FOLLOW = al.ElasticTracking(TWO, MOTION, [300.0, 200.0], [40.0, 30.0], 800.0, 0.
 
 
 def test_beside_the_native_monitors() -> None:
-    """The monitor of a task of positions is the same distance, computed by the loop itself."""
+    """The monitor of a position task is the same distance, computed by the loop."""
     run = al.simulate(al.VelocityArm(ARM), al.PriorityVelocity(ARM, TASKS), Q0, t_end=1.0, dt=1e-2)
     assert run.position_error is not None and run.position_error.shape == (101, 2)
     np.testing.assert_allclose(run.position_error[:, 0], run.monitors["error_1"], rtol=0.0, atol=1e-14)
-    # The second counts its x row alone: the posture has no frame, and rz is no position.
+    # The second task counts only its x row. The posture has no frame, and rz is not a position.
     x = np.abs(0.9 - ARM.position(run.q, "link2")[:, 0])
     np.testing.assert_allclose(run.position_error[:, 1], x, rtol=0.0, atol=1e-15)
     found = run.metrics()
@@ -47,7 +47,7 @@ def test_targets_that_move() -> None:
 
 
 def test_rows_of_a_batch_are_runs(tmp_path: Path) -> None:
-    """One law or one per row, arms of different lengths; whole, one by one, as metrics alone, and read back."""
+    """A batch equals single runs: with one law or one law per row, for arms of different lengths, as metrics only, and after saving."""
     q0 = np.random.default_rng(3).uniform(0.2, 0.8, (5, 2))
     arms = [al.planar_arm([0.5, length], masses=[3.0, 2.0]) for length in (0.3, 0.35, 0.4, 0.45, 0.5)]
     laws = [
@@ -71,7 +71,7 @@ def test_rows_of_a_batch_are_runs(tmp_path: Path) -> None:
         batch.save(tmp_path / "batch.npz")
         again = al.load(tmp_path / "batch.npz").metrics()
         for name in PER_TASK:
-            # Sums and squares round otherwise, record by record.
+            # Sums and squares round differently if they are computed record by record.
             np.testing.assert_allclose(alone[name], found[name], rtol=1e-12)
             np.testing.assert_array_equal(again[name], found[name])
 
@@ -110,7 +110,7 @@ def test_refusals(tmp_path: Path) -> None:
 
 
 def test_the_rotation_from_the_target(tmp_path: Path) -> None:
-    """The norm of the law's own error in its orientation rows, for any angle; a saved run keeps it."""
+    """The metric is the norm of the law's error in its orientation rows, for any angle. A saved run keeps it."""
     arm = al.load_urdf(al.example_urdf("six_axis"))
     rng = np.random.default_rng(5)
     for axes, rows in (("xyz rx ry rz", [3, 4, 5]), ("z rx rz", [1, 2]), ("rx ry rz", [0, 1, 2])):

@@ -1,4 +1,4 @@
-"""`time_path` as Python sees it: refusals that name the argument, paths of every kind, pickles, motions in a law."""
+"""The Python interface of `time_path`: refused arguments with their names, paths of every kind, pickles, motions in a law."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_frames() -> None:
             al.time_path(ARM, PATH, tau_max=30.0, tip_speed=1.0, frame=bad)  # type: ignore[arg-type]
     with pytest.raises(al.InputError, match=r"^time_path: frame is unknown.*planar_pr"):
         al.time_path(al.planar_pr(2.0, 0.5, 0.5), PATH, tau_max=30.0, tip_speed=1.0, frame="link2")
-    # A frame that does not move bounds nothing.
+    # Limits of a frame that does not move have no effect.
     with pytest.raises(
         al.InputError, match=r"^time_path: tau_max, a_max are both missing: expected one of them where the frame does not move"
     ):
@@ -81,7 +81,7 @@ def test_limits_that_vary(name: str) -> None:
             al.time_path(ARM, PATH, **{**good, name: wrong})
     with pytest.raises(ZeroDivisionError):
         al.time_path(ARM, PATH, **{**good, name: lambda s: 1 / 0})
-    # Of two joints and two waypoints (2, 2) is lower and upper for torques, a row per waypoint for the others.
+    # For two joints and two waypoints, (2, 2) means lower and upper limits of torque, but one row per waypoint for other limits.
     if name != "tau_max":
         assert al.time_path(ARM, PATH[:2], **{**good, name: [[1.0, 2.0], [3.0, 1.0]]}).feasible
     # A callable path has no waypoints.
@@ -143,7 +143,7 @@ def test_waypoints_of_every_layout() -> None:
 
 
 def test_points() -> None:
-    """A path that is one point takes no time, where the arm can hold itself."""
+    """A path of equal points takes no time if the arm can hold itself."""
     held = al.time_path(ARM, [[0.1, 0.2]] * 3, tau_max=30.0)
     assert held.feasible and held.duration == 0.0 and held.margin > 0.0
     np.testing.assert_array_equal(held(1.0)[0], [0.1, 0.2])
@@ -152,7 +152,7 @@ def test_points() -> None:
 
 
 def test_callables() -> None:
-    """With derivatives or without: the same timing to the error of the splines."""
+    """A callable path with or without derivatives gives equal timings, up to the error of the splines."""
 
     def q(s: float) -> np.ndarray:
         return np.array([np.sin(s), s * s])
@@ -161,11 +161,11 @@ def test_callables() -> None:
         return q(s), np.array([np.cos(s), 2 * s]), np.array([-np.sin(s), 2.0])
 
     a, b = al.time_path(ARM, q, tau_max=30.0), al.time_path(ARM, all_three, tau_max=30.0)
-    # Both settle to 1e-4.
+    # Both durations are accurate to 1e-4.
     assert a.feasible and b.feasible and a.duration == pytest.approx(b.duration, rel=2e-4)
     t = np.linspace(0.0, b.duration, 200)
     x = b(t)[0]
-    # Quintic Hermite of 200 pieces: (1/200)^6 / 46080 of the sixth derivative, and the rounding of asin.
+    # The error of quintic Hermite interpolation with 200 pieces is (1/200)^6 / 46080 times the sixth derivative. asin adds rounding.
     np.testing.assert_allclose(x[:, 1], np.arcsin(np.clip(x[:, 0], -1.0, 1.0)) ** 2, atol=1e-12)
     for bad in (lambda s: [1.0], lambda s: [math.nan, 1.0], lambda s: None, lambda s: (q(s), q(s), [1.0])):
         with pytest.raises(al.InputError, match=r"^time_path: path "):
@@ -205,12 +205,12 @@ def test_pickles_and_texts(p: al.TimedPath) -> None:
 
 
 def test_in_a_loop() -> None:
-    """Tracked by computed torque on the exact model: on the path, inside the limits."""
+    """Computed torque with the exact model tracks the timed path within the torque limits."""
     arm = al.planar_pr(2.0, 0.5, 0.5)
     tau_max = np.array([8.0, 1.0])
     p = al.time_path(arm, [[0.0, 0.0], [1.0, 0.5], [0.2, 1.0]], tau_max=tau_max)
     run = al.simulate(al.RigidArm(arm), al.ComputedTorque(arm, p, 100.0, 20.0), [0.0, 0.0], t_end=p.duration, method="dop853", rtol=1e-10)
-    # 1e-10 per step of the integrator, over some hundred steps.
+    # The integrator has an error of 1e-10 per step, over some hundred steps.
     np.testing.assert_allclose(run.q, p(run.t)[0], atol=1e-7)
     assert np.all(np.abs(run.tau) <= tau_max * (1.0 + 1e-5))
     np.testing.assert_allclose(run.q[-1], [0.2, 1.0], atol=1e-7)

@@ -1,4 +1,4 @@
-"""`Arm.tip_frame`: the moving frame with the longest way from the base."""
+"""`Arm.tip_frame` is the moving frame with the longest path from the base."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import armlet as al
 
 
 def robot(*joints: tuple[str, str, str, float]) -> str:
-    """A URDF from (type, parent, child, length of the offset in m)."""
+    """A URDF of joints (type, parent, child, length of the offset in m)."""
     links = dict.fromkeys(name for _, parent, child, _ in joints for name in (parent, child))
     text = "".join(f'<link name="{name}"/>' for name in links)
     for kind, parent, child, length in joints:
@@ -25,14 +25,14 @@ ARM = (("revolute", "base", "upper", 0.1), ("revolute", "upper", "wrist", 0.4))
     ("more", "tip"),
     [
         ((), "wrist"),
-        # A frame of the base at the end of the file, farther away than anything.
+        # A fixed frame at the end of the file, farther from the base than all others, does not count.
         ((("fixed", "wrist", "tool", 0.1), ("fixed", "base", "table", 5.0)), "tool"),
-        # A point between fingers, farther than the joints of the fingers.
+        # A frame between the fingers is farther than the joints of the fingers.
         ((("fixed", "wrist", "grasp", 0.3), ("revolute", "wrist", "finger", 0.1)), "grasp"),
-        # Of two branches the longer one, wherever it stands in the file.
+        # The longer of two branches counts, independent of the order in the file.
         ((("revolute", "wrist", "long", 0.6), ("revolute", "base", "short", 0.2)), "long"),
         ((("revolute", "base", "short", 0.2), ("revolute", "wrist", "long", 0.6)), "long"),
-        # Of equally far ones the last.
+        # Of equally distant frames, the last one counts.
         ((("fixed", "wrist", "flange", 0.1), ("fixed", "wrist", "tool", 0.1)), "tool"),
     ],
 )
@@ -46,6 +46,6 @@ def test_arms_of_every_kind() -> None:
     assert al.Arm.from_chain([{"type": "P", "axis": [0.0, 0.0, 1.0]}, {"type": "R", "axis": [0.0, 1.0, 0.0]}]).tip_frame == "link2"
     assert al.planar_pr(2.0, 0.5, 0.5).tip_frame is None
     assert al.load_urdf(robot(("fixed", "base", "table", 1.0))).tip_frame is None
-    # The last frame of the file would be "macro_tip".
+    # The last frame of the file is "macro_tip".
     tips = {"planar_2r": "tool", "macro_micro_4r": "tool", "six_axis": "flange", "seven_axis": "tcp", "two_arms": "right_hand"}
     assert {name: al.load_urdf(al.example_urdf(name)).tip_frame for name in tips} == tips

@@ -1,4 +1,4 @@
-"""The tools that look for what tests miss: the fuzz knows the whole interface and every kind of fault; a bug goes in where it belongs."""
+"""Tools that find gaps of the tests: the fuzz test knows all public functions and every kind of fault; mutants are inserted."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
 def tool(path: str, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A module of a tool, whose neighbours it imports by name."""
+    """Import a module of a tool. The tool's folder is on the path, because its modules import each other by name."""
     file = TOOLS / path
     monkeypatch.syspath_prepend(str(file.parent))
     name = f"tool_{file.parent.name}_{file.stem}"
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, name, module)  # dataclasses look there
+    monkeypatch.setitem(sys.modules, name, module)  # dataclasses look up their module here
     spec.loader.exec_module(module)
     return module
 
 
 def test_the_fuzz_calls_all_that_is_public(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every function, every class with a method or a constructor; every parameter has plausible values, not odd ones alone."""
+    """The fuzz test calls every function and every class with a method or constructor. Every parameter has plausible values."""
     signatures = tool("fuzz/signatures.py", monkeypatch)
     targets = signatures.targets()
     names = {target.owner or target.name for target in targets}
     plain = {name for name in al.__all__ if callable(getattr(al, name)) and not issubclass_of_exception(getattr(al, name))}
-    # The rest is made by armlet and has fields alone.
+    # The other classes are results that have only fields.
     assert plain - names <= signatures.RESULTS
     assert {"Arm.bias", "simulate", "BangBangBatch.__getitem__", "Run.metrics", "Arm.from_dh", "Law.__call__"} <= {t.path for t in targets}
     values = tool("fuzz/values.py", monkeypatch).Values(Random(1))
@@ -87,7 +87,7 @@ def test_the_fuzz_knows_a_fault(argument: str, body: str, kind: str | None, monk
 
 
 def test_the_fuzz_runs() -> None:
-    """Twenty calls in a child process, whatever they come to: the report counts them, and a fault is printed with its snippet."""
+    """Twenty calls run in a child process. The report counts them, and a fault is printed with its snippet."""
     command = [sys.executable, str(TOOLS / "fuzz"), "--seed", "1", "--calls", "20"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode in (0, 1) and "fuzz: seed 1: 20 calls of " in done.stdout, done.stderr
@@ -102,7 +102,7 @@ def test_a_bug_is_put_in_once_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> 
         with pytest.raises(ValueError, match="expected the text once, got"):
             mutants.insert(source, "a + b", "a - b", 7, "crate", False)
     listed = mutants.mutants()
-    # The list follows the sources.
+    # Each text of the list must occur exactly once in the sources.
     rust = TOOLS.parent / "rust"
     assert [bug["what"] for bug in listed if (rust / bug["file"]).read_text().count(bug["text"]) != 1] == []
     assert len(listed) >= 40 and all({"file", "text", "bug", "what", "tests"} <= set(bug) for bug in listed)
@@ -111,14 +111,14 @@ def test_a_bug_is_put_in_once_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_the_measurement_of_latency_starts_as_make_starts_it() -> None:
-    """Under `python -P` a script's folder is not where its neighbours are found."""
+    """With `python -P` the folder of a script is not on sys.path. The script must still find its modules."""
     script = TOOLS.parent / "benches" / "latency.py"
     done = subprocess.run([sys.executable, "-P", str(script), "--help"], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and "--trials" in done.stdout, done.stderr[-2000:]
 
 
 def test_the_two_halves_have_every_folder_of_tests() -> None:
-    """Those that `make test` leaves out have a command of their own, and say so in pyproject.toml."""
+    """`make test` runs each folder of tests, or a separate command runs it and pyproject.toml names that command."""
     root = TOOLS.parent
     named = re.findall(r"\$root/tests/(\w+)", (TOOLS / "pytest.sh").read_text())
     left_out = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]["norecursedirs"]

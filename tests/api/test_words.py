@@ -56,7 +56,7 @@ def test_allowances_only_shrink(tmp_path: Path, capsys: pytest.CaptureFixture[st
     allowed = tmp_path / WORDS.ALLOWED
     allowed.write_text("")
     assert WORDS.main([], tmp_path) == 1 and "README.md: (1, 1) long" in capsys.readouterr().out
-    assert WORDS.main(["--lower"], tmp_path) == 1 and allowed.read_text() == ""  # it raises nothing
+    assert WORDS.main(["--lower"], tmp_path) == 1 and allowed.read_text() == ""  # `--lower` never raises an allowance
     allowed.write_text('"README.md" = [1, 1]\n')
     assert WORDS.main([], tmp_path) == 0
     allowed.write_text('"README.md" = [2, 1]\n"gone.md" = [1, 0]\n')

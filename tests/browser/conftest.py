@@ -1,4 +1,4 @@
-"""A real browser without a window, and pages of armlet for it to open. `make test-browser` comes here; the suite does not."""
+"""A headless browser, and pages of armlet that it opens. `make test-browser` runs these tests; `make test` does not."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from visits import PICTURES, Visit
 from armlet.live.server import address, close_server
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-# Chromium says so when viser's own page starts a drag: its listener asks for what a passive one may not have.
+# A message of Chromium when viser's page starts a drag: its passive event listener calls a function that needs an active one.
 OF_VISER = "Unable to preventDefault inside passive event listener invocation."
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """Chromium: the one that ARMLET_BROWSER names, the machine's, or playwright's own."""
+    """Start Chromium: the one that ARMLET_BROWSER names, an installed one, or playwright's."""
     found = os.environ.get("ARMLET_BROWSER") or next((path for name in NAMES if (path := shutil.which(name))), None)
-    # WebGL without a graphics card.
+    # These options enable WebGL without a graphics card.
     software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     PICTURES.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright:
@@ -35,12 +35,12 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def visit(browser: Browser) -> Iterator[Callable[[str], Visit]]:
-    """Open an address; at the end nothing may have gone wrong on the page, and nothing may have come from elsewhere."""
+    """Open an address. At the end, the page must have no errors and no content from other sites."""
     visits = []
 
     def go(url: str) -> Visit:
         page = browser.new_page(viewport={"width": 1280, "height": 760})
-        # A page without a graphics card, on a busy machine, may take its time.
+        # A page without a graphics card on a busy machine is slow.
         page.set_default_timeout(120_000)
         seen = Visit(page)
         page.on("console", lambda message: seen.errors.append(message.text) if message.type == "error" else None)
@@ -60,7 +60,7 @@ def visit(browser: Browser) -> Iterator[Callable[[str], Visit]]:
 
 @pytest.fixture
 def drawn() -> Iterator[Callable[[Any, Callable[[float], None]], str]]:
-    """Have a page drawn by a thread of its own, as `serve` does; gives its address."""
+    """Return a function that draws a page in a separate thread, as `serve` does, and returns its address."""
     stop, threads, faults = threading.Event(), [], []
 
     def begin(server: Any, frame: Callable[[float], None]) -> str:

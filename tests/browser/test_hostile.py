@@ -1,4 +1,4 @@
-"""A robot whose file is hostile: what its names hold is shown as text, and no page of another site gets in."""
+"""A robot file with hostile names: they are shown as text, and pages of other sites cannot connect."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from armlet.live.view import ViewPage
 Go = Callable[[str], Visit]
 Draw = Callable[[Any, Callable[[float], None]], str]
 
-# Runs a script in a page that renders it: first as a document of its own, then as an attribute.
+# These names run a script if the page renders them: as a document, or as an attribute.
 SCRIPT = "<iframe srcdoc='<script>parent.hit = 1</script>'></iframe>"
 NAMES = {
     "robot": f"r{SCRIPT}",
@@ -50,7 +50,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def unharmed(seen: Visit) -> None:
-    """Nothing ran, and nothing of the names became a part of the page."""
+    """Assert that no script ran, and that no element of the page comes from the names."""
     page = seen.page
     page.wait_for_timeout(2000.0)
     assert page.evaluate("window.hit") is None
@@ -75,7 +75,7 @@ def test_lab_shows_hostile_names_as_text(file: Path, drawn: Draw, visit: Go) -> 
     until(lambda: page.model.t > 1.0, "the loop runs")
     page.model.message = f"refused: {SCRIPT} **and** [more](javascript:hit=5)"
     seen.page.get_by_text(f"refused: {SCRIPT} **and** [more](javascript:hit=5)", exact=False).first.wait_for()
-    # The names of joints stand in the legends of the curves.
+    # The legends of the curves contain the names of joints.
     seen.page.get_by_text(NAMES["joint"], exact=True).first.wait_for()
     unharmed(seen)
     seen.picture("lab_hostile")
@@ -83,7 +83,7 @@ def test_lab_shows_hostile_names_as_text(file: Path, drawn: Draw, visit: Go) -> 
 
 @pytest.fixture
 def elsewhere() -> Iterator[str]:
-    """A site of another origin, on this machine."""
+    """A site with a different origin on this machine."""
 
     class Site(BaseHTTPRequestHandler):
         def do_GET(self) -> None:

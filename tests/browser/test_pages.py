@@ -1,6 +1,6 @@
-"""`armlet lab` and `armlet view` in a real browser: they load, hands reach the loop, nothing is complained about.
+"""`armlet lab` and `armlet view` in a real browser: pages load, controls reach the loop, and there are no errors.
 
-Pictures go to build/browser, to be looked at.
+The folder build/browser has pictures of the pages.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def test_sliders_change_the_run(lab: LabPage, drawn: Draw, visit: Go) -> None:
     time.sleep(8.0)
     still = model.q.copy()
     time.sleep(0.5)
-    # What is left of the swing decays within a second; the motion moved by a metre per second.
+    # The remaining oscillation decays within a second; the motion had moved by 1 m/s.
     assert np.abs(model.q - still).max() < 1e-2
     seen.turn("adaptation Gamma, 10^", -1.0)
     until(lambda: np.isclose(float(model.values["gamma"]), 0.1), "a slider over powers of ten")
@@ -69,7 +69,7 @@ def test_the_mouse_pulls_and_lets_go(lab: LabPage, drawn: Draw, visit: Go) -> No
     seen.choose("system", "Elastic impedance, 2R")
     until(lambda: model.system.title.startswith("Elastic") and model.t > 1.0, "the elastic arm")
     seen.page.get_by_text("stiffness at the tip K_m (N/m)", exact=True).wait_for()
-    time.sleep(5.0)  # the view turns to the new arm after its controls
+    time.sleep(5.0)  # wait until the camera shows the new arm
     turn, arm = model.system.rotation, model.system.arm
     rest = np.array(arm.position(model.q, "link2"))
     held = np.array(arm.pose(model.q, "link2") @ [-0.1, 0.0, 0.0, 1.0])[:3]
@@ -80,7 +80,7 @@ def test_the_mouse_pulls_and_lets_go(lab: LabPage, drawn: Draw, visit: Go) -> No
     moved = np.array(arm.position(model.q, "link2")) - rest
     until(lambda: "pull 0.0 N" not in seen.page.locator("body").inner_text(), "the page says so")
     seen.picture("lab_pull")
-    # Pulled at the link, 0.1 m from the tip: the spring at the tip, 300 N/m, gives way by about F / K_m.
+    # The link is pulled 0.1 m from the tip. The tip's spring, 300 N/m, deflects by about F / K_m.
     assert 0.5 < moved[0] / (model.force[0] / 300.0) < 1.5
     seen.page.mouse.up()
     until(lambda: not model.force.any(), "let go")
@@ -93,9 +93,9 @@ def test_the_mouse_drags_a_target(lab: LabPage, drawn: Draw, visit: Go) -> None:
     seen.choose("system", "Task priority, planar 4R")
     until(lambda: model.system.title.startswith("Task") and model.t > 1.0, "the 4R arm")
     seen.page.get_by_text("gain of the tip, first (1/s)", exact=True).wait_for()
-    time.sleep(5.0)  # the view turns to the new arm after its controls
+    time.sleep(5.0)  # wait until the camera shows the new arm
     before, gizmo = model.targets["tip"].copy(), lab.gizmos["tip"]
-    # The arrow of x, in its middle.
+    # The middle of the arrow along x.
     start = seen.pixel(lab.server, model.system.rotation @ (before + np.array([0.6 * gizmo.scale, 0.0, 0.0])))
     seen.drag(start, (start[0] - 90.0, start[1]))
     seen.page.mouse.up()
@@ -147,7 +147,7 @@ def test_view_turns_joints(drawn: Draw, visit: Go) -> None:
 
 @pytest.mark.parametrize("command", ["lab", "view"])
 def test_from_the_command_line(command: str, visit: Go, tmp_path: Path) -> None:
-    """The address is printed, the page is there, Ctrl-C ends it with exit code 0."""
+    """The address is printed, the page opens, and Ctrl-C ends the program with exit code 0."""
     file = tmp_path / "arm.urdf"
     file.write_text(al.example_urdf("six_axis"))
     arguments = ["--urdf", str(file), "--frame", "flange"] if command == "lab" else [str(file)]
@@ -160,7 +160,7 @@ def test_from_the_command_line(command: str, visit: Go, tmp_path: Path) -> None:
             assert found, first
             seen = visit(found[1])
             seen.page.get_by_text("arm" if command == "lab" else "6 joints").first.wait_for()
-            time.sleep(4.0)  # the scene fades in
+            time.sleep(4.0)  # wait until the scene is visible
             seen.picture(f"{command}_own")
             process.send_signal(signal.SIGINT)
             assert process.wait(20) == 0
@@ -170,7 +170,7 @@ def test_from_the_command_line(command: str, visit: Go, tmp_path: Path) -> None:
 
 
 def test_pictures_are_there() -> None:
-    """The ones to look at, not empty."""
+    """The pictures exist and are not empty."""
     pictures = {path.stem: path.stat().st_size for path in PICTURES.glob("*.png")}
     assert set(pictures) >= {*(f"lab_{k}" for k in range(5)), "lab_pull", "lab_target", "lab_diverged", "lab_own", "view", "view_own"}
     assert min(pictures.values()) > 20_000

@@ -1,4 +1,4 @@
-"""A page that is open: what it shows, where to click, what it has complained about."""
+"""An open page in the browser: its content, positions to click, and its errors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PICTURES = ROOT / "build" / "browser"
 
 @dataclass
 class Visit:
-    """A page that is open, and what it has complained about."""
+    """An open page and its errors."""
 
     page: Page
     errors: list[str] = field(default_factory=list)
@@ -28,7 +28,7 @@ class Visit:
         self.page.screenshot(path=PICTURES / f"{name}.png", timeout=120_000)
 
     def entry(self, label: str) -> Locator:
-        """The number beside the slider with this label."""
+        """The field with the number of the slider that has this label."""
         row = self.page.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input[@type='text']][1]")
         return row.locator("input[type='text']")
 
@@ -41,7 +41,7 @@ class Visit:
         self.page.get_by_role("option", name=option, exact=True).click()
 
     def pixel(self, server: Any, point: NDArray[np.float64]) -> tuple[float, float]:
-        """Where a point of the scene, m, is on the page, px."""
+        """Position on the page, px, of a point of the scene, m."""
         (client,) = server.get_clients().values()
         camera = client.camera
         forward = camera.look_at - camera.position
@@ -56,9 +56,9 @@ class Visit:
         return box["x"] + 0.5 * box["width"] + scale * x, box["y"] + 0.5 * box["height"] - scale * y
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Press, move in small steps, and hold."""
+        """Press the mouse at `start`, move to `end` in small steps, and keep it pressed."""
         mouse = self.page.mouse
-        # Without a graphics card a page draws a few pictures per second: what is under the mouse is known after the next one.
+        # Without a graphics card a page draws only a few pictures per second. It finds the object under the mouse after the next picture.
         mouse.move(*start)
         time.sleep(1.0)
         mouse.down()
@@ -68,7 +68,7 @@ class Visit:
 
 
 def until(holds: Callable[[], object], what: str, seconds: float = 60.0) -> None:
-    """Wait until something holds."""
+    """Wait until `holds()` is true."""
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end, f"not within {seconds:g} s: {what}"

@@ -1,4 +1,4 @@
-"""Sweeps on a Dask cluster: the same bits on any number of workers, and with workers killed in the middle."""
+"""Sweeps on a Dask cluster: equal bits for any number of workers, also if workers are killed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_same_bits_on_any_number_of_workers(workers: int, wanted: al.SweepTable)
 
 
 def test_killed_workers(wanted: al.SweepTable, tmp_path: Path) -> None:
-    """In every trial one of two workers, chosen at random, dies at a random moment; the sweep goes on and ends with the same table."""
+    """In every trial one of two workers is killed at a random time. The sweep continues and gives an equal table."""
     chance = random.Random(5)
     killed = []
     for trial in range(TRIALS):
@@ -54,13 +54,13 @@ def test_killed_workers(wanted: al.SweepTable, tmp_path: Path) -> None:
 
             table = al.sweep(SCENARIO, DRAWS, **CELLS, out=tmp_path / str(trial), executor=client.get_executor(), progress=kill)
         same(wanted, table)
-        assert calls == [8 * (k + 1) for k in range(30)]  # no row lost, none twice
+        assert calls == [8 * (k + 1) for k in range(30)]  # no row is lost or computed twice
     print(f"dask: {TRIALS} sweeps equal bit for bit, a worker of two killed in each")
     assert len(killed) == TRIALS
 
 
 class Saboteur(WorkerPlugin):
-    """Workers that abort at a bad cell, those that take their place too."""
+    """A Dask plugin: workers abort at a bad cell, and so do their replacements."""
 
     def __init__(self, log: str) -> None:
         self.log = log
@@ -70,7 +70,7 @@ class Saboteur(WorkerPlugin):
 
 
 def test_a_cell_that_aborts(tmp_path: Path) -> None:
-    """Dask would start it four times, and the chunk again; here it is started three times at most, then recorded."""
+    """Dask would start the cell four times, and again with its chunk. armlet starts it at most three times and records its failure."""
     wanted = al.sweep(SCENARIO, VARY)
     log = tmp_path / "log"
     with cluster(2) as own, Client(own) as client:

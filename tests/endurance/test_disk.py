@@ -1,4 +1,4 @@
-"""Sweeps into a real file system that fills up, or turns read-only, in the middle; each in a mount namespace of its own (Linux)."""
+"""Sweeps into a file system that becomes full or read-only during the sweep. Each runs in a separate mount namespace (Linux)."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ assert kept == [4, 15, 55], kept
 
 
 def in_namespace(program: str, tmp_path: Path) -> str:
-    """Run it where it may mount: as root, or as root of a user namespace."""
+    """Run a program where it may mount file systems: as root, or as root of a user namespace."""
     out = tmp_path / "out"
     out.mkdir()
     unshare = ["unshare", "--mount"] if os.geteuid() == 0 else ["unshare", "--mount", "--map-root-user"]
@@ -89,7 +89,7 @@ def in_namespace(program: str, tmp_path: Path) -> str:
 
 
 def test_a_disk_that_fills_up(tmp_path: Path) -> None:
-    """Finished chunks stay as they were, nothing half-written stays, and with room again the table is that of an undisturbed sweep."""
+    """Finished chunks are unchanged, and no partial file remains. With new space the sweep gives the table of an undisturbed sweep."""
     assert in_namespace(FULL, tmp_path).splitlines()[:4] == ["OSError No space left on device"] * 4
 
 

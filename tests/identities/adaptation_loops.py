@@ -1,4 +1,4 @@
-"""An arm with drives, a motion and a start, for identities of adaptation."""
+"""An arm with friction and rotors, a motion and an initial state, for identities of adaptation."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 import armlet as al
 
 TIGHT: dict[str, Any] = {"method": "dop853", "rtol": 1e-11, "atol": 1e-12}
-#: A reversal is quicker than its Coulomb friction could hold: no joint sticks, which no step would pass.
+#: A joint reverses too quickly for its Coulomb friction to hold it. So no joint sticks, which no integration step could resolve.
 MOTION = al.Sinusoid([0.1, 0.2], [0.5, 0.6], [3.0, 4.0], [0.0, 0.0])
 START: dict[str, Any] = {"q0": [0.3, -0.2], "v0": [1.5, 2.4]}
 
 
 def robot(damping: float = 0.6, friction: float = 0.0, armature: float = 0.2) -> al.Arm:
-    """Two joints across each other, under gravity."""
+    """An arm with two perpendicular joints under gravity."""
     drives = {"damping": damping, "friction": friction, "armature": armature}
     bodies = [[2, 0.4, 0, 0, 0.02, 0, 0.12, 0, 0, 0.12], [1, 0.2, 0, 0, 0.02, 0, 0.06, 0, 0, 0.06]]
     axes, places = [[0, 0, 1], [0, 1, 0]], [[0, 0, 0], [0.4, 0, 0]]

@@ -1,9 +1,9 @@
-"""Random one-link problems with friction for `torque_optimal_time`, judged by numpy.
+"""Random one-link problems with friction for `torque_optimal_time`, checked by numpy.
 
-motion:    along the profile the torque is on a limit; int v dt and int (tau - G sin q - d v - c sign v)/I dt over panels are the
-           changes of q and v
-refused:   a monotone motion is found that Runge-Kutta steps find, or, where friction rules, that has a positive net torque all the way
-swings:    none by a random turning point is faster, by Runge-Kutta steps
+motion:    along the profile the torque is on a limit. Over panels, the change of q is int v dt, and the change of v is
+           int (tau - G sin q - d v - c sign v)/I dt
+refused:   a monotone motion is found if Runge-Kutta steps find one, or if friction dominates and the net torque is always positive
+swings:    no motion that turns at a random angle is faster, by Runge-Kutta steps
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ import armlet as al
 Array = NDArray[np.float64]
 STRATA = ("friction", "strong friction")
 SIZE = 200
-#: Steps of a leg by Runge-Kutta, and random turning points of a problem.
+#: Number of Runge-Kutta steps of a leg (a motion between two rest points), and number of random turning angles per problem.
 STEPS, TURNS = 1500, 4
-#: What such a leg is worth; less where it nearly stalls.
+#: Relative accuracy of the time of such a leg. Near a stall it is less accurate.
 ROUGH = 1e-3
-#: Panels of a phase, close together at its ends, where friction settles, and places in a panel.
+#: Panels of a phase, dense at its ends, where friction balances the torque; and quadrature nodes in a panel.
 PANELS = np.unique(np.concatenate([np.linspace(0.0, 1.0, 65), 2.0 ** np.arange(-80, -6), 1.0 - 2.0 ** np.arange(-80, -6)]))
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
 def problems(stratum: str, rng: np.random.Generator) -> Array:
-    """theta0, thetaf, inertia, gravity_moment, tau_max, tau_min, viscous, coulomb: (SIZE, 8)."""
+    """Problems (SIZE, 8): theta0, thetaf, inertia, gravity_moment, tau_max, tau_min, viscous, coulomb."""
     theta0, thetaf = rng.uniform(-4.0, 4.0, (2, SIZE))
     inertia, G = 10.0 ** rng.uniform(-1.0, 1.0, SIZE), rng.uniform(-1.5, 1.5, SIZE)
     high, low = rng.uniform(0.1, 2.0, (2, SIZE))
-    # Critical damping of the hanging link is 2 sqrt(I |G|).
+    # The critical damping of the hanging link is 2 sqrt(I |G|).
     exponents = (-3.0, 0.5) if stratum == "friction" else (0.0, 8.0)
     viscous = np.sqrt(inertia * np.abs(G)) * 10.0 ** rng.uniform(*exponents, SIZE)
     coulomb = np.where(rng.random(SIZE) < 0.3, 0.0, rng.uniform(0.0, 0.5, SIZE) * np.minimum(high, low))
@@ -42,10 +42,10 @@ def problems(stratum: str, rng: np.random.Generator) -> Array:
 
 
 def legs(start: np.ndarray, end: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Times of the fastest monotone motions `start -> end` with friction, NaN where there is none; `p`: inertia, gravity, limits, friction.
+    """Times of the fastest monotone motions `start -> end` with friction; NaN if there is none. `p`: inertia, gravity, limits, friction.
 
-    The energy and the time are integrated over the root of the distance by Runge-Kutta of order 4, the push forwards from the start and the
-    brake backwards from the end; the two curves cross once.
+    Energy and time are integrated over the square root of the distance by Runge-Kutta of order 4. The motion with full driving torque
+    starts at `start`. The motion with full braking torque is integrated backwards from `end`. Their two energy curves cross once.
     """
     inertia, gravity, high, low, viscous, coulomb = p
     sign, distance = np.sign(end - start), np.abs(end - start)
@@ -60,7 +60,7 @@ def legs(start: np.ndarray, end: np.ndarray, p: np.ndarray) -> np.ndarray:
             a = (torque - gravity * way * np.sin(x + way * distance * s * s) - drag * v) / inertia
             return np.stack([2.0 * distance * s * a, 2.0 * distance * s / v])
 
-        # The first step from rest: constant acceleration.
+        # The first step from rest assumes constant acceleration.
         a = (torque - gravity * way * np.sin(x)) / inertia
         v = np.sqrt(np.where(a > 0.0, 2.0 * distance * a, np.nan)) * h
         states = [np.zeros((2, len(x))), np.stack([0.5 * v**2, v / a])]
@@ -75,7 +75,7 @@ def legs(start: np.ndarray, end: np.ndarray, p: np.ndarray) -> np.ndarray:
 
     there, back = curve(start, sign, push - coulomb, viscous), curve(end, -sign, brake + coulomb, -viscous)
     found = np.full(start.shape, np.nan)
-    # Fine at either end; a stalled curve is NaN from there on, and so is what is interpolated.
+    # The grid is fine at both ends. A stalled curve is NaN after the stall, and so are interpolated values.
     way = np.sin(np.linspace(0.0, np.pi / 2, 4 * STEPS)) ** 2
     for k in range(len(start)):
         e1, t1 = (np.interp(np.sqrt(way), s, f[k]) for f in there)
@@ -88,29 +88,29 @@ def legs(start: np.ndarray, end: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def motion_error(o: Any, row: list[float]) -> float:
-    """How far the motion is from its equation, and from rest at its ends and its turn, relative to its size and speed."""
+    """Error of the motion, relative to its size and speed: in its equation, and in the rest at its ends and its turning angle."""
     theta0, thetaf, inertia, G, high, low, viscous, coulomb = row
     turns = [] if np.isnan(o.best.t_turn) else [o.best.t_turn]
     times = np.sort([0.0, *o.best.t_switches, *turns, o.best.t])
     q_error, v_error = [], []
     size, speed, rounding = abs(thetaf - theta0), 0.0, 0.0
     for start, end in itertools.pairwise(times):
-        # Neither a brake that the time does not resolve,
+        # Skip a phase that is too short for the resolution of time,
         if end - start <= 1e-11 * end:
             continue
         edges = np.unique(start + (end - start) * PANELS)
-        # nor such a panel.
+        # and such panels.
         edges = edges[((edges == start) | (edges - start > 1e-13 * start)) & ((edges == end) | (end - edges > 1e-13 * end))]
         half = 0.5 * np.diff(edges)
         q, v, _, tau = o.profile(edges[:-1, None] + half[:, None] * (NODES + 1.0))
         if np.ptp(tau) != 0.0 or tau[0, 0] not in (high, low):
             return np.inf
         a = (tau - G * np.sin(q) - viscous * v - coulomb * np.sign(v)) / inertia
-        # Just before the end: at it the next phase begins.
+        # The last point is just before the end, because at the end the next phase begins.
         edges[-1] = np.nextafter(end, 0.0)
         q_at, v_at, _, _ = o.profile(edges)
         q_error.extend(np.diff(q_at) - half * (v @ WEIGHTS))
-        # The acceleration is a difference of torques, known to their last digits.
+        # The acceleration is a difference of torques, so its error is their rounding error.
         known = 1e-13 * (abs(high) + abs(low) + abs(G) + coulomb) / inertia * 2.0 * half
         v_error.extend(np.maximum(np.abs(np.diff(v_at) - half * (a @ WEIGHTS)) - known, 0.0))
         rests = {0.0: theta0, o.best.t_turn: o.best.theta_turn, o.best.t: thetaf}
@@ -119,7 +119,7 @@ def motion_error(o: Any, row: list[float]) -> float:
                 q_error.append(q_at[k] - rests[t])
                 v_error.append(v_at[k])
         size, speed = max(size, float(np.ptp(q_at))), max(speed, float(np.abs(v_at).max()))
-        # Of the time, beside a brake that is far shorter than the motion.
+        # Rounding of the time, for a braking phase that is much shorter than the motion.
         rounding = max(rounding, 1e-15 * o.best.t * float(np.abs(a).max()))
     return max(np.abs(q_error).max() / size, max(np.abs(v_error).max() - rounding, 0.0) / speed) if speed else np.inf
 
@@ -143,7 +143,7 @@ def judge(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list[tuple[
         refuse(feasible & ~(np.isfinite(t) & (best <= t * (1.0 + 1e-12))), "best is slower than monotone")
         certified = np.array([o.certified_global for o in optima])
         refuse(certified & (kinds != "monotone"), "certified but not monotone")
-        # Friction rules: v = N/d, N the net torque.
+        # If friction dominates, v = N/d, where N is the net torque.
         x = theta0[:, None] + np.linspace(0.0, 1.0, 2001) * (thetaf - theta0)[:, None]
         push, brake = np.where(sign > 0, high, -low) - coulomb, np.where(sign > 0, -low, high) + coulomb
         net = push[:, None] - (G * sign)[:, None] * np.sin(x)
@@ -153,7 +153,7 @@ def judge(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list[tuple[
         time = viscous * np.abs(thetaf - theta0) / 2000 * (0.5 / net[:, :-1] + 0.5 / net[:, 1:]).sum(axis=1)
         tally["friction rules"] = int(slow.sum())
         refuse(slow & ~(np.abs(t - time) <= (1e-2 + 10.0 * loses) * time), "not the slow motion")
-        # Runge-Kutta steps hold where friction settles in no less than a few of them.
+        # Runge-Kutta steps are accurate if the time constant of friction spans several steps.
         steps = STEPS * np.minimum(1.0, np.abs(thetaf - theta0)) > 200.0 * viscous**2 / (inertia * np.maximum(least, 0.05))
         direct = legs(theta0, thetaf, p.T[2:])
         known = steps & np.isfinite(direct)

@@ -1,9 +1,11 @@
-"""Random one-link problems for `bang_bang_time` and `torque_optimal_time`, judged together by numpy.
+"""Random one-link problems for `bang_bang_time` and `torque_optimal_time`, checked by numpy.
 
-bang-bang:   every torque of the profile at t_min and t_max lies inside the limits, and some torque of any other duration does not
-optimum:     time = sum of int 2 sqrt(L) ds / sqrt(2 w(L s^2) / I) over the legs, w the mean net torque from the rest point, by Gauss
-             rules of 32 and of 64 nodes; energies agree at the switches and stay positive; no random swing is faster
-possible:    the energy of each phase, a straight line over the angle, is above the potential, at samples: then some motion is found
+bang-bang:   every torque of the profile at t_min and t_max is inside the limits, and some torque of any other duration is not
+optimum:     time = sum of int 2 sqrt(L) ds / sqrt(2 w(L s^2) / I) over the legs, w the mean net torque from the rest point. Gauss
+             rules have 32 and 64 nodes. Energies agree at the switches and are positive. No random swing is faster
+possible:    if the energy of each phase, a straight line over the angle, exceeds the potential at samples, some motion is found
+
+A *swing* is a motion that first moves back by some angle, or overshoots the end. A *leg* is a motion between two rest points.
 """
 
 from __future__ import annotations
@@ -19,14 +21,15 @@ Array = NDArray[np.float64]
 STRATA = ("nominal", "tiny", "limits", "on the edge", "turns")
 SIZE = 1000
 RULES = [np.polynomial.legendre.leggauss(k) for k in (32, 64)]
-#: Random turning points that no best motion may lose to; the first is one where a swing is possible, if any is.
+#: Number of random swings per problem, none of which may be faster. In the first, the turning angle is one where a swing is possible, if
+#: any is.
 SWINGS = 2
-#: Angles from a turn behind the start to the end at which a swing is asked whether it can turn.
+#: Number of angles, from 2 pi behind the start to the end, at which the test checks whether a swing can turn.
 SAMPLES = 1000
 
 
 def problems(stratum: str, rng: np.random.Generator) -> Array:
-    """theta0, thetaf, inertia, gravity_moment, tau_max, tau_min: (SIZE, 6)."""
+    """Problems (SIZE, 6): theta0, thetaf, inertia, gravity_moment, tau_max, tau_min."""
     theta0, thetaf = rng.uniform(-4.0, 4.0, (2, SIZE))
     inertia, G = 10.0 ** rng.uniform(-1.0, 1.0, SIZE), rng.uniform(-1.5, 1.5, SIZE)
     high, low = rng.uniform(0.1, 2.0, (2, SIZE))
@@ -40,7 +43,7 @@ def problems(stratum: str, rng: np.random.Generator) -> Array:
         G *= 10.0 ** rng.uniform(-3.0, 8.0, SIZE)
         inertia *= 10.0 ** rng.uniform(-3.0, 3.0, SIZE)
     if stratum == "on the edge":
-        # Ends that can just be held, or not: multiples of a quarter turn, and limits of the size of the weight.
+        # Limit cases that the torque can just hold, or not: ends at multiples of pi/4, limits equal to the gravity moment.
         theta0, thetaf = (rng.integers(-4, 5, SIZE) * np.pi / 4 for _ in range(2))
         G = rng.choice([-1.0, 0.0, 1.0], SIZE)
         high, low = (1.0 + rng.choice([-1.0, 0.0, 1.0], SIZE) * 10.0 ** rng.uniform(-15.0, -1.0, SIZE) for _ in range(2))
@@ -50,7 +53,7 @@ def problems(stratum: str, rng: np.random.Generator) -> Array:
 
 
 def range_of_sine(a: Array, b: Array) -> tuple[Array, Array]:
-    """Least and largest sine on [a, b]: at the ends, or at a quarter turn inside."""
+    """Least and largest sine on [a, b]: at the ends, or at -pi/2 or pi/2 (mod 2 pi) inside."""
     ends = np.sin(a), np.sin(b)
     inside = [np.floor((b - at) / (2 * np.pi)) > np.floor((a - at) / (2 * np.pi)) for at in (-np.pi / 2, np.pi / 2)]
     return np.where(inside[0], -1.0, np.minimum(*ends)), np.where(inside[1], 1.0, np.maximum(*ends))
@@ -64,7 +67,7 @@ def judge_profiles(p: Array, _: np.random.Generator) -> tuple[Counter[str], list
     up, down = np.where(sign > 0, high, -low), np.where(sign > 0, -low, high)
     xm, D = x0 + 0.5 * (x1 - x0), np.abs(thetaf - theta0)
     scale = np.maximum(high, -low)
-    # What rounding of angles and sums may do to a bound.
+    # Possible effect of rounding of angles and sums on a bound.
     slack = 1e-12 * scale + 8e-16 * np.abs(G) * (1.0 + np.abs(x0) + np.abs(x1))
     (low1, high1), (low2, high2) = range_of_sine(x0, xm), range_of_sine(xm, x1)
     gravity = [pick(G * low, G * high) for low, high in ((low1, high1), (low2, high2)) for pick in (np.minimum, np.maximum)]
@@ -80,7 +83,7 @@ def judge_profiles(p: Array, _: np.random.Generator) -> tuple[Counter[str], list
             most, least = np.maximum(gravity[1] + a, gravity[3] - a), np.minimum(gravity[0] + a, gravity[2] - a)
             allowed = slack + 4e-15 * a
             refuse(r.feasible & moves & ((most > up + allowed) | (least < -down - allowed)), f"a limit is broken at {name}")
-            # Some limit is reached: a little more, or less, would break it.
+            # A limit is reached: a slightly larger or smaller acceleration would exceed it.
             touched = np.maximum(most - up, -down - least) > -allowed - 1e-14 * np.abs(G)
             refuse(r.feasible & moves & np.isfinite(t) & ~touched, f"{name} is not the least or largest")
         a_max = np.minimum(up - gravity[1], gravity[2] + down)
@@ -93,7 +96,7 @@ def judge_profiles(p: Array, _: np.random.Generator) -> tuple[Counter[str], list
 
 
 def leg(x: Array, L: Array, push: Array, G: Array) -> tuple[Array, Array, Array]:
-    """Time over sqrt(I/2) from rest at x over L by two rules, and the least mean net torque on the way."""
+    """Time over sqrt(I/2) of a leg from rest at `x` over the angle `L`, by two quadrature rules; and the least mean net torque."""
     times, least = [], np.full(x.shape, np.inf)
     for nodes, weights in RULES:
         y = L[:, None] * (0.5 * (nodes + 1.0)) ** 2
@@ -104,27 +107,27 @@ def leg(x: Array, L: Array, push: Array, G: Array) -> tuple[Array, Array, Array]
 
 
 def monotone(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, Array, Array]:
-    """Time over sqrt(I/2) of the fastest monotone motion, what two rules differ by, and its margin (N m): negative where there is none."""
+    """The fastest monotone motion: time over sqrt(I/2), difference of two quadrature rules, margin (N m; negative if infeasible)."""
     D = x1 - x0
     work = 2 * G * np.sin(0.5 * (x0 + x1)) * np.sin(0.5 * D)
     there = (down * D + work) / (up + down)
     back = D - there
     margin = np.minimum(there, back) / D * (up + down)
     first, second = leg(x0, np.maximum(there, 0.0), up, G), leg(-x1, np.maximum(back, 0.0), down, G)
-    # Nodes begin beside the rest points, whose own net torque counts.
+    # The first nodes are near the rest points but not on them. So the net torque at the rest points is checked here.
     rest = np.minimum(up - G * np.sin(x0), down + G * np.sin(x1))
     time = first[1] + second[1]
     return time, np.abs(first[0] - first[1]) + np.abs(second[0] - second[1]), np.minimum.reduce([margin, rest, first[2], second[2]])
 
 
 def swing(x0: Array, x1: Array, G: Array, up: Array, down: Array, e: Array) -> tuple[Array, Array, Array]:
-    """The motion that backs up by e first."""
+    """Time, difference and margin of the motion that first moves back by the angle `e`."""
     away, towards = monotone(-x0, e - x0, G, down, up), monotone(x0 - e, x1, G, up, down)
     return away[0] + towards[0], away[1] + towards[1], np.minimum(away[2], towards[2])
 
 
 def turning_points(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Ways back from the start, and whether a swing can turn there for certain: a margin covers a hump between samples."""
+    """Angles back from the start, and whether a swing can turn there for certain. A margin covers maxima of gravity between samples."""
     h = (x1 - x0 + 2 * np.pi)[:, None] / (SAMPLES - 1)
     x = x1[:, None] - h * np.arange(SAMPLES)
     e, V = x0[:, None] - x, -G[:, None] * np.cos(x)
@@ -144,7 +147,7 @@ def judge_optima(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list
     feasible, certified = np.array([o.feasible for o in got]), np.array([o.certified_global for o in got])
     t, best = np.array([o.t for o in got]), np.array([o.best.t for o in got])
     theta0, thetaf, inertia, G, high, low = p.T
-    # Between equal ends ahead is against gravity.
+    # If start and end are equal, the positive direction is against gravity.
     sign = np.where((thetaf > theta0) | ((thetaf == theta0) & (G * np.sin(theta0) >= 0.0)), 1.0, -1.0)
     x0, x1 = sign * theta0, sign * thetaf
     up, down = np.where(sign > 0, high, -low), np.where(sign > 0, -low, high)
@@ -170,7 +173,7 @@ def judge_optima(p: Array, rng: np.random.Generator) -> tuple[Counter[str], list
         refuse(feasible & ~np.isfinite(t), "no number")
         for kind in ("back-swing", "overshoot"):
             mine = np.array([k == kind for k in kinds])
-            # An overshoot is the back-swing of the motion mirrored and run backwards.
+            # An overshoot is the back-swing of the mirrored motion in reversed time.
             q0, q1, a, b = (x0, x1, up, down) if kind == "back-swing" else (-x1, -x0, down, up)
             e = q0 - (turn if kind == "back-swing" else -turn)
             time, differ, margin = swing(q0, q1, G, a, b, e)

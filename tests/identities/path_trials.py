@@ -1,5 +1,6 @@
-"""Blocks of random paths of small arms, timed one by one and judged together by numpy: as in test_time_path_identities.py, but quick enough
-for ten million. Nothing of the planner or of the arms' own dynamics is used to judge.
+"""Blocks of random paths of small arms, timed one by one and checked together by numpy, fast enough for ten million paths.
+
+The checks are those of test_time_path_identities.py. They use neither the planner nor the arm's dynamics.
 
     tau_j = sum_(k >= j) m_k (p_k - P_j) x (a_k - g) + I_k phi_k''      (d'Alembert; P_j joint, p_k centre of mass, phi_k absolute angle)
     natural spline by its second derivatives, solved as a dense matrix for all paths of a block
@@ -19,27 +20,27 @@ Array = NDArray[np.float64]
 EPS = float(np.finfo(np.float64).eps)
 PROMISE = 1e-9
 STRATA = ("nominal", "tiny", "limits", "repeated", "reversed", "end speed", "idle", "friction")
-#: Paths of a block: all of one arm and one number of waypoints.
+#: Number of paths of a block. They have one arm and one number of waypoints.
 SIZE = 250
-#: Places judged of a path: grid points, random ones, and pairs about the middle of segments, for differences.
+#: Numbers of checked times of a path: grid points, random times, and pairs of times around the middle of segments for differences.
 NODES, ANYWHERE, PAIRS = 8, 24, 10
 APART = 1e-3
 
 
 class Planar:
-    """A planar arm of uniform rods of 1 kg/m, or one slide that carries a hinge."""
+    """A planar arm of uniform rods of 1 kg/m."""
 
     def __init__(self, lengths: list[float], gravity: float) -> None:
         self.arm, self.n, self.gravity = al.planar_arm(lengths, gravity=(0.0, -gravity)), len(lengths), gravity
         self.l = np.array(lengths)
-        # More than any entry of the mass matrix, and any weight.
+        # Upper bounds of the entries of the mass matrix and of the weight.
         self.mass, self.weight = float(self.l.sum() ** 3), gravity * float(self.l.sum() ** 2)
 
     def torques(self, q: Array, v: Array, a: Array) -> Array:
-        """(..., n)."""
+        """Joint torques (..., n), N m."""
         phi, w, dw = (np.cumsum(x, axis=-1) for x in (q, v, a))
         c, s, l = np.cos(phi), np.sin(phi), self.l
-        # Each rod's own share of the acceleration of what follows it, and of the place.
+        # The contribution of each rod to the acceleration and position of the next rods.
         ax, ay, px, py = -(dw * s + w * w * c) * l, (dw * c - w * w * s) * l, c * l, s * l
         at = [np.cumsum(x, axis=-1) - x for x in (px, py, ax, ay)]
         X, Y, AX, AY = at[0] + 0.5 * px, at[1] + 0.5 * py, at[2] + 0.5 * ax, at[3] + 0.5 * ay + self.gravity
@@ -51,7 +52,7 @@ class Planar:
 
 
 class Slide:
-    """A slide that carries a hinge, on a horizontal plane: [[A, B cos q2], [B cos q2, C]] a + (-B sin q2 v2^2, 0)."""
+    """A prismatic joint with a revolute joint, in a horizontal plane: [[A, B cos q2], [B cos q2, C]] a + (-B sin q2 v2^2, 0)."""
 
     def __init__(self) -> None:
         self.A, self.B, self.C = 2.0, 0.5, 0.5
@@ -69,7 +70,7 @@ HEAVY = [*(Planar(lengths, 9.81) for lengths in LENGTHS), Slide()]
 
 
 class Splines:
-    """Natural cubic splines through q (B, K, n) at s (B, K), all at once."""
+    """Natural cubic splines through q (B, K, n) at s (B, K), for all paths of a block."""
 
     def __init__(self, s: Array, q: Array) -> None:
         B, K, _ = q.shape
@@ -82,23 +83,23 @@ class Splines:
         M = np.linalg.solve(lhs, rhs)
         w = h[..., None]
         self.s, self.q = s, q
-        # About the left end of each piece: q + d z + m z^2/2 + r z^3/6.
+        # Each piece about its left end is q + d z + m z^2/2 + r z^3/6.
         self.d = slope - w * (2 * M[:, :-1] + M[:, 1:]) / 6
         self.m, self.r = M[:, :-1], (M[:, 1:] - M[:, :-1]) / w
 
     def piece(self, at: Array) -> NDArray[np.int64]:
-        """Of places at (B, T)."""
+        """Indices of the pieces that contain the path positions `at` (B, T)."""
         return np.asarray((at[..., None] >= self.s[:, None, 1:-1]).sum(axis=-1))
 
     def __call__(self, at: Array, k: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """q, q', q'' at (B, T) on the pieces k, each (B, T, n)."""
+        """q, q', q'' at the path positions `at` (B, T) on the pieces `k` (B, T), each (B, T, n)."""
         row = np.arange(at.shape[0])[:, None]
         z = (at - self.s[row, k])[..., None]
         d, m, r = self.d[row, k], self.m[row, k], self.r[row, k]
         return self.q[row, k] + z * (d + z * (m / 2 + z * r / 6)), d + z * (m + z * r / 2), m + z * r
 
     def third(self, k: NDArray[np.int64]) -> Array:
-        """Size of the third derivative on the pieces k (B, T), (B, T, n)."""
+        """Magnitude of the third derivative on the pieces `k` (B, T), (B, T, n)."""
         return np.abs(self.r[np.arange(k.shape[0])[:, None], k])
 
 
@@ -118,7 +119,7 @@ class Block:
 
 
 def block(stratum: str, rng: np.random.Generator, size: int = SIZE) -> Block:
-    """Problems that can all be had: torques to hold the arm everywhere, and something to spare."""
+    """Random problems that are all feasible: the torques can hold the arm everywhere, with a margin."""
     light = stratum in ("tiny", "limits", "end speed", "idle") or rng.random() < 0.5
     mover = (LIGHT if light else HEAVY)[rng.integers(4)]
     n, K = mover.n, int(rng.integers(2, 5))
@@ -126,7 +127,7 @@ def block(stratum: str, rng: np.random.Generator, size: int = SIZE) -> Block:
     if stratum == "tiny":
         near = (q - q[:, :1]) * 10.0 ** rng.uniform(-16.0, -6.0, (size, 1, 1))
         away = near + np.where(rng.random((size, 1, 1)) < 0.3, rng.uniform(-1.0, 1.0, (size, 1, n)), 0.0)
-        # Rounded away beside the offset: without it.
+        # If rounding makes neighbouring waypoints equal, the offset is omitted.
         alike = (np.diff(away, axis=1) == 0.0).all(axis=2).any(axis=1)
         q = np.where(alike[:, None, None], near, away)
     if stratum == "idle":
@@ -158,7 +159,7 @@ def block(stratum: str, rng: np.random.Generator, size: int = SIZE) -> Block:
     grids = np.where(rng.random(size) < 0.02, 0, rng.integers(9, 42, size))
     b = Block(stratum, mover, q, given, splines, lower, upper, viscous)
     if stratum == "end speed":
-        # On the limit of speed at the end; no limit of force in the way.
+        # The end speed is on the speed limit. Torque limits are large, so that they do not bind.
         lower[:], upper[:] = -1e6, 1e6
         last = np.ones((size, 1))
         slope = np.abs(splines(last, splines.piece(last))[1][:, 0])
@@ -182,7 +183,7 @@ def block(stratum: str, rng: np.random.Generator, size: int = SIZE) -> Block:
 
 @dataclass
 class Verdict:
-    """What a block came to: the smallest margin told and found, and what failed, as (index, what)."""
+    """Result of a block: smallest reported margin, largest excess of a limit, and failures as (index, description)."""
 
     count: int
     margin: float
@@ -219,7 +220,7 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
     found = -np.inf
 
     def refuse(bad: Array, what: str) -> None:
-        """bad: (B, T, n) or (B, T), or (B,)."""
+        """Record failures. `bad` is (B, T, n), (B, T) or (B,)."""
         hit = bad.reshape(size, -1).any(axis=1) & had
         failed.extend((int(i), what) for i in np.flatnonzero(hit))
 
@@ -237,12 +238,13 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
             past = np.maximum((values - slack - upper[:, None]) / upper[:, None], (values + slack - lower[:, None]) / lower[:, None])
             found = max(found, float(np.nanmax(past, initial=-np.inf)))
             refuse(past > PROMISE, f"{name} exceeded")
-        # On the path: the s of each sample by Newton's method within its segment.
+        # Samples must be on the path. Newton's method in the segment finds the s of each sample.
         piece, span = b.splines.piece(0.5 * (s0 + s1)), s1 - s0
         most = np.abs(b.q).max(axis=(1, 2))[:, None, None]
         size_of = np.abs(b.q - b.q[:, :1]).max(axis=(1, 2))[:, None, None]
         s = s0 + z * span
-        # Where a path of one joint turns back its slope vanishes, and each step gains a digit in base two alone.
+        # Where a path of one joint turns back, q' is zero, and Newton's method converges only by one bit per step. So 40 steps are taken
+        # then.
         for steps in (5, 40):
             for _ in range(steps):
                 where, slope, _ = b.splines(s, piece)
@@ -253,12 +255,12 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
                 break
         refuse(off, "off the path")
         square = np.square(slope).sum(axis=-1)
-        # Where a path turns back on itself its slope vanishes, and with it what can be said of ds/dt.
+        # Where a path turns back, q' is nearly zero, and ds/dt cannot be determined there.
         steep = square > 1e-4 * square.max(axis=1)[:, None]
         speed = np.where(steep, (v * slope).sum(axis=-1) / square, 0.0)
         push = ((a - bend * speed[..., None] ** 2) * slope).sum(axis=-1) / square
         fast, most_a = np.abs(v).max(axis=(1, 2))[:, None, None], np.abs(a).max(axis=(1, 2))[:, None, None]
-        # What the place is uncertain by, and how that turns the tangent.
+        # `doubt` is the uncertainty of s, `turn` the resulting uncertainty of the tangent.
         doubt = ((1e-9 * size_of + 16 * EPS * most)[..., 0] / np.sqrt(np.where(steep, square, 1.0)))[..., None]
         third = b.splines.third(piece).max(axis=-1, keepdims=True) * doubt
         turn = (np.abs(bend).max(axis=-1, keepdims=True) + third) * doubt
@@ -266,11 +268,12 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
         told, allowed = np.abs(v - slope * rate[..., None]), 1e-9 * fast + turn * rate[..., None]
         refuse((steep[..., None] & (told > allowed))[:, :NODES], "s_dot is not that of v")
         square_speed = (speed**2)[..., None]
-        # ds/dt is uncertain by the turn over the slope, and counts twice in its square.
+        # The uncertainty of ds/dt is that of the tangent divided by |q'|. It counts twice in the square.
         rough = third + turn + 2 * np.abs(bend) * turn / np.sqrt(np.where(steep, square, 1.0))[..., None]
         allowed = 1e-6 * most_a + 1e-9 * np.abs(slope) * square_speed + 2 * (turn * np.abs(push)[..., None] + rough * square_speed)
         refuse(steep[..., None] & (np.abs(a - slope * push[..., None] - bend * square_speed) > allowed), "acceleration off the path")
-        # v and a are those of q: h^2 of the next derivative, which the grid resolves, and rounding, of the time too.
+        # Differences of q give v, and differences of v give a. The tolerance is h^2 times the next derivative, plus rounding of q and of
+        # the time.
         first, second = slice(T - 2 * PAIRS, T - PAIRS), slice(T - PAIRS, T)
         h = (2 * APART * step[:, first])[..., None]
         late = 4 * EPS * duration[:, None, None] / h
@@ -282,12 +285,12 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
 
 
 def limits(b: Block, name: str) -> Array:
-    """(B, n), infinite where there is none."""
+    """The limits `name` of a block, (B, n); infinite if a path has none."""
     none = np.full(b.mover.n, np.inf)
     return np.stack([keywords.get(name, none) for keywords in b.keywords])
 
 
 def trial(stratum: str, number: int, seed: int, size: int = SIZE) -> Verdict:
-    """Block `number` of a stratum."""
+    """Compute and check block `number` of a stratum."""
     rng = np.random.default_rng([seed, STRATA.index(stratum), number])
     return judge(block(stratum, rng, size), rng)

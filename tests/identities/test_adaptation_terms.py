@@ -1,4 +1,4 @@
-"""Adaptation with rotors, friction, leakage and a dead zone: every term is in the balance, and a restraint bounds the estimate.
+"""Adaptation with rotors, friction, leakage and a dead zone: the balance includes every term, and leakage bounds the estimate.
 
 V1' = -s'Kd s + s'(tau_f(v) - Y_f a_f) + (a - a_hat)'(y - w),   a_hat' = Gamma w,   y = Y's
 """
@@ -40,17 +40,17 @@ def made(name: str, arm: al.Arm, **more: Any) -> al.Adaptive:
 @pytest.mark.parametrize("rubs", [False, True], ids=["smooth", "with friction"])
 @pytest.mark.parametrize("name", CASES)
 def test_the_balance_closes(name: str, rubs: bool) -> None:
-    """With the plant's true friction and rotors, Coulomb's jump included."""
+    """The balance is zero with the plant's true friction and rotors, including the jump of Coulomb friction."""
     arm = robot(friction=0.15)
     run = al.simulate(al.RigidArm(arm, friction=rubs), made(name, arm), **START, t_end=2.0, **TIGHT)
     value = run.monitors["lyapunov"]
     assert np.max(np.abs(run.monitors["lyapunov_balance"])) <= 1e-9 * max(1.0, float(value[0]))
-    # Not by standing still: the loop has dissipated.
+    # The arm moved: the loop has dissipated energy.
     assert np.ptp(value) > 0.05
 
 
 def test_rotors_that_the_law_does_not_know_are_counted() -> None:
-    """The law's arm has other rotors: the difference works on s."""
+    """The law's arm has other rotor inertias. The balance includes the work of the difference on s."""
     law = made("friction", robot(friction=0.15, armature=0.2))
     plant = al.RigidArm(robot(friction=0.15, armature=0.35), friction=True)
     run = al.simulate(plant, law, **START, t_end=1.0, **TIGHT)
@@ -76,7 +76,7 @@ def test_the_estimate_rests_in_the_dead_zone() -> None:
 
 @pytest.mark.parametrize("form", ["sigma", "e"])
 def test_leakage_bounds_an_estimate_that_a_load_would_drive_away(form: str) -> None:
-    """A force that the model does not have drives the free estimate on and on; with leakage it comes to rest."""
+    """A constant force that the model does not contain makes the estimate grow without bound. With leakage the estimate converges."""
     arm, hold = robot(friction=0.15), al.Hold([0.2, 0.3])
     options: dict[str, Any] = {"t_end": 60.0, "dt": 2e-3, "record_every": 500, "force_frame": "link2"}
     load = [(0.5 * k, [0.0, 0.0, (-1.0) ** k * 6.0]) for k in range(120)]
@@ -91,7 +91,7 @@ def test_leakage_bounds_an_estimate_that_a_load_would_drive_away(form: str) -> N
 
 
 def test_friction_is_found_under_excitation() -> None:
-    """With enough frequencies the estimate of friction goes to the plant's."""
+    """If the motion has enough frequencies, the estimate of friction converges to the plant's friction."""
     arm = robot()
     rich = al.Sinusoid([0.1, 0.2], [[0.5, 0.3], [0.6, 0.3]], [[1.1, 3.1], [1.7, 4.3]], [[0.0, 1.0], [0.5, 0.2]])
     law = al.Adaptive(arm, rich, 60.0, 20.0, 3.0, friction=("viscous",), base=arm.base_parameters())

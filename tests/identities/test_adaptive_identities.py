@@ -1,4 +1,4 @@
-"""What theory promises of the adaptive loop, on random plants, gains and states, through the extension.
+"""Theorems about the adaptive loop, checked by the extension on random plants, gains and states.
 
 V1 = s'Ms/2 + (a - a_hat)' Gamma^-1 (a - a_hat)/2,   V1(0) - V1(t) = int s'Kd s dt,   M' - 2C skew,   e -> 0
 """
@@ -16,7 +16,7 @@ Scales = tuple[float, float, float]
 
 
 def definite(rng: np.random.Generator, n: int, scale: float, form: str) -> Array:
-    """Positive definite: diagonal (n,) or full (n, n), condition number below about 100."""
+    """A random positive definite gain, diagonal (n,) or full (n, n), with a condition number below about 100."""
     if form == "diagonal":
         return scale * rng.uniform(0.3, 2.0, n)
     root = rng.standard_normal((n, n))
@@ -24,13 +24,13 @@ def definite(rng: np.random.Generator, n: int, scale: float, form: str) -> Array
 
 
 def plant(rng: np.random.Generator) -> al.RigidArm:
-    """The smallest eigenvalue of M is above 0.3: with the gains below no mode is faster than about 200/s."""
+    """A random plant. The smallest eigenvalue of M is above 0.3, so with the gains below no mode is faster than about 200 1/s."""
     A, C = rng.uniform(0.8, 4.0, 2)
     return al.RigidArm(al.planar_pr(A, rng.uniform(-0.7, 0.7) * np.sqrt(A * C), C))
 
 
 def exciting(rng: np.random.Generator) -> al.Sinusoid:
-    """Two incommensurable tones per joint: all three parameters show."""
+    """A motion with two incommensurable frequencies per joint. It excites all three parameters."""
     frequency = np.array([[1.0, 2.3], [1.7, 0.6]]) * rng.uniform(0.8, 1.2)
     return al.Sinusoid(rng.uniform(-0.5, 0.5, 2), rng.uniform(0.4, 0.8, (2, 2)), frequency, rng.uniform(-3.0, 3.0, (2, 2)))
 
@@ -38,7 +38,7 @@ def exciting(rng: np.random.Generator) -> al.Sinusoid:
 def law(
     rng: np.random.Generator, form: str, motion: al.Motion, estimate: Array | None = None, scales: Scales = (40.0, 20.0, 5.0)
 ) -> al.Adaptive:
-    """Its arm's own parameters are wrong on purpose: an adaptive law must not read them."""
+    """A random adaptive law. Its arm has deliberately wrong parameters, because an adaptive law must not use them."""
     gains = [definite(rng, n, scale, form) for n, scale in zip((2, 2, 3), scales, strict=True)]
     return al.Adaptive(al.planar_pr(9.0, 1.0, 7.0), motion, *gains, estimate=estimate)
 
@@ -57,17 +57,17 @@ MOTIONS = {
 def test_identities_along_a_run(form: str, motion: str, method: str) -> None:
     rng = np.random.default_rng(21)
     options = {"method": "dop853", "rtol": 1e-12, "atol": 1e-12} if method == "dop853" else {"dt": 1e-4, "record_every": 50}
-    # A fixed step errs as c dt^4: the fastest of these loops, 1000/s while it catches the motion, leaves 3e-7 of V1 at 0.1 ms.
+    # A fixed step h has the error c h^4. The fastest mode of these loops is 1000 1/s, which gives an error of 3e-7 V1 at 0.1 ms.
     tight = 1e-9 if method == "dop853" else 1e-6
     for _ in range(5):
         robot, estimate = plant(rng), rng.uniform(-1.0, 2.0, 3)
         control = law(rng, form, MOTIONS[motion](rng), estimate)
         run = al.simulate(robot, control, rng.uniform(-1.0, 1.0, 2), v0=rng.uniform(-1.0, 1.0, 2), t_end=3.0, **options)
         value, scale = run.monitors["lyapunov"], run.monitors["lyapunov"][0]
-        # V1 is a sum of squares: it rounds at 1e-15 of its first value, and the steps of a tight integrator add little more.
+        # V1 is a sum of squares with rounding 1e-15 of its first value. An accurate integrator adds little to this.
         assert np.all(np.diff(value) <= 1e-12 * scale)
         assert value[-1] < 0.999 * scale
-        # Both balances cancel terms of the size of what the loop stores and is fed.
+        # Both balances are differences of large terms: stored energy and work of the input.
         assert np.max(np.abs(run.monitors["lyapunov_balance"])) <= tight * max(1.0, scale)
         energy = run.monitors["energy"]
         assert np.max(np.abs(run.monitors["energy_balance"])) <= tight * max(1.0, float(np.max(np.abs(energy))))
@@ -76,7 +76,7 @@ def test_identities_along_a_run(form: str, motion: str, method: str) -> None:
 
 
 def test_monitors_are_those_of_the_recorded_states() -> None:
-    """V1 and E recomputed from the records by their definitions."""
+    """V1 and E are computed from the records by their definitions."""
     rng = np.random.default_rng(22)
     robot = plant(rng)
     gains = [definite(rng, n, scale, "full") for n, scale in ((2, 40.0), (2, 20.0), (3, 5.0))]
@@ -88,16 +88,16 @@ def test_monitors_are_those_of_the_recorded_states() -> None:
     mass = robot.arm.mass_matrix(run.q)
     kinetic = 0.5 * np.einsum("ki,kij,kj->k", run.v, mass, run.v)
     stored = 0.5 * np.einsum("ki,kij,kj->k", s, mass, s) + 0.5 * np.einsum("ki,ij,kj->k", d, np.linalg.inv(gains[2]), d)
-    # The inverse of Gamma amplifies rounding by its condition number, below 100.
+    # The inverse of Gamma amplifies rounding by its condition number, which is below 100.
     np.testing.assert_allclose(run.monitors["lyapunov"], stored, rtol=1e-12)
     np.testing.assert_allclose(run.monitors["energy"], kinetic, rtol=1e-12)
 
 
-# Some of the random gains are stiff for steps of 1 ms in the first moments; what is tested is where the runs end.
+# Some random gains are stiff for steps of 1 ms at the start. The test only checks the final states.
 @pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 @pytest.mark.parametrize("form", ["diagonal", "full"])
 def test_tracking_from_any_state_and_no_estimate(form: str) -> None:
-    """e -> 0 with a_hat(0) = 0; under excitation a_hat -> a as well."""
+    """e -> 0 with a_hat(0) = 0. Under excitation also a_hat -> a."""
     rng = np.random.default_rng(23)
     rows = 24
     plants, laws = [plant(rng) for _ in range(rows)], [law(rng, form, exciting(rng), scales=(40.0, 20.0, 20.0)) for _ in range(rows)]
@@ -109,7 +109,7 @@ def test_tracking_from_any_state_and_no_estimate(form: str) -> None:
     error = np.max(np.abs(desired[0] - batch.q), axis=-1)
     wrong = np.max(np.abs(batch.parameters[:, None] - batch.estimate), axis=-1)
     np.testing.assert_array_equal(batch.estimate[:, 0], 0.0)
-    # Excited loops converge exponentially; the slowest of these plants and gains has lost a factor of a thousand in two minutes.
+    # Loops with excitation converge exponentially. The slowest of these loops converges by a factor of 1000 in two minutes.
     assert np.all(error[:, -12:].max(axis=1) <= 1e-3 * error[:, 0])
     assert np.all(wrong[:, -1] <= 0.1 * wrong[:, 0])
 
@@ -127,7 +127,7 @@ def test_rk4_is_of_fourth_order() -> None:
 
         steps = 1.0 / np.array([1024, 2048, 4096])
         errors = np.array([error(dt) for dt in steps])
-        # Between the terms of order five, below 1 % here, and the rounding of the exact run, 1e-13.
+        # The tolerance covers terms of order five, below 1 % here, and the rounding of the exact run, 1e-13.
         np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 4.0, atol=0.1)
 
 
@@ -140,10 +140,10 @@ def test_dop853_error_falls_with_its_tolerance() -> None:
         run = al.simulate(robot, control, q0, t_end=2.0, method="dop853", rtol=tolerance, atol=tolerance)
         errors.append(float(np.max(np.abs(run.q[-1] - exact.q[-1]))))
         evaluations.append(run.stats["evaluations"])
-    # A hundredfold tighter tolerance buys at least a tenfold smaller error, and costs evaluations.
+    # A tolerance that is 100 times smaller gives an error at least 10 times smaller, and needs more evaluations.
     assert np.all(np.array(errors[1:]) <= 0.1 * np.array(errors[:-1]))
     assert np.all(np.diff(evaluations) > 0)
-    # The error after a contracting run stays near the tolerance of one step.
+    # The error at the end of a contracting run is near the tolerance of one step.
     assert errors[-1] <= 1e-9
 
 
@@ -152,13 +152,13 @@ def test_inverse_dynamics_undoes_forward_dynamics() -> None:
     for _ in range(20):
         arm = plant(rng).arm
         q, v, tau = rng.uniform(-3.0, 3.0, (3, 50, 2))
-        # det M is at least 0.5 A C: the round trip loses one digit.
+        # det M is at least 0.5 A C, so both functions together lose one digit.
         np.testing.assert_allclose(arm.inverse_dynamics(q, v, arm.forward_dynamics(q, v, tau)), tau, atol=1e-13)
         np.testing.assert_allclose(arm.forward_dynamics(q, v, arm.inverse_dynamics(q, v, tau)), tau, atol=1e-12)
 
 
 def test_coriolis_matrix_is_the_skew_factorisation() -> None:
-    """M' - 2C skew with M' by complex-free central differences of M; and the regressor is linear in the parameters."""
+    """M' - 2C is skew-symmetric, with M' by central differences of M. The regressor is linear in the parameters."""
     rng = np.random.default_rng(27)
     h = 1e-5
     for _ in range(10):
@@ -166,7 +166,7 @@ def test_coriolis_matrix_is_the_skew_factorisation() -> None:
         q, v, v_r, a_r = rng.uniform(-3.0, 3.0, (4, 20, 2))
         rate = (arm.mass_matrix(q + h * v) - arm.mass_matrix(q - h * v)) / (2.0 * h)
         skew = rate - 2.0 * arm.coriolis_matrix(q, v)
-        # Differences: h^2 |v|^3 B / 6 and eps M / h, 5e-9 and 1e-10.
+        # The differences have the errors h^2 |v|^3 B / 6 = 5e-9 and eps M / h = 1e-10.
         np.testing.assert_allclose(skew + np.swapaxes(skew, -1, -2), 0.0, atol=2e-8)
         wanted = np.einsum("kij,kj->ki", arm.mass_matrix(q), a_r) + np.einsum("kij,kj->ki", arm.coriolis_matrix(q, v), v_r)
         np.testing.assert_allclose(arm.regressor(q, v, v_r, a_r) @ arm.parameters, wanted + arm.gravity(q), atol=1e-13 * 100)
@@ -175,7 +175,7 @@ def test_coriolis_matrix_is_the_skew_factorisation() -> None:
 
 
 def test_saturation_is_respected_and_costs_the_lyapunov_identity() -> None:
-    """The negative control of the balance: a clipped torque is not the law's, and the monitor says so."""
+    """A clipped torque is not the torque of the law, so the Lyapunov balance must report a violation. This shows that the monitor works."""
     rng = np.random.default_rng(28)
     robot, control = plant(rng), law(rng, "diagonal", exciting(rng))
     free = al.simulate(robot, control, [1.0, -1.0], t_end=1.0, dt=1e-4)
@@ -183,5 +183,5 @@ def test_saturation_is_respected_and_costs_the_lyapunov_identity() -> None:
     assert clipped.tau is not None
     assert np.all(np.abs(clipped.tau) <= [2.0, 1.0])
     assert np.max(np.abs(free.monitors["lyapunov_balance"])) <= 1e-8 < 1e-3 < np.max(np.abs(clipped.monitors["lyapunov_balance"]))
-    # The energy balance is an identity of the plant alone, whoever drives it; kinks cost RK4 its order.
+    # The energy balance is an identity of the plant for every input. Kinks of the torque reduce the order of RK4.
     assert np.max(np.abs(clipped.monitors["energy_balance"])) <= 1e-5

@@ -1,4 +1,4 @@
-"""Composite adaptation: tau_W = W a along every run, V1' = -s'Kd s - e_W'R e_W, and an estimate that converges sooner."""
+"""Composite adaptation: tau_W = W a along every run, V1' = -s'Kd s - e_W'R e_W, and faster convergence of the estimate."""
 
 from __future__ import annotations
 
@@ -56,7 +56,10 @@ def test_the_filtered_dynamics_hold_and_the_balance_closes(name: str) -> None:
 
 
 def test_the_function_falls_by_both_squares() -> None:
-    """The integral of s'Kd s + e_W'R e_W by Simpson's rule, 1 ms apart; s falls by 300/s at first: its error is 0.3^4/180."""
+    """V1 decreases by the integral of s'Kd s + e_W'R e_W.
+
+    Simpson's rule with 1 ms has the error 0.3^4/180, since s decays with 300 1/s at first.
+    """
     arm, law = robot(), made("smooth", robot())
     run = al.simulate(al.RigidArm(arm), law, **START, t_end=1.0, t_eval=np.linspace(0.0, 1.0, 1001), **TIGHT)
     assert run.estimate is not None
@@ -74,7 +77,7 @@ def test_the_function_falls_by_both_squares() -> None:
 
 
 def errors(arm: al.Arm, motion: al.Motion, gains: tuple[float, float, float], weights: list[float | None], base: Any = None) -> list[float]:
-    """Relative errors of the estimate after 20 s, from zero."""
+    """Relative errors of the estimate after 20 s, starting from zero, for each weight."""
     a = arm.parameters if base is None else base.projection @ arm.parameters
     left = []
     for weight in weights:
@@ -93,7 +96,7 @@ def test_the_estimate_converges_where_plain_adaptation_does_not_yet() -> None:
 
 
 def test_the_estimate_of_a_tree_converges_sooner() -> None:
-    """Eight base parameters under gravity, the more so the larger the weight is."""
+    """The tree has eight base parameters under gravity. A larger weight gives faster convergence."""
     arm = robot(damping=0.0, armature=0.0)
     frequencies = [[1.65, 4.65], [2.55, 6.45]]
     rich = al.Sinusoid([0.1, 0.2], [[0.5, 0.5], [0.6, 0.5]], frequencies, [[0.0, 1.0], [0.5, 0.2]])
@@ -153,7 +156,7 @@ def test_the_figure_shows_the_estimate_alone() -> None:
     law = al.Adaptive(arm, al.Hold([0.5, 0.2]), 40.0, 20.0, 5.0, composite=1.0)
     run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=0.1, dt=1e-3)
     panels = [panel for panel in np.ravel(run.plot()) if panel.get_title(loc="left") == "Parameter estimates"]
-    # Three estimates and what is drawn beside each of them, as without the option.
+    # Three panels of estimates, and the panels that a run without the option has.
     law = al.Adaptive(arm, al.Hold([0.5, 0.2]), 40.0, 20.0, 5.0)
     run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=0.1, dt=1e-3)
     plain = [panel for panel in np.ravel(run.plot()) if panel.get_title(loc="left") == "Parameter estimates"]

@@ -1,4 +1,4 @@
-"""Concurrent learning: V1' = -s'Kd s - sum e_j'R e_j, convergence at rest, samples of windows without accelerations, bad arguments."""
+"""Concurrent learning: V1' = -s'Kd s - sum e_j'R e_j, convergence at rest, windows without accelerations, invalid arguments."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 WEIGHT = np.array([[0.5, 0.1], [0.1, 0.3]])
-#: A reach and then rest: it excites next to nothing.
+#: A point-to-point motion followed by rest. It excites almost no parameter.
 REACH = al.Quintic([0.3, -0.2], [0.5, 0.1], 1.0)
 
 CASES: dict[str, dict[str, Any]] = {
@@ -74,7 +74,10 @@ def test_the_samples_hold_and_the_balance_closes(name: str) -> None:
 
 
 def test_the_function_falls_by_both_sums() -> None:
-    """The integral of s'Kd s + sum e'R e by Simpson's rule, 1 ms apart; s falls by 300/s at first: its error is 0.3^4/180."""
+    """V1 decreases by the integral of s'Kd s + sum e'R e.
+
+    Simpson's rule with 1 ms has the error 0.3^4/180, since s decays with 300 1/s at first.
+    """
     arm, samples = robot(), chosen("alone", robot())
     law = made("alone", arm, samples=samples, concurrent_weight=0.01 * WEIGHT)
     run = al.simulate(al.RigidArm(arm), law, **START, t_end=1.0, t_eval=np.linspace(0.0, 1.0, 1001), **TIGHT)
@@ -93,7 +96,10 @@ def test_the_function_falls_by_both_sums() -> None:
 
 
 def test_the_estimate_converges_at_rest() -> None:
-    """Without excitation: at a held target. The slowest direction decays at least at sigma^2 gamma R."""
+    """The estimate converges at a constant target, without excitation.
+
+    The slowest direction decays at least with the rate sigma^2 gamma R.
+    """
     arm = robot()
     base = arm.base_parameters()
     q, v, a, tau = record(arm, False)
@@ -108,13 +114,13 @@ def test_the_estimate_converges_at_rest() -> None:
     assert samples.rank == base.count
     assert ends[0][-1] > 0.5 * ends[0][0]
     rate = 0.5 * 0.2 * samples.singular_value**2
-    # The cross terms of s die out within the first second; after that the decay is that of the samples alone.
+    # The terms with s decay within the first second. Afterwards only the samples determine the decay.
     assert ends[1][-1] <= 1.1 * ends[1][10] * np.exp(-rate * 18.0) + 1e-9
     assert ends[1][-1] < 1e-3 * ends[1][0]
 
 
 def test_windows_need_no_acceleration() -> None:
-    """Of a run of the plain law: tau_j = W_j a up to Simpson's error, 2.5 ms^4 times rates to the fourth."""
+    """Windows of a run of the plain law satisfy tau_j = W_j a, up to the error of Simpson's rule, (2.5 ms)^4 times fourth derivatives."""
     arm = robot()
     law = made("rotors", arm)
     run = al.simulate(al.RigidArm(arm, friction=True), law, **START, t_end=4.0, t_eval=np.linspace(0.0, 4.0, 1601), **TIGHT)
@@ -132,7 +138,7 @@ def test_windows_need_no_acceleration() -> None:
 
 
 def test_the_choice_is_the_best_of_few() -> None:
-    """All sets of three of ten samples of the PR robot."""
+    """The selection is compared with all sets of three out of ten samples of the PR robot."""
     arm = al.planar_pr(2.0, 0.5, 0.5)
     law = al.Adaptive(arm, al.Hold([0.0, 0.0]), 40.0, 20.0, 5.0)
     for seed in range(5):
