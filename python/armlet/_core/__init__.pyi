@@ -1,4 +1,4 @@
-"""Types of the extension module, a file per concept; checked against it by stubtest."""
+"""Types of the extension module `armlet._core`, one file per concept. `stubtest` compares them with the compiled module."""
 
 from .arms import Arm as Arm
 from .arms import _restore as _restore

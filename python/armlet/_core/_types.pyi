@@ -1,4 +1,4 @@
-"""Arrays and numbers."""
+"""Aliases of the types of arrays and numbers."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Arms."""
+"""Types of arms and of the functions that make or restore them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike

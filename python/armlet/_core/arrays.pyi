@@ -1,4 +1,4 @@
-"""Array arguments, validated."""
+"""Type of the function that validates array arguments."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Analysis of elastic joints."""
+"""Types of the analysis of elastic joints: equilibria, stability limits and damping."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Integration of any callable."""
+"""Types of the integration of a Python callable `f(t, y)`."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Self, final

@@ -1,4 +1,4 @@
-"""Control laws."""
+"""Types of control laws."""
 
 from collections.abc import Sequence
 from typing import Any, Literal, Self, final
@@ -42,7 +42,7 @@ class Law:
         theta: ArrayLike | None = None,
         theta_dot: ArrayLike | None = None,
         state: ArrayLike | None = None,
-    ) -> dict[str, Any]: ...  # arrays; lists with one entry per level for laws of tasks in priority
+    ) -> dict[str, Any]: ...  # values are arrays; for laws of prioritised tasks, also lists with one entry per level of priority
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
@@ -130,7 +130,7 @@ class Guarded(Law):
         duration: float | None = None,
         joint_stiffness: ArrayLike | None = None,
     ) -> Self: ...
-    def touched(self, residual: ArrayLike) -> Any: ...  # an index, or an array of them
+    def touched(self, residual: ArrayLike) -> Any: ...  # the index of a joint, or an array of indices
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final

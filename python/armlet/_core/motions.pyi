@@ -1,4 +1,4 @@
-"""Desired motions and timed paths."""
+"""Types of desired motions and timed paths."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Self, final

@@ -1,4 +1,4 @@
-"""Minimum time on one link."""
+"""Types of minimum-time planning for one link."""
 
 from typing import Any, SupportsIndex, final, overload
 
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._types import _Array, _Flags, _Number
 
 @overload
-def bang_bang_time(  # numbers are arrays without axes: the first form wins
+def bang_bang_time(  # type checkers use this overload for numbers, which are also valid arrays
     theta0: _Number, thetaf: _Number, inertia: _Number, gravity_moment: _Number, tau_max: _Number, *, tau_min: _Number | None = None
 ) -> BangBangReport: ...
 @overload

@@ -1,4 +1,4 @@
-"""Plants."""
+"""Types of plants."""
 
 from typing import Any, Self, final
 

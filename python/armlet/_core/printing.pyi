@@ -1,4 +1,4 @@
-"""Laws, observers and functions of arms as C."""
+"""Types of the functions that write laws, observers and functions of arms as C code."""
 
 from numpy.typing import ArrayLike
 

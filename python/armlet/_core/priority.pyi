@@ -1,4 +1,4 @@
-"""Task priority."""
+"""Types of task priority from matrices."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Self, final
@@ -34,11 +34,11 @@ class PrioritySolution:
     @property
     def residuals(self) -> list[_Array]: ...
     @property
-    def ranks(self) -> Any: ...  # list[int]; integers (..., levels) in a batch
+    def ranks(self) -> Any: ...  # list[int] for one stack; an array of integers (..., levels) for a batch
     @property
     def scales(self) -> _Array: ...
     @property
-    def status(self) -> Any: ...  # Status; integers (...) in a batch
+    def status(self) -> Any: ...  # Status for one stack; an array of integers (...) for a batch
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final

@@ -1,4 +1,4 @@
-"""Closed loops."""
+"""Types of the simulation of closed loops, and of observers."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Self, final

@@ -1,4 +1,4 @@
-"""Gains for a bandwidth."""
+"""Types of suggested gains for a bandwidth."""
 
 from typing import Any, Self, final
 

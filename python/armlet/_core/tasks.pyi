@@ -1,4 +1,4 @@
-"""Tasks in priority on arms."""
+"""Types of tasks of arms, of the laws for prioritised tasks, and of inverse kinematics."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Self, final
@@ -175,7 +175,7 @@ class InverseKinematics:
     def q(self) -> _Array: ...
     @property
     def errors(self) -> list[_Array]: ...
-    # A list, integers and a Status of a single call; arrays of a batch.
+    # A single call returns a list of flags, two integers and a Status; a batch returns arrays.
     @property
     def reached(self) -> Any: ...
     @property

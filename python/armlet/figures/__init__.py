@@ -1,4 +1,4 @@
-"""Figures, one file each, in one style. Drawing imports matplotlib. This module exports the style for your figures."""
+"""The figures of armlet, one file per figure, in one style. Only drawing imports matplotlib. This module exports the style."""
 
 from .style import COLOURS, available, literal, require, sheet
 

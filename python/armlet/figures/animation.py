@@ -1,4 +1,4 @@
-"""A run as a film: links between the joints of the arm, and the path of its tip. Planar arms are drawn in their plane."""
+"""A run as a film: lines between the joints of the arm, and the path of its tip. Planar arms are drawn in their plane."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["animate"]
 
-# Some minutes of film, and as many megabytes.
+# The largest number of pictures of a film. That many pictures are some minutes of film, and some megabytes.
 PICTURES = 20_000
 
 
@@ -41,22 +41,23 @@ def animate(
     size: int = 400,
     view: ArrayLike | None = None,
 ) -> None:
-    """Write the run of an arm with frames as a film; branches and slides are supported. The file is complete or absent.
+    """Write a run as a film. The arm must have frames, and may have branches and prismatic joints.
 
-    The links are lines between the joints; the orange line is the path of `arm.tip_frame`. An arm whose joints and tips stay in a plane of
-    two axes is drawn in that plane. Any other is drawn in space, with its shadow on the floor of the picture.
+    Blue lines between the joints are the links, and the orange line is the path of `arm.tip_frame`. An arm whose joints and tips stay in a
+    plane of two world axes is drawn in that plane. Another arm is drawn in space, with its shadow on the floor of the picture. If an error
+    occurs, no incomplete file remains.
 
     Args:
         run: the run.
-        path: the file: MP4 where its name ends in .mp4, which requires the program ffmpeg; else GIF.
-        arm: the arm, if the run does not have it: a run that was loaded from a file.
+        path: the file. If its name ends in .mp4, the film is MP4, which requires the program ffmpeg. Otherwise it is GIF.
+        arm: the arm, for a run without an arm, such as a run that was loaded from a file.
         fps: pictures per second of the film, at most 50.
         speed: seconds of the run per second of the film.
-        size: width and height, pixels; MP4 rounds it up to an even number.
-        view: elevation and azimuth of the eye, degrees, for a picture in space; None: chosen.
+        size: width and height, pixels; for MP4 they are rounded up to an even number.
+        view: elevation and azimuth of the eye, degrees, for a picture in space; None: (22, -56).
 
     Raises:
-        InputError: the arm has no frames that move, an argument is out of range, or the name ends in .mp4 and there is no ffmpeg.
+        InputError: no frame of the arm moves, an argument is out of range, or the name ends in .mp4 and ffmpeg is not installed.
         ImportError: matplotlib is not installed.
         OSError: the file cannot be written, or ffmpeg failed.
     """
@@ -92,7 +93,7 @@ def animate(
 
 
 def _coder(path: str) -> str | None:
-    """The program that makes an MP4 file, None for a GIF."""
+    """The path of the program ffmpeg for an MP4 file; None for a GIF file."""
     if not path.lower().endswith(".mp4"):
         return None
     found = shutil.which("ffmpeg")
@@ -110,7 +111,7 @@ def _gif(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float) -> 
 
 
 def _mp4(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float, coder: str) -> None:
-    """Write a film with ffmpeg, first to a temporary file: ffmpeg does not write MP4 from beginning to end."""
+    """Write a film with ffmpeg. It writes to a temporary file first, because it does not write MP4 files from beginning to end."""
     first = next(pictures)
     height, width, _ = first.shape
     with tempfile.TemporaryDirectory(prefix="armlet-") as folder:
@@ -125,7 +126,7 @@ def _mp4(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float, cod
                     process.stdin.write(picture.tobytes())
                 process.stdin.close()
             except BrokenPipeError:
-                pass  # its words are in the log
+                pass  # ffmpeg has ended early, and its message is in the log
             except BaseException:
                 process.kill()
                 raise

@@ -1,4 +1,4 @@
-"""Several runs in one figure: a column per joint, a row per quantity, a colour and a dash per run."""
+"""Several runs in one figure: a column per joint, a row per quantity, and a colour and line style per run."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 
 @border
 def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Figure | None = None) -> NDArray[Any]:
-    """Draw the errors and inputs of several runs, joint by joint. A run without a desired motion has its position instead of the error.
+    """Draw the errors and inputs of several runs, joint by joint. If a run has no desired motion, positions replace the errors of all runs.
 
     Args:
-        runs: at least one run; all have the same joints.
-        labels: one name per run; None: "1", "2", .. with the law's name.
+        runs: at least one run; all runs have the same joints.
+        labels: one name per run; None: "1", "2", .. with the name of the law.
         fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
     Returns:
-        The axes of shape (n, 2). Errors are on the left in rad or m, and inputs on the right in N m or N.
+        The axes, an array (2, n): the errors in rad or m above, and the inputs in N m or N below. It is (1, n) if no run has inputs.
 
     Raises:
-        InputError: no runs, runs of different arms, or not one label per run.
+        InputError: there are no runs, the runs have different arms, or the number of labels is not the number of runs.
         ImportError: matplotlib is not installed.
 
     Source: docs/plants_and_laws.md.
@@ -85,7 +85,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
             if with_tau:
                 axes[1, j].set_ylabel(f"input ({literal(given[0].input_units[j])})")
             axes[-1, j].set_xlabel("time (s)")
-        # Outside the axes, where it covers no data.
+        # The legend is outside of the axes, so that it covers no data.
         figure.legend(
             lines, names if labels is not None else [literal(name) for name in names], loc="outside upper center", ncols=min(4, len(names))
         )

@@ -1,11 +1,11 @@
-"""The figure of a minimum-time problem of one link: the symmetric profile beside the optimum under full torque.
+"""The figure of a minimum-time problem of one link. It compares the symmetric profile with the optimum under full torque.
 
     I theta_ddot + G sin theta = tau,   tau_min <= tau <= tau_max
 
-The switching curve contains the states from which one constant bound leads to rest at the goal:
+The switching curve contains the states from which a constant torque, one of the two limits, leads to rest at the goal `thetaf`:
 
-    moving right:  I v^2/2 = -tau_min (thetaf - theta) + G (cos theta - cos thetaf),  theta < thetaf
-    moving left:   I v^2/2 =  tau_max (theta - thetaf) + G (cos theta - cos thetaf),  theta > thetaf
+    theta increases:  I v^2/2 = -tau_min (thetaf - theta) + G (cos theta - cos thetaf),  theta < thetaf
+    theta decreases:  I v^2/2 =  tau_max (theta - thetaf) + G (cos theta - cos thetaf),  theta > thetaf
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class MinimumTime:
-    """A problem of `bang_bang_time`, to be drawn.
+    """A minimum-time problem of one link, with the arguments of `bang_bang_time`, and its figure.
 
     Attributes:
-        theta0, thetaf: start and end, rad.
-        inertia: kg m^2.
-        gravity_moment: N m.
-        tau_max, tau_min: torque limits, N m; `tau_min=None` is `-tau_max`.
+        theta0, thetaf: start and end, rad from the downward vertical.
+        inertia: inertia about the joint, kg m^2.
+        gravity_moment: mass times gravity times distance of the centre of mass, N m.
+        tau_max, tau_min: torque limits, N m; `tau_min=None` means `-tau_max`.
     """
 
     theta0: float
@@ -52,7 +52,7 @@ class MinimumTime:
         return -self.tau_max if self.tau_min is None else self.tau_min, self.tau_max
 
     def plot(self, fig: Figure | None = None) -> Array:
-        """Draw torque, speed and acceleration against time, torque against angle, the phase plane, and T against gravity; returns the axes.
+        """Draw torque, speed and acceleration over time, torque over angle, the phase plane, and durations over gravity; returns the axes.
 
         Args:
             fig: a matplotlib figure to draw into; None makes one with pyplot.
@@ -74,7 +74,7 @@ class MinimumTime:
         return result
 
     def _motions(self) -> list[tuple[str, str, tuple[Array, Array, Array, Array]]]:
-        """Name, colour and (t, theta, theta_dot, tau) of every feasible motion."""
+        """The name, the colour, and the arrays (t, theta, theta_dot, tau) in s, rad, rad/s and N m of every feasible motion."""
         given = (self.theta0, self.thetaf, self.inertia, self.gravity_moment, self.tau_max)
         found = []
         report = bang_bang_time(*given, tau_min=self.tau_min)
@@ -140,7 +140,7 @@ class MinimumTime:
         curves = ((right, -low * (self.thetaf - right), 1.0), (left, high * (left - self.thetaf), -1.0))
         for k, (theta, work, side) in enumerate(curves):
             energy = work + self.gravity_moment * (np.cos(theta) - np.cos(self.thetaf))
-            # The curve ends where the energy first falls to zero: rest is not in the goal beyond.
+            # The curve ends where the kinetic energy, seen from the goal, first becomes zero. States beyond do not reach the goal.
             stalled = np.flatnonzero(energy[1:] <= 0.0)
             stop = int(stalled[0]) + 1 if stalled.size else theta.size
             v = side * np.sqrt(2.0 * np.maximum(energy[:stop], 0.0) / self.inertia)
@@ -156,7 +156,7 @@ class MinimumTime:
         ax.legend(loc="best", handlelength=1.8)
 
     def _durations(self, ax: Axes, here: list[float]) -> None:
-        """The durations of the same motion as gravity grows from zero to three times the larger limit."""
+        """Draw the durations of the motion for gravity moments from zero to three times the larger torque limit."""
         limit = max(map(abs, self.limits))
         ratio = np.linspace(0.0, 3.0, 601)
         given = (self.theta0, self.thetaf, self.inertia)
@@ -164,7 +164,7 @@ class MinimumTime:
         optima = [torque_optimal_time(*given, g, self.tau_max, tau_min=self.tau_min) for g in ratio[::6] * limit]
         best = np.array([o.best.t for o in optima])
         shown = np.concatenate([r.t_min[r.feasible], best[np.isfinite(best)], [0.0]])
-        # Durations grow without bound where a limit just fails: the axis shows the usual ones, and this link's.
+        # Near infeasible gravity moments the durations go to infinity. The axis shows typical durations, and the durations of this link.
         top = max(1.6 * min(shown.max(), 3.0 * np.median(shown)), *(1.2 * t for t in here), 1e-9)
         area = ax.fill_between(ratio, r.t_min, np.minimum(r.t_max, 10 * top), where=r.feasible, color=PROFILE, alpha=0.12, linewidth=0.0)
         area.set_label("profile feasible")
@@ -184,6 +184,6 @@ class MinimumTime:
 
 
 def _times(duration: float, switches: tuple[float, ...]) -> Array:
-    """Times of a motion. They include both sides of each switch."""
+    """Times at which a motion is drawn. They include a time just before and a time just after each switch."""
     sides = [t for s in switches for t in (np.nextafter(s, 0.0), s)]
     return np.sort(np.concatenate([np.linspace(0.0, np.nextafter(duration, 0.0), 601), sides]))

@@ -1,4 +1,8 @@
-"""The figure of a program: its data flow from left to right, one column per depth. Edges to distant columns pass around the other nodes."""
+"""The figure of a program: its data flow from left to right, one column per depth.
+
+A *line* is one operation of the program. A *node* of the figure is a line, an input or an output. An edge to a distant column has
+intermediate nodes, so that it passes around other nodes.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ __all__ = ["plot"]
 LIMIT = 300
 SWEEPS = 24
 SIGNS = {"add": "+", "sub": "−", "mul": "×", "div": "÷", "neg": "−", "fma": "×+", "fms": "×−", "fnma": "−×", "fnms": "−×−"}
-# Colours distinguish operations by their time.
+# The colours of groups of operations. The operations of a group take similar times.
 GROUPS = {
     "sums": (COLOURS[0], {"add", "sub", "neg", "abs", "max", "min"}),
     "products": (COLOURS[2], {"mul"}),
@@ -33,7 +37,10 @@ GROUPS = {
 
 
 class Flow:
-    """Nodes with their column and neighbours: lines, the inputs where they are read, outputs, and intermediate points of long edges."""
+    """The nodes of the figure, with their columns and their preceding nodes.
+
+    The nodes are lines, inputs at the columns where they are read, outputs, and intermediate nodes of long edges.
+    """
 
     def __init__(self, listing: Listing) -> None:
         self.label: list[str] = []
@@ -61,7 +68,7 @@ class Flow:
         return len(self.label) - 1
 
     def _read(self, operand: str, column: int, made: dict[str, int]) -> int:
-        """The node in the column before from which a line reads."""
+        """The node in the preceding column from which a line in `column` reads its operand."""
         if operand not in made:
             key = (operand, column - 1)
             if key not in self.leaves:
@@ -75,7 +82,7 @@ class Flow:
         return at
 
     def _chain(self) -> set[tuple[int, int]]:
-        """The edges of one longest chain of lines, up to the output that depends on it."""
+        """The edges of one longest chain of dependent lines, including the edge to the output."""
         outputs = [node for node, kind in enumerate(self.kind) if kind == "output"]
         chain: set[tuple[int, int]] = set()
         at = max(outputs, key=lambda node: max((self._waits(b) for b in self.before[node]), default=False), default=None)
@@ -87,12 +94,12 @@ class Flow:
         return chain
 
     def _waits(self, node: int) -> bool:
-        """Whether a node is a line. A line is one column after the lines that it reads."""
+        """Whether a node is a line or an output, which is one column after the lines that it reads."""
         return self.kind[node] not in ("input", "led")
 
 
 def _heights(flow: Flow) -> list[float]:
-    """A height per node: near the mean of its neighbours, in the order of these means. Heights in a column differ by at least one."""
+    """The vertical position of each node, near the mean of its neighbours. Positions in a column differ by at least one."""
     columns: list[list[int]] = [[] for _ in range(1 + max(flow.column, default=0))]
     after: list[list[int]] = [[] for _ in flow.label]
     for node, column in enumerate(flow.column):
@@ -116,9 +123,11 @@ def _heights(flow: Flow) -> list[float]:
 
 
 def _apart(wanted: list[float]) -> list[float]:
-    """The heights nearest to the increasing heights `wanted` that are at least one apart. Neighbours that are too close move as one
-    block."""
-    blocks: list[list[float]] = []  # sum and number of the heights that go with one another
+    """The positions nearest to the increasing positions `wanted` whose distances are at least one.
+
+    Neighbours that are too close form a block, which moves as a whole (isotonic regression).
+    """
+    blocks: list[list[float]] = []  # for each block: the sum of its wanted positions minus indices, and its number of nodes
     for place, height in enumerate(wanted):
         blocks.append([height - place, 1.0])
         while len(blocks) > 1 and blocks[-2][0] / blocks[-2][1] >= blocks[-1][0] / blocks[-1][1]:
@@ -130,13 +139,13 @@ def _apart(wanted: list[float]) -> list[float]:
 
 
 def _curve(x0: float, y0: float, x1: float, y1: float) -> tuple[NDArray[Any], NDArray[Any]]:
-    """A curve from one node to the next, horizontal at both ends."""
+    """The points of a curve from (x0, y0) to (x1, y1) that is horizontal at both ends."""
     s = np.linspace(0.0, 1.0, 17)
     return x0 + (x1 - x0) * s, y0 + (y1 - y0) * s * s * (3.0 - 2.0 * s)
 
 
 def _short(name: str) -> str:
-    """The text drawn for an input or output: its name, or four digits of a number."""
+    """The drawn text of an input or output: its name, or a number with four digits."""
     try:
         return f"{float(name):.4g}"
     except ValueError:
@@ -148,7 +157,7 @@ def _colour(kind: str) -> str:
 
 
 def plot(listing: Listing, stage: str, title: str, fig: Figure | None = None) -> Axes:
-    """Draw a program: see `LoopProgram.plot`."""
+    """Draw a program, for `LoopProgram.plot`."""
     lines = len(listing.instructions)
     if lines > LIMIT:
         problem = f"expected at most {LIMIT} lines, got {lines} at stage {stage}"

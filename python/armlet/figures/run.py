@@ -1,4 +1,4 @@
-"""Figures of runs: every axis has its unit, a joint has one colour in all panels, and true or desired values are dashed."""
+"""The figure of a run. Every axis has its unit, a joint has the same colour in all panels, and true or desired values are dashed."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ __all__ = ["plot"]
 
 Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
 
-#: Joints of one panel, as many as there are distinct colours.
+#: The largest number of joints in a panel, which is the number of distinct colours.
 MOST = 7
-#: The ten parameters of a link, by kind: their places, names and units, and the components that the strokes distinguish.
+#: The ten parameters of a link by kind: their indices, the name and unit of the kind, and the line style of each component.
 KINDS = (
     ((0,), "masses", "kg", ""),
     ((1, 2, 3), "first moments", "kg m", ": x solid, y dashed, z dotted"),
@@ -35,7 +35,7 @@ STROKES = ("-", "--", ":", "-.")
 
 
 def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
-    """Draw the figure of `run`'s law into `fig` (None: a new pyplot figure); returns the axes as an array.
+    """Draw a run into `fig` (None: a new pyplot figure), with the panels that suit its law; returns the axes as an array.
 
     Raises:
         ImportError: matplotlib is not installed.
@@ -51,7 +51,7 @@ def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
         for ax in axes.flat[len(panels) :]:
             ax.set_visible(False)
         for last in range(max(0, len(panels) - columns), len(panels)):
-            # The lowest panel of every column, also where the last row is not full.
+            # The lowest panel of every column has the label, also if the last row is not full.
             axes.flat[last].set_xlabel("time (s)")
             axes.flat[last].tick_params(labelbottom=True)
         if run.q.shape[-1] <= MOST:
@@ -61,7 +61,7 @@ def plot(run: Recorded, fig: Figure | None = None) -> NDArray[Any]:
 
 
 def _panels(run: Recorded) -> list[Panel]:
-    """The panels that this run has data for, in reading order."""
+    """The panels for which the run has data, from left to right and from top to bottom."""
     positions, velocities = _of_joints(_position, run), _of_joints(_velocity, run)
     if "residual_1" in run.monitors:
         return [*positions, *velocities, _level_errors, _level_residuals]
@@ -76,7 +76,7 @@ def _panels(run: Recorded) -> list[Panel]:
         panels += _of_joints(_torque, run)
     if run.estimate is not None and run.estimate.shape[-1]:
         panels += _estimates(run)
-    # One identity per figure: the Lyapunov function where the law has one, the energy elsewhere.
+    # The figure has the Lyapunov function of the law and its balance, or else the energy and its balance.
     watched: dict[str, Panel] = {"lyapunov": _lyapunov, "lyapunov_balance": _lyapunov_balance}
     if "lyapunov" not in run.monitors:
         watched = {"energy": _energy, "energy_balance": _energy_balance}
@@ -85,7 +85,7 @@ def _panels(run: Recorded) -> list[Panel]:
 
 
 def _of_joints(draw: Callable[[Axes, Recorded, slice], None], run: Recorded) -> list[Panel]:
-    """A panel for the joints; several panels for many joints, each with a legend."""
+    """One panel for all joints, or several panels with legends for more than `MOST` joints."""
 
     def panel(ax: Axes, run: Recorded, joints: slice) -> None:
         draw(ax, run, joints)
@@ -102,13 +102,13 @@ def _of_joints(draw: Callable[[Axes, Recorded, slice], None], run: Recorded) -> 
 
 
 def _names(run: Recorded) -> list[str]:
-    """`1 shoulder`, ..: the joints by number, and by name if the arm is available."""
+    """The labels of the joints: their numbers, and their names if the arm is available, such as `1 shoulder`."""
     names = getattr(run.arm, "joint_names", None) or [""] * run.q.shape[-1]
     return [f"{i + 1} {literal(name).strip()}".strip() for i, name in enumerate(names)]
 
 
 def _legend_of_joints(figure: Figure, run: Recorded) -> None:
-    """One legend above all panels: a colour per joint, and the meaning of dashes and dots."""
+    """Draw one legend above all panels: the colour of each joint, and the meaning of dashed and dotted lines."""
     from matplotlib.lines import Line2D
 
     entries = [Line2D([], [], color=COLOURS[i], label=name) for i, name in enumerate(_names(run))]
@@ -125,7 +125,7 @@ def _lines(ax: Axes, t: NDArray[Any], values: NDArray[Any], labels: list[str] | 
 
 
 def _limits(ax: Axes, run: Recorded, joints: slice, upper: str, lower: str | None = None) -> None:
-    """Dotted lines at the limits that the run comes near. Other limits would compress the curves."""
+    """Draw dotted lines at the limits that the run approaches. Distant limits would compress the curves."""
     if run.limits is None:
         return
     low, high = ax.get_ylim()
@@ -142,7 +142,7 @@ def _axis(name: str, units: tuple[str, ...]) -> str:
 
 
 def _legend(ax: Axes) -> None:
-    """A legend beside the panel, never over the data."""
+    """Draw a legend to the right of the panel, where it covers no data."""
     handles, labels = ax.get_legend_handles_labels()
     if 1 < len(handles) <= 12:
         ax.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2, borderpad=0.0)
@@ -211,11 +211,11 @@ def _torque(ax: Axes, run: Recorded, joints: slice) -> None:
 
 
 def _estimates(run: Recorded) -> list[Panel]:
-    """The panels of the law's own state."""
+    """The panels of the state of the law: estimates or an integral."""
     assert run.estimate is not None
     if run.law_name in ("PID", "CartesianImpedance"):
         return [_integral]
-    # In a composite law, the filters follow the estimate.
+    # The state of a composite law is the estimate and then the filters. Only the estimate is drawn.
     count = run.estimate[..., : run._estimated].shape[-1]
     links = _links(count, run.q.shape[-1])
     if count <= 12 or count < 10 * links:
@@ -227,7 +227,7 @@ def _estimates(run: Recorded) -> list[Panel]:
 def _integral(ax: Axes, run: Recorded) -> None:
     assert run.estimate is not None
     wrench = run.law_name == "CartesianImpedance"
-    # In a PID law, the filters follow the integral.
+    # The state of a PID law is the integral and then the filters. Only the integral is drawn.
     integral = run.estimate if wrench else run.estimate[..., : run.q.shape[-1]]
     _lines(ax, run.t, integral, [f"$w_{{{i + 1}}}$" for i in range(integral.shape[-1])])
     ax.set_ylabel("N, N m" if wrench else ", ".join(dict.fromkeys(run.input_units)))
@@ -236,14 +236,18 @@ def _integral(ax: Axes, run: Recorded) -> None:
 
 
 def _links(count: int, n: int) -> int:
-    """The number of bodies of an arm with `n` coordinates: `count` parameters are ten per body, then one per coordinate and kind of
-    drive."""
+    """The number of bodies of an arm with `n` coordinates and `count` estimated parameters.
+
+    There are ten parameters per body, and then one per coordinate for each kind of joint parameter, such as damping.
+    """
     return next((links for links in range(n, count // 10 + 1) if (count - 10 * links) in (0, n, 2 * n, 3 * n, 4 * n)), n)
 
 
 def _bodies(ax: Axes, run: Recorded, kind: tuple[tuple[int, ...], str, str, str]) -> None:
-    """The estimates of one kind, with a colour per link and a dash per component. True values are not drawn: the estimates need not
-    converge to them."""
+    """Draw the estimates of one kind of parameters, with a colour per link and a line style per component.
+
+    True values are not drawn, because the estimates need not converge to them.
+    """
     assert run.estimate is not None
     places, what, unit, components = kind
     for link in range(_links(run.estimate[..., : run._estimated].shape[-1], run.q.shape[-1])):
@@ -271,7 +275,7 @@ def _estimate(ax: Axes, run: Recorded) -> None:
     _lines(ax, run.t, estimate, [rf"$\hat{{a}}_{{{i + 1}}}$" for i in range(count)])
     if run.parameters is not None and run.parameters.shape == (count,):
         for i, value in enumerate(run.parameters):
-            # Shifted dashes, so that equal parameters do not hide each other.
+            # The dashes of different parameters are shifted, so that lines of equal parameters are both visible.
             ax.axhline(value, color=COLOURS[i % len(COLOURS)], linestyle=(4 * i, (4, 4)), linewidth=1.0, alpha=0.8)
         ax.plot([], [], color="0.4", linestyle="--", linewidth=1.0, label="true")
     ax.set_ylabel("parameter (SI)")
@@ -293,11 +297,11 @@ def _lyapunov(ax: Axes, run: Recorded) -> None:
 
 def _magnitude(ax: Axes, run: Recorded, name: str) -> None:
     values = np.abs(run.monitors[name])
-    # A balance starts at exactly zero, which a logarithmic axis cannot hold.
+    # A balance is exactly zero at the start, which a logarithmic axis cannot show.
     shown = values[np.isfinite(values) & (values > 0)]
     ax.semilogy(run.t, np.where(values > 0, values, np.nan), color=COLOURS[0], linewidth=0.9)
     if len(shown):
-        # A decade of space on both sides, so that rounding errors do not look like a signal.
+        # The axis extends a decade beyond the values on both sides, so that rounding errors do not look like a signal.
         ax.set_ylim(shown.min() / 10, 10 * shown.max())
 
 
@@ -320,7 +324,7 @@ def _energy_balance(ax: Axes, run: Recorded) -> None:
 
 
 def _levels(ax: Axes, run: Recorded, name: str) -> None:
-    """One line per level of priority, on a logarithmic axis that spans sixteen decades at most."""
+    """Draw one line per level of priority, on a logarithmic axis of at most sixteen decades."""
     shown = np.concatenate([values[values > 0] for key, values in run.monitors.items() if key.startswith(name)])
     for level in range(sum(key.startswith(name) for key in run.monitors)):
         values = run.monitors[f"{name}_{level + 1}"]

@@ -1,4 +1,4 @@
-"""The derivatives of a run with respect to a number, over time."""
+"""The figure of the derivatives of a run with respect to a named number, over time."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 __all__ = ["plot"]
 
-#: Rows of the figure: series and their labels.
+#: The rows of the figure: the series, and its label.
 ROWS = (("q", "position"), ("v", "velocity"), ("tau", "input"))
-# More lines cannot be distinguished.
+# The largest number of lines in a panel, which is the number of distinct colours.
 MOST = len(COLOURS)
 
 
 def plot(one: Any, fig: Figure | None = None) -> NDArray[Any]:
-    """Draw the derivatives over time: a column for each joint, rows of position, velocity and input; returns the axes, (3, n).
+    """Draw the derivatives over time: a column per joint, and rows for position, velocity and input; returns the axes, (3, n).
 
-    Of many entries those are drawn that move the positions most.
+    If the number has more entries than there are colours, only the entries with the largest effect on the positions are drawn.
 
     Args:
         one: the `Sensitivity` of a run.
@@ -32,7 +32,7 @@ def plot(one: Any, fig: Figure | None = None) -> NDArray[Any]:
 
     Raises:
         ImportError: matplotlib is not installed.
-        InputError: the derivatives are those of a batch.
+        InputError: the derivatives belong to a batch.
     """
     require("Sensitivity.plot")
     if one.q.ndim != 3:

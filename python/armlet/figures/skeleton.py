@@ -1,9 +1,9 @@
-"""An arm as lines between its joints, for films and environments: any tree, with slides, in the plane or in space.
+"""An arm as lines between its joints, for films and environments. The arm may be any tree, in the plane or in space.
 
-    p_j(q)  the origin of joint j,    s_j(q) = X_parent(q) X_parent(0)^-1 p_j(0),  its place before its own motion
+    p_j(q)  the origin of joint j,    s_j(q) = X_parent(q) X_parent(0)^-1 p_j(0),  the origin of joint j at q_j = 0
 
-A link is a line from the parent's origin to `s_j`. A slide is a line from `s_j` to `p_j`, which has no length for a revolute joint. Further
-lines connect the frames of the outermost bodies and of the tip with their joints.
+A *link* is a line from the parent's origin to `s_j`. A *slide* is a line from `s_j` to `p_j`. It shows the motion of a prismatic joint, and has
+zero length for a revolute joint. Further lines connect the tip frame, and frames of the outermost bodies, with their joints.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Lines", "Picture", "Skeleton"]
 
 AXES = "xyz"
-#: Elevation and azimuth from which arms in space are seen, degrees.
+#: The default elevation and azimuth of the eye, degrees, for pictures in space.
 VIEW = (22.0, -56.0)
 DPI = 100
 Array: TypeAlias = NDArray[np.float64]
@@ -32,12 +32,12 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Lines:
-    """The drawing of an arm at K configurations, m.
+    """The points of the drawing of an arm at K configurations, in world axes, m.
 
     Attributes:
-        links, slides: ends of lines, (K, lines, 2, 3).
-        joints: (K, joints, 3).
-        tip: (K, 3).
+        links, slides: both ends of each line, (K, lines, 2, 3).
+        joints: origins of the joints, (K, joints, 3).
+        tip: origin of the tip frame, (K, 3).
     """
 
     links: Array
@@ -46,12 +46,12 @@ class Lines:
     tip: Array
 
     def cloud(self) -> Array:
-        """All points, (points, 3)."""
+        """All points of the drawing, (points, 3), m."""
         return np.concatenate([part.reshape(-1, 3) for part in (self.links, self.slides, self.tip)])
 
 
 class Skeleton:
-    """The drawn joints and frames of an arm, and their parents."""
+    """The joints and frames of an arm that are drawn, with their parents."""
 
     def __init__(self, caller: str, arm: Arm) -> None:
         if arm.tip_frame is None:
@@ -63,11 +63,11 @@ class Skeleton:
         self.frames = [k for k, joint in frames if k == self.tip or (joint >= 0 and joint not in inner)]
         at_zero = arm.file_joint_poses(np.zeros(arm.n))
         carriers = np.concatenate([at_zero, np.eye(4)[None]])[self.parents]
-        #: Of each joint its place before its own motion, in the axes of its parent.
+        #: For each joint, its origin at q_j = 0 in the axes of its parent, m.
         self.places = (np.linalg.inv(carriers) @ at_zero)[:, :3, 3]
 
     def lines(self, q: Array) -> Lines:
-        """At positions (K, n), rad or m."""
+        """The points of the drawing at joint positions q (K, n), rad or m."""
         poses = np.asarray(self.arm.file_joint_poses(q))
         carriers = np.concatenate([poses, np.broadcast_to(np.eye(4), (len(q), 1, 4, 4))], axis=1)[:, self.parents]
         origins = poses[..., :3, 3]
@@ -88,8 +88,8 @@ class Picture:
     Args:
         cloud: points that the picture must contain, (points, 3), m.
         size: width and height, pixels.
-        view: elevation and azimuth, degrees; None: the plane where there is one, else `VIEW`.
-        figure: the figure to draw into; None: one without a window.
+        view: elevation and azimuth of the eye, degrees; None: the plane of the points if they have one, otherwise `VIEW`.
+        figure: the matplotlib figure to draw into; None: a figure without a window.
     """
 
     def __init__(self, caller: str, cloud: Array, size: int, view: tuple[float, float] | None = None, figure: Figure | None = None) -> None:
@@ -117,7 +117,7 @@ class Picture:
                 ax.set_aspect("equal")
             else:
                 elevation, azimuth = VIEW if view is None else view
-                # Smaller than usual, so that the label of z is whole.
+                # The zoom is smaller than the default, so that the label of the z axis is not cut off.
                 ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
                 ax.view_init(elevation, azimuth)
             self.shadow = None if flat else self._line(color="0.85", linewidth=2.5)
@@ -126,9 +126,9 @@ class Picture:
             self.links = self._line(color=COLOURS[0], linewidth=3.5, solid_capstyle="round")
             self.joints = self._line(color=COLOURS[0], marker="o", markersize=6.0, linestyle="none")
             self.targets = self._line(color=COLOURS[2], marker="o", markersize=9.0, linestyle="none", fillstyle="none", markeredgewidth=2.0)
-            # Not the title of the axes, whose width would squeeze them in a small picture.
+            # The text belongs to the figure. A title of the axes would make the axes narrower in a small picture.
             self.title = self.figure.suptitle("t = 0.00 s", x=0.02, horizontalalignment="left", fontsize=10)
-            # Where the axes are is settled once.
+            # The layout is computed once, so that the axes do not move between pictures.
             self.figure.canvas.draw()
             self.figure.set_layout_engine("none")
 
@@ -143,7 +143,7 @@ class Picture:
             line.set_data(*columns)
 
     def show(self, lines: Lines, k: int, title: str, targets: Array | None = None) -> None:
-        """Draw configuration `k`, the path of the tip from the first configuration to it, and targets, (points, 3), m."""
+        """Draw configuration `k`, the path of the tip from configuration 0 to `k`, and the points `targets`, (points, 3), m."""
         links, slides = _broken(lines.links[k]), _broken(lines.slides[k])
         if self.shadow is not None:
             fallen = np.concatenate([links, slides])
@@ -156,12 +156,12 @@ class Picture:
         self.figure.canvas.draw()
 
     def pixels(self) -> NDArray[np.uint8]:
-        """The picture, (height, width, 3)."""
+        """The picture as RGB bytes, (height, width, 3)."""
         canvas: Any = self.figure.canvas
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
 def _broken(ends: Array) -> Array:
-    """Lines (lines, 2, 3) as one line with gaps: rows of NaN."""
+    """Convert lines (lines, 2, 3) to one line with gaps. A row of NaN is a gap."""
     gaps = np.full((len(ends), 1, 3), np.nan)
     return np.concatenate([ends, gaps], axis=1).reshape(-1, 3)

@@ -1,6 +1,6 @@
-"""Shared parts of all figures: the colours of Okabe and Ito (for colour-blind readers), the style, and the sheet.
+"""The common parts of all figures: the colours of Okabe and Ito (for colour-blind readers), the style, and the figure object.
 
-matplotlib is an extra: it is imported here, and only when a figure is drawn.
+matplotlib is an optional package. This module imports it only when a figure is drawn.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ STYLE = {
     "legend.framealpha": 0.85,
     "legend.edgecolor": "none",
     "lines.linewidth": 1.4,
-    # Names come from files, and TeX reads files.
+    # TeX is off, because names come from files and TeX commands in a name could read other files.
     "text.usetex": False,
     "xtick.labelsize": 8,
     "ytick.labelsize": 8,
@@ -59,14 +59,14 @@ def require(caller: str) -> None:
 
 
 def literal(text: str) -> str:
-    """A name from a file as matplotlib shows it: without mathematics, in one line, and never hidden."""
+    """Convert a name from a file to a label: matplotlib then draws it on one line, without mathematics, and does not hide it."""
     line = one_line(text)
     return (" " if line.startswith("_") else "") + line.replace("$", r"\$")
 
 
 @contextmanager
 def sheet(fig: Figure | None, size: tuple[float, float] | None) -> Iterator[Figure]:
-    """Apply the style, and return `fig`, or a new pyplot figure if it is None; `size` is in inches (None: unchanged)."""
+    """Apply the style, and yield `fig`, or a new pyplot figure if it is None. `size` is in inches (None: unchanged)."""
     import matplotlib
     from matplotlib.figure import FigureBase
 

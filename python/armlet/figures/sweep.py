@@ -1,4 +1,4 @@
-"""The figure of a sweep: one metric over the first two quantities that varied, a point per run; runs that failed are grey crosses."""
+"""The figure of a sweep: a metric over the first two quantities that vary. A point is a run, and a grey cross is a run without a value."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SPREAD = 8.0
 
 
 def plot(table: Mapping[str, NDArray[Any]], quantity: str | None = None, fig: Figure | None = None) -> Axes:
-    """Draw `quantity` (None: the first metric) into `fig` (None: a new pyplot figure); returns the axes."""
+    """Draw the metric `quantity` (None: the first metric) into `fig` (None: a new pyplot figure); returns the axes."""
     require("SweepTable.plot")
     from matplotlib.ticker import LogFormatter
 
@@ -36,7 +36,7 @@ def plot(table: Mapping[str, NDArray[Any]], quantity: str | None = None, fig: Fi
     if not varied or not metrics:
         raise InputError("SweepTable.plot: there is nothing to draw: expected a number that varies, and a metric")
     quantity = metrics[0] if quantity is None else choice("SweepTable.plot", "quantity", quantity, metrics)
-    # A figure that is given keeps its size and layout.
+    # A figure of the caller keeps its size and layout.
     with sheet(fig, (6.4, 4.6) if fig is None else None) as figure:
         ax: Axes = figure.subplots()
         good = having(table["status"], Status.SUCCESS) & np.isfinite(table[quantity])
@@ -58,10 +58,10 @@ def plot(table: Mapping[str, NDArray[Any]], quantity: str | None = None, fig: Fi
             ax.scatter(x[~good], failed, s=size, color="0.7", marker="x", linewidths=0.8, zorder=0)
         for axis in (ax.xaxis, ax.yaxis):
             if axis.get_scale() == "log":
-                # 20 rather than 2 x 10^1.
+                # Labels such as 20 are easier to read than 2 x 10^1.
                 axis.set_major_formatter(LogFormatter())
                 axis.set_minor_formatter(LogFormatter())
-        # In the title, where it covers no run.
+        # The meaning of the crosses is in the title, where it covers no point.
         ax.set_title(f"{len(x):,} runs" + (f"; grey crosses: {len(failed):,} without a value" if len(failed) else ""))
     return ax
 
@@ -72,7 +72,7 @@ def _scale(values: NDArray[Any]) -> str:
 
 
 def _label(quantity: str) -> str:
-    """The name of a metric with its unit, if the unit is the same for all arms."""
+    """The label of a metric: its name, and its unit if all arms have the same unit."""
     name = quantity.rstrip("0123456789")
     unit = Metrics({}, ("rad or m",), ("N m or N",)).unit(name) if name in (*PER_JOINT, *PER_TASK, *PER_RUN) else "SI"
     return literal(quantity) + (f" ({unit})" if unit != "1" else "")

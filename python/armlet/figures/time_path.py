@@ -1,9 +1,9 @@
-"""The figure of the timing of a path: where each limit is active.
+"""The figure of the timing of a path. It shows where each limit is active.
 
     tau = A u + B r^2 + g + d q' r,   A = M q',   B = M q'' + C(q, q') q',   r = ds/dt,   u = d^2 s/dt^2
 
-At a path position `s` and a path speed `r` every limit of torque or acceleration allows an interval of `u`. Where the intervals have
-no common point, no motion is feasible. The edge of that region is the maximum velocity curve; limits of joint speed bound `r` as well.
+At a path position `s` and a path speed `r`, each limit of torque or acceleration allows an interval of `u`. If the intervals have no common
+point, no motion is feasible there. The edge of this region is the maximum velocity curve. Limits of joint speed also bound `r`.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ __all__ = ["PathTiming"]
 
 LIMIT = "0.25"
 Array = NDArray[Any]
-# Jumps of the path acceleration, relative to its largest value, that are marked as switches.
+# A jump of the path acceleration that is larger than this fraction of its largest value is marked as a switch.
 JUMP = 0.1
 
 
 def _bounds(limit: ArrayLike | None, n: int) -> tuple[Array, Array]:
-    """Lower and upper limits `(n,)` from a number, `(n,)` or `(n, 2)`; infinite where there are none."""
+    """Lower and upper limits `(n,)` from a number, `(n,)` or `(n, 2)`. None makes infinite limits."""
     if limit is None:
         return np.full(n, -np.inf), np.full(n, np.inf)
     values = _core.numbers("PathTiming", "a limit", limit, (), (n,), (n, 2))
@@ -44,12 +44,13 @@ def _bounds(limit: ArrayLike | None, n: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class PathTiming:
-    """A timing of `time_path` and its arguments, to be drawn.
+    """A timing from `time_path` with its limits, and its figure.
 
     Attributes:
-        arm, motion: the arm, and the feasible `TimedPath`.
-        tau_max, v_max, a_max: the limits, as given to `time_path`.
-        viscous: viscous friction, N m s/rad: number or `(n,)`.
+        arm: the arm.
+        motion: the feasible `TimedPath`.
+        tau_max, v_max, a_max: the limits, which were the arguments of `time_path`.
+        viscous: viscous friction, N m s/rad or N s/m: number or `(n,)`.
     """
 
     arm: Arm
@@ -60,14 +61,14 @@ class PathTiming:
     viscous: ArrayLike = 0.0
 
     def plot(self, fig: Figure | None = None) -> Array:
-        """Draw torque against time and path position, the phase plane, and joint positions, speeds and accelerations; returns the axes.
+        """Draw torque over time and over path position, the phase plane, and joint positions, speeds and accelerations; returns the axes.
 
         Args:
             fig: a matplotlib figure to draw into; None makes one with pyplot.
 
         Raises:
             ImportError: matplotlib is not installed.
-            InputError: the motion is not a timing, takes no time or has no limit of torque.
+            InputError: the motion is not a feasible `TimedPath`, its duration is zero, or `tau_max` is missing.
         """
         require("PathTiming.plot")
         if not (self.motion.feasible and self.motion.duration > 0.0):
@@ -91,7 +92,7 @@ class PathTiming:
         return result
 
     def _samples(self) -> tuple[Array, Array]:
-        """Times, both sides of every grid point among them, and the path positions there."""
+        """Times at which the motion is drawn, s, and their path positions. They include times just before and at every grid point."""
         p = self.motion
         inner = np.linspace(0.0, 1.0, 6)[:, None]
         lengths = np.diff(p.t)
@@ -100,7 +101,7 @@ class PathTiming:
         r = p.s_dot
         i = np.clip(np.searchsorted(p.t, t, side="right") - 1, 0, lengths.size - 1)
         d = t - p.t[i]
-        # Between grid points the path speed is nearly linear in time: for a drawing.
+        # Between grid points the path speed is nearly linear in time, which is accurate enough for a figure.
         s = p.s[i] + d * (r[i] + 0.5 * d * (r[i + 1] - r[i]) / lengths[i])
         return t, s
 
@@ -108,7 +109,7 @@ class PathTiming:
         low, high = _bounds(self.tau_max, self.arm.n)
         share = (2.0 * tau - low - high) / (high - low)
         for ax, x in ((time, t), (along, s)):
-            # The joints' lines first: the legend of the figure is made of them.
+            # The lines of the joints are drawn first, because the legend of the figure uses the first lines of the axes.
             for j in range(self.arm.n):
                 ax.plot(x, share[:, j], color=COLOURS[j % len(COLOURS)])
             for bound in (-1.0, 1.0):
@@ -121,9 +122,9 @@ class PathTiming:
         along.set_title("Torque against path position")
 
     def margin(self, s: ArrayLike, r: ArrayLike) -> Array:
-        """Largest minus smallest path acceleration that the limits leave at path speeds `r` `(R,)` and positions `s` `(S,)`: `(R, S)`.
+        """The width of the feasible interval of path accelerations at path speeds `r` `(R,)` and positions `s` `(S,)`: `(R, S)`, 1/s^2.
 
-        The value is negative where no motion is feasible.
+        The width is negative where no motion is feasible.
         """
         arm, n = self.arm, self.arm.n
         q, slope, curvature = self.motion.path(s)
@@ -148,18 +149,18 @@ class PathTiming:
         return np.asarray(most - least)
 
     def switches(self) -> Array:
-        """Indices of grid points where the path acceleration jumps: one limit takes over from another."""
+        """The indices of grid points at which the path acceleration jumps, because another limit becomes active."""
         p = self.motion
         u = np.diff(p.s_dot**2) / (2.0 * np.diff(p.s))
         jumps = np.abs(np.diff(u))
-        # A switch within a segment shows as two jumps: the larger one is marked.
+        # A switch within a segment appears as two jumps, of which only the larger one is marked.
         after, before = np.append(jumps[1:], 0.0), np.append(0.0, jumps[:-1])
         return np.flatnonzero((jumps > JUMP * np.abs(u).max()) & (jumps >= after) & (jumps > before)) + 1
 
     def _phase_plane(self, ax: Axes) -> None:
         p = self.motion
         s = np.linspace(p.s[0], p.s[-1], 500)
-        # As high as it takes to see the region's edge, where it is near.
+        # The axis is higher if this shows the edge of the infeasible region.
         for height in (1.35, 3.0):
             top = height * float(p.s_dot.max())
             r = np.linspace(0.0, top, 400)
@@ -188,11 +189,11 @@ class PathTiming:
         ax.legend(loc="best", handlelength=1.8)
 
     def _over_time(self, ax: Axes, t: Array, values: Array, limit: ArrayLike | None, what: tuple[str, str]) -> None:
-        """A quantity of the joints, as a fraction of its limits if there are some: the name, and the unit."""
+        """Draw a quantity of the joints over time, as a fraction of its limits if there are any. `what`: its name and unit."""
         name, per = what
         low, high = _bounds(limit, self.arm.n)
         if limit is not None:
-            # As for torque: 1 is the upper limit, -1 the lower one, infinite ones are never near.
+            # The upper limit is drawn at 1, and the lower limit at -1. A joint with an infinite limit is drawn at 0.
             with np.errstate(invalid="ignore"):
                 values = np.where(np.isfinite(high - low), (2.0 * values - low - high) / (high - low), 0.0)
             for bound in (-1.0, 1.0):
