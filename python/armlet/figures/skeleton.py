@@ -2,8 +2,8 @@
 
     p_j(q)  the origin of joint j,    s_j(q) = X_parent(q) X_parent(0)^-1 p_j(0),  the origin of joint j at q_j = 0
 
-A *link* is a line from the parent's origin to `s_j`. A *slide* is a line from `s_j` to `p_j`. It shows the motion of a prismatic joint, and has
-zero length for a revolute joint. Further lines connect the tip frame, and frames of the outermost bodies, with their joints.
+A *link* is a line from the parent's origin to `s_j`. A *slide* is a line from `s_j` to `p_j`. It shows the motion of a prismatic joint, and
+has zero length for a revolute joint. Further lines connect the tip frame, and frames of the outermost bodies, with their joints.
 """
 
 from __future__ import annotations

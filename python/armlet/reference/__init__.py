@@ -1,7 +1,8 @@
-"""The same robotics in plain numpy. Each result has another derivation than in the core. It imports only numpy.
+"""A reference implementation of armlet in numpy, with other derivations than the core. Tests compare the core with it.
 
-Tests compare the core with it. Dynamics come from energies by complex steps instead of recursions. Integration is an extrapolation
-method instead of Runge-Kutta pairs. Sampled loops are simulations of events instead of closed forms. It is slow, and never a fallback.
+The dynamics are derivatives of energies by complex steps, where the core has recursions. The integration is an extrapolation method, where
+the core has Runge-Kutta pairs. Sampled loops are simulated event by event, where the core has closed forms. The reference is slow, and
+armlet never uses it in place of the core. It imports only numpy.
 """
 
 from . import integrate

@@ -1,4 +1,4 @@
-"""The rate of an estimate of inertial parameters under y = Y's.
+"""The time derivative of an estimate of inertial parameters, from y = Y's.
 
     all or a base set      a_hat' = Gamma y
     natural metric         gamma G(a_hat)^-1 y,  G_kl = tr(P^-1 E_k P^-1 E_l) at P = P(a_hat), body by body  (Lee, Kwon and Park 2018)
@@ -7,7 +7,8 @@
                            f^2 = sum |N_k|^2,  g_j = sum tr(R_k N_k R_k E_j),
                            c = [min(1, 2 f) max(0, g'Gamma y) + 10 f^2] / g'Gamma g               (Pomet and Praly 1992)
 
-P is the pseudo-inertia of a body, of the planar PR [[A, B], [B, C]]; E_j is P of the unit parameter j.
+P is the pseudo-inertia of a body; for the planar PR arm it is [[A, B], [B, C]]. E_j is the P of a body whose parameter j is 1 and whose
+others are 0. P_k^min is the smallest body k, which an estimate must exceed.
 """
 
 from collections.abc import Callable
@@ -18,36 +19,36 @@ from numpy.typing import ArrayLike
 from .inertia import PSEUDO, parameters_of
 from .lagrange import Array, solve
 
-LAYER = 0.5  # thickness of the layer in which the rate is projected, relative to the least bodies
-PULL = 10.0  # how fast what is outside returns, 1/s
-GYRATION = 0.1  # radius of gyration of a least body that is given by its mass, m
+LAYER = 0.5  # thickness of the boundary layer in which the rate is corrected, relative to the smallest bodies
+PULL = 10.0  # rate at which an estimate below the smallest bodies returns, 1/s
+GYRATION = 0.1  # radius of gyration, m, of a smallest body whose argument is its mass
 PR = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
 
 
 def _basis(p: int) -> Array:
-    """E_j of a body, (3, 2, 2) of the planar PR or (10, 4, 4)."""
+    """The matrices E_j of a body: (3, 2, 2) for the planar PR arm, otherwise (10, 4, 4)."""
     return PR if p == 3 else PSEUDO
 
 
 def _bodies(pi: Array) -> Array:
-    """P of all bodies."""
+    """The pseudo-inertias P of all bodies, (bodies, 4, 4) or (1, 2, 2)."""
     E = _basis(pi.size)
     return np.asarray(np.einsum("bp,pij->bij", pi.reshape(-1, len(E)), E))
 
 
 def _spectral(A: Array, f: Callable[[Array], Array]) -> Array:
-    """f(A) of symmetric matrices by their eigenvalues."""
+    """The function f of symmetric matrices A, computed with their eigenvalues."""
     values, U = np.linalg.eigh(A)
     return np.asarray((U * f(values)[..., None, :]) @ np.swapaxes(U, -1, -2))
 
 
 def _negative(A: Array) -> Array:
-    """The negative part."""
+    """The negative parts of symmetric matrices: positive eigenvalues are replaced by zero."""
     return _spectral(A, lambda x: np.minimum(x, 0.0))
 
 
 def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
-    """gamma G^-1 y of every body, (10 n,); gamma (n,)."""
+    """The rates gamma G^-1 y of every body, (10 n,), with gamma (n,)."""
     rates = []
     for P, push, speed in zip(_bodies(estimate), y.reshape(-1, 10), gamma, strict=True):
         turned = np.linalg.solve(P, PSEUDO)
@@ -56,14 +57,14 @@ def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
 
 
 def divergence(pi: Array, estimate: Array) -> Array:
-    """d(P || P_hat) of every body, (n,)."""
+    """The distance d(P || P_hat) of every body, (n,)."""
     P, P_hat = _bodies(pi), _bodies(estimate)
     logs = np.linalg.slogdet(P_hat)[1] - np.linalg.slogdet(P)[1]
     return np.asarray(logs + np.trace(np.linalg.solve(P_hat, P), axis1=-2, axis2=-1) - 4.0)
 
 
 def least_bodies(projection: ArrayLike, p: int) -> Array:
-    """Parameters (p,) of the least bodies P^min, from these parameters or from one mass in kg."""
+    """The parameters (p,) of the smallest bodies P^min, from these parameters or from one mass in kg."""
     given = np.asarray(projection, dtype=np.float64)
     if given.ndim:
         return given
@@ -80,7 +81,7 @@ def nearest_start(estimate: Array, least: Array) -> Array:
     raised = _bodies(estimate) - root @ negative @ root
     if estimate.size == 3:
         return np.array([raised[0, 0, 0], raised[0, 0, 1], raised[0, 1, 1]])
-    # A body that is inside already keeps its bits.
+    # A body that already satisfies P >= P^min keeps its bits.
     kept = [
         body if not np.any(below) else parameters_of(P) for body, below, P in zip(estimate.reshape(-1, 10), negative, raised, strict=True)
     ]
@@ -88,7 +89,7 @@ def nearest_start(estimate: Array, least: Array) -> Array:
 
 
 def projected_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
-    """The projected rate Gamma (y - c g). It keeps an estimate above half of the least bodies if it starts above them."""
+    """The corrected rate Gamma (y - c g). An estimate that starts above the smallest bodies stays above half of them."""
     beside = np.zeros(y.size - least.size)
     estimate = estimate[: least.size]
     inverse = _spectral(_bodies(least), lambda x: x**-0.5)

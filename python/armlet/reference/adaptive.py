@@ -1,13 +1,13 @@
-"""Adaptive tracking, by its equations; e = q_d - q, C is the Christoffel factorisation.
+"""Adaptive tracking, written from its equations; e = q_d - q, and C is the Coriolis matrix of the Christoffel symbols.
 
     v_r = v_d + Lambda e,  Lambda = Kd^-1 Kp,  s = v_r - v,  a_r = a_d + Lambda e_dot
-    tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot, and armature a_r where it is not estimated          (Slotine and Li 1987)
-    a_hat_dot = Gamma w,  w = Y's, or as `adaptation` has it
+    tau = Y(q, v, v_r, a_r) a_hat + Kp e + Kd e_dot, plus armature a_r if it is not estimated            (Slotine and Li 1987)
+    a_hat_dot = Gamma w,  w = Y's, or a rate of `adaptation`
     columns             inertial, then diag(a_r), diag(v_r), diag(tanh(v_r/v_s)), diag(exp(-(v_r/v_s)^2) tanh(v_r/v_s))
     leakage             w = Y's - sigma (a_hat - a_0), e-modification with sigma |s|           (Ioannou 1984, Narendra 1987)
     dead zone           w = 0 while |s| < s_0
     composite           w = Y's + W'R e_W,  e_W = tau_W - W a_hat,  W' = Y(q, v, v, a) - lambda W,  tau_W' = tau - lambda tau_W
-                        with the plant's own acceleration a, from W = 0 and tau_W = 0                         (Slotine and Li 1989)
+                        with the acceleration a of the plant; W = 0 and tau_W = 0 at the start                (Slotine and Li 1989)
     concurrent          w = Y's + sum_j W_j'R (tau_j - W_j a_hat) of stored samples                 (Chowdhary and Johnson 2010)
     for every estimate  -V1' = s'(tau - (M a_r + C v_r + g + tau_f(v))) + (a - a_hat)'w, with M, C, g, tau_f of the plant
 """
@@ -28,7 +28,7 @@ KINDS = ("armature", "viscous", "coulomb", "stribeck")
 
 
 def columns(v_r: Array, a_r: Array, v_s: Array, kinds: Iterable[str]) -> Array:
-    """The columns of joints, (n, kinds n)."""
+    """The regressor columns of joint parameters, (n, kinds n): n columns for each of `kinds`."""
     share = v_r / v_s
     entries = {
         "armature": a_r,
@@ -40,8 +40,10 @@ def columns(v_r: Array, a_r: Array, v_s: Array, kinds: Iterable[str]) -> Array:
 
 
 class Adaptive(Law):
-    """Slotine-Li tracking; the state is the estimate a_hat: all inertial parameters or a base set of them, then the parameters of
-    joints."""
+    """The tracking law of Slotine and Li. Its state is the estimate a_hat, and then the filters of composite adaptation.
+
+    The estimate has all inertial parameters or a base set of them, and then the joint parameters.
+    """
 
     def __init__(
         self,
@@ -122,7 +124,7 @@ class Adaptive(Law):
         return parts | filters | {"v_r": v_r, "a_r": a_r}
 
     def _filters(self, q: Array, v: Array, tau: Array, state: Array) -> dict[str, Any]:
-        """W, tau_W, e_W and the rates of the first two; empty without composite adaptation."""
+        """W, tau_W, e_W, and the time derivatives of W and tau_W; empty without composite adaptation."""
         n, p, arm = self.arm.n, self.p, self.arm
         if self.weight is None:
             return {}
@@ -151,7 +153,7 @@ class Adaptive(Law):
         return np.concatenate([self.projector @ arm.parameters, *(of_joints[kind] for kind in self.kinds)])
 
     def loss(self, terms: Terms, q: Array, v: Array, state: Array, plant: Any) -> float:
-        """-V1', without the term of a projection."""
+        """The rate -V1', without the term of a projection."""
         s, arm = terms["s"], plant.arm
         if self.plain:
             return float(s @ self.kd @ s)
@@ -161,9 +163,9 @@ class Adaptive(Law):
         return float(s @ (terms["u"] - needed) + (self.truth(plant) - state[: self.p]) @ terms["w"])
 
     def lyapunov(self, t: float, q: Array, v: Array, state: Array, plant: Any) -> float:
-        """V1 = s'Ms/2 + d'Gamma^-1 d/2 with the plant's own M and parameters, d = a - a_hat.
+        """V1 = s'Ms/2 + d'Gamma^-1 d/2 with d = a - a_hat, and with M and the parameters a of the plant.
 
-        In the natural metric, the part of each body in the second term is its divergence over its gamma.
+        In the natural metric, the second term is the sum of each body's distance d(P || P_hat) divided by its gamma.
         """
         s, own = self.terms(t, q, v, state=state)["s"], self.inertial
         truth, state = self.truth(plant), state[: self.p]

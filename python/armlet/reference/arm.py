@@ -1,12 +1,13 @@
-"""Trees of revolute and prismatic joints by homogeneous transforms (Uicker 1967), without a recursion of forces.
+"""Kinematics and energies of trees of revolute and prismatic joints, from homogeneous transforms (Uicker 1967).
 
     T_i = T_parent(i) place_i exp(xi_i q_i),    dT_i/dq_j = dT_parent/dq_j place_i exp(xi_i q_i),  and T_i xi_i for j = i
     kinetic   1/2 sum_i tr( T_i' P_i T_i'^T )   so   M_jk = sum_i tr( dT_i/dq_j  P_i  (dT_i/dq_k)^T )
     potential -sum_i gravity . (T_i P_i e_4)
-    centre of mass: the potential under a unit of gravity along each axis, over the mass; its Jacobian: that gravity's torque
 
-P_i is the pseudo-inertia of `inertia`, linear in the ten parameters. A link behind a fixed joint adds X P X^T to the body that
-carries it. The exponential uses the half angle. It is analytic in q, so that every derivative can be a complex step.
+The centre of mass is the potential energy for unit gravity along each axis, divided by the mass. The gravity torque gives its Jacobian.
+
+P_i is the pseudo-inertia of body i (see `inertia`), linear in its ten parameters. A link behind a fixed joint adds X P X^T to its parent
+body. The exponential uses the half angle. It is analytic in q, so that every derivative can be a complex step.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,19 +26,19 @@ LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity": np.inf}
 
 
 def cross(w: Array) -> Array:
-    """The matrix of the cross product w x."""
+    """The skew-symmetric matrix S with S x = w x x (cross product), (3, 3)."""
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def rotation(axis: int, angle: float) -> Array:
-    """The rotation about a coordinate axis, (3, 3), by complex numbers in the plane of the other two axes."""
+    """The rotation about a coordinate axis, (3, 3), computed with complex numbers in the plane of the other two axes."""
     turned, (j, k), z = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3), np.exp(1j * angle)
     turned[[j, k], [j, k]], turned[k, j], turned[j, k] = z.real, z.imag, -z.imag
     return turned
 
 
 def placement(xyz: ArrayLike, rpy: ArrayLike) -> Array:
-    """Rz(yaw) Ry(pitch) Rx(roll) and the offset, (4, 4)."""
+    """The transform (4, 4) with the rotation Rz(yaw) Ry(pitch) Rx(roll) and the offset xyz, m."""
     angles = np.asarray(rpy, dtype=np.float64)
     out = np.eye(4)
     for axis in (2, 1, 0):
@@ -47,7 +48,7 @@ def placement(xyz: ArrayLike, rpy: ArrayLike) -> Array:
 
 
 class Arm(Mechanism):
-    """A tree of moving bodies; `frames` maps a name to (body, offset (4, 4)), body -1 being the base."""
+    """A tree of moving bodies. `frames` maps the name of a frame to its body (-1 is the base) and its offset (4, 4) from the body frame."""
 
     def __init__(
         self,
@@ -60,7 +61,7 @@ class Arm(Mechanism):
         armature: ArrayLike = 0.0,
         movers: Sequence[Mover] | None = None,
     ) -> None:
-        #: Of each joint the coordinate that moves it, with multiplier and offset.
+        #: For each joint: the coordinate that moves it, the multiplier and the offset.
         self.movers = list(movers or [(index, 1.0, 0.0) for index in range(len(parents))])
         super().__init__(len({coordinate for coordinate, *_ in self.movers}), parameters, armature)
         self.parents, self.places, self.twists = list(parents), list(places), list(twists)
@@ -75,17 +76,17 @@ class Arm(Mechanism):
 
     @classmethod
     def from_chain(cls, joints: Sequence[Joint], gravity: ArrayLike = (0.0, 0.0, -9.81), armature: ArrayLike | None = None) -> Self:
-        """An arm from a list of joints.
+        """An arm from a list of joints, with the keys of `armlet.Arm.from_chain`.
 
         Each joint is a dict. `type` is R, P, revolute, continuous, prismatic or fixed. `axis`, `rpy`, `xyz` and `phi` are its geometry and
-        inertia. `parent` is the index of the joint that carries it: -1 is the base, and the default is the joint before. `name`, `lower`,
+        inertia. `parent` is the index of the parent joint: -1 is the base, and the default is the previous joint. `name`, `lower`,
         `upper`, `velocity`, `armature`, `damping` and `friction` are optional. `mimic` has the index `joint` of its leader, `multiplier`
         and `offset`.
         """
-        carrier: list[tuple[int, Array]] = []  # of each joint's frame: moving body and constant offset from it
+        carrier: list[tuple[int, Array]] = []  # for the frame of each joint: its moving body, and the constant offset from the body
         parents: list[int] = []
         places, twists, moving = [], [], []
-        seats: dict[int, int] = {}  # of a moving joint of the list: its place among them
+        seats: dict[int, int] = {}  # from the index of a moving joint in the list to its index among the moving joints
         inertias: list[Array] = []
         for index, joint in enumerate(joints):
             above = int(joint.get("parent", index - 1))
@@ -122,7 +123,7 @@ class Arm(Mechanism):
         low, high, fast = ([float(joint.get(key, value)) for joint in moving] for key, value in LIMITS.items())
         G = np.array([[m * (k == column) for column in range(len(leads))] for k, m, _ in movers]).reshape(len(moving), len(leads))
         for column in range(len(leads)):
-            # Where every joint of the coordinate is inside its limits.
+            # The range of a coordinate is the intersection of the ranges that its joints allow.
             rows = [(k, *movers[k][1:]) for k in np.flatnonzero(G[:, column])]
             ends = [sorted(((low[k] - c) / m, (high[k] - c) / m)) for k, m, c in rows]
             arm.limits["lower"][column], arm.limits["upper"][column] = max(low for low, _ in ends), min(high for _, high in ends)
@@ -132,15 +133,15 @@ class Arm(Mechanism):
         return arm.with_drives(**{key: value @ weights[key] for key, value in drives.items()}).with_drives(armature=armature)
 
     def with_gravity(self, gravity: ArrayLike) -> Self:
-        """The same arm under another gravity (3,), m/s^2."""
+        """A copy of the arm with another gravity (3,), m/s^2."""
         other = copy(self)
         other.gravity_vector, other._last = np.array(gravity, dtype=np.float64), None
         return other
 
     def _joint(self, index: int, q: Analytic) -> Analytic:
-        """place exp(xi q), (..., 4, 4).
+        """The transform place exp(xi q) of a joint, (..., 4, 4).
 
-        exp(xi q) = 1 + 2 c s xi + 2 s^2 xi^2 with c and s of the half angle, or 1 + q xi where xi^2 = 0.
+        exp(xi q) = 1 + 2 c s xi + 2 s^2 xi^2 with c = cos(q/2) and s = sin(q/2), or 1 + q xi for a prismatic joint.
         """
         place, first, second = self._powers[index]
         if not second.any():
@@ -151,7 +152,7 @@ class Arm(Mechanism):
         return turned
 
     def _walk(self, q: Analytic) -> tuple[list[Analytic], list[Analytic]]:
-        """T_i (..., 4, 4) and dT_i/dq (..., n, 4, 4) of every body. The last result is stored, because pose and Jacobian share it."""
+        """T_i (..., 4, 4) and dT_i/dq (..., n, 4, 4) of every body. The last result is stored for later calls at the same q."""
         key = (q.shape, q.dtype.char, q.tobytes())
         if self._walked is None or self._walked[0] != key:
             self._walked = (key, self._walk_anew(q))
@@ -180,7 +181,7 @@ class Arm(Mechanism):
         pairs = np.swapaxes(pairs, -3, -2).reshape(*wide.shape[:-3], self.n * self.n, 16)
         mass = np.swapaxes(pairs @ PSEUDO.reshape(10, 16).T, -1, -2)
         heights = -np.einsum("r,...rb->...b", self.gravity_vector, np.stack(poses, axis=-3)[..., :3, :])
-        potential = heights @ PSEUDO[:, :, 3].T  # P e_4: the first moment and the mass
+        potential = heights @ PSEUDO[:, :, 3].T  # the column P e_4 is the first moment and the mass
         lead = q.shape[:-1]
         return mass.reshape(*lead, -1, self.n, self.n), potential.reshape(*lead, -1)
 
@@ -195,27 +196,27 @@ class Arm(Mechanism):
         return poses[body] @ offset, slopes[body] @ offset
 
     def file_joint_poses(self, q: ArrayLike) -> Array:
-        """T_i of every joint, including followers, (..., joints, 4, 4)."""
+        """The pose T_i of every joint, including mimic joints, (..., joints, 4, 4)."""
         (q,) = vectors(q, n=self.n)
         return np.array(np.stack(self._walk(q)[0], axis=-3))
 
     def center_of_mass(self, q: ArrayLike) -> Array:
-        """Centre of mass in world axes, (..., 3)."""
+        """The centre of mass in world axes, (..., 3), m."""
         heights = [self.with_gravity(-axis).energy(q, np.zeros(self.n))[1] for axis in np.eye(3)]
         return np.asarray(np.stack(heights, axis=-1) / self.parameters[::10].sum())
 
     def center_of_mass_jacobian(self, q: ArrayLike) -> Array:
-        """(..., 3, n)."""
+        """The Jacobian of the centre of mass, (..., 3, n)."""
         rows = [self.with_gravity(-axis).gravity(q) for axis in np.eye(3)]
         return np.asarray(np.stack(rows, axis=-2) / self.parameters[::10].sum())
 
     def pose(self, q: ArrayLike, frame: str) -> Array:
-        """X_WF, (..., 4, 4)."""
+        """The pose X_WF of a frame in the world, (..., 4, 4)."""
         (q,) = vectors(q, n=self.n)
         return np.array(self._frame(q, frame)[0])
 
     def position(self, q: ArrayLike, frame: str) -> Array:
-        """p_WF, (..., 3)."""
+        """The position p_WF of a frame's origin in the world, (..., 3), m."""
         return np.array(self.pose(q, frame)[..., :3, 3])
 
     def _load(self, q: Array, wrench: Array, frame: str) -> Array:
@@ -233,13 +234,13 @@ class Arm(Mechanism):
         return np.array(self._jacobian(q, frame))
 
     def jacobian_dot(self, q: ArrayLike, v: ArrayLike, frame: str) -> Array:
-        """dJ/dt along v, (..., 6, n), one complex step in the direction of v."""
+        """The time derivative dJ/dt of the Jacobian for dq/dt = v, (..., 6, n), by a complex step in the direction of v."""
         q, v = vectors(q, v, n=self.n)
         return np.array(self._jacobian(q + 1j * STEP * v, frame).imag / STEP)
 
 
 def _mover(moving: Sequence[Joint], seats: Mapping[int, int], leads: Sequence[int], index: int) -> Mover:
-    """The coordinate of a joint, with multiplier and offset, through its chain of leaders."""
+    """The coordinate that moves a joint, the multiplier and the offset, found through its chain of leaders."""
     multiplier, offset = 1.0, 0.0
     while (follows := moving[index].get("mimic")) is not None:
         offset += multiplier * float(follows.get("offset", 0.0))
@@ -255,9 +256,10 @@ def planar_arm(
     inertias: ArrayLike | None = None,
     gravity: ArrayLike = (0.0, -9.81),
 ) -> Arm:
-    """Planar nR in the x-y plane, q1 from the x axis; coms from each joint, inertias about the com; frames at the link tips.
+    """A planar arm of n revolute joints in the x-y plane, with q1 measured from the x axis. Its frames are at the link tips.
 
-    Without masses, coms or inertias, the links are uniform rods of 1 kg/m.
+    `coms` are distances from the joints, m, and `inertias` are about the centres of mass, kg m^2. Without them, the links are uniform rods;
+    without `masses`, they have 1 kg per metre.
     """
     L = np.asarray(lengths, dtype=np.float64)
     m = L if masses is None else np.asarray(masses, dtype=np.float64)
@@ -266,7 +268,7 @@ def planar_arm(
     joints = []
     for k in range(L.size):
         phi = np.zeros(10)
-        phi[[0, 1]], phi[[6, 9]] = (m[k], m[k] * c[k]), I[k] + m[k] * c[k] ** 2  # a rod turns alike about y and z
+        phi[[0, 1]], phi[[6, 9]] = (m[k], m[k] * c[k]), I[k] + m[k] * c[k] ** 2  # the inertias about y and z are equal
         joints.append({"type": "R", "axis": (0, 0, 1), "xyz": (L[k - 1] if k else 0.0, 0.0, 0.0), "phi": phi})
     arm = Arm.from_chain(joints, gravity=(*np.asarray(gravity, dtype=np.float64), 0.0))
     for k in range(L.size):

@@ -1,7 +1,7 @@
-"""LuGre friction with the force of the bristles as its state, `w = sigma_0 z`.
+"""LuGre friction. Its state is the torque of the bristles, `w = sigma_0 z`, with the deflection z and the load L.
 
 w' = sigma_0 (v - |v| w / h),   h = F_s + (F_s - F_c) expm1(-(v/v_s)^2) + mu |L|
-tau_f = w + (sigma_1/sigma_0) w' + sigma_2 v,   stored w^2 / (2 sigma_0)
+tau_f = w + (sigma_1/sigma_0) w' + sigma_2 v,   stored energy w^2 / (2 sigma_0)
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from .lagrange import Array
 
 
 class LuGre(NamedTuple):
-    """Per joint, scalar or (n,): the arguments of `armlet.LuGre`."""
+    """The arguments of `armlet.LuGre`, scalar or (n,) each."""
 
     coulomb: ArrayLike
     stiffness: ArrayLike
@@ -24,7 +24,7 @@ class LuGre(NamedTuple):
     load_ratio: ArrayLike = 0.0
 
     def level(self, v: Array, load: Array) -> Array:
-        """h(v, L), (n,)."""
+        """The torque h(v, L) at which the bristles slide, (n,)."""
         coulomb = np.asarray(self.coulomb, dtype=np.float64)
         static = np.asarray(coulomb if self.static is None else self.static, dtype=np.float64)
         speed = np.asarray(np.inf if self.stribeck_speed is None else self.stribeck_speed, dtype=np.float64)
@@ -32,7 +32,7 @@ class LuGre(NamedTuple):
         return level
 
     def rub(self, v: Array, w: Array, load: Array) -> tuple[Array, Array, float]:
-        """The torque, w' and the power lost."""
+        """The friction torque tau_f (n,), the derivative w' (n,), and the lost power, W."""
         s0 = np.asarray(self.stiffness, dtype=np.float64)
         rate = s0 * (v - np.abs(v) * w / self.level(v, load))
         torque = w + np.asarray(self.damping) / s0 * rate + np.asarray(self.viscous) * v
@@ -42,6 +42,6 @@ class LuGre(NamedTuple):
         return float(np.sum(w**2 / (2.0 * np.asarray(self.stiffness))))
 
     def deflection(self, w: Array) -> Array:
-        """z, (n,)."""
+        """The deflection z of the bristles, (n,), rad or m."""
         z: Array = w / np.asarray(self.stiffness, dtype=np.float64)
         return z

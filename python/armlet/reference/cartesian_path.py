@@ -1,12 +1,12 @@
-"""Joint positions along poses, at the arguments s: plain Newton steps of inverse kinematics from one to the next.
+"""Joint positions along a curve through poses, at path positions s. Newton steps of inverse kinematics go from each s to the next.
 
     lines:    p = p_0 + u dp,   R = R_0 (R_0' R_1)^u by the eigenvalues of R_0' R_1
-    arcs:     p = m + R(n, phi) (a - m), n the normal of the plane, m where two perpendicular bisectors meet
-    corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), rotations by two geodesics and one between them
+    arcs:     p = m + R(n, phi) (a - m), n the normal of the plane, m the intersection of two perpendicular bisectors
+    corners:  p = C + (1 - t)^2 (A - C) + t^2 (B - C), rotations along two geodesics and along one between them
     spline:   natural cubic of positions and of quaternions, eigenvectors of the profile matrix of R (Bar-Itzhack 2000)
     q <- q + J^+ e
 
-The core makes a spline with knots where the error requires them, and represents rotations by quaternions.
+The core makes a joint spline whose knots depend on the error, and represents rotations by quaternions.
 """
 
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ from .arm import Arm
 from .lagrange import Array
 from .timing import cubic_spline
 
-ARM = 0.1  # m per rad
+ARM = 0.1  # the length, m per rad, that makes distances of rotations comparable with distances of positions
 STEPS = 50
 
 
 def power(R: Array, u: float) -> Array:
-    """R^u."""
+    """The power R^u of a rotation: u times its angle about the same axis."""
     values, vectors = np.linalg.eig(R)
     return np.array(np.real(vectors @ np.diag(np.exp(1j * u * np.angle(values))) @ np.linalg.inv(vectors)))
 
@@ -38,7 +38,7 @@ def geodesic(a: Array, b: Array, u: float) -> Array:
 
 
 def quaternion(R: Array) -> Array:
-    """[w, x, y, z], the eigenvector of the largest eigenvalue."""
+    """The quaternion [w, x, y, z] of a rotation: the eigenvector of its profile matrix for the largest eigenvalue."""
     K = np.empty((4, 4))
     K[0, 0] = np.trace(R)
     K[0, 1:] = K[1:, 0] = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
@@ -53,7 +53,7 @@ def matrix(q: Array) -> Array:
 
 
 def about(n: Array, phi: float, v: Array) -> Array:
-    """v turned by phi about the unit vector n (Rodrigues)."""
+    """The vector v after a rotation by phi about the unit vector n (Rodrigues)."""
     return np.array(np.cos(phi) * v + np.sin(phi) * np.cross(n, v) + (1.0 - np.cos(phi)) * (n @ v) * n)
 
 
@@ -63,13 +63,13 @@ def circle(a: Array, b: Array, c: Array) -> tuple[Array, Array, float, float]:
     n = n / np.linalg.norm(n)
     rows = np.stack([b - a, c - b, n])
     m = np.array(np.linalg.solve(rows, [(b - a) @ (a + b) / 2, (c - b) @ (b + c) / 2, n @ a]), dtype=np.float64)
-    # The normal is such that the way a, b, c turns to the left.
+    # Seen from the tip of the normal, the points a, b, c follow each other counterclockwise.
     first, second = (float(np.arctan2(np.cross(x - m, y - m) @ n, (x - m) @ (y - m))) % (2 * np.pi) for x, y in ((a, b), (b, c)))
     return m, n, first, second
 
 
 def curve(poses: Array, s: Array, kind: str, blend: float, arcs: Sequence[int] = ()) -> list[tuple[Array, Array]]:
-    """Position and rotation of the curve through poses (K, 4, 4) at s, 0 to 1."""
+    """The position and the rotation of the curve through poses (K, 4, 4) at each path position s from 0 to 1."""
     p, R = poses[:, :3, 3], poses[:, :3, :3]
     distances = [float(np.linalg.norm(p[k + 1] - p[k])) for k in range(len(p) - 1)]
     turns: dict[int, tuple[Array, Array, float]] = {}
@@ -123,7 +123,7 @@ def cartesian_path(
     blend: float = 0.0,
     arcs: Sequence[int] = (),
 ) -> Array:
-    """Joint positions (M, n) at s (M,) along poses (K, 4, 4); `rows` of [position; rotation] are followed. NaN where Newton fails."""
+    """Joint positions (M, n) at s (M,) along poses (K, 4, 4), for the rows `rows` of [position; rotation]. NaN after a failure."""
     s, q, chosen = np.asarray(s, dtype=np.float64), np.asarray(q0, dtype=np.float64), np.asarray(list(rows))
     found = np.full((s.size, q.size), np.nan)
     for i, (p, R) in enumerate(curve(np.asarray(poses, dtype=np.float64), s, kind, blend, arcs)):
@@ -131,7 +131,7 @@ def cartesian_path(
             pose = arm.pose(q, frame)
             off = R @ pose[:3, :3].T
             axis: Any = 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
-            # The sine of the angle: as good as the angle where the steps end.
+            # The error uses the sine of the angle, which equals the angle to first order where the steps end.
             error = np.concatenate([p - pose[:3, 3], axis])[chosen]
             if np.abs(error).max() < 1e-12:
                 break

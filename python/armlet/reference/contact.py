@@ -1,10 +1,10 @@
-"""Contacts: a wall and joint stops. Each has a penetration depth d(q), an analytic function, and pushes only outwards.
+"""Contacts: a wall and joint stops. Each has a penetration depth d(q), which is an analytic function, and a spring with a damper.
 
     f = max(0, k d + c d_dot) where d > 0, else 0
-    tau = -f dd/dq,   stored energy k d^2 / 2,   power lost (f - k d) d_dot
+    tau = -f dd/dq,   stored energy k d^2 / 2,   lost power (f - k d) d_dot
     wall: d = n . (p_wall - p(q)) of the origin p of a frame;   stop: d = q_i - upper_i or lower_i - q_i
 
-The gradient of the depth is a complex step. No Jacobian is needed.
+A complex step computes the gradient of the depth, so no Jacobian is needed.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from .lagrange import STEP, Analytic, Array, complex_steps
 
 
 class Wall(NamedTuple):
-    """A plane through `point` (3,) with the outward `normal` (3,), world axes, that stops the origin of `frame`."""
+    """A wall for the origin of `frame`: a plane through `point` (3,), m, with the outward `normal` (3,), both in world axes."""
 
     frame: str
     point: ArrayLike
@@ -27,7 +27,7 @@ class Wall(NamedTuple):
 
 
 class JointStops(NamedTuple):
-    """Limits of the joints, scalar or (n,), infinite for none, None for those of the arm; stiffness and damping scalar or (n,)."""
+    """Stops of joints: limits, stiffness and damping, scalar or (n,). A limit may be infinite; None means the limits of the arm."""
 
     stiffness: ArrayLike
     damping: ArrayLike = 0.0
@@ -36,7 +36,7 @@ class JointStops(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """One depth d(q), a number for q (n,) and (K,) for (K, n), with its spring and damper."""
+    """A contact: its depth d(q), a number for q (n,) and (K,) for q (K, n), its stiffness k and its damping c."""
 
     name: tuple[Any, ...]
     depth: Callable[[Analytic], Analytic]
@@ -45,7 +45,7 @@ class Contact(NamedTuple):
 
 
 def contacts(arm: Any, wall: Wall | None, stops: JointStops | None) -> list[Contact]:
-    """The wall, then the stops of each joint, lower before upper."""
+    """The contacts of an arm: the wall, and then the lower and the upper stop of each joint."""
     found = []
     if wall is not None:
         normal = np.asarray(wall.normal, dtype=np.float64) / np.linalg.norm(wall.normal)
@@ -67,12 +67,12 @@ def contacts(arm: Any, wall: Wall | None, stops: JointStops | None) -> list[Cont
 
 
 def _beyond(joint: int, side: float, limit: float) -> Callable[[Analytic], Analytic]:
-    """The depth of a joint beyond its limit on one side."""
+    """The function d(q) of the depth of a joint beyond its limit; `side` is 1 for the upper limit and -1 for the lower one."""
     return lambda q: side * (q[..., joint] - limit)
 
 
 def push(contact: Contact, q: Array, v: Array) -> tuple[Array, float, float]:
-    """Joint torques (n,), stored energy and power lost of one contact."""
+    """The joint torques (n,), the stored energy, J, and the lost power, W, of one contact."""
     d = float(contact.depth(q))
     if d <= 0.0:
         return np.zeros_like(q), 0.0, 0.0
@@ -83,7 +83,7 @@ def push(contact: Contact, q: Array, v: Array) -> tuple[Array, float, float]:
 
 
 def pushes(found: list[Contact], q: Array, v: Array) -> tuple[Array, float, float]:
-    """The sums over all contacts."""
+    """The joint torques (n,), the stored energy, J, and the lost power, W, summed over all contacts."""
     torque, stored, lost = np.zeros_like(q), 0.0, 0.0
     for contact in found:
         each = push(contact, q, v)

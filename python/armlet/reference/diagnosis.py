@@ -1,12 +1,12 @@
-"""Which directions of a stack of levels can be commanded, by ranks of stacked rows.
+"""The directions of a stack of levels that can be commanded, from ranks of stacked rows.
 
     projected rank of level i = rank(rows down to i) - rank(rows above),   overlap = sum rank J_i - rank J_E
     algorithmic iff rank J_E < min(sum rank J_i, n),   kinematic iff some rank J_i is below its rows      (Chiaverini 1997)
     lost at level i     1 - U U',  U the leading left vectors of J_i N,  N a null basis of the rows above
     loss of a command   (1 - U U')(v_i - J_i v_above),  v_above the exact solution of the levels above
 
-Ranks count singular values of stacked rows above rounding * sigma_max, each block first divided by its own norm, because
-tasks have different units. No singular value of a projected Jacobian is ever compared with the projected Jacobian itself.
+A *block* is the Jacobian of a level. A rank counts the singular values of stacked rows above rounding * sigma_max. Before, each block is
+divided by its norm, because tasks have different units. Singular values of a projected Jacobian are never compared with its own norm.
 """
 
 from collections.abc import Sequence
@@ -18,14 +18,15 @@ from numpy.typing import ArrayLike
 from .lagrange import Array
 
 EPS = float(np.finfo(np.float64).eps)
-COMPATIBLE = 1e3  # a loss is rounding below this multiple of rounding, condition and size
+COMPATIBLE = 1e3  # a loss below this multiple of rounding * condition * size counts as a rounding error
 
 
 class Diagnosis(NamedTuple):
-    """Ranks of a stack of levels, and the lost parts of a command.
+    """The ranks of a stack of levels, and the parts of a command that are lost.
 
-    There are ranks of each block, of the stack, and of each block projected on the null space above. Each level has singular values
-    alone and projected, two flags, and the projector on its lost directions. With a command it also has the losses.
+    The ranks are those of each block, of the stack, and of each block after projection on the null space of the levels above. Each level
+    has the singular values of its block and of the projected block, two flags, and the projector on its lost directions. If there is a
+    command, each level also has its loss.
     """
 
     ranks: list[int]
@@ -47,7 +48,7 @@ def _blocks(jacobians: Sequence[ArrayLike]) -> list[Array]:
 
 
 def _unit(J: Array) -> Array:
-    """The block divided by its norm; a zero block stays zero."""
+    """The block divided by its norm. A zero block is unchanged."""
     size = np.linalg.norm(J)
     return J / size if size > 0.0 else J
 
@@ -67,23 +68,23 @@ def _null_basis(rows: Array, rank: int) -> Array:
 
 
 def _above(blocks: list[Array], level: int) -> Array:
-    """The rows above a level, each block divided by its norm."""
+    """The stacked rows of the levels above a level. Each block is divided by its norm."""
     return np.vstack([np.zeros((0, blocks[0].shape[1])), *[_unit(block) for block in blocks[:level]]])
 
 
 def _stacked_ranks(blocks: list[Array], rounding: float) -> list[int]:
-    """Ranks of the rows down to each level."""
+    """For each level, the rank of the stacked rows of this level and all levels above."""
     return [_rank(np.vstack([_unit(J) for J in blocks[: i + 1]]), rounding) for i in range(len(blocks))]
 
 
 def projected_ranks(blocks: list[Array], rounding: float) -> list[int]:
-    """Rank of each level in the null space of those above."""
+    """The rank of each level in the null space of the levels above."""
     stack = _stacked_ranks(blocks, rounding)
     return [after - before for before, after in zip([0, *stack], stack, strict=False)]
 
 
 def diagnose_priority(jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike] | None = None, rounding: float = 8 * EPS) -> Diagnosis:
-    """Ranks by the rule rank(stack) - rank(rows above); rounding is the relative error of the entries, rhs a command."""
+    """Diagnose a stack of Jacobians. `rounding`: relative error of their entries. `rhs`: a command, one task velocity per level."""
     blocks = _blocks(jacobians)
     n = blocks[0].shape[1]
     stacked, projected = _stacked_ranks(blocks, rounding)[-1], projected_ranks(blocks, rounding)
@@ -112,7 +113,7 @@ def diagnose_priority(jacobians: Sequence[ArrayLike], *, rhs: Sequence[ArrayLike
     return Diagnosis(ranks, stacked, projected, overlap, kind, alone, seen, kinematic, algorithmic, lost, *verdict)
 
 
-# s2, s3, s4 different from zero (None: any) -> class and the ranks of J1, J2, J_E, J2 P1
+# For the sines s2, s3, s4 of q2, q3, q4: whether each is not zero (None: either), the class, and the ranks of J1, J2, J_E, J2 P1.
 MACRO_MICRO_CLASSES: tuple[tuple[bool, bool | None, bool, str, tuple[int, int, int, int]], ...] = (
     (True, None, True, "R", (2, 2, 4, 2)),
     (True, None, False, "A", (2, 2, 3, 1)),
@@ -123,7 +124,7 @@ MACRO_MICRO_CLASSES: tuple[tuple[bool, bool | None, bool, str, tuple[int, int, i
 
 
 def macro_micro_class(q: ArrayLike, angle_tol: float = 1e-9) -> tuple[str, tuple[int, int, int, int]]:
-    """SPEC system 2's table for the planar 4R with tasks at the tips of links 4 and 2; multiples of pi count as zero."""
+    """The class and the ranks of a planar 4R arm with tasks at the tips of links 4 and 2. Angles that are multiples of pi count as zero."""
     moved = np.abs(np.sin(np.asarray(q, dtype=np.float64)[1:])) > angle_tol
     for s2, s3, s4, name, ranks in MACRO_MICRO_CLASSES:
         if s2 == moved[0] and s4 == moved[2] and (s3 is None or s3 == moved[1]):

@@ -1,11 +1,11 @@
 """Arms from Denavit-Hartenberg rows, and changes of arms: tools, payloads, locked joints.
 
     standard  T_i = Rz(theta) Tz(d) Tx(a) Rx(alpha),   modified  T_i = Rx(alpha) Tx(a) Rz(theta) Tz(d)       (q adds to theta, or to d)
-    payload   P_body += X P X',  P the pseudo-inertia about the frame
-              P = sum m [r; 1][r; 1]' + [[S_c, 0], [0, 0]],   m the mass of the body
-    held      place_k exp(xi_k q_k) is constant:   the body of joint k joins the body before it, X P X' and frames X F
+    payload   P_body += X P X',  P the pseudo-inertia of the load about the frame
+              P = m [r; 1][r; 1]' + [[S_c, 0], [0, 0]],   m the mass of the load, r its centre of mass
+    locked    place_k exp(xi_k q_k) is constant:   the body of joint k becomes a part of its parent's body, with X P X' and frames X F
 
-Arms are rebuilt from homogeneous transforms of their parts; no inertia is moved by the parallel-axis theorem.
+Arms are rebuilt from homogeneous transforms of their parts. The parallel-axis theorem is not used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,18 +20,18 @@ from .inertia import parameters_of, pseudo_inertia
 from .lagrange import Array
 
 TURN, SLIDE = np.zeros((4, 4)), np.zeros((4, 4))
-TURN[0, 1], TURN[1, 0], SLIDE[2, 3] = -1.0, 1.0, 1.0  # about z, along z
+TURN[0, 1], TURN[1, 0], SLIDE[2, 3] = -1.0, 1.0, 1.0  # twists of a rotation about z, and of a translation along z
 
 
 def from_dh(rows: Sequence[Any], *, convention: str = "standard", gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Arm:
-    """Rows (a, alpha, d, theta), or dicts with these keys, `type` and `phi`; frames "link1".. are those of Denavit and Hartenberg."""
+    """An arm from rows (a, alpha, d, theta), m and rad, or dicts with these keys, `type` and `phi`. Frames "link1" .. are the DH frames."""
     places, twists, bodies, frames = [], [], [], {}
     before = np.eye(4)
     for index, row in enumerate(rows):
         named = row if isinstance(row, Mapping) else dict(zip(("a", "alpha", "d", "theta"), row, strict=True))
         a, alpha, d, theta = (float(named.get(key, 0.0)) for key in ("a", "alpha", "d", "theta"))
         along_x, along_z = placement((a, 0, 0), (alpha, 0, 0)), placement((0, 0, d), (0, 0, theta))
-        # A joint between two fixed transforms; the row's body and frame lie behind the second.
+        # The joint is between the fixed transforms `first` and `last`. The body and the frame of the row are after `last`.
         first, last = (along_z, along_x) if convention == "standard" else (along_x @ along_z, np.eye(4))
         places.append(before @ first)
         twists.append(SLIDE if str(named.get("type", "R")).lower() in ("p", "prismatic") else TURN)
@@ -42,7 +42,7 @@ def from_dh(rows: Sequence[Any], *, convention: str = "standard", gravity: Array
 
 
 def with_frame(arm: Arm, name: str, parent: str, *, xyz: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Arm:
-    """The arm with one more frame, fixed to one of its frames."""
+    """A copy of the arm with a new frame, fixed to an existing frame."""
     other = copy(arm)
     body, offset = arm.frames[parent]
     other.frames = arm.frames | {name: (body, offset @ placement(xyz, rpy))}
@@ -50,7 +50,7 @@ def with_frame(arm: Arm, name: str, parent: str, *, xyz: ArrayLike = (0, 0, 0), 
 
 
 def with_payload(arm: Arm, frame: str, mass: float, com: ArrayLike | None = None, inertia: ArrayLike | None = None) -> Arm:
-    """The arm with a load fixed to a frame; inertia (3, 3) about the centre of mass, in the axes of the frame."""
+    """A copy of the arm with a load fixed to a frame. `inertia` (3, 3), kg m^2, is about the centre of mass, in the axes of the frame."""
     body, offset = arm.frames[frame]
     central = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=np.float64)
     r = np.append(np.zeros(3) if com is None else np.asarray(com, dtype=np.float64), 1.0)
@@ -63,10 +63,10 @@ def with_payload(arm: Arm, frame: str, mass: float, com: ArrayLike | None = None
 
 
 def locked(arm: Arm, joints: Mapping[str, float]) -> Arm:
-    """The arm with joints held at positions, by name, rad or m; they leave q."""
+    """A copy of the arm with joints locked at the positions `joints`, by name, rad or m. q has no entries for them."""
     pseudo = pseudo_inertia(arm.parameters.reshape(-1, 10))
     kept = [k for k in range(arm.n) if arm.joint_names[k] not in joints]
-    carrier: list[tuple[int, Array]] = []  # where each body is: the body that carries it now, and its place there
+    carrier: list[tuple[int, Array]] = []  # for each old body: the new body of which it is a part, and its pose there
     places, parents, merged = [], [], []
     for k in range(arm.n):
         body, X = carrier[arm.parents[k]] if arm.parents[k] >= 0 else (-1, np.eye(4))

@@ -1,10 +1,10 @@
 """Stability limits of the control of elastic joints at an equilibrium.
 
-sampled loop  links locked, torque held over dt: y' = A y + G tau with y = [theta, theta_dot] or, behind a torque sensor, [.., tau_f];
+sampled loop  links locked, torque constant for dt: y' = A y + G tau with y = [theta, theta_dot] or, with a torque sensor, [.., tau_f];
               tau_f' = w_c (K_J theta - tau_f);   tau = (I - B B0^-1) tau_J - B B0^-1 D0 theta_dot
               stable while the spectral radius of   y -> Phi y + Gamma tau(y)   is below 1
-1-DoF limit   roots of (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s), the largest k with none in the right half-plane
-stiffness     the largest multiple of K_m for which the loop, linearised at its equilibrium, has no eigenvalue in the right half-plane
+1-DoF limit   the largest k for which (M s^2 + K)(B0 s^2 + D0 s + K) - K^2 + K (k + d s) has no root in the right half-plane
+stiffness     the largest multiple of K_m for which the linear model of the loop at its equilibrium has no eigenvalue there
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from .rest import equilibrium
 
 
 class ElasticLimits(NamedTuple):
-    """The limits at one equilibrium: see `armlet.ElasticLimits`."""
+    """The limits at one equilibrium, with the fields of `armlet.ElasticLimits`."""
 
     sample_time_max: float
     stiffness_max: Array
@@ -32,12 +32,12 @@ class ElasticLimits(NamedTuple):
 
 
 def damping_from_ratio(inertia: ArrayLike, stiffness: ArrayLike, ratio: float) -> Array:
-    """D with every mode of inertia, D, stiffness at the damping ratio, (n, n)."""
+    """The damping matrix D (n, n) with which every mode of inertia, D and stiffness has the damping ratio."""
     return ratio_damping(np.asarray(inertia, dtype=np.float64), np.asarray(stiffness, dtype=np.float64), ratio)
 
 
 def sampled_radius(B: Array, K: Array, B0: Array, D0: Array, dt: float, bandwidth: float = np.inf, friction: Array | float = 0.0) -> float:
-    """Spectral radius over one sample with the torque held, links locked; matrices (n, n)."""
+    """The spectral radius of the map over one sample `dt`, with constant torque and locked links; matrices (n, n)."""
     n, slow = len(B), np.isfinite(bandwidth)
     size = 3 * n if slow else 2 * n
     A = np.zeros((size + n, size + n))
@@ -51,7 +51,7 @@ def sampled_radius(B: Array, K: Array, B0: Array, D0: Array, dt: float, bandwidt
         law[:, 2 * n : size] = share
     else:
         law[:, :n] = share @ K
-    # The exponential by Taylor series of a halved matrix, squared back.
+    # The matrix exponential by scaling and squaring: a Taylor series of the scaled matrix, which is then squared repeatedly.
     halvings = max(0, int(np.ceil(np.log2(np.abs(A * dt).sum() + 1e-300))) + 3)
     term = total = np.eye(size + n)
     for k in range(1, 20):
@@ -65,14 +65,16 @@ def sampled_radius(B: Array, K: Array, B0: Array, D0: Array, dt: float, bandwidt
 def smallest_reduced_inertia(
     motor_inertia: float, joint_stiffness: float, sample_time: float, *, damping_ratio: float = 1.0, sensor_bandwidth: float = np.inf
 ) -> float:
-    """The B0 at which the sampled loop with D0 = 2 zeta sqrt(B0 K_J) becomes unstable, searched downwards from B0 = B. NaN if B0 = B is
-    unstable."""
+    """The B0 at which the sampled loop with D0 = 2 zeta sqrt(B0 K_J) becomes unstable. The search decreases B0 from B.
+
+    NaN if the loop with B0 = B is unstable.
+    """
     B, K = (np.array([[float(x)]]) for x in (motor_inertia, joint_stiffness))
 
     def stable(log_b0: float) -> bool:
         B0 = np.array([[np.exp(log_b0)]])
         D0 = 2.0 * damping_ratio * np.sqrt(B0 * K)
-        # Shorter samples tell islands of stability from the mainland.
+        # The loop must also be stable for shorter samples. Otherwise B0 is in an isolated stable interval, which does not count.
         return all(sampled_radius(B, K, B0, D0, sample_time * part, sensor_bandwidth) < 1.0 for part in (1.0, 0.75, 0.5, 0.25))
 
     top = float(np.log(motor_inertia))
@@ -102,7 +104,7 @@ def stiffness_limit(
 
 
 def largest_sample_time(plant: ElasticArm, law: Any, bandwidth: float) -> float:
-    """The first dt at which the motor loop with locked links becomes unstable: steps of a hundredth, then bisection."""
+    """The smallest dt, s, at which the motor loop with locked links is unstable: a search in steps of 1 %, then bisection."""
     K, B, friction = plant.stiffness, plant.motor_inertia, plant.joint_damping + plant.motor_friction
 
     def stable(log_dt: float) -> bool:
@@ -124,8 +126,10 @@ def elastic_limits(
     sample_time: float | None = None,
     sensor_bandwidth: float | None = None,
 ) -> ElasticLimits:
-    """The limits of a motor-inertia reduction at the equilibrium that is reached from q0; for a law with equal joint stiffness and
-    inertia."""
+    """The limits of a motor-inertia reduction at the equilibrium that the search from q0 finds.
+
+    The joint stiffness and the motor inertia of the law must equal those of the plant.
+    """
     rest = equilibrium(plant, law, force, q0=q0, force_frame=force_frame)
     bandwidth = np.inf if sensor_bandwidth is None else sensor_bandwidth
     task = getattr(law, "coordinates", None)
@@ -144,8 +148,10 @@ def elastic_limits(
 
 
 def _stiffness_scale(plant: ElasticArm, law: Any, force: Any, force_frame: str | None, q: Array) -> float:
-    """The scale at which the largest real part of the eigenvalues is zero, by the Illinois method. Zero if the loop is unstable at the
-    scale 1."""
+    """The scale of the stiffness at which the largest real part of the eigenvalues is zero, found with the Illinois method.
+
+    The result is zero if the loop is unstable at the scale 1.
+    """
 
     def lead(kappa: float) -> float:
         scaled = copy(law)
@@ -176,7 +182,7 @@ def _stiffness_scale(plant: ElasticArm, law: Any, force: Any, force_frame: str |
 
 
 def bisect(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """The point at which `holds` changes from true at low to false at high."""
+    """The point between `low` and `high` at which `holds` changes from true at `low` to false at `high`."""
     for _ in range(200):
         middle = 0.5 * (low + high)
         if middle in (low, high):

@@ -1,7 +1,7 @@
-"""Zero crossings of a run: each trial point is integrated.
+"""Zero crossings of event functions in a run. The state at each trial time comes from an integration, not from interpolation.
 
     g(t, x) changes its sign in (t_a, t_b):   integrate from the last checked time to the zero of the secant,
-        keep the part with the change, and halve the value at an end that is kept twice (Dowell and Jarratt 1971)
+        keep the interval with the change, and halve the value of g at an end that is kept twice (Dowell and Jarratt 1971)
 
 joint: q_i - value;  speed: v_i - value;  plane: n . (p - p_0) of a frame's origin;  contact: depth in the wall;
 joint_stop: depth beyond a limit;  function: any g(t, q, v), g(t, q) or g(t, q, v, theta, theta_dot)
@@ -18,7 +18,7 @@ from .plant import Plant
 
 
 class Event(NamedTuple):
-    """An event: rising crossings only if direction > 0, falling ones only if < 0; `stop` ends the run at this number of crossings."""
+    """An event. With direction > 0 only rising crossings count, with < 0 falling ones. The run ends after `stop` crossings (0: never)."""
 
     kind: str
     arguments: tuple[Any, ...]
@@ -51,7 +51,7 @@ class Event(NamedTuple):
 
 
 def value(event: Event, plant: Plant, t: float, x: Array) -> float:
-    """g at time t and plant state x."""
+    """The value of the event function g at the time t and the plant state x."""
     q, v, theta, theta_dot = plant.split(x)
     match event.kind, event.arguments:
         case "joint", (joint, at):
@@ -96,7 +96,10 @@ class Search:
 def crossing(
     g: Callable[[float, Array], float], low: float, high: float, below: float, above: float, onward: Callable[[list[float]], Array]
 ) -> tuple[float, Array]:
-    """Time and state of the change of sign between `low` and `high`, where g is `below` and `above`; onward([t])[0] is the state at t."""
+    """The time and the state at which g changes its sign between `low` and `high`, where its values are `below` and `above`.
+
+    `onward([t])[0]` is the state at the time t.
+    """
     side = 0
     for _ in range(60):
         t = (low * above - high * below) / (above - below)

@@ -1,7 +1,7 @@
-"""The accuracy of base parameters from one record of a motion.
+"""The accuracy of base parameters that are estimated from one record of a motion.
 
-    W = rows Y_b(q_k, v_k, a_k) / noise = U S V',   deviations = sqrt(diag((W'W)^-1)) = |V S^-1| by rows
-    condition = S_1 / S_b of W with columns of length one                                        (Gautier and Khalil 1992)
+    W = rows Y_b(q_k, v_k, a_k) / noise = U S V',   deviations = sqrt(diag((W'W)^-1)) = norms of the rows of V S^-1
+    condition = S_1 / S_b of W after its columns are scaled to the length one                    (Gautier and Khalil 1992)
 
 The core accumulates `W'W` for its search and computes deviations from a triangular factor of `W`. Here they come from one dense
 decomposition.
@@ -17,7 +17,7 @@ from .lagrange import Array, Mechanism
 
 
 class Excitation(NamedTuple):
-    """Condition number, and deviations (b,) of the base parameters under the torque noise."""
+    """The condition number, and the standard deviations (b,) of the base parameters for the torque noise."""
 
     condition: float
     deviations: Array
@@ -33,7 +33,7 @@ def excitation(
     armature: bool = False,
     friction: bool = False,
 ) -> Excitation:
-    """The accuracy from samples (K, n) of a motion."""
+    """The accuracy of base parameters from samples q, v, a (K, n) of a motion."""
     q, v, a = (np.asarray(x, dtype=np.float64) for x in (q, v, a))
     columns = base_parameters(arm, armature=armature, friction=friction).columns
     Y = arm.regressor(q, v, v, a, armature=armature, friction=friction)[..., columns]

@@ -3,8 +3,8 @@
     I x_ddot + G sin x + d x_dot + c sign(x_dot) = u,  -down <= u <= up
     push: u = up from rest at x0, forwards in time;   brake: u = -down to rest at x1, backwards in time
 
-The monotone motion changes from push to brake where both have the same angle and speed. A swing is two monotone motions: from x0 to a
-turning point, and from there to x1. Both have the same torque at the turn.
+The monotone motion changes from push to brake at a state with equal angle and speed. A swing is two monotone motions: from x0 to a turning
+point, and from the turning point to x1. Both have the same torque at the turning point.
 
 The steps are classical Runge-Kutta. Newton's method solves for both times at which the curves cross. The turning point is searched on a
 grid and refined by golden section.
@@ -18,14 +18,14 @@ import numpy as np
 from .lagrange import Array
 from .profiles import golden
 
-# Steps per time in which the largest torque would move the link as far, and the most of them.
+# The number of steps in the time in which the largest torque alone moves the link over the distance, and the largest number of steps.
 STEPS, MOST = 300, 30_000
 
 Point = tuple[float, float, float]
 
 
 class Leg(NamedTuple):
-    """A monotone motion: its duration, and the angle, time and speed of its switch; NaN if no motion exists."""
+    """A monotone motion: its duration, s, and the angle, rad, the time, s, and the speed, rad/s, of its switch. NaN if infeasible."""
 
     t: float
     switch: float
@@ -37,7 +37,7 @@ NONE = Leg(np.nan, np.nan, np.nan, np.nan)
 
 
 class Link(NamedTuple):
-    """One link; the torque may be `up` along x and `down` against it."""
+    """One link with its friction. The largest torque is `up` in the direction of x, and `down` against it."""
 
     inertia: float
     gravity: float
@@ -47,17 +47,17 @@ class Link(NamedTuple):
     coulomb: float
 
     def acceleration(self, x: float, v: float, pushing: bool) -> float:
-        """The acceleration of a motion along x, v >= 0."""
+        """The acceleration of a motion with v >= 0, under the torque `up` if `pushing`, otherwise `-down`."""
         torque = self.up if pushing else -self.down
         return (torque - self.gravity * math.sin(x) - self.viscous * v - self.coulomb) / self.inertia
 
     def mirrored(self) -> "Link":
-        """The same link in the coordinate -x."""
+        """The link in the coordinate -x."""
         return self._replace(up=self.down, down=self.up)
 
 
 def step(link: Link, x: float, v: float, h: float, pushing: bool) -> tuple[float, float]:
-    """One Runge-Kutta step of h seconds, backwards in time for h < 0."""
+    """One classical Runge-Kutta step of h seconds. For h < 0 the step goes backwards in time."""
     a1 = link.acceleration(x, v, pushing)
     a2 = link.acceleration(x + h / 2 * v, v + h / 2 * a1, pushing)
     a3 = link.acceleration(x + h / 2 * v + h * h / 4 * a1, v + h / 2 * a2, pushing)
@@ -66,7 +66,7 @@ def step(link: Link, x: float, v: float, h: float, pushing: bool) -> tuple[float
 
 
 def curve(link: Link, x: float, end: float, h: float, pushing: bool) -> list[Point]:
-    """(time, x, v) from rest at x until `end` is passed or the link comes to rest; h < 0 goes back from rest."""
+    """The points (time, x, v) of a motion from rest at x, until it passes `end` or the link stops. For h < 0 time decreases."""
     points = [(0.0, x, 0.0)]
     for k in range(1, MOST):
         x, v = step(link, points[-1][1], points[-1][2], h, pushing)
@@ -79,7 +79,7 @@ def curve(link: Link, x: float, end: float, h: float, pushing: bool) -> list[Poi
 
 
 def monotone(link: Link, x0: float, x1: float) -> Leg:
-    """From rest at x0 to rest at x1, in either direction; angles as given."""
+    """The monotone motion from rest at x0 to rest at x1. x1 may be smaller than x0."""
     if x1 < x0:
         leg = monotone(link.mirrored(), -x0, -x1)
         return leg._replace(switch=-leg.switch, v_peak=-leg.v_peak)
@@ -90,7 +90,7 @@ def monotone(link: Link, x0: float, x1: float) -> Leg:
         h = min(h, 0.1 * link.inertia / link.viscous)
     push = np.array(curve(link, x0, x1, h, True))
     brake = np.array(curve(link, x1, x0, -h, False))[::-1]
-    # The lead of the push over the brake, at the places of the push that the brake comes from.
+    # The speed of the push minus the speed of the brake, at the angles of the push that the brake also passes.
     ahead = push[:, 2] - np.interp(push[:, 1], brake[:, 1], brake[:, 2], left=np.inf, right=-np.inf)
     crossed = np.flatnonzero((ahead[:-1] <= 0.0) & (ahead[1:] > 0.0) & np.isfinite(ahead[:-1]))
     if not crossed.size:
@@ -101,7 +101,7 @@ def monotone(link: Link, x0: float, x1: float) -> Leg:
 
 
 def _meet(link: Link, first: Array, last: Array) -> Leg:
-    """Times s after a point of the push and r before a point of the brake at which angle and speed agree."""
+    """The motion that switches where push and brake agree: the time s after `first` and the time r before `last`, by Newton's method."""
     s = r = 0.0
     for _ in range(50):
         x, v = step(link, first[1], first[2], s, True)
@@ -116,7 +116,10 @@ def _meet(link: Link, first: Array, last: Array) -> Leg:
 
 
 def swing(link: Link, x0: float, x1: float, side: float, samples: int = 60) -> tuple[float, tuple[float, float]]:
-    """The fastest motion with a turn before x0 (side -1) or beyond x1 (side 1): duration and switches; infinite if none is found."""
+    """The fastest motion with a turning point before x0 (side -1) or beyond x1 (side 1): its duration, s, and both switches, rad.
+
+    The duration is infinite if no such motion is found.
+    """
     start = x0 if side < 0.0 else x1
 
     def legs(turn: float) -> tuple[Leg, Leg]:

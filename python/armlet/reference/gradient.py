@@ -1,8 +1,8 @@
-"""Derivatives of runs by differences. A run is a function of one array of numbers, and runs again for every entry.
+"""Derivatives of runs by difference quotients. A run is a function of an array of numbers, and four more runs give each derivative.
 
     df/dp = (8 (f(p + d) - f(p - d)) - (f(p + 2 d) - f(p - 2 d))) / (12 d) + O(d^4)
 
-No program is differentiated here. The code does not depend on laws or plants.
+The code does not depend on laws or plants, and differentiates no program.
 """
 
 from collections.abc import Callable
@@ -16,8 +16,8 @@ from .lagrange import Array
 def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
     """The derivatives of the array `run(value)` with respect to the entries of `value`, as a last axis.
 
-    `d` is `step * size`. By default `size` is the entry, or 1 where it is zero. The error of a smooth run is some `step**4`. Rounding adds
-    1e-16 / step.
+    `d` is `step * size`. By default `size` is the entry itself, or 1 for an entry that is zero. The relative error of a smooth run is about
+    `step**4`, and rounding adds about 1e-16 / step.
     """
     at = np.array(value, dtype=np.float64)
     sizes = np.broadcast_to(np.where(at == 0.0, 1.0, np.abs(at)) if size is None else np.asarray(size, dtype=np.float64), at.shape)
@@ -33,7 +33,7 @@ def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike
 
 
 def gradient(loss: Callable[[Array], float], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
-    """The derivatives of one number, in the shape of `value`."""
+    """The derivatives of the number `loss(value)` with respect to the entries of `value`, in the shape of `value`."""
     return sensitivity(lambda at: np.asarray(loss(at)), value, size, step).reshape(np.shape(value))
 
 
@@ -42,9 +42,8 @@ def fit(
 ) -> tuple[Array, Array]:
     """The `value`, (P,), at which `run(value)` is nearest to `measured`, and its standard deviations, (P,).
 
-    Gauss-Newton, by normal equations.
-
-    `deviation` is that of each measured number; None: one for all, estimated from the residuals.
+    The method is Gauss-Newton with normal equations. `deviation` is the standard deviation of each measured number. With None, all have
+    one deviation, which is estimated from the residuals.
     """
     data = np.asarray(measured, dtype=np.float64).ravel()
     sigma = np.ones_like(data) if deviation is None else np.broadcast_to(deviation, np.shape(measured)).ravel()

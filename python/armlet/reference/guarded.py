@@ -1,10 +1,10 @@
-"""A law with a momentum observer and a reaction to contact, by its equations; M and g from Lagrange's equations.
+"""A law with a momentum observer and a reaction to contact, written from its equations. M and g come from Lagrange's equations.
 
-r           (I + K T) r = K (p - w),  T the period of a sampled loop, else 0
-w           w' = tau + M' v - C v - g - tau_f + r, with M' v in place of (C + C') v                   (De Luca et al. 2006)
+r           (I + K T) r = K (p - w),  T the period of a sampled loop, 0 in a continuous loop
+w           w' = tau + M' v - C v - g - tau_f + r, where M' v replaces (C + C') v                     (De Luca et al. 2006)
 contact     the first sample with some |r_i| above its threshold
 reaction    tau = g + K_c (y_c - y) + D_c (y_c' - y')
-latched     c' = 1, (y_c c)' = y, (r_c c)' = r for that one sample, and s' = 1 from then on
+stored      c' = 1, (y_c c)' = y, (r_c c)' = r during the sample of contact, and s' = 1 after it;   y_c = (y_c c) / c,   r_c = (r_c c) / c
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from .law import Law, Terms, gain
 
 
 class Guarded(Law):
-    """The inner law, the observer's arm and gain, and the reaction to contact."""
+    """A law that is replaced by a reaction at contact. `law` is the law before contact."""
 
     def __init__(
         self,

@@ -1,12 +1,12 @@
 """The parameters that the motion of an arm determines, and their estimate from a record of motion and torque.
 
-    tau = M(q) a + C(q, v) v + g(q) determines pi as far as M(q; pi) and g(q; pi) do, because C has only derivatives of M:
+    tau = M(q) a + C(q, v) v + g(q) determines the same combinations of pi as M(q; pi) and g(q; pi), because C has only derivatives of M:
         W z = 0,  W = rows M_ij(q; e_k) and g_i(q; e_k) at random q,  z = null space of W by SVD             (Gautier 1991)
-    a column is grouped with earlier ones where z has a vector that ends there:   z in reduced echelon form from the back,
+    column j depends on earlier columns if the null space has a vector whose last entry is j:   reduced echelon form R from the back,
         W_j = -sum_k R_jk W_k over the remaining columns k,   so  Y = Y_b P,  P_kj = -R_jk,  P_kk = 1
     record:  W_b beta = tau over all samples at once,  W_b / (noise, lengths) = U S V',  beta = V S^-1 U' tau,
         sigma^2 = |tau - W_b beta|^2 / (rows - rank),  cov = sigma^2 V S^-2 V'                     (Gautier and Khalil 1992)
-    all parameters:  the least change of the arm's own pi with P pi = beta, by least squares
+    all parameters:  the smallest change of the arm's pi with P pi = beta, by least squares
 
 The core stacks torques at random states, and removes dependent columns one by one. It processes a record block by block.
 """
@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 
 from .lagrange import Array, Mechanism
 
-DEPENDENT = 1e-9  # singular values of a null basis or of scaled columns below this are rounding
-HIDDEN = 1e-3  # the part of an unseen direction from which a parameter counts as unseen
+DEPENDENT = 1e-9  # singular values of a null basis or of scaled columns below this count as zero
+HIDDEN = 1e-3  # a parameter counts as unidentified if its component in an undetermined direction is larger than this
 
 
 class BaseParameters(NamedTuple):
-    """Independent columns of the regressor, (b,); P, (b, p); the base parameters of the arm, (b,)."""
+    """Indices of the independent columns of the regressor, (b,); the matrix P, (b, p); the base parameters of the arm, (b,)."""
 
     columns: Any
     projection: Array
@@ -45,14 +45,14 @@ class Identification(NamedTuple):
 
 
 def _traces(arm: Mechanism, armature: bool, friction: bool) -> Array:
-    """The contributions of each column at random q: rows of M, of g, and of the two frictions."""
+    """The matrix W: for each parameter, a column with its contributions to M, to g and to both kinds of friction at random q."""
     n, p = arm.n, arm.parameters.size
     places = np.random.default_rng(1991).uniform(-3.0, 3.0, (2 + 3 * p // n, n))
     lower = np.tril_indices(n)
     shown = [np.vstack([at.mass[:, *lower].T, at.gravity.T]) for at in (arm._expand(q) for q in places)]
     W = np.vstack(shown)
     if armature:
-        # A rotor is a constant on the diagonal of M.
+        # The inertia of a rotor is a constant entry on the diagonal of M.
         rotor = np.vstack([(np.eye(n)[:, None] * np.eye(n))[lower], np.zeros((n, n))])
         W = np.hstack([W, np.tile(rotor, (len(places), 1))])
     if friction:
@@ -69,10 +69,10 @@ def _rank(rows: Array) -> int:
 
 
 def base_parameters(arm: Mechanism, *, armature: bool = False, friction: bool = False) -> BaseParameters:
-    """The fewest combinations of parameters that determine the arm's motion; dependent columns are grouped towards the base."""
+    """The smallest set of combinations of parameters that determines the arm's motion. Dependent columns are grouped towards the base."""
     W = _traces(arm, armature, friction)
     lengths = np.linalg.norm(W, axis=0)
-    lengths[lengths <= 1e-12 * lengths.max()] = np.inf  # what is not seen at all is a column of zeros
+    lengths[lengths <= 1e-12 * lengths.max()] = np.inf  # a column without effect becomes zero
     _, sigma, V = np.linalg.svd(W / lengths, full_matrices=True)
     null = V[np.count_nonzero(sigma > DEPENDENT) :]
     p = null.shape[1]
@@ -99,7 +99,7 @@ def identify(
     noise: ArrayLike | None = None,
     cutoff: float = 1e-6,
 ) -> Identification:
-    """Base parameters from samples (..., n) of motion and torque by one dense least-squares problem."""
+    """Base parameters from samples (..., n) of motion and torque, by one dense least-squares problem."""
     q, v, a, tau = (np.asarray(x, dtype=np.float64).reshape(-1, arm.n) for x in (q, v, a, tau))
     base = base_parameters(arm, armature=armature, friction=friction)
     known = tau if armature else tau - arm.armature * a

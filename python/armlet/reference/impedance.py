@@ -1,10 +1,10 @@
-"""Impedance, Cartesian or of the joints, for rigid arms and through elastic joints.
+"""Cartesian impedance and joint impedance, for rigid arms and for arms with elastic joints.
 
 rigid    tau = J'[K_m (x_d - x) + D_m (x_d' - J v) + F_ff + w] + N' tau_0 + g(q),   w' = K_i (x_d - x)
-         N' and the coupling: see `null_space`;   the wrench and tau within limits
-         a row of w' is 0   where it would increase the excess over a limit
-elastic  u = that, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 w + tau_J = u,  tau_J = K_J (theta - q)
-         B theta_ddot + tau_J = tau:   the motor of inertia B behaves as one of inertia B0
+         `null_space` computes N' and the coupling;   limits clip the wrench and tau
+         a row of w' is 0   if it would increase the excess over a limit
+elastic  u = the torque above, or K (q_d - q) - D v + g(q);   B0 theta_ddot + D0 w + tau_J = u,  tau_J = K_J (theta - q)
+         B theta_ddot + tau_J = tau:   the motor of inertia B behaves like a motor of inertia B0
          w = theta_dot, or theta_dot - v with relative damping       (Ott, Albu-Schaeffer, Kugi and Hirzinger 2008)
 D0       = 2 zeta B0^1/2 (B0^-1/2 K_J B0^-1/2)^1/2 B0^1/2
 E        = v'Mv/2 + (theta-q)'K_J(theta-q)/2 + theta_dot'B0 theta_dot/2 + e'K_m e/2
@@ -25,7 +25,7 @@ from .task import Coordinates, parse_axes, rotation_vector
 
 
 def power(A: Array, exponent: float) -> Array:
-    """A^exponent of a symmetric positive definite matrix by its eigenvalues."""
+    """The power A^exponent of a symmetric positive definite matrix, from its eigenvalues."""
     values, U = np.linalg.eigh(A)
     if values.min() <= 0.0:
         raise ValueError(f"matrix is not positive definite: smallest eigenvalue {values.min()!r}")
@@ -34,14 +34,14 @@ def power(A: Array, exponent: float) -> Array:
 
 
 def ratio_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
-    """D with every mode of inertia, D, stiffness at the damping ratio."""
+    """The damping matrix D with which every mode of inertia, D and stiffness has the damping ratio."""
     root, inverse = power(inertia, 0.5), power(inertia, -0.5)
     damping: Array = 2.0 * ratio * root @ power(inverse @ stiffness @ inverse, 0.5) @ root
     return damping
 
 
 class CartesianImpedance(Law):
-    """Spring and damper between a frame and its target, gravity compensated; the state is the integral wrench w (m,)."""
+    """A spring and a damper between a frame and its target, with gravity compensation. The state is the integral wrench w (m,)."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class CartesianImpedance(Law):
 
 
 class Reduction:
-    """The inner loop: motors of inertia B behave as motors of inertia B0. `motor_damping` None follows from the damping ratio."""
+    """The inner loop: motors of inertia B behave like motors of inertia B0. If `motor_damping` is None, the damping ratio determines it."""
 
     def __init__(
         self,
@@ -127,18 +127,18 @@ class Reduction:
         self.relative_damping = relative_damping
 
     def reduce(self, u: Array, q: Array, v: Array, theta: Array | None, theta_dot: Array | None) -> Terms:
-        """The motor torque under which the motors with inertia B0 receive the torque `u`."""
+        """The motor torque with which the motors behave like motors of inertia B0 under the torque `u`, and related terms."""
         if theta is None or theta_dot is None:
             raise ValueError("ElasticImpedance: theta and theta_dot are missing: the law belongs to an elastic arm")
         spring = self.joint_stiffness @ (theta - q)
         w = theta_dot - v if self.relative_damping else theta_dot
-        # tau = spring + B theta_ddot with theta_ddot taken from the reduced motor (6).
+        # tau = spring + B theta_ddot, where theta_ddot is the acceleration of the reduced motor.
         reduced = solve(self.reduced_inertia, u - self.motor_damping @ w - spring)
         return {"tau": spring + self.motor_inertia @ reduced, "tau_J": spring, "w": w, "u": u}
 
 
 class ElasticImpedance(CartesianImpedance, Reduction):
-    """Motor-inertia reduction inside, impedance outside; `tau_max` limits the motors, not u."""
+    """Cartesian impedance as the outer loop, and motor-inertia reduction as the inner one. `tau_max` limits the motor torques, not u."""
 
     def __init__(
         self,
@@ -174,30 +174,31 @@ class ElasticImpedance(CartesianImpedance, Reduction):
         return parts | {"tau": np.clip(free, -self.motor_max, self.motor_max)}
 
     def energy(self, plant: Any, x: Array, terms: Terms) -> float:
-        """E above at the plant state x = (q, v, theta, theta_dot)."""
+        """The stored energy E, J, at the plant state x = (q, v, theta, theta_dot)."""
         q, v, theta, theta_dot = np.split(x, 4)
         stretch, e = theta - q, terms["e"]
         stored = v @ plant.arm.mass_matrix(q) @ v + stretch @ self.joint_stiffness @ stretch
         return float(0.5 * (stored + theta_dot @ self.reduced_inertia @ theta_dot + e @ self.stiffness @ e))
 
     def power(self, x: Array, terms: Terms, load: Array) -> float:
-        """P above: the rate of E."""
+        """The power P = dE/dt, W."""
         _, v, _, theta_dot = np.split(x, 4)
         x_dot, rate = terms["x_dot"], terms["rate"]
-        # The spring's potential takes (x_d' - x_dot).K e; what the law puts in beside gravity is x_dot.F and v.(N' tau_0 + C v).
+        # The potential energy of the spring changes by (x_d' - x_dot).K e. In addition to gravity, the law supplies x_dot.F and
+        # v.(N' tau_0 + C v).
         fed = x_dot @ terms["force"] + (rate - x_dot) @ self.stiffness @ terms["e"] + v @ terms["beside"]
         return float(load @ v - theta_dot @ self.motor_damping @ terms["w"] + fed + (theta_dot - v) @ terms["u"])
 
 
 class ElasticTracking(ElasticImpedance):
-    """The same law about a moving target, a motion with one coordinate per row."""
+    """The law `ElasticImpedance` with a moving target: a motion with one coordinate per row."""
 
     def __init__(self, arm: Arm, target: Motion, stiffness: ArrayLike, damping: ArrayLike, *inner: ArrayLike, **keywords: Any) -> None:
         super().__init__(arm, target, stiffness, damping, *inner, **keywords)
 
 
 class JointImpedance(Law, Reduction):
-    """Spring and damper of each joint outside, gravity compensated; motor-inertia reduction inside."""
+    """A spring and a damper at the joints with gravity compensation as the outer loop, and motor-inertia reduction as the inner one."""
 
     def __init__(
         self,

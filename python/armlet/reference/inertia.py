@@ -1,12 +1,12 @@
-"""Inertial parameters of one body or of many, as pseudo-inertias (Wensing, Kim and Slotine 2018).
+"""Inertial parameters of bodies as pseudo-inertias (Wensing, Kim and Slotine 2018).
 
     P = [[S, h], [h', m]],  S = 1/2 tr(I) 1 - I,  h = m c        (4 x 4, linear in the ten parameters of a body)
 
-    possible: m > 0 and the principal moments about the centre of mass obey 0 < J_1 and J_3 < J_1 + J_2; that is P > 0
+    possible: m > 0 and the principal moments about the centre of mass satisfy 0 < J_1 and J_3 < J_1 + J_2; equivalently P > 0
     nearest possible, in D P D with D = diag(1/l, 1/l, 1/l, 1):   (A + H)/2 + f 1,   A = D P D - f 1 = U H  (Higham 1988)
 
-H is the polar factor of A, from the singular values; no eigenvalue of P is clipped.
-Parameters per body: m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, inertia about the body-frame origin.
+Singular values give the polar factor H of A. The core clips eigenvalues of P instead. The order of the parameters of a body is m, m cx,
+m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz. The inertia is about the origin of the body frame.
 """
 
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ from .lagrange import Array
 
 
 def _pseudo_basis() -> Array:
-    """P for each of the ten unit parameters, (10, 4, 4)."""
+    """The pseudo-inertias (10, 4, 4) of ten bodies: in body j, parameter j is 1 and the others are 0."""
     basis = np.zeros((10, 4, 4))
     basis[0, 3, 3] = 1.0
     for axis in range(3):
@@ -34,13 +34,13 @@ PSEUDO = _pseudo_basis()
 
 
 def pseudo_inertia(pi: ArrayLike) -> Array:
-    """P of the ten parameters, (..., 10) to (..., 4, 4)."""
+    """The pseudo-inertias P (..., 4, 4) of parameters (..., 10)."""
     P: Array = np.einsum("...p,pij->...ij", np.asarray(pi, dtype=np.float64), PSEUDO)
     return P
 
 
 def parameters_of(pseudo: Array) -> Array:
-    """The ten parameters of a pseudo-inertia."""
+    """The ten parameters of a pseudo-inertia P (4, 4)."""
     inertia = np.trace(pseudo[:3, :3]) * np.eye(3) - pseudo[:3, :3]
     return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
 
@@ -58,7 +58,7 @@ class ParameterReport(NamedTuple):
 
 
 def is_possible(pi: ArrayLike) -> bool:
-    """Positive mass, and principal moments about the centre of mass that are positive and obey the triangle inequality."""
+    """Whether the mass and the principal moments about the centre of mass are positive, and satisfy the triangle inequality."""
     pi = np.asarray(pi, dtype=np.float64)
     mass, moment = pi[0], pi[1:4]
     if not mass > 0.0:
@@ -70,14 +70,14 @@ def is_possible(pi: ArrayLike) -> bool:
 
 
 def check_parameters(arm: Any, pi: ArrayLike | None = None) -> ParameterReport:
-    """Whether the bodies of parameters (10 n,) are possible; those of the arm if None."""
+    """Check whether the bodies of parameters (10 n,) are physically possible. None: the parameters of the arm."""
     bodies = np.asarray(arm.parameters if pi is None else pi, dtype=np.float64).reshape(-1, 10)
     eigenvalues = np.asarray(np.linalg.eigvalsh(pseudo_inertia(bodies)), dtype=np.float64)
     return ParameterReport(eigenvalues, np.array([is_possible(body) for body in bodies]))
 
 
 def project_parameters(pi: ArrayLike, *, length: float = 0.1, floor: float = 1e-6) -> Array:
-    """The nearest possible parameters (10 n,); length in m, floor relative to the largest eigenvalue of any body."""
+    """The nearest possible parameters (10 n,). `length` is in m, and `floor` is relative to the largest eigenvalue of all bodies."""
     bodies = np.array(pi, dtype=np.float64).reshape(-1, 10)
     D = np.array([1.0 / length] * 3 + [1.0])
     scaled = D[:, None] * pseudo_inertia(bodies) * D

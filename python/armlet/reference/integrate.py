@@ -1,12 +1,12 @@
-"""Initial value problems y' = f(t, y): classical fixed steps and one adaptive method of another family.
+"""Initial value problems y' = f(t, y): methods with fixed steps, and one adaptive method of another family than those of the core.
 
     euler          y+ = y + h f
-    semi_implicit  v+ = v + h a(t, q, v),  q+ = q + h v+,  every other state as euler
+    semi_implicit  v+ = v + h a(t, q, v),  q+ = q + h v+,  and euler for all other states
     rk4            y+ = y + h (k1 + 2 k2 + 2 k3 + k4)/6
     gbs            Gragg's modified midpoint rule with 2, 4, .., 2k substeps, extrapolated in h^2 (Bulirsch and Stoer 1966;
                    Hairer, Norsett, Wanner, Solving ODEs I, II.9)
 
-The extrapolation method is the independent check: it has nothing in common with an embedded Runge-Kutta pair.
+The extrapolation method is an independent check, because it has nothing in common with an embedded Runge-Kutta pair.
 """
 
 from collections.abc import Callable, Iterable
@@ -20,7 +20,7 @@ Step = Callable[[Field, float, Array, float], Array]
 
 
 class IntegrationError(RuntimeError):
-    """The integration ended early; `t` is the time reached."""
+    """The error of an integration that ended early. `t` is the last time, s."""
 
     def __init__(self, message: str, t: float) -> None:
         super().__init__(f"{message} at t = {t!r}")
@@ -42,7 +42,7 @@ def rk4(f: Field, t: float, y: Array, h: float) -> Array:
 
 
 def semi_implicit(positions: slice, velocities: slice) -> Step:
-    """The symplectic Euler step for a state whose `positions` move with its `velocities`."""
+    """The symplectic Euler step for a state whose entries `velocities` are the rates of its entries `positions`."""
 
     def step(f: Field, t: float, y: Array, h: float) -> Array:
         y = y + h * f(t, y) * _outside(y.size, positions)
@@ -62,7 +62,7 @@ STEPS: dict[str, Step] = {"euler": euler, "rk4": rk4}
 
 
 def midpoint(f: Field, t: float, y: Array, h: float, substeps: int, slope: Array) -> Array:
-    """Gragg's smoothed midpoint value at t + h, an even function of the substep."""
+    """Gragg's smoothed midpoint value at t + h. It is an even function of the substep, apart from higher orders."""
     delta = h / substeps
     before, now = y, y + delta * slope
     for m in range(1, substeps):
@@ -83,9 +83,9 @@ def gbs(
     first_step: float = 0.0,
     max_steps: int = 1_000_000,
 ) -> Array:
-    """The states at `t_eval` (increasing, from t0 on), shape (len(t_eval), len(y0)); the step never crosses a break.
+    """The states at `t_eval` (increasing, from t0 on), shape (len(t_eval), len(y0)). No step crosses a time of `breaks`.
 
-    first_step: the first step, s; with 0 it follows from the slope.
+    `first_step` is the first step, s. With 0, the right-hand side at t0 determines it.
     """
     t, y = float(t0), np.array(y0, dtype=np.float64)
     targets = [float(target) for target in t_eval]
@@ -103,7 +103,10 @@ def gbs(
 def _advance(
     f: Field, t: float, y: Array, stop: float, h: float, rtol: float, atol: float, columns: int, budget: int
 ) -> tuple[float, Array, float, int]:
-    """Integrate from t to stop, and return also the last proposed step. At stop, where f may jump, the stages take the left limit of f."""
+    """Integrate from t to stop, and return the time, the state, the next proposed step and the remaining number of steps.
+
+    f may jump at `stop`, so all evaluations use its limit from the left.
+    """
     order = 2 * columns - 1
     limit = float(np.nextafter(stop, -np.inf))
 
@@ -119,7 +122,7 @@ def _advance(
             h = min(stop - t, 0.1 / max(1e-8, float(np.max(np.abs(slope) / (np.abs(y) + scale + 1e-3)))))
         last = t + h >= stop - 1e-14 * max(abs(stop), 1.0)
         step = stop - t if last else h
-        with np.errstate(over="ignore", invalid="ignore"):  # a trial step too long is rejected below
+        with np.errstate(over="ignore", invalid="ignore"):  # a trial step that overflows is rejected below
             value, error = _extrapolate(inside, t, y, step, slope, columns)
         budget -= 1
         if budget <= 0:
@@ -129,7 +132,7 @@ def _advance(
         factor = 0.1 if not np.isfinite(size) else min(4.0, max(0.1, 0.9 * (size + 1e-300) ** (-1.0 / order)))
         if size <= 1.0:
             t, y = (stop if last else t + step), value
-            # A step shortened only to land on `stop` says nothing against the larger one.
+            # A step that was shortened to end at `stop` is no reason to shorten the next step.
             h = max(h, step * factor) if last else step * factor
         else:
             h = step * factor
@@ -139,7 +142,7 @@ def _advance(
 
 
 def _extrapolate(f: Field, t: float, y: Array, h: float, slope: Array, columns: int) -> tuple[Array, Array]:
-    """Aitken-Neville in (h/substeps)^2; the last diagonal value and its difference from the one before."""
+    """Aitken-Neville extrapolation in (h/substeps)^2: the last diagonal value, and its difference from the previous diagonal value."""
     table: list[Array] = []
     for row in range(1, columns + 1):
         entries = [midpoint(f, t, y, h, 2 * row, slope)]

@@ -1,11 +1,11 @@
 """Joint positions at which tasks are reached, by least squares from many starts.
 
-    q_j = middle_j + half_j sin z_j within limits, q_j = z_j without: a search without bounds
+    q_j = middle_j + half_j sin z_j for joints with limits, q_j = z_j for the others, so that z has no bounds
     level i:  min |e_i(q)|^2 + W sum_(k<i) |e_k(q) - e_k*|^2,  e_k* the errors reached by the levels above        (Levenberg and Marquardt)
-    of all starts the best:  the one with the least error at the first level that is not reached
-    of several solutions:    those that reach every level, ordered by |q - q0|; then the others, ordered as above
+    best start:         the start with the smallest error at the first level that is not reached
+    several solutions:  first those that reach every level, ordered by |q - q0|, then the others, ordered by that error
 
-The core takes prioritised steps with an active set of limits.
+The core uses prioritised steps with an active set of limits.
 """
 
 from __future__ import annotations
@@ -22,13 +22,16 @@ from .lagrange import Array
 from .motion import Hold
 from .tasks import Task
 
-WEIGHT = 1e3  # of the levels above, its root
+WEIGHT = 1e3  # the root of the weight W of the levels above
 STEPS = 100
-SAME = 1e-3  # rad or m: what differs by less, whole turns aside, is the same solution
+SAME = 1e-3  # solutions whose joints differ by less, rad or m, apart from full rotations, are equal
 
 
 class InverseKinematics(NamedTuple):
-    """q (n,), the errors of each task, and whether each is reached. A batch has q (..., n), and whether all tasks of a row are reached."""
+    """Joint positions q (n,), the error of each task, and whether each task is reached.
+
+    In a batch q is (..., n), and `reached` is whether all tasks of a row are reached.
+    """
 
     q: Array
     errors: list[Array]
@@ -36,7 +39,7 @@ class InverseKinematics(NamedTuple):
 
 
 def _least_squares(residual: Callable[[Array], tuple[Array, Array]], z: Array) -> Array:
-    """A minimum of |r(z)|^2 from a start; `residual` gives r and -dr/dz."""
+    """A minimum of |r(z)|^2, searched from the start z. `residual(z)` returns r and -dr/dz."""
     damping = 1e-2
     r, J = residual(z)
     for _ in range(STEPS):
@@ -62,9 +65,10 @@ def inverse_kinematics(
     limits: bool = True,
     solutions: int | None = None,
 ) -> InverseKinematics:
-    """Tasks with constant targets, the highest first; reached where no entry of an error exceeds the tolerance.
+    """Search joint positions at which tasks with constant targets are reached: no entry of their errors exceeds the tolerance.
 
-    Leading axes of q0 and of the targets broadcast; `solutions=k` adds an axis with k solutions, NaN if there are fewer.
+    The first task has the highest priority. Leading axes of q0 and of the targets broadcast. `solutions=k` adds an axis with k solutions,
+    which are NaN if fewer are found.
     """
     aims = [np.asarray(task.motion(0.0)[0], dtype=np.float64) for task in tasks]
     starts = np.asarray(q0, dtype=np.float64)
@@ -98,13 +102,13 @@ def _apart(arm: Arm, a: Array, b: Array) -> float:
 def _solutions(
     arm: Arm, tasks: Sequence[Task], q0: Array, most: int, *, tolerance: float, restarts: int, seed: int, limits: bool
 ) -> list[tuple[Array, list[Array], list[bool]]]:
-    """Up to `most` solutions of one target, the best first."""
+    """At most `most` solutions for one target, the best first: positions, errors, and whether each task is reached."""
     bounded = limits & np.isfinite(arm.limits["upper"] - arm.limits["lower"])
     lower, upper = (np.where(bounded, arm.limits[name], side) for name, side in (("lower", -1.0), ("upper", 1.0)))
     middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
 
     def place(z: Array) -> tuple[Array, Array]:
-        """q and dq/dz."""
+        """The joint positions q, and the diagonal of dq/dz."""
         return np.where(bounded, middle + half * np.sin(z), z), np.where(bounded, half * np.cos(z), 1.0)
 
     def error(task: Task, q: Array) -> Array:

@@ -1,9 +1,9 @@
-"""Control laws of rigid arms, typed from their equations; e = q_d - q, C the Christoffel factorisation.
+"""Control laws of rigid arms, written from their equations. e = q_d - q, and C is the Coriolis matrix of the Christoffel symbols.
 
     ComputedTorque      tau = M (a_d + Kd e_dot + Kp e) + C v + g
     PDGravity           tau = Kp (q_target - q) - Kd v + g(q)
 
-`terms` evaluates the law once and returns its parts by name, among them `tau` and `state_rate`.
+`terms` evaluates the law once and returns a dict of its quantities, which include `tau` and `state_rate`.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ Terms = dict[str, Array]
 
 
 def gain(value: ArrayLike, n: int) -> Array:
-    """A scalar, (n,) or (n, n) gain as a matrix."""
+    """Convert a scalar, (n,) or (n, n) gain to a matrix (n, n)."""
     array = np.asarray(value, dtype=np.float64)
     if array.ndim < 2:
         return np.diag(np.broadcast_to(array, (n,)))
@@ -28,7 +28,7 @@ def gain(value: ArrayLike, n: int) -> Array:
 
 
 class Law:
-    """tau and the rate of the law's own state from one evaluation."""
+    """The base class of laws. One evaluation computes tau and the time derivative of the law's state."""
 
     state0: Array = np.zeros(0)
     breaks: tuple[float, ...] = ()
@@ -40,7 +40,7 @@ class Law:
     def terms(
         self, t: float, q: Array, v: Array, theta: Array | None = None, theta_dot: Array | None = None, state: Array | None = None
     ) -> Terms:
-        """The named parts of the law at one instant."""
+        """A dict of the quantities of the law at one instant."""
         raise NotImplementedError
 
     def __call__(
@@ -52,13 +52,13 @@ class Law:
         theta_dot: ArrayLike | None = None,
         state: ArrayLike | None = None,
     ) -> Array:
-        """tau (n,)."""
+        """The torque tau (n,)."""
         given: list[Any] = [None if x is None else np.asarray(x, dtype=np.float64) for x in (q, v, theta, theta_dot, state)]
         return self.terms(t, *given)["tau"]
 
 
 class ComputedTorque(Law):
-    """Feedback linearisation with PD on the error."""
+    """Computed torque: feedback linearisation with PD control of the error."""
 
     def __init__(self, arm: Mechanism, motion: Motion, kp: ArrayLike, kd: ArrayLike) -> None:
         self.arm, self.motion = arm, motion
@@ -75,7 +75,7 @@ class ComputedTorque(Law):
 
 
 class PDGravity(Law):
-    """Regulation to a constant target (n,)."""
+    """PD control with gravity compensation, to a constant target (n,)."""
 
     def __init__(self, arm: Mechanism, target: ArrayLike, kp: ArrayLike, kd: ArrayLike) -> None:
         self.arm, self.target = arm, np.array(target, dtype=np.float64)

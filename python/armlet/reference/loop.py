@@ -1,10 +1,10 @@
-"""One closed loop as one initial value problem, with the integrals of the theory as additional states.
+"""A closed loop as one initial value problem, whose additional states are the integrals of two balances.
 
-    y = [plant state, law state, w_1, w_2],   w_1' = -V1' of theory, s' Kd s,   w_2' = P
+    y = [plant state, law state, w_1, w_2],   w_1' = s' Kd s, which theory predicts for -V1',   w_2' = P
     lyapunov_balance = V1(0) - V1(t) - w_1,   energy_balance = E(t) - E(0) - w_2
 
-Quadrature and trajectory share one method and one step, so both balances vanish at the method's own order.
-A sampled loop holds tau and the law's rate from one sample to the next, as a controller does (see `sampling`).
+The integrals and the trajectory use the same method and steps, so both balances are errors of the order of the method.
+In a sampled loop, tau and the rate of the law's state are constant between two samples (see `sampling`).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ Force = Callable[[float], Array]
 
 
 def as_force(force: Any) -> tuple[Force | None, tuple[float, ...]]:
-    """None, a constant, [(t_start, F), ...] or F(t), as a function of time and its jumps."""
+    """Convert None, a constant, [(t_start, F), ...] or F(t) to a function of time and the times of its jumps."""
     if force is None:
         return None, ()
     if callable(force):
@@ -45,12 +45,12 @@ def as_force(force: Any) -> tuple[Force | None, tuple[float, ...]]:
 
 
 def frame_load(arm: Any, frame: str) -> Callable[[Array, Array], Array]:
-    """J'F of a force (3,) or a wrench (6,) in world axes at a frame's origin."""
+    """The function (q, F) -> J'F for a force F (3,) or a wrench F (6,) in world axes at a frame's origin."""
     return lambda q, F: arm.jacobian(q, frame)[: F.size].T @ F
 
 
 class ClosedLoop:
-    """The right-hand side y' = f(t, y) of plant and law, and the monitors along it."""
+    """The right-hand side y' = f(t, y) of a plant with a law, and the monitors of its solution."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class ClosedLoop:
             law.period = 0.0 if sampling is None else sampling.period
             law.limit = law.limit if tau_max is None else np.broadcast_to(tau_max, law.limit.shape)
         self.plant, self.law, self.force, self.tau_max = plant, law, force, tau_max
-        # load(q, F) is the joint torque J'F of an external force.
+        # load(q, F) returns the joint torque J'F of an external force.
         self.load = load if load is not None else getattr(law, "load", None)
         self.slices = (slice(0, plant.size), slice(plant.size, plant.size + law.state0.size))
         self.clock: Clock | None = None
@@ -83,7 +83,7 @@ class ClosedLoop:
         return np.concatenate([plant_state, self.law.start(q, v), np.zeros(2)])
 
     def visit(self, t: float, y: Array) -> None:
-        """Take the samples with the time t, in the state y."""
+        """Take the samples of the time t at the state y."""
         if self.clock is not None:
             self.clock.visit(t, y[self.slices[0]], lambda measured: self._control(t, measured, y[self.slices[1]]))
 
@@ -117,7 +117,7 @@ class ClosedLoop:
         return np.concatenate([self.plant.rates(x, terms["tau"], load), terms["state_rate"], [loss, power]])
 
     def _storage(self) -> ElasticImpedance | None:
-        """The storage function of a continuous law, if it has one; else the mechanical energy."""
+        """The law with the storage function of a continuous loop; None if the storage function is the mechanical energy."""
         own = isinstance(self.law, ElasticImpedance) and self.clock is None and self.tau_max is None
         return self.law if own and isinstance(self.law, ElasticImpedance) and np.isinf(self.law.motor_max).all() else None
 
@@ -126,7 +126,7 @@ class ClosedLoop:
         return pushes(getattr(self.plant, "contacts", []), q, v)[1:]
 
     def record(self, t: float, y: Array) -> dict[str, Any]:
-        """The recorded values of a run at one instant."""
+        """A dict of the recorded values of a run at one instant."""
         x, terms, _ = self._evaluate(t, y)
         q, v, theta, theta_dot = self.plant.split(x)
         state = y[self.slices[1]]

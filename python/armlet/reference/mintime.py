@@ -1,13 +1,13 @@
-"""The fastest motion of one link under gravity, rest to rest, under torque limits, by quadrature and a search on a grid.
+"""The fastest rest-to-rest motion of one link under gravity and torque limits, by quadrature and a search on a grid.
 
     I theta_ddot + G sin theta = tau,  tau_min <= tau <= tau_max;   x = sg theta with sg the direction of motion
 
-Every leg starts or ends at rest at r under a constant torque, I x_dot^2/2 = (x - r) (tau - G mean sin on [r, x]), so
+A *leg* is a motion with constant torque that starts or ends at rest at r. On it, I x_dot^2/2 = (x - r) (tau - G mean sin on [r, x]), so
 
     t(r -> p) = integral_0^1  2 sqrt(|h|) du / sqrt(2 |tau - G mean sin| / I),   x = r + h u^2,  h = p - r
 
-which has a smooth integrand. The families are made of such legs: monotone (+,-), back-swing (-,+,-), and overshoot (+,-,+),
-which is the back-swing of the mirrored motion run backwards in time. Motions with friction come from `friction`.
+which has a smooth integrand. The families consist of such legs: monotone (+,-), back-swing (-,+,-), and overshoot (+,-,+). An overshoot is
+the back-swing of the mirrored motion in reverse time. The module `friction` computes motions with friction.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ GAUSS = np.polynomial.legendre.leggauss(24)
 
 
 class Best(NamedTuple):
-    """The fastest of the three families and its switching angles."""
+    """The fastest motion of the three families: its duration, s, its switching angles, rad, and its family."""
 
     t: float
     switches: tuple[float, ...]
@@ -31,7 +31,7 @@ class Best(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """The monotone optimum (NaN if there is none) and the best of the three families."""
+    """The fastest monotone motion (NaN if none is feasible), and the fastest motion of the three families."""
 
     feasible: bool
     t: float
@@ -44,7 +44,7 @@ class Optimum(NamedTuple):
 
 
 def quad(f: Callable[[Array], Array], low: float, high: float, tol: float = 1e-14, depth: int = 40) -> float:
-    """Adaptive Gauss-Legendre: an interval is halved until its halves agree with it."""
+    """Adaptive Gauss-Legendre quadrature. An interval is halved until the sum of its halves agrees with it."""
     nodes, weights = GAUSS
 
     def rule(a: float, b: float) -> float:
@@ -63,13 +63,13 @@ def quad(f: Callable[[Array], Array], low: float, high: float, tol: float = 1e-1
 
 
 class Link:
-    """Motions of constant torque that start or end at rest, in the coordinate x along the motion."""
+    """The legs of a link: motions with constant torque that start or end at rest, in the coordinate x along the motion."""
 
     def __init__(self, inertia: float, gravity_moment: float, up: float, down: float) -> None:
         self.I, self.G, self.up, self.down = inertia, gravity_moment, up, down
 
     def push(self, r: float, x: Array, tau: float) -> Array:
-        """Mean torque tau - G mean sin on [r, x]; the mean of sin is exact at any distance as sin(middle) sinc(half)."""
+        """The mean torque tau - G mean sin on [r, x]. The mean of sin is sin(middle) sinc(half), which is accurate at every distance."""
         half = 0.5 * (x - r)
         mean: Array = tau - self.G * np.sin(r + half) * np.sinc(half / np.pi)
         return mean
@@ -80,13 +80,13 @@ class Link:
         low, high = min(r, p), max(r, p)
         grid = np.linspace(low, high, 65 + int(64 * (high - low)))
         least = float((side * self.push(r, grid, tau)).min())
-        # Between grid points 1/64 apart the curve sinks by at most G/64^2/8; only a closer call needs refinement.
+        # Between grid points with the distance 1/64 the function decreases by at most G/64^2/8. Only a smaller minimum requires refinement.
         if p == r or least <= 0.0 or least > 1e-4 * abs(self.G):
             return p == r or least > 0.0
         return lowest(lambda x: side * self.push(r, x, tau), low, high)[1] > 0.0
 
     def time(self, r: float, p: float, tau: float, exact: bool = True) -> float:
-        """Duration of the leg."""
+        """The duration of a leg from r to p, s. If `exact` is false, the quadrature is not adaptive."""
         h = p - r
 
         def rate(u: Array) -> Array:
@@ -96,15 +96,15 @@ class Link:
         return quad(rate, 0.0, 1.0, depth=40 if exact else 0)
 
     def energy(self, r: float, x: float, tau: float) -> float:
-        """Work of torque and gravity from r to x."""
+        """The work of the torque and of gravity from r to x, J."""
         return (x - r) * float(self.push(r, np.array([x]), tau)[0])
 
     def monotone(self, x0: float, x1: float) -> friction.Leg:
-        """The motion (+,-), NaN if it is not feasible. At the switch the energies of both legs are equal."""
+        """The motion (+,-), NaN if it is infeasible. The kinetic energies of both legs are equal at the switch."""
         up, down = self.up, self.down
 
         def gap(x: float) -> float:
-            """The energy gained so far minus the energy that the brake still removes; its slope is up + down."""
+            """The energy gained up to x minus the energy that braking from x removes. Its derivative is up + down."""
             return self.energy(x0, x, up) - self.energy(x1, x, -down)
 
         if gap(x0) >= 0.0 or gap(x1) <= 0.0:
@@ -122,7 +122,7 @@ class Link:
         return friction.Leg(first + self.time(x1, low, -down), low, first, speed)
 
     def swing(self, x0: float, x1: float, first: float, exact: bool) -> tuple[float, float, float]:
-        """T, turning point and last switch of (-,+,-) with the first switch at `first` < x0; NaN if it is not feasible."""
+        """The duration, turning point and last switch of (-,+,-) with the first switch at `first` < x0; (inf, NaN, NaN) if infeasible."""
         up, down, none = self.up, self.down, (np.inf, np.nan, np.nan)
         if not self.possible(x0, first, -down):
             return none
@@ -130,7 +130,8 @@ class Link:
         turn = self._turn(first, speed)
         if turn is None:
             return none
-        # The last switch equates the energies gained from the turn and lost to the end; their difference has slope up + down.
+        # At the last switch, the energy gained since the turning point equals the energy lost until the end. The derivative of their
+        # difference is up + down.
         last = turn + self.energy(x1, turn, -down) / (up + down)
         if not (turn < last < x1 and self.possible(turn, last, up) and self.possible(x1, last, -down)):
             return none
@@ -138,7 +139,7 @@ class Link:
         return sum(self.time(*leg, exact=exact) for leg in legs), turn, last
 
     def _turn(self, first: float, energy: float) -> float | None:
-        """The angle at which the positive torque stops the backward motion: the first zero of the energy below `first`."""
+        """The turning point, at which the positive torque stops the backward motion: the first zero of the energy below `first`."""
 
         def left(x: Array) -> Array:
             kept: Array = energy + (x - first) * self.push(first, x, self.up)
@@ -149,19 +150,19 @@ class Link:
             k = int((left(x[1:]) <= 0.0).argmax()) + 1
             if left(x[k : k + 1])[0] > 0.0:
                 return None
-            # Each round cuts the interval into 64, down to neighbouring numbers.
+            # Each iteration divides the interval by 64, until its ends are neighbouring floating-point numbers.
             x = np.linspace(x[k - 1], x[k], 65)
         return float(x[0])
 
     def back_swing(self, x0: float, x1: float, samples: int = 240) -> tuple[float, float, float]:
-        """The fastest (-,+,-): T, first and last switch."""
+        """The fastest motion (-,+,-): its duration, first switch and last switch."""
         grid = x0 - 2 * np.pi * (np.arange(1, samples + 1) / samples) ** 2
         values = np.array([self.swing(x0, x1, float(first), exact=False)[0] for first in grid])
         if not np.isfinite(values).any():
             return np.inf, np.nan, np.nan
         k = int(np.argmin(values))
         low, high = float(grid[min(k + 1, samples - 1)]), float(grid[k - 1]) if k else x0
-        # 1e-6 in the switch is 1e-12 in T at the valley's floor.
+        # T has a minimum here, so an error of 1e-6 of the switch changes T by about 1e-12.
         first, _ = golden(lambda x: self.swing(x0, x1, x, exact=True)[0], low, high, width=1e-7)
         T, _, last = self.swing(x0, x1, first, exact=True)
         return T, first, last
@@ -178,9 +179,9 @@ def torque_optimal_time(
     viscous: float = 0.0,
     coulomb: float = 0.0,
 ) -> Optimum:
-    """The monotone optimum and the best of the monotone, back-swing and overshoot families."""
+    """The fastest monotone motion, and the fastest motion of the families monotone, back-swing and overshoot."""
     bottom = -tau_max if tau_min is None else tau_min
-    # Between equal ends ahead is against gravity.
+    # If both ends are equal, the direction of the motion is against gravity.
     sg = 1.0 if thetaf > theta0 or (thetaf == theta0 and gravity_moment * np.sin(theta0) >= 0.0) else -1.0
     x0, x1, G = sg * theta0, sg * thetaf, abs(gravity_moment)
     up, down = (tau_max, -bottom) if sg > 0.0 else (-bottom, tau_max)
@@ -206,7 +207,7 @@ def torque_optimal_time(
 
 def _free_swings(link: Link, x0: float, x1: float, sg: float) -> list[Best]:
     T, first, last = link.back_swing(x0, x1)
-    # Mirrored and backwards in time both torques change their place.
+    # In the mirrored motion in reverse time, the torque limits `up` and `down` exchange their roles.
     U, late, early = Link(link.I, link.G, link.down, link.up).back_swing(-x1, -x0)
     both = [Best(T, (sg * first, sg * last), "back-swing"), Best(U, (-sg * early, -sg * late), "overshoot")]
     return [best for best in both if np.isfinite(best.t)]

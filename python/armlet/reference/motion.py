@@ -3,11 +3,11 @@
     Sinusoid:  q = offset + Im sum_k z_k,  z_k = amplitude_k exp(i (frequency_k t + phase_k));  d/dt multiplies z_k by i frequency_k
     Quintic:   q = q0 + (q1 - q0) p(x),  x = t/T,  p the quintic with p = 0, 1 and p' = p'' = 0 at the ends (from a linear system)
     BangBang:  q'' = +A before T/2, -A after,  integrated as polynomials piece by piece;  A = 4 (q1 - q0)/T^2
-    Table:     q, v, a at knots;   between two of them the Bezier curve of degree 5 with these values, h = dt
-               points q_k,   q_k + h v_k/5,   q_k + 2 h v_k/5 + h^2 a_k/20,   and the same from the end
+    Table:     q, v, a at knots;   between two knots the Bezier curve of degree 5 with these values, h = dt
+               points q_k,   q_k + h v_k/5,   q_k + 2 h v_k/5 + h^2 a_k/20,   and in the same form from the second knot
                derivatives   from differences of the points
 
-Quintic and BangBang rest at q0 before t = 0 and at q1 from t = T on. Accelerations that jump are continuous from the right.
+Quintic and BangBang are at rest at q0 before t = 0, and at rest at q1 from t = T on. Accelerations that jump are continuous from the right.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ Motion = Callable[[float], Sample]
 
 
 class Hold:
-    """Rest at q (n,)."""
+    """A constant position q (n,)."""
 
     breaks: tuple[float, ...] = ()
 
@@ -35,7 +35,7 @@ class Hold:
 
 
 class Sinusoid:
-    """offset + sum amplitude sin(frequency t + phase); amplitude (n,) or (n, k), the others broadcast to it."""
+    """q_d = offset + sum amplitude sin(frequency t + phase). `amplitude` is (n,) or (n, k); frequency and phase broadcast to its shape."""
 
     breaks: tuple[float, ...] = ()
 
@@ -59,7 +59,7 @@ class Sinusoid:
 
 
 class _Piecewise:
-    """q0 + (q1 - q0) p_j(t) on [breaks_j, breaks_{j+1}), rest outside; derivatives by polynomial algebra."""
+    """q0 + (q1 - q0) p_j(t) on [breaks_j, breaks_{j+1}), at rest outside. The derivatives are those of the polynomials p_j."""
 
     def __init__(self, q0: ArrayLike, q1: ArrayLike, breaks: tuple[float, ...], pieces: list[Polynomial]) -> None:
         self.q0: Array = np.array(q0, dtype=np.float64)
@@ -89,7 +89,7 @@ class Quintic(_Piecewise):
         rows = []
         for x in (0.0, 1.0):
             rows += [x**powers, powers * x ** np.maximum(powers - 1, 0), powers * (powers - 1) * x ** np.maximum(powers - 2, 0)]
-        # The Hermite conditions have integer coefficients, so rounding restores the solution exactly.
+        # The exact solution of the Hermite conditions has integer coefficients, so rounding restores it.
         shape = Polynomial(np.round(np.linalg.solve(np.array(rows), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0])))
         super().__init__(q0, q1, (0.0, float(duration)), [shape(Polynomial([0.0, 1.0 / duration]))])
 
@@ -105,7 +105,7 @@ class BangBang(_Piecewise):
 
 
 class Table:
-    """q, v, a (K, n) at start + k dt; exact at the knots, held outside."""
+    """A motion through q, v, a (K, n) at the knots start + k dt. It is at rest before the first knot and after the last one."""
 
     breaks: tuple[float, ...] = ()
 
@@ -132,7 +132,7 @@ class Table:
 
 
 def _casteljau(points: Array, x: float) -> Array:
-    """The Bezier curve of these points at x in [0, 1]."""
+    """The value at x in [0, 1] of the Bezier curve with these control points."""
     while len(points) > 1:
         points = (1.0 - x) * points[:-1] + x * points[1:]
     return np.asarray(points[0])
