@@ -15,7 +15,7 @@ pub enum Status {
     /// The run reached its end, or the solver found a result.
     #[default]
     Success = 0,
-    /// The state, its derivative or a monitor stopped being finite, or the state passed the limit that the caller set.
+    /// The state, its derivative or a monitor is no longer finite, or the state exceeded the limit that the caller set.
     Diverged = 1,
     /// The adaptive step size decreased below the resolution of time.
     StepUnderflow = 2,

@@ -42,9 +42,9 @@ pub trait Accuracy {
 /// The same relative and absolute tolerance for the first `controlled` components of the state.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
-    /// Relative tolerance.
+    /// Relative tolerance, dimensionless.
     pub rtol: f64,
-    /// Absolute tolerance.
+    /// Absolute tolerance, in the units of the state.
     pub atol: f64,
     /// The number of leading components with error control.
     pub controlled: usize,

@@ -1,6 +1,6 @@
 //! Radau IIA with three stages, order 5, L-stable (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8):
 //!
-//! `z_i = h sum_j a_ij f(t + c_j h, x + z_j)`, `x_new = x + z_3`,
+//! `z_i = h sum_j a_ij f(t + c_j h, x + z_j)`, `x_new = x + z_3`.
 //!
 //! The solver is simplified Newton iteration on `w = T^-1 z`. In these variables, `A^-1` has one real and one complex pole:
 //! `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and `((a + ib)/h - J)(dw_2 + i dw_3) = ..`. The error estimate is

@@ -1,7 +1,7 @@
 //! The general recursion over levels with singular values. `X` is an orthonormal basis of the directions that are still free. The entries
 //! of `scale`, with `0 < scale <= 1`, are the remaining fractions of these directions. For each level,
 //!
-//! `A_i = J_i X diag(scale) = U diag(s) V'`,  `v += X V g(s) U' (v_i - J_i v)`,  `X diag(scale) <- X diag(scale) V_k diag(d)`,
+//! `A_i = J_i X diag(scale) = U diag(s) V'`,  `v += X V g(s) U' (v_i - J_i v)`,  `X diag(scale) <- X diag(scale) V_k diag(d)`.
 //!
 //! Here `g` is the inverse of the method, and `d` is the fraction of a direction that the level leaves free. For `exact`, `d` is 0 or 1 by
 //! the rank rule. For `clamp` and `damped`, `d = 1 - min(1, (s/eps)^2)`. Columns with `d = 0` are removed.

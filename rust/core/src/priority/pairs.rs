@@ -1,7 +1,7 @@
 //! Levels of at most two rows in closed form, also at singularities. One rotation makes the rows of a projected level orthogonal (one step
 //! of one-sided Jacobi; Golub and Van Loan, Matrix Computations, 8.6). The norms of these rows are the singular values:
 //!
-//! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`
+//! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`.
 //!
 //! For `clamp`, `h = q`. For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals that of `levels` if `P` is a projector before every
 //! level that has a following level. So only the last two levels may use a direction partially. Otherwise the route declines. It also

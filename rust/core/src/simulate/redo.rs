@@ -110,7 +110,7 @@ pub struct Redo<'a, S> {
     reach: [f64; MOST_LANES],
     /// Memory for the state, input and rate of one lane.
     row: (Vec<f64>, Vec<f64>, Vec<f64>),
-    /// Norms of levels of one lane.
+    /// Memory for the norms of levels of one lane.
     norms: Vec<f64>,
 }
 

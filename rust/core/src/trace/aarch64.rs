@@ -269,7 +269,8 @@ impl Assembler {
             self.word(access.unscaled | (offset as u32 & 0x1FF) << 12, register, base, 0);
         } else {
             let [low, high] = [offset as u32 & 0xFFFF, offset as u32 >> 16];
-            // movz: the low half, zeros above. movn: the same with ones above. movk: the next half; the others do not change.
+            // movz sets the low half of the register and clears the rest. movn sets the low half and fills the rest with ones. movk sets
+            // only the next half.
             let (start, rest) = if offset < 0 { (0x9280_0000 | (!low & 0xFFFF) << 5, 0xFFFF) } else { (0xD280_0000 | low << 5, 0) };
             self.word(start, OFFSET, 0, 0);
             if high != rest {
@@ -279,7 +280,7 @@ impl Assembler {
         }
     }
 
-    /// Store or load `first` and the register after it at the stack pointer plus `offset` times 8 bytes.
+    /// Store or load the registers `first` and `first + 1` at the stack pointer plus `8 offset` bytes.
     fn pair(&mut self, pattern: u32, first: u8, offset: i32) {
         self.word(pattern | (offset as u32 & 0x7F) << 15 | u32::from(first + 1) << 10, first, STACK, 0);
     }

@@ -8,7 +8,7 @@
 //! - A system that forbids new executable pages (hardened runtime, SELinux `execmem`, PaX, prctl PR_SET_MDWE): [`Code::new`]
 //!   returns the system's error.
 //!
-//! Not covered:
+//! Cases that are not covered:
 //! - the hardened runtime on Intel, where the call succeeds and the process ends at the first instruction;
 //! - iOS;
 //! - unwinding and debugging through the code, which has no unwind tables.

@@ -174,7 +174,7 @@ mod avx2 {
                 return;
             }
             for k in (0..width).step_by(4) {
-                // The last block overlaps the previous one.
+                // The last block has four numbers too, and may overlap the previous one.
                 let k = k.min(width - 4);
                 for (i, column) in columns([row(0, k), row(1, k), row(2, k), row(3, k)]).into_iter().enumerate() {
                     _mm256_storeu_pd(slot.add((k + i) * lanes), column);
@@ -220,7 +220,7 @@ mod avx2 {
             if left == 0 {
                 break;
             }
-            // The last block overlaps the previous one.
+            // The last block has four numbers too, and may overlap the previous one.
             let step = left.min(4);
             places.rotate_left(step);
             for place in &mut places[4 - step..] {
@@ -261,7 +261,7 @@ mod avx2 {
             }
         }
         for k in (0..length).step_by(4).filter(|_| length >= 4) {
-            // The last block overlaps the previous one.
+            // The last block has four numbers too, and may overlap the previous one.
             let k = k.min(length - 4);
             // SAFETY: `k + 4 <= length`, so that the four slots and the four numbers of each row exist.
             unsafe {

@@ -58,7 +58,7 @@ fn arms() -> Vec<Arc<Arm>> {
     all
 }
 
-/// Rows of a prepared function, and the same rows one by one.
+/// A prepared function with inputs for many rows. It computes the rows in batches or one by one.
 struct Both {
     functions: Functions,
     query: Query,

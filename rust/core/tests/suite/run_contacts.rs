@@ -118,7 +118,7 @@ fn an_event_ends_the_run() {
     let run = thrown(0.0, Method::Dop853, Some(&mut observer));
     assert_eq!((run.status, run.ended), (Status::Event, observer.crossings.t[0]));
     assert_eq!(run.t.last(), Some(&run.ended));
-    // After the rebound x = 1 - 2 (t - 1/2 - pi/20), which equals t at (2 + pi/10)/3.
+    // After the rebound, x = 1 - 2 (t - 1/2 - pi/20). The event is at x = t, which is the time (2 + pi/10)/3.
     assert!((run.ended - (2.0 + PI / 10.0) / 3.0).abs() < 1e-8, "{}", run.ended);
     let mut unknown = RunObserver {
         events: vec![Event { function: EventFunction::Function(Arc::new(|_, _| None)), direction: 0.0, stop_after: 0 }],

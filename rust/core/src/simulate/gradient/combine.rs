@@ -4,7 +4,7 @@ use crate::integrate::Tableau;
 use crate::scalar::Kernel;
 use crate::scalar::lanes::vectorised;
 
-/// `y += factor x`.
+/// The operation `y += factor x`, to be compiled for vectors.
 struct Add<'a> {
     y: &'a mut [f64],
     factor: f64,
@@ -21,7 +21,7 @@ impl Kernel for Add<'_> {
     }
 }
 
-/// `y += factor x`.
+/// Compute `y += factor x`.
 pub fn add(y: &mut [f64], factor: f64, x: &[f64]) {
     vectorised(Add { y, factor, x });
 }
