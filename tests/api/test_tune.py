@@ -1,4 +1,4 @@
-"""Tuning: a problem whose best gain is known, many conditions, the same bits on any number of threads, and what is refused."""
+"""Tuning: a problem with a known best gain, many conditions, equal bits for any number of threads, and refused arguments."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ DAMPING = {"law.kd": {"uniform": [5.0, 40.0]}}
 
 
 def test_a_gain_that_is_known() -> None:
-    """e'' + kd e' + 100 e = 0 settles to 2 % soonest where its overshoot exp(-pi z / sqrt(1 - z^2)) is 2 %: kd = 20 z = 15.59.
+    """e'' + kd e' + 100 e = 0 settles to 2 % earliest if its overshoot exp(-pi z / sqrt(1 - z^2)) is 2 %: kd = 20 z = 15.59.
 
-    Times are recorded every 2 ms: gains within 0.1 of it have the same or the next settling time.
+    Times are recorded every 2 ms. So gains within 0.1 of this value have an equal or the next settling time.
     """
     log = np.log(50.0) / np.pi
     wanted = 20.0 * log / np.sqrt(1.0 + log * log)
@@ -41,8 +41,8 @@ def test_a_gain_that_is_known() -> None:
 
 
 def test_every_condition_counts() -> None:
-    """The worst, or the mean, of the conditions; a function of the table is asked once per generation."""
-    # A model that is wrong about its mass: the true one is a condition.
+    """The cost is the maximum or the mean over the conditions. A function of the table is called once per generation."""
+    # The model has a wrong mass, and the true mass is one of the conditions.
     data = dict(SCENARIO.data) | {"model": SCENARIO.data["arm"]}
     scenario, over = al.Scenario(data), {"arm.A": [1.0, 2.0, 4.0]}
     shapes = []
@@ -52,7 +52,7 @@ def test_every_condition_counts() -> None:
         return table["error_rms1"]
 
     for by, reduce in (("worst", np.max), ("mean", np.mean)):
-        found = al.tune(scenario, DAMPING, cost, over=over, by=by, candidates=8, generations=2)  # type: ignore[arg-type]  # a text of a list
+        found = al.tune(scenario, DAMPING, cost, over=over, by=by, candidates=8, generations=2)  # type: ignore[arg-type]
         each = [found.scenario.replace({"arm.A": a}).run().metrics()["error_rms"][0] for a in over["arm.A"]]
         np.testing.assert_allclose(found.cost, reduce(each), rtol=1e-9)
     assert shapes == [24] * 6 and found.runs == 72
@@ -72,7 +72,7 @@ def test_same_seed_same_bits() -> None:
 
 
 def test_failed_runs_cost_most() -> None:
-    """Steps too long for the larger gains: those runs diverge, and are not chosen."""
+    """The steps are unstable for large gains. These runs diverge, and their gains are not selected."""
     scenario = SCENARIO.replace({"run.dt": 0.05, "run.t_end": 40.0})
     found = al.tune(scenario, {"law.kd": {"uniform": [5.0, 200.0]}}, "error_rms1", candidates=16, generations=1)
     failed = found.tried["cost"] == 1e30
@@ -86,13 +86,13 @@ TWO = SCENARIO.replace({"law.kp": [100.0, 80.0], "run.q0": [0.0, 0.4], "arm.B": 
 
 
 def loss_of(scenario: al.Scenario) -> float:
-    """The loss from the metrics of a run."""
+    """The loss, computed from the metrics of a run."""
     found = scenario.run().metrics()
     return float((found["error_rms"] ** 2 + 1e-4 * found["tau_rms"] ** 2).sum())
 
 
 def test_the_minimum_along_the_gradient() -> None:
-    """The derivative of the loss is zero at the minimum, or points out of the interval."""
+    """At the minimum the derivative of the loss is zero, or the minimum is at a bound and the derivative points outwards."""
     found = al.tune(TWO, GAINS, LOSS, method="gradient", starts=2, tolerance=1e-12)
     assert found.method == "gradient" and "iterations" in str(found) and found.converged
     np.testing.assert_allclose(loss_of(found.scenario), found.cost, rtol=1e-9)
@@ -104,19 +104,19 @@ def test_the_minimum_along_the_gradient() -> None:
         ((low, high),) = spec.values()
         moved = [loss_of(found.scenario.replace({path: value * (1.0 + by)})) - found.cost for by in (-0.01, 0.01)]
         inside += low < value < high
-        # A step away from the minimum costs more: of second order, 1e-4 of a change of some 0.1.
+        # A step away from the minimum increases the cost. The change is of second order, 1e-4 of about 0.1.
         assert moved[0] > -1e-9 or value * 0.99 < low
         assert moved[1] > -1e-9 or value * 1.01 > high
     assert inside >= 1
 
 
 def test_along_the_gradient_of_any_path() -> None:
-    """A mass of the plant is no number of the law: the scenario is built again. Two conditions count by their mean, or the worst."""
+    """A mass of the plant is not a parameter of the law, so the scenario is built again. Two conditions count by their mean or maximum."""
     data = dict(TWO.data) | {"model": TWO.data["arm"]}
     scenario, vary = al.Scenario(data), {"law.kd": {"uniform": [2.0, 80.0]}, "model.A": {"uniform": [1.0, 5.0]}}
     over = {"arm.A": [1.5, 3.0]}
     for by, reduce in (("worst", np.max), ("mean", np.mean)):
-        found = al.tune(scenario, vary, LOSS, method="gradient", over=over, by=by, starts=1, generations=15)  # type: ignore[arg-type]  # a text of a list
+        found = al.tune(scenario, vary, LOSS, method="gradient", over=over, by=by, starts=1, generations=15)  # type: ignore[arg-type]
         each = [loss_of(found.scenario.replace({"arm.A": a})) for a in over["arm.A"]]
         np.testing.assert_allclose(found.cost, reduce(each), rtol=1e-9)
         first = [loss_of(scenario.replace({"arm.A": a})) for a in over["arm.A"]]
@@ -125,7 +125,7 @@ def test_along_the_gradient_of_any_path() -> None:
 
 
 def test_the_gradient_needs_few_runs_for_many_values() -> None:
-    """36 values of an adaptive law: the cost of differential evolution in a twentieth of its runs."""
+    """For 36 values of an adaptive law, the gradient method reaches the cost of differential evolution in a twentieth of its runs."""
     scenario = al.Scenario(
         {
             "arm": {"kind": "planar_arm", "lengths": [0.5, 0.4, 0.3]},
@@ -147,7 +147,7 @@ def test_the_gradient_needs_few_runs_for_many_values() -> None:
 
 
 def test_a_failed_run_along_the_gradient_costs_most() -> None:
-    """Steps too long for most gains: the search stays among the others."""
+    """The steps are unstable for most gains. The search stays among stable gains."""
     scenario = TWO.replace({"run.dt": 0.05, "run.t_end": 40.0})
     vary = {"law.kd": {"uniform": [5.0, 200.0]}}
     found = al.tune(scenario, vary, "error_rms", method="gradient", starts=4, generations=5)

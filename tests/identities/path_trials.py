@@ -108,9 +108,9 @@ class Block:
     stratum: str
     mover: Any
     q: Array
-    """Waypoints, (B, K, n), no two neighbours alike."""
+    """Waypoints, (B, K, n). Neighbours are different."""
     given: list[Array]
-    """What the planner is given."""
+    """Paths as arguments of the planner, one per problem."""
     splines: Splines
     lower: Array
     upper: Array

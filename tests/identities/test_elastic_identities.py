@@ -1,4 +1,4 @@
-"""What theory promises of elastic joints under motor-inertia reduction, on random arms, targets and forces.
+"""Theorems about elastic joints under motor-inertia reduction, checked on random arms, targets and forces.
 
 B0 theta_ddot + D0 w + tau_J = u;  dE/dt = F.x_dot - theta_dot'D0 w - x_dot'D_m x_dot + (theta_dot - v).u
 x_E = x_d + K_m^-1 F,  tau_E = g(q_E) - J'F
@@ -39,7 +39,7 @@ def seven_axis() -> al.Arm:
 @pytest.mark.parametrize("relative", [False, True])
 @pytest.mark.parametrize("n", [1, 2, 3, 7])
 def test_the_motors_feel_like_the_reduced_ones(n: int, relative: bool) -> None:
-    """tau put into B theta_ddot + tau_J = tau gives (6), with the order B B0^-1, for full matrices."""
+    """The law's tau in B theta_ddot + tau_J = tau gives equation (6), with the order B B0^-1, also for full matrices."""
     rng = np.random.default_rng(10 * n + relative)
     arm = al.planar_arm([0.4] * n)
     K, inertia, reduced, D0 = (positive(rng, n, scale) for scale in (500.0, 0.3, 0.02, 4.0))
@@ -52,7 +52,7 @@ def test_the_motors_feel_like_the_reduced_ones(n: int, relative: bool) -> None:
     theta_ddot = np.linalg.solve(inertia, terms["tau"] - spring)
     w = theta_dot - v if relative else theta_dot
     scale = np.abs(reduced @ theta_ddot).max() + np.abs(terms["u"]).max()
-    # Two solves with matrices of condition below 100.
+    # The tolerance covers two linear systems with condition numbers below 100.
     np.testing.assert_allclose(reduced @ theta_ddot + D0 @ w + spring, terms["u"], rtol=0.0, atol=1e-12 * scale)
     np.testing.assert_allclose(law(0.0, q, v, theta=theta, theta_dot=theta_dot), terms["tau"], rtol=1e-12)
     np.testing.assert_allclose(terms["tau_J"], spring, rtol=1e-13)
@@ -66,14 +66,14 @@ def test_damping_gives_every_mode_its_ratio(ratio: float) -> None:
         al.planar_arm([0.3] * 3), [0.3, 0.3], 200.0, 20.0, K, 0.3, reduced, frame="link3", axes="xy", damping_ratio=ratio
     )
     D0 = law.terms(0.0, np.ones(3), np.zeros(3), theta=np.ones(3), theta_dot=np.zeros(3))["D0"]
-    # A double root is known to the square root of a rounding only, so the characteristic equation is asked, not the roots.
+    # Rounding changes a double root by the square root of eps. So the characteristic equation is checked instead of the roots.
     np.testing.assert_allclose(D0 @ np.linalg.solve(reduced, D0), 4.0 * ratio**2 * K, rtol=1e-11, atol=1e-11 * np.abs(K).max())
     np.testing.assert_allclose(al.damping_from_ratio(reduced, K, ratio), D0, rtol=1e-12)
 
 
 @pytest.mark.parametrize("case", ["step", "relative", "moving", "wall", "far force"])
 def test_the_energy_balances(case: str) -> None:
-    """E(t) - E(0) is the integral of its rate: an identity, to 1e-8 of the largest E."""
+    """E(t) - E(0) is the integral of its rate, to 1e-8 of the largest E."""
     wall = al.Wall("link2", [0.53, 0.0, 0.0], [-1.0, 0.0, 0.0], stiffness=2000.0, damping=20.0)
     plant = al.ElasticArm(PLANAR, K_J, B, wall=wall) if case == "wall" else PLANT
     law: al.Law = impedance([0.5, 0.55], relative_damping=case == "relative")
@@ -89,14 +89,14 @@ def test_the_energy_balances(case: str) -> None:
     assert np.ptp(energy) > 0.1
     if case == "wall":
         assert float(np.max(np.asarray(PLANAR.position(run.q, "link2"))[:, 0])) > 0.5301
-    # A damped wall pushes with a jump where it is met: within that one step, whose size the states' errors set, the power jumps.
+    # At contact the force of a damped wall jumps. So the power jumps within one step, whose size depends only on the errors of the state.
     share = 1e-6 if case == "wall" else 1e-8
     assert np.abs(run.monitors["energy_balance"]).max() <= share * energy.max()
 
 
 @pytest.mark.parametrize("friction", [[0.0, 0.0], [2.0, 1.5]])
 def test_the_plants_energy_where_the_law_does_not_know_the_plant(friction: list[float]) -> None:
-    """Another stiffness than the law believes in: the balance watched is that of the plant's own energy."""
+    """The law assumes a different stiffness. The energy balance is that of the plant's energy, so it is zero nevertheless."""
     plant = al.ElasticArm(PLANAR, 0.9 * K_J, B, joint_damping=[0.5, 0.5], motor_friction=friction)
     run = al.simulate(plant, impedance([0.5, 0.55]), [0.3, 1.2], t_end=0.5, t_eval=[0.0, 0.2, 0.5], force=[15.0, -5.0], **TIGHT)
     assert set(run.monitors) == {"skewness", "energy", "energy_balance", "torque_error"}
@@ -135,7 +135,7 @@ def test_rest_for_random_targets_and_forces() -> None:
         load = np.asarray(PLANAR.jacobian(rest.q, "link2"))[:2].T @ F
         np.testing.assert_allclose(rest.tau, np.asarray(PLANAR.gravity(rest.q)) - load, atol=1e-12)
         np.testing.assert_allclose(K_J * (rest.theta - rest.q), rest.tau, atol=1e-11)
-        # The run ends there: the slowest mode is the rightmost eigenvalue.
+        # The run ends at the equilibrium. The rightmost eigenvalue is the slowest mode.
         t_end = 25.0 / -float(rest.eigenvalues.real.max())
         run = al.simulate(PLANT, law, q_d, t_end=t_end, t_eval=[t_end], force=F, **TIGHT)
         assert run.tau is not None
@@ -151,7 +151,7 @@ def test_eigenvalues_are_those_of_the_run() -> None:
     slowest = float(rest.eigenvalues.real.max())
     run = al.simulate(PLANT, law, rest.q + np.array([1e-4, 0.0]), theta0=rest.theta, t_end=8.0, t_eval=[6.0, 8.0], **TIGHT)
     ratio = np.linalg.norm(run.q[1] - rest.q) / np.linalg.norm(run.q[0] - rest.q)
-    # After 6 s faster modes and products of deviations are below 1e-4 of it.
+    # After 6 s faster modes and products of deviations are below 1e-4 of this deviation.
     assert abs(np.log(ratio) / 2.0 - slowest) < 1e-3 * abs(slowest)
 
 
@@ -165,7 +165,7 @@ def test_a_redundant_arm_rests() -> None:
     rest = al.equilibrium(plant, law, F, q0=q_d)
     np.testing.assert_allclose(rest.x, arm.position(q_d, frame) + F / 500.0, atol=1e-12)
     assert rest.stable and not rest.spurious and rest.eigenvalues.shape == (28,)
-    # Four free directions of position, and the motors hold no place of their own.
+    # Four directions of position are free, and the motors do not hold a position.
     assert int(np.sum(np.abs(rest.eigenvalues) < 1e-6 * np.abs(rest.eigenvalues).max())) >= 4
 
 
@@ -183,7 +183,7 @@ def test_rigid_arms_and_joint_laws_rest_too() -> None:
 
 @pytest.mark.parametrize("name", ["desired", "online", "state feedback", "joint impedance"])
 def test_regulation(name: str) -> None:
-    """Every law of joints comes to rest at its target, the torque there being gravity's."""
+    """Under every law of joints the arm comes to rest at its target. The torque there balances gravity."""
     target = np.array([0.6, 0.9])
     laws = {
         "desired": al.MotorPD(PLANAR, target, 150.0, 25.0, K_J),
@@ -199,7 +199,10 @@ def test_regulation(name: str) -> None:
 
 
 def test_error_to_the_rigid_target() -> None:
-    """O(sqrt(B0)) with D0 tied to B0, no convergence with D0 fixed, ten times less with damping on theta_dot - v."""
+    """The error is O(sqrt(B0)) if D0 depends on B0.
+
+    It does not converge if D0 is fixed. With damping of theta_dot - v it is ten times smaller.
+    """
     times = np.linspace(0.0, 0.5, 501)
     options: dict[str, Any] = {"t_end": 0.5, "t_eval": times, "force": [10.0, -15.0], "method": "dop853", "rtol": 1e-9, "atol": 1e-11}
     target = np.asarray(PLANAR.position([0.3, 1.2], "link2"))[:2]
@@ -221,7 +224,7 @@ def test_error_to_the_rigid_target() -> None:
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 1.0])
 def test_the_sampled_loop_grows_beyond_its_limit(share: float) -> None:
-    """With links too heavy to move the held loop itself shows the limit that is refused."""
+    """The links are too heavy to move. So the loop becomes unstable at the sample time beyond which armlet refuses to run it."""
     arm = al.planar_arm([1.0], masses=[1e12], gravity=(0.0, 0.0))
     stiffness, inertia = 800.0, 0.4
     plant = al.ElasticArm(arm, stiffness, inertia)
@@ -230,12 +233,12 @@ def test_the_sampled_loop_grows_beyond_its_limit(share: float) -> None:
     D0 = 2.0 * np.sqrt(share * inertia * stiffness)
 
     def same(t: float, q: Array, v: Array, theta: Array, theta_dot: Array) -> Array:
-        # A law from outside is not judged, so it can be run beyond the limit.
+        # The stability check does not apply to a Python function, so the loop can run beyond the limit.
         spring = stiffness * (theta - q)
         return np.asarray(spring + (-q - v - D0 * theta_dot - spring) / share)
 
     def growth(law: Any, period: float) -> float:
-        """Of the motor over the last 100 of 400 samples."""
+        """Growth of the motor's deviation over the last 100 of 400 samples."""
         options: dict[str, Any] = {"dt": period / 8, "sample_time": period, "record_every": 8, "monitors": False}
         run = al.simulate(plant, law, [0.0], theta0=[1e-3], t_end=400 * period, **options)
         assert run.theta is not None
@@ -258,10 +261,10 @@ def test_maps_broadcast() -> None:
     dt, zeta = np.array([[5e-4], [1e-3], [2e-3]]), np.array([0.5, 0.7, 1.0, 2.0])
     fastest = al.smallest_reduced_inertia(0.4, 800.0, dt, damping_ratio=zeta)
     assert fastest.shape == (3, 4)
-    # For B0 << B: B0 = K_J (dt / min(4 zeta, 1/zeta))^2, up to B0/B.
+    # For B0 << B the rule is B0 = K_J (dt / min(4 zeta, 1/zeta))^2, as a function of zeta.
     rule = 800.0 * (dt / np.minimum(4 * zeta, 1 / zeta)) ** 2
     np.testing.assert_allclose(fastest, rule, rtol=0.05)
-    # A sensor that lags takes damping away from a loop that has little, and a quick one takes nothing.
+    # A slow sensor reduces the damping of a weakly damped loop. A fast sensor has no effect.
     bandwidth = np.array([2000.0, 1e6])
     lag = al.smallest_reduced_inertia(0.4, 800.0, dt, damping_ratio=0.3, sensor_bandwidth=bandwidth)
     none = al.smallest_reduced_inertia(0.4, 800.0, dt, damping_ratio=0.3)

@@ -1,4 +1,4 @@
-"""Where elastic arms rest under laws of motors, against walls and at stops: the end of a long run, and the flags."""
+"""Equilibria of elastic arms under laws of motors, against walls and at stops: compared with the end of a long run; and the flags."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def test_the_rest_is_where_a_run_ends(name: str, wall: al.Wall | None) -> None:
     plant = al.ElasticArm(ARM, FULL_K if name == "full" else K, B, wall=wall)
     rest = al.equilibrium(plant, LAWS[name], FORCE, q0=START, force_frame="link2")
     end = settled(plant, LAWS[name], FORCE)
-    # The run has settled to its tolerance.
+    # The run has converged to its tolerance.
     np.testing.assert_allclose(rest.q, end.q[-1], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(rest.theta, end.theta[-1], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(rest.tau, end.tau[-1], rtol=0.0, atol=1e-3)
     assert rest.stable and not rest.spurious and rest.theta is not None
-    # And it is one: the law asks for the torque that the springs carry, and they carry gravity, force and wall.
+    # The equilibrium is exact: the law's torque equals the torque of the springs, which balances gravity, force and wall.
     zero = np.zeros(2)
     np.testing.assert_allclose(LAWS[name](0.0, rest.q, zero, theta=rest.theta, theta_dot=zero), rest.tau, rtol=0.0, atol=1e-9)
     push = np.zeros(3) if rest.wall_force is None else rest.wall_force
@@ -70,7 +70,7 @@ def test_unforced_laws_of_motors_rest_at_their_target() -> None:
 
 
 def test_a_weak_law_of_motors_rests_where_it_should_not() -> None:
-    # kp below the slope of gravity, 5 N m/rad: there are rests besides the target.
+    # kp is below the derivative of gravity, 5 N m/rad, so there are equilibria other than the target.
     link = al.pendulum(1.0, 5.0)
     plant = al.ElasticArm(link, 500.0, 0.2)
     law = al.MotorPD(link, [0.5], 0.2, 1.0, 500.0)
@@ -88,7 +88,7 @@ def test_an_impedance_against_a_wall_is_two_springs_in_series() -> None:
     x = (300.0 * 0.7 + 5e3 * 0.6) / 5300.0
     np.testing.assert_allclose(rest.x, [x, 0.3], rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(rest.wall_force[0], -300.0 * (0.7 - x), rtol=1e-9)
-    # Away from the wall it is as if there were none.
+    # Far from the wall, the equilibrium is that without a wall.
     away = al.ElasticImpedance(ARM, [0.5, 0.3], [300.0, 200.0], [40.0, 30.0], K, B, B / 10, frame="link2", axes="xy")
     free = al.equilibrium(plant, away, q0=START)
     assert free.reachable and not free.spurious and not np.any(free.wall_force)
@@ -100,7 +100,7 @@ def test_a_wall_at_the_elbow_holds_the_tip_back() -> None:
     law = al.CartesianImpedance(ARM, [0.3, 0.75], 300.0, 40.0, frame="link2", axes="xy")
     rest = al.equilibrium(al.RigidArm(ARM, wall=elbow), law, q0=[0.3, 1.2])
     assert rest.wall_force is not None and rest.wall_force[1] < 0.0 and not rest.reachable
-    # Unbalanced at the tip, but for a reason that the joints feel: not spurious.
+    # The wall at the elbow balances the tip's spring at the joints. So the equilibrium is not spurious.
     assert not rest.spurious and np.max(np.abs(rest.x - [0.3, 0.75])) > 1e-3
 
 
@@ -124,7 +124,7 @@ def test_bristles_without_a_load_leave_the_rest(plant: str) -> None:
     want, got = (al.equilibrium(p, law, q0=START) for p in (smooth, dry))
     np.testing.assert_array_equal(got.q, want.q)
     assert got.stable and got.eigenvalues.size == want.eigenvalues.size + 2
-    # A bristle at rest is a spring beside the law: the sum of all eigenvalues loses its damping sigma_1 alone.
+    # A bristle at rest acts as a spring. Its damping sigma_1 reduces the sum of all eigenvalues.
     assert got.eigenvalues.real.sum() < want.eigenvalues.real.sum()
 
 
@@ -140,12 +140,12 @@ RAIL = [
 @pytest.mark.parametrize("elastic", [False, True])
 @pytest.mark.parametrize("axes", ["x", "xy", "xy rz"])
 def test_null_motions_are_free_and_counted(axes: str, elastic: bool) -> None:
-    """n - m motions are free without a posture; damping alone leaves them free, and a spring binds them."""
+    """Without a posture n - m motions are free. Damping alone does not change this number. A spring makes them not free."""
     arm = al.Arm.from_chain(RAIL, gravity=(0.0, -9.81, 0.0)).with_frame("tip", "link5", xyz=[0.2, 0.0, 0.0])
     q0 = np.array([0.1, 0.3, 0.5, -0.4, 0.6])
     rows = {"x": [0], "xy": [0, 1], "xy rz": [0, 1, 5]}[axes]
     target = arm.pose_vector(q0, "tip")[rows]
-    share = np.array([1.0, 1.0, 0.05])[: len(rows)]  # of the gains: the last row turns
+    share = np.array([1.0, 1.0, 0.05])[: len(rows)]  # factor of the gains: the last row is an orientation
     springs, motors = np.array([2e4, 900.0, 800.0, 700.0, 600.0]), np.array([3.0, 0.4, 0.3, 0.2, 0.1])
 
     def rest(posture: al.NullSpace | None, kp: float = 300.0, **force: Any) -> al.Equilibrium:
@@ -159,7 +159,7 @@ def test_null_motions_are_free_and_counted(axes: str, elastic: bool) -> None:
     still = np.zeros(5)
     for found in (rest(None), rest(None, force=np.full(len(rows), 4.0)), rest(al.NullSpace(q0, still, still)), rest(None, kp=3.0)):
         assert found.stable and found.free_motions == free
-        # Without any damping a free motion has two zeros; motors always have some.
+        # Without damping, a free motion has two eigenvalues zero. Motors always have damping.
         zeros = int((np.abs(found.eigenvalues) < 1e-9 * np.abs(found.eigenvalues).max()).sum())
         assert zeros == (free if elastic else 2 * free) and found.eigenvalues.shape == (states,)
     damped = rest(al.NullSpace(q0, still, 5.0))
@@ -169,12 +169,15 @@ def test_null_motions_are_free_and_counted(axes: str, elastic: bool) -> None:
 
 
 def test_free_motions_do_not_hide_what_is_unstable() -> None:
-    """A stretched arm of three joints short of its target: it leaves that pose, whatever its null motion does."""
+    """A stretched arm of three joints cannot reach its target.
+
+    It leaves this pose, so the equilibrium is unstable despite its free motions.
+    """
     arm = al.planar_arm([0.5, 0.4, 0.3], gravity=(0.0, 0.0))
     law = al.CartesianImpedance(arm, [0.9], 300.0, 40.0, frame="link3", axes="x")
     stretched = al.equilibrium(al.RigidArm(arm), law, q0=[0.0, 0.0, 0.0])
     assert not stretched.stable and stretched.spurious and stretched.eigenvalues.real.max() > 1.0
     bent = al.equilibrium(al.RigidArm(arm), law, q0=[0.2, 0.5, 0.4])
     assert bent.stable and bent.free_motions == 2
-    # A pose of joints has no free motion.
+    # A law of joint positions has no free motion.
     assert al.equilibrium(al.RigidArm(arm), al.PDGravity(arm, [0.1, 0.2, 0.3], 50.0, 8.0), q0=[0.0, 0.0, 0.0]).free_motions == 0

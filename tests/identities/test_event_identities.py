@@ -1,4 +1,4 @@
-"""What events, contacts and dense output of runs promise: times to rounding, balances through impacts, one state at all times."""
+"""Events, contacts and dense output of runs: event times to rounding, balances through impacts, one state at all times."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def press(**options: Any) -> al.Run:
     return al.simulate(al.RigidArm(ARM, wall=WALL), PRESS, START, **({"t_end": 1.0, "method": "dop853"} | options))
 
 
-# One link without gravity on a spring and a damper: a'' + 2 a' + 26 a = 0 about 0.4, from rest at 0.
+# One link without gravity on a spring and a damper: a'' + 2 a' + 26 a = 0 about 0.4 rad, from rest at 0.
 LINK = al.pendulum(1.0, 0.0)
 SWING = al.ComputedTorque(LINK, al.Hold([0.4]), 26.0, 2.0)
 
@@ -42,7 +42,8 @@ def swing(**options: Any) -> al.Run:
 def test_turning_points_are_where_they_are(method: str) -> None:
     run = swing(method=method, events=[al.Event.speed(0)])
     assert run.events is not None
-    # v = 2.08 exp(-t) sin 5t: zero every pi/5, the start is none. The error of the run, not of the search: 1e-10 allowed per step.
+    # v = 2.08 exp(-t) sin 5t is zero at multiples of pi/5; the start does not count. The tolerance covers the error of the run, 1e-10 per
+    # step.
     np.testing.assert_allclose(run.events.t, np.pi / 5 * np.arange(1, 5), rtol=0.0, atol=2e-8)
     np.testing.assert_allclose(run.events.q[:, 0], swing_exact(run.events.t), rtol=0.0, atol=1e-8)
     assert run.status is al.Status.SUCCESS and abs(run.t[-1] - 3.0) < 1e-14
@@ -57,7 +58,7 @@ def test_directions_names_and_stops() -> None:
     assert np.all(np.diff(run.events.t) > 0.0) and len(run.events) == len(run.events.of(0)) + len(run.events.of(1))
     second = swing(events=[al.Event.joint(0, 0.4, direction=1, stop=2)])
     assert second.events is not None and second.status is al.Status.EVENT
-    # The run ends at the second rise, and its last record is there.
+    # The run ends at the second upward crossing, and its last record is there.
     np.testing.assert_array_equal(second.events.t, run.events.of("up").t[:2])
     assert second.t[-1] == second.events.t[-1] and abs(second.q[-1, 0] - 0.4) < 1e-14
     at = swing(events=[al.Event.joint(0, 0.4, direction=1, stop=True)], t_eval=np.linspace(0.0, 3.0, 301))
@@ -68,7 +69,7 @@ def test_a_function_of_ones_own_is_the_event_of_its_name() -> None:
     def crosses(t: float, q: Array, v: Array) -> float:
         return float(q[0] - 0.4)
 
-    crosses.direction = -1  # type: ignore[attr-defined]  # as scipy writes it
+    crosses.direction = -1  # type: ignore[attr-defined]  # scipy's attribute
     run = swing(events=[al.Event.joint(0, 0.4, direction=-1), crosses])
     assert run.events is not None and run.events.names[1] == "crosses"
     np.testing.assert_array_equal(run.events.of(0).t, run.events.of(1).t)
@@ -86,7 +87,7 @@ def test_a_plane_is_crossed_where_the_frame_is_on_it() -> None:
     run = al.simulate(al.RigidArm(ARM), PRESS, START, t_end=1.0, method="dop853", events=al.Event.plane("link2", [0.75, 0, 0], [1, 0, 0]))
     assert run.events is not None and len(run.events) > 0
     x = ARM.position(run.events.q, "link2")[:, 0]
-    # To the resolution of time: half a metre per second times an ulp.
+    # The tolerance is the resolution of time: 0.5 m/s times an ulp.
     np.testing.assert_allclose(x, 0.75, rtol=0.0, atol=1e-14)
 
 
@@ -97,7 +98,8 @@ def test_the_energy_balance_holds_through_a_damped_wall(method: str, rtol: float
     run = press(method=method, rtol=rtol, atol=1e-10, events=al.Event.contact())
     assert run.events is not None and len(run.events) >= 2
     energy = run.monitors["energy"]
-    # The quadratures are not under step control: a few times what the state is allowed, of the energy that is turned over.
+    # The step-size controller ignores the integrals of the monitors. Their error is a few times the tolerance of the state, relative to the
+    # energy.
     assert np.max(np.abs(run.monitors["energy_balance"])) < allowed * np.ptp(energy), np.max(np.abs(run.monitors["energy_balance"]))
 
 
@@ -116,12 +118,12 @@ def test_all_methods_meet_the_same_wall() -> None:
     for method in ADAPTIVE:
         np.testing.assert_allclose(press(method=method, rtol=1e-9, atol=1e-11, t_eval=[0.3, 1.0]).q, exact.q, rtol=0.0, atol=1e-6)
     fine = press(method="rk4", dt=1e-5, t_eval=[0.3, 1.0])
-    # Fixed steps run over the corner: of first order there.
+    # Fixed steps do not locate the kink, so their error there is of first order.
     np.testing.assert_allclose(fine.q, exact.q, rtol=0.0, atol=1e-4)
 
 
 def test_a_stop_throws_back_a_link() -> None:
-    # A free link, v0 = 2 rad/s, I = 1: it meets the stop at 0.5 s, turns round at depth v0 sqrt(I/k) and leaves after pi sqrt(I/k).
+    # A free link with v0 = 2 rad/s and I = 1 reaches the stop at 0.5 s. It turns at depth v0 sqrt(I/k) and leaves after pi sqrt(I/k).
     stops = al.JointStops(400.0, upper=1.0)
     free = al.ComputedTorque(LINK, al.Hold([0.0]), 1e-12, 1e-12)
     events = [al.Event.joint_stop(0, "upper"), al.Event.speed(0)]
@@ -147,7 +149,7 @@ def test_damped_stops_at_both_ends_keep_the_balance(elastic: bool) -> None:
     run = al.simulate(plant, law, START, t_end=2.0, method="dop853", rtol=1e-9, atol=1e-11, events=events)
     assert run.events is not None and set(run.events.which) == {0, 1}
     assert np.max(np.abs(run.monitors["energy_balance"])) < 1e-7 * np.ptp(run.monitors["energy"])
-    # Fixed steps feel the same stops, in lanes too.
+    # Fixed steps have the same stops, also in batches.
     fixed = al.simulate(plant, law, START, t_end=2.0, dt=2e-5)
     np.testing.assert_allclose(fixed.q[-1], run.q[-1], rtol=0.0, atol=1e-4)
     batch = al.simulate_batch(plant, law, np.tile(START, (9, 1)), t_end=0.5, dt=1e-4)
@@ -174,7 +176,7 @@ def test_sampled_loops_are_sampled_once_per_sample(clock: Any) -> None:
         return PRESS(t, q, v)
 
     al.simulate(al.RigidArm(ARM, wall=WALL), law, START, t_end=0.5, method="dop853", sample_time=clock, events=al.Event.contact())
-    # One question per sample, however often a step was taken again.
+    # The function is evaluated once per sample, also if a step is repeated.
     assert len(seen) == len(set(seen)) and abs(len(seen) - 100) <= 1
 
 
@@ -192,7 +194,7 @@ def test_dense_output_is_the_run_at_any_time(method: str) -> None:
     at = press(method=method, t_eval=t)
     dense = press(method=method, dense=True)
     state = dense.sample(t)
-    # The same polynomials, recovered from their values at the Chebyshev points: rounding.
+    # The same polynomials, evaluated from their values at Chebyshev points, differ by rounding.
     np.testing.assert_allclose(state.q, at.q, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(state.v, at.v, rtol=0.0, atol=1e-11)
     assert state.theta is None and state.estimate is None
@@ -231,7 +233,7 @@ def test_events_are_saved_with_the_run(tmp_path: Path) -> None:
 
 
 def test_a_function_may_carry_direction_and_terminal() -> None:
-    """As scipy writes them. The swing rises through 0.4 twice in 3 s, and falls through it twice: steps of pi/5 from 0.4 rad on."""
+    """The attributes of a function are those of scipy. In 3 s the link passes 0.4 rad twice upwards and twice downwards, every pi/5 s."""
 
     def crossing(**marks: Any) -> Any:
         def level(t: float, q: Any, v: Any) -> float:

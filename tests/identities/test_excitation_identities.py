@@ -1,4 +1,4 @@
-"""Exciting motions stay inside their limits at every time, follow their gradient, and show more than random sines do."""
+"""Exciting motions are within their limits at every time, their gradient is correct, and they are more informative than random sines."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def test_the_gradient_is_that_of_the_cost(name: str, drives: bool) -> None:
             al.exciting_motion(ARMS[name], 5.0, limits=LIMITS, friction=True)
         return
     arm = ARMS[name]
-    # Some torques are beyond their limit, so that the penalty is in the slope.
+    # Some torques exceed their limit, so the gradient includes the penalty.
     of = problem(arm, LIMITS | {"effort": 3.0}, drives=drives)
     c = np.random.default_rng(1).normal(size=arm.n * 7)
     _, gradient = of.cost(c)
     h = 1e-6
     numeric = np.array([(of.cost(c + h * unit)[0] - of.cost(c - h * unit)[0]) / (2.0 * h) for unit in np.eye(c.size)])
-    # Rounding of the cost over h, and h^2.
+    # The tolerance covers rounding of the cost divided by h, and h^2.
     np.testing.assert_allclose(gradient, numeric, rtol=1e-6, atol=1e-6 * np.abs(gradient).max())
 
 
@@ -59,14 +59,14 @@ def test_limits_hold_at_every_time(name: str) -> None:
     tau = arm.inverse_dynamics(q, v, a)
     shares = [np.abs(x).max(axis=0) / limit for x, limit in ((q, 1.5), (v, 3.0), (a, 10.0), (tau, effort))]
     assert np.max(shares) <= 1.0
-    # Something stops each joint or the whole arm.
+    # Either each joint reaches one of its limits, or a torque limit stops the scaling of all joints.
     assert np.max(shares[3]) > 0.9 or np.min(np.max(shares[:3], axis=0)) > 0.99
     assert np.allclose(m(0.0), m(5.0), rtol=0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("name", [name for name in ARMS if name != "1R"])
 def test_it_shows_more_than_random_sines(name: str) -> None:
-    """The geometric mean of the deviations is at most half of that of one random sine per joint, the median of 20."""
+    """The geometric mean of the deviations is at most half of that of one random sine per joint (median of 20)."""
     arm = ARMS[name]
     of = problem(arm, LIMITS)
     sines = [random_sines(of, np.random.default_rng(k)) for k in range(20)]
@@ -76,7 +76,7 @@ def test_it_shows_more_than_random_sines(name: str) -> None:
 
 
 def random_sines(of: Any, rng: np.random.Generator) -> Array:
-    """One sine per joint: of a random harmonic and phase, with a random part of the amplitude that the limits allow."""
+    """One sine per joint with random harmonic and phase. The amplitude is a random fraction of the largest one within the limits."""
     n = len(of.limits.half)
     c, at, phase = np.zeros((n, 7)), rng.integers(1, 4, n), rng.uniform(0.0, 2.0 * np.pi, n)
     c[np.arange(n), at], c[np.arange(n), 3 + at] = np.cos(phase), np.sin(phase)

@@ -1,4 +1,4 @@
-"""Derivatives of runs with respect to drives, through located changes of contact, and of the rows of a batch."""
+"""Derivatives of runs with respect to drives, through located changes of contact, and for rows of a batch."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ DRIVES: dict[str, tuple[Callable[[], Any], list[str]]] = {
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_the_drives_of_plant_and_law(name: str) -> None:
-    """Rotors, damping and Coulomb friction of joints that do not turn back."""
+    """Derivatives with respect to rotor inertia, damping and Coulomb friction. No joint changes its direction."""
     law, names = DRIVES[name]
     options: dict[str, Any] = {"t_end": 0.04, "dt": 2e-3, "v0": V0}
     compare(al.RigidArm(DRIVEN, friction=True), law(), ["arm.damping", "arm.friction", "arm.armature", *names], options, 2e-9)
-    # Numbers that are zero are constants of a program, but not here.
+    # Without derivatives, parameters that are zero are constants of a program. Here they must be inputs.
     compare(al.RigidArm(ARM, friction=True), LAWS["PDGravity"](), ["arm.damping", "arm.friction", "arm.armature"], options, 2e-9)
 
 
@@ -61,7 +61,7 @@ CONTACTS: dict[str, tuple[Any, Any, list[float], list[float], dict[str, Any], li
 
 @pytest.mark.parametrize("case", CONTACTS)
 def test_tangents_jump_where_contacts_change(case: str) -> None:
-    """Through located changes of contact: against differences of runs whose changes move, and the adjoint."""
+    """Derivatives through located changes of contact equal differences of runs, whose contact times change, and the adjoint."""
     plant, law, q0, v0, more, names = CONTACTS[case]
     names = ["v0", *names]
     options: dict[str, Any] = {"t_end": 0.24, "method": "dop853", "rtol": 1e-12, "atol": 1e-13, "t_eval": [0.0, 0.11, 0.24], **more}
@@ -71,12 +71,12 @@ def test_tangents_jump_where_contacts_change(case: str) -> None:
     known = named_numbers(plant, law, start)
     slopes = {each: np.random.default_rng(5).standard_normal(run.q.shape) for each in ("q", "v", "tau")}
     for name in names:
-        # So near that no record changes its side of an event.
+        # The change is so small that no record is on another side of an event.
         of = lambda at, name=name: records(plant, law, start, options, name, at)  # noqa: E731
         expected = sensitivity(of, known[name], np.where(known[name] == 0.0, 0.05, np.abs(known[name])), 1e-4)
         got = derivatives(run.sensitivity[name])
         assert np.abs(expected).max() > 1e-4
-        # The error of the runs that are differenced, 1e-11, over d = 1e-4 of the number.
+        # The tolerance is the error of the runs, 1e-11, divided by the relative change d = 1e-4.
         np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-7 * np.abs(expected).max(), err_msg=name)
         _, found = al.gradient(lambda _: (0.0, slopes), plant, law, q0, name, v0=v0, memory=1 << 12, **options)
         parts = [np.einsum("ki,kij->j", slopes[each], getattr(run.sensitivity[name], each)) for each in slopes]
@@ -94,11 +94,11 @@ ROWS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("case", ROWS)
 def test_rows_of_a_batch_have_the_numbers_of_their_runs(case: str) -> None:
-    """To the bit, by any number of threads; a row that does not reach its end has none."""
+    """Rows have the bits of single runs for any number of threads. A row that does not reach its end has no derivatives."""
     rng, options = np.random.default_rng(7), {"t_end": 0.06, **ROWS[case]}
     q0, v0, names = 0.2 * rng.standard_normal((4, 2)), 4.0 * rng.standard_normal((4, 2)), ["law.kp", "q0", "arm.damping"]
     plant = al.RigidArm(ARM, friction=True, stops=STOPS if "stops" in case else None)
-    v0[2, 0] = 1e7  # beyond the limit of the state
+    v0[2, 0] = 1e7  # beyond the state limit
     laws = [al.PDGravity(ARM, [0.0, 0.0], kp=[30.0 + k, 20.0], kd=[1.0, 1.0]) for k in range(4)] if "each" in case else [SPRING] * 4
     keywords: dict[str, Any] = {"v0": v0, "check_limits": False, "monitors": False, **options}
     given = laws if "each" in case else SPRING

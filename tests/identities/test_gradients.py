@@ -1,4 +1,4 @@
-"""Derivatives of runs: against differences of runs, of every law on every plant; the adjoint against the tangents; closed forms."""
+"""Derivatives of runs of every law on every plant: compared with differences of runs, with the adjoint, and with closed forms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TIP = {"frame": "link2", "axes": "xy"}
 
 
 def elastic(law: Any, **more: Any) -> Any:
-    """A law that knows the joints and motors, of the numbers given."""
+    """An elastic law with exact joint stiffness. `more` are further arguments."""
     return law(ARM, [0.4, 0.3], **({"kp": [8.0, 6.0], "kd": [1.0, 1.0], "joint_stiffness": K} | more))
 
 
@@ -79,7 +79,7 @@ def start_of(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def records(plant: Any, law: Any, start: dict[str, Any], options: dict[str, Any], name: str, value: Array) -> Array:
-    """The series of the run in which the number `name` has another value; matrices of gains stay symmetric."""
+    """The series of a run in which the parameter `name` has the value `value`. Gain matrices are kept symmetric."""
     if name.endswith((".kp", ".kd")) and value.ndim == 2:
         value = (value + value.T) / 2
     plant, law, begun = loop_with(plant, law, start, name, value)
@@ -105,14 +105,14 @@ def compare(plant: Any, law: Any, names: list[str], options: dict[str, Any], tol
         got = derivatives(run.sensitivity[name])
         largest, values = np.abs(expected).max(), records(plant, law, start_of(options), options | times, name, value)
         moves += largest > 1e-6
-        # Rounding of the runs that are differenced, over d.
+        # Rounding of the two runs, divided by d.
         rounding = 4e-15 * np.abs(values).max() / (1e-3 * size.min())
         np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance * largest + rounding, err_msg=name)
     assert moves >= len(names) - 1, "nearly every number moves the run"
 
 
 def wanted(name: str, plant: Any, law: Any, options: dict[str, Any]) -> list[str]:
-    """All numbers of a loop but those of its arms, which tests of their own have, and thresholds."""
+    """All parameters of a loop except those of its arms, which other tests check, and thresholds."""
     known = named_numbers(plant, law, start_of(options))
     drives = ("arm.damping", "arm.friction", "arm.armature")
     left = ("arm.parameters", *drives, ".eps", "friction_speed", "rounding", "damping_ratio", "theta0", "theta_dot0")
@@ -140,7 +140,7 @@ def test_every_method_with_fixed_steps(name: str, method: str) -> None:
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_adaptive_methods_with_their_steps_frozen(method: str) -> None:
     options: dict[str, Any] = {"t_end": 0.1, "method": method, "rtol": 1e-12, "atol": 1e-13, "v0": V0, "t_eval": [0.0, 0.033, 0.1]}
-    # The differences take other steps: the error of a step over d = 1e-3.
+    # Runs with changed parameters take different steps. So the tolerance is the error of a step divided by d = 1e-3.
     compare(plant_of("Adaptive"), LAWS["Adaptive"](), ["law.kp", "law.gamma", "law.motion.amplitude", "q0", "v0"], options, 1e-7)
 
 
@@ -164,7 +164,7 @@ def test_quantisation_counts_as_the_identity() -> None:
     law = LAWS["PDGravity"]()
     runs = [al.simulate(plant_of(""), law, Q0, sensitivity="law.kp", sample_time=clock, **options) for clock in (fine, coarse)]
     first, second = (derivatives(run.sensitivity["law.kp"]) for run in runs if run.sensitivity is not None)
-    # The runs differ by the resolution.
+    # The runs differ by the resolution of the measurements.
     np.testing.assert_allclose(second, first, rtol=0.0, atol=1e-5 * np.abs(first).max())
     assert np.abs(first).max() > 1e-3
 
@@ -205,7 +205,7 @@ def test_an_exponential_has_its_closed_form() -> None:
     r, slope = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24, 1 + z + z**2 / 2 + z**3 / 6
     assert run.sensitivity is not None
     found = {name: one.q[:, 0, 0] for name, one in run.sensitivity.items()}
-    # Rounding of 50 steps.
+    # The tolerance covers rounding of 50 steps.
     np.testing.assert_allclose(found["q0"], r**k, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(found["law.tasks.0.target"], 1 - r**k, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(found["law.tasks.0.gain"], 0.6 * k * r ** (k - 1.0) * slope * h, rtol=0.0, atol=1e-12)
@@ -232,7 +232,7 @@ def test_the_adjoint_is_the_transpose_of_the_tangents(case: str) -> None:
     series = [each for each in ("q", "v", "tau", "estimate", "theta", "theta_dot") if getattr(run, each) is not None]
     slopes = {each: rng.standard_normal(getattr(run, each).shape) for each in series}
     assert run.sensitivity is not None
-    # Few bytes: states between two checkpoints are computed again.
+    # With little memory, states between two checkpoints are computed again.
     for memory in (1 << 26, 1 << 10):
         _, found = al.gradient(lambda _: (0.0, slopes), plant, law, Q0, names, memory=memory, **options)
         for one in run.sensitivity.values():
@@ -281,7 +281,7 @@ def test_nothing_changes_without_names() -> None:
 
 
 def test_a_loop_of_three_joints_in_every_group_of_directions() -> None:
-    """More directions than lanes, of which the last group is not full."""
+    """There are more directions than SIMD lanes, and the last group of lanes is not full."""
     law = al.Adaptive(THREE, al.Quintic(np.zeros(3), [0.4, 0.3, 0.2], 0.2), [8.0, 6.0, 5.0], [3.0, 2.0, 2.0], 0.3)
     names = ["law.estimate", "law.kp"]
     run = al.simulate(al.RigidArm(THREE), law, np.zeros(3), t_end=0.02, dt=2e-3, sensitivity=names)

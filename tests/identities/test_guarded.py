@@ -1,4 +1,4 @@
-"""Guarded laws: r' = K (tau_ext - r) in every run, the samples of the observer alone, what reactions promise, misuse refused."""
+"""Guarded laws: r' = K (tau_ext - r) in every run, samples equal to a separate observer, reactions, invalid arguments refused."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def guarded(gain: Any = 50.0, threshold: float = 1.0, **keywords: Any) -> al.Gua
 @pytest.mark.parametrize("arm", [TWO, SIX], ids=["2R", "six axes"])
 @pytest.mark.parametrize("inner", ["PDGravity", "Adaptive"])
 def test_the_residual_is_the_filtered_torque_from_outside(arm: al.Arm, inner: str) -> None:
-    """Continuous runs under a wrench: r + K int r = K int tau_ext, the first integral carried along, the other by Simpson's rule.
+    """In continuous runs under a wrench, r + K int r = K int tau_ext. The run integrates r, and Simpson's rule integrates tau_ext.
 
-    Its error is (0.2 ms)^4/180 times a fourth derivative of some 1e6 N m/s^4: below 1e-11.
+    The error of Simpson's rule is (0.2 ms)^4/180 times a fourth derivative of about 1e6 N m/s^4, which is below 1e-11.
     """
     n, frame = arm.n, arm.frame_names[-1]
     rng = np.random.default_rng(n)
@@ -53,7 +53,7 @@ def test_the_residual_is_the_filtered_torque_from_outside(arm: al.Arm, inner: st
     run = al.simulate(al.RigidArm(arm), watched, np.zeros(n), force=wrench, force_frame=frame, **options)
     assert run.residual is not None and run.estimate is not None
     outside = np.einsum("kji,j->ki", arm.jacobian(run.q, frame), wrench)
-    # Every second record: Simpson's rule over both steps between.
+    # Simpson's rule over pairs of steps gives the integral at every second record.
     spans = (outside[:-2:2] + 4.0 * outside[1:-1:2] + outside[2::2]) / 15000.0
     impulse = np.concatenate([np.zeros((1, n)), np.cumsum(spans, axis=0)])
     summed = run.estimate[::2, watched._first + n : watched._first + 2 * n]
@@ -63,7 +63,7 @@ def test_the_residual_is_the_filtered_torque_from_outside(arm: al.Arm, inner: st
 
 @pytest.mark.parametrize("gain", [40.0, [30.0, 60.0], [[40.0, 10.0], [10.0, 50.0]], 5000.0], ids=str)
 def test_a_sampled_loop_has_the_samples_of_the_observer(gain: Any) -> None:
-    """The loop's own observer, and `MomentumObserver.update` along the records: the same implicit equation, up to rounding."""
+    """The loop's observer equals `MomentumObserver.update` along the records: both solve one implicit equation, up to rounding."""
     dt = 1e-3
     run = al.simulate(al.RigidArm(TWO), guarded(gain), [0.2, 0.3], t_end=0.4, sample_time=dt, tau_max=[20.0, 12.0], **PUSH)
     assert run.residual is not None and run.tau is not None
@@ -71,13 +71,13 @@ def test_a_sampled_loop_has_the_samples_of_the_observer(gain: Any) -> None:
     observer.reset(run.q[0], run.v[0])
     for k in range(1, len(run.t) - 1):
         r = observer.update(run.q[k], run.v[k], run.tau[k - 1], dt)
-        # A record is one sample after the residual of its interval; differences of sums of 1 N m s over 1 ms round at 1e-12.
+        # A record is one sample after its residual. Differences of sums of 1 N m s, divided by 1 ms, have rounding errors of 1e-12.
         np.testing.assert_allclose(run.residual[k + 1], r, rtol=0, atol=1e-10)
     assert np.abs(run.residual).max() > 1.0
 
 
 def test_limits_of_the_input_are_no_contact() -> None:
-    """A law that asks for more than the plant takes: the observer knows what acts."""
+    """The law's torque exceeds the limits. The observer receives the limited torque, so it reports no contact."""
     law = al.Guarded(al.PDGravity(TWO, [1.5, -1.0], 400.0, 20.0), al.MomentumObserver(TWO, 50.0, threshold=0.2), **STOP)
     run = al.simulate(al.RigidArm(TWO), law, [0.0, 0.0], t_end=1.0, sample_time=1e-3, tau_max=45.0)
     assert run.tau is not None and np.abs(run.tau).max() == 45.0
@@ -93,7 +93,7 @@ def test_the_reaction_begins_at_the_first_sample_above_the_threshold() -> None:
     np.testing.assert_allclose(run.contact.time, observed.t[above - 1], rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.contact.residual, observed.residual[above], rtol=0, atol=1e-9)
     assert run.contact.joint == run.touched[above] and (run.touched[:above] == -1).all()
-    assert run.touched[-1] == 1  # the tip is pushed: the outermost joint feels it
+    assert run.touched[-1] == 1  # a force at the tip loads the outermost joint
     np.testing.assert_array_equal(run.q[: above - 1], observed.q[: above - 1])
     assert run.stats["engine"] == al.build_info()["programs"]
 
@@ -107,7 +107,7 @@ def test_stop_holds_the_position_at_contact() -> None:
     run = al.simulate(al.RigidArm(TWO), guarded(**STOP), [0.2, 0.3], t_end=4.0, sample_time=1e-3, **PUSH)
     k = at_contact(run)
     torque = TWO.jacobian(run.q[-1], "link2")[:3].T @ [6.0, -4.0, 0.0]
-    # At rest the stiffness carries the load.
+    # At rest the stiffness balances the load.
     np.testing.assert_allclose(200.0 * (run.q[-1] - run.q[k]), torque, atol=1e-6)
     assert np.abs(run.v[-1]).max() < 1e-6
 
@@ -127,7 +127,7 @@ def test_retract_moves_along_the_residual_and_then_holds() -> None:
     k = at_contact(run)
     assert run.contact is not None
     r = run.contact.residual
-    # 0.5 rad/s for 0.2 s on the fastest joint.
+    # The fastest joint moves with 0.5 rad/s for 0.2 s.
     np.testing.assert_allclose(run.q[-1] - run.q[k], 0.1 * r / np.abs(r).max(), rtol=0, atol=1e-6)
     moved = TWO.position(run.q[-1], "link2") - TWO.position(run.q[k], "link2")
     assert moved @ [6.0, -4.0, 0.0] > 0.0
@@ -150,7 +150,7 @@ def test_a_wall_is_hit_less_hard_with_a_reaction() -> None:
 
 
 def test_elastic_joints_are_observed_by_their_torque() -> None:
-    """A push on the tip; the residual at rest is J'F, and the motors hold where they were."""
+    """A force pushes the tip. At rest the residual is J'F, and the motors hold their positions."""
     stiffness, motors = np.array([900.0, 700.0]), np.array([0.4, 0.3])
     plant = al.ElasticArm(TWO, stiffness, motors)
     inner = al.MotorPD(TWO, TARGET, 300.0, 40.0, stiffness)
@@ -209,7 +209,7 @@ def test_rows_of_a_batch_are_runs(keywords: dict[str, Any]) -> None:
 
 def test_a_simulator_reacts_as_a_run_does() -> None:
     law = guarded(**STOP)
-    # A constant force: a step by hand is not divided where a force jumps.
+    # The force is constant. If it jumped, `simulate` would divide a step and `Simulator` would not.
     push: dict[str, Any] = {"force": [6.0, -4.0, 0.0], "force_frame": "link2", "sample_time": 1e-3}
     run = al.simulate(al.RigidArm(TWO), law, TARGET, t_end=0.3, **push)
     sim = al.Simulator(al.RigidArm(TWO), law, TARGET, dt=1e-3, **push)
@@ -219,7 +219,7 @@ def test_a_simulator_reacts_as_a_run_does() -> None:
     assert run.estimate is not None
     np.testing.assert_allclose(sim.q, run.q[-1], rtol=0, atol=1e-12)
     np.testing.assert_allclose(sim.state["estimate"], run.estimate[-1], rtol=0, atol=1e-11)
-    # A state that is set empties the observer: the momentum there is no contact.
+    # `set_state` resets the observer, so the momentum of the new state is not a contact.
     free = al.Simulator(al.RigidArm(TWO), guarded(threshold=0.3, **STOP), TARGET, dt=1e-3, sample_time=1e-3)
     free.set_state([0.3, 0.2], [2.0, -1.0])
     for _ in range(50):

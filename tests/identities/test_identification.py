@@ -1,4 +1,4 @@
-"""Base parameters span what the regressor spans; possible bodies are told from impossible ones; a record gives its parameters back."""
+"""Base parameters span the regressor, impossible bodies are detected, and identification of a record returns the parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ARMS = {
 
 
 def states(arm: al.Arm, count: int, seed: int) -> Array:
-    """q, v, v_r, a_r."""
+    """Random q, v, v_r, a_r, (count, n) each."""
     return np.random.default_rng(seed).uniform(-2.0, 2.0, (4, count, arm.n))
 
 
@@ -42,16 +42,16 @@ def test_base_parameters(arm: al.Arm, extra: bool) -> None:
     full = arm.regressor(q, v, v_r, a_r, armature=extra, friction=extra)
     small = base.regressor(q, v, v_r, a_r)
     assert small.shape == (60, arm.n, base.count) and base.projection.shape == (base.count, full.shape[-1])
-    # Two solves with a triangle of condition below 1e3, columns up to some tens.
+    # The tolerance covers two triangular systems with condition numbers below 1e3 and columns of size up to some tens.
     np.testing.assert_allclose(small @ base.projection, full, rtol=0.0, atol=1e-11 * np.abs(full).max())
     pi = np.random.default_rng(2).normal(size=full.shape[-1])
     np.testing.assert_allclose(small @ (base.projection @ pi), full @ pi, rtol=0.0, atol=1e-11 * np.abs(full).max() * np.abs(pi).max())
-    # As many as the rank that numpy finds, on states of its own, with columns of one length.
+    # The number equals the rank of columns of norm one that numpy computes for other states.
     stacked = full.reshape(-1, full.shape[-1])
     lengths = np.linalg.norm(stacked, axis=0)
     scaled = stacked[:, lengths > 1e-9 * lengths.max()] / lengths[lengths > 1e-9 * lengths.max()]
     assert np.linalg.matrix_rank(scaled, tol=1e-7) == base.count
-    # The decision was not close.
+    # The decisions about columns are unambiguous.
     assert base.smallest_kept > 1e-4 and base.largest_dropped < 1e-12
     assert len(base.grouping) == base.count and all(base.names[j] in text for j, text in zip(base.columns, base.grouping, strict=True))
     np.testing.assert_array_equal(base.projection[:, base.columns], np.eye(base.count))
@@ -61,8 +61,11 @@ def test_base_parameters(arm: al.Arm, extra: bool) -> None:
 
 
 def test_counts_of_the_literature() -> None:
-    """43 for seven revolute axes under gravity; a planar 2R with gravity in its plane has the six of its two first moments and
-    inertias; the PR arm of three parameters, moving on a horizontal plane, shows four: A, the two parts of its first moment, C."""
+    """The numbers of base parameters equal those of the literature: 43 for seven revolute axes under gravity.
+
+    A planar 2R arm with gravity in its plane has six: two first moments of two components, and two inertias. The horizontal PR arm has
+    four: A, the two components of its first moment, and C.
+    """
     assert ARMS["seven_axis"].base_parameters().count == 43
     assert ARMS["planar_2r"].base_parameters().count == 6
     assert ARMS["pendulum"].base_parameters().grouping == ("mcx[joint1]", "mcy[joint1]", "Izz[joint1]")
@@ -81,7 +84,7 @@ def test_impossible_bodies_are_named_and_moved(name: str) -> None:
     arm = ARMS[name]
     pi = arm.parameters
     assert arm.check_parameters() and str(arm.check_parameters(pi)) == f"all {arm.n} bodies are physically possible"
-    # Each body's eigenvalues are those that numpy finds.
+    # Each body's eigenvalues equal those of numpy.
     np.testing.assert_allclose(arm.check_parameters(pi).eigenvalues, np.linalg.eigvalsh(pseudo(pi)), rtol=1e-10, atol=1e-14)
     wrong = pi.copy()
     wrong[0], wrong[29] = -0.5, 5.0
@@ -93,7 +96,7 @@ def test_impossible_bodies_are_named_and_moved(name: str) -> None:
     untouched = np.r_[10:20, 30 : 10 * arm.n]
     np.testing.assert_array_equal(moved[untouched], pi[untouched])
     np.testing.assert_array_equal(al.project_parameters(moved), moved)
-    # Nearest: the difference leaves along the cone's normal, and no possible body in its neighbourhood is nearer.
+    # For the nearest possible body, the difference is along the normal of the cone. No possible body nearby has a smaller distance.
     scale = np.array([10.0, 10.0, 10.0, 1.0])
     weigh = lambda x: pseudo(x) * scale[:, None] * scale  # noqa: E731
     distance = np.linalg.norm(weigh(moved) - weigh(wrong))
@@ -103,7 +106,7 @@ def test_impossible_bodies_are_named_and_moved(name: str) -> None:
         other = moved + rng.normal(size=moved.size) * np.repeat(rng.choice([1e-6, 1e-4, 1e-2]), moved.size)
         if arm.check_parameters(other):
             tried += 1
-            # The floor is 1e-6 of the largest eigenvalue above the cone's own border.
+            # The floor is 1e-6 of the largest eigenvalue above the border of the cone.
             assert np.linalg.norm(weigh(other) - weigh(wrong)) >= distance * (1.0 - 1e-4)
 
 
@@ -128,7 +131,7 @@ def test_a_clean_record_gives_the_parameters_back(name: str) -> None:
     found = arm.identify(q, v, a, tau, armature=True, friction=True)
     assert found.rank == found.base.count and found.condition < 100.0 and found.unidentified == ()
     np.testing.assert_allclose(found.values, found.base.values, rtol=1e-10, atol=1e-11)
-    # Nothing to correct: the nearest parameters are the arm's own, up to rounding.
+    # The record is exact, so the nearest parameters are the arm's, up to rounding.
     np.testing.assert_allclose(found.arm.parameters, arm.parameters, rtol=1e-9, atol=1e-10)
     wrong = arm.with_parameters(arm.parameters * 1.3)
     again = wrong.identify(q, v, a, tau, armature=True, friction=True)
@@ -140,7 +143,7 @@ def test_a_clean_record_gives_the_parameters_back(name: str) -> None:
 
 
 def test_the_arm_given_by_three_parameters() -> None:
-    """A, B and C are all base parameters; noisy records give them back within their deviations, and `found.arm` has them."""
+    """A, B and C are base parameters. They are identified from noisy records within their deviations, and `found.arm` has their values."""
     arm = al.planar_pr(2.0, -0.5, 0.5)
     base = arm.base_parameters()
     assert base.grouping == base.names == ("A", "B", "C") and base.unseen == ()
@@ -149,7 +152,7 @@ def test_the_arm_given_by_three_parameters() -> None:
     np.testing.assert_array_equal(base.regressor(q, v, v, a), arm.regressor(q, v, v, a))
     noise = 0.1 * np.random.default_rng(5).normal(size=q.shape)
     found = arm.with_parameters([1.0, 0.0, 1.0]).identify(q, v, a, arm.inverse_dynamics(q, v, a) + noise)
-    # Four standard deviations.
+    # The limit is four standard deviations.
     assert (np.abs(found.values - base.values) < 4.0 * found.deviations).all() and (found.deviations < 0.02).all()
     np.testing.assert_allclose(found.arm.parameters, found.values, rtol=1e-14)
     assert arm.base_parameters().regressor(q[0], v[0], v[0], a[0]).shape == (2, 3)
@@ -178,14 +181,15 @@ def test_drives_are_replaced() -> None:
 
 
 def test_deviations_are_those_of_repeated_records() -> None:
-    """2000 estimates from fresh noise scatter as each of them says, and the joint with ten times the noise weighs less."""
+    """2,000 estimates from independent noise have the reported deviations. A joint with ten times the noise has less weight."""
     arm = ARMS["planar_2r"]
     rng = np.random.default_rng(5)
     q, v, a, _ = states(arm, 50, 6)
     clean, noise = arm.inverse_dynamics(q, v, a), np.array([0.3, 0.03])
     found = [arm.identify(q, v, a, clean + noise * rng.normal(size=clean.shape), noise=noise) for _ in range(2000)]
     values = np.array([one.values for one in found])
-    # A standard deviation from 2000 samples is off by 1.6 %, four of those; each record's own by some 7 %, averaged.
+    # A standard deviation from 2,000 samples has an error of 1.6 %; four times that is allowed. The deviation of one record has an error of
+    # 7 %.
     np.testing.assert_allclose(values.std(axis=0), np.mean([one.deviations for one in found], axis=0), rtol=0.07)
     np.testing.assert_allclose(values.mean(axis=0), found[0].base.values, rtol=0.0, atol=4.0 * values.std(axis=0).max() / 2000**0.5)
     np.testing.assert_allclose(np.sqrt(np.diag(found[0].covariance)), found[0].deviations, rtol=1e-12)
@@ -202,7 +206,7 @@ def test_a_poor_record_says_what_it_does_not_show() -> None:
     found = arm.identify(q, still, still, arm.gravity(q))
     assert found.rank < found.base.count and np.isinf(found.condition) and found.unidentified
     assert np.isfinite(found.values).all() and np.isfinite(found.parameters).all()
-    # What it shows it explains.
+    # The identified parameters explain the torques of the record.
     np.testing.assert_allclose(found.base.regressor(q, still, still, still) @ found.values, arm.gravity(q), rtol=0.0, atol=1e-8)
     assert "rank" in str(found) and str(found.base.count) in repr(found)
 
@@ -225,7 +229,7 @@ def test_bad_records_are_refused() -> None:
 
 
 def plate(ixx: float, iyy: float, izz: float, mass: float = 1.5) -> al.Arm:
-    """One body on a revolute joint, its centre 0.1 m away."""
+    """One body on a revolute joint, with its centre of mass at a distance of 0.1 m."""
     moments = f'ixx="{ixx!r}" iyy="{iyy!r}" izz="{izz!r}" ixy="0" ixz="0" iyz="0"'
     return al.load_urdf(
         f"""<robot name="plate"><link name="base"/>
@@ -236,7 +240,7 @@ def plate(ixx: float, iyy: float, izz: float, mass: float = 1.5) -> al.Arm:
 
 @pytest.mark.parametrize("slack, warned", [(1e-5, False), (1e-7, False), (-1e-7, False), (-1e-5, True)])
 def test_the_triangle_inequality_near_its_border(slack: float, warned: bool) -> None:
-    """Reading warns beyond a millionth, which files round away; the check of consistency has no slack."""
+    """Reading warns if the inequality is violated by more than 1e-6, since files have rounded values. The consistency check is exact."""
     moment = 0.02
     arm = plate(moment, moment, 2.0 * moment * (1.0 - slack))
     assert any("triangle" in line for line in arm.report) is warned
@@ -246,7 +250,7 @@ def test_the_triangle_inequality_near_its_border(slack: float, warned: bool) -> 
 
 @pytest.mark.parametrize("size", [1e-7, 1e-12])
 def test_negative_moments_within_the_digits_of_files(size: float) -> None:
-    """Up to 1e-7 kg m^2 is read as rounding, with a warning, however small the load is; more is refused; the check tells it."""
+    """Moments down to -1e-7 kg m^2 count as rounding: reading warns, for every mass. Smaller ones are refused. The check reports both."""
     arm = plate(-0.9 * size, size, size, mass=1e-3)
     assert any("triangle" in line for line in arm.report)
     report = arm.check_parameters()
@@ -259,7 +263,7 @@ def test_negative_moments_within_the_digits_of_files(size: float) -> None:
 
 
 def test_rotors_that_are_not_identified_are_known() -> None:
-    """The torque of an arm is explained by its own base parameters whether its rotors are asked for or not."""
+    """The base parameters explain the torque of an arm, whether its rotors are identified or known."""
     arm = ARMS["six_axis"]
     assert np.all(arm.limits["armature"] > 0.0)
     q, v, a, _ = states(arm, 200, 9)

@@ -1,4 +1,4 @@
-"""The usual test set: errors against known ends and against scipy's, falling with the tolerance at the method's order."""
+"""Standard test problems: errors compared with known solutions and with scipy, decreasing with the tolerance at the method's order."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def test_errors_fall_with_the_tolerance(name: str, method: str) -> None:
     tolerances = (1e-5, 1e-7) if name == "pleiades" and method in ("radau5", "rodas4") else (1e-5, 1e-7, 1e-9)
     runs = [solve(problem, method, tol) for tol in tolerances]
     errors = [problem.error(run.y[-1]) for run in runs]
-    # Error per step is held at the tolerance, so that two digits of it are two digits of the end; the orbits spread tenfold.
+    # The error per step is at the tolerance. So 100 times less tolerance gives 100 times less error, and orbits may lose a factor of ten.
     assert all(after < before / 8 for before, after in pairwise(errors)), errors
-    # Arenstorf's orbit and the Pleiades magnify errors by up to 1e5; the others by less than 10.
+    # Arenstorf's orbit and the Pleiades amplify errors by up to 1e5, the other problems by less than 10.
     limit = 1e5 if name in ("arenstorf", "pleiades") else 10.0
     assert errors[-1] < limit * tolerances[-1], errors
 
@@ -51,7 +51,7 @@ def test_no_worse_than_scipy(name: str, method: str, tol: float) -> None:
     jac = {"jac": problem.jac} if method == "radau5" and problem.jac else {}
     theirs = solve_ivp(problem.f, problem.span, problem.y0, method=SCIPY[method], rtol=tol, atol=tol * problem.scale, **jac)
     ours, other = problem.error(run.y[-1]), problem.error(theirs.y[:, -1])
-    # 1.5 is the width that the project asks for; 1e-13 is rounding of the known ends.
+    # The project requires at most 1.5 times scipy's error. 1e-13 is the rounding of the known solutions.
     assert ours <= 1.5 * other + 1e-13, (ours, other)
     assert run.stats["steps"] <= 1.02 * (theirs.t.size - 1) + 1
 
@@ -60,22 +60,22 @@ def test_no_worse_than_scipy(name: str, method: str, tol: float) -> None:
     ("method", "order", "tols"), [("dopri5", 5, (1e-6, 1e-9)), ("dop853", 8, (1e-7, 1e-11)), ("rodas4", 4, (1e-6, 1e-9))]
 )
 def test_work_and_error_follow_the_order(method: str, order: int, tols: tuple[float, float]) -> None:
-    """Steps grow as error^(-1/order), on a smooth problem."""
+    """On a smooth problem the number of steps is proportional to error^(-1/order)."""
     problem = PROBLEMS["rigid body"]
     a, b = (solve(problem, method, tol) for tol in tols)
     slope = np.log(problem.error(a.y[-1]) / problem.error(b.y[-1])) / np.log(b.stats["steps"] / a.stats["steps"])
-    # Steps are whole and the tolerances a few decades apart: a tenth of the order.
+    # The number of steps is an integer, and the tolerances differ by a few decades. So the order is accurate to 12 %.
     assert slope == pytest.approx(order, rel=0.12)
 
 
 @pytest.mark.parametrize("method", ADAPTIVE)
 def test_another_route_gives_the_same_answer(method: str) -> None:
-    """The reference's extrapolation method shares nothing with any of these."""
+    """The reference uses extrapolation, a method unrelated to those of armlet."""
     problem = PROBLEMS["rigid body"]
     times = np.linspace(0.0, 12.0, 25)
     expected = reference.gbs(lambda t, y: np.array(problem.f(t, y)), 0.0, np.array(problem.y0), times)
     run = solve(problem, method, 1e-9, t_eval=times)
-    # 1e-9 per step over a few hundred steps of a neutral problem, and the dense output's own error.
+    # The tolerance covers 1e-9 per step over a few hundred steps of a neutrally stable problem, and the error of dense output.
     assert np.abs(run.y - expected).max() < 1e-7
     assert np.abs(expected[-1] - jacobi_elliptic(12.0, 0.51)).max() < 1e-11
 
@@ -91,7 +91,7 @@ def test_fixed_steps_have_their_order(method: str, order: int, dt: float) -> Non
 
 
 def test_a_jump_in_the_input_is_landed_on_by_the_span() -> None:
-    """x'' = 1 before 0.75 and -3 after, in two runs: exact to rounding for any method of order 2 and more."""
+    """x'' = 1 before 0.75 s and -3 afterwards, in two runs. Every method of order 2 or higher is exact to rounding."""
     for method in ADAPTIVE:
         y = np.zeros(2)
         for span, force in (((0.0, 0.75), 1.0), ((0.75, 2.0), -3.0)):
@@ -102,13 +102,13 @@ def test_a_jump_in_the_input_is_landed_on_by_the_span() -> None:
 @pytest.mark.parametrize("method", ADAPTIVE)
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
 def test_events_at_the_very_end_are_seen_with_the_one_that_ends(method: str, order: tuple[int, ...]) -> None:
-    """Three functions cross zero at t = 7, one of them ends the run: the order in which they are listed does not matter."""
+    """Three functions cross zero at t = 7, and one of them ends the run. All are recorded, in every order of the list."""
 
     def make(terminal: bool) -> Any:
         def event(t: float, y: Any) -> float:
             return t - 7.0
 
-        event.terminal = terminal  # type: ignore[attr-defined]  # as scipy writes it
+        event.terminal = terminal  # type: ignore[attr-defined]  # scipy's attribute
         return event
 
     events = [make(False), make(True), make(False)]

@@ -1,4 +1,4 @@
-"""What loops of any arm promise: orders of the methods, sampled control, laws in Python, stepping by hand, natural adaptation."""
+"""Loops of any arm: orders of the methods, sampled control, laws in Python, single steps, natural adaptation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def run(**options: Any) -> al.Run:
 def test_fixed_steps_converge_at_their_order(method: str, order: int) -> None:
     exact = run(method="dop853", rtol=1e-13, atol=1e-14, t_eval=[1.0]).q[-1]
     error = [np.max(np.abs(run(method=method, dt=dt, t_eval=[1.0]).q[-1] - exact)) for dt in (4e-3, 2e-3)]
-    # Within 0.1 of the order at these steps.
+    # At these steps the measured order is within 0.1.
     assert abs(np.log2(error[0] / error[1]) - order) < 0.1, error
 
 
@@ -35,13 +35,13 @@ def test_fixed_steps_converge_at_their_order(method: str, order: int) -> None:
 def test_adaptive_methods_keep_their_tolerance(method: str) -> None:
     exact = run(method="dop853", rtol=1e-13, atol=1e-14, t_eval=[0.5, 1.0]).q
     errors = [np.max(np.abs(run(method=method, rtol=rtol, atol=rtol, t_eval=[0.5, 1.0]).q - exact)) for rtol in (1e-5, 1e-8)]
-    # A contracting loop keeps the global error near the error of a step.
+    # In a contracting loop the global error is near the error of one step.
     assert errors[0] < 1e-4 and errors[1] < 1e-7 and errors[1] < 0.05 * errors[0], errors
 
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "rodas4"])
 def test_a_jump_changes_nothing_before_it(method: str) -> None:
-    """A step ends at a jump of the force, and its last stages are taken there: they see the force before the jump."""
+    """A step ends at a jump of the force. Its last stages are evaluated there, and must use the force before the jump."""
     after = [[5.0, 0.0, 0.0], [-500.0, 900.0, 0.0]]
     options: dict[str, Any] = {"method": method, "force_frame": "link2", "t_eval": [0.3, 0.4, 0.5, 0.6]}
     runs = [run(force=[(0.0, [5.0, 0.0, 0.0]), (0.5, force)], **options) for force in after]
@@ -55,7 +55,7 @@ def test_all_methods_make_the_same_sampled_run(method: str) -> None:
     exact = run(method="dop853", rtol=1e-12, atol=1e-13, **options)
     steps: dict[str, Any] = {"dt": 5e-4} if method in ("rk4", "ros2") else {"rtol": 1e-10, "atol": 1e-11}
     got = run(method=method, **steps, **options)
-    # The second-order method at half a millisecond is the loosest of these.
+    # The second-order method with steps of 0.5 ms is the least accurate.
     np.testing.assert_allclose(got.q, exact.q, rtol=0.0, atol=2e-6 if method == "ros2" else 1e-8)
     np.testing.assert_allclose(got.tau, exact.tau, rtol=0.0, atol=1e-3 if method == "ros2" else 1e-5)
 
@@ -67,7 +67,7 @@ def test_a_perfect_sampling_is_a_sample_time() -> None:
 
 
 def test_a_delay_moves_the_input_by_that_much() -> None:
-    # The law's answer to a sample acts 3 ms later; nothing acts before.
+    # The law's output for a sample acts 3 ms later. Before the first output the input is zero.
     late = al.simulate(PLANT, lambda t, q, v: [t, 1.0], [0.0, 0.0], t_end=0.02, dt=1e-3, sample_time=al.Sampling(2e-3, delay=3e-3))
     expected = [[0.0, 0.0] if k < 3 else [2e-3 * ((k - 3) // 2), 1.0] for k in range(21)]
     np.testing.assert_allclose(late.tau, expected, rtol=0.0, atol=1e-15)
@@ -85,22 +85,22 @@ def test_sensors_round_lag_and_make_noise() -> None:
     times = np.array([t for t, _, _ in seen])
     np.testing.assert_allclose(times, 1e-3 * np.arange(len(times)), atol=1e-12)
     q, v = np.array([q for _, q, _ in seen]), np.array([v for _, _, v in seen])
-    # Measured two samples before, to the step of the encoder.
+    # The measurement is two samples old and rounded to the resolution of the encoder.
     np.testing.assert_allclose(q[2:2000], np.round(result.q[:1998] / 1e-3) * 1e-3, rtol=0.0, atol=1e-12)
     noise = v[2:2000] - result.v[:1998]
-    # 2 x 1998 draws: five standard errors of mean and deviation.
+    # The limits are five standard errors of mean and deviation for 2 x 1998 draws.
     assert abs(noise.mean()) < 5 * 0.1 / np.sqrt(noise.size) and abs(noise.std() - 0.1) < 5 * 0.1 / np.sqrt(2 * noise.size)
 
 
 def test_the_rate_of_the_input_is_limited() -> None:
     limited = run(dt=1e-3, sample_time=al.Sampling(1e-3, rate_limit=100.0))
-    # 0.1 N m per sample, from nothing at first.
+    # The input changes by at most 0.1 N m per sample, and starts at zero.
     assert np.max(np.abs(np.diff(limited.tau[:-1], axis=0, prepend=0.0))) <= 0.1 + 1e-12
     assert np.max(np.abs(np.diff(run(dt=1e-3, sample_time=1e-3).tau, axis=0))) > 0.1
 
 
 def test_a_limited_rate_holds_under_delay_jitter_and_saturation() -> None:
-    """Against the same controller in ten lines: the law's answer, saturated, then as far towards it as the time since the last allows."""
+    """The reference is a controller of ten lines: the law's output is saturated, then approached as far as the rate limit allows."""
     period, rate, limit, dt = 1e-2, 50.0, 2.0, 1e-3
     asked: list[float] = []
 
@@ -137,14 +137,14 @@ def test_jitter_in_adaptive_and_fixed_runs() -> None:
     sampling = al.Sampling(2e-3, delay=1e-3, jitter=1.5e-3, seed=2)
     fixed = run(dt=1e-5, sample_time=sampling, t_eval=[1.0])
     free = run(method="dopri5", rtol=1e-9, atol=1e-10, sample_time=sampling, t_eval=[1.0])
-    # Fixed steps round each lateness down to 10 us.
+    # Fixed steps round each delay down to 10 us.
     np.testing.assert_allclose(fixed.q, free.q, rtol=0.0, atol=2e-5)
 
 
 def test_a_law_in_python_is_the_law() -> None:
     native = run(dt=1e-3, sample_time=2e-3)
     python = al.simulate(PLANT, lambda t, q, v: LAW(t, q, v), [0.0, 0.0], t_end=1.0, dt=1e-3, sample_time=2e-3)
-    # The native law runs as a program, the one in Python directly: roundings differ, and the loop forgets them.
+    # The law of armlet runs as a program, the law in Python directly. They differ by rounding, which the contracting loop does not amplify.
     np.testing.assert_allclose(native.q, python.q, rtol=0.0, atol=1e-14)
 
 
@@ -167,7 +167,7 @@ def test_steps_by_hand_are_the_run(method: str) -> None:
     q = sim.q
     for _ in range(300):
         sim.step()
-    # The state is one object throughout.
+    # `sim.q` is one array during the whole run.
     assert q is sim.q and abs(sim.t - 0.3) < 1e-12
     np.testing.assert_allclose(sim.q, result.q[-1], rtol=0.0, atol=1e-14)
     sim.reset()
@@ -224,7 +224,7 @@ def test_variants_of_adaptation_keep_the_lyapunov_identity(variant: str) -> None
     assert result.estimate is not None
     assert result.estimate.shape[1] == (base.count if base else 30)
     lyapunov = result.monitors["lyapunov"]
-    # Non-increasing and balanced up to the integrator's error.
+    # The function does not increase and its balance is zero, up to the error of the integrator.
     assert np.all(np.diff(lyapunov) < 1e-8) and lyapunov[-1] < lyapunov[0] - 1.0
     assert np.max(np.abs(result.monitors["lyapunov_balance"])) < 1e-7
     q_d = np.array([motion(t)[0] for t in result.t])
@@ -254,7 +254,7 @@ def test_walls_push_and_never_pull() -> None:
     x = arm.position(result.q[-1], "link2")
     # At rest the springs balance: 500 (0.65 - x) = 2e4 (x - 0.6).
     np.testing.assert_allclose(x[:2], [(500 * 0.65 + 2e4 * 0.6) / 20500, 0.3], atol=1e-6)
-    # Energy goes into the damper alone: the balance holds through contact to the error of locating it.
+    # Only the damper dissipates. During contact the balance is zero up to the error of locating the contact.
     assert np.max(np.abs(result.monitors["energy_balance"])) < 1e-5
 
 
@@ -265,7 +265,7 @@ def test_friction_acts_where_it_is_asked_for() -> None:
     for friction in (True, False):
         sim = al.Simulator(al.RigidArm(arm, friction=friction), None, q, v0=v, dt=1e-6)
         sim.step(tau)
-        # A step of a microsecond: its curvature is below 1e-3 of the acceleration.
+        # One step of 1 us. Its relative error is below 1e-3.
         np.testing.assert_allclose((sim.v - v) / 1e-6, arm.forward_dynamics(q, v, tau, friction=friction), rtol=1e-2, atol=1e-2)
     assert np.max(np.abs(arm.forward_dynamics(q, v, tau, friction=True) - arm.forward_dynamics(q, v, tau))) > 0.1
 

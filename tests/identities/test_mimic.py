@@ -1,4 +1,4 @@
-"""Identities of arms some joints of which follow others: energy, batches, programs, identification, tasks, paths."""
+"""Identities of arms with mimic joints: energy, batches, programs, identification, tasks, paths."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Q0, V0 = [0.1, 0.2, 0.0], [0.5, -0.4, 0.6]
 
 
 def test_energy_is_kept_and_friction_takes_it() -> None:
-    """`E(t) - E(0)` is the work of input and friction; without both it is zero to the error of the method."""
+    """`E(t) - E(0)` equals the work of input and friction. Without both it is zero, up to the error of the method."""
     law = al.PDGravity(ARM, Q0, 30.0, 4.0)
     for plant in (al.RigidArm(ARM), al.RigidArm(ARM, friction=True)):
         run = al.simulate(plant, law, q0=Q0, v0=V0, t_end=0.5, method="dop853", rtol=1e-11, atol=1e-12)
@@ -30,14 +30,14 @@ def test_forward_dynamics_undo_inverse_dynamics_and_regressors_are_torques() -> 
         q, v, a = rng.uniform(-2.0, 2.0, (3, 30, n))
         tau = arm.inverse_dynamics(q, v, a)
         scale = float(np.abs(tau).max())
-        # A torque, since M may be badly conditioned.
+        # The residual is compared as a torque, since M may be badly conditioned.
         back = np.einsum("kij,kj->ki", arm.mass_matrix(q), arm.forward_dynamics(q, v, tau) - a)
         assert np.abs(back).max() < 1e-12 * scale
         torque = arm.regressor(q, v, v, a) @ arm.parameters + arm.limits["armature"] * a
         assert np.abs(torque - tau).max() < 1e-12 * scale
         rate = (arm.mass_matrix(q + 1e-6 * v) - arm.mass_matrix(q - 1e-6 * v)) / 2e-6
         C = arm.coriolis_matrix(q, v)
-        # Central differences of step 1e-6: some 1e-10 of the largest entry.
+        # Central differences with step 1e-6 have an error of about 1e-10 of the largest entry.
         assert np.abs(rate - C - np.swapaxes(C, 1, 2)).max() < 1e-7 * max(1.0, float(np.abs(C).max()))
 
 
@@ -49,12 +49,12 @@ def test_one_run_is_a_row_of_a_batch(law: al.Law) -> None:
     batch = al.simulate_batch(al.RigidArm(ARM), law, starts, t_end=0.2, dt=1e-3)
     for i in (0, 4, 8):
         run = al.simulate(al.RigidArm(ARM), law, q0=starts[i], t_end=0.2, dt=1e-3)
-        # The two may run on different numbers of lanes.
+        # Batch and single run may use different numbers of SIMD lanes.
         np.testing.assert_allclose(batch.q[i], run.q, rtol=0.0, atol=1e-12)
 
 
 def test_programs_give_the_bits_of_direct_calls() -> None:
-    """A thousand rows are answered by a program, the first calls directly."""
+    """A call with 1,000 rows runs as a program, the first small calls directly."""
     q, v, a, w = np.random.default_rng(4).uniform(-2.0, 2.0, (4, 1000, ARM.n))
     functions = {
         "mass_matrix": (q,),
@@ -71,7 +71,7 @@ def test_programs_give_the_bits_of_direct_calls() -> None:
 
 
 def test_identification_finds_the_parameters() -> None:
-    """Base parameters of the joined tree from its own torques; the drives per coordinate."""
+    """The base parameters of the joined tree are identified from its torques. Drives belong to coordinates, not to joints."""
     rng = np.random.default_rng(6)
     q, v, a = rng.uniform(-1.5, 1.5, (3, 400, ARM.n))
     tau = ARM.inverse_dynamics(q, v, a, friction=True)
@@ -93,7 +93,7 @@ def test_linear_models_are_slopes_of_the_dynamics() -> None:
 
 
 def test_tasks_see_the_joints_that_follow() -> None:
-    """A frame on a finger that follows: inverse kinematics reaches it, a priority law drives it there, and so does the centre of mass."""
+    """For a frame on a mimic finger: inverse kinematics reaches it, a priority law moves it to its target, and also the centre of mass."""
     goal = np.array([0.3, -0.2, 0.1])
     task = al.Task("k2", "xyz", ARM.position(goal, "k2"))
     found = al.inverse_kinematics(ARM, [task], Q0)
@@ -119,7 +119,7 @@ def test_a_timed_path_keeps_the_limits_of_all_joints() -> None:
 
 
 def test_a_touch_of_a_finger_is_seen_at_its_coordinate() -> None:
-    """Gears keep order: a push on a knuckle is at the gripper's coordinate, the outermost one."""
+    """A force on a knuckle is reported at the coordinate of the gripper, the outermost coordinate."""
     observer = al.MomentumObserver(ARM, 50.0, threshold=0.5)
     q, v = np.array(Q0), np.zeros(3)
     push = ARM.jacobian(q, "k2").T @ np.array([8.0, 0.0, 5.0, 0.0, 0.0, 0.0])

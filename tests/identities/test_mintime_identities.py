@@ -1,7 +1,7 @@
-"""Symmetries of the link: its mirror image, and time run backwards.
+"""Symmetries of the minimum-time problem of one link: mirror image and time reversal.
 
-mirror:    theta -> -theta, tau -> -tau     swaps the limits
-reversal:  t -> T - t                       swaps the ends, keeps the limits
+mirror:    theta -> -theta, tau -> -tau     exchanges the limits
+reversal:  t -> T - t                       exchanges the ends, keeps the limits
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def swap(kind: str, p: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
 
 @pytest.mark.parametrize("kind", ["mirror", "reversal"])
 def test_profiles(kind: str) -> None:
-    """Durations agree to rounding: sin is odd to the last bit, but the middle of the path is rounded from the other end."""
+    """Durations are equal up to rounding. sin is odd to the last bit, but the middle of the path is rounded from the other end."""
     feasible = 0
     for p in problems(2000, 3):
         other, tau_min = swap(kind, p)
@@ -48,24 +48,24 @@ def test_profiles(kind: str) -> None:
             assert (a.hold_start, a.hold_end) == ends, p
             if a.feasible:
                 feasible += 1
-                # A small a amplifies rounding; these limits and moments are of order one.
+                # A small acceleration limit amplifies rounding. Limits and moments are of order one.
                 worst = 1e-14 / (a.a_max if planner is al.bang_bang_time else a.k_max) + 1e-14
                 assert b.t_min == pytest.approx(a.t_min, rel=worst), p
     assert feasible > 500
 
 
 def test_half_ramps_are_bang_bang() -> None:
-    """k = I D / T^2 = a / 4."""
+    """A trapezoid with ramps of half the duration is bang-bang: k = I D / T^2 = a / 4."""
     for p in problems(500, 4):
         a, b = al.bang_bang_time(*p[:5], tau_min=p[5]), al.trapezoid_time(*p[:5], tau_min=p[5], ramp=0.5)
         assert a.feasible == b.feasible
         if a.feasible:
-            # Extremes are put together in another order there.
+            # The two functions combine the extreme values in a different order.
             assert b.t_min == pytest.approx(a.t_min, rel=1e-13 / min(1.0, a.a_max))
 
 
 def test_the_limit_is_reached_and_not_passed() -> None:
-    """At t_min the torque touches a limit and stays inside, on a grid of the motion."""
+    """At t_min the torque reaches a limit and does not exceed it, at the points of a grid."""
     checked = 0
     for theta0, thetaf, inertia, gravity, tau_max, tau_min in problems(300, 5):
         r = al.bang_bang_time(theta0, thetaf, inertia, gravity, tau_max, tau_min=tau_min)
@@ -94,14 +94,14 @@ SWAPPED = {"monotone": "monotone", "back-swing": "overshoot", "overshoot": "back
 
 @pytest.mark.parametrize("kind", ["mirror", "reversal"])
 def test_torque_optimum(kind: str) -> None:
-    """Both keep every duration; reversal makes a back-swing an overshoot."""
+    """Mirror image and reversal do not change durations. Reversal exchanges back-swing and overshoot."""
     seen = set()
     for p in problems(300, 6):
         other, tau_min = swap(kind, p)
         a, b = al.torque_optimal_time(*p[:5], tau_min=p[5]), al.torque_optimal_time(*other, tau_min=tau_min)
         seen.add(a.best.kind)
         assert (a.feasible, a.certified_global) == (b.feasible, b.certified_global), p
-        # 1e-9: motions near a stall, random ones among these, amplify the rounding of the switch.
+        # The tolerance is 1e-9, because motions near a stall amplify the rounding of the switching time.
         assert b.t == pytest.approx(a.t, rel=1e-9, nan_ok=True), p
         assert b.best.t == pytest.approx(a.best.t, rel=1e-9, nan_ok=True), p
         assert b.best.kind == (a.best.kind if kind == "mirror" else SWAPPED[a.best.kind]), p
@@ -118,13 +118,13 @@ def test_the_optimum_is_never_slower_than_the_profile() -> None:
         if r.feasible:
             o = al.torque_optimal_time(*p[:5], tau_min=p[5])
             checked += 1
-            # Equal only without gravity.
+            # The two times are equal only without gravity.
             assert o.feasible and o.best.t <= o.t <= r.t_min * (1.0 + 1e-12), p
     assert checked > 100
 
 
 def test_the_profile_moves_the_link() -> None:
-    """Along the motion: the torque is on a limit, energy changes by the work of the torque, and the ends are rest in the right place."""
+    """The torque is always on a limit, energy changes by the work of the torque, and the link is at rest at both ends."""
     kinds = set()
     for p in problems(60, 8):
         theta0, thetaf, inertia, gravity, tau_max, tau_min = p
@@ -136,9 +136,9 @@ def test_the_profile_moves_the_link() -> None:
         t = np.linspace(0.0, np.nextafter(best.t, 0.0), 257)
         q, v, a, tau = o.profile(t)
         assert set(tau.tolist()) <= {tau_max, tau_min}
-        # The equation of motion, term by term of order one.
+        # The equation of motion has terms of order one.
         np.testing.assert_allclose(inertia * a + gravity * np.sin(q), tau, rtol=0.0, atol=1e-13)
-        # Within a stretch of one torque I v^2/2 - G cos q - tau q is constant; 1e-8 for motions that nearly stall.
+        # While the torque is constant, I v^2/2 - G cos q - tau q is constant. The tolerance 1e-8 covers motions near a stall.
         energy = inertia * v**2 / 2 - gravity * np.cos(q) - tau * q
         phase = np.searchsorted(best.t_switches, t, side="right")
         for k in range(len(best.switches) + 1):
@@ -151,7 +151,7 @@ def test_the_profile_moves_the_link() -> None:
 
 
 def test_friction() -> None:
-    """Little friction changes little, and Coulomb friction alone is a shift of the two limits."""
+    """Small friction changes the result little. Coulomb friction alone is equivalent to shifted limits."""
     for p in problems(100, 9):
         plain = al.torque_optimal_time(*p[:5], tau_min=p[5])
         rough = al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=0.05)
@@ -159,23 +159,23 @@ def test_friction() -> None:
         if rough.feasible:
             assert rough.best.t <= rough.t and (rough.best.kind == "monotone") == (rough.best.t == rough.t)
             nearly = al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=1e-9)
-            # Continuous at no friction: a billionth changes T by its order times T, more near a stall.
+            # The time is continuous at zero friction: friction of 1e-9 changes T by about 1e-9 T, and by more near a stall.
             assert not plain.feasible or nearly.t == pytest.approx(plain.t, rel=1e-5)
         c = 0.05
         if p[1] > p[0] and p[4] > c:
             shifted = al.torque_optimal_time(*p[:4], p[4] - c, tau_min=p[5] - c)
             coulomb = al.torque_optimal_time(*p[:5], tau_min=p[5], coulomb=c)
             assert coulomb.feasible == shifted.feasible
-            # Taylor steps against quadrature; a near stall amplifies.
+            # Taylor steps are compared with quadrature. A motion near a stall amplifies the difference.
             assert coulomb.t == pytest.approx(shifted.t, rel=1e-8, nan_ok=True)
 
 
-#: Turning points of a problem.
+#: Number of turning angles per problem.
 TURNS = 32
 
 
 def test_swings_with_friction() -> None:
-    """The best of the three families is the sum of its two legs, and no turning point of a grid is faster."""
+    """The best of the three families of motions is the sum of its two legs. No turning angle of a grid gives a faster motion."""
     rows = problems(50, 10)
     roughness = [(0.1 * (p[2] * abs(p[3])) ** 0.5, 0.05 * p[4]) for p in rows]
     optima = [al.torque_optimal_time(*p[:5], tau_min=p[5], viscous=d, coulomb=c) for p, (d, c) in zip(rows, roughness, strict=True)]
@@ -195,10 +195,10 @@ def test_swings_with_friction() -> None:
     first, second = (np.repeat(ends, TURNS) for ends in (theta0, thetaf))
     detours = (friction_trials.legs(first, turns.ravel(), each) + friction_trials.legs(turns.ravel(), second, each)).reshape(turns.shape)
     straight = friction_trials.legs(theta0, thetaf, parameters)
-    # Legs of 1,500 steps are worth 1e-5; where one nearly stalls, 3e-4.
+    # Legs of 1,500 steps have an accuracy of 1e-5; near a stall 3e-4.
     np.testing.assert_allclose(straight, monotone, rtol=1e-3)
     np.testing.assert_allclose(detours[swings, 0], best[swings], rtol=1e-3)
     assert not np.any(detours < best[:, None] * (1.0 - 1e-3))
-    # None found, none there.
+    # If the planner finds no motion, the grid of turning angles has none.
     assert np.isnan(detours[np.isnan(best)]).all()
     assert kinds.count("back-swing") > 2 and kinds.count("overshoot") > 2 and "none found" in kinds, kinds

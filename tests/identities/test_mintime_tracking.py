@@ -1,7 +1,7 @@
-"""Planned motions in the closed loop: computed torque with the exact model under the torque limits the plan was made for.
+"""Planned motions in closed loop: computed torque with the exact model, under the torque limits of the plan.
 
-On the motion the law asks for the planned torque, which is inside the limits, so clamping changes nothing; off it by the error of the
-integrator `e`, it asks for `M (kp e + kd e')` more, which is why limits are compared with a share of themselves.
+On the planned motion, the law's torque is the planned torque, which is within the limits. So clamping changes nothing. With an
+integration error `e` the law adds `M (kp e + kd e')`. So the test compares with limits up to a relative tolerance.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ def test_seven_axes(rate: float | None) -> None:
     p = al.time_path(SEVEN, q, tau_max=TAU_MAX, v_max=2.0, torque_rate=rate, check_limits=False)
     assert p.feasible
     run = follow(SEVEN, p, TAU_MAX, p.duration, q[0])
-    # Some thousand steps of 1e-11, and jumps of acceleration met within a step of the integrator.
+    # The tolerance covers some thousand steps of 1e-11, and jumps of acceleration within a step.
     np.testing.assert_allclose(run.q, p(run.t)[0], rtol=0.0, atol=1e-6)
-    assert np.all(np.abs(run.tau) <= TAU_MAX * (1.0 + 1e-12))  # clamped
+    assert np.all(np.abs(run.tau) <= TAU_MAX * (1.0 + 1e-12))  # the torque is clamped
     inside = run.t < p.duration
     wanted = SEVEN.inverse_dynamics(*p(run.t[inside]))
-    # M kp e: 1e-6 of error would be 1e-4 of the limits.
+    # An error e gives the torque M kp e: 1e-6 would be 1e-4 of the limits.
     np.testing.assert_allclose(run.tau[inside] / TAU_MAX, wanted / TAU_MAX, rtol=0.0, atol=1e-3)
     assert np.all(np.abs(run.v) <= 2.0 * (1.0 + 1e-5))
     np.testing.assert_allclose(run.q[-1], q[-1], rtol=0.0, atol=1e-6)
 
 
 def test_seven_axes_without_enough_torque() -> None:
-    """The same motion with nine tenths of the torque it was planned for leaves the path: the limits above do bind."""
+    """With 90 % of the planned torque the arm leaves the path. So the torque limits are active."""
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (4, 7))
     p = al.time_path(SEVEN, q, tau_max=TAU_MAX, v_max=2.0, check_limits=False)
     run = follow(SEVEN, p, 0.9 * TAU_MAX, p.duration, q[0])
@@ -47,7 +47,7 @@ def test_seven_axes_without_enough_torque() -> None:
 
 @pytest.mark.parametrize("gravity", [0.0, 1.5])
 def test_symmetric_profile(gravity: float) -> None:
-    """System 4 at its shortest duration: the torque touches its limit and is not clamped."""
+    """System 4 at its shortest duration: the torque reaches its limit and is not clamped."""
     inertia, tau_max = 0.7, 2.0
     arm = al.pendulum(inertia, gravity)
     report = al.bang_bang_time(-np.pi / 2, np.pi / 2, inertia, gravity, tau_max)
@@ -60,5 +60,5 @@ def test_symmetric_profile(gravity: float) -> None:
     inside = run.t < report.t_min
     wanted = arm.inverse_dynamics(q, v, a)[inside]
     np.testing.assert_allclose(run.tau[inside], wanted, rtol=0.0, atol=1e-6 * tau_max)
-    # It does touch it: within a step of the integrator.
+    # The torque reaches its limit up to one integration step.
     assert np.abs(run.tau).max() >= 0.99 * tau_max

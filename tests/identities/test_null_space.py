@@ -1,4 +1,4 @@
-"""The null space of impedance laws on three arms of seven joints: rest, the motion of the tip, singularities, balances."""
+"""The null space of impedance laws on three arms of seven joints: equilibrium, motion of the tip, singularities, balances."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def chain(offsets: list[list[float]], masses: list[float]) -> al.Arm:
-    """Seven axes, alternating between z and y, with bodies like rods of some width."""
+    """An arm of seven axes, alternating between z and y. Bodies are like rods with some width."""
     joints = []
     for i, (offset, m) in enumerate(zip(offsets, masses, strict=True)):
         c, core = 0.12, 0.02 * m + 0.01
@@ -25,12 +25,12 @@ def chain(offsets: list[list[float]], masses: list[float]) -> al.Arm:
 
 ARMS = {
     "example": (al.load_urdf(al.example_urdf("seven_axis")), "tcp"),
-    # Three axes meet in the shoulder, three in the wrist.
+    # Three axes intersect in the shoulder, and three in the wrist.
     "spherical": (
         chain([[0, 0, 0.34], [0, 0, 0], [0, 0, 0.2], [0, 0, 0.2], [0, 0, 0.2], [0, 0, 0.2], [0, 0, 0]], [4, 4, 4, 4, 1.5, 1.5, 1.5]),
         "tool",
     ),
-    # The elbow is beside the axes, and the wrist too.
+    # Elbow and wrist are offset from the axes.
     "offset": (
         chain([[0, 0, 0.33], [0, 0, 0], [0, 0, 0.32], [0.08, 0, 0], [-0.08, 0, 0.38], [0, 0, 0], [0.09, 0, 0]], [4, 4, 3, 3, 3, 1.5, 0.8]),
         "tool",
@@ -41,7 +41,7 @@ POSTURE = al.NullSpace(Q0 + np.array([0.5, -0.2, -0.6, 0.2, 0.3, 0.2, -0.4]), st
 
 
 def law(name: str, axes: str = "xyz", nullspace: al.NullSpace = POSTURE, **options: Any) -> al.CartesianImpedance:
-    """About the pose of the start, so that the null space alone moves the arm."""
+    """An impedance law whose target is the initial pose. So only the null-space torque moves the arm."""
     arm, frame = ARMS[name]
     target = arm.pose_vector(Q0, frame)[: 3 if axes == "xyz" else 6]
     return al.CartesianImpedance(arm, target, 400.0, 40.0, frame=frame, axes=axes, nullspace=nullspace, **options)
@@ -64,7 +64,7 @@ def test_the_null_motion_comes_to_rest_and_the_tip_stays(name: str, axes: str) -
         moved = np.linalg.norm(arm.position(found.q, frame) - arm.position(Q0, frame), axis=-1)
         assert np.abs(found.q[-1] - Q0).max() > 0.05
         assert (moved.max() < 1e-6) == compensated  # m
-        # At full rank the clamp loses nothing.
+        # At full rank the clamped inverse is exact.
         assert all(made.terms(0.0, q, v)["loss"] == 0.0 for q, v in zip(found.q[::20], found.v[::20], strict=True))
         assert np.abs(found.monitors["energy_balance"]).max() < 1e-9 * max(1.0, np.abs(found.monitors["energy"]).max())
 
@@ -72,7 +72,7 @@ def test_the_null_motion_comes_to_rest_and_the_tip_stays(name: str, axes: str) -
 @pytest.mark.parametrize("projection", ["consistent", "static"])
 @pytest.mark.parametrize("name", ARMS)
 def test_what_moves_the_tip_is_what_the_equation_says(name: str, projection: Any) -> None:
-    """`x'' = J M^-1 (J' F + N' tau_0 - C v) + J_dot v`: without the coupling compensated `x'' = L^-1 F - (J M^-1 C v - J_dot v)`."""
+    """`x'' = J M^-1 (J' F + N' tau_0 - C v) + J_dot v`: without compensated coupling `x'' = L^-1 F - (J M^-1 C v - J_dot v)`."""
     arm, frame = ARMS[name]
     posture = al.NullSpace(POSTURE.q_d, 30.0, 12.0, projection=projection)
     made = law(name, nullspace=posture)
@@ -84,11 +84,11 @@ def test_what_moves_the_tip_is_what_the_equation_says(name: str, projection: Any
         spread = J @ np.linalg.inv(M)
         pushed = spread @ parts["null_torque"]
         coupling = spread @ arm.coriolis_matrix(q, v) @ v - J_dot @ v
-        # Accelerations of up to 100 m/s^2 through matrices of condition 1e3.
+        # Accelerations reach 100 m/s^2, computed with matrices of condition number 1e3.
         np.testing.assert_allclose(x_ddot, spread @ J.T @ parts["force"] - coupling + pushed, atol=1e-9)
         if projection == "consistent":
             assert np.abs(pushed).max() < 1e-10
-        # No wrench at the frame balances the static torque: it is in the null space of J.
+        # The static torque is in the null space of J. So no wrench at the frame balances it.
         else:
             assert np.abs(J @ parts["null_torque"]).max() < 1e-11
             assert np.abs(J @ (parts["tau_0"] - parts["null_torque"])).max() > 1e-3
@@ -114,7 +114,7 @@ def test_the_storage_of_the_law_balances_with_the_projected_power(name: str) -> 
             e = made.terms(0.0, q, v)["e"]
             return float(arm.energy(q, v)[0] + 0.5 * e @ (400.0 * e))
 
-        # The rule of Boole: error h^6, rates of up to 300 1/s from the light wrist.
+        # Boole's rule has the error h^6. The light wrist has rates of up to 300 1/s.
         each = np.array([power(q, v) for q, v in zip(found.q, found.v, strict=True)])
         weights = np.tile([14.0, 32.0, 12.0, 32.0], len(each) // 4 + 1)[: len(each)]
         weights[[0, -1]] = 7.0
@@ -124,7 +124,7 @@ def test_the_storage_of_the_law_balances_with_the_projected_power(name: str) -> 
 
 
 def test_elastic_joints_with_a_null_space_keep_their_balance() -> None:
-    """The monitor watches the law's own storage function, with the power of the projected torque; the arm comes to rest."""
+    """The monitor balances the law's storage function with the power of the projected torque. The arm comes to rest."""
     arm, frame = ARMS["spherical"]
     K_J, B = np.full(7, 3000.0), np.full(7, 0.5)
     target = arm.position(Q0, frame)
@@ -140,7 +140,7 @@ def test_elastic_joints_with_a_null_space_keep_their_balance() -> None:
         assert np.ptp(found.monitors["energy"]) > 1e-2  # J
 
 
-# Poses whose Jacobian has lost a rank, to 1e-5, and away from them in every joint.
+# Poses whose Jacobian is singular to 1e-5. The test moves through them in all joints.
 SINGULAR = {
     "example": [-0.72, 0.0, -0.83, -0.45, 0.0, -0.36, 0.3],
     "spherical": [-0.3, 0.0, 1.27, 0.0, 1.1, 0.78, 1.4],
@@ -151,7 +151,7 @@ SINGULAR = {
 @pytest.mark.parametrize("projection", ["consistent", "static"])
 @pytest.mark.parametrize("name", ARMS)
 def test_the_torque_is_bounded_and_continuous_through_a_singularity(name: str, projection: Any) -> None:
-    """Along a line through a singular pose with all joints moving; without the clamp `L` would pass through infinity."""
+    """All joints move along a line through a singular pose. Without the clamped inverse, `L` would be infinite there."""
     made = law(name, "xyz rx ry rz", al.NullSpace(POSTURE.q_d, 30.0, 12.0, projection=projection), compensate_coupling=True, eps=0.1)
     along = np.array([0.1, 0.5, -0.2, 0.6, 0.4, 0.3, -0.1])
     v = np.array([0.3, -0.2, 0.4, 1.0, 0.2, -0.5, 0.3])
@@ -163,7 +163,7 @@ def test_the_torque_is_bounded_and_continuous_through_a_singularity(name: str, p
     assert losses[1] > 0.99 and losses[0] < losses[1]
     tau = torques(np.linspace(-0.6, 0.6, 4001))
     largest = np.abs(tau).max()
-    # Torques of the size of those away from the singularity times 1/eps, and steps that shrink with those of the angles.
+    # Torques are at most those far from the singularity times 1/eps. Differences of torque decrease with those of the angles.
     assert largest < 10.0 * np.abs(tau[[0, -1]]).max()
     assert np.abs(np.diff(tau, axis=0)).max() < 0.02 * largest
     assert np.ptp(torques(np.array([-1e-7, -1e-12, 0.0, 1e-12, 1e-7])), axis=0).max() < 1e-4 * largest
@@ -171,7 +171,7 @@ def test_the_torque_is_bounded_and_continuous_through_a_singularity(name: str, p
 
 @pytest.mark.parametrize(("options", "most"), [({}, 50.0), ({"compensate_coupling": True, "eps": 0.3}, 150.0)])
 def test_a_run_through_a_singularity(options: dict[str, Any], most: float) -> None:
-    """The target leaves the workspace and comes back: the arm stretches, the torque stays bounded, and it arrives."""
+    """The target leaves the workspace and returns. The arm stretches, the torque is bounded, and the arm reaches the target."""
     arm, frame = ARMS["spherical"]
     start = arm.position(Q0, frame)
     out = al.Table(2.0, [start, start + 0.6 * (start - np.array([0.0, 0.0, 0.34])), start], np.zeros((3, 3)), np.zeros((3, 3)))
@@ -183,7 +183,7 @@ def test_a_run_through_a_singularity(options: dict[str, Any], most: float) -> No
 
 
 def test_the_tip_follows_a_moving_pose_exactly() -> None:
-    """With the coupling compensated `L (x'' - x_d'') = F`: an arm that starts on a target whose rotation vector moves stays on it."""
+    """With compensated coupling `L (x'' - x_d'') = F`. An arm that starts on a moving pose stays on it."""
     arm, frame = ARMS["offset"]
     pose = arm.pose_vector(Q0, frame)
     motion = al.Quintic(pose, pose + np.array([0.05, -0.08, 0.05, 0.3, -0.2, 0.4]), 1.0)
@@ -199,7 +199,7 @@ def test_the_tip_follows_a_moving_pose_exactly() -> None:
 
 
 def test_integral_action_removes_a_force_and_does_not_wind_up() -> None:
-    """Under a constant force the spring alone gives way by F/K; with limits the integral stops, and comes back as fast."""
+    """Under a constant force F the spring alone deflects by F/K. With limits the integral stops, and returns without delay."""
     arm, frame = ARMS["spherical"]
     plant, force = al.RigidArm(arm), [0.0, 15.0, -10.0]
     made = {
@@ -215,7 +215,7 @@ def test_integral_action_removes_a_force_and_does_not_wind_up() -> None:
         if each is made[800.0]:
             np.testing.assert_allclose(found.estimate[-1], [0.0, -15.0, 10.0], atol=1e-3)  # N
     assert misses[0] > 0.02 and misses[1] < 1e-5  # m
-    # A target out of reach, then the integral: within the limit of the wrench it stays where the limit met it.
+    # The target is out of reach. With an integral and a limited wrench, the arm stays where the limit is reached.
     far = al.CartesianImpedance(arm, [3.0, 0.0, 0.3], 50.0, 60.0, frame=frame, integral_gain=200.0, wrench_max=[40.0, 40.0, 40.0])
     found = al.simulate(plant, far, Q0, t_end=3.0, dt=1e-3, record_every=50)
     assert np.abs(found.estimate).max() < 80.0

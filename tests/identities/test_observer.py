@@ -1,4 +1,4 @@
-"""The momentum observer: r' = K (tau_ext - r) along continuous runs, forces found, links told apart, misuse refused."""
+"""The momentum observer: r' = K (tau_ext - r) along continuous runs, force estimates, touched links, refused arguments."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TREE = al.load_urdf(al.example_urdf("two_arms"))
 
 @pytest.mark.parametrize("arm", [TWO, SIX], ids=["2R", "six axes"])
 def test_the_residual_is_the_filtered_torque_from_outside(arm: al.Arm) -> None:
-    """Arm, observer and filter in one system: K (p - p0 - int) obeys r' = K (tau_ext - r) to the integrator's tolerance."""
+    """Arm, observer and filter are one system. K (p - p0 - int) satisfies r' = K (tau_ext - r), up to the integrator's tolerance."""
     n, frame = arm.n, arm.frame_names[-1]
     rng = np.random.default_rng(n)
     root = rng.standard_normal((n, n))
@@ -50,7 +50,7 @@ def test_the_residual_is_the_filtered_torque_from_outside(arm: al.Arm) -> None:
 
 @pytest.mark.parametrize("dt", [1e-3, 5e-4])
 def test_samples_follow_the_filter(dt: float) -> None:
-    """A force on a moving arm, sampled: the error is that of a held integrand, of first order."""
+    """A force acts on a moving arm, and the observer is sampled. The error is of first order, since the integrand is held."""
     frame, F = "link2", np.array([4.0, -3.0, 0.0])
     law = al.PDGravity(TWO, [0.4, 0.6], 60.0, 15.0)
     sim = al.Simulator(al.RigidArm(TWO), law, [0.2, 0.3], dt=dt, sample_time=dt, force=F, force_frame=frame)
@@ -75,7 +75,7 @@ def test_a_wrench_at_the_tip_is_found() -> None:
     observer.reset(q, np.zeros(6))
     for _ in range(400):
         observer.update(q, np.zeros(6), SIX.gravity(q) - SIX.jacobian(q, frame).T @ F, 1e-3)
-    # exp(-40) of the transient is left, of the size of rounding; J is far from singular here.
+    # The transient has decayed to exp(-40), the size of rounding. J is far from singular here.
     np.testing.assert_allclose(observer.wrench(q, frame, eps=1e-9), F, atol=1e-8)
     np.testing.assert_allclose(observer.unexplained(q, frame, eps=1e-9), 0.0, atol=1e-9)
 
@@ -97,7 +97,7 @@ def test_the_motors_of_elastic_joints_tell_their_friction() -> None:
         wanted += 60.0 * 2e-4 * (rubbing - wanted)
         worst = max(worst, float(np.abs(r - wanted).max()))
     assert links.residual is not None
-    # A held integrand errs by K dt / 2 of the change of the joint torque, some 30 N m within a time constant; friction is 3 N m at most.
+    # A held integrand has the error K dt / 2 times the change of joint torque, about 30 N m per time constant. Friction is at most 3 N m.
     assert worst <= 0.2 and np.abs(links.residual).max() <= 0.2
     with pytest.raises(al.InputError, match="observer of links"):
         motors.wrench(sim.theta, "link2")
@@ -109,13 +109,13 @@ def test_friction_of_the_model_is_taken_off() -> None:
     known, unknown = al.MomentumObserver(arm, 50.0, friction=True), al.MomentumObserver(arm, 50.0)
     for _ in range(500):
         found = [each.update([0.1], [0.8], [0.7 * 0.8 + 0.4], 1e-3) for each in (known, unknown)]
-    # At constant speed the motor carries the friction alone.
+    # At constant velocity the motor balances only friction.
     np.testing.assert_allclose(found[0], [0.0], atol=1e-9)
     np.testing.assert_allclose(found[1], [-0.96], atol=1e-8)
 
 
 def test_the_touched_link_is_told() -> None:
-    """A force on link k loads the joints up to k alone; on one arm of two it is found there."""
+    """A force on link k loads only the joints up to k. On a tree with two arms, the touched link is on the correct arm."""
     q = np.full(TREE.n, 0.3)
     observer = al.MomentumObserver(TREE, 100.0, threshold=1e-3)
     for joint, name in enumerate(TREE.joint_names):
@@ -190,7 +190,7 @@ def test_bad_arguments() -> None:
 @pytest.mark.parametrize("gain", [20.0, [[20.0, 1.0], [1.0, 30.0]]], ids=["diagonal", "full"])
 @pytest.mark.parametrize("rows", [None, 3])
 def test_a_sample_that_overflows_is_refused(gain: Any, rows: int | None) -> None:
-    """What no finite residual follows from is refused by name and index, and changes nothing."""
+    """A sample whose residual would not be finite is refused with name and index, and does not change the state."""
     shape, at, index = ((2,), 1, "1") if rows is None else ((rows, 2), (2, 1), r"\(2, 1\)")
     observer, other = al.MomentumObserver(TWO, gain), al.MomentumObserver(TWO, gain)
     zero, large, one = np.zeros(shape), np.zeros(shape), np.ones(shape)

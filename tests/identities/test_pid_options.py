@@ -1,4 +1,4 @@
-"""The options of PID: what their equations promise in loops of a mass and of arms, sampled and continuous."""
+"""The options of PID: consequences of their equations for loops of a mass and of arms, sampled and continuous."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T, MASS = 2e-3, 1.5
 
 
 def mass(gravity: float = 0.0) -> al.Arm:
-    """One prismatic joint along x."""
+    """An arm with one prismatic joint along x."""
     return al.Arm.from_chain([{"type": "P", "axis": [1.0, 0.0, 0.0], "phi": [MASS] + 9 * [0.0]}], gravity=[-gravity, 0.0, 0.0])
 
 
@@ -26,7 +26,7 @@ def positions(motion: al.Motion, times: Any) -> Any:
 @pytest.mark.parametrize("rate", [None, 150.0])
 @pytest.mark.parametrize("ki", [None, 90.0])
 def test_a_sampled_loop_is_its_transfer_function(ki: float | None, rate: float | None, observer: float | None) -> None:
-    """Of a mass without gravity: forward differences of the law's states, and the exact map of a mass under a held force."""
+    """Transfer function of a mass without gravity: forward differences of the law's states, exact motion of a mass under a held force."""
     kp, kd, m = 120.0, 24.0, 1.1
     inertia = None if observer is None else m
     law = al.PID(mass(), [0.2], kp, ki, kd, derivative_filter=rate, observer_bandwidth=observer, nominal_inertia=inertia)
@@ -36,9 +36,9 @@ def test_a_sampled_loop_is_its_transfer_function(ki: float | None, rate: float |
         return control.ss(control.tf(up, down, T), inputs=[name], outputs=[to], name=f"{name} to {to}")
 
     h, integral = observer or 0.0, (ki or 0.0) * T
-    # N (z - 1)/(z - 1 + N T) q, or the velocity itself.
+    # The derivative is N (z - 1)/(z - 1 + N T) q, or the measured velocity.
     derivative = block([1.0], [1.0], "v", "v_f") if rate is None else block([rate, -rate], [1.0, rate * T - 1.0], "q", "v_f")
-    # d = (h m (z - 1) v_f - h T tau) / (z - 1 + h T).
+    # The disturbance estimate is d = (h m (z - 1) v_f - h T tau) / (z - 1 + h T).
     loop = control.interconnect(
         [
             control.ss(
@@ -63,7 +63,7 @@ def test_a_sampled_loop_is_its_transfer_function(ki: float | None, rate: float |
 @pytest.mark.parametrize("tau_max", [None, 3.0])
 @pytest.mark.parametrize("v0", [0.0, 0.7])
 def test_the_observer_finds_a_force_through_its_filter(v0: float, tau_max: float | None) -> None:
-    """d = h/(p + h) F of a mass, whatever the gains are and while the input saturates."""
+    """For a mass d = h/(p + h) F, for all gains and also while the input saturates."""
     arm, h, pushed = mass(gravity=9.81), 25.0, 12.0
     law = al.PID(arm, [0.3], 50.0, None, 12.0, tau_max, observer_bandwidth=h)
     run = al.simulate(
@@ -93,12 +93,12 @@ def test_a_payload_unknown_to_the_law_leaves_no_error(options: dict[str, Any], s
         law = al.PID(arm, goal, 80.0, None, 18.0, **options, **more)
         return float(np.abs(al.simulate(plant, law, [0.0, 0.0], t_end=6.0, dt=1e-3, sample_time=sample_time).q[-1] - goal).max())
 
-    # Without the observer the payload shows.
+    # Without the observer, the payload causes an error.
     assert error(observer_bandwidth=15.0) < 1e-9 and error() > 0.05
 
 
 def test_friction_is_fed_forward() -> None:
-    """A joint that moves back and forth with viscous and Coulomb friction is followed as closely as one without friction."""
+    """A joint with viscous and Coulomb friction tracks a periodic motion as accurately as a joint without friction."""
     free = al.planar_arm([0.5, 0.4])
     arm = free.with_drives(damping=[2.0, 1.0], friction=[4.0, 2.0])
     swing = al.Sinusoid([0.3, -0.2], [0.4, 0.3], [2.0, 3.0], [0.0, 0.5])
@@ -114,7 +114,7 @@ def test_friction_is_fed_forward() -> None:
 
 
 def test_acceleration_is_fed_forward() -> None:
-    """Of one joint, whose inertia is constant, a motion that starts on its target is followed to the method's error."""
+    """For one joint, whose inertia is constant, a motion that starts on its target is tracked up to the method's error."""
     arm, swing = mass(gravity=9.81), al.Sinusoid([0.3], [0.4], [5.0], [0.5])
     q0, v0, _ = swing(0.0)
     for options in ({}, {"observer_bandwidth": 30.0}):
@@ -125,7 +125,7 @@ def test_acceleration_is_fed_forward() -> None:
 
 
 def test_without_options_the_law_is_as_before() -> None:
-    """An integral that is left out is one whose gain is next to nothing."""
+    """A law without an integral equals a law whose integral gain is nearly zero."""
     arm = al.planar_arm([0.5, 0.4, 0.3])
     q, v, goal = np.full(3, 0.2), np.full(3, -0.1), np.full(3, 0.5)
     np.testing.assert_array_equal(al.PID(arm, goal, 50.0, None, 5.0)(0.0, q, v), al.PDGravity(arm, goal, 50.0, 5.0)(0.0, q, v))

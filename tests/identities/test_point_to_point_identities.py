@@ -1,4 +1,4 @@
-"""Joint motions from rest to rest under limits of speed, acceleration and jerk: inside them, together, as fast as the closed form."""
+"""Rest-to-rest motions under limits of speed, acceleration and jerk: within the limits, synchronous, as fast as the closed form."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import armlet as al
 
 
 def test_random_moves() -> None:
-    """Distances over thirteen and limits over nine orders of magnitude; every joint at rest at both ends, every limit held."""
+    """Distances span 13 and limits 9 orders of magnitude. Every joint is at rest at both ends, and every limit is respected."""
     rng = np.random.default_rng(0)
     for _ in range(300):
         n = int(rng.integers(1, 8))
@@ -24,25 +24,25 @@ def test_random_moves() -> None:
             q1[rng.integers(n)] = q0[rng.integers(n)]
         v_max, a_max, j_max = (10.0 ** rng.uniform(-3.0, 6.0, n) for _ in range(3))
         p = al.point_to_point(q0, q1, v_max, a_max, j_max)
-        # The limits are compared in numbers of order one: a few roundings.
+        # The limits are compared in scaled numbers of order one, so the tolerance is a few rounding errors.
         assert p.margin >= -1e-14 and np.isfinite(p.duration)
         t = np.linspace(0.0, p.duration, 300)
         q, v, a = p(t)
         assert np.all(np.abs(v) <= v_max * (1 + 1e-9)) and np.all(np.abs(a) <= a_max * (1 + 1e-9))
         rises = np.abs(np.diff(a, axis=0)) / np.diff(t)[:, None]
-        # Differences of accelerations near a_max lose 1e-16 a_max over a step.
+        # Differences of accelerations near a_max have the rounding error 1e-16 a_max per step.
         assert np.all(rises[:-1] <= j_max * (1 + 1e-9) + 1e-15 * a_max / t[1])
         np.testing.assert_array_equal(q[-1], q1)
-        # All the way to rounding of the phases, before the end is held.
+        # Just before the end, the motion reaches the goal up to rounding of the phases. After the end the goal is held.
         almost = p(p.duration * (1.0 - 1e-9))[0]
         np.testing.assert_allclose(almost, q1, rtol=0.0, atol=1e-9 * np.abs(q1 - q0).max() + 1e-15 * np.abs(q1).max())
 
 
 def test_closed_forms() -> None:
-    """One limit at a time: jerk alone T = (32 d / j)^(1/3), acceleration 2 sqrt(d / a), speed d / v; the slowest joint leads."""
+    """One active limit: jerk T = (32 d / j)^(1/3), acceleration 2 sqrt(d / a), speed d / v. The slowest joint determines the time."""
     d, far = 0.8, 1e4
     assert al.point_to_point([0.0], [d], far, far, 5.0).duration == pytest.approx((32.0 * d / 5.0) ** (1.0 / 3.0), rel=1e-9)
-    # A jerk limit of 1e4 adds about a/j to the duration of the others.
+    # A large jerk limit adds about a/j to the duration.
     assert al.point_to_point([0.0], [d], far, 2.0, 1e7).duration == pytest.approx(2.0 * math.sqrt(d / 2.0), rel=1e-5)
     assert al.point_to_point([0.0], [d], 0.1, 1e5, 1e9).duration == pytest.approx(d / 0.1, rel=1e-4)
     alone = al.point_to_point([0.0], [1.0], 1.0, 2.0, 10.0).duration
@@ -59,7 +59,7 @@ def test_in_a_loop() -> None:
     arm = al.planar_arm([0.5, 0.4])
     p = al.point_to_point([0.0, 0.0], [1.0, -0.5], 1.0, 4.0, 40.0)
     run = al.simulate(al.RigidArm(arm), al.ComputedTorque(arm, p, 100.0, 20.0), [0.0, 0.0], t_end=p.duration, method="dop853", rtol=1e-10)
-    # 1e-10 per step of the integrator, over some hundred steps.
+    # The integrator has an error of 1e-10 per step, over some hundred steps.
     np.testing.assert_allclose(run.q, p(run.t)[0], atol=1e-7)
     again = pickle.loads(pickle.dumps(p))
     assert again == p and type(again) is al.TimedPath
@@ -83,7 +83,7 @@ def test_limits_are_positive(name: str, bad: Any) -> None:
 
 
 def test_without_ruckig(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One line that says what to install."""
+    """If Ruckig is missing, one line names the package to install."""
     monkeypatch.setitem(sys.modules, "ruckig", None)
     with pytest.raises(ImportError, match=r"^point_to_point: ruckig is not installed: pip install 'armlet\[ruckig\]'$"):
         al.point_to_point([0.0], [1.0], 1.0, 1.0, 1.0)

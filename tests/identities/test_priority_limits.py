@@ -1,4 +1,4 @@
-"""Loops of "sns" stay within the limits of the joints; runs whose input switches for ever end soon and say what to do."""
+"""Loops of "sns" respect the limits of the joints. Runs whose input switches forever end quickly with advice."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ARM = al.planar_arm([0.5, 0.4, 0.3])
 START = np.array([0.3, 0.8, 0.4])
 LOW, HIGH = np.array([-0.2, 0.2, -0.1]), np.array([0.9, 1.1, 0.6])
 SPEED, BRAKE = np.array([1.0, 1.5, 2.0]), np.array([6.0, 8.0, 10.0])
-#: A tip position whose joints lie beyond the limits.
+#: A tip position that requires joint positions beyond the limits.
 FAR = [-0.6, 0.7]
 SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
 
@@ -24,18 +24,18 @@ def test_velocities_keep_positions_within_limits(sample_time: float | None, brak
     limits = {"q_min": LOW, "q_max": HIGH, "v_max": SPEED, "a_max": brake, "horizon": 0.05}
     law = al.PriorityVelocity(ARM, [al.Task("link3", "xy", FAR, 4.0)], "sns", **limits)
     run = al.simulate(al.VelocityArm(ARM), law, START, t_end=3.0, dt=5e-3, sample_time=sample_time)
-    # Distances shrink by a factor >= 0 each step, which rounds.
+    # The distance to a limit is multiplied by a factor >= 0 in each step, up to rounding.
     assert (run.q >= LOW - 1e-12).all() and (run.q <= HIGH + 1e-12).all()
     assert (np.abs(run.v) <= SPEED * (1 + 1e-12)).all()
-    # The limits bind: without them the joints go further.
+    # The limits are active: without them the joints move further.
     free = al.simulate(al.VelocityArm(ARM), al.PriorityVelocity(ARM, [al.Task("link3", "xy", FAR, 4.0)]), START, t_end=3.0, dt=5e-3)
     assert (free.q > HIGH + 0.1).any() and np.isclose(run.q[-1], HIGH, atol=1e-3).any()
     if brake is not None and sample_time is None:
-        # Held between samples, the speed is that of the sample's distance.
+        # The velocity is held between samples. It depends on the distance at the sample.
         room = np.maximum(HIGH - run.q, 0.0)
         fastest = np.sqrt(2 * BRAKE * room)
         assert (run.v <= fastest + 1e-9).all()
-        # Nor do the brakes act earlier than they must: some speeds are that of the distance, within rounding.
+        # Braking is not earlier than necessary: some speeds equal the largest one that the distance allows, up to rounding.
         assert (np.isclose(run.v, fastest, rtol=1e-9, atol=0.0) & (room > 0.02)).any()
 
 
@@ -44,7 +44,7 @@ def test_accelerations_keep_velocities_and_positions_within_limits(sample_time: 
     limits = {"q_min": LOW, "q_max": HIGH, "v_max": SPEED, "a_max": BRAKE, "horizon": 0.02}
     law = al.PriorityAcceleration(ARM, [al.Task("link3", "xy", FAR, 100.0)], "sns", **limits)
     run = al.simulate(al.RigidArm(ARM), law, START, t_end=3.0, dt=1e-3, sample_time=sample_time)
-    # Computed torque held for a sample lets the accelerations drift off a little.
+    # Computed torque that is held for a sample does not realise the accelerations exactly.
     slack = 1e-9 if sample_time is None else 1e-3
     assert (run.q >= LOW - slack).all() and (run.q <= HIGH + slack).all()
     assert (np.abs(run.v) <= SPEED * (1 + slack)).all()
@@ -93,14 +93,14 @@ def test_a_run_that_chatters_ends_soon_and_says_what_to_do() -> None:
 
 
 def test_a_joint_that_must_not_rest_gives_its_speed_to_the_task() -> None:
-    """`v1 + v2 = 0.4` with `v1 >= 0.5`: the shortest velocity breaks the bound at every scale up to one, `(0.5, -0.1)` is within."""
+    """For `v1 + v2 = 0.4` with `v1 >= 0.5`, the shortest velocity violates the bound at every scale up to one. `(0.5, -0.1)` is valid."""
     found = al.solve_priority([[[1.0, 1.0]]], [[0.4]], method="sns", v_min=[0.5, -1.0], v_max=[1.0, 1.0])
     np.testing.assert_allclose(found.v, [0.5, -0.1], rtol=0.0, atol=1e-15)
     np.testing.assert_array_equal(found.scales, [1.0])
 
 
 def test_rounding_of_a_command_does_not_move_saturated_velocities() -> None:
-    """Higher levels bring joints to their bounds; whether these then stop a lower level must not depend on the last bit."""
+    """Higher levels move joints to their bounds. Whether these joints stop a lower level must not depend on the last bit."""
     rng = np.random.default_rng(1)
     saturated = 0
     for _ in range(60):
@@ -109,7 +109,7 @@ def test_rounding_of_a_command_does_not_move_saturated_velocities() -> None:
         found = al.solve_priority(Js, vs, method="sns", v_max=0.3)
         near = [[J * (1.0 + 1e-15 * rng.normal(size=J.shape)) for J in Js] for _ in range(4)]
         moved = max(float(np.abs(al.solve_priority(other, vs, method="sns", v_max=0.3).v - found.v).max()) for other in near)
-        # Random stacks of such rows have singular values above 1e-3: 1e-15 over these, level by level.
+        # The rows of random stacks have singular values above 1e-3. The tolerance is 1e-15 divided by these, for each level.
         assert moved <= 1e-9
         saturated += int(found.scales[1] < 1.0 and found.scales[2] > 0.0)
     assert saturated >= 10

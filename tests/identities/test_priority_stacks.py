@@ -1,8 +1,8 @@
-"""The disturbance laws of task priority on random stacks, in batches: 2 to 5 levels, 4 to 9 joints, 30 % exactly singular, 30 % within
-1e-16..1e-2 of it, with zero, duplicate and dependent rows whose commands conflict.
+"""The laws of task priority under disturbances, on random stacks in batches: 2 to 5 levels, 4 to 9 joints.
 
-`ARMLET_RANDOM_STACKS` sets how many (`make test-stacks`: 1,000,000); strata and seed are printed. The native twin, with single solves, is
-rust/core/tests/suite/priority_random.rs.
+30 % of the stacks are exactly singular, and 30 % are within 1e-16..1e-2 of a singularity. Some rows are zero, duplicate or dependent, with
+commands that conflict. `ARMLET_RANDOM_STACKS` is the number of stacks (`make test-stacks`: 1,000,000). Strata and seed are printed.
+rust/core/tests/suite/priority_random.rs has these checks for single solves in Rust.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import armlet as al
 Array = NDArray[np.float64]
 COUNT = int(os.environ.get("ARMLET_RANDOM_STACKS", "20000"))
 SEED = 20220610
-#: Stacks of one size that are solved together.
+#: Number of stacks that are solved in one batch. They have equal sizes.
 SIZE = 500
 METHODS = ("exact", "clamp", "damped", "chiaverini", "sns")
 STRATA = ("generic", "singular", "near")
@@ -36,7 +36,7 @@ class Block:
 
     @property
     def eps(self) -> list[Array]:
-        """The default thresholds: 0.02 of each level's largest row norm, (B,) each."""
+        """The default thresholds, (B,) each: 0.02 times the largest row norm of each level."""
         return [0.02 * np.linalg.norm(J, axis=2).max(axis=1, initial=0.0) for J in self.jacobians]
 
 
@@ -45,7 +45,7 @@ def block(rng: np.random.Generator) -> Block:
     sizes = {0: 0, 1: n + 1, 2: n}
     rows = [sizes.get(int(k), int(rng.integers(1, 4))) for k in rng.integers(0, 20, levels)]
     total = sum(rows)
-    # Tasks have different units: one scale per level.
+    # Tasks have different units, so each level has a random scale.
     units = np.repeat(10.0 ** rng.uniform(-1.0, 1.0, (SIZE, levels)), rows, axis=1)
     stack = rng.normal(size=(SIZE, total, n)) * units[:, :, None]
     strata = np.digitize(rng.uniform(size=SIZE), [0.4, 0.7])
@@ -82,7 +82,7 @@ def check(b: Block, method: str) -> None:
     for sol in prefixes:
         assert np.isfinite(sol.v).all() and all(np.isfinite(r).all() for r in sol.residuals), method
     v, eps = prefixes[-1].v, b.eps
-    # Velocities of exact maps near singularities reach 1e15: what rounding of v alone can disturb grows with them.
+    # Velocities of exact maps reach 1e15 near singularities. Their rounding errors are proportional to them.
     allowed = np.maximum(1e-10, 1e-12 * (1 + norm(v)))
     for i, J in enumerate(b.jacobians):
         moved = largest(times(J, v - prefixes[i].v))
@@ -91,7 +91,8 @@ def check(b: Block, method: str) -> None:
         if method in ("clamp", "damped"):
             before = prefixes[i - 1].v if i else np.zeros_like(v)
             rest, step = norm(b.velocities[i] - times(J, before)), norm(prefixes[i].v - before)
-            # Damping by the manipulability peaks at 1.21/eps; the rounding of a level of tiny rows, moved at 1e15, stands in v.
+            # Damping by the manipulability has a largest gain of 1.21/eps. v also has rounding errors of tiny rows, where velocities reach
+            # 1e15.
             peak, slack = (1.0 if method == "clamp" else 1.2072), 1e-12 * (1 + np.maximum(norm(prefixes[i].v), norm(before)))
             seen = eps[i] > 0
             assert (step <= peak * rest * (1 + 1e-9) / np.where(seen, eps[i], 1.0) + slack)[seen].all(), (method, i)
@@ -103,13 +104,13 @@ def check(b: Block, method: str) -> None:
     full = np.full(SIZE, m <= n) & (s >= eps[0][:, None]).all(axis=1)
     if method == "sns":
         assert (np.abs(v) <= b.bounds).all()
-        # The direction of the first level is kept.
+        # The direction of the first level's velocity is kept.
         assert (largest(times(first, v) - prefixes[-1].scales[:, :1] * asked) <= 1e-10)[full].all()
     else:
         assert (largest(asked - times(first, v)) <= allowed)[full].all(), method
     if method == "clamp":
         exact = al.solve_priority(b.jacobians, b.velocities, method="exact").v
-        # All singular values are above 0.02 of their level's rows: five levels amplify rounding by at most 50 each; typically by 50.
+        # All singular values are above 0.02 of their level's row norm. So each of up to five levels amplifies rounding by at most 50.
         same = largest(v - exact) <= 1e-9 * (1 + norm(exact))
         assert same[prefixes[-1].status == al.Status.SUCCESS].all()
 

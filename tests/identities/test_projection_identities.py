@@ -1,4 +1,4 @@
-"""What the projection of `Adaptive` promises: estimates stay physically possible and Slotine and Li's proof still holds.
+"""The projection of `Adaptive`: estimates stay physically possible, and the stability proof of Slotine and Li remains valid.
 
 P(a_hat) >= P_min / 2 at all times,   V1' = -s'Kd s - c (a_hat - a) . g with c (a_hat - a) . g >= 0,   e -> 0
 """
@@ -18,11 +18,11 @@ import armlet as al
 Array = NDArray[np.float64]
 
 SHARE = 0.2
-"""Of the true bodies, what the least bodies are in most tests: the share of a data sheet that a user trusts."""
+"""Lower bound of the bodies in most tests, relative to the true bodies: the part of a data sheet that a user trusts."""
 
 
 def body(rng: np.random.Generator) -> list[float]:
-    """Six points about a small ball: its pseudo-inertia exceeds that of the least body."""
+    """Parameters of six point masses and a small sphere. The pseudo-inertia exceeds that of the lower bound."""
     phi = np.array([0.1, 0, 0, 0, 0.02, 0, 0.02, 0, 0, 0.02])
     for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
         phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
@@ -35,7 +35,7 @@ def chain(rng: np.random.Generator, n: int) -> al.Arm:
 
 
 def pseudo(pi: Array) -> Array:
-    """(..., 10) -> (..., 4, 4)."""
+    """Pseudo-inertia (..., 4, 4) of parameters (..., 10)."""
     m, hx, hy, hz, xx, xy, yy, xz, yz, zz = np.moveaxis(pi, -1, 0)
     half = (xx + yy + zz) / 2
     rows = [[half - xx, -xy, -xz, hx], [-xy, half - yy, -yz, hy], [-xz, -yz, half - zz, hz], [hx, hy, hz, m]]
@@ -43,7 +43,7 @@ def pseudo(pi: Array) -> Array:
 
 
 def shares(estimate: Array, least: Array) -> Array:
-    """The largest k with P(estimate) >= k P(least), of every body: at least 1/2 where the promise holds."""
+    """For every body, the largest k with P(estimate) >= k P(least). The projection guarantees at least 1/2."""
     inverse = np.linalg.inv(np.linalg.cholesky(pseudo(least.reshape(-1, 10))))
     bodies = inverse @ pseudo(estimate.reshape(*estimate.shape[:-1], -1, 10)) @ np.swapaxes(inverse, -1, -2)
     return np.asarray(np.linalg.eigvalsh(bodies)[..., 0], dtype=np.float64)
@@ -54,7 +54,7 @@ def sinusoid(n: int) -> al.Sinusoid:
 
 
 def gamma_of(form: str, rng: np.random.Generator, p: int) -> Any:
-    """A scalar, or a full matrix that couples all bodies: condition number about 30."""
+    """A scalar gain, or a full matrix that couples all bodies, with a condition number of about 30."""
     if form == "scalar":
         return 0.05
     root = rng.standard_normal((p, p))
@@ -74,30 +74,30 @@ STARTS: dict[str, Callable[[al.Arm], Array | None]] = {
 def test_bodies_stay_possible_and_the_proof_holds(form: str, start: str) -> None:
     rng = np.random.default_rng(31)
     arm = chain(rng, 3)
-    least = SHARE * arm.parameters  # the truth is inside: the proof needs it
+    least = SHARE * arm.parameters  # the proof requires that the true parameters exceed the bound
     gamma, estimate = gamma_of(form, rng, 30), STARTS[start](arm)
     options: dict[str, Any] = {"t_end": 10.0, "method": "dop853", "rtol": 1e-9, "atol": 1e-10, "t_eval": np.linspace(0, 10, 201)}
     motion, q0 = sinusoid(3), [0.5, -0.4, 0.3]
     law = al.Adaptive(arm, motion, 30.0, 10.0, gamma, estimate=estimate, projection=least)
     run = al.simulate(al.RigidArm(arm), law, q0, **options)
     assert run.estimate is not None
-    # The start is inside to rounding, and the layer is never left: its inner edge attracts.
+    # The start is inside, up to rounding. The estimate never leaves the boundary layer, because its inner edge attracts.
     assert np.min(shares(run.estimate[0], least)) > 1.0 - 1e-12
     assert np.min(shares(run.estimate, least)) > 0.5
     assert all(arm.check_parameters(row) for row in run.estimate)
     value, balance = run.monitors["lyapunov"], run.monitors["lyapunov_balance"]
-    # The balance is what the projection has taken; both are monotone up to the integrator's error.
+    # The balance is the energy that the projection has dissipated. Both functions are monotone up to the error of the integrator.
     assert np.all(np.diff(value) < 1e-8) and np.all(np.diff(balance) > -1e-7) and value[-1] < value[0] - 0.1
     error = np.abs(run.q - np.array([motion(t)[0] for t in run.t]))
     assert np.max(error[-20:]) < 0.3 * np.max(error[:20])
-    # It is the projection that does it: without one, the same start is lost.
+    # Without the projection the estimate becomes physically impossible.
     free = al.simulate(al.RigidArm(arm), al.Adaptive(arm, motion, 30.0, 10.0, gamma, estimate=run.estimate[0]), q0, **options)
     assert free.estimate is not None and np.min(shares(free.estimate, least)) < 0.0
     assert balance[-1] > 1e-6
 
 
 def test_inside_the_projection_changes_nothing() -> None:
-    """From the truth with a small gain no body comes near its least: the runs are equal to the bit."""
+    """With a small gain and the true parameters as start, no body approaches its bound. So both runs have equal bits."""
     arm = chain(np.random.default_rng(32), 2)
     runs = []
     for projection in (None, 1e-4):
@@ -108,7 +108,7 @@ def test_inside_the_projection_changes_nothing() -> None:
 
 
 def test_rows_of_a_batch_are_the_single_runs() -> None:
-    """Lanes inside and outside side by side, least bodies that differ from law to law."""
+    """A batch has rows inside and outside of the boundary layer, and laws with different bounds."""
     rng = np.random.default_rng(33)
     arm, trust = chain(rng, 2), rng.uniform(0.2, 0.4, 11)
     starts = rng.uniform(-1.0, 1.0, (11, 1)) * arm.parameters
@@ -118,13 +118,13 @@ def test_rows_of_a_batch_are_the_single_runs() -> None:
     assert batch.estimate is not None
     for i, law in enumerate(laws):
         run = al.simulate(al.RigidArm(arm), law, np.zeros(2), t_end=1.0, dt=1e-4, record_every=500)
-        # Two instruction sets, 1e-12 each on a contracting run. At 1 ms the layer is too stiff for that: it amplifies rounding.
+        # The runs use two instruction sets with errors of 1e-12 each. With steps of 1 ms the stiff boundary layer would amplify rounding.
         np.testing.assert_allclose(batch.estimate[i], np.asarray(run.estimate), rtol=0.0, atol=1e-12)
         assert np.min(shares(batch.estimate[i], least[i])) > 0.5
 
 
 def test_every_kind_of_method_takes_it() -> None:
-    """The rate is Lipschitz: adaptive, implicit (exact Jacobians by duals) and sampled loops run through it."""
+    """The rate is Lipschitz-continuous, so adaptive, implicit (exact Jacobians by dual numbers) and sampled loops can integrate it."""
     arm = chain(np.random.default_rng(34), 2)
     least = SHARE * arm.parameters
     law = al.Adaptive(arm, sinusoid(2), 30.0, 10.0, 0.05, projection=least)
@@ -133,7 +133,7 @@ def test_every_kind_of_method_takes_it() -> None:
         run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, method=method, rtol=1e-8, atol=1e-9)
         assert run.estimate is not None and np.min(shares(run.estimate, least)) > 0.5
         ends[method] = np.concatenate([run.q[-1], run.v[-1], run.estimate[-1]])
-    # Kinks where bodies enter the layer cost the methods some of their order: a hundred tolerances.
+    # Where bodies enter the boundary layer, the rate has kinks that reduce the order. The tolerance is 100 times that of the methods.
     np.testing.assert_allclose(ends["radau5"], ends["dop853"], atol=1e-6)
     np.testing.assert_allclose(ends["rodas4"], ends["dop853"], atol=1e-6)
     run = al.simulate(al.RigidArm(arm), law, [0.5, -0.4], t_end=3.0, dt=1e-3, sample_time=1e-3)
@@ -152,7 +152,7 @@ def test_the_planar_pr_stays_positive_definite() -> None:
     assert np.min(A) > 0.1 and np.min((A - 0.1) * (C - 0.025) - B * B) > 0.0
     value = run.monitors["lyapunov"]
     assert np.all(np.diff(value) < 1e-8) and np.min(np.diff(run.monitors["lyapunov_balance"])) > -1e-8
-    assert run.monitors["lyapunov_balance"][-1] > 1e-6  # it was needed
+    assert run.monitors["lyapunov_balance"][-1] > 1e-6  # the projection was active
     assert np.max(np.abs(run.q[-1] - motion(20.0)[0])) < 1e-2
 
 

@@ -1,8 +1,8 @@
-"""Random problems in bulk for the three planners, judged by checkers that share nothing with them: no limit is broken, nothing that can be
-had is refused, every number is finite.
+"""Many random problems for the three planners, checked by independent code.
 
-`ARMLET_RANDOM_PATHS` sets how many paths, `ARMLET_RANDOM_LINKS` how many one-link problems (`make test-paths CASES=`); strata, counts and
-seed are printed. Paths run in `ARMLET_RANDOM_JOBS` processes.
+No limit is exceeded, no feasible problem is refused, and every number is finite. `ARMLET_RANDOM_PATHS` is the number of paths,
+`ARMLET_RANDOM_LINKS` that of one-link problems (`make test-paths CASES=`). Strata, counts and seed are printed. Paths run in
+`ARMLET_RANDOM_JOBS` processes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PATHS = int(os.environ.get("ARMLET_RANDOM_PATHS", "2000"))
 LINKS = int(os.environ.get("ARMLET_RANDOM_LINKS", "20000"))
 JOBS = int(os.environ.get("ARMLET_RANDOM_JOBS", "1"))
 SEED = int(os.environ.get("ARMLET_RANDOM_SEED", "20220610"))
-#: Failures that are written out.
+#: Largest number of failures that are printed.
 SHOWN = 20
 
 
@@ -64,7 +64,7 @@ def test_random_paths(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 class _Here:
-    """The one process there is, as a pool."""
+    """A replacement for a pool that runs in this process."""
 
     def __enter__(self) -> _Here:
         return self
@@ -79,7 +79,7 @@ class _Here:
 
 @pytest.mark.parametrize("stratum", link_trials.STRATA + friction_trials.STRATA)
 def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
-    # Friction is integrated, and judged by integration: fewer of them.
+    # Problems with friction are solved and checked by integration, which is slow. So there are fewer of them.
     trials, each = (link_trials, LINKS // len(link_trials.STRATA)) if stratum in link_trials.STRATA else (friction_trials, LINKS // 50)
     started, tally, failed = time.monotonic(), Counter[str](), []
     for number in range(max(1, -(-each // trials.SIZE))):
@@ -95,8 +95,8 @@ def test_random_links(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert not failed, f"{len(failed)}: " + "; ".join(failed[:SHOWN])
 
 
-#: Links whose swings back up by 1e-5 rad and less, turn in narrow windows, or are a little faster than a monotone motion that hardly
-#: arrives.
+#: Problems with difficult swings: the back-swing is at most 1e-5 rad, the turning angles are in narrow intervals, or the swing is slightly
+#: faster than a monotone motion near a stall.
 NARROW = [
     [-3.4667431832180107, -2.814124262858684, 10.577386720594172, -109865.70587046185, 94.14145400106368, -40246.14372858033],
     [-3.558150360695536, -3.5488716864023804, 0.005775910979976543, -17460853.818551697, 0.13954319545091431, -189229.8068359863],
@@ -124,12 +124,12 @@ def test_a_minimum_where_one_part_of_its_slope_changes_sign() -> None:
     row = [-3.677040130383208, 2.163386123318384, 0.5554822402005889, 1.0664540638360593, 0.21876016761475417]
     best = al.torque_optimal_time(*row).best
     beside = [al.torque_optimal_time(row[0] + shift, *row[1:]).best.t for shift in (-1e-3, 1e-3)]
-    # T changes by 1e-3 s from one to the other, evenly; it was 0.03 s more between them.
+    # T changes smoothly by 1e-3 s between the neighbouring problems. Once, T of this problem was 0.03 s longer.
     assert best.kind == "back-swing" and abs(best.t - np.mean(beside)) < 1e-5, (best, beside)
 
 
 def test_rules_that_agree_by_chance() -> None:
-    # A stretch of 10 rad: at 1e-12 both rules of a panel missed the same part of it, 1e-10 of the time.
+    # A motion of 10 rad. With tolerance 1e-12, both quadrature rules of a panel had the same error, 1e-10 of the time.
     row = [5.599521593263056, 18.91548469442784, 1.3232613864949951, -0.18523837054913272, 1.688013602722488, -0.5040704951942897]
     tally, failed = link_trials.judge_optima(np.array([row]), np.random.default_rng(1))
     assert not failed and tally["monotone, checked"] == 1, (tally, failed)

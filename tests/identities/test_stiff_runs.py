@@ -1,5 +1,6 @@
-"""Implicit methods in closed loops: steps and errors follow the tolerance for every law and plant, also where springs are stiff and
-tolerances tight; a tolerance that rounding does not allow is named.
+"""Implicit methods in closed loops: steps and errors follow the tolerance for every law and plant.
+
+This includes stiff springs and small tolerances. A tolerance below rounding ends with a status that names a feasible tolerance.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8)
 
 
 def rows(arm: al.Arm, q: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Position and rotation vector of the flange."""
+    """Position and rotation vector of the flange, (6,)."""
     pose = arm.pose(q, "flange")
     return np.concatenate([pose[:3, 3], Rotation.from_matrix(pose[:3, :3]).as_rotvec()])
 
 
 def six_axis(turn: float) -> tuple[al.Plant, al.Law, dict[str, Any]]:
-    """Cartesian impedance in six rows, a target `turn` of each joint away."""
+    """Cartesian impedance with six rows. The joint angles of the target differ by `turn` from those of the start."""
     arm = al.load_urdf(al.example_urdf("six_axis"))
     q_d = np.array([0.3, -0.5, 0.8, 0.2, 0.6, -0.4])
     k = [800.0] * 3 + [40.0] * 3
@@ -89,26 +90,26 @@ def test_steps_and_errors_follow_the_tolerance(name: str, method: str) -> None:
     def run(method: str, rtol: float) -> al.Run:
         return al.simulate(plant, law, **start, t_end=0.1, method=method, rtol=rtol, atol=rtol * 1e-2, t_eval=[0.03, 0.1], monitors=False)
 
-    # Explicit, without derivatives, two digits beyond the finest.
+    # The reference is an explicit method without Jacobians, 100 times more accurate than the smallest tolerance.
     truth = run("dop853", 1e-10).q
     runs = [run(method, rtol) for rtol in TOLERANCES]
     steps = [r.stats["steps"] for r in runs]
     errors = [float(np.abs(r.q - truth).max()) for r in runs]
-    # The error estimates are of order 3: 10^(1/4) = 1.8 times the steps per decade, and half as many again for luck; a Rosenbrock method
-    # with a wrong Jacobian takes 3.2 times per decade.
+    # Error estimates have order 3, so a decade of tolerance takes 10^(1/4) = 1.8 times the steps. 50 % more are allowed. A Rosenbrock
+    # method with a wrong Jacobian takes 3.2 times the steps per decade.
     assert steps[3] < 1.5 * 10**0.75 * steps[0] + 20, (steps, errors)
-    # Per step the error is below the tolerance, and loops that are damped do not raise it.
+    # The error per step is below the tolerance, and damped loops do not amplify it.
     assert all(error < 10.0 * rtol for error, rtol in zip(errors, TOLERANCES, strict=True)), (steps, errors)
-    # Three decades of tolerance are two of the error at the very least, unless it is down at the truth's own.
+    # Three decades of tolerance reduce the error by at least two decades, unless it is as small as the error of the reference.
     assert errors[3] < max(errors[0] / 100.0, 2e-10), (steps, errors)
 
 
-# Springs in N m/rad and reduced motor inertias in kg m^2: motors of 3e4 and 3e5 rad/s.
+# For each level: stiffness, N m/rad, and reduced motor inertia, kg m^2. The motors have natural frequencies of 3e4 and 3e5 rad/s.
 STIFF = {"stiff": (1e5, 1e-4), "very": (1e6, 1e-5)}
 
 
 def motors(level: str, method: str, rtol: float, **more: Any) -> al.Run:
-    """An elastic 2R arm under gravity, drawn to a point against a force, from springs at rest."""
+    """A run of an elastic 2R arm under gravity and a force. An impedance law moves it to a point; the springs are relaxed at the start."""
     k, b0 = STIFF[level]
     arm = al.planar_arm([0.5, 0.5], masses=[2.0, 2.0], coms=[0.25, 0.25], inertias=[0.05, 0.05], gravity=(0.0, -9.81))
     law = al.ElasticImpedance(
@@ -119,14 +120,14 @@ def motors(level: str, method: str, rtol: float, **more: Any) -> al.Run:
     return al.simulate(al.ElasticArm(arm, [k] * 2, [0.5] * 2), law, q0, theta0=q0, method=method, rtol=rtol, **keywords)
 
 
-# Steps of either method at rtol 1e-8; ten times the accuracy takes 1.8 times as many.
+# Largest numbers of steps at rtol 1e-8. Ten times the accuracy takes 1.8 times as many.
 @pytest.mark.parametrize(("method", "steps"), [("radau5", 1500), ("rodas4", 2500)])
 @pytest.mark.parametrize("level", STIFF)
 def test_tight_tolerances_are_met_where_springs_are_stiff(level: str, method: str, steps: int) -> None:
     truth = motors(level, "radau5", 1e-11).q
     for decade, rtol in ((0, 1e-8), (1, 1e-9), (2, 1e-10)):
         run = motors(level, method, rtol)
-        # RODAS loses an order in the transient of motors: 2.9 times as many steps per decade.
+        # RODAS loses an order in the transient of motors: a decade takes 2.9 times as many steps.
         assert run.stats["steps"] < steps * 3.0**decade, rtol
         assert run.stats["rejections"] < 0.05 * run.stats["steps"], rtol
         assert np.abs(run.q - truth).max() < 100.0 * rtol, rtol
@@ -141,14 +142,14 @@ def test_a_tolerance_below_rounding_is_refused_with_one_that_can_be_met(method: 
     named = re.search(r"expected at least rtol = (\S+) and atol = (\S+), got 1e-14 and 1e-17", str(error))
     assert named
     rtol, atol = map(float, named.groups())
-    # What is named is no tighter than what was measured, and no looser than what these springs allow.
+    # The named tolerance is not below the smallest feasible one, and not larger than these springs require.
     assert 1e-14 < rtol < 1e-9
     run = motors("stiff", method, rtol, atol=atol, t_end=0.5, t_eval=[0.5])
     assert run.status is al.Status.SUCCESS
 
 
 def test_advice_fits_the_method() -> None:
-    """Along a switch no method gets ahead: only an explicit one is told of the stiff ones."""
+    """At a switching surface no method proceeds. Only explicit methods receive the advice to use a stiff one."""
 
     def switch(t: float, y: Any) -> Any:
         return [-1.0 if y[0] > 0.0 else 1.0]

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 PLANAR = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], coms=[0.25, 0.2], inertias=[0.0625, 0.027])
 SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
-# Where M_x is defined, it and its factors have condition numbers below 1e5: that many roundings of the largest term.
+# Where M_x is defined, it and its factors have condition numbers below 1e5. The tolerance is this multiple of rounding of the largest term.
 TOLERANCE = 1e-9
 
 
@@ -35,7 +35,7 @@ def holds(run: Any) -> None:
 @pytest.mark.parametrize("n", [2, 3, 4, 7])
 @pytest.mark.parametrize("axes", ["xy", "y", "x rz"])
 def test_planar_arms_obey_their_target_model(n: int, axes: str) -> None:
-    """Square and redundant, with full gains and a force that moves."""
+    """The target model is valid for square and redundant arms, full gain matrices and a changing force."""
     rng = np.random.default_rng([n, len(axes)])
     arm, frame = al.planar_arm(rng.uniform(0.3, 0.6, n)), f"link{n}"
     m = len(axes.replace("rz", "r").replace(" ", ""))
@@ -59,7 +59,7 @@ def test_a_pose_and_a_wrench_at_another_frame() -> None:
 
 
 def test_the_monitors_are_what_they_say() -> None:
-    """Against the equation with the printed `S_x = J^-T C J^-1 - M_x J-dot J^-1` of a square `J`, and `x''` by the plant's acceleration."""
+    """The monitors equal the equation with `S_x = J^-T C J^-1 - M_x J-dot J^-1`, `J` square, and `x''` from the plant's acceleration."""
     K_m, D_m, x_d, F = np.array([300.0, 200.0]), np.array([40.0, 30.0]), np.array([0.6, 0.4]), np.array([10.0, -15.0])
     law = al.CartesianImpedance(PLANAR, x_d, K_m, D_m, frame="link2", axes="xy")
     run = al.simulate(al.RigidArm(PLANAR), law, [0.3, 1.2], t_end=1.0, dt=1e-2, force=F)
@@ -72,13 +72,13 @@ def test_the_monitors_are_what_they_say() -> None:
         a = PLANAR.forward_dynamics(q, v, tau, wrench=[*F, 0.0, 0.0, 0.0, 0.0], wrench_frame="link2")
         x, x_dot, x_ddot = PLANAR.position(q, "link2")[:2], J @ v, J @ a + J_dot @ v
         terms = np.array([M_x @ x_ddot, S_x @ x_dot, D_m * x_dot, K_m * (x - x_d), F])
-        # A few dozen products of numbers below 100.
+        # The tolerance covers a few dozen products of numbers below 100.
         assert abs(run.monitors["target"][k] - np.abs(terms).max()) < 1e-11
         assert np.abs(terms[:4].sum(axis=0) - F).max() < 1e-11
 
 
 def test_a_wrong_model_shows() -> None:
-    """The law compensates the gravity of a lighter arm: the tip obeys another equation, by the missing force."""
+    """The law compensates the gravity of a lighter arm. So the residual of the target model is the missing force."""
     lighter = PLANAR.with_parameters(0.9 * PLANAR.parameters)
     law = al.CartesianImpedance(lighter, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy")
     run = al.simulate(al.RigidArm(PLANAR), law, [0.3, 1.2], t_end=0.1, dt=1e-3)
@@ -124,7 +124,7 @@ def test_rows_of_a_batch_have_the_monitors_of_their_runs() -> None:
     for row, (law, force) in enumerate(zip(laws, forces, strict=True)):
         run = al.simulate(al.RigidArm(PLANAR), law, q0, force=force, **options)
         for name in ("target", "target_balance"):
-            # The states of a row and of a run alone differ by roundings.
+            # A batch and a single run differ by rounding.
             np.testing.assert_allclose(batch.monitors[name][row], run.monitors[name], rtol=1e-9, atol=1e-10)
 
 
@@ -140,7 +140,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def redundant(axes: str, options: dict[str, Any], *, moves: bool, eps: float | None = None) -> al.CartesianImpedance:
-    """Of the arm of seven axes about its start, or towards a place nearby."""
+    """An impedance law of the seven-axis arm. Its target is the start, or, if `moves`, a motion to a position nearby."""
     m = 3 if axes == "xyz" else 6
     given = dict(options)
     if "nullspace" in given:
@@ -157,7 +157,10 @@ def redundant(axes: str, options: dict[str, Any], *, moves: bool, eps: float | N
 @pytest.mark.parametrize("axes", ["xyz", "xyz rx ry rz"])
 @pytest.mark.parametrize("options", OPTIONS)
 def test_options_of_redundant_arms_keep_a_target_model(options: str, axes: str) -> None:
-    """`F` with the wrenches of the options; with the coupling compensated `M_x (x'' - x_d'')` without `S_x x'`."""
+    """The target model includes the wrenches of the options in `F`.
+
+    With compensated coupling it is `M_x (x'' - x_d'')` without `S_x x'`.
+    """
     plant = al.RigidArm(SEVEN)
     own: dict[str, Any] = {"force": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3][: 3 if axes == "xyz" else 6]}
     for force in (own, {"force": [5.0, 1.0, 2.0, 0.0, 0.5, 0.0], "force_frame": SEVEN.frame_names[4]}):
@@ -169,7 +172,7 @@ def test_options_of_redundant_arms_keep_a_target_model(options: str, axes: str) 
 
 
 def test_what_the_model_has_of_the_options() -> None:
-    """One instant of each by hand: the law's own terms, and `x''` by the acceleration of the plant."""
+    """The model is checked at one time with the law's terms and with `x''` from the acceleration of the plant."""
     for options in OPTIONS.values():
         law = redundant("xyz", options, moves=True)
         run = al.simulate(al.RigidArm(SEVEN), law, Q0, t_end=0.1, dt=1e-3)
@@ -186,7 +189,7 @@ def test_what_the_model_has_of_the_options() -> None:
         F = np.full(3, options.get("feedforward", 0.0)) + (run.estimate[70] if run.estimate is not None else 0.0)
         F = F + M_x @ spread @ parts.get("null_torque", np.zeros(7))
         terms = np.array([M_x @ (x_ddot - second * coupled), S_x_dot, 40.0 * (J @ v - rate), 400.0 * (SEVEN.position(q, "tcp") - x_d), F])
-        # Products of matrices of condition 1e3.
+        # The tolerance covers products of matrices with condition number 1e3.
         assert np.abs(terms[:4].sum(axis=0) - F).max() < 1e-9
         assert run.monitors["target"][70] == pytest.approx(np.abs(terms).max(), abs=1e-9)
 
@@ -200,7 +203,7 @@ def law_target(law: al.CartesianImpedance, t: float) -> tuple[Array, Array, Arra
 
 
 def test_limits_and_losses_end_the_model() -> None:
-    """With limits there is none. Where the clamp acts the model is not defined, and the loss is recorded."""
+    """A law with limits has no target model. Where the clamp acts, the model is not defined, and the loss is recorded."""
     plant = al.RigidArm(SEVEN)
     limited = redundant("xyz", OPTIONS["consistent"] | {"wrench_max": 500.0}, moves=False)
     run = al.simulate(plant, limited, Q0, t_end=0.01, dt=1e-3)
@@ -208,14 +211,17 @@ def test_limits_and_losses_end_the_model() -> None:
     law = redundant("xyz", OPTIONS["coupling"], moves=False, eps=0.9)
     run = al.simulate(plant, law, Q0, t_end=0.05, dt=1e-3)
     assert (run.monitors["loss"] > 0.0).all() and not run.monitors["target"].any()
-    # The residual is that of the clamp where it is not told of it: a smaller eps on the same states has another torque.
+    # The clamp changes the torque: a law with smaller eps has another torque in the same state.
     exact = redundant("xyz", OPTIONS["coupling"], moves=False)
     assert np.abs(law(0.0, run.q[-1], run.v[-1]) - exact(0.0, run.q[-1], run.v[-1])).max() > 1e-3
 
 
 @pytest.mark.parametrize("projection", ["consistent", "static"])
 def test_the_loss_along_a_run(projection: str) -> None:
-    """The target leaves the workspace: the arm stretches, and the record of the loss is that of the law's terms, single and in batches."""
+    """The target leaves the workspace, so the arm stretches.
+
+    The recorded loss equals that of the law's terms, in single runs and batches.
+    """
     start = SEVEN.position(Q0, "tcp")
     out = al.Quintic(start, start + 1.5 * (start - np.array([0.0, 0.0, 0.3])), 0.5)
     posture = al.NullSpace(Q0, 30.0, 12.0, projection=projection)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""What theory promises of tasks in priority on arms: rates, closed loops through singularities, positions found."""
+"""Theorems about tasks in priority: rates, closed loops through singularities, inverse kinematics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HOME = np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
 
 
 def table(arm: al.Arm, frame: str, middle: Array, half: Array, duration: float, count: int) -> al.Table:
-    """The path of a frame while the joints go straight from middle - half to middle + half."""
+    """The motion of a frame if the joints move on a straight line from middle - half to middle + half."""
     rate = 2.0 * half / duration
     rows: list[tuple[Array, Array, Array]] = []
     for share in np.linspace(-1.0, 1.0, count):
@@ -39,7 +39,7 @@ def table(arm: al.Arm, frame: str, middle: Array, half: Array, duration: float, 
 
 @pytest.mark.parametrize("case", PATHS, ids=lambda case: case["id"])
 def test_closed_loops_pass_through_singularities(case: dict[str, Any]) -> None:
-    """Both tips follow what a straight joint path through the singularity would do."""
+    """Both tips track the motion that results from a straight joint path through the singularity."""
     given = case["input"]
     L, middle, half = given["L"], np.array(given["q_mid"], dtype=float), np.array(given["q_half"], dtype=float)
     eps = [given["eps1_over_L"] * L, given["eps2_over_L"] * L]
@@ -52,19 +52,19 @@ def test_closed_loops_pass_through_singularities(case: dict[str, Any]) -> None:
         sigma = np.array([np.linalg.svd(arm.jacobian(q, "link4")[:2], compute_uv=False)[-1] for q in run.q])
         regular = sigma >= eps[0]
         assert regular.all()
-        # Exact in the command, and in the closed loop up to the integrator (kinks of the map, order 1 to 2 in dt).
+        # The map is exact. The closed loop is exact up to the integrator, whose order at kinks of the map is 1 to 2 in dt.
         assert run.monitors["residual_1"].max() <= 1e-12 * (1 + np.abs(run.v).max())
         assert run.monitors["error_1"].max() <= 1e-5 * L
         speed = np.linalg.norm(run.v, axis=1)
-        # 1/eps1 of what the primary asks, then 1/eps2 of what is left of the secondary.
+        # The bound is 1/eps1 times the primary command, then 1/eps2 times the remaining secondary command.
         assert np.isfinite(speed).all() and speed.max() <= 10.0 / eps[1]
         steps.append(np.linalg.norm(np.diff(run.v, axis=0), axis=1).max())
-    # A jump would stay as it is when the step is halved.
+    # If the velocity jumped, half the step would not halve the differences.
     assert steps[1] <= 0.75 * steps[0]
 
 
 def test_errors_decay_with_their_gains() -> None:
-    """e' = -K e exactly where nothing is lost: after t all that is left of each row is exp(-k t)."""
+    """Where no direction is lost, e' = -K e exactly. After the time t each row of the error is multiplied by exp(-k t)."""
     arm = al.planar_arm([0.6, 0.5, 0.4, 0.3, 0.2])
     gain = np.array([3.0, 1.0])
     tasks = [al.Task("link5", "xy", [1.2, 0.5], gain), al.Task("link3", "x", [0.9], 2.0)]
@@ -72,7 +72,7 @@ def test_errors_decay_with_their_gains() -> None:
     q0 = [0.3, 0.4, -0.6, 0.5, 0.4]
     run = al.simulate(al.VelocityArm(arm), law, q0, t_end=1.0, method="dop853", t_eval=[0.0, 1.0])
     start, end = [np.concatenate(law.terms(0.0, q, np.zeros(5))["e"]) for q in (run.q[0], run.q[-1])]
-    # rtol 1e-8, atol 1e-10 of the integrator, and one order of growth.
+    # The tolerance covers rtol 1e-8 and atol 1e-10 of the integrator, amplified ten times.
     np.testing.assert_allclose(end, start * np.exp(-np.array([*gain, 2.0])), rtol=1e-7, atol=1e-9)
 
 
@@ -90,7 +90,7 @@ def test_every_kind_of_task_is_reached(method: str) -> None:
         run = al.simulate(al.VelocityArm(SEVEN), law, HOME, t_end=6.0, dt=0.02)
         for level in range(len(tasks)):
             errors = run.monitors[f"error_{level + 1}"]
-            # exp(-24) of at most a few; chiaverini only promises the first level, and no growth below.
+            # The errors have decayed by exp(-24). chiaverini guarantees this only for the first level, and no growth of other levels.
             bound = max(errors[0], 1e-6) if method == "chiaverini" and level else 1e-8 + 1e-6 * level
             assert errors[-1] <= bound, (method, level)
 
@@ -105,7 +105,7 @@ def test_joint_limits_are_left_alone_and_left() -> None:
     after = law.terms(0.0, run.q[-1], np.zeros(7))["e"][1]
     assert np.count_nonzero(before) >= 1
     assert np.abs(after).max() < 0.9 * np.abs(before).max()
-    # The point stays where it is while the arm moves around it: rk4 of a map with kinks.
+    # The point is fixed while the arm moves around it. The error is that of rk4 for a map with kinks.
     assert run.monitors["error_1"].max() <= 1e-6
 
 
@@ -118,7 +118,7 @@ def test_two_arms_hold_a_distance_while_one_moves() -> None:
     tasks = [al.RelativeTask(left, right, "xz", between[[0, 2]], 10.0), al.Task(right, "xz", al.Quintic(start, goal, 1.0), 10.0)]
     law = al.PriorityVelocity(TWO, tasks)
     run = al.simulate(al.VelocityArm(TWO), law, q0, t_end=2.0, dt=0.01, check_limits=False)
-    # The integrator's error of a smooth motion, kept down by the gain.
+    # The error is that of the integrator for a smooth motion; the gain keeps it small.
     assert run.monitors["error_1"].max() <= 1e-6
     assert run.monitors["error_2"][-1] <= 1e-6
 
@@ -134,7 +134,7 @@ def test_sns_stays_within_the_bounds() -> None:
 
 
 def test_accelerations_in_priority_move_rigid_arms() -> None:
-    """Both levels converge, the primary as e'' + D e' + K e = 0 says, whatever the arm's dynamics."""
+    """Both levels converge, the primary according to e'' + D e' + K e = 0, for any dynamics of the arm."""
     arm = al.planar_arm([0.5, 0.4, 0.3, 0.2])
     q0, k = np.array([0.3, 0.8, -0.4, 0.6]), 25.0
     law = al.PriorityAcceleration(arm, [al.Task("link4", "xy", [0.5, 0.7], k), al.Task("link2", "y", [0.4], k)], "exact")
@@ -143,7 +143,7 @@ def test_accelerations_in_priority_move_rigid_arms() -> None:
     decay = (1 + 5.0 * run.t) * np.exp(-5.0 * run.t)  # critical damping from rest, D = 2 K^1/2
     for i, t in enumerate(run.t):
         e = law.terms(t, run.q[i], run.v[i])["e"]
-        # rtol 1e-8 of the integrator over 3 s.
+        # The tolerance covers rtol 1e-8 of the integrator over 3 s.
         np.testing.assert_allclose(e[0], start["e"][0] * decay[i], rtol=0, atol=1e-6)
     assert abs(law.terms(3.0, run.q[-1], run.v[-1])["e"][1]).max() <= 1e-4
     terms = law.terms(0.4, q0, [0.2, -0.4, 0.3, 0.1])
@@ -156,7 +156,7 @@ def test_self_motions_come_to_rest() -> None:
     arm = al.planar_arm([0.5, 0.4, 0.3])
     law = al.PriorityAcceleration(arm, [al.Task("link3", "x", [0.6], 50.0)], joint_damping=4.0)
     run = al.simulate(al.RigidArm(arm), law, [0.3, 0.8, 0.4], v0=[0.5, -1.0, 0.7], t_end=6.0, dt=5e-3)
-    # exp(-4 * 6) = 4e-11 of what no task sees.
+    # Motion that no task controls has decayed by exp(-4 * 6) = 4e-11.
     assert np.abs(run.v[-1]).max() <= 1e-6
 
 
@@ -181,7 +181,7 @@ def test_a_solver_of_an_arm_is_the_solver_of_its_jacobians(method: str) -> None:
 
 
 def test_positions_are_found_within_the_limits() -> None:
-    """Random poses that the arm can reach, from random starts; the restarts are seeded."""
+    """The targets are random reachable poses, and the starts are random. Restarts use a fixed seed."""
     rng = np.random.default_rng(7)
     low, high = LIMITS
     found = []
@@ -193,14 +193,14 @@ def test_positions_are_found_within_the_limits() -> None:
         tasks = [al.Task(TOOL, "xyz", X[:3, 3]), al.Task(TOOL, "rx ry rz", vector)]
         answer = al.inverse_kinematics(SEVEN, tasks, rng.uniform(low, high, 7))
         if answer:
-            # The tolerance is 1e-9 on both errors; the rotation was rebuilt here with eps/sin(angle).
+            # Both errors are below 1e-9. The rotation is computed here with an error of eps/sin(angle).
             np.testing.assert_allclose(SEVEN.pose(answer.q, TOOL), X, atol=1e-7)
         found.append(bool(answer))
     assert np.mean(found) >= 0.98
 
 
 def test_a_mirrored_arm_is_searched_as_the_arm() -> None:
-    """Joint angles of the other sign: what holds at an upper limit holds at a lower one."""
+    """The arm and its mirror image have opposite joint angles. So the search must treat upper and lower limits equally."""
     low, high = np.array([-0.6, -0.4, -0.3]), np.array([3.0, 3.0, 3.0])
 
     def arm(low: Any, high: Any) -> al.Arm:
@@ -220,5 +220,6 @@ def test_a_mirrored_arm_is_searched_as_the_arm() -> None:
         ]
         same += bool(np.allclose(found[0].q, -found[1].q, rtol=0.0, atol=1e-6)) and found[0].iterations == found[1].iterations
         at_limits += bool((found[0].q == low).any())
-    # 95 of 100: rounding is not mirrored, and decides a few long searches. With lower limits that do not hold it is 33.
+    # 95 of 100 searches are equal. A few long ones differ, because rounding is not symmetric. If lower limits had no effect, 33 would be
+    # equal.
     assert same >= 85 and at_limits > 0, (same, at_limits)

@@ -2,7 +2,7 @@
 
     jump of u at a grid point, both of whose neighbouring segments follow the same limit:  O(h^3) on a speed limit, O(h^2) on others
 
-The active limit is the one that is nearest in the middle of a segment. The torques are those of the reference.
+The active limit is the limit with the largest relative value in the middle of a segment. The reference computes the torques.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ LINKS = [0.5, 0.4]
 ARM, CHECKER = al.planar_arm(LINKS), ref.planar_arm(LINKS)
 Q = np.array([[0.0, 0.0], [0.5, 0.8], [1.2, 0.3]])
 TAU = np.array([20.0, 8.0])
-# How near to its limit the active one is in the middle of a segment; the settled grid leaves some 1e-5.
+# Relative distance to the active limit in the middle of a segment. On the final grid it is about 1e-5.
 ACTIVE = 1e-3
 PROMISE = 1e-9
 
 
 def used(p: al.TimedPath, t: np.ndarray, limits: dict[str, Any]) -> np.ndarray:
-    """The shares of all limits at the times t, (T, limits)."""
+    """Relative values of all limits at the times t, (T, limits)."""
     q, v, a = p(t)
     parts = [np.abs(CHECKER.inverse_dynamics(q, v, a)) / limits["tau_max"]] if "tau_max" in limits else []
     if "v_max" in limits:
@@ -43,7 +43,7 @@ def used(p: al.TimedPath, t: np.ndarray, limits: dict[str, Any]) -> np.ndarray:
 
 
 def jumps(p: al.TimedPath, limits: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Jumps of the torques (K, n) at the grid points whose four nearest segments follow one limit, and which limit it is (K,)."""
+    """Torque jumps (K, n) at grid points whose four nearest segments have one active limit, and the index of this limit (K,)."""
     middles = used(p, 0.5 * (p.t[1:] + p.t[:-1]), limits)
     active = np.where(middles.max(axis=1) > 1.0 - ACTIVE, middles.argmax(axis=1), -1)
     steps = np.diff(p.s)
@@ -51,7 +51,7 @@ def jumps(p: al.TimedPath, limits: dict[str, Any]) -> tuple[np.ndarray, np.ndarr
     even = np.isclose(np.roll(steps, 1), steps, rtol=1e-6)
     inner = np.arange(2, active.size - 1)
     chosen = inner[(np.ptp(np.stack(near), axis=0) == 0)[inner] & (active[inner] >= 0) & even[inner]]
-    # So short that the motion itself turns by less than 1e-6 of the torque.
+    # The time difference is so short that the motion itself changes the torque by less than 1e-6.
     aside = 1e-8 * p.duration
     before, after = (CHECKER.inverse_dynamics(*p(p.t[chosen] + side * aside)) for side in (-1.0, 1.0))
     return np.abs(after - before), active[chosen]
@@ -70,9 +70,9 @@ CASES: dict[str, tuple[dict[str, Any], set[int]]] = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_active_limit_is_followed(name: str) -> None:
-    """At most 0.02 N m where a limit of torque is 8 N m; a constant path acceleration on each segment leaves 0.25 N m on a speed limit.
+    """With a torque limit of 8 N m a jump is at most 0.02 N m. Constant path acceleration on a speed limit would give 0.25 N m.
 
-    On a limit of the tip's speed, which is low here, that is 0.003 N m.
+    On a limit of the tip's speed, which is small here, it would give only 0.003 N m.
     """
     limits, expected = CASES[name]
     p = al.time_path(ARM, Q, **limits)
@@ -96,10 +96,10 @@ ARMS = {name: al.load_urdf(al.example_urdf(name)) for name in ("six_axis", "seve
 
 @pytest.mark.parametrize("name", ARMS)
 def test_torque_on_a_speed_limit_of_other_arms(name: str) -> None:
-    """The largest jump of a torque at grid points on one joint's speed limit, in parts of the largest torque of the motion.
+    """The largest jump of a torque at grid points on the speed limit of one joint, relative to the largest torque of the motion.
 
-    It is at most 1e-3 where the four nearest segments are on that limit to 5e-6. Beside a switch the speed comes to its limit within some
-    segments: where they are on it to 1e-3, three jumps in a hundred may be above 5e-3.
+    It is at most 1e-3 where the four nearest segments are on this limit to 5e-6. Near a switch the speed approaches its limit over some
+    segments. Where they are on it to 1e-3, three of 100 jumps may exceed 5e-3.
     """
     arm = ARMS[name]
     for seed in range(3):
@@ -123,30 +123,30 @@ def test_torque_on_a_speed_limit_of_other_arms(name: str) -> None:
 
 
 def test_speed_limits_that_vary() -> None:
-    """A limit that is linear between waypoints is followed as a constant one is."""
+    """A limit that is linear between waypoints is followed as accurately as a constant limit."""
     limits = {"tau_max": TAU, "v_max": np.array([[4.0, 4.0], [2.0, 2.0], [0.5, 0.5]])}
     p = al.time_path(ARM, Q, **limits)
     knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(Q, axis=0), axis=1))])
     middle = 0.5 * (p.s[1:] + p.s[:-1])
-    # The middle in s is that in time up to the change of speed in a segment.
+    # The middle in s is the middle in time, up to the change of speed in a segment.
     here = np.stack([np.interp(middle, knots / knots[-1], column) for column in limits["v_max"].T], axis=1)
     share = np.abs(p(0.5 * (p.t[1:] + p.t[:-1]))[1] / here).max(axis=1)
     inner = np.arange(2, share.size - 1)
     on = np.stack([np.roll(share, k) for k in (2, 1, 0, -1)])[:, inner].min(axis=0) > 1.0 - ACTIVE
     at = p.t[inner[on]]
     before, after = (CHECKER.inverse_dynamics(*p(at + side * 1e-8 * p.duration)) for side in (-1.0, 1.0))
-    # One switch between joints may be among them.
+    # The jumps may include one at a switch between joints.
     assert at.size > 50 and np.sort(np.abs(after - before).max(axis=1))[-10] <= 0.02
 
 
 def test_the_grid_and_the_jumps() -> None:
-    """Half the step leaves an eighth of the jump on a smooth speed limit, and the time falls."""
+    """Half the step reduces the jump on a smooth speed limit to an eighth, and does not increase the duration."""
     largest, durations = [], []
     for grid in (201, 401):
         p = al.time_path(ARM, Q, tau_max=TAU, v_max=2.0, grid=grid, refine=False)
         found, which = jumps(p, {"tau_max": TAU, "v_max": 2.0})
         largest.append(np.median(found[which == 3].max(axis=1)))
         durations.append(p.duration)
-    # With a constant path acceleration a half is left.
+    # With constant path acceleration the factor would be one half.
     assert largest[1] <= 0.25 * largest[0], largest
     assert durations[1] <= durations[0]

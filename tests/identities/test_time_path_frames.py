@@ -3,7 +3,8 @@
     one link of length L, |tip acceleration| <= A:   theta'' = 1/2 d(theta'^2)/dtheta,   L^2 (theta''^2 + theta'^4) = A^2
     theta'^2 = A/L sin 2 theta up to theta = pi/4, then theta'^2 = A/L;   T = B(1/4, 1/2)/2 sqrt(L/A) + (angle - pi/2) sqrt(L/A)
 
-The judge has the origin's velocity and acceleration from the reference's Jacobians, by complex steps, and from differences of positions.
+The checks compute velocity and acceleration of the origin from the reference's Jacobians, by complex steps, and by differences of
+positions.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ PROMISE = 1e-9
 
 
 def problem(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Waypoints, and torques that hold the arm all along with something to spare."""
+    """Random waypoints, and torque limits that can hold the arm along the whole path with a margin."""
     q = rng.uniform(-1.5, 1.5, (rng.integers(2, 6), 3))
     path = timing.cubic_spline(timing.positions(q), q)
     held = np.abs(CHECKER.gravity(path(np.linspace(0.0, 1.0, 400))[0])).max(axis=0)
@@ -42,7 +43,7 @@ def origin(p: al.TimedPath, t: np.ndarray, frame: str) -> tuple[np.ndarray, np.n
 
 
 def test_random_paths_keep_to_the_limits_of_a_frame() -> None:
-    """At random times and beside grid points; the rounding of the judge is some 1e-13."""
+    """The limits are respected at random times and near grid points. The rounding error of the check is about 1e-13."""
     rng = np.random.default_rng(24)
     active = []
     for case in range(CASES):
@@ -63,25 +64,25 @@ def test_random_paths_keep_to_the_limits_of_a_frame() -> None:
         tau, rounding = timing.torques(CHECKER, *p(t), 0.0 if friction is None else friction)
         assert timing.excess(tau, tau_max, rounding) <= PROMISE, case
         active.append(np.mean(np.maximum(np.max(used, axis=0), np.abs(tau / tau_max).max(axis=1)) > 0.98))
-    # The fastest timing is on some limit nearly everywhere.
+    # The fastest timing has an active limit nearly everywhere.
     assert np.median(active) > 0.95
 
 
 def test_differences_of_positions() -> None:
-    """What a camera would see: speeds and accelerations of the tip from positions alone."""
+    """Speed and acceleration of the tip are computed by differences of positions only."""
     q = [[0.0, 0.3, 0.2], [0.9, -0.4, 0.5], [0.2, 0.8, -0.6]]
     p = al.time_path(ARM, q, tau_max=[60.0, 30.0, 10.0], tip_speed=0.5, tip_acceleration=2.0, frame="link3")
     t, h = np.linspace(0.01, 0.99, 3001) * p.duration, 1e-4
     behind, here, ahead = (CHECKER.position(p(t + k * h)[0], "link3") for k in (-1.0, 0.0, 1.0))
     speed = np.linalg.norm(ahead - behind, axis=1) / (2 * h)
     acceleration = np.linalg.norm(ahead - 2 * here + behind, axis=1) / h**2
-    # Means over 2e-4 s; positions are rounded to some 1e-16, over 1e-8 s^2.
+    # Differences over 2e-4 s. Positions have rounding errors of 1e-16, divided by 1e-8 s^2.
     assert speed.max() <= 0.5 * (1 + 1e-6) and acceleration.max() <= 2.0 * (1 + 1e-6)
     assert speed.max() > 0.499 and acceleration.max() > 1.99
 
 
 def test_a_link_on_its_circle() -> None:
-    """Closed form of the least time; the error of the grid is some 1e-4."""
+    """The minimum time equals its closed form. The error of the grid is about 1e-4."""
     length, most = 0.7, 3.0
     arm = al.planar_arm([length], gravity=(0.0, 0.0))
     beta = math.gamma(0.25) * math.gamma(0.5) / math.gamma(0.75)
@@ -89,12 +90,12 @@ def test_a_link_on_its_circle() -> None:
         p = al.time_path(arm, [[0.0], [angle]], tip_acceleration=most, frame="link1")
         least = math.sqrt(length / most) * (0.5 * beta + angle - math.pi / 2)
         assert p.feasible and p.duration == pytest.approx(least, rel=2e-4)
-        # The speed that the centripetal acceleration alone allows.
+        # The largest speed is the one at which the centripetal acceleration alone reaches its limit.
         assert p.s_dot.max() * angle == pytest.approx(math.sqrt(most / length), rel=1e-5)
 
 
 def test_a_slide() -> None:
-    """The origin of a slide moves as its joint: bang-bang, and a trapezoid under a limit of speed."""
+    """The origin of a prismatic joint moves like its joint: bang-bang, and a trapezoid under a speed limit."""
     arm = al.Arm.from_chain([{"type": "P", "axis": [1, 2, 2], "rpy": [0, 0, 0], "xyz": [0, 0, 0], "phi": [1.0] + [0.0] * 9}])
     p = al.time_path(arm, [[0.0], [2.0]], tip_acceleration=2.0, frame="link1")
     assert p.duration == pytest.approx(2.0, rel=1e-9)
@@ -103,7 +104,7 @@ def test_a_slide() -> None:
 
 
 def test_a_joint_limit_and_the_same_limit_of_the_tip() -> None:
-    """For one link |tip speed| = L |v|, and both plans have the same time."""
+    """For one link |tip speed| = L |v|, so both limits give the same time."""
     arm = al.planar_arm([0.5])
     q = [[0.0], [1.0], [0.2]]
     joint = al.time_path(arm, q, tau_max=10.0, v_max=1.2)
@@ -112,7 +113,7 @@ def test_a_joint_limit_and_the_same_limit_of_the_tip() -> None:
 
 
 def test_limits_that_vary_along_the_path() -> None:
-    """Linear between waypoints; repeated waypoints have the least of theirs."""
+    """Limits are linear between waypoints. Repeated waypoints have the smallest of their limits."""
     rng = np.random.default_rng(25)
     for case in range(CASES):
         q, tau_max = problem(rng)
@@ -123,7 +124,7 @@ def test_limits_that_vary_along_the_path() -> None:
         assert p.feasible and p.margin >= -PROMISE, (case, p.reason)
         t = rng.uniform(0.0, p.duration, 800)
         motion = p(t)
-        # Where the motion is: s from the time by bisection on the path's own positions.
+        # The path position at a time: s is found by bisection on the positions of the path.
         s = positions_at(p, t)
         knots = timing.positions(q)
         at = [np.stack([np.interp(s, knots, column) for column in limit.T], axis=1) for limit in (tau, v_max, a_max)]
@@ -138,7 +139,7 @@ def test_limits_that_vary_along_the_path() -> None:
 
 
 def positions_at(p: al.TimedPath, t: np.ndarray) -> np.ndarray:
-    """Path positions at the times t, from the path speed on the grid: exact to the bend of s within a segment."""
+    """Path positions at the times t, computed from the path speed on the grid. The error is the curvature of s within a segment."""
     low, high = np.zeros_like(t), np.ones_like(t)
     i = np.clip(np.searchsorted(p.t, t, side="right") - 1, 0, p.t.size - 2)
     low, high = p.s[i], p.s[i + 1]
@@ -153,7 +154,7 @@ def positions_at(p: al.TimedPath, t: np.ndarray) -> np.ndarray:
 
 
 def test_constant_limits_in_every_form() -> None:
-    """The same limit as a number, at every waypoint, and as a function of s: the same least time."""
+    """A limit as a number, as values at every waypoint, and as a function of s gives the same minimum time."""
     q = np.array([[0.0, 0.3, 0.2], [0.9, -0.4, 0.5], [0.2, 0.8, -0.6], [0.0, 0.0, 0.0]])
     tau_max, v_max = np.array([60.0, 30.0, 10.0]), np.array([2.0, 1.5, 3.0])
     plain = al.time_path(ARM, q, tau_max=tau_max, v_max=v_max)
@@ -177,7 +178,10 @@ def test_torque_rate_with_all_limits() -> None:
 
 
 def test_position_limits_between_waypoints() -> None:
-    """The waypoints are inside, the spline is not: the place is that of the extremum; dense samples miss it by some 1e-7."""
+    """The waypoints are within the limits, the spline is not.
+
+    The reported position is the extremum. Dense samples miss it by about 1e-7.
+    """
     rng = np.random.default_rng(27)
     refused = 0
     for _ in range(200):
@@ -204,7 +208,7 @@ def test_position_limits_between_waypoints() -> None:
 
 
 def test_position_limits_of_quintic_pieces() -> None:
-    """A callable with derivatives: the extrema of polynomials of degree five."""
+    """A callable path with derivatives: the extrema are those of polynomials of degree five."""
     arm = al.planar_arm([0.5, 0.4])
 
     def whole(s: float) -> Any:
@@ -217,7 +221,7 @@ def test_position_limits_of_quintic_pieces() -> None:
 
 
 def test_a_path_on_its_limit() -> None:
-    """A joint that stands on its limit, or begins and ends there, is inside it."""
+    """A joint that is constant at its limit, or that starts and ends there, is within it."""
     arm = al.planar_arm([0.5, 0.4])
     assert al.time_path(arm, [[0.1, 0.2], [0.1, 0.9]], a_max=1.0, q_min=[0.1, 0.2], q_max=[0.1, 0.9]).feasible
     assert not al.time_path(arm, [[0.1, 0.2], [0.1, 0.9]], a_max=1.0, q_max=[0.1, 0.9 - 1e-9]).feasible

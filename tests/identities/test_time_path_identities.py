@@ -1,5 +1,8 @@
-"""Random paths under limits, judged by `reference.timing`, which shares nothing with the planner: no limit is broken at any time, the
-motion is the path, no motion that can be had is refused, every number is finite. `ARMLET_CASES=n` runs n problems per stratum."""
+"""Random paths under limits, checked by `reference.timing`, which is independent of the planner.
+
+No limit is exceeded at any time, the motion is on the path, no feasible problem is refused, and every number is finite.
+`ARMLET_CASES=n` runs n problems per stratum.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,12 @@ from armlet import reference as ref
 from armlet.reference import timing
 
 CASES = int(os.environ.get("ARMLET_CASES", "40"))
-# The promise; what rounding adds is counted by the checker.
+# Largest relative excess of a limit. The check adds rounding.
 PROMISE = 1e-9
 
 
 def sliding(gravity: float) -> tuple[al.Arm, Any]:
-    """A slide, a hinge and a slide again, with cross inertias."""
+    """A prismatic, a revolute and a prismatic joint, with products of inertia."""
     joints = []
     for kind, axis, xyz in (("P", (0, 1, 1), (0, 0, 0)), ("R", (0, 0, 1), (0.3, 0, 0.1)), ("P", (1, 0, 0), (0.2, 0.1, 0))):
         phi = np.array([2.0, 0.1, 0.2, -0.1, 0.4, 0.02, 0.5, 0.01, -0.03, 0.6])
@@ -43,34 +46,34 @@ def static(arm: Any, path: Any) -> np.ndarray:
 
 
 def judge(arm: Any, p: al.TimedPath, spline: Any, limits: dict[str, Any], rng: Any, viscous: Any = 0.0) -> None:
-    """At random times, and at the grid's own: the motion lies on the path, and inside the limits."""
+    """Check at random times and at grid times that the motion is on the path and within the limits."""
     assert np.isfinite(p.duration) and p.duration > 0.0 and p.reason is None and p.shortfall is None
     assert p.margin >= -PROMISE
     t = np.concatenate([rng.uniform(0.0, p.duration, 300), rng.choice(p.t, 60), [0.0, p.duration]])
     q, v, a = p(t)
     for values in (q, v, a, p.s_dot, p.t):
         assert np.isfinite(values).all()
-    inside = t < p.duration  # at the end of a motion that stops the acceleration is zero
+    inside = t < p.duration  # at the end of a motion that stops, the acceleration is zero
     t, q, v, a = t[inside], q[inside], v[inside], a[inside]
     if limits.get("tau_max") is not None:
         tau, rounding = timing.torques(arm, q, v, a, viscous)
         assert timing.excess(tau, limits["tau_max"], rounding) <= PROMISE
-    # Of numbers of order one: rounding of the motion itself.
+    # The numbers are of order one, so the tolerance is rounding of the motion.
     for name, values in (("v_max", v), ("a_max", a)):
         if limits.get(name) is not None:
             assert timing.excess(values, limits[name]) <= PROMISE, name
-    # v and a are those of q: s(t) is found again from q, in the middle of grid segments.
+    # v and a are derivatives of q. s(t) is found again from q, in the middle of grid segments.
     middle = 0.5 * (p.t[1:] + p.t[:-1])
     q, v, a = p(middle)
     size = np.abs(q - q[0]).max() + np.abs(q[0]).max() * 1e-15
     low, high = p.s[:-1].copy(), p.s[1:].copy()
     h = 1e-3 * np.diff(p.t)
     later, sooner = p(middle + h), p(middle - h)
-    # Central differences: h^2 of the third derivative, which the grid resolves; 1e-16/1e-3 of rounding.
+    # Central differences have an error of h^2 third derivatives, which the grid resolves, and rounding of 1e-16/1e-3.
     speed = np.abs(v).max()
     least = 1e-5 * speed + 1e-15 * np.abs(q).max() / h.min()
     np.testing.assert_allclose((later[0] - sooner[0]) / (2 * h[:, None]), v, rtol=0.0, atol=least)
-    # On the path: the spline passes the motion's points at the s of the motion, which lies in the segment.
+    # The motion is on the path: the spline passes its points, at an s within the segment.
     for _ in range(60):
         s = 0.5 * (low + high)
         ahead = ((q - spline(s)[0]) * spline(s)[1]).sum(axis=1) > 0.0
@@ -79,14 +82,14 @@ def judge(arm: Any, p: al.TimedPath, spline: Any, limits: dict[str, Any], rng: A
 
 
 def problem(stratum: str, rng: np.random.Generator) -> tuple[Any, Any, np.ndarray, dict[str, Any]]:
-    """Arm, its reference, waypoints, keywords; all can be had."""
+    """A random feasible problem: arm, its reference, waypoints, keyword arguments."""
     light = stratum in ("tiny", "limits", "end speed", "idle") or rng.random() < 0.5
     arm, checker = (LIGHT if light else HEAVY)[rng.integers(5)]
     n = arm.n
     q = rng.uniform(-1.5, 1.5, (rng.integers(2, 6), n))
     if stratum == "tiny":
         q = (q - q[0]) * 10.0 ** rng.uniform(-16.0, -6.0) + (rng.uniform(-1.0, 1.0, n) if rng.random() < 0.3 else 0.0)
-        if np.unique(q, axis=0).shape[0] < q.shape[0]:  # rounded away beside the offset
+        if np.unique(q, axis=0).shape[0] < q.shape[0]:  # rounding made two waypoints equal
             q = q - q[0] + rng.uniform(-1e-9, 1e-9, q.shape)
     if stratum == "idle":
         q[:, rng.random(n) < 0.5] = 0.3
@@ -106,7 +109,7 @@ def problem(stratum: str, rng: np.random.Generator) -> tuple[Any, Any, np.ndarra
     if rng.random() < 0.3:
         limits["a_max"] = rng.uniform(1.0, 20.0, n)
     if stratum == "end speed":
-        # On the limit of speed at the end; no limit of force or acceleration in the way.
+        # The end speed is on the speed limit. Torque and acceleration limits do not bind.
         limits["tau_max"] = 1e6
         limits.pop("a_max", None)
         slope = np.abs(spline(np.array([1.0]))[1][0])
@@ -132,7 +135,7 @@ def test_random_paths(stratum: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize("points", [17, 33, 101, 401])
 def test_end_on_the_limit_of_speed_on_a_kept_grid(points: int) -> None:
-    """The last bound of the path speed can't be narrowed, only the one before: corrections settle all the same."""
+    """The bound of the path speed at the end cannot be reduced, only the bound before it. The corrections must converge nevertheless."""
     rng = np.random.default_rng(4)
     arm, checker = LIGHT[1]
     for _ in range(5):
@@ -146,15 +149,18 @@ def test_end_on_the_limit_of_speed_on_a_kept_grid(points: int) -> None:
 
 
 def beyond(p: al.TimedPath, checker: Any, tau_max: np.ndarray, viscous: Any = 0.0) -> float:
-    """The largest relative excess of a torque on 100 places of every segment."""
+    """The largest relative excess of a torque at 100 points of every segment."""
     t = (p.t[:-1, None] + np.linspace(0.0, 1.0, 101)[:-1] * np.diff(p.t)[:, None]).ravel()
     tau, rounding = timing.torques(checker, *p(t), viscous)
     return timing.excess(tau, tau_max, rounding)
 
 
 def test_peaks_beside_grid_points_are_seen() -> None:
-    """A torque that peaks a hundredth of a segment before its end, where its curvature grows; and friction that goes with the root of the
-    path's position, which no parabola follows beside rest."""
+    """Two difficult torques near grid points.
+
+    One has its maximum 1 % of a segment before its end, where its curvature is large. The other has friction proportional to the square
+    root of the path position, which a parabola cannot approximate near rest.
+    """
     q = [[0.9757989668849767, -0.5212380160511579], [-0.1424320173030642, -0.23717237432761573]]
     q.append([-0.03958529599572769, -0.7344661477294436])
     tau_max = np.array([0.1028888, 0.09024266])
@@ -168,7 +174,10 @@ def test_peaks_beside_grid_points_are_seen() -> None:
 
 
 def test_start_on_a_limit() -> None:
-    """A horizontal arm whose first joint just holds it, and goes down; and one whose idle joint stands on its limit all along."""
+    """At the start the first joint of a horizontal arm can just hold it, and moves down.
+
+    In a second case an idle joint is always at its limit.
+    """
     arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
     rng = np.random.default_rng(5)
     held = float(checker.gravity(np.array([0.0, 0.0]))[0])
@@ -181,12 +190,12 @@ def test_start_on_a_limit() -> None:
     slide = [{"type": "P", "axis": (0, 0, 1), "phi": [2.0] + [0.0] * 9}, {"type": "P", "axis": (1, 0, 0), "phi": [1.0] + [0.0] * 9}]
     arm, checker = al.Arm.from_chain(slide), ref.Arm.from_chain(slide)
     p = al.time_path(arm, [[0.0, 0.0], [0.0, 1.0]], tau_max=[3.0 * 9.81, 4.0])
-    # 1 kg over 1 m at 4 m/s^2: 2 sqrt(d/a).
+    # A mass of 1 kg moves 1 m with 4 m/s^2: T = 2 sqrt(d/a).
     assert p.feasible and p.duration == pytest.approx(1.0, rel=1e-9)
 
 
 def test_friction() -> None:
-    """Mild viscous friction counts: inside the limits with it. (Strong friction: test_time_path_options.py.)"""
+    """The torque limits include mild viscous friction. Strong friction is in test_time_path_options.py."""
     rng = np.random.default_rng(6)
     for arm, checker in HEAVY[1:4]:
         for _ in range(max(1, CASES // 8)):
@@ -201,7 +210,7 @@ def test_friction() -> None:
 
 
 def test_stops_and_speeds_at_the_ends() -> None:
-    """A stop splits a path into two rest-to-rest timings; a start speed is kept."""
+    """A stop divides a path into two rest-to-rest timings. A start speed is respected."""
     arm = al.planar_arm([0.5, 0.4])
     q = [[0.0, 0.0], [0.5, 0.2], [0.7, -0.3]]
     free, stopped = al.time_path(arm, q, tau_max=30.0), al.time_path(arm, q, tau_max=30.0, stops=[1])
@@ -210,25 +219,25 @@ def test_stops_and_speeds_at_the_ends() -> None:
     np.testing.assert_allclose(stopped(stopped.t[k])[0], q[1], atol=1e-12)
     assert stopped.s_dot[k] == 0.0
     moving = al.time_path(arm, q, tau_max=30.0, start_speed=0.5, end_speed=0.25)
-    # Times of a second or so: the ends are those asked for, to rounding.
+    # The motion takes about a second. Its end speeds equal the arguments, up to rounding.
     assert (moving.s_dot[0], moving.s_dot[-1]) == (pytest.approx(0.5, rel=1e-12), pytest.approx(0.25, rel=1e-12))
     assert moving.duration < free.duration
     assert np.abs(moving(moving.duration)[1]).max() > 0.0 and np.abs(moving(moving.duration + 1e-9)[1]).max() == 0.0
 
 
 def test_symmetries() -> None:
-    """Backwards without gravity and friction a path takes as long; limits four times as large halve the time."""
+    """Without gravity and friction, the reversed path takes the same time. Limits four times as large halve the time."""
     rng = np.random.default_rng(7)
     for arm, _ in LIGHT:
         q = rng.uniform(-1.0, 1.0, (4, arm.n))
         there, back = (al.time_path(arm, path, tau_max=5.0, grid=801) for path in (q, q[::-1]))
-        # The same optimum from grids that differ by which end of a segment comes first.
+        # Both timings approximate the same minimum, on grids that treat the ends of a segment differently.
         assert back.duration == pytest.approx(there.duration, rel=1e-4)
         assert al.time_path(arm, q, tau_max=20.0, grid=801).duration == pytest.approx(0.5 * there.duration, rel=1e-6)
 
 
 def test_infeasible_paths_say_why() -> None:
-    """The arm cannot hold itself half way: joint, place, limit and what is missing are those of the statics."""
+    """The arm cannot hold itself in the middle of the path. The reported joint, place, limit and missing torque agree with statics."""
     arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
     q = np.array([[-np.pi / 2, 0.0], [np.pi / 4, 0.0]])
     most = float(checker.gravity(np.array([0.0, 0.0]))[0])
@@ -247,18 +256,18 @@ def test_infeasible_paths_say_why() -> None:
 
 @pytest.mark.parametrize("grid", [31, 32, 33])
 def test_a_path_that_turns_back_within_rounding(grid: int) -> None:
-    """At the turn all of M q' is zero but for 3e-17: what is left of the torque over that number is no path acceleration."""
+    """At the turning point M q' is zero except for 3e-17. The remaining torque divided by this number is not a path acceleration."""
     there, turn = [0.1752904998800946, 0.781117978963942], [-0.01675097507218748, 0.027823179036827295]
     tau_max = [[-27.12999685638095, 49.72768525783256], [-7.013772251711607, 37.22577236072692]]
     arm = al.planar_arm([0.5, 0.4], gravity=(0.0, 0.0))
     path = al.time_path(arm, [there, turn, there], tau_max=tau_max, v_max=[2.604642581277789, 1.3478641318789544], grid=grid)
     assert path.reason is None
-    # What grids of some thirty points lose, at most.
+    # The largest error of grids with about 30 points.
     assert path.duration == pytest.approx(1.1277, rel=1e-4)
 
 
 def test_torques_that_peak_beside_a_grid_point() -> None:
-    """Where a limit takes over from another a torque peaks just after a grid point, or before one: between two samples of the check."""
+    """Where the active limit changes, a torque has a maximum just after or before a grid point, between two samples of the check."""
     phi = [2.0, 0.0, 0.2, 0.2, 0.2, 0.0, 0.2, 0.0, 0.0, 0.1]
     joints = [{"type": "R", "axis": [0, i % 2, 1 - i % 2], "rpy": [0, 0, 0], "xyz": [0, 0, 0.3], "phi": phi} for i in range(7)]
     arm = al.Arm.from_chain(joints)
@@ -271,6 +280,6 @@ def test_torques_that_peak_beside_a_grid_point() -> None:
         if p.feasible:
             planned += 1
             t = (p.t[:-1, None] + np.diff(p.t)[:, None] * beside).ravel()
-            # The very ends of a segment belong to one side; rounding of some 1e-13 is far below the promise.
+            # The end points of a segment belong to one side. Rounding of about 1e-13 is far below the tolerance.
             assert np.max(np.abs(arm.inverse_dynamics(*p(t[t < p.duration]))) / limit) <= 1.0 + PROMISE
     assert planned > 60

@@ -1,4 +1,4 @@
-"""Timings with strong friction, with limits of torque rate and on a grid that is kept, judged by `reference.timing`."""
+"""Timings with strong friction, with torque-rate limits and on a fixed grid, checked by `reference.timing`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
 
 
 def problem(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Waypoints, and torques that hold the arm all along with something to spare."""
+    """Random waypoints, and torque limits that can hold the arm along the whole path with a margin."""
     q = rng.uniform(-1.5, 1.5, (rng.integers(2, 5), 2))
     path = timing.cubic_spline(timing.positions(q), q)
     held = np.abs(CHECKER.gravity(path(np.linspace(0.0, 1.0, 400))[0])).max(axis=0)
@@ -28,7 +28,7 @@ def problem(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_strong_friction() -> None:
-    """Friction of 1 rad/s up to a hundred times what torque is left: never beyond a limit, and never refused."""
+    """At 1 rad/s friction is up to 100 times the remaining torque. No limit is exceeded, and no problem is refused."""
     rng = np.random.default_rng(8)
     for case in range(CASES):
         q, tau_max = problem(rng)
@@ -44,8 +44,8 @@ def followed(case: int, rng: np.random.Generator, q: np.ndarray, tau_max: np.nda
     assert timing.excess(tau, tau_max, rounding) <= 1e-9
 
 
-#: Waypoints, torque limits and friction whose corrections did not settle: narrowed limits that tangents of friction undid, errors of
-#: tangents that were narrowed like excesses, and excesses that went from segment to segment.
+#: Waypoints, torque limits and friction for which the corrections once did not converge. In some, tangents of friction undid reduced
+#: limits. In others, errors of tangents were reduced like excesses, or excesses moved from segment to segment.
 STUCK = [
     (
         "0.8463410586492675 1.4234639384615129 0.34340582121877317 -0.7300582484555804 "
@@ -74,7 +74,7 @@ def test_friction_that_was_refused(case: int) -> None:
 
 
 def test_torque_rate() -> None:
-    """The rate of the true torque, by central differences, at random times; torque that begins and ends at rest."""
+    """The rate of the true torque, by central differences at random times. The torque has rate zero at both ends."""
     rng = np.random.default_rng(9)
     for case in range(CASES):
         q, tau_max = problem(rng)
@@ -89,12 +89,12 @@ def test_torque_rate() -> None:
         tau, rounding = timing.torques(CHECKER, *p(t), rub)
         assert timing.excess(tau, tau_max, rounding) <= 1e-9
         ahead, behind = (timing.torques(CHECKER, *p(t + side * h), rub)[0] for side in (1.0, -1.0))
-        # A mean of rates, so inside their limit, but for the rounding of torques over 2 h.
+        # A difference quotient is a mean of rates, so it is within their limit, up to rounding of torques divided by 2 h.
         assert np.all(np.abs(ahead - behind) / (2 * h) <= rate * (1 + 1e-9) + 64 * timing.EPS * np.abs(tau).max() / h)
         for end, position in ((0.0, q[0]), (p.duration * (1.0 - 1e-12), q[-1])):
             tau, _ = timing.torques(CHECKER, *(part[None] for part in p(end)), rub)
             np.testing.assert_allclose(tau[0], CHECKER.gravity(position), rtol=0.0, atol=1e-6 * tau_max.max())
-        # On the path from end to end; slower than without the limit, unless that is far above what the motion needs.
+        # The motion is on the path from start to end. It is slower than without the limit, unless the limit is far above the required rate.
         np.testing.assert_allclose(p(0.0)[0], q[0], rtol=0.0, atol=1e-12)
         np.testing.assert_array_equal(p(p.duration)[0], q[-1])
         assert p.duration >= fast.duration * (1 - 1e-3)
@@ -105,7 +105,8 @@ def test_a_rate_far_above_the_motion_costs_little() -> None:
     fast = al.time_path(ARM, q, tau_max=tau_max).duration
     slower = [al.time_path(ARM, q, tau_max=tau_max, torque_rate=rate).duration / fast for rate in (10.0, 100.0, 1e3, 1e4)]
     assert slower == sorted(slower, reverse=True)
-    # A full swing of the limits takes 2 tau_max / rate: 1 % of the motion at 1e4, over some four swings.
+    # A change between the torque limits takes 2 tau_max / rate. At rate 1e4 this is 1 % of the motion, and there are about four such
+    # changes.
     assert slower[-1] < 1.1
 
 
@@ -133,7 +134,7 @@ def test_what_torque_rate_refuses() -> None:
     for bad in (0.0, -1.0, np.nan, [1.0], "1"):
         with pytest.raises(al.InputError, match=r"^time_path: torque_rate "):
             al.time_path(ARM, q, tau_max=30.0, torque_rate=bad)
-    # An arm that only just holds itself at the start has no torque to spare, however slow.
+    # An arm that can only just hold itself at the start has no margin of torque, at any speed.
     held = float(CHECKER.gravity(np.zeros(2))[0])
     p = al.time_path(ARM, [[0.0, 0.0], [-1.0, 0.0]], tau_max=[[-200.0, held], [-50.0, 50.0]], torque_rate=1e3)
     assert p.feasible or "torque rate" in (p.reason or "")
@@ -141,7 +142,7 @@ def test_what_torque_rate_refuses() -> None:
 
 @pytest.mark.parametrize("points", [11, 26, 51, 101, 201])
 def test_kept_grids_settle(points: int) -> None:
-    """A given grid is kept where refine is False, and the corrections settle on it: seven axes under limits of speed that bind."""
+    """With refine=False the grid is kept, and the corrections converge on it. The example is seven axes with active speed limits."""
     for seed in range(5):
         q = np.random.default_rng(seed).uniform(-1.0, 1.0, (5, 7))
         tau_max = np.array([174.0, 174.0, 174.0, 174.0, 24.0, 24.0, 24.0])
