@@ -1,5 +1,5 @@
-//! Forward dynamics by articulated bodies (Featherstone 2008, chapter 7), in world axes, every body about its joint origin.
-//! Accelerations are those of material points, so no linear velocity occurs:
+//! Forward dynamics by articulated bodies (Featherstone 2008, chapter 7), in world axes. Each body is described about its joint origin.
+//! Accelerations are accelerations of material points, so no linear velocity occurs:
 //!
 //! ```text
 //! F_i = IA_i A_i + b_i,   A_i = X A_p + c_i + S a_i,   c = (w_p x (w_p x p) [+ 2 w_p x z v], w_p x z v)
@@ -13,6 +13,7 @@ use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
 
+/// Compute `a = M^-1 (tau - C v - g)`, `(n,)`.
 pub fn forward_dynamics<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -28,7 +29,7 @@ pub fn forward_dynamics<S: Real>(
     accelerate(tree, poses, bodies, a);
 }
 
-/// Outwards: poses, velocities, and each body's own inertia and forces.
+/// Pass outwards: compute poses and velocities, and the inertia and the forces of each body alone.
 fn place<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], bodies: &mut [Articulated<S>], trig: &[(S, S)], q: &[S], v: &[S]) {
     let base = || (Pose::identity(), Vector3::zero());
     let mut last = base();
@@ -70,9 +71,9 @@ fn place<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], bodies: &mut [Articulat
     }
 }
 
-/// Inwards: the articulated inertia of each subtree, about its joint.
+/// Pass inwards: compute the articulated inertia of each subtree, about its joint.
 fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], tau: &[S]) {
-    // The sum of the last subtree stays in registers if its parent is next. Lanes have no registers for it.
+    // The sum of the last subtree stays in registers if its parent is next. With lanes there are not enough registers for this.
     let (mut carried, mut carried_to) = (Handle::default(), BASE);
     for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];
@@ -117,7 +118,7 @@ fn gather<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<
     }
 }
 
-/// Outwards: the acceleration of each joint, from those of the joints that carry it.
+/// Pass outwards: compute the acceleration of each joint from the acceleration of its parent.
 fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articulated<S>], a: &mut [S]) {
     let ground = || (-tree.gravity.lift::<S>(), Vector3::zero());
     let mut last = ground();
@@ -135,9 +136,9 @@ fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articula
     }
 }
 
-/// Blocks of an articulated inertia about a new point; `p` is the old point relative to the new one.
+/// Move the blocks of an articulated inertia to a new point. `p` is the old point relative to the new one.
 ///
-/// `H' = H - M [p]x`, `I' = I - H' [p]x + [p]x H'` with the first `H` transposed.
+/// `H_new = H - M [p]x`, `I_new = I - H' [p]x + [p]x H_new`, where `H'` is `H` transposed.
 fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3<S>) -> (Matrix3<S>, Sym3<S>) {
     let [x, y, z] = p.array();
     let (m0, m1, m2) = (mass.column(0), mass.column(1), mass.column(2));
@@ -147,7 +148,7 @@ fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3
         m2.scale_sub(x, m0.scale_add(z, h.axis(1))),
         m0.scale_sub(y, m1.scale_add(x, h.axis(2))),
     ]);
-    // (H' [p]x) with H transposed: entry (i, k) is column i of H dotted with p x e_k.
+    // H' [p]x, with H transposed: entry (i, k) is column i of H times p x e_k.
     let first = |i: usize, k: usize, from: S| {
         let c = h.axis(i);
         match k {
@@ -156,7 +157,7 @@ fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3
             _ => c[0].neg_mul_add(y, c[1].mul_add(x, from)),
         }
     };
-    // ([p]x H'): entry (i, k) is component i of p x (column k).
+    // [p]x H_new: entry (i, k) is component i of p x (column k).
     let second = |i: usize, k: usize, from: S| {
         let c = moved.axis(k);
         match i {

@@ -1,4 +1,4 @@
-//! An arm at one configuration `q`, with the intermediate results of its algorithms. It serves occasional evaluations: terms of a law,
+//! An arm at one configuration `q`, with the intermediate results of its algorithms. It is used for occasional evaluations: terms of a law,
 //! monitors, equilibria. In loops, plant and law share the sines of a stage instead.
 
 use super::{AnyArm, Dynamics, Model, Workspace};
@@ -6,6 +6,7 @@ use crate::kinematics::Coordinates;
 use crate::scalar::Real;
 use crate::spatial::Vector3;
 
+/// An arm at one configuration, with its buffers.
 pub struct ArmAt<S: Real = f64> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,
@@ -16,7 +17,7 @@ pub struct ArmAt<S: Real = f64> {
 }
 
 impl Model {
-    /// The arm at `q`.
+    /// The arm at the configuration `q`, `(n,)`.
     pub fn at<S: Real>(&self, q: &[S]) -> ArmAt<S> {
         let mut at = ArmAt::of_lanes(|_| self);
         at.move_to(q);
@@ -25,7 +26,7 @@ impl Model {
 }
 
 impl<S: Real> ArmAt<S> {
-    /// Arms of one geometry, `of(lane)` in each lane. [`ArmAt::move_to`] sets the configuration.
+    /// Create arms of one geometry, `of(lane)` in each lane. [`ArmAt::move_to`] sets the configuration.
     pub fn of_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
         let n = of(0).n();
         let arm = AnyArm::from_lanes(of);
@@ -38,6 +39,7 @@ impl<S: Real> ArmAt<S> {
         }
     }
 
+    /// Set the configuration `q`, `(n,)`, rad or m.
     pub fn move_to(&mut self, q: &[S]) {
         self.q.copy_from_slice(q);
         for (trig, q) in self.trig.iter_mut().zip(q) {
@@ -50,48 +52,48 @@ impl<S: Real> ArmAt<S> {
         &self.trig
     }
 
-    /// `M(q)`, `(n, n)`.
+    /// Compute the mass matrix `M(q)`, `(n, n)`.
     pub fn mass_matrix(&mut self, m: &mut [S]) {
         self.arm.mass_matrix(&mut self.workspace, &self.trig, &self.q, m);
     }
 
-    /// `C(q, v)`, `(n, n)`, Christoffel.
+    /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
     pub fn coriolis_matrix(&mut self, v: &[S], c: &mut [S]) {
         self.arm.coriolis_matrix(&mut self.workspace, &self.trig, &self.q, v, c);
     }
 
-    /// `g(q)`, `(n,)`.
+    /// Compute the gravity torque `g(q)`, `(n,)`.
     pub fn gravity(&mut self, g: &mut [S]) {
         self.arm.gravity(&mut self.workspace, &self.trig, &self.q, g);
     }
 
-    /// `tau = M a + C v + g`, `(n,)`.
+    /// Compute the inverse dynamics `tau = M a + C v + g`, `(n,)`.
     pub fn inverse_dynamics(&mut self, v: &[S], a: &[S], tau: &mut [S]) {
         self.arm.inverse_dynamics(&mut self.workspace, &self.trig, &self.q, v, a, tau);
     }
 
-    /// The Slotine-Li regressor, `(n, p)`.
+    /// Compute the Slotine-Li regressor `Y(q, v, v_r, a_r)`, `(n, p)`.
     pub fn regressor(&mut self, v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]) {
         self.arm.regressor(&mut self.workspace, &self.trig, &self.q, v, v_r, a_r, y);
     }
 
-    /// Kinetic and potential energy.
+    /// Kinetic and potential energy, J, at the velocity `v`.
     pub fn energy(&mut self, v: &[S]) -> (S, S) {
         self.arm.energy(&mut self.workspace, &self.trig, &self.q, v)
     }
 
-    /// Position of a frame, world axes.
+    /// Position of a frame, m, world axes.
     pub fn position(&mut self, frame: usize) -> Vector3<S> {
         self.arm.position(&mut self.workspace, &self.trig, &self.q, frame)
     }
 
-    /// Position of a frame, world axes, and its geometric Jacobian, `(6, n)`.
+    /// Position of a frame, m, world axes, and its geometric Jacobian, `(6, n)`.
     pub fn jacobian(&mut self, frame: usize) -> (Vector3<S>, &[S]) {
         let position = self.arm.jacobian(&mut self.workspace, &self.trig, &self.q, frame, &mut self.full);
         (position, &self.full)
     }
 
-    /// Error `(m,)` to `target` and Jacobian `(m, n)` of Cartesian coordinates.
+    /// Compute the error `e`, `(m,)`, to `target`, and the Jacobian `j`, `(m, n)`, of Cartesian coordinates.
     pub fn error_and_jacobian(&mut self, coordinates: &Coordinates, target: &[S], e: &mut [S], j: &mut [S]) {
         self.arm.error_and_jacobian(&mut self.workspace, coordinates, &mut self.full, &self.trig, &self.q, target, e, j);
     }

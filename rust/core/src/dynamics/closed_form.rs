@@ -1,11 +1,12 @@
-//! The quantities of the closed-form PR robot, as [`super::Evaluator`] computes them for trees, and regressors of both.
+//! The quantities of the planar PR arm in closed form, as [`super::Evaluator`] computes them for trees. Also the regressors of both kinds
+//! of arms.
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query};
 use crate::error::{Error, Result};
 use crate::scalar::Real;
 
 impl PlanarPr<f64> {
-    /// One configuration: the inputs of `query`, finite and `(2,)` each, and memory for its result.
+    /// Evaluate `query` at one configuration. The inputs `x` are finite, `(2,)` each, and `out` has the size of the result.
     pub fn evaluate(&self, query: &Query, x: &[&[f64]], out: &mut [f64]) -> Result<()> {
         let q = x[0];
         let trig = [Real::sin_cos(q[0]), Real::sin_cos(q[1])];
@@ -42,7 +43,7 @@ impl PlanarPr<f64> {
 }
 
 impl Model {
-    /// Regressors `(count, n, p)` with the columns that `query` selects, at `q, v, v_r, a_r`, each `(count, n)`.
+    /// Compute regressors, `(count, n, p)`, with the columns that `query` selects, at `q, v, v_r, a_r`, each `(count, n)`.
     pub fn regressors(&self, query: &Query, states: [&[f64]; 4], out: &mut [f64]) -> Result<()> {
         match self {
             Model::PlanarPr(arm) => {

@@ -1,13 +1,13 @@
-//! The Christoffel Coriolis matrix in O(n d), from composite bodies (after Echeandia and Wensing 2021).
+//! The Christoffel Coriolis matrix in O(n d), with the depth `d` of the tree, from composite bodies (after Echeandia and Wensing 2021).
 //!
-//! Column `j` is the polarised inverse dynamics for a unit rate of `j`. Let `(s, z)` be the unit
-//! motion of joint `j`. A point at `r` with velocity `u` then has the polarised acceleration `V_j x S_j` (as a rigid field) plus `z x u(r)`.
-//! So a subtree contributes its composite inertia, its linear momentum `P`, and `K = integral of u r' dm`:
+//! Column `j` is the polarised inverse dynamics for a unit rate of joint `j`, whose unit motion is `(s, z)`. A point at `r` with the
+//! velocity `u` then has the polarised acceleration `V_j x S_j` (as a rigid field) plus `z x u(r)`. So a subtree contributes with its
+//! composite inertia, its linear momentum `P`, and `K = integral of u r' dm`:
 //!
 //! `f = m alpha_v + alpha_w x h + z x P`,  `n = I alpha_w + h x alpha_v + (tr K) z - K z`.
 //!
-//! `P` and `K` are relative to the velocity of the joint origin, so that no large momenta cancel. A shift of the
-//! reference by `p` with relative velocity `d` gives `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
+//! `P` and `K` are relative to the velocity of the joint origin, which prevents the cancellation of large momenta. If the reference moves
+//! by `p` with the relative velocity `d`, then `P' = P + m d`, `K' = K + P p' + d (h + m p)'`.
 
 use super::Dynamics;
 use super::crba::joint_column;
@@ -19,7 +19,7 @@ use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Matrix, Matrix3, Vector, Vector3};
 
-/// `w x` each column of a symmetric matrix.
+/// The cross product of `w` with each column of a symmetric matrix.
 fn cross_columns<S: Real>(w: Vector3<S>, m: Matrix3<S>) -> Matrix3<S> {
     Matrix3::from_columns(&[w.cross(m.axis(0)), w.cross(m.axis(1)), w.cross(m.axis(2))])
 }
@@ -28,7 +28,7 @@ fn trace<S: Real>(k: &Matrix3<S>) -> S {
     k[(0, 0)] + k[(1, 1)] + k[(2, 2)]
 }
 
-/// Outwards: poses, velocities, the columns of the joints, and the contribution of each body to its subtree.
+/// Pass outwards: compute poses, velocities, the columns of the joints, and the contribution of each body to its subtree.
 fn place<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -59,6 +59,7 @@ fn place<S: Real>(
     }
 }
 
+/// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
 pub fn coriolis_matrix<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -72,7 +73,7 @@ pub fn coriolis_matrix<S: Real>(
     place(tree, poses, composites, columns, (trig, q), v);
     let n = tree.bodies.len();
     set(c, S::zero());
-    // The sum of the last subtree stays in registers if its parent is next. Lanes have no registers for it.
+    // The sum of the last subtree stays in registers if its parent is next. With lanes there are not enough registers for this.
     let (mut carried, mut carried_to) = (Composite::default(), BASE);
     for j in (0..n).rev() {
         look_at_row(j);
@@ -86,7 +87,7 @@ pub fn coriolis_matrix<S: Real>(
         let origin = poses[j].origin;
         let z = poses[j].z();
         let tr = trace(&k);
-        // Column j: the force (f, about_joint) on the subtree. Row j: the coefficients of (alpha, angular, gamma) of another joint.
+        // Column j is the force (f, about_joint) on the subtree. Row j has the coefficients of (alpha, angular, gamma) of another joint.
         let (f, about_joint, by_alpha, by_angular, by_gamma) = if body.revolute {
             let f = me.alpha.cross_add(moment, z.cross(momentum));
             let about_joint = inertia.apply_add(me.alpha, z.scale(tr) - k.apply(z));
@@ -127,10 +128,12 @@ pub fn coriolis_matrix<S: Real>(
     }
 }
 
-/// The Christoffel symbols `c[i, j, k]` `(n, n, n)` with `C(q, v)[i, j] = sum_k c[i, j, k] v[k]`: `C` is linear in `v`, so the slice at `k` is
-/// `C` at the unit rate of joint `k`. They are symmetric in `j` and `k`. Values for `j <= k` are written to both places.
+/// Compute the Christoffel symbols `c[i, j, k]`, `(n, n, n)`, with `C(q, v)[i, j] = sum_k c[i, j, k] v[k]`.
 ///
-/// `unit` `(n,)` and `square` `(n, n)` are memory for that rate and that matrix.
+/// `C` is linear in `v`, so the slice at `k` is `C` at the unit rate of joint `k`. The symbols are symmetric in `j` and `k`. So values for
+/// `j <= k` are written to both places.
+///
+/// `unit`, `(n,)`, and `square`, `(n, n)`, are memory for the unit rate and for `C`.
 pub fn christoffel<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

@@ -1,8 +1,8 @@
 //! Mass matrix by composite bodies (Walker and Orin 1982; Featherstone 2008, section 6.2), in body axes.
 //!
-//! `I_j^c` is the inertia of the subtree of `j` about the joint origin, in the axes of `j`. Then `F_j = I_j^c S_j` is the momentum of
-//! the subtree per unit rate of `j`. `F_j` is transformed from body to body towards the base, and `M_ij = S_i . F_j` for every joint `i`
-//! that carries `j`. Inertias are stored as second moments `P = integral of r r' dm = tr(I)/2 1 - I`. Their shift takes fewer products,
+//! `I_j^c` is the inertia of the subtree of joint `j` about the joint origin, in the axes of body `j`. Then `F_j = I_j^c S_j` is the
+//! momentum of the subtree per unit rate of `j`. `F_j` is transformed from body to body towards the base, and `M_ij = S_i . F_j` for every
+//! ancestor `i` of `j`. Inertias are stored as second moments `P = integral of r r' dm = tr(I)/2 1 - I`. Their shift takes fewer products,
 //! and `S_j = e_z` selects one column: `I e_z = tr(P) e_z - P e_z`.
 
 use super::hinge::{congruence, over, reach, rotation, to_parent};
@@ -28,7 +28,7 @@ impl<S: Real> Moments<S> {
     fn plus(&self, b: &Self) -> Self {
         Moments { mass: self.mass + b.mass, first: self.first + b.first, second: self.second.plus(&b.second) }
     }
-    /// The moments about a new point; `p` is the old point relative to the new one.
+    /// The moments about a new point. `p` is the old point relative to the new one.
     fn shifted(&self, p: Vector3<S>) -> Self {
         let (h, moved) = (self.first, p.scale_add(self.mass, self.first));
         let [xx, xy, yy, xz, yz, zz] = self.second.0;
@@ -38,7 +38,7 @@ impl<S: Real> Moments<S> {
     }
 }
 
-/// `[v; w]` at the world origin per unit rate of a joint.
+/// The motion `[v; w]` at the world origin per unit rate of a joint.
 pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (Vector3<S>, Vector3<S>) {
     let z = pose.z();
     if revolute { (pose.origin.cross(z), z) } else { (z, Vector3::zero()) }
@@ -48,7 +48,7 @@ pub(crate) fn joint_column<S: Real>(revolute: bool, pose: &Pose<S>) -> (Vector3<
 #[derive(Clone, Debug)]
 pub struct Composites<S: Real> {
     moments: Vec<Moments<S>>,
-    /// The momentum `[f; n]` of every joint's subtree per unit rate. The recursion carries it towards the base.
+    /// The momentum `[f; n]` of every joint's subtree per unit rate. The recursion transforms it towards the base.
     momenta: Vec<Spatial<S>>,
     /// Rotations of the joints whose placement is not a quarter turn.
     rotations: Vec<Matrix3<S>>,
@@ -60,12 +60,13 @@ impl<S: Real> Composites<S> {
     }
 }
 
+/// Compute the mass matrix `M(q)`, `(n, n)`.
 pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     set(m, S::zero());
     mass_matrix_on_zeros(tree, composites, trig, q, m);
 }
 
-/// As [`mass_matrix`], if `m` holds zeros or an earlier `M` of this tree. The same entries vanish in every state.
+/// Compute [`mass_matrix`] if `m` has zeros or an earlier `M` of this tree. Entries that are not written are zero at every state.
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.bodies.len();
     let m = &mut m[..n * n];
@@ -75,7 +76,7 @@ pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites
     });
 }
 
-/// The entries `M_ij`, `i <= j`, that do not vanish in every state.
+/// Call `put(i, j, M_ij)` for the entries with `i <= j` that can differ from zero.
 pub(super) fn mass_matrix_entries<S: Real>(
     tree: &Tree<S>,
     composites: &mut Composites<S>,
@@ -87,7 +88,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
     let Composites { moments, momenta, rotations } = composites;
     let (bodies, moments, momenta) = (&tree.bodies[..n], &mut moments[..n], &mut momenta[..n]);
     let (rotations, trig, q) = (&mut rotations[..n], &trig[..n], &q[..n]);
-    // The sum of the last subtree stays in registers if its first body is next. Lanes have no registers for it.
+    // The sum of the last subtree stays in registers if its first body is next. With lanes there are not enough registers for this.
     let (mut next, mut next_at) = (Moments::default(), BASE);
     for i in (0..n).rev() {
         look_at_row(i);

@@ -1,8 +1,8 @@
-//! Check that the mass matrix of a model is positive definite, without forming it.
+//! Test whether the mass matrix of a model is positive definite, without computing it.
 //!
-//! `M = (1 + K) D (1 + K)'` with `K` strictly triangular and `D` the articulated inertias `D_i = S_i' IA_i S_i + armature_i`
-//! (Jain 2011, section 7.5). So `M > 0` if all `D_i > 0`, at a cost linear in the number of joints. Rounding errors scale with the
-//! subtree's second moment about the joint, or for a slide with its mass.
+//! `M = (1 + K) D (1 + K)'`, where `K` is strictly triangular, and `D` is diagonal with `D_i = S_i' IA_i S_i + armature_i` (Jain 2011,
+//! section 7.5). `IA_i` is an articulated inertia. So `M > 0` if all `D_i > 0`. The cost is linear in the number of joints. Rounding errors
+//! scale with the second moment of the subtree about the joint, or for a slide with its mass.
 
 use super::{Dynamics, Workspace, aba};
 use crate::arm::{Arm, BASE, Joint, JointKind, Tree};
@@ -10,14 +10,14 @@ use crate::error::listed;
 use crate::spatial::Inertia;
 use std::f64::consts::PI;
 
-/// Number of sampled configurations: zero, and others drawn inside the limits.
+/// Number of sampled configurations: the zero configuration, and others within the limits.
 const SAMPLES: usize = 8;
 /// Largest product of joints and sampled configurations. It bounds the time to load a chain of thousands of links.
 const WORK: usize = 20_000;
-/// A `D_i` below this fraction of its scale is zero up to rounding.
+/// A `D_i` below this fraction of its scale counts as zero.
 const ROUNDING: f64 = 1e-12;
 
-/// A line for the arm's report, if its mass matrix is not positive definite at sampled configurations.
+/// The line about the mass matrix in the arm's report; `None` if it is positive definite at the sampled configurations.
 pub fn indefinite(arm: &Arm) -> Option<String> {
     let tree = Tree::<f64>::new(arm);
     let mut ws = Workspace::new(&tree);
@@ -37,20 +37,20 @@ pub fn indefinite(arm: &Arm) -> Option<String> {
     (count > 0).then(|| format!("mass matrix not positive definite at {count} of {samples} sampled configurations: joints {joints}"))
 }
 
-/// The joints that move no inertia while the joints that they carry are free.
+/// For each joint, whether it moves no inertia while the joints beyond it are free.
 fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool> {
     let n = tree.bodies.len();
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
     let (zero, mut a) = (vec![0.0; n], vec![0.0; n]);
     aba::forward_dynamics(tree, &mut ws.poses, &mut ws.articulated, &trig, q, &zero, &zero, &mut a);
-    // The subtree as one rigid body, about the joint's origin, in world axes.
+    // Each subtree as one rigid body, about the origin of its joint, in world axes.
     let mut rigid: Vec<Inertia<f64>> = tree.bodies.iter().zip(&ws.poses).map(|(b, pose)| b.inertia.rotated(pose.rotation)).collect();
     let mut free = vec![false; n];
     for i in (0..n).rev() {
         let body = &tree.bodies[i];
         let [xx, _, yy, _, _, zz] = rigid[i].inertia.0;
         let scale = if body.revolute { xx + yy + zz } else { rigid[i].mass } + body.armature;
-        // Also true if the inverse is NaN.
+        // The comparison is negated, because it must be true if the inverse is NaN.
         free[i] = !(ws.articulated[i].inverse.recip() > ROUNDING * scale.abs());
         if body.parent != BASE {
             rigid[body.parent] = rigid[body.parent].plus(&rigid[i].shifted(ws.articulated[i].p));
@@ -59,7 +59,7 @@ fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool
     free
 }
 
-/// For arms with mimic joints: the coordinates without a positive pivot in the elimination of `M`.
+/// For arms with mimic joints: for each coordinate, whether the elimination of `M` has no positive pivot.
 fn free_coordinates(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool> {
     let n = tree.n();
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
@@ -80,12 +80,12 @@ fn free_coordinates(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec
     free
 }
 
-/// A position of joint `i`, the same in every run: zero first, then inside the limits.
+/// A position of joint `i`, equal in every run. The first sample is zero, and the others are within the limits.
 fn drawn(joint: &Joint, i: usize, sample: usize) -> f64 {
     let far = if joint.kind == JointKind::Prismatic { 1.0 } else { PI };
     let within = |x: f64, other: f64| if x.is_finite() && x.abs() < 1e3 { x } else { other };
     let (low, high) = (within(joint.limits.lower, -far), within(joint.limits.upper, far));
-    // Multiples of the golden ratio are spread evenly. Each joint has another start.
+    // The fractional parts of multiples of the golden ratio are spread evenly. Each joint has another offset.
     let share = (0.618_033_988_749_895 * (sample * (i + 1)) as f64 + 0.13 * i as f64).fract();
     if sample == 0 { 0.0 } else { low + share * (high - low) }
 }
@@ -99,7 +99,7 @@ mod tests {
         Arm::from_urdf(text, "r", STANDARD_GRAVITY, None, None).unwrap()
     }
 
-    /// A chain of two joints about `axes`; the second body has `mass`, the first none.
+    /// A chain of two joints about `axes`. The second body has `mass`, and the first body has none.
     fn two(axes: [&str; 2], mass: &str, inertia: &str, armature: &str) -> Arm {
         let joint = |k: usize, parent: &str, child: &str, xyz: &str| {
             format!(
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn joints_without_inertia_are_named() {
-        // No mass beyond j2; and two coaxial joints, of which only the sum moves the body.
+        // In the first case there is no mass beyond j2. In the second, two joints are coaxial, and only their sum moves the body.
         let line = |names: &str| Some(format!("mass matrix not positive definite at 8 of 8 sampled configurations: joints {names}"));
         assert_eq!(indefinite(&two(["0 0 1", "0 1 0"], "0", "0", "0")), line("j1, j2"));
         assert_eq!(indefinite(&two(["0 0 1", "0 0 1"], "1", "0.1", "0")), line("j1"));

@@ -1,17 +1,18 @@
-//! Exact derivatives of inverse and forward dynamics in O(n d) (after Carpentier and Mansard 2018; Singh, Russell and Wensing 2022), in the
-//! notation of `coriolis`.
+//! Exact derivatives of inverse and forward dynamics in O(n d), with the depth `d` of the tree.
 //!
-//! Joint `j` moves its subtree as a rigid body. Besides this motion, velocities and accelerations in the subtree change by
+//! The method is that of Carpentier and Mansard 2018, and of Singh, Russell and Wensing 2022, in the notation of `coriolis`.
+//!
+//! Joint `j` moves its subtree as a rigid body. In addition, velocities and accelerations in the subtree change by
 //!
 //! ```text
 //! psi_j = V_p x S_j,   phi_j = A_p x S_j + V_p x psi_j          (p the parent body, at the joint)
 //! d f_k / d q_j = S_j x* f_k + I_k phi_j + 2 B_k psi_j,         k in the subtree of j
-//! d tau_i / d q_j = S_i . (S_j x* F_j + I_j^c phi_j + 2 B_j^c psi_j)   for i = j or i carrying j
-//! d tau_i / d q_j = S_i . (I_i^c phi_j + 2 B_i^c psi_j)                for i carried by j
+//! d tau_i / d q_j = S_i . (S_j x* F_j + I_j^c phi_j + 2 B_j^c psi_j)   for i = j, and for an ancestor i of j
+//! d tau_i / d q_j = S_i . (I_i^c phi_j + 2 B_i^c psi_j)                for a descendant i of j
 //! d tau / d v = 2 C(q, v),   d tau / d a = M
 //! ```
 //!
-//! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`. Forward: `d a = -M^-1 d tau`, `d a / d tau = M^-1`.
+//! with `B psi = [psi_w x P; (tr K) psi_w - K psi_w]`. For forward dynamics, `d a = -M^-1 d tau` and `d a / d tau = M^-1`.
 
 use super::Dynamics;
 use super::crba::joint_column;
@@ -33,7 +34,7 @@ pub struct Slope<S: Real> {
     v: Vector3<S>,
     a: Vector3<S>,
     wd: Vector3<S>,
-    /// At the joint; at the world origin the linear part is `phi_v + o x phi_w`.
+    /// `phi` at the joint. At the world origin its linear part is `phi_v + o x phi_w`.
     phi_v: Vector3<S>,
     phi_w: Vector3<S>,
     psi_w: Vector3<S>,
@@ -41,7 +42,7 @@ pub struct Slope<S: Real> {
     n: Vector3<S>,
 }
 
-/// `d tau / d q` at `(q, v, a)`, `(n, n)` row-major: row `i`, column `j` is `d tau_i / d q_j`.
+/// Compute `d tau / d q` at `(q, v, a)`, `(n, n)`, row-major: the entry in row `i` and column `j` is `d tau_i / d q_j`.
 pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
     match Joined::of(tree) {
         Some(joined) => joined.inverse_dynamics_by_q(ws, (trig, q), v, a, d),
@@ -49,7 +50,7 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
     }
 }
 
-/// Outwards: poses, velocities and accelerations, and their change by each joint that carries the body.
+/// Pass outwards: compute poses, velocities and accelerations, and `phi` and `psi` of each joint.
 fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S, S)], &[S]), v: &[S], a: &[S]) {
     let Workspace { poses, composites, slopes, .. } = ws;
     let ground = Slope { a: -tree.gravity.lift::<S>(), ..Slope::default() };
@@ -91,7 +92,7 @@ fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S
     }
 }
 
-/// [`inverse_dynamics_by_q`] in the coordinates of all joints, followers included.
+/// Compute [`inverse_dynamics_by_q`] for the coordinates of all joints, including joints that follow others.
 pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {
     place_slopes(tree, ws, (trig, q), v, a);
     let n = tree.bodies.len();
@@ -108,7 +109,7 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
         let mut f = me.phi_w.cross_add(moment, two_psi.cross_add(momentum, me.phi_v.scale(mass)));
         let turned = inertia.apply_add(me.phi_w, two_psi.scale(tr) - k.apply(two_psi));
         let mut about_joint = moment.cross_add(me.phi_v, turned);
-        // Momentum of the subtree per unit rate, and the effect of `psi` of a carrying joint on this one.
+        // Momentum of the subtree per unit rate, and the effect of `psi` of an ancestor on this joint.
         let (unit_f, unit_n, by_psi) = if body.revolute {
             f = z.cross_add(me.f, f);
             about_joint = z.cross_add(me.n, about_joint);
@@ -143,7 +144,7 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
     }
 }
 
-/// `d tau / d v = 2 C(q, v)`, and with `friction` the damping on the diagonal.
+/// Compute `d tau / d v = 2 C(q, v)`, `(n, n)`. With `friction`, the damping is added to the diagonal.
 pub fn inverse_dynamics_by_v<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,
@@ -166,7 +167,7 @@ pub fn inverse_dynamics_by_v<S: Real>(
     }
 }
 
-/// `x -> -M^-1 x` for an `(n, n)` matrix in place, `M` given by its Cholesky factor.
+/// Compute `x <- factor M^-1 x` in place, for an `(n, n)` matrix `x`. `l` is the Cholesky factor of `M` from [`factor`].
 pub(super) fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
     for c in 0..n {
         for i in 0..n {
@@ -188,7 +189,7 @@ pub(super) fn solve<S: Real>(n: usize, l: &[S], x: &mut [S], factor: S) {
     }
 }
 
-/// The lower Cholesky factor in place, its diagonal inverted; NaN where `M` is not positive definite.
+/// Compute the lower Cholesky factor in place, with an inverted diagonal. It is NaN where `M` is not positive definite.
 pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
     for j in 0..n {
         for k in 0..j {
@@ -206,8 +207,8 @@ pub(super) fn factor<S: Real>(n: usize, m: &mut [S]) {
     }
 }
 
-/// `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and its acceleration `a`,
-/// each `(n, n)` row-major. `m` is memory for `(n, n)`.
+/// Compute `d a / d q`, `d a / d v` and `d a / d tau = M^-1` of forward dynamics at `(q, v)` and its acceleration `a`, each `(n, n)`,
+/// row-major. `m` is memory for `(n, n)`.
 pub fn forward_dynamics_derivatives<S: Real>(
     tree: &Tree<S>,
     ws: &mut Workspace<S>,

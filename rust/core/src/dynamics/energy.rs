@@ -9,7 +9,7 @@ use crate::kinematics::{Pose, from_parent, place_body};
 use crate::scalar::{Real, sign};
 use crate::spatial::{Lift, Matrix, Vector, Vector3};
 
-/// `g(q)` from the mass and first moment of every subtree.
+/// Compute the gravity torque `g(q)`, `(n,)`, from the mass and the first moment of every subtree.
 pub fn gravity<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], composites: &mut [Composite<S>], trig: &[(S, S)], q: &[S], g: &mut [S]) {
     let n = tree.bodies.len();
     let mut last = Pose::identity();
@@ -35,7 +35,7 @@ pub fn gravity<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], composites: &mut 
     }
 }
 
-/// Kinetic and potential energy.
+/// Kinetic and potential energy, J.
 pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Column<S>], trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S) {
     let up = -tree.gravity.lift::<S>();
     let (mut twice, mut potential) = (S::zero(), S::zero());
@@ -61,19 +61,19 @@ pub fn energy<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], columns: &mut [Col
     (S::splat(0.5) * twice, potential)
 }
 
-/// The friction torque of a joint at rate `v`: `damping v + friction sign(v)`.
+/// The friction torque of a joint at the rate `v`: `damping v + friction sign(v)`.
 pub fn friction_torque<S: Real>(body: &Body<S>, v: S) -> S {
     body.friction.mul_add(sign(v), body.damping * v)
 }
 
-/// `tau += damping v + friction sign(v)`.
+/// Add the friction torque `damping v + friction sign(v)` to `tau`.
 pub fn add_friction<S: Real>(tree: &Tree<S>, v: &[S], tau: &mut [S]) {
     for i in 0..tree.n() {
         tau[i] += friction_torque(tree.leader(i), v[i]);
     }
 }
 
-/// `tau += factor J' F` for a wrench `[f; n]` in world axes at the origin of `frame`; `poses` must be current.
+/// Add `factor J' F` to `tau`, for a wrench `F = [f; n]` in world axes at the origin of `frame`. `poses` must be current.
 pub fn add_wrench<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize, wrench: [S; 6], factor: S, tau: &mut [S]) {
     let f = Vector3::from([wrench[0], wrench[1], wrench[2]]).scale(factor);
     let moment = Vector3::from([wrench[3], wrench[4], wrench[5]]).scale(factor);

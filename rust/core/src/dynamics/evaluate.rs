@@ -1,5 +1,5 @@
-//! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another. This is the interface for
-//! bindings: it checks shapes once, and the caller provides the outputs.
+//! The quantities of an arm as functions from `f64` arrays to `f64` arrays, one configuration after another. Language bindings use this
+//! interface: it checks shapes once, and the caller provides the outputs.
 
 use super::quantities::{self, Compute};
 use super::{Quantity, Query, Size, Workspace};
@@ -14,7 +14,7 @@ use crate::spatial::PARAMETERS;
 /// query.
 const EAGER: usize = 1 << 20;
 
-/// Buffers of one number type.
+/// The tree of an arm and the buffers, on one number type.
 #[derive(Clone, Debug)]
 pub(super) struct Engine<S: Real> {
     pub(super) tree: Tree<S>,
@@ -23,11 +23,11 @@ pub(super) struct Engine<S: Real> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
-    /// The query whose result `out` holds. The same entries vanish in every state, so the same query needs no zeroing.
+    /// The query whose result is in `out`. Its zeros are zero at every state, so the same query needs no zeroing.
     answered: Option<Query>,
 }
 
-/// `$each`, in which `$name` is the type that computes the quantity of `$query`.
+/// Expand to `$each`, in which `$name` is the type that computes the quantity of `$query`.
 macro_rules! with_quantity {
     ($query:expr, $name:ident => $each:expr) => {
         with_quantity!(@ $query, $name, $each, MassMatrix CoriolisMatrix Christoffel Gravity Bias InverseDynamics ForwardDynamics Regressor Energy Pose PoseVector
@@ -44,7 +44,8 @@ macro_rules! with_quantity {
 }
 
 impl<S: Real> Engine<S> {
-    /// With `eager`, memory for every result is allocated if it has at most `EAGER` numbers. Otherwise the first query allocates it.
+    /// Create an engine. With `eager`, memory for every result is allocated if it has at most `EAGER` numbers. Otherwise the first query
+    /// allocates it.
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));
@@ -62,7 +63,7 @@ impl<S: Real> Engine<S> {
         }
     }
 
-    /// Allocate memory for a query, or report its size in an error.
+    /// Allocate memory for a query, or return an error with its size.
     fn grow(&mut self, query: &Query) -> Result<()> {
         let (n, size) = (self.tree.n(), self.tree.size());
         let square = if matches!(query.quantity, Quantity::ForwardDynamicsDerivatives | Quantity::Christoffel) { n * n } else { 0 };
@@ -70,8 +71,7 @@ impl<S: Real> Engine<S> {
         memory::enlarge(&mut self.square, square, S::zero())
     }
 
-    /// Compute one configuration. The result is true if the arguments have the sizes of the query, and all arguments and results are
-    /// finite.
+    /// Compute one configuration. Return whether the arguments have the sizes of the query, and all arguments and results are finite.
     fn one<Q: Compute>(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> bool {
         // The quantity is a constant here, so the compiler resolves the branches on it.
         let query = &Query { quantity: Q::QUANTITY, ..*query };
@@ -91,7 +91,7 @@ impl<S: Real> Engine<S> {
         Q::answer(self, query, out)
     }
 
-    /// Sine and cosine of every coordinate.
+    /// Compute sine and cosine of every coordinate.
     #[inline]
     fn turn(&mut self) {
         for (trig, q) in self.trig.iter_mut().zip(&self.inputs[0]) {
@@ -110,7 +110,7 @@ impl<S: Real> Engine<S> {
         with_quantity!(query, Q => self.one::<Q>(query, inputs, out))
     }
 
-    /// The result for the inputs in the buffers.
+    /// Compute the result for the inputs in the buffers.
     pub(super) fn answer(&mut self, query: &Query) -> Result<&[S]> {
         self.grow(query)?;
         self.make_room_for(query);
@@ -120,7 +120,7 @@ impl<S: Real> Engine<S> {
     }
 }
 
-/// Evaluates one configuration after another, without allocating for arms of up to two hundred joints.
+/// An evaluator of one configuration after another. It does not allocate for arms of up to two hundred joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     engine: Box<Engine<Float>>,
@@ -129,18 +129,18 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
-    /// An evaluator of this arm, with its buffers.
+    /// Create an evaluator of this arm, with its buffers.
     pub fn new(arm: &Arm) -> Self {
         Evaluator::sized(arm, true)
     }
 
-    /// An evaluator of an arm of any size. It returns an error if the buffers do not fit in memory.
+    /// Create an evaluator of an arm of any size, or return an error if the buffers do not fit in memory.
     pub(super) fn large(arm: &Arm) -> Result<Self> {
         require_memory(arm.joints.len())?;
         Ok(Evaluator::new(arm))
     }
 
-    /// With `eager`, memory for every result is allocated.
+    /// Create an evaluator. With `eager`, memory for every result is allocated.
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
         Evaluator { engine: Box::new(Engine::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
     }
@@ -155,8 +155,10 @@ impl Evaluator {
         self.size
     }
 
-    /// Compute one configuration. [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major. The result is
-    /// true if every number is finite. It is false for a singular mass matrix and after an overflow.
+    /// Compute one configuration, and return whether every number is finite. This is false for a singular mass matrix and after an
+    /// overflow.
+    ///
+    /// [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         self.engine.grow(query)?;
         let sound = self.engine.dispatch(query, inputs, out);

@@ -1,7 +1,7 @@
-//! Forward dynamics by the mass matrix: `M a = tau - C v - g`, `M = L' D L` with `L` unit lower triangular.
+//! Forward dynamics from the mass matrix: `M a = tau - C v - g`, `M = L' D L` with a unit lower triangular `L`.
 //!
-//! The factorisation goes from the tips to the base. So `L`, like `M`, has entries only between a joint and the joints that carry it
-//! (Featherstone 2008, section 6.5). The cost of a tree is the sum of its branches. In loops the Newton-Euler recursion and the rotations
+//! The factorisation goes from the tips to the base. So `L`, like `M`, has entries only between a joint and its ancestors (Featherstone
+//! 2008, section 6.5). For a tree, the cost is the sum of the costs of its branches. In loops, the Newton-Euler recursion and the rotations
 //! are shared with the law.
 
 use super::workspace::{Factors, Workspace};
@@ -9,7 +9,7 @@ use super::{crba, newton_euler};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 
-/// `a = M^-1 (tau - C v - g)`; `ws.factors` has the memory.
+/// Compute `a = M^-1 (tau - C v - g)`, `(n,)`. `ws.factors` is memory.
 pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
     let n = tree.bodies.len();
     let Factors { matrix, inverse } = &mut ws.factors;
@@ -51,7 +51,8 @@ mod tests {
     use super::*;
     use crate::arm::{Arm, STANDARD_GRAVITY};
 
-    /// A tree of `branches`, each with `n` joints. Some joints are slides, all have rotors; placements are quarter turns or any angles.
+    /// A tree of `branches`, each with `n` joints. Some joints are slides, and all have rotors. With `quarters`, placements are quarter
+    /// turns.
     fn tree(branches: usize, n: usize, quarters: bool) -> Tree<f64> {
         let mut text = String::from("<robot name='t'><link name='base'/>");
         for branch in 0..branches {

@@ -1,7 +1,6 @@
-//! The functions of an arm, for any number of threads: first evaluated directly, then by the program of the function.
+//! The functions of an arm, for any number of threads. Each function is first evaluated directly, and later by its recorded program.
 //!
-//! Both have the same bits and differ only in time. Making a program takes about 1 ms, so it is made after a query has occurred
-//! often enough.
+//! Both methods have the same bits. Recording a program takes about 1 ms, so a program is made after its query has occurred often enough.
 
 use super::Query;
 use super::evaluate::{Evaluator, check};
@@ -12,40 +11,41 @@ use crate::trace::cache::free;
 use crate::trace::function::CALLS;
 use std::sync::{Arc, Mutex};
 
-/// Rows of a query after which its program is made.
+/// Number of rows of a query after which its program is made.
 const WORTH: usize = 256;
 
-/// Operations beyond which making the program for single calls would take more than 1 ms.
+/// Largest number of operations of a program for single calls. Beyond it, making the program would take more than 1 ms.
 const SHORT: f64 = 3_000.0;
 
-/// Queries of one arm whose programs are kept.
+/// Number of queries of one arm whose programs are kept.
 const KEPT: usize = 64;
 
-/// Operations beyond which a program would take more than a second to make.
+/// Largest number of operations of a program. Beyond it, making the program would take more than a second.
 const LONG: f64 = 600_000.0;
 
-/// A query, and its evaluation for many rows.
+/// A query, and its function for many rows.
 struct Known {
     query: Query,
-    /// Rows evaluated before the program existed.
+    /// Number of rows that were evaluated before the program existed.
     rows: usize,
     function: Option<Arc<ArmFunction>>,
 }
 
-/// A query, and its evaluation for one configuration.
+/// A query, and its program for one configuration.
 struct CachedQuery {
     query: Query,
-    /// Calls before the program existed.
+    /// Number of calls before the program existed.
     calls: usize,
     program: Option<ArmCall>,
 }
 
-/// Largest number of joints for which the buffers are made with the arm. For more joints, they take longer than the arm itself.
+/// Largest number of joints for which the buffers are made together with the arm. For more joints, this would take longer than making the
+/// arm.
 const FEW_JOINTS: usize = 1024;
 
-/// Single calls.
+/// The evaluator and the programs for single calls.
 struct Single {
-    /// For a very large arm, it is made at the first call.
+    /// `None` for a very large arm before its first call.
     evaluator: Option<Evaluator>,
     cached: Vec<CachedQuery>,
 }
@@ -67,7 +67,7 @@ impl Single {
         self.direct(arm, found, query, inputs, out)
     }
 
-    /// Evaluate without a program. `found` is the index of the query among the cached ones.
+    /// Evaluate without a program. `found` is the index of the query in `cached`.
     #[inline(never)]
     fn direct(&mut self, arm: &Arm, found: Option<usize>, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         let at = found.unwrap_or_else(|| {
@@ -91,16 +91,16 @@ impl Single {
     }
 }
 
-/// The quantities of an arm for one and for many configurations; a query that is repeated becomes a program.
+/// The quantities of an arm at one and at many configurations. A repeated query becomes a program.
 pub struct Functions {
     arm: Arc<Arm>,
     single: Mutex<Single>,
-    /// In the order of their last use.
+    /// The queries in the order of their last use.
     known: Mutex<Vec<Known>>,
 }
 
 impl Functions {
-    /// The functions of this arm.
+    /// Create the functions of an arm.
     pub fn new(arm: Arc<Arm>) -> Self {
         let evaluator = (arm.joints.len() <= FEW_JOINTS).then(|| Evaluator::new(&arm));
         Functions { single: Single::new(evaluator), known: Mutex::default(), arm }
@@ -111,7 +111,7 @@ impl Functions {
         &self.arm
     }
 
-    /// As [`Evaluator::one`].
+    /// Evaluate one configuration, as [`Evaluator::one`] does.
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match free(&self.single) {
             Some(mut single) => single.one(&self.arm, query, inputs, out),
@@ -128,7 +128,7 @@ impl Functions {
         rows < usize::MAX && rows + count >= WORTH && query.operations(self.arm.size()) <= LONG
     }
 
-    /// Prepare for `count` more rows: make the program of the query if it saves time.
+    /// Announce `count` more rows of the query, and make its program if this saves time.
     pub fn prepare(&self, query: &Query, count: usize) -> Result<()> {
         let due = self.is_due(query, count);
         let function = if due { Some(Arc::new(ArmFunction::new(&self.arm, query)?)) } else { None };
@@ -146,8 +146,8 @@ impl Functions {
         Ok(())
     }
 
-    /// Evaluate every configuration of the inputs, all of which have `count` rows, and write the rows of `out`. The result is true if every
-    /// number is finite. The division of rows into calls does not change their bits.
+    /// Evaluate `count` configurations, the rows of the inputs, and write the rows of `out`. Return whether every number is finite. The
+    /// division of rows into calls does not change their bits.
     pub fn rows(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         let (n, length) = (self.arm.n(), query.length(self.arm.size()));
         check(query, inputs, count, self.arm.size(), self.arm.frames.len(), out.len())?;
@@ -175,7 +175,7 @@ impl Functions {
 }
 
 impl Arm {
-    /// As [`Functions::rows`], for a single call.
+    /// Run [`Functions::rows`] for a single call.
     pub fn evaluate(self: &Arc<Self>, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) -> Result<bool> {
         let single = Single::new(Some(Evaluator::sized(self, false)));
         let functions = Functions { arm: self.clone(), single, known: Mutex::default() };

@@ -1,27 +1,27 @@
-//! Transforms over a joint, `x_parent = R_0 Rz(q) x + p` (a slide: `R_0 x + p + R_0 e_z q`), between a body's axes and its parent's. If the
-//! placement `R_0` is a quarter turn, only `Rz` costs products.
+//! Transforms over a joint, between the axes of a body and the axes of its parent: `x_parent = R_0 Rz(q) x + p`, or for a slide `R_0 x + p
+//! + R_0 e_z q`. If the placement `R_0` is a quarter turn, only `Rz` costs products.
 
 use crate::arm::Body;
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, QuarterTurn, Sym3, Vector, Vector3};
 
-/// `R_0 Rz(q)` of a joint whose placement is not a quarter turn. The other joints never read it.
+/// The rotation `R_0 Rz(q)` of a joint whose placement is not a quarter turn. For other joints it is not used.
 pub(crate) fn rotation<S: Real>(body: &Body<S>, trig: (S, S)) -> Matrix3<S> {
     if body.revolute { body.rotation.lift::<S>().rotate_z(trig) } else { body.rotation.lift() }
 }
 
-/// The joint's origin in the parent's axes.
+/// The joint's origin in the axes of the parent.
 pub(crate) fn reach<S: Real>(body: &Body<S>, q: S) -> Vector3<S> {
     let p = body.translation.lift();
     if body.revolute { p } else { body.rotation.axis(2).lift().scale_add(q, p) }
 }
 
-/// Vectors from the body's axes to the parent's; `e` is [`rotation`].
+/// Transform vectors from the axes of the body to the axes of its parent. `e` is [`rotation`].
 pub(crate) fn to_parent<S: Real, const K: usize>(body: &Body<S>, e: &Matrix3<S>, trig: (S, S), v: [Vector3<S>; K]) -> [Vector3<S>; K] {
     over(body.quarter, body.revolute, e, trig, v)
 }
 
-/// As [`to_parent`], for a loop that selects the quarter turn before it begins.
+/// [`to_parent`] with the quarter turn as an argument, for a loop that selects it before it begins.
 pub(crate) fn over<S: Real, const K: usize>(
     quarter: Option<QuarterTurn>,
     revolute: bool,
@@ -48,7 +48,7 @@ pub(crate) fn over<S: Real, const K: usize>(
     }
 }
 
-/// Vectors from the parent's axes to the body's; `e` is [`rotation`].
+/// Transform vectors from the axes of the parent to the axes of the body. `e` is [`rotation`].
 pub(crate) fn to_body<S: Real, const K: usize>(body: &Body<S>, e: &Matrix3<S>, (s, c): (S, S), mut v: [Vector3<S>; K]) -> [Vector3<S>; K] {
     match body.quarter {
         Some(quarter) => {
@@ -70,12 +70,12 @@ pub(crate) fn to_body<S: Real, const K: usize>(body: &Body<S>, e: &Matrix3<S>, (
     }
 }
 
-/// A symmetric matrix from the body's axes to the parent's; `e` is [`rotation`].
+/// Transform a symmetric matrix from the axes of the body to the axes of its parent. `e` is [`rotation`].
 pub(crate) fn congruence<S: Real>(body: &Body<S>, e: &Matrix3<S>, (s, c): (S, S), m: Sym3<S>) -> Sym3<S> {
     match body.quarter {
         Some(quarter) if body.revolute => {
             let [xx, xy, yy, xz, yz, zz] = m.0;
-            // Rz M; its first two columns are then rotated by Rz'.
+            // First compute Rz M. Then Rz' rotates its first two columns.
             let (a, b) = (xx.mul_add(c, -(xy * s)), xy.mul_add(c, -(yy * s)));
             let (d, f) = (xx.mul_add(s, xy * c), xy.mul_add(s, yy * c));
             let turned =

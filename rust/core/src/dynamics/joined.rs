@@ -1,4 +1,5 @@
-//! The dynamics of an arm with joints that follow others, `q_b = G q + c` with a constant `G`: the projected dynamics of its bodies.
+//! The dynamics of an arm with joints that follow others: `q_b = G q + c`, with a constant `G`. `q_b` has all joints, `q` the coordinates.
+//! The dynamics of the bodies, with the subscript `b`, are projected:
 //!
 //! `M = G' M_b G`, `C = G' C_b G` (again the Christoffel matrix, because `G` is constant), `g = G' g_b`, `Y = G' Y_b`. Forward dynamics
 //! uses a Cholesky factor of `M`.
@@ -10,23 +11,25 @@ use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 
-/// Motions of bodies in the coordinates of all joints, followers included.
+/// Motions of bodies in the coordinates of all joints, including joints that follow others.
 #[derive(Clone, Debug, Default)]
 pub struct Spread<S: Real> {
-    /// (sin, cos) and position of every joint.
+    /// (sin, cos) of every joint.
     trig: Vec<(S, S)>,
+    /// Position of every joint.
     q: Vec<S>,
     /// Rates and accelerations of every joint.
     rates: [Vec<S>; 4],
-    /// A result before its projection: up to ten columns per body.
+    /// A result before its projection, with up to ten columns per body.
     answer: Vec<S>,
-    /// `M` and its factor, in coordinates.
+    /// The mass matrix `M` in coordinates, `(n, n)`.
     mass: Vec<S>,
+    /// The Cholesky factor of `M`, `(n, n)`.
     factor: Vec<S>,
 }
 
 impl<S: Real> Spread<S> {
-    /// Buffers for arms with joints that follow others; empty for other arms.
+    /// Create buffers for an arm with joints that follow others; empty for other arms.
     pub fn new(tree: &Tree<S>) -> Self {
         if tree.joining.is_none() {
             return Spread::default();
@@ -73,7 +76,7 @@ impl<'a, S: Real> Joined<'a, S> {
         tree.joining.is_some().then_some(Joined { tree })
     }
 
-    /// The result of `compute` in the coordinates of all joints, projected and added to `out`.
+    /// Compute a result in the coordinates of all joints, project it, and add it to `out`.
     fn project<const K: usize>(
         self,
         ws: &mut Workspace<S>,
@@ -84,7 +87,7 @@ impl<'a, S: Real> Joined<'a, S> {
         compute: impl FnOnce(&mut Workspace<S>, Place<S>, [&[S]; K], &mut [S]),
     ) {
         let (n, bodies) = (self.tree.n(), self.tree.bodies.len());
-        // Taken out of the workspace, because the algorithms write to the workspace.
+        // `spread` is moved out of the workspace, because the algorithms write to the workspace.
         let mut spread = std::mem::take(&mut ws.spread);
         for i in 0..bodies {
             (spread.trig[i], spread.q[i]) = self.tree.position(i, trig, q);
@@ -137,7 +140,7 @@ impl<'a, S: Real> Joined<'a, S> {
         });
     }
 
-    /// Without `a`, the acceleration is zero.
+    /// Compute the inverse dynamics. `a = None` means zero acceleration.
     pub fn inverse_dynamics(self, ws: &mut Workspace<S>, at: Place<S>, v: &[S], a: Option<&[S]>, tau: &mut [S]) {
         tau.fill(S::zero());
         self.project(ws, at, [v, a.unwrap_or(v)], Form::Vector, tau, |ws, (trig, q), [v, own], tau| {
@@ -157,7 +160,7 @@ impl<'a, S: Real> Joined<'a, S> {
         (ws.spread.mass, ws.spread.factor) = (mass, factor);
     }
 
-    /// `Y`, in rows of `width` numbers.
+    /// Compute the regressor `Y`, in rows of `width` numbers.
     pub fn regressor(self, ws: &mut Workspace<S>, at: Place<S>, rates: [&[S]; 3], width: usize, y: &mut [S]) {
         let columns = PARAMETERS * self.tree.bodies.len();
         y.fill(S::zero());
@@ -167,7 +170,7 @@ impl<'a, S: Real> Joined<'a, S> {
         });
     }
 
-    /// `rates`: `v`, `v_r`, `a_r` and `s`.
+    /// Compute `Y pi` and `Y' s`. `rates` are `v`, `v_r`, `a_r` and `s`.
     pub fn regressor_products(self, ws: &mut Workspace<S>, at: Place<S>, rates: [&[S]; 4], pi: &[S], y_pi: &mut [S], yt_s: &mut [S]) {
         self.project(ws, at, rates, Form::Vector, y_pi, |ws, (trig, q), [v, v_r, a_r, s], y_pi| {
             y_pi.fill(S::zero());

@@ -1,4 +1,4 @@
-//! Functions of arms with very many joints check for a stop, and return the same bits afterwards.
+//! Functions of arms with very many joints check for an interrupt, and return the same bits afterwards.
 
 use super::derivatives::{factor, solve};
 use super::{Evaluator, Functions, Quantity, Query};
@@ -7,7 +7,7 @@ use crate::interrupt::{Interrupted, Watch, interruptible};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// More joints than the rows without a check for a stop, and fewer than the joints of a program.
+/// More joints than the number of rows without a check for an interrupt, and fewer than the largest number of joints of a program.
 const JOINTS: usize = 330;
 
 fn with_stop_requested<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {
@@ -62,6 +62,6 @@ fn buffers_of_very_many_joints_are_made_at_the_first_call() {
     let query = Query::from(Quantity::Gravity);
     assert!(with_stop_requested(|| functions.one(&query, &[&zero], &mut out)).is_err());
     assert_eq!(functions.one(&query, &[&zero], &mut out), Ok(true));
-    // Rods of 1 kg/m on the x axis; the sum rounds 5,000 times.
+    // The links are rods of 1 kg/m on the x axis. The sum has 5,000 rounding errors.
     assert!((out[0] / (9.81 * 0.5 * (MANY * MANY) as f64) - 1.0).abs() < 1e-10, "{}", out[0]);
 }

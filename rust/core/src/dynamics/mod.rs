@@ -1,8 +1,11 @@
-//! `M(q) a + C(q, v) v + g(q) = tau`: the dynamics for control, for every kind of arm.
+//! The dynamics for control, for every kind of arm: `M(q) a + C(q, v) v + g(q) = tau`.
 //!
-//! `C` is the Christoffel factorisation: `C(q, x) y = C(q, y) x`, and `dM/dt - 2 C` is skew-symmetric.
-//! Matrices are row-major slices. `trig[i]` is (sin, cos) of angular coordinate `i`. It is computed once per stage,
-//! and plant and law share it. Entries of joints that are not angular are never read.
+//! `C` is the Christoffel factorisation: `C(q, x) y = C(q, y) x`, and `dM/dt - 2 C` is skew-symmetric. Matrices are row-major slices.
+//! `trig[i]` is (sin, cos) of coordinate `i`; it is never read if the coordinate is not an angle. Plant and law share `trig`, which is
+//! computed once per stage of an integration step.
+//!
+//! A *slide* is a prismatic joint. A joint that *follows* another joint, its *leader*, is a mimic joint. An *ancestor* of a joint is any
+//! joint between it and the base.
 
 #[doc(hidden)]
 pub mod aba;
@@ -57,35 +60,35 @@ use crate::scalar::Real;
 
 /// The dynamics of an arm with `n` joints and `p` inertial parameters.
 pub trait Dynamics<S: Real> {
-    /// Buffers of the algorithms, made once: nothing allocates in a control step.
+    /// Buffers of the algorithms. They are created once, so that a control step allocates nothing.
     type Workspace;
-    /// Buffers for this arm.
+    /// Create the buffers for this arm.
     fn workspace(&self) -> Self::Workspace;
 
     /// Number of joints `n`.
     fn dof(&self) -> usize;
     /// Number of inertial parameters `p`.
     fn parameter_count(&self) -> usize;
-    /// Whether coordinate `joint` enters through its sine and cosine.
+    /// Whether coordinate `joint` is an angle, which enters through its sine and cosine.
     fn is_angle(&self, joint: usize) -> bool;
-    /// The inertial parameters, `(p,)`.
+    /// Write the inertial parameters, `(p,)`, in SI units, to `pi`.
     fn parameters(&self, pi: &mut [S]);
 
-    /// `M(q)`, `(n, n)`.
+    /// Compute the mass matrix `M(q)`, `(n, n)`.
     fn mass_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], m: &mut [S]);
-    /// `C(q, v)`, `(n, n)`, Christoffel.
+    /// Compute the Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
     fn coriolis_matrix(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], c: &mut [S]);
-    /// `g(q)`, `(n,)`.
+    /// Compute the gravity torque `g(q)`, `(n,)`.
     fn gravity(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], g: &mut [S]);
-    /// `C(q, v) v + g(q)`, `(n,)`.
+    /// Compute the bias torque `C(q, v) v + g(q)`, `(n,)`.
     fn bias(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], out: &mut [S]);
-    /// `tau = M a + C v + g`, `(n,)`.
+    /// Compute the inverse dynamics `tau = M a + C v + g`, `(n,)`.
     fn inverse_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], tau: &mut [S]);
-    /// `a = M^-1 (tau - C v - g)`, `(n,)`.
+    /// Compute the forward dynamics `a = M^-1 (tau - C v - g)`, `(n,)`.
     fn forward_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]);
-    /// The Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`.
+    /// Compute the Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`.
     fn regressor(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]);
-    /// `Y pi` added to `y_pi` `(n,)`, and `Y^T s` `(p,)`, for any parameters `pi`, without forming `Y`.
+    /// Add `Y pi`, `(n,)`, to `y_pi`, and write `Y^T s`, `(p,)`, to `yt_s`, for any parameters `pi`. `Y` is not formed.
     fn regressor_products(
         &self,
         ws: &mut Self::Workspace,
@@ -99,6 +102,6 @@ pub trait Dynamics<S: Real> {
         y_pi: &mut [S],
         yt_s: &mut [S],
     );
-    /// Kinetic and potential energy.
+    /// Kinetic and potential energy, J.
     fn energy(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S);
 }

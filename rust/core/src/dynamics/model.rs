@@ -1,6 +1,6 @@
 //! Any arm, chosen at run time: the planar PR arm in closed form, or a tree of bodies.
 //!
-//! Each quantity is a separate function. So laws and plants share one copy of the code, and each use costs a call.
+//! Each quantity is a function that is not inlined. So laws and plants share one copy of the code, and each use costs one call.
 
 use super::workspace::Workspace;
 use super::{Dynamics, PlanarPr, Size};
@@ -11,7 +11,7 @@ use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3, parameter};
 use std::sync::Arc;
 
-/// An arm as the user states it.
+/// An arm as the user defines it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Model {
     /// The planar arm of one prismatic and one revolute joint, in closed form.
@@ -48,7 +48,7 @@ impl Model {
         self.parameters().len()
     }
 
-    /// Inertial parameters `(p,)`.
+    /// Inertial parameters, `(p,)`, in SI units.
     pub fn parameters(&self) -> Vec<f64> {
         match self {
             Model::PlanarPr(arm) => arm.parameter_array().to_vec(),
@@ -56,7 +56,7 @@ impl Model {
         }
     }
 
-    /// Whether each coordinate enters through its sine and cosine.
+    /// Whether each coordinate is an angle, which enters through its sine and cosine.
     pub fn angles(&self) -> Vec<bool> {
         match self {
             Model::PlanarPr(_) => vec![false, true],
@@ -64,7 +64,7 @@ impl Model {
         }
     }
 
-    /// Rotor inertia of each joint, `(n,)`, outside of the inertial parameters.
+    /// Rotor inertia of each joint, `(n,)`, kg m^2 or kg. It is not one of the inertial parameters.
     pub fn armature(&self) -> Vec<f64> {
         match self {
             Model::PlanarPr(_) => vec![0.0; 2],
@@ -72,7 +72,7 @@ impl Model {
         }
     }
 
-    /// Viscous and Coulomb friction of the joints, `(n,)` each; zero unless the friction `acts`.
+    /// Viscous friction (N m s/rad or N s/m) and Coulomb friction (N m or N), `(n,)` each; zero if `acts` is false.
     pub fn friction(&self, acts: bool) -> [Vec<f64>; 2] {
         let of = |get: fn(&Joint) -> f64| match self {
             Model::Tree(arm) if acts => arm.independent().map(get).collect(),
@@ -81,7 +81,7 @@ impl Model {
         [of(|joint| joint.damping), of(|joint| joint.friction)]
     }
 
-    /// Names of the columns of the regressor: inertial, then those of `armature`, then those of `friction`.
+    /// Names of the columns of the regressor: inertial parameters, then armature if `armature`, then damping and friction if `friction`.
     pub fn column_names(&self, armature: bool, friction: bool) -> Vec<String> {
         let Model::Tree(arm) = self else { return ["A", "B", "C"].map(String::from).to_vec() };
         let of_joints = |what: &'static str| arm.joint_names().map(move |joint| format!("{what}[{joint}]"));
@@ -97,7 +97,7 @@ impl Model {
         names
     }
 
-    /// The tree of bodies, or an error about `argument`.
+    /// The tree of bodies. For the planar PR arm, the result is an error about `argument`.
     pub fn tree(&self, argument: &str) -> Result<&Arc<Arm>> {
         match self {
             Model::Tree(arm) => Ok(arm),
@@ -105,7 +105,7 @@ impl Model {
         }
     }
 
-    /// Whether both have the same joints and frames, so that they can share lanes: inertial parameters may differ.
+    /// Whether both arms have the same joints and frames, so that they can run in lanes of one register. Inertial parameters may differ.
     pub fn same_geometry(&self, other: &Model) -> bool {
         match (self, other) {
             (Model::PlanarPr(_), Model::PlanarPr(_)) => true,
@@ -129,14 +129,14 @@ impl Model {
 /// A model on the number type `S`; its inertial parameters may differ from lane to lane.
 #[derive(Clone, Debug)]
 pub enum AnyArm<S: Real> {
-    /// In closed form.
+    /// The planar PR arm in closed form.
     PlanarPr(PlanarPr<S>),
     /// A tree of bodies.
     Tree(Tree<S>),
 }
 
 impl<S: Real> AnyArm<S> {
-    /// Model `of(i)` in lane `i`; all have the same geometry.
+    /// Create an arm with the model `of(i)` in lane `i`. All models have the same geometry.
     pub fn from_lanes<'a>(of: impl Fn(usize) -> &'a Model) -> Self {
         match of(0) {
             Model::PlanarPr(first) => AnyArm::PlanarPr(PlanarPr::from_lanes(|i| match of(i) {
@@ -231,7 +231,8 @@ impl<S: Real> Dynamics<S> for AnyArm<S> {
 }
 
 impl<S: Real> AnyArm<S> {
-    /// The geometric Jacobian `(6, n)` of a frame; returns its position. A planar PR has no frames: zero.
+    /// Write the geometric Jacobian of a frame, `(6, n)`, to `j`, and return the position of the frame. A planar PR arm has no frames, so
+    /// its result is zero.
     #[inline(never)]
     pub fn jacobian(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> Vector3<S> {
         match self {
@@ -240,7 +241,7 @@ impl<S: Real> AnyArm<S> {
         }
     }
 
-    /// The position of a frame. A planar PR has no frames: zero.
+    /// The position of a frame, m. A planar PR arm has no frames, so its result is zero.
     #[inline(never)]
     pub fn position(&self, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], frame: usize) -> Vector3<S> {
         match self {
@@ -249,7 +250,7 @@ impl<S: Real> AnyArm<S> {
         }
     }
 
-    /// Error `(m,)` and Jacobian `(m, n)` of Cartesian coordinates; `full` is memory for `(6, n)`.
+    /// Compute the error `e`, `(m,)`, and the Jacobian `j`, `(m, n)`, of Cartesian coordinates. `full` is memory for `(6, n)`.
     #[inline(never)]
     pub fn error_and_jacobian(
         &self,

@@ -1,5 +1,5 @@
-//! Newton-Euler recursion in body axes, without linear velocities (Luh, Walker and Paul 1980), in the
-//! polarised form that Slotine and Li's law needs:
+//! Newton-Euler recursion in body axes, without linear velocities (Luh, Walker and Paul 1980). Slotine and Li's law requires its polarised
+//! form:
 //!
 //! ```text
 //! U = [wd]x + ([w]x [wr]x + [wr]x [w]x) / 2,   acceleration at r:  a + U r
@@ -8,8 +8,8 @@
 //! f_i = m a + U h,   n_i = integral of r x (U r) dm + h x a
 //! ```
 //!
-//! A slide adds `z ar + (w x z) vr + (wr x z) v` to `a`. The bias is quadratic in velocity, so its polarisation
-//! is `C(q, v) vr` with the Christoffel `C`; with `vr = v` it is the ordinary inverse dynamics.
+//! A slide adds `z ar + (w x z) vr + (wr x z) v` to `a`. The bias is quadratic in the velocity, so its polarised form is `C(q, v) vr` with
+//! the Christoffel matrix `C`. With `vr = v` this is the ordinary inverse dynamics.
 
 use super::hinge::{reach, rotation, to_body, to_parent};
 use super::workspace::{BodyMotion, Link};
@@ -17,7 +17,7 @@ use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
 
-/// `[wd]x + ([w]x [wr]x + [wr]x [w]x) / 2`.
+/// The matrix `U = [wd]x + ([w]x [wr]x + [wr]x [w]x) / 2`.
 pub(crate) fn acceleration_matrix<S: Real, const POLAR: bool>(w: Vector3<S>, wr: Vector3<S>, wd: Vector3<S>) -> Matrix3<S> {
     let half = S::splat(0.5);
     let product = |i: usize, j: usize| if POLAR { half * w[i].mul_add(wr[j], w[j] * wr[i]) } else { w[i] * w[j] };
@@ -31,9 +31,9 @@ pub(crate) fn acceleration_matrix<S: Real, const POLAR: bool>(w: Vector3<S>, wr:
     ])
 }
 
-/// `integral of r x (U r) dm` from the second moment `integral of r r' dm`, plus `c`.
+/// Compute `integral of r x (U r) dm`, plus `c`, from the second moment `Sigma = integral of r r' dm`.
 pub(crate) fn moment_of<S: Real>(u: Matrix3<S>, second: &Sym3<S>, c: Vector3<S>) -> Vector3<S> {
-    // Entry (i, k) of U Sigma; the moment is the axial vector of U Sigma - (U Sigma)'.
+    // The integral is the axial vector of U Sigma - (U Sigma)', whose entries are computed here.
     let [xx, xy, yy, xz, yz, zz] = second.0;
     let row = |i: usize| (u[(i, 0)], u[(i, 1)], u[(i, 2)]);
     let ((x0, x1, x2), (y0, y1, y2), (z0, z1, z2)) = (row(0), row(1), row(2));
@@ -47,7 +47,7 @@ pub(crate) fn moment_of<S: Real>(u: Matrix3<S>, second: &Sym3<S>, c: Vector3<S>)
     ])
 }
 
-/// The motion of a body in its own axes from that of its parent. `link` receives the joint's rotation and the joint origin.
+/// Compute the motion of a body, in its axes, from the motion of its parent. `link` receives the joint's rotation and the joint origin.
 pub(crate) fn outwards<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     body: &Body<S>,
@@ -102,7 +102,8 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
     BodyMotion { w, wr, wd, a, u: acceleration_matrix::<S, POLAR>(w, wr, wd) }
 }
 
-/// The joint forces `S_i . F_i` from `f` and `n` of every body (in `links`, body axes). `F_i` is summed over the subtree.
+/// Compute the joint forces `S_i . F_i` from `f` and `n` of every body (in `links`, body axes), and pass them to `tau`. `F_i` is the sum
+/// over the subtree.
 pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S, S)], mut tau: impl FnMut(usize, S)) {
     for i in (0..tree.bodies.len()).rev() {
         let body = &tree.bodies[i];
@@ -117,7 +118,7 @@ pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S
     }
 }
 
-/// `tau` for `(v, vr, ar)`; `POLAR = false` takes `vr = v` and never reads `vr`.
+/// Compute `tau` for `(v, vr, ar)`. With `POLAR = false`, `vr` equals `v` and is not read.
 pub fn newton_euler<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     links: &mut [Link<S>],

@@ -1,14 +1,14 @@
-//! The PR robot on a horizontal plane (Robotics 2 exam, Sapienza, 10 June 2022, exercise 1):
+//! The planar PR arm: a prismatic and a revolute joint on a horizontal plane (Robotics 2 exam, Sapienza, 10 June 2022, exercise 1):
 //!
 //! `M = [[A, B cos q2], [B cos q2, C]]`, `C(q, v) = [[0, -B sin(q2) v2], [0, 0]]`, `g = 0`, with
-//! `A > 0`, `C > 0`, `A C > B^2`, and the regressor in the parameters `(A, B, C)`
+//! `A > 0`, `C > 0`, `A C > B^2`. The regressor in the parameters `(A, B, C)` is
 //! `Y = [[a_r1, a_r2 cos q2 - v2 v_r2 sin q2, 0], [0, a_r1 cos q2, a_r2]]`.
 
 use super::Dynamics;
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
 
-/// The arm; one parameter set per lane.
+/// The planar PR arm, with one parameter set per lane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlanarPr<S> {
     a: S,
@@ -19,7 +19,8 @@ pub struct PlanarPr<S> {
 }
 
 impl PlanarPr<f64> {
-    /// Refuses parameters whose mass matrix is not positive definite at every `q`.
+    /// Create an arm with `A` in kg, `B` in kg m and `C` in kg m^2. Parameters whose mass matrix is not positive definite at every `q` are
+    /// refused.
     pub fn new(a: f64, b: f64, c: f64) -> Result<Self> {
         positive("A", a)?;
         finite("B", &[b])?;
@@ -33,23 +34,23 @@ impl PlanarPr<f64> {
         Ok(PlanarPr { a, b, c, ac: a * c })
     }
 
-    /// Any finite parameters, because an estimate need not be physically possible.
+    /// Create an arm with any finite parameters, because an estimate may be physically impossible.
     pub fn with_parameters(pi: [f64; 3]) -> Self {
         PlanarPr { a: pi[0], b: pi[1], c: pi[2], ac: pi[0] * pi[2] }
     }
 
-    /// `(A, B, C)`.
+    /// The parameters `(A, B, C)`.
     pub fn parameter_array(&self) -> [f64; 3] {
         [self.a, self.b, self.c]
     }
 
-    /// The Christoffel symbols `(2, 2, 2)`. Only one is not zero: `c[0, 1, 1] = -B sin q2`.
+    /// Compute the Christoffel symbols, `(2, 2, 2)`. Only one is not zero: `c[0, 1, 1] = -B sin q2`.
     pub fn christoffel(&self, (sin, _): (f64, f64), c: &mut [f64]) {
         c.fill(0.0);
         c[3] = -(self.b * sin);
     }
 
-    /// `[d tau/d q; d tau/d v; M]`, `(6, 2)` row-major, of `tau = M a + C v`.
+    /// Compute `[d tau/d q; d tau/d v; M]`, `(6, 2)`, row-major, of `tau = M a + C v`.
     pub fn inverse_dynamics_slopes(&self, (sin, cos): (f64, f64), v: &[f64], a: &[f64], out: &mut [f64]) {
         let (bs, bc) = (self.b * sin, self.b * cos);
         let by_q = [0.0, -(bs * a[1] + bc * v[1] * v[1]), 0.0, -bs * a[0]];
@@ -57,7 +58,7 @@ impl PlanarPr<f64> {
         out.copy_from_slice([by_q, by_v, [self.a, bc, bc, self.c]].as_flattened());
     }
 
-    /// `[d a/d q; d a/d v; M^-1]` of `a = M^-1 (tau - C v)`: `- M^-1` times the slopes of `tau` at `a`.
+    /// Compute `[d a/d q; d a/d v; M^-1]`, `(6, 2)`, of `a = M^-1 (tau - C v)`. The first two are `-M^-1` times the slopes of `tau` at `a`.
     pub fn forward_dynamics_slopes(&self, trig: (f64, f64), v: &[f64], a: &[f64], out: &mut [f64]) {
         self.inverse_dynamics_slopes(trig, v, a, out);
         let bc = self.b * trig.1;
@@ -71,7 +72,7 @@ impl PlanarPr<f64> {
 }
 
 impl<S: Real> PlanarPr<S> {
-    /// Arm `of(i)` in lane `i`.
+    /// Create an arm with the parameters of `of(i)` in lane `i`.
     pub fn from_lanes(of: impl Fn(usize) -> PlanarPr<f64>) -> Self {
         let lift = |name, get: fn(&PlanarPr<f64>) -> f64| S::labelled(name, 0, || S::parameter(|i| get(&of(i))));
         PlanarPr { a: lift("A", |p| p.a), b: lift("B", |p| p.b), c: lift("C", |p| p.c), ac: lift("AC", |p| p.ac) }
@@ -149,7 +150,7 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         yt_s: &mut [S],
     ) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
-        // Here and below, the latest values are used last. This shortens the longest chain of dependent operations.
+        // In these sums the latest values are used last. This shortens the longest chain of dependent operations.
         y_pi[0] = y12.mul_add(pi[1], a_r[0].mul_add(pi[0], y_pi[0]));
         y_pi[1] = y22.mul_add(pi[1], a_r[1].mul_add(pi[2], y_pi[1]));
         yt_s[0] = a_r[0] * s[0];
@@ -164,7 +165,7 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
     }
 }
 
-/// The two entries of the middle column of the regressor, that of `B`.
+/// The two entries of the regressor's middle column, which belongs to the parameter `B`.
 fn columns<S: Real>((sin, cos): (S, S), v: &[S], v_r: &[S], a_r: &[S]) -> (S, S) {
     (a_r[1].mul_add(cos, -(v[1] * v_r[1] * sin)), a_r[0] * cos)
 }

@@ -1,4 +1,5 @@
-//! Functions of an arm as C. [`crate::trace::c`] records each quantity once and prints it. The C has the bits of [`super::Evaluator`].
+//! Functions of an arm as C code. [`crate::trace::c`] records each quantity once and prints it. The C code has the bits of
+//! [`super::Evaluator`].
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query, Size};
 use crate::arm::JointKind;
@@ -8,20 +9,20 @@ use crate::trace::c::{CFile, COptions, CSource, Routine, comment, require_names}
 use crate::trace::function::{Recorded, recorded};
 use crate::trace::{Sym, sym};
 
-/// Number of operations beyond which a function is not printed.
+/// Largest number of operations of a function that is printed.
 const LONGEST: f64 = 600_000.0;
 
-/// A function of an arm, to be printed.
+/// A function of an arm to print as C.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CFunction {
-    /// Its name in C, after the prefix.
+    /// Name of the C function, after the prefix.
     pub name: String,
     /// The quantity of the function.
     pub query: Query,
 }
 
 impl Quantity {
-    /// The quantities that can be printed, with the names of the arm's functions.
+    /// The quantities that can be printed, with the names of their C functions.
     pub const PRINTED: [(&'static str, Quantity); 18] = [
         ("mass_matrix", Quantity::MassMatrix),
         ("coriolis_matrix", Quantity::CoriolisMatrix),
@@ -71,7 +72,7 @@ impl Quantity {
 }
 
 impl Model {
-    /// The functions as C: a header, a source file and a CMake file.
+    /// Print the functions as C: a header, a source file and a CMake file.
     ///
     /// ```
     /// use armlet_core::arm::Arm;
@@ -143,7 +144,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
         text
     }
 
-    /// A query, recorded.
+    /// Record the operations of a query.
     fn recorded(&self, query: &Query) -> Result<Recorded> {
         let n = self.n();
         if query.operations(self.size()) > LONGEST {
@@ -163,7 +164,7 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
         }
     }
 
-    /// The lines of a header about the arm: joints with their units, and the inertial parameters.
+    /// Describe the arm in lines for a header: joints with their units, and the inertial parameters.
     pub(crate) fn described(&self) -> String {
         let (names, slides): (Vec<String>, Vec<bool>) = match self {
             Model::PlanarPr(_) => (vec!["p1".into(), "r2".into()], vec![true, false]),
@@ -190,12 +191,12 @@ return {prefix}_refuse({upper}_NOT_FINITE, {answers}, out);\n{calls}    return {
     }
 }
 
-/// The values of the inputs of a recording: numbers of the set-up are known, the other inputs are not.
+/// The known inputs of a recording: `Some` for numbers of the set-up, `None` for the other inputs.
 pub(crate) fn given(recorded: &Recorded) -> Vec<Option<f64>> {
     recorded.values.iter().map(|&x| Some(x)).chain((0..recorded.inputs).map(|_| None)).collect()
 }
 
-/// A query of the planar PR arm, recorded like its evaluation: without fused products.
+/// Record a query of the planar PR arm, without fused products, like its evaluation.
 fn planar_pr(arm: &PlanarPr<f64>, query: &Query) -> Result<Recorded> {
     if query.friction || query.armature {
         return Err(Error::input("friction, armature", "are not part of this arm: expected False for planar_pr, got True"));

@@ -12,18 +12,18 @@ use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
 use crate::spatial::{Lift, Matrix, Matrix3, PARAMETERS, Vector, Vector3, rotation_log};
 
-/// Computes a quantity from the buffers of an engine. The sines and cosines are already there.
+/// The computation of a quantity from the buffers of an engine. Sines and cosines must already be in the buffers.
 pub trait Compute {
     const QUANTITY: Quantity;
     fn compute<S: Real>(engine: &mut Engine<S>, query: &Query);
-    /// The same, written to `out`. The result is true if all numbers are finite.
+    /// Compute the quantity, and write it to `out`. Return whether all numbers are finite.
     fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
         Self::compute(engine, query);
         write(&engine.out[..out.len()], out)
     }
 }
 
-/// As [`write_one`]; a long row is written in pieces.
+/// Write a result as [`write_one`] does. A long result is written in pieces.
 #[inline(always)]
 fn write<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     if out.len() <= memory::PIECE { write_one(values, out) } else { write_many(values, out) }
@@ -50,7 +50,7 @@ fn take_friction<S: Real>(query: &Query, tree: &Tree<S>, v: &[S], tau: &mut [S])
     }
 }
 
-/// A homogeneous transform, row by row.
+/// Write a homogeneous transform, `(4, 4)`, row by row.
 fn write_pose<S: Real>(r: &Matrix3<S>, p: &Vector3<S>, out: &mut [S]) {
     for k in 0..3 {
         (out[4 * k], out[4 * k + 1], out[4 * k + 2], out[4 * k + 3]) = (r[(k, 0)], r[(k, 1)], r[(k, 2)], p[k]);
@@ -86,10 +86,10 @@ impl Compute for MassMatrix {
             let n = engine.tree.n();
             return joined.mass_matrix(&mut engine.ws, (&engine.trig, &engine.inputs[0]), &mut engine.out[..n * n]);
         }
-        // `out` is zeroed only before the first of many evaluations, as for the Jacobian.
+        // `out` is zeroed only before the first of several equal queries, as for the Jacobian.
         crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
     }
-    /// Writes entry by entry. A read of four entries at once would wait for the last single store.
+    /// Write entry by entry. A read of four entries together would wait for the last single store.
     fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
         let n = engine.tree.n();
         if engine.tree.joining.is_some() {
@@ -99,7 +99,7 @@ impl Compute for MassMatrix {
         if engine.tree.bodies.iter().any(|body| body.end < n) {
             memory::set(out, 0.0);
         }
-        // NaN after a number that is not finite.
+        // `zero` becomes NaN after a number that is not finite.
         let mut zero = S::zero();
         crba::mass_matrix_entries(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], |i, j, x| {
             zero = x.mul_add(S::zero(), zero);

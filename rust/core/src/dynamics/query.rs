@@ -4,58 +4,58 @@ use crate::arm::{Arm, Tree};
 use crate::scalar::{Isa, Real, isa};
 use crate::spatial::PARAMETERS;
 
-/// A quantity. Its inputs come in this order, each `(n,)` except a wrench `(6,)`.
+/// A quantity of an arm. Its inputs have this order and are `(n,)` each, except a wrench, `(6,)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// `q -> (n, n)`.
+    /// Mass matrix: `q -> (n, n)`.
     MassMatrix,
-    /// `q, v -> (n, n)`.
+    /// Coriolis matrix: `q, v -> (n, n)`.
     CoriolisMatrix,
-    /// `q -> (n n, n)`: row `i n + j`, column `k` is the Christoffel symbol `c[i, j, k]`.
+    /// Christoffel symbols: `q -> (n n, n)`. Row `i n + j`, column `k` is `c[i, j, k]`.
     Christoffel,
-    /// `q -> (n,)`.
+    /// Gravity torque: `q -> (n,)`.
     Gravity,
-    /// `q, v -> (n,)`.
+    /// Bias torque `C v + g`: `q, v -> (n,)`.
     Bias,
-    /// `q, v, a -> (n,)`; with a wrench frame `q, v, a, wrench -> (n,)`.
+    /// Inverse dynamics: `q, v, a -> (n,)`; with a wrench frame `q, v, a, wrench -> (n,)`.
     InverseDynamics,
-    /// `q, v, tau -> (n,)`; with a wrench frame `q, v, tau, wrench -> (n,)`.
+    /// Forward dynamics: `q, v, tau -> (n,)`; with a wrench frame `q, v, tau, wrench -> (n,)`.
     ForwardDynamics,
-    /// `q, v, v_r, a_r -> (n, p)`.
+    /// Slotine-Li regressor: `q, v, v_r, a_r -> (n, p)`.
     Regressor,
-    /// `q, v -> (2,)`: kinetic, potential.
+    /// Kinetic and potential energy, J: `q, v -> (2,)`.
     Energy,
-    /// `q -> (4, 4)`.
+    /// Pose of a frame, a homogeneous transform: `q -> (4, 4)`.
     Pose,
-    /// `q -> (6,)`: the position and the rotation vector `log R`.
+    /// Position and rotation vector `log R` of a frame: `q -> (6,)`.
     PoseVector,
-    /// `q -> (3,)`.
+    /// Position of a frame, m: `q -> (3,)`.
     Position,
-    /// `q -> (4 b, 4)`: the pose of the body of every joint, those that follow others included.
+    /// Poses of the bodies of all joints, including joints that follow others: `q -> (4 b, 4)`.
     JointPoses,
-    /// `q -> (6, n)`.
+    /// Geometric Jacobian of a frame: `q -> (6, n)`.
     Jacobian,
-    /// `q, v -> (6, n)`.
+    /// Rate of the geometric Jacobian of a frame: `q, v -> (6, n)`.
     JacobianDot,
-    /// `q -> (3,)`.
+    /// Centre of mass, m: `q -> (3,)`.
     Com,
-    /// `q -> (3, n)`.
+    /// Jacobian of the centre of mass: `q -> (3, n)`.
     ComJacobian,
-    /// `q, v, a -> (3 n, n)`: `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
+    /// Derivatives of inverse dynamics: `q, v, a -> (3 n, n)`, with `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
     InverseDynamicsDerivatives,
-    /// `q, v, a -> (3, n)`: `M v`, `M a + C v` and `g`, the dynamics along a path of slope `v` and curvature `a`. The first two exclude
-    /// gravity, because a short move needs torques far below the weight of the arm.
+    /// Dynamics along a path of slope `v` and curvature `a`: `q, v, a -> (3, n)`, with the rows `M v`, `M a + C v` and `g`. The first two
+    /// exclude gravity, because a short move needs torques far below the weight of the arm.
     PathDynamics,
-    /// `q, v, tau -> (3 n, n)`: `d a / d q` over `d a / d v` over `d a / d tau`.
+    /// Derivatives of forward dynamics: `q, v, tau -> (3 n, n)`, with `d a / d q` over `d a / d v` over `d a / d tau`.
     ForwardDynamicsDerivatives,
 }
 
 /// The sizes on which the shapes of results depend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// Coordinates.
+    /// Number of coordinates `n`.
     pub n: usize,
-    /// Bodies: one per coordinate, and one for each joint that follows another.
+    /// Number of bodies `b`: one per coordinate, and one for each joint that follows another.
     pub bodies: usize,
 }
 
@@ -80,14 +80,14 @@ impl<S: Real> Tree<S> {
 pub struct Query {
     /// The quantity.
     pub quantity: Quantity,
-    /// The frame of pose, position, Jacobian and its rate.
+    /// Index of the frame of a pose, a position, a Jacobian or its rate.
     pub frame: usize,
-    /// The frame of the wrench `[f; n]` (world axes, at the frame origin) of inverse and forward dynamics.
+    /// Index of the frame of the wrench `[f; n]` (world axes, at the frame origin) in inverse and forward dynamics.
     pub wrench: Option<usize>,
-    /// Add damping and Coulomb friction to bias and inverse dynamics, and subtract them from the torque in forward
-    /// dynamics. In the regressor append columns `diag(v_r)` and `diag(sign v)`.
+    /// Whether joint friction acts. It is added to bias and inverse dynamics, and subtracted from the torque in forward dynamics. The
+    /// regressor gets the columns `diag(v_r)` and `diag(sign v)`.
     pub friction: bool,
-    /// In the regressor append columns `diag(a_r)`, before those of friction.
+    /// Whether the regressor gets the columns `diag(a_r)`, before the columns of friction.
     pub armature: bool,
 }
 
@@ -114,7 +114,7 @@ impl Query {
         }
     }
 
-    /// Numbers per configuration of an input.
+    /// Length of input number `input` at one configuration.
     #[inline]
     pub fn input_length(&self, input: usize, n: usize) -> usize {
         if input == 3 && self.wrench.is_some() { 6 } else { n }
@@ -152,7 +152,7 @@ impl Query {
         matches!(self.quantity, Quantity::Pose | Quantity::PoseVector | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
     }
 
-    /// Whether inputs and output have the right sizes. `check` reports which one is wrong.
+    /// Whether inputs and output have the right sizes. If not, `check` reports the wrong one.
     pub(super) fn fits(&self, inputs: &[&[f64]], count: usize, size: Size, frames: usize, out: usize) -> bool {
         let expected = self.inputs().len();
         let mut fits = inputs.len() == expected && out == count * self.length(size);
@@ -179,7 +179,7 @@ impl Query {
             _ => 0.0,
         };
         let solved = if self.quantity == ForwardDynamicsDerivatives { 3.5 } else { 0.0 };
-        // Christoffel symbols are a Coriolis matrix per joint.
+        // Christoffel symbols require one Coriolis matrix per joint.
         let times = if self.quantity == Christoffel { n as f64 } else { 1.0 };
         let (n, bodies) = (n as f64, bodies as f64);
         // A projected mass matrix has no vanishing entries.

@@ -1,6 +1,6 @@
-//! A quantity of an arm as a recorded function: from configurations in lanes to results in lanes, for any number of threads.
+//! A quantity of an arm as a recorded function: it maps configurations in lanes to results in lanes, for any number of threads.
 //!
-//! Arms with the same placements, and the same zeros and ones among their inertial parameters, share its program.
+//! Arms with the same placements share a program, if their inertial parameters also have the same zeros and ones.
 
 use super::Query;
 use super::evaluate::Engine;
@@ -13,15 +13,16 @@ use crate::trace::cache::free;
 use crate::trace::function::{self, Evaluation, Recorded, record};
 use std::sync::Mutex;
 
-/// Number of lane groups after which the program's results are checked.
+/// Number of groups of lanes after which the program's results are checked.
 const BLOCK: usize = 16;
 
 pub(super) struct ArmFunction {
-    /// Widths of the inputs, and the size of a result.
+    /// Lengths of the inputs.
     widths: Vec<usize>,
+    /// Length of a result.
     length: usize,
     first: Evaluation,
-    /// The evaluations that no thread uses now.
+    /// Evaluations that no thread uses now.
     others: Mutex<Vec<Evaluation>>,
 }
 
@@ -29,7 +30,7 @@ fn widths(query: &Query, n: usize) -> Vec<usize> {
     (0..query.inputs().len()).map(|k| query.input_length(k, n)).collect()
 }
 
-/// The code of a query, which reads its inputs one after another and may fail.
+/// Evaluate a query, which reads its inputs one after another and may fail.
 fn answer_of<S: Real>(mut engine: Engine<S>, mut inputs: &[S], query: &Query, widths: &[usize]) -> Result<Vec<S>> {
     for (input, &width) in engine.inputs.iter_mut().zip(widths) {
         let (own, rest) = inputs.split_at(width);
@@ -39,13 +40,13 @@ fn answer_of<S: Real>(mut engine: Engine<S>, mut inputs: &[S], query: &Query, wi
     engine.answer(query).map(<[_]>::to_vec)
 }
 
-/// The recorded operations of a query.
+/// Record the operations of a query.
 pub(super) fn recording(arm: &Arm, query: &Query) -> Result<Recorded> {
     let widths = widths(query, arm.n());
     recorded_by(arm, query, &widths, |inputs, set_up, answer| function::recorded(inputs, set_up, answer))
 }
 
-/// Record a query, for one configuration or for lanes. A new structure needs a new program.
+/// Record a query, for one configuration or for lanes. An arm with a new structure requires a new program.
 pub(super) fn recorded(arm: &Arm, query: &Query, lanes: bool) -> Result<Evaluation> {
     let widths = widths(query, arm.n());
     recorded_by(arm, query, &widths, |inputs, set_up, answer| record(lanes, inputs, set_up, answer))
@@ -71,10 +72,11 @@ fn recorded_by<T>(
     answered.map(|()| made)
 }
 
-/// A quantity of one configuration at a time.
+/// A recorded quantity at one configuration after another.
 pub(super) struct ArmCall {
-    /// Widths of the inputs, and the size of a result.
+    /// Lengths of the inputs.
     widths: Vec<usize>,
+    /// Length of a result.
     length: usize,
     evaluation: Evaluation,
 }
@@ -84,7 +86,7 @@ impl ArmCall {
         Ok(ArmCall { widths: widths(query, arm.n()), length: query.length(arm.size()), evaluation: recorded(arm, query, false)? })
     }
 
-    /// One configuration. If the result is false, direct evaluation must compute it.
+    /// Compute one configuration. If the result is false, direct evaluation must compute it.
     pub fn answer(&mut self, inputs: &[&[f64]], out: &mut [f64]) -> bool {
         if inputs.len() != self.widths.len() || out.len() != self.length {
             return false;
@@ -109,8 +111,8 @@ impl ArmFunction {
         Ok(ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths: widths(query, arm.n()), length: query.length(arm.size()) })
     }
 
-    /// All configurations of the inputs of the query. `direct` computes rows with angles outside of the range of the programs' sine, and rows
-    /// whose result is not finite.
+    /// Compute all configurations of the inputs of the query. `direct` computes a row if an angle is outside the range of the program's
+    /// sine, or if the result is not finite.
     pub fn rows(&self, inputs: &[&[f64]], out: &mut [f64], mut direct: impl FnMut(usize, &mut [f64]) -> Result<()>) -> Result<()> {
         let mut evaluation = free(&self.others).and_then(|mut others| others.pop()).unwrap_or_else(|| self.first.clone());
         let (lanes, length) = (evaluation.lanes(), self.length);
@@ -133,7 +135,7 @@ impl ArmFunction {
             if sound && (0..lanes).all(|lane| evaluation.is_near(lane)) {
                 continue;
             }
-            // Find the rows that the program does not compute, group by group.
+            // Find the rows that the program cannot compute, group by group.
             for (group, out) in out.chunks_mut(lanes * length).enumerate() {
                 let at = start + group * lanes;
                 read(&mut evaluation, at);

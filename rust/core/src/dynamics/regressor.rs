@@ -1,11 +1,11 @@
-//! The Slotine-Li regressor `Y(q, v, vr, ar) pi = M ar + C(q, v) vr + g`, C the Christoffel factorisation.
+//! The Slotine-Li regressor `Y(q, v, vr, ar) pi = M ar + C(q, v) vr + g`, with the Christoffel factorisation `C`.
 //!
-//! A body with acceleration field `a + U r` (see `newton_euler`) resists the unit motion `(v, w)` of a joint with
+//! A body with the acceleration field `a + U r` (`newton_euler`) resists the unit motion `(v, w)` of a joint with the torque
 //!
 //! `tau = m (v.a) + h.(U' v + a x w) + <sym([w]x' U), integral of r r' dm>`,
 //!
-//! linear in the ten parameters. Fields and motions are carried outwards in body axes; `Y' s` is the same expression for the motion
-//! `(v, w)` of the body under joint rates `s`.
+//! which is linear in the ten parameters of the body. Fields and motions are computed outwards, in body axes. `Y' s` is the same
+//! expression, for the motion `(v, w)` of the body under the joint rates `s`.
 
 use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};
@@ -15,14 +15,15 @@ use crate::interrupt::look_at_row;
 use crate::scalar::Real;
 use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Spatial, Vector, Vector3};
 
-/// The field `a + U r` of a body in the axes of its parameters, `U = [d]x + sym U`.
+/// The field `a + U r` of a body in the axes of its parameters, with `U = [d]x + sym U`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Field<S: Real> {
     a: Vector3<S>,
     u: Matrix3<S>,
     d: Vector3<S>,
-    /// Entries xy, xz, yz of `sym U`, then the differences xx - yy, zz - xx, yy - zz of its diagonal.
+    /// Entries xy, xz, yz of `sym U`.
     off: Vector3<S>,
+    /// Differences xx - yy, zz - xx, yy - zz of the diagonal of `sym U`.
     differences: Vector3<S>,
 }
 
@@ -38,11 +39,11 @@ impl<S: Real> Field<S> {
         Field { a, u, d, off, differences: Vector3::from([x[0] - y[1], z[2] - x[0], y[1] - z[2]]) }
     }
 
-    /// `tau` per unit parameter, in SPEC order, under the motion `(v, w)`.
+    /// The torque per unit parameter, in the order of the parameters, under the motion `(v, w)`.
     fn coefficients(&self, v: Vector3<S>, w: Vector3<S>) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
         let h = a.cross_add(w, u.apply_transposed(v));
-        // <sym([w]x' U), tr(I)/2 - I>, ordered by the components of w.
+        // The terms <sym([w]x' U), tr(I)/2 - I>, ordered by the components of w.
         let [ux, uy, uz] = u.axes();
         let [xy, xz, yz] = off.array();
         let three = |x: S, y: S, z: S| w[0].mul_add(x, w[1].mul_add(y, w[2] * z));
@@ -60,21 +61,21 @@ impl<S: Real> Field<S> {
         ]
     }
 
-    /// The same under the unit rotation about the z axis at the origin.
+    /// The torque per unit parameter under the unit rotation about the z axis at the origin.
     fn about_z(&self) -> [S; PARAMETERS] {
         let Field { a, u, d, off, differences } = self;
         let zero = S::zero();
         [zero, a[1], -a[0], zero, -off[0], differences[0], off[0], -u[(1, 2)], u[(0, 2)], d[2]]
     }
 
-    /// The same under the translation `v`.
+    /// The torque per unit parameter under the translation `v`.
     fn along(&self, v: Vector3<S>) -> [S; PARAMETERS] {
         let (h, zero) = (self.u.apply_transposed(v), S::zero());
         [v.dot(self.a), h[0], h[1], h[2], zero, zero, zero, zero, zero, zero]
     }
 }
 
-/// From the internal axes of a body to those of its parameters.
+/// Convert a vector from the internal axes of a body to the axes of its parameters.
 fn turned<S: Real>(body: &Body<S>, v: Vector3<S>) -> Vector3<S> {
     match body.turn {
         None => v,
@@ -95,9 +96,10 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
     Spatial { linear, angular }
 }
 
-/// Write `Y`, `(n, width)` row-major with `width >= 10 n`, to `y`, which holds zeros or an earlier `Y` of this tree. The same entries
-/// vanish in every state. Columns beyond the inertial parameters remain unchanged. The outer loop is over joints, the inner one over the
-/// bodies outwards.
+/// Write `Y`, `(n, width)`, row-major, with `width >= 10 n`, to `y`, which has zeros or an earlier `Y` of this tree.
+///
+/// Entries that are not written are zero at every state. Columns after the inertial parameters do not change. The outer loop is over
+/// joints, and the inner loop over the bodies outwards from the joint.
 pub fn regressor<S: Real>(
     tree: &Tree<S>,
     width: usize,
@@ -160,7 +162,7 @@ pub fn regressor<S: Real>(
     }
 }
 
-/// `Y pi`, added to `y_pi`, and `Y' s`, for any `pi`, in O(n).
+/// Add `Y pi` to `y_pi`, and write `Y' s` to `yt_s`, for any `pi`, in O(n).
 pub fn regressor_products<S: Real>(
     tree: &Tree<S>,
     links: &mut [Link<S>],

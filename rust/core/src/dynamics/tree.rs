@@ -1,4 +1,4 @@
-//! A tree of bodies as [`Dynamics`]. A recursion computes each quantity, and the result is projected if joints follow others.
+//! The trait [`Dynamics`] for a tree of bodies. A recursion computes each quantity, and the result is projected if joints follow others.
 
 use super::joined::Joined;
 use super::workspace::Workspace;

@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Translation3, Un
 
 /// # On nalgebra's types
 ///
-/// `q`, `v`, `a` and `tau` are `(n,)`; frames are indices, see [`crate::arm::Arm::frame_index`]. `Input` is the error of a wrong size or a number
-/// that is not finite. `Solve` is the error of a result that is not finite (a singular mass matrix, an overflow).
+/// `q`, `v`, `a` and `tau` are `(n,)`. A frame is an index (see [`crate::arm::Arm::frame_index`]). A wrong size or a number that is not
+/// finite is the error `Input`. A result that is not finite, because of a singular mass matrix or an overflow, is the error `Solve`.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -48,32 +48,32 @@ impl Evaluator {
         self.answer(quantity, inputs).map(|row| row.row(0).transpose())
     }
 
-    /// `M(q)`, `(n, n)`.
+    /// Mass matrix `M(q)`, `(n, n)`.
     pub fn mass_matrix(&mut self, q: &DVector<f64>) -> Result<DMatrix<f64>> {
         self.answer(Quantity::MassMatrix, &[q])
     }
 
-    /// The Christoffel matrix `C(q, v)`, `(n, n)`.
+    /// Coriolis matrix `C(q, v)`, `(n, n)`, from Christoffel symbols.
     pub fn coriolis_matrix(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<DMatrix<f64>> {
         self.answer(Quantity::CoriolisMatrix, &[q, v])
     }
 
-    /// `g(q)`, `(n,)`.
+    /// Gravity torque `g(q)`, `(n,)`.
     pub fn gravity(&mut self, q: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::Gravity, &[q])
     }
 
-    /// `C(q, v) v + g(q)`, `(n,)`.
+    /// Bias torque `C(q, v) v + g(q)`, `(n,)`.
     pub fn bias(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::Bias, &[q, v])
     }
 
-    /// `tau = M a + C v + g`, `(n,)`.
+    /// Inverse dynamics `tau = M a + C v + g`, `(n,)`.
     pub fn inverse_dynamics(&mut self, q: &DVector<f64>, v: &DVector<f64>, a: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::InverseDynamics, &[q, v, a])
     }
 
-    /// `a = M^-1 (tau - C v - g)`, `(n,)`.
+    /// Forward dynamics `a = M^-1 (tau - C v - g)`, `(n,)`.
     pub fn forward_dynamics(&mut self, q: &DVector<f64>, v: &DVector<f64>, tau: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::ForwardDynamics, &[q, v, tau])
     }
@@ -88,7 +88,7 @@ impl Evaluator {
         self.answer(Quantity::Energy, &[q, v]).map(|row| (row[0], row[1]))
     }
 
-    /// `X_WF`: the pose of a frame in the world.
+    /// Pose `X_WF` of a frame in the world.
     pub fn pose(&mut self, q: &DVector<f64>, frame: usize) -> Result<Isometry3<f64>> {
         let x = self.answer(Query { frame, ..Quantity::Pose.into() }, &[q])?;
         let rotation = Rotation3::from_matrix_unchecked(Matrix3::from(x.fixed_view::<3, 3>(0, 0)));
@@ -96,12 +96,12 @@ impl Evaluator {
         Ok(Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)))
     }
 
-    /// The geometric Jacobian, `(6, n)`: `J v = [linear; angular]` of the frame's origin, world axes.
+    /// Geometric Jacobian, `(6, n)`: `J v = [linear; angular]` of the frame's origin, world axes.
     pub fn jacobian(&mut self, q: &DVector<f64>, frame: usize) -> Result<DMatrix<f64>> {
         self.answer(Query { frame, ..Quantity::Jacobian.into() }, &[q])
     }
 
-    /// `dJ/dt`, `(6, n)`.
+    /// Rate of the geometric Jacobian, `dJ/dt`, `(6, n)`.
     pub fn jacobian_dot(&mut self, q: &DVector<f64>, v: &DVector<f64>, frame: usize) -> Result<DMatrix<f64>> {
         self.answer(Query { frame, ..Quantity::JacobianDot.into() }, &[q, v])
     }

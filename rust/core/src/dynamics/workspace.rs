@@ -1,4 +1,4 @@
-//! Buffers of the tree algorithms, made once per tree.
+//! Buffers of the tree algorithms, created once per tree.
 
 use super::crba;
 use super::derivatives::Slope;
@@ -23,23 +23,24 @@ pub struct BodyMotion<S: Real> {
 /// The memory of one body in the Newton-Euler recursions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Link<S: Real> {
-    /// Rotation to the parent's axes unless it is a quarter turn and `Rz`, and the joint origin in the parent's axes.
+    /// Rotation to the axes of the parent; not used if the placement is a quarter turn.
     pub e: Matrix3<S>,
+    /// Joint origin in the axes of the parent.
     pub p: Vector3<S>,
     pub motion: BodyMotion<S>,
     pub f: Vector3<S>,
     pub n: Vector3<S>,
-    /// Its motion under joint rates `s`.
+    /// Motion of the body under the joint rates `s`.
     pub twist: Spatial<S>,
 }
 
-/// Composite quantities of a subtree, world axes, about the joint origin.
+/// Composite quantities of a subtree, in world axes, about the joint origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Composite<S: Real> {
     pub inertia: Inertia<S>,
     /// Linear momentum relative to the joint origin.
     pub momentum: Vector3<S>,
-    /// `integral of u r' dm`, `u` the velocity relative to the joint origin.
+    /// `integral of u r' dm`, with the velocity `u` relative to the joint origin.
     pub k: Matrix3<S>,
 }
 
@@ -50,8 +51,7 @@ impl<S: Real> Composite<S> {
     }
 }
 
-/// An articulated inertia and bias force, world axes, about the joint origin: `f = M a + H wd + b_f`,
-/// `n = H' a + I wd + b_n`.
+/// An articulated inertia and a bias force, in world axes, about the joint origin: `f = M a + H wd + b_f`, `n = H' a + I wd + b_n`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Handle<S: Real> {
     pub mass: Sym3<S>,
@@ -95,13 +95,14 @@ pub struct Column<S: Real> {
     pub gamma: Vector3<S>,
 }
 
-/// The factors of a mass matrix: `L` above the diagonal of `matrix` `(n, n)`, by columns of joints, and the inverse of `D`.
+/// The factors of a mass matrix: `L` above the diagonal of `matrix`, `(n, n)`, by columns of joints, and the reciprocals of `D`.
 #[derive(Clone, Debug)]
 pub struct Factors<S> {
     pub matrix: Vec<S>,
     pub inverse: Vec<S>,
 }
 
+/// The buffers of all algorithms of a tree.
 #[derive(Clone, Debug)]
 pub struct Workspace<S: Real> {
     pub poses: Vec<Pose<S>>,
@@ -113,11 +114,11 @@ pub struct Workspace<S: Real> {
     pub factors: Factors<S>,
     pub columns: Vec<Column<S>>,
     pub slopes: Vec<Slope<S>>,
-    /// Angular velocity of each body and velocity of its origin.
+    /// Angular velocity of each body, and velocity of its origin.
     pub motion: Vec<(Vector3<S>, Vector3<S>)>,
-    /// Mass of each subtree and its first moment about the joint.
+    /// Mass of each subtree, and its first moment about the joint.
     pub subtrees: Vec<(S, Vector3<S>)>,
-    /// For joints that follow others.
+    /// Buffers for joints that follow others; empty for other arms.
     pub spread: Spread<S>,
 }
 

@@ -1,6 +1,6 @@
-//! The bodies of an arm at one state, or at one state per lane, as tasks read them.
+//! The bodies of an arm at one state, or at one state per lane. Tasks read them.
 //!
-//! The column of a revolute joint is `[z x (p - o); z]`, its rate `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`.
+//! The Jacobian column of a revolute joint is `[z x (p - o); z]`. Its rate is `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`.
 
 use super::jacobian::of_frame;
 use super::{Pose, from_parent, place_body};
@@ -8,7 +8,7 @@ use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, Vector, Vector3};
 
-/// The bodies of one arm; evaluation allocates nothing.
+/// The bodies of one arm, with buffers. Evaluation allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Bodies<S: Real = f64> {
     pub(super) tree: Tree<S>,
@@ -19,7 +19,7 @@ pub struct Bodies<S: Real = f64> {
     pub(super) poses: Vec<Pose<S>>,
     /// Angular velocity of each body and velocity of its origin.
     pub(super) motion: Vec<(Vector3<S>, Vector3<S>)>,
-    /// Mass, first moment and momentum of each subtree.
+    /// Mass, first moment and momentum of each subtree, about the world origin.
     pub(super) subtrees: Vec<(S, Vector3<S>, Vector3<S>)>,
 }
 
@@ -32,7 +32,7 @@ pub(super) struct Moving<S: Real> {
     pub u: Vector3<S>,
 }
 
-/// The column of one joint: linear and angular part, and the rates of both.
+/// The Jacobian column of one joint: its linear and angular part, and the rates of both.
 pub(super) struct Column<S: Real> {
     /// The coordinate that moves the joint, and the rate of the joint per unit rate of the coordinate.
     pub joint: usize,
@@ -44,7 +44,7 @@ pub(super) struct Column<S: Real> {
 }
 
 impl<S: Real> Bodies<S> {
-    /// The bodies of a tree, of which the first `needed` are placed.
+    /// Create the bodies of a tree, of which the first `needed` are placed.
     pub(super) fn new(tree: Tree<S>, needed: usize) -> Self {
         let (n, bodies) = (tree.n(), tree.bodies.len());
         Bodies {
@@ -69,7 +69,7 @@ impl<S: Real> Bodies<S> {
 
     /// Place the bodies at `q` `(n,)`.
     pub(super) fn place(&mut self, q: &[S]) {
-        // The joint of a needed body may follow any coordinate.
+        // The joint of a needed body may follow any coordinate, so all coordinates are needed.
         let needed = if self.tree.joining.is_some() { q.len() } else { self.needed };
         for i in 0..needed {
             if self.tree.leader(i).revolute {
@@ -84,13 +84,13 @@ impl<S: Real> Bodies<S> {
         super::place(&self.tree, &self.trig, q, &mut self.poses[..self.needed]);
     }
 
-    /// As [`Bodies::place`], with the known (sin, cos) of the coordinates.
+    /// Place the bodies at `q`, `(n,)`, whose (sin, cos) are known.
     pub(super) fn place_at(&mut self, q: &[S], trig: &[(S, S)]) {
         self.trig.copy_from_slice(trig);
         self.place_known(q);
     }
 
-    /// Compute the velocities of the bodies, as last placed, at joint rates `v` `(n,)`.
+    /// Compute the velocities of the placed bodies at joint rates `v`, `(n,)`.
     pub(super) fn set_moving(&mut self, v: &[S]) {
         let base = || (Pose::identity(), (Vector3::zero(), Vector3::zero()));
         let mut last = base();
@@ -106,7 +106,7 @@ impl<S: Real> Bodies<S> {
         }
     }
 
-    /// The placement of a frame, and its velocity if it is `moving`.
+    /// The pose of a frame, and its velocity if it is `moving`.
     pub(super) fn frame(&self, frame: usize, moving: bool) -> Moving<S> {
         let (r, p) = of_frame(&self.tree, &self.poses, frame);
         let body = self.tree.frames[frame].body;
@@ -117,7 +117,7 @@ impl<S: Real> Bodies<S> {
         Moving { r, p, w, u: w.cross_add(p - self.poses[body].origin, u) }
     }
 
-    /// The columns of the geometric Jacobian of a frame, joint by joint from the frame to the base.
+    /// Call `put` for each column of the geometric Jacobian of a frame, joint by joint from the frame to the base.
     pub(super) fn columns(&self, frame: usize, at: &Moving<S>, rate: bool, mut put: impl FnMut(Column<S>)) {
         let mut i = self.tree.frames[frame].body;
         let none = Vector3::zero();

@@ -1,7 +1,7 @@
 //! Cartesian coordinates of a frame: chosen rows of its position and orientation, in world axes.
 //!
-//! The error is `e = x_d - p_WF` for the letters x, y, z, and `e = log(R_d R')` for rx, ry, rz. `R_d` is `exp` of the target's
-//! rotation vector, in which missing letters are zero. The Jacobian has the same rows of the geometric one.
+//! Rows x, y, z have the error `e = x_d - p_WF`. Rows rx, ry, rz have the error `e = log(R_d R')`. `R_d` is `exp` of the target's rotation
+//! vector, in which missing components are zero. The Jacobian has the same rows of the geometric Jacobian.
 
 use crate::arm::{Arm, Tree};
 use crate::error::{Error, Result};
@@ -21,7 +21,7 @@ pub struct Coordinates {
     pub rows: Vec<usize>,
 }
 
-/// The rows that `axes` names: "xyz", "xy", "rx ry rz", "xyz rz".
+/// Parse the rows that `axes` names, for example "xyz", "xy", "rx ry rz" or "xyz rz".
 pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
     let refused = || Error::input("axes", format!("is not made of x y z rx ry rz: expected such as \"xyz\" or \"x y rz\", got {axes:?}"));
     let mut rows = Vec::new();
@@ -37,13 +37,14 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
     if rows.is_empty() { Err(refused()) } else { Ok(rows) }
 }
 
-/// The rows of a pose, a homogeneous transform `(4, 4)`, row-major: of its position and its rotation vector.
+/// Compute the rows of a pose: of its position, m, and of its rotation vector, rad. `pose` is a homogeneous transform `(4, 4)`, row-major.
 ///
-/// Errors: the matrix is not a pose; or the rows contain some but not all components of orientation, and an omitted component is not zero.
+/// It is an error if the matrix is not a pose. It is also an error if `rows` has some but not all components of orientation, and an omitted
+/// component is not zero.
 pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
     /// The largest accepted deviation of a rotation from orthogonality.
     const ORTHOGONAL: f64 = 1e-6;
-    /// Smaller angles are rounding errors.
+    /// The largest angle that counts as a rounding error, rad.
     const STRAIGHT: f64 = 1e-9;
     let at = |i: usize, j: usize| pose[4 * i + j];
     let columns = [0, 1, 2].map(|j| Vector3::from([at(0, j), at(1, j), at(2, j)]));
@@ -65,7 +66,7 @@ pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
 }
 
 impl Coordinates {
-    /// The rows `axes` of the frame with this name, such as `"xy"` or `"xyz rx ry rz"`.
+    /// Create coordinates with the rows `axes` of the frame with this name, for example `"xy"` or `"xyz rx ry rz"`.
     pub fn new(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(Coordinates { frame: arm.frame_index(frame)?, rows: parse_axes(axes)? })
     }
@@ -80,7 +81,7 @@ impl Coordinates {
         self.rows.iter().any(|&row| row > 2)
     }
 
-    /// The coordinates `x` `(m,)` themselves: rows of `p_WF` and of `log R_WF`.
+    /// Compute the coordinates `x`, `(m,)`: rows of `p_WF` and of `log R_WF`.
     pub fn position<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], x: &mut [S]) {
         let (r, p) = frame_pose(tree, poses, trig, q, self.frame);
         let turn = if self.turns() { rotation_log(&r) } else { Vector3::zero() };
@@ -89,7 +90,7 @@ impl Coordinates {
         }
     }
 
-    /// The error `e` `(m,)` to `target` `(m,)` and the Jacobian `j` `(m, n)`; `full` is memory for `(6, n)`.
+    /// Compute the error `e`, `(m,)`, to `target`, `(m,)`, and the Jacobian `j`, `(m, n)`. `full` is memory for `(6, n)`.
     pub fn error_and_jacobian<S: Real>(
         &self,
         tree: &Tree<S>,
@@ -110,7 +111,7 @@ impl Coordinates {
         }
     }
 
-    /// `log(R_d R')`.
+    /// The orientation error `log(R_d R')`, rad.
     fn turn_error<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], target: &[S]) -> Vector3<S> {
         let (r, _) = frame_pose(tree, poses, trig, q, self.frame);
         let mut vector = [S::zero(); 3];
@@ -122,7 +123,7 @@ impl Coordinates {
         rotation_log(&rotation_exp(vector).times(r.transpose()))
     }
 
-    /// The same rows of `dJ/dt` `(m, n)`; `full` is memory for `(6, n)`.
+    /// Compute the rows of `dJ/dt`, `(m, n)`. `full` is memory for `(6, n)`.
     pub fn jacobian_dot<S: Real>(
         &self,
         tree: &Tree<S>,

@@ -1,8 +1,8 @@
 //! Poses of frames, geometric Jacobians in world axes at the frame origin `p`, and the centre of mass.
 //!
-//! The column of a revolute joint is `[z x (p - o); z]`, and that of a slide `[z; 0]`. Their time derivatives use `z' = w x z`, and
-//! the velocities `o'` and `p'` of the joint and of the frame. Matrices are `(6, n)` or `(3, n)`, row-major. The column of a joint that
-//! follows another one is added to its leader's, times the multiplier.
+//! The column of a revolute joint is `[z x (p - o); z]`, and the column of a slide is `[z; 0]`. Their time derivatives use `z' = w x z`,
+//! and the velocities `o'` and `p'` of the joint origin and of the frame origin. Matrices are `(6, n)` or `(3, n)`, row-major. If a joint
+//! follows another joint, its leader, then its column times the multiplier is added to the leader's column.
 
 use super::{Pose, from_parent, place_body};
 use crate::arm::{BASE, Tree};
@@ -22,19 +22,19 @@ pub(super) fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize)
     (body.rotation.times(r.lift()), body.rotation.apply_add(p.lift(), body.origin))
 }
 
-/// `R_WF` (by columns) and `p_WF`.
+/// Compute the rotation `R_WF` (by columns) and the origin `p_WF` of a frame.
 pub fn frame_pose<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize) -> (Matrix3<S>, Vector3<S>) {
     super::place(tree, trig, q, &mut poses[..needed(tree, frame)]);
     of_frame(tree, poses, frame)
 }
 
-/// The geometric Jacobian `(6, n)`; returns `p_WF`.
+/// Compute the geometric Jacobian, `(6, n)`, and return `p_WF`.
 pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> Vector3<S> {
     j.fill(S::zero());
     jacobian_on_zeros(tree, poses, trig, q, frame, j)
 }
 
-/// As [`jacobian`], if `j` holds zeros or an earlier Jacobian of this frame. The same entries vanish in every state.
+/// Compute [`jacobian`] if `j` has zeros or an earlier Jacobian of this frame. Entries that are not written are zero at every state.
 pub fn jacobian_on_zeros<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -57,7 +57,7 @@ pub fn jacobian_on_zeros<S: Real>(
     p
 }
 
-/// Write the column of a body, where `j` holds zeros or the columns of other joints of its coordinate.
+/// Write the column of a body to `j`, which has zeros there, or the columns of other joints of the same coordinate.
 fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, angular: Vector3<S>) {
     let (n, (i, multiplier)) = (tree.n(), tree.mover(body));
     for k in 0..3 {
@@ -66,13 +66,13 @@ fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, 
     }
 }
 
-/// Write an entry of a column; add it if joints follow others.
+/// Write an entry of a column. If joints follow others, add it.
 #[inline]
 pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value: S) {
     *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };
 }
 
-/// `dJ/dt` `(6, n)` at joint rates `v`. `motion` is memory for `(w, velocity)` of every body.
+/// Compute `dJ/dt`, `(6, n)`, at joint rates `v`. `motion` is memory for the angular velocity and the velocity of every body.
 pub fn jacobian_dot<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -117,7 +117,7 @@ pub fn jacobian_dot<S: Real>(
     }
 }
 
-/// Mass of the moving bodies and their centre of mass in the world; NaN for a massless arm.
+/// Mass of the moving bodies, kg, and their centre of mass in the world, m; NaN for a massless arm.
 pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S]) -> (S, Vector3<S>) {
     super::place(tree, trig, q, &mut poses[..tree.bodies.len()]);
     let (mut mass, mut moment) = (S::zero(), Vector3::zero());
@@ -128,7 +128,7 @@ pub fn com<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &
     (mass, moment.scale(mass.recip()))
 }
 
-/// Jacobian `(3, n)` of the centre of mass. `subtree` is memory for `(mass, first moment about the joint)`.
+/// Compute the Jacobian of the centre of mass, `(3, n)`. `subtree` is memory for `(mass, first moment about the joint)`.
 pub fn com_jacobian<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],

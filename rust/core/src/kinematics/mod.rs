@@ -1,7 +1,7 @@
-//! Placements of bodies and frames, and their motion with the joints.
+//! Poses of bodies and frames, and their motion with the joints.
 //!
-//! `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0` (a slide: `R_i = R_p R_0`, `o_i = o_p + R_p p_0 + z_i q`),
-//! from the base outwards; `z_i` is the third column of `R_i`.
+//! A revolute joint with the parent `p` has `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0`. A slide has `R_i = R_p R_0`, `o_i = o_p + R_p p_0
+//! + z_i q`. The recursion goes from the base outwards, and `z_i` is the third column of `R_i`.
 
 mod bodies;
 pub mod coordinates;
@@ -21,17 +21,17 @@ use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 
-/// World placement of a body's compiled frame.
+/// The pose of a body's compiled frame in the world.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pose<S: Real> {
-    /// `R_WB`.
+    /// Rotation `R_WB`.
     pub rotation: Matrix3<S>,
-    /// `p_WB`, m.
+    /// Origin `p_WB`, m.
     pub origin: Vector3<S>,
 }
 
 impl<S: Real> Pose<S> {
-    /// The world frame itself.
+    /// The pose of the world frame itself.
     pub fn identity() -> Self {
         Pose { rotation: Matrix3::IDENTITY.lift(), origin: Vector3::zero() }
     }
@@ -41,7 +41,8 @@ impl<S: Real> Pose<S> {
     }
 }
 
-/// One step of the recursion. The joint's rotation is applied first, so that only one product waits for the parent.
+/// Compute the pose of a body from the pose of its parent. The joint's rotation is applied first, so that only one product waits for the
+/// parent.
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
     if body.parent == BASE {
         // The base has no rotation.
@@ -68,10 +69,10 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
     }
 }
 
-/// The value of the parent of body `i` in a pass outwards. Along a chain it stays in registers (`last`), so that the code does not wait for
-/// a recent store.
+/// The value of the parent of body `i` in a pass from the base outwards. Along a chain it stays in registers (`last`), so that the code
+/// does not wait for a recent store.
 pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
-    // Also true for the first body of all: i - 1 wraps to BASE, and `last` starts with the value of the base.
+    // This is also true for the first body: i - 1 wraps to BASE, and `last` starts with the value of the base.
     if parent == i.wrapping_sub(1) {
         last
     } else if parent == BASE {
@@ -81,7 +82,7 @@ pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: imp
     }
 }
 
-/// World placements of the first `poses.len()` bodies.
+/// Compute the poses of the first `poses.len()` bodies in the world.
 pub fn place<S: Real>(tree: &Tree<S>, trig: &[(S, S)], q: &[S], poses: &mut [Pose<S>]) {
     let mut last = Pose::identity();
     for i in 0..poses.len() {

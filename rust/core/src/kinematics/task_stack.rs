@@ -5,7 +5,7 @@ use super::task::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
 use crate::scalar::Real;
 
-/// Task functions of one arm with their buffers; evaluation allocates nothing.
+/// Task functions of one arm, with buffers. Evaluation allocates nothing.
 #[derive(Clone, Debug)]
 pub struct TaskStack<S: Real = f64> {
     bodies: Bodies<S>,
@@ -14,6 +14,7 @@ pub struct TaskStack<S: Real = f64> {
 }
 
 impl<S: Real> TaskStack<S> {
+    /// Create a stack of the tasks `functions` of an arm.
     pub fn new(arm: &Arm, functions: Vec<TaskFunction>) -> Self {
         Self::of_tree(Tree::new(arm), functions)
     }
@@ -23,20 +24,22 @@ impl<S: Real> TaskStack<S> {
         TaskStack { rows: functions.iter().map(TaskFunction::rows).collect(), bodies: Bodies::new(tree, needed), functions }
     }
 
+    /// Number of joints `n`.
     pub fn n(&self) -> usize {
         self.bodies.n()
     }
 
-    /// Rows of each task.
+    /// Number of rows of each task.
     pub fn rows(&self) -> &[usize] {
         &self.rows
     }
 
+    /// The task functions, in their order.
     pub fn functions(&self) -> &[TaskFunction] {
         &self.functions
     }
 
-    /// Relative error of the entries of Jacobians at the last `q`: `8 eps (1 + sum|q|)`.
+    /// Relative error of the entries of the Jacobians at the last `q`: `8 eps (1 + sum|q|)`, at most 0.5.
     pub fn rounding(&self) -> S {
         let turned = self.bodies.q.iter().fold(S::splat(1.0), |sum, q| sum + q.abs());
         // Above 1 the entries are unknown, and no rank can be decided.
@@ -49,18 +52,18 @@ impl<S: Real> TaskStack<S> {
         self.bodies.place(q);
     }
 
-    /// As [`TaskStack::place`], with the known (sin, cos) of the coordinates.
+    /// Place the bodies at `q`, `(n,)`, whose (sin, cos) are known.
     pub fn place_at(&mut self, q: &[S], trig: &[(S, S)]) {
         self.bodies.place_at(q, trig);
     }
 
-    /// Compute the velocities of the bodies, as last placed, at joint rates `v` `(n,)`.
+    /// Compute the velocities of the placed bodies at joint rates `v`, `(n,)`.
     pub fn set_moving(&mut self, v: &[S]) {
         self.bodies.set_moving(v);
     }
 
-    /// Error `e` and feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `[x_d, x_d', x_d'']`; if requested also the
-    /// feed-forward acceleration `a`.
+    /// Compute the error `e` and the feed-forward velocity `w` of task `k`, `(rows,)` each, for its target `[x_d, x_d', x_d'']`. If `a` is
+    /// `Some`, compute the feed-forward acceleration too.
     pub fn error(&mut self, k: usize, desired: &[S], e: &mut [S], w: &mut [S], a: Option<&mut [S]>) {
         let function = &self.functions[k];
         let (target, rest) = desired.split_at(function.target_size());
@@ -69,12 +72,12 @@ impl<S: Real> TaskStack<S> {
         function.feedforward(&self.bodies, [target, rate, acceleration], w, a);
     }
 
-    /// The stacked Jacobians `(sum rows, n)`, row-major.
+    /// Write the stacked Jacobians, `(sum rows, n)`, row-major, to `j`.
     pub fn jacobians(&mut self, j: &mut [S]) {
         self.write(j, false);
     }
 
-    /// The stacked `dJ/dt` `(sum rows, n)` at the rates of [`TaskStack::set_moving`].
+    /// Write the stacked rates `dJ/dt`, `(sum rows, n)`, to `j`, at the joint rates of [`TaskStack::set_moving`].
     pub fn jacobians_dot(&mut self, j: &mut [S]) {
         self.write(j, true);
     }
@@ -91,7 +94,7 @@ impl<S: Real> TaskStack<S> {
 }
 
 impl TaskStack {
-    /// The same tasks on another number type.
+    /// Copy the tasks to another number type.
     pub fn lift<S: Real>(&self) -> TaskStack<S> {
         TaskStack::of_tree(self.bodies.tree.lift(), self.functions.clone())
     }

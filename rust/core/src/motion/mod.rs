@@ -1,4 +1,4 @@
-//! Desired motions `t -> (q_d, v_d, a_d)`. Before time zero each motion holds its start, and after its duration its end.
+//! Desired motions: functions of time `t -> (q_d, v_d, a_d)`. A motion holds its start before time zero, and its end after its duration.
 
 mod path;
 mod printed;
@@ -20,25 +20,25 @@ use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use nalgebra::DVector;
 
-/// A desired motion of `n` joints. It is an enum, so that loops need neither virtual calls nor a copy of their code per motion.
+/// A desired motion of `n` joints. It is an enum, so that loops require neither virtual calls nor a copy of their code per motion.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Motion {
-    /// `q_d` constant.
+    /// A constant position `q_d`, `(n,)`, rad or m.
     Hold(Vec<f64>),
-    /// Sums of sinusoids.
+    /// A sum of sinusoids per joint.
     Sinusoid(Sinusoid),
-    /// Rest to rest by a quintic.
+    /// A quintic polynomial from rest to rest.
     Quintic(Quintic),
-    /// Rest to rest at the largest acceleration.
+    /// A constant acceleration, then an equal deceleration, from rest to rest.
     BangBang(BangBang),
-    /// Samples at equal intervals.
+    /// Samples at equal time intervals.
     Table(Table),
     /// A path with a timing.
     TimedPath(TimedPath),
 }
 
 impl Motion {
-    /// Rest at `q` `(n,)`.
+    /// Create a motion that rests at `q`, `(n,)`, rad or m.
     pub fn hold(q: impl Into<DVector<f64>>) -> Result<Self> {
         let q = Vec::from(q.into().data);
         finite("q", &q)?;
@@ -48,7 +48,7 @@ impl Motion {
         Ok(Motion::Hold(q))
     }
 
-    /// Whether both are certainly the same motion. Large ones are compared by the addresses of their numbers.
+    /// Whether both are certainly the same motion. Motions with many numbers are compared by address.
     pub fn is_same(&self, other: &Motion) -> bool {
         match (self, other) {
             (Motion::Table(a), Motion::Table(b)) => a.is_same(b),
@@ -78,7 +78,7 @@ impl Motion {
         }
     }
 
-    /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
+    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         match self {
             Motion::Hold(q) => {
@@ -97,7 +97,7 @@ impl Motion {
         }
     }
 
-    /// `[q_d, v_d, a_d]` at each of `times`, with the bits of single samples. The rows in `out` are `stride` numbers apart.
+    /// Write `[q_d, v_d, a_d]` at each of `times` to `out`, with the bits of single samples. Rows of `out` are `stride` numbers apart.
     pub fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         #[inline(always)]
         fn each(times: &[f64], rows: std::slice::ChunksMut<f64>, sample: impl Fn(f64, &mut [f64])) {
@@ -112,7 +112,7 @@ impl Motion {
         }
     }
 
-    /// Times at which a derivative of the motion jumps, increasing. Integrators restart there.
+    /// Times at which a derivative of the motion jumps, s, increasing. Integrators restart at these times.
     pub fn breaks(&self) -> Vec<f64> {
         match self {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),
@@ -123,7 +123,7 @@ impl Motion {
     }
 }
 
-/// `[x_d, x_d', x_d'']` of each motion at time `t`, one after another, in the order that laws read.
+/// Write `[x_d, x_d', x_d'']` of each motion at time `t` to `out`, one motion after another, in the order that laws read.
 pub fn sample_all<'a, S: Real>(motions: impl IntoIterator<Item = &'a Motion>, t: f64, out: &mut [S]) {
     let mut at = 0;
     for motion in motions {

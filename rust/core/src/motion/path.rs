@@ -1,4 +1,5 @@
-//! A path `s -> q(s)` of `n` joints, without time: one polynomial of degree five per piece, twice continuously differentiable.
+//! A path `s -> q(s)` of `n` joints, without time. It has one polynomial of degree five per piece, and is twice continuously
+//! differentiable.
 //!
 //! ```text
 //! q(s) = sum_k c_k x^k,   x = (s - s_p) / h_p in piece p,   s_p <= s <= s_p + h_p
@@ -13,10 +14,10 @@ use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
 use crate::memory;
 
-/// Number of knots between two checks for a stop request.
+/// Number of knots between two checks for an interrupt.
 const LOOK: usize = 1 << 10;
 
-/// Coefficients per piece and joint.
+/// Number of coefficients per piece and joint.
 pub const TERMS: usize = 6;
 
 /// Waypoints closer together than this fraction of the path's length are the same point.
@@ -33,7 +34,7 @@ pub enum Ends {
     NotAKnot,
 }
 
-/// A cubic spline through waypoints.
+/// A path of `n` joints: one polynomial per piece. [`Path::waypoints`] makes a cubic spline.
 ///
 /// ```
 /// use armlet_core::motion::{Ends, Path};
@@ -45,11 +46,11 @@ pub enum Ends {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     n: usize,
-    /// `(P + 1,)`, increasing.
+    /// Path positions of the knots, `(P + 1,)`, increasing.
     knots: Vec<f64>,
-    /// `(P, TERMS, n)`.
+    /// Coefficients `c_k` of the pieces, `(P, TERMS, n)`.
     coefficients: Vec<f64>,
-    /// `(n,)` each: the ends, to the last bit.
+    /// Start and end of the path, `(n,)` each, without rounding errors.
     ends: [Vec<f64>; 2],
 }
 
@@ -63,7 +64,7 @@ fn increasing(s: &[f64]) -> Result<()> {
     }
 }
 
-/// Slopes `(K, n)` of the spline through `q` `(K, n)` at `s`.
+/// Compute the slopes `dq/ds`, `(K, n)`, of the spline through `q`, `(K, n)`, at the path positions `s`, `(K,)`.
 fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
     let k = s.len();
     let h = |i: usize| s[i + 1] - s[i];
@@ -83,7 +84,7 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
         }
         return d;
     }
-    // Tridiagonal elimination: lower, diagonal, upper of each row; every pivot is positive.
+    // Tridiagonal elimination. Each row has a lower, a diagonal and an upper entry, and every pivot is positive.
     let last = k - 1;
     let mut upper = vec![0.0; k];
     for i in 0..k {
@@ -130,7 +131,7 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
 }
 
 impl Path {
-    /// The slopes `(K, n)` of the C2 cubic spline through `q` `(K, n)` at the path positions `s` `(K,)`.
+    /// Compute the slopes `dq/ds`, `(K, n)`, of the C2 cubic spline through `q`, `(K, n)`, at the path positions `s`, `(K,)`.
     pub fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Vec<f64>> {
         increasing(s)?;
         finite("path", q)?;
@@ -143,7 +144,7 @@ impl Path {
         Ok(d)
     }
 
-    /// The C2 cubic spline through `q` `(K, n)` at the path positions `s` `(K,)`.
+    /// Create the C2 cubic spline through `q`, `(K, n)`, rad or m, at the path positions `s`, `(K,)`.
     pub fn spline(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Path> {
         memory::require((s.len() * 8).saturating_mul((TERMS + 4) * n + 4))?;
         let d = Path::slopes(s, q, n, ends)?;
@@ -164,10 +165,10 @@ impl Path {
         Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
     }
 
-    /// The C2 cubic spline through waypoints `q` `(K, n)`, and for each waypoint the index of its knot.
+    /// Create the C2 cubic spline through waypoints `q`, `(K, n)`, rad or m. Also return the index of the knot of each waypoint.
     ///
-    /// A waypoint that repeats the one before is omitted. Without positions `s` `(K,)`, they are the sums of distances
-    /// between waypoints, from 0 to 1. Identical waypoints give a point, with knots 0 and 1.
+    /// A waypoint that repeats the previous one is omitted. Without positions `s`, `(K,)`, the path positions are the sums of distances
+    /// between waypoints, scaled to 0 .. 1. Identical waypoints give a point, with knots 0 and 1.
     pub fn waypoints(q: &[f64], n: usize, s: Option<&[f64]>, ends: Ends) -> Result<(Path, Vec<usize>)> {
         finite("path", q)?;
         let count = q.len() / n.max(1);
@@ -184,7 +185,7 @@ impl Path {
         let row = |k: usize| &q[k * n..(k + 1) * n];
         let largest = q.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let distance = |a: usize, b: usize| {
-            // Scaled, so that no square under- or overflows.
+            // Differences are divided by the largest one, so that no square under- or overflows.
             let size = (0..n).map(|j| (row(a)[j] - row(b)[j]).abs()).fold(0.0, f64::max);
             if size == 0.0 { 0.0 } else { size * (0..n).map(|j| ((row(a)[j] - row(b)[j]) / size).powi(2)).sum::<f64>().sqrt() }
         };
@@ -197,7 +198,7 @@ impl Path {
             if distance(kept[kept.len() - 1], k) > SAME * total {
                 kept.push(k);
             } else if k == count - 1 && kept.len() > 1 {
-                // The last waypoint replaces the one before, so that the end is exact.
+                // The last waypoint replaces the previous one, so that the end is exact.
                 let last = kept.len() - 1;
                 kept[last] = k;
             }
@@ -217,7 +218,7 @@ impl Path {
         Ok((Path::spline(&at, &chosen, n, ends)?, knot))
     }
 
-    /// The quintic Hermite path with the values `q, q', q''`, `(K, n)` each, at `s` `(K,)`.
+    /// Create the quintic Hermite path with the values `q, q', q''`, `(K, n)` each, at the path positions `s`, `(K,)`.
     pub fn table(s: &[f64], q: &[f64], dq: &[f64], ddq: &[f64], n: usize) -> Result<Path> {
         increasing(s)?;
         for values in [q, dq, ddq] {
@@ -232,7 +233,7 @@ impl Path {
             for j in 0..n {
                 let (i, k) = (p * n + j, (p + 1) * n + j);
                 let (c0, c1, c2) = (q[i], h * dq[i], 0.5 * h * h * ddq[i]);
-                // The end values minus those of the quadratic that the start determines.
+                // The end values minus the end values of the quadratic polynomial that the start determines.
                 let (r0, r1, r2) = ((q[k] - c0) - c1 - c2, h * dq[k] - c1 - 2.0 * c2, h * h * ddq[k] - 2.0 * c2);
                 let terms = [c0, c1, c2, 10.0 * r0 - 4.0 * r1 + 0.5 * r2, -15.0 * r0 + 7.0 * r1 - r2, 6.0 * r0 - 3.0 * r1 + 0.5 * r2];
                 for (k, term) in terms.into_iter().enumerate() {
@@ -244,7 +245,7 @@ impl Path {
         Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
     }
 
-    /// The path from its parts: `knots` `(P + 1,)`, `coefficients` `(P, TERMS, n)`, its `end` `(n,)`.
+    /// Create a path from its parts: `knots`, `(P + 1,)`, `coefficients`, `(P, TERMS, n)`, and its `end`, `(n,)`.
     pub fn from_parts(knots: Vec<f64>, coefficients: Vec<f64>, end: Vec<f64>) -> Result<Path> {
         let n = end.len();
         increasing(&knots)?;
@@ -260,12 +261,12 @@ impl Path {
         self.n
     }
 
-    /// Path positions where pieces meet, ends included.
+    /// Path positions of the knots, `(P + 1,)`, ends included.
     pub fn knots(&self) -> &[f64] {
         &self.knots
     }
 
-    /// Coefficients of the pieces, row-major.
+    /// Coefficients of the pieces, `(P, TERMS, n)`, row-major.
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
@@ -284,12 +285,12 @@ impl Path {
             .all(|(k, c)| if k % TERMS == 0 { c == &self.ends[0][..] } else { c.iter().all(|x| *x == 0.0) })
     }
 
-    /// The piece that contains `s`; at a knot the later one.
+    /// The index of the piece that contains `s`; at a knot, the later piece.
     pub fn piece(&self, s: f64) -> usize {
         self.knots.partition_point(|&knot| knot <= s).clamp(1, self.knots.len() - 1) - 1
     }
 
-    /// `q`, `q' = dq/ds` and `q''` at `s` of piece `p`: `put(joint, q, q', q'')`.
+    /// Evaluate `q`, `q' = dq/ds` and `q''` at `s` in piece `p`, and call `put(joint, q, q', q'')` for each joint.
     pub fn evaluate(&self, p: usize, s: f64, mut put: impl FnMut(usize, f64, f64, f64)) {
         let n = self.n;
         let rate = 1.0 / (self.knots[p + 1] - self.knots[p]);

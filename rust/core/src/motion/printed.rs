@@ -1,17 +1,17 @@
-//! Motions as C: functions of time with the bits and the statements of [`Motion::sample`].
+//! Motions as C code: functions of time with the bits and the operations of [`Motion::sample`].
 
 use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use crate::error::{Error, Result};
 use crate::scalar::hex::hex;
 use crate::scalar::trig::REDUCTION_LIMIT;
 
-/// Largest number of numbers in a printed motion.
+/// Largest number of values in a printed motion.
 const LONGEST: usize = 1 << 20;
 
-/// Numbers on a line.
+/// Number of values on a line.
 const WIDE: usize = 6;
 
-/// A constant array.
+/// Print a constant array.
 pub(crate) fn array(name: &str, values: &[f64]) -> String {
     let lines: Vec<String> = values.chunks(WIDE).map(|row| row.iter().map(|&x| hex(x)).collect::<Vec<_>>().join(", ")).collect();
     format!("    static const double {name}[{}] = {{\n        {}\n    }};\n", values.len(), lines.join(",\n        "))
@@ -22,8 +22,8 @@ fn constant(name: &str, value: f64) -> String {
 }
 
 impl Motion {
-    /// The function `static void name(double t, double *out)` that returns `[q_d, v_d, a_d]`; `None` for a motion that holds its position.
-    /// `sin_cos` is a function for sines and cosines whose products are not fused.
+    /// Print the C function `static void name(double t, double *out)`, which writes `[q_d, v_d, a_d]`; `None` for a motion that holds its
+    /// position. `sin_cos` names a C function for sines and cosines without fused products.
     pub(crate) fn print_c(&self, name: &str, sin_cos: &str) -> Result<Option<String>> {
         if self.numbers() > LONGEST {
             let problem = format!("is too long to be printed: expected at most {LONGEST} numbers, got {}", self.numbers());
@@ -40,7 +40,7 @@ impl Motion {
         Ok(Some(format!("static void {name}(double t, double *out)\n{{\n{body}}}\n\n")))
     }
 
-    /// A description in one line.
+    /// Describe the motion in one line.
     pub(crate) fn described(&self) -> String {
         match self {
             Motion::Hold(_) => "a fixed target".into(),
@@ -53,7 +53,7 @@ impl Motion {
     }
 }
 
-/// From `s`, `ds` and `dds` to the result.
+/// C code that computes the result from `s`, `ds` and `dds`.
 const ALONG: &str = "    for (i = 0; i < N; i++) {
         const double d = q1[i] - q0[i];
         out[i] = s == 1.0 ? q1[i] : q0[i] + d * s;
@@ -146,7 +146,7 @@ out[{n} + i] = out[{} + i] = 0.0;\n    }}\n",
     }
 }
 
-/// The place of a time in a table: on a knot, or outside.
+/// C code for a time at a knot of a table, or outside of the table.
 const KNOTS: &str = "    const double u = (t - start) * rate, near = u + 0.5;
     const long k = !(near > 0.0) ? 0L : near >= LAST.0 ? LASTL : (long)near;
     int i;
@@ -160,7 +160,7 @@ const KNOTS: &str = "    const double u = (t - start) * rate, near = u + 0.5;
         }
     }";
 
-/// The case between two knots.
+/// C code for a time between two knots of a table.
 const BETWEEN: &str = " else {
         const long at = (long)u;
         const double *p = rows + WIDTH * at, *r = p + WIDTH, x = u - (double)at;
@@ -183,7 +183,7 @@ impl Table {
         let (n, last) = (self.dof(), self.rows().len() / (3 * self.dof()) - 1);
         let mut head = array("rows", self.rows()) + &constant("start", self.start()) + &constant("rate", 1.0 / self.dt());
         let mut body = KNOTS.to_string();
-        // A table with one knot has no interval.
+        // A table with one knot has no interval between knots.
         if last > 0 {
             head += &constant("h", self.dt());
             body += BETWEEN;
@@ -194,7 +194,8 @@ impl Table {
     }
 }
 
-/// `cosh w`, `sinh(w)/w` and `tanh(w/2)/w` of `w^2 = z`, or their circular counterparts. They are from the C library if armlet uses it too.
+/// C code for `cosh w`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`, or their circular counterparts. It calls the C library. Its bits
+/// equal those of armlet where armlet calls the same library.
 const WAVES: &str = "        double wave_c, wave_s, wave_t;
         if (fabs(z) < 1e-3) {
             wave_c = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 24.0 + z * (1.0 / 720.0 + z * (1.0 / 40320.0 + z / 3628800.0))));
@@ -281,7 +282,7 @@ out[j] = hold[j];\n        out[{n} + j] = out[{} + j] = 0.0;\n    }}\n",
         Ok(text + &body.replace('N', &n.to_string()))
     }
 
-    /// `s` and its two rates within an interval of the grid. The tables of the grid are appended to `text`.
+    /// Print the C code for `s` and its two rates within an interval of the grid. The tables of the grid are appended to `text`.
     fn print_phase(&self, text: &mut String) -> String {
         if !self.node_accelerations().is_empty() {
             *text += &array("u_at", self.node_accelerations());
@@ -309,7 +310,7 @@ out[j] = hold[j];\n        out[{n} + j] = out[{} + j] = 0.0;\n    }}\n",
         }
     }
 
-    /// The piece of the path at `s`. Its table, if there is one, is appended to `text`.
+    /// Print the C code that finds the piece of the path at `s`. Its table, if there is one, is appended to `text`.
     fn print_piece(&self, text: &mut String) -> String {
         if self.pieces().is_empty() {
             "    low = 0;\n    high = PIECES;\n    while (high - low > 1) {\n        const int middle = (low + high) / 2;\n        \

@@ -1,16 +1,16 @@
-//! Rest to rest on a straight line of joint space, `q = q0 + (q1 - q0) s(t)`, with one of two timings:
+//! Motions from rest to rest on a straight line in joint space, `q = q0 + (q1 - q0) s(t)`, with one of two timings:
 //!
 //! - quintic, with zero end accelerations: `s = 10 x^3 - 15 x^4 + 6 x^5`, `x = t / T`;
-//! - symmetric bang-bang: `s'' = 4 / T^2` for `T/2`, then its negative. The acceleration is right-continuous, and zero from `T` on.
+//! - symmetric bang-bang: `s'' = 4 / T^2` for `T/2`, then its negative. The acceleration is right-continuous, and zero after `T`.
 
 use crate::error::{Error, Result, finite, positive};
 use crate::scalar::Real;
 use nalgebra::DVector;
 use std::marker::PhantomData;
 
-/// `s(t)`.
+/// A timing `s(t)` from 0 to 1.
 pub trait Timing {
-    /// `s`, its rate and its acceleration at `t`, for a motion of length `duration`.
+    /// `s`, its rate and its acceleration at time `t`, for a motion that takes `duration`, s.
     fn at(t: f64, duration: f64) -> [f64; 3];
 }
 
@@ -20,11 +20,12 @@ pub struct QuinticTiming;
 #[derive(Clone, Debug, PartialEq)]
 pub struct BangBangTiming;
 
-/// The quintic with zero velocity and acceleration at both ends.
+/// A motion with the quintic timing: zero velocity and acceleration at both ends.
 pub type Quintic = RestToRest<QuinticTiming>;
-/// Full acceleration for half of the duration, then full deceleration.
+/// A motion with full acceleration for half of the duration, then full deceleration.
 pub type BangBang = RestToRest<BangBangTiming>;
 
+/// A motion from rest at `q0` to rest at `q1` with the timing `P`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestToRest<P> {
     q0: Vec<f64>,
@@ -66,7 +67,7 @@ impl Timing for BangBangTiming {
 }
 
 impl<P: Timing> RestToRest<P> {
-    /// The motion from `q0` to `q1`, `(n,)` each, in `duration` seconds.
+    /// Create the motion from `q0` to `q1`, `(n,)` each, rad or m, in `duration` seconds.
     pub fn new(q0: impl Into<DVector<f64>>, q1: impl Into<DVector<f64>>, duration: f64) -> Result<Self> {
         let (q0, q1) = (Vec::from(q0.into().data), Vec::from(q1.into().data));
         finite("q0", &q0)?;
@@ -81,10 +82,12 @@ impl<P: Timing> RestToRest<P> {
         Ok(RestToRest { q0, q1, duration, timing: PhantomData })
     }
 
+    /// Number of joints `n`.
     pub fn dof(&self) -> usize {
         self.q0.len()
     }
 
+    /// Duration, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }

@@ -15,7 +15,7 @@ pub struct MotionSample {
 }
 
 impl Motion {
-    /// `q_d`, `v_d` and `a_d` at time `t`.
+    /// The values `q_d`, `v_d` and `a_d` at time `t`, s.
     ///
     /// ```
     /// use armlet_core::motion::{BangBang, Motion, Quintic};

@@ -1,4 +1,4 @@
-//! `q_d,i = offset_i + sum_k amplitude_ik sin(frequency_ik t + phase_ik)`.
+//! A sum of sinusoids per joint: `q_d,i = offset_i + sum_k amplitude_ik sin(frequency_ik t + phase_ik)`.
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::{Array8, Real};
@@ -18,7 +18,7 @@ use crate::scalar::{Array8, Real};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sinusoid {
     offset: Vec<f64>,
-    /// Terms per joint.
+    /// Number of terms per joint.
     terms: usize,
     /// `(n, terms)` each, row-major.
     amplitude: Vec<f64>,
@@ -27,7 +27,8 @@ pub struct Sinusoid {
 }
 
 impl Sinusoid {
-    /// `amplitude`, `frequency` (rad/s) and `phase` (rad) are `(n, terms)`, row-major.
+    /// Create a motion. `offset` is `(n,)`. `amplitude`, `frequency` (rad/s) and `phase` (rad) are `(n, terms)`, row-major. `offset` and
+    /// `amplitude` are in rad or m.
     pub fn new(offset: Vec<f64>, terms: usize, amplitude: Vec<f64>, frequency: Vec<f64>, phase: Vec<f64>) -> Result<Self> {
         finite("offset", &offset)?;
         if offset.is_empty() {
@@ -47,12 +48,12 @@ impl Sinusoid {
         self.offset.len()
     }
 
-    /// The offsets, and amplitudes, frequencies and phases.
+    /// The offsets, then amplitudes, frequencies and phases.
     pub(super) fn parts(&self) -> (&[f64], [&[f64]; 3]) {
         (&self.offset, [&self.amplitude, &self.frequency, &self.phase])
     }
 
-    /// Products are never fused, so every loop and a single sample have the same bits.
+    /// Write `[q_d, v_d, a_d]` at time `t` to `out`. Products are never fused, so every loop and a single sample have the same bits.
     pub(super) fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.offset.len();
         for i in 0..n {
@@ -74,7 +75,7 @@ impl Sinusoid {
         [q, v, a]
     }
 
-    /// As [`super::Motion::sample_each`], for eight instants at once. Products are not fused, as in single samples.
+    /// Compute [`super::Motion::sample_each`] for eight times per register. Products are not fused, as in single samples.
     pub(super) fn sample_each(&self, times: &[f64], stride: usize, out: &mut [f64]) {
         let n = self.dof();
         for (times, rows) in times.chunks(8).zip(out.chunks_mut(8 * stride)) {

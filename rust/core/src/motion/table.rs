@@ -1,6 +1,7 @@
-//! A motion sampled at `start + k dt`: exact at its knots, quintic Hermite between them, held outside.
+//! A motion sampled at the times `start + k dt`, its knots. It is exact at the knots, and constant before the first and after the last
+//! knot.
 //!
-//! Between two knots, with `x = (t - t_k)/dt`, it is the quintic with the values `q, v, a` at both ends.
+//! Between two knots, the motion is the quintic polynomial in `x = (t - t_k)/dt` with the values `q, v, a` at both ends.
 
 use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
@@ -8,9 +9,9 @@ use crate::memory;
 use crate::scalar::Real;
 use std::sync::Arc;
 
-/// Number of knots that are read between two checks for a stop request.
+/// Number of knots that are read between two checks for an interrupt.
 const LOOK: usize = 1 << 10;
-/// A time this close to a knot, in intervals, is treated as that knot.
+/// The largest distance from a knot, in intervals, at which a time counts as this knot.
 const ON_KNOT: f64 = 1e-9;
 
 /// A motion sampled at equal intervals.
@@ -30,7 +31,7 @@ pub struct Table {
     rate: f64,
     dof: usize,
     knots: usize,
-    /// One row `[q, v, a]` per knot. The rows are shared, because every law and loop has a copy of its motion.
+    /// One row `[q, v, a]` per knot, `(K, 3 n)`. The rows are shared, because every law and loop has a copy of its motion.
     rows: Arc<Vec<f64>>,
 }
 
@@ -43,7 +44,7 @@ impl Table {
         self.rows.len()
     }
 
-    /// `rows` is `(K, 3 n)`: `[q, v, a]` per knot, row-major, `K >= 1`.
+    /// Create a table. `rows` is `(K, 3 n)`, row-major, `K >= 1`: `[q, v, a]` per knot. `start` and `dt` are in s.
     pub fn new(start: f64, dt: f64, dof: usize, rows: Vec<f64>) -> Result<Self> {
         positive("dt", dt)?;
         finite("start", &[start])?;
@@ -54,7 +55,7 @@ impl Table {
         Ok(Table { start, dt, rate: 1.0 / dt, dof, knots: rows.len() / (3 * dof), rows: rows.into() })
     }
 
-    /// `q, v, a` are `(K, n)` each.
+    /// Create a table from the columns `q, v, a`, `(K, n)` each. `start` and `dt` are in s.
     pub fn of_columns(start: f64, dt: f64, dof: usize, columns: [&[f64]; 3]) -> Result<Self> {
         for (name, column) in ["q", "v", "a"].into_iter().zip(columns) {
             finite(name, column)?;
@@ -98,7 +99,7 @@ impl Table {
         self.dt
     }
 
-    /// One row `[q, v, a]` per sample.
+    /// One row `[q, v, a]` per sample, `(K, 3 n)`, row-major.
     pub fn rows(&self) -> &[f64] {
         &self.rows
     }
@@ -107,7 +108,7 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
-    /// If `times` are consecutive knots, the index in `rows` of the first.
+    /// If `times` are consecutive knots, the index in `rows` of the first one; else `None`.
     pub fn along(&self, times: &[f64]) -> Option<usize> {
         let at = |t: f64| (t - self.start) * self.rate;
         let first = at(*times.first()?).round();
@@ -117,7 +118,7 @@ impl Table {
         (on && inside).then(|| 3 * self.dof * first as usize)
     }
 
-    /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
+    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let u = (t - self.start) * self.rate;
         let last = self.knots - 1;
@@ -149,7 +150,7 @@ impl Table {
         let (x, h, rate) = (u - k as f64, self.dt, self.rate);
         for i in 0..n {
             let (c0, c1, c2) = (p[i], h * p[n + i], 0.5 * h * h * p[2 * n + i]);
-            // The end values q, v, a minus those of the quadratic that the start determines.
+            // The end values q, v, a minus the end values of the quadratic polynomial that the start determines.
             let dq = r[i] - c0 - c1 - c2;
             let dv = h * r[n + i] - c1 - 2.0 * c2;
             let da = h * h * r[2 * n + i] - 2.0 * c2;

@@ -1,4 +1,4 @@
-//! Motions: derivatives against differences, constant ends, and a table that is exact on its knots.
+//! Tests of motions: derivatives compared with differences, constant ends, and a table that is exact at its knots.
 
 use super::*;
 
@@ -77,7 +77,7 @@ fn bad_motions_are_refused() {
 
 #[test]
 fn many_instants_have_the_bits_of_single_ones() {
-    // Inside, at both ends, outside; on knots and between them.
+    // The times are inside, at both ends and outside, on knots and between them.
     let times: Vec<f64> = (0..45).map(|k| 0.1 * f64::from(k) - 0.2).chain([0.77, 1e7, -1e7, 3.0, 1.5]).collect();
     for m in motions() {
         for count in [1, 2, 7, 8, 9, 50] {
@@ -97,7 +97,7 @@ fn knots_in_a_row_are_found_or_there_are_none() {
     for (k, times) in [(0, &[1.0][..]), (1, &[1.5, 2.0 + 1e-10]), (0, &[1.0, 1.5, 2.0, 2.5, 3.0]), (4, &[3.0])] {
         assert_eq!(table.along(times), Some(3 * k));
     }
-    // No time, between knots, a skipped knot, decreasing, a repeated knot, beyond the last, before the first.
+    // In this order: no time, between knots, a skipped knot, decreasing, a repeated knot, after the last knot, before the first.
     for times in [&[][..], &[1.2], &[1.0, 1.5 + 1e-8], &[1.0, 2.0], &[2.0, 1.5], &[2.0, 2.0], &[3.0, 3.5], &[0.5, 1.0]] {
         assert_eq!(table.along(times), None, "{times:?}");
     }

@@ -7,8 +7,8 @@
 //! v = q' r,   a = q' u + q'' r^2
 //! ```
 //!
-//! In `TimedPath::cubic`, `u` is linear in time between the points, and `s(t)` is a C2 cubic. The acceleration is right-continuous. The
-//! motion holds the start before time zero, and the end after `duration`. At `duration` it has its end speed.
+//! `TimedPath::cubic` makes `u` linear in time between the points, so that `s(t)` is a C2 cubic spline. The acceleration is
+//! right-continuous. The motion holds the start before time zero, and the end after `duration`. At `duration` it has its end speed.
 
 use super::Path;
 use crate::error::{Error, Result, finite};
@@ -16,25 +16,27 @@ use crate::memory;
 use crate::scalar::Real;
 use std::sync::Arc;
 
-/// A path with the time at which each position is reached.
+/// A path with a timing: the time at which each path position is reached.
 #[derive(Clone, Debug)]
 pub struct TimedPath {
     path: Arc<Path>,
-    /// `(N + 1,)`: path position, the square of the path speed, time.
+    /// `(N + 1,)`: path positions of the grid.
     s: Arc<Vec<f64>>,
+    /// `(N + 1,)`: squared path speeds `(ds/dt)^2` at the grid points.
     x: Arc<Vec<f64>>,
+    /// `(N + 1,)`: times of the grid points, s.
     t: Arc<Vec<f64>>,
     /// `(N,)`: the slope `b` of `u` in each segment.
     u_slope: Arc<Vec<f64>>,
-    /// The piece of the path that contains each segment.
+    /// `(N,)`: the index of the piece that contains each segment; empty if it is searched at each sample.
     piece: Arc<Vec<usize>>,
-    /// `(N + 1,)`: `u` at the points if it is linear in time; otherwise empty.
+    /// `(N + 1,)`: the path acceleration `u` at the points if it is linear in time; otherwise empty.
     u: Arc<Vec<f64>>,
 }
 
 impl PartialEq for TimedPath {
     fn eq(&self, other: &Self) -> bool {
-        // Without a timing, x is NaN, which does not equal itself. So bits are compared.
+        // Without a timing, x is NaN, which does not equal itself. So the comparison is by bits.
         let same = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
         self.path == other.path
             && same(&self.s, &other.s)
@@ -45,7 +47,7 @@ impl PartialEq for TimedPath {
     }
 }
 
-/// `atanh(w)/w` with `w^2 = z`, `atan(w)/w` with `w^2 = -z`.
+/// `atanh(w)/w` with `w^2 = z`; for `z < 0`, `atan(w)/w` with `w^2 = -z`.
 fn arc(z: f64) -> f64 {
     if z.abs() < 1e-3 {
         // The first omitted term, z^6/13, is below one unit in the last place.
@@ -81,8 +83,10 @@ impl TimedPath {
         10 * self.x.len()
     }
 
-    /// `x = (ds/dt)^2` at the path positions `s`, both `(N + 1,)`, and the slopes `b` of `u`, `(N,)`. Every knot of the path must be one of
-    /// the positions.
+    /// Create a timed path from squared speeds `x = (ds/dt)^2` at the path positions `s`, `(N + 1,)` each, and the slopes `b` of `u`,
+    /// `(N,)`.
+    ///
+    /// Every knot of the path must be one of the positions.
     pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, u_slope: Vec<f64>) -> Result<Self> {
         finite("s", &s)?;
         finite("u_slope", &u_slope)?;
@@ -98,7 +102,8 @@ impl TimedPath {
         Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), u_slope: u_slope.into(), piece: piece.into(), u: Arc::default() })
     }
 
-    /// The same for `u` that is linear in time between the times `t`. There, `s`, the squared speeds `x` and `u` are `(N + 1,)` each.
+    /// Create a timed path whose `u` is linear in time between the times `t`, s. `s`, the squared speeds `x` and `u` at these times are `(N
+    /// + 1,)`.
     pub fn cubic(path: Arc<Path>, t: Vec<f64>, s: Vec<f64>, x: Vec<f64>, u: Vec<f64>) -> Result<Self> {
         for (name, values) in [("t", &t), ("s", &s), ("x", &x), ("u", &u)] {
             finite(name, values)?;
@@ -118,7 +123,7 @@ impl TimedPath {
         self.path.dof()
     }
 
-    /// The path.
+    /// The path of the motion.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -143,17 +148,17 @@ impl TimedPath {
         self.t[self.t.len() - 1]
     }
 
-    /// Path positions of the grid, `(N + 1,)`.
+    /// Path positions of the grid points, `(N + 1,)`.
     pub fn grid(&self) -> &[f64] {
         &self.s
     }
 
-    /// `(ds/dt)^2` on the grid.
+    /// Squared path speeds `(ds/dt)^2` at the grid points, `(N + 1,)`.
     pub fn squared_speeds(&self) -> &[f64] {
         &self.x
     }
 
-    /// The times of the grid points, s.
+    /// Times of the grid points, s, `(N + 1,)`.
     pub fn times(&self) -> &[f64] {
         &self.t
     }
@@ -165,7 +170,7 @@ impl TimedPath {
         (mean - turn, mean + turn)
     }
 
-    /// The state at `t`: segment, path position, path speed, path acceleration; `None` if the motion holds an end.
+    /// The state at time `t`: index of the segment, path position, path speed and path acceleration; `None` if the motion holds an end.
     pub fn phase(&self, t: f64) -> Option<(usize, f64, f64, f64)> {
         let last = self.s.len() - 1;
         if !(t >= 0.0 && t <= self.t[last]) || self.t[last] == 0.0 {
@@ -190,7 +195,7 @@ impl TimedPath {
         Some((i, (self.s[i] + on).clamp(self.s[i], self.s[i + 1]), speed, u + b * on))
     }
 
-    /// `[q_d, v_d, a_d]` at time `t` into `out`, `(3 n,)`.
+    /// Write `[q_d, v_d, a_d]` at time `t`, s, to `out`, `(3 n,)`.
     pub fn sample<S: Real>(&self, t: f64, out: &mut [S]) {
         let n = self.dof();
         let (start, end) = self.path.ends();
@@ -213,7 +218,7 @@ impl TimedPath {
         }
     }
 
-    /// Times at which the acceleration jumps by more than a hundredth of its largest value, ends included.
+    /// Times at which the acceleration jumps by more than a hundredth of its largest value, s, ends included.
     pub fn breaks(&self) -> Vec<f64> {
         let last = self.s.len() - 1;
         if !self.u.is_empty() {
@@ -230,12 +235,12 @@ impl TimedPath {
         &self.u_slope
     }
 
-    /// The piece of the path that contains each segment; empty if it is searched for.
+    /// The index of the piece that contains each segment; empty if it is searched at each sample.
     pub(super) fn pieces(&self) -> &[usize] {
         &self.piece
     }
 
-    /// `u` at the points if it is linear in time, `(N + 1,)`; otherwise empty.
+    /// The path acceleration `u` at the points if it is linear in time, `(N + 1,)`; otherwise empty.
     pub fn node_accelerations(&self) -> &[f64] {
         &self.u
     }

@@ -1,5 +1,5 @@
-//! A compliant wall: on a frame at depth `d = n . (p_wall - p) > 0` acts the force `f = n max(0, k d + c d_dot)`, outside
-//! no force. The wall never pulls.
+//! A compliant wall. At the depth `d = n . (p_wall - p) > 0`, the force `f = n max(0, k d + c d_dot)` acts on a frame. Outside there is no
+//! force. The wall never pulls.
 
 use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result, finite};
@@ -9,20 +9,20 @@ use crate::spatial::{Lift, Vector, Vector3};
 /// A compliant wall that a frame may touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wall {
-    /// The frame that touches it.
+    /// Index of the frame that may touch the wall.
     pub frame: usize,
-    /// A point of the surface, world axes, m.
+    /// A point of the wall's surface, world axes, m.
     pub point: [f64; 3],
-    /// Unit normal, out of the wall.
+    /// Unit normal that points out of the wall, world axes.
     pub normal: [f64; 3],
-    /// N/m
+    /// Stiffness `k`, N/m.
     pub stiffness: f64,
-    /// N s/m
+    /// Damping `c`, N s/m.
     pub damping: f64,
 }
 
 impl Wall {
-    /// A wall through `point` with outward `normal`; stiffness in N/m, damping in N s/m.
+    /// Create a wall through `point` with the outward `normal`. `stiffness` is in N/m, `damping` in N s/m.
     pub fn new(frame: usize, point: [f64; 3], normal: [f64; 3], stiffness: f64, damping: f64) -> Result<Self> {
         finite("point", &point)?;
         finite("normal", &normal)?;
@@ -41,7 +41,7 @@ impl Wall {
     }
 }
 
-/// The walls of the lanes, at one frame.
+/// The walls in the lanes, all touched by the same frame.
 pub struct LaneWall<S: Real> {
     /// Index of the frame.
     pub frame: usize,
@@ -52,7 +52,7 @@ pub struct LaneWall<S: Real> {
 }
 
 impl<S: Real> LaneWall<S> {
-    /// The walls of the lanes as one.
+    /// Create the walls of the lanes.
     pub fn new<'a>(of: impl Fn(usize) -> &'a Wall) -> Self {
         LaneWall {
             frame: of(0).frame,
@@ -63,23 +63,24 @@ impl<S: Real> LaneWall<S> {
         }
     }
 
-    /// Energy stored in the wall, with the frame at `p`.
+    /// Energy stored in the wall, J, with the frame at `p`.
     pub fn energy(&self, p: Vector3<S>) -> S {
         stored(self.stiffness, self.normal.dot(self.point - p))
     }
 
-    /// Depth and its rate, with the frame at `p` that moves at `p_dot`.
+    /// Depth and its rate, with the frame at `p` and its velocity `p_dot`.
     fn depth(&self, p: Vector3<S>, p_dot: Vector3<S>) -> (S, S) {
         (self.normal.dot(self.point - p), -self.normal.dot(p_dot))
     }
 
-    /// Depth and push `k d + c d_dot`, with the frame at `p` that moves at `p_dot`.
+    /// Depth and push `k d + c d_dot`, with the frame at `p` and its velocity `p_dot`.
     pub fn contact(&self, p: Vector3<S>, p_dot: Vector3<S>) -> [S; 2] {
         let (depth, rate) = self.depth(p, p_dot);
         [depth, pressing(self.stiffness, self.damping, depth, rate)]
     }
 
-    /// The force on the frame at `p` that moves at `p_dot`, and the power lost in the wall; `held`: see [`push`].
+    /// The force on the frame at `p` with the velocity `p_dot`, and the power lost in the wall. `held` is the mode of the contact (see
+    /// [`push`]).
     pub fn force(&self, p: Vector3<S>, p_dot: Vector3<S>, held: Option<Touch>) -> (Vector3<S>, S) {
         let (depth, rate) = self.depth(p, p_dot);
         let (force, lost) = push(self.stiffness, self.damping, depth, rate, held);

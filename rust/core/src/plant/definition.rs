@@ -1,57 +1,58 @@
-//! The functions of a plant that the core calls. Most of them have a default that suits most plants.
+//! The functions of a plant that the core calls. Most of them have a default.
 
 use super::{ElasticSpec, JointFriction, Plant, Stops, Wall};
 use crate::dynamics::Model;
 use crate::scalar::Real;
 
-/// A plant as the user states it, validated.
+/// A plant with validated parameters.
 pub trait Definition {
-    /// The arm.
+    /// The model of the arm.
     fn model(&self) -> &Model;
 
-    /// The initial state. With `theta0 = None` the springs carry gravity, with `theta_dot0 = None` the motors move with the links.
+    /// The initial state. If `theta0` is `None`, the springs carry the gravity load. If `theta_dot0` is `None`, the motors move with the
+    /// links.
     fn initial_state(&self, q0: &[f64], v0: &[f64], _theta0: Option<&[f64]>, _theta_dot0: Option<&[f64]>) -> Vec<f64> {
         [q0, v0].concat()
     }
 
-    /// The wall that a frame may touch.
+    /// The wall that a frame may touch; `None` without a wall.
     fn wall(&self) -> Option<&Wall> {
         None
     }
 
-    /// The joint stops.
+    /// The joint stops; `None` without stops.
     fn stops(&self) -> Option<&Stops> {
         None
     }
 
-    /// Whether the friction of a rigid arm's joints acts.
+    /// Whether the viscous and Coulomb friction of the model's joints acts on a rigid arm.
     fn has_friction(&self) -> bool {
         false
     }
 
-    /// The dry friction of its joints, or of its motors.
+    /// The dry friction of the joints, or of the motors of an elastic arm; `None` without dry friction.
     fn friction(&self) -> Option<&JointFriction> {
         None
     }
 
-    /// The plant itself, if its joints are elastic.
+    /// The elastic plant, if this plant is one.
     fn elastic(&self) -> Option<&ElasticSpec> {
         None
     }
 }
 
-/// A plant that can be built into loops, for any number type.
+/// A plant that can be built for loops on any number type.
 pub trait Build: Definition {
-    /// The plant in a loop, on the number `S`.
+    /// The plant in a loop on the number type `S`.
     type Lanes<S: Real>: Plant<S> + Send + 'static;
 
-    /// The plants of the lanes as one, with the wrench acting at `force_frame`; all have the same shape.
+    /// Build one plant for all lanes, with the wrench acting at `force_frame`. The plants of the lanes must have the same shape.
     fn build<'a, S: Real>(of: impl Fn(usize) -> &'a Self, force_frame: Option<usize>) -> Self::Lanes<S>
     where
         Self: 'a;
 }
 
-/// The functions of a definition with the fields `model`, `wall`, `stops` and `dry`.
+/// Implement the functions of a plant with the fields `model`, `wall`, `stops` and `dry`.
 macro_rules! fields {
     () => {
         fn model(&self) -> &Model {

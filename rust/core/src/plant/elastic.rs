@@ -1,8 +1,9 @@
-//! An arm with elastic joints (Spong 1987): links and motors coupled by springs,
+//! An arm with elastic joints (Spong 1987). Springs couple links and motors:
 //!
 //! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`,
-//! `tau_J = K (theta - q) + D (theta_dot - v)`, `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors
-//! under the load `L = tau_J`.
+//! `tau_J = K (theta - q) + D (theta_dot - v)`.
+//!
+//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. Its load is `L = tau_J`.
 
 use super::definition::fields;
 use super::lugre::LaneLuGre;
@@ -18,27 +19,27 @@ use crate::scalar::Real;
 /// An arm with elastic joints, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticSpec {
-    /// The links.
+    /// The model of the links.
     pub model: Model,
-    /// `K`, N m/rad.
+    /// Joint stiffness `K`, of size `n`, N m/rad.
     pub stiffness: Gain,
-    /// `B`, kg m^2.
+    /// Motor inertia `B`, of size `n`, kg m^2.
     pub motor_inertia: Gain,
-    /// `D` in parallel with the springs, N m s/rad, `(n,)`, >= 0.
+    /// Damping `D` parallel to the springs, N m s/rad, `(n,)`, >= 0.
     pub joint_damping: Vec<f64>,
     /// Viscous friction `F` of the motors, N m s/rad, `(n,)`, >= 0.
     pub motor_friction: Vec<f64>,
-    /// Dry friction of the motors.
+    /// Dry friction of the motors; `None` without it.
     pub dry: Option<JointFriction>,
-    /// A wall that a frame may touch.
+    /// A wall that a frame may touch; `None` without a wall.
     pub wall: Option<Wall>,
-    /// Joint stops of the links.
+    /// Joint stops of the links; `None` without stops.
     pub stops: Option<Stops>,
     inverse_inertia: Gain,
 }
 
 impl ElasticSpec {
-    /// An arm of these links, joint stiffness and motor inertia.
+    /// Create an arm with these links, joint stiffness and motor inertia. Without damping or friction, these are zero.
     pub fn new(
         model: Model,
         stiffness: Gain,
@@ -70,18 +71,18 @@ impl ElasticSpec {
         Ok(ElasticSpec { model, stiffness, motor_inertia, joint_damping, motor_friction, dry: None, wall, stops: None, inverse_inertia })
     }
 
-    /// The same plant with joint stops.
+    /// Set the joint stops of the links.
     pub fn with_stops(self, stops: Option<Stops>) -> Self {
         ElasticSpec { stops, ..self }
     }
 
-    /// The same plant with this dry friction of its motors.
+    /// Set the dry friction of the motors.
     pub fn with_friction(self, friction: Option<JointFriction>) -> Result<Self> {
         friction.iter().try_for_each(|friction| friction.require_joints("motor_friction", self.model.n()))?;
         Ok(ElasticSpec { dry: friction, ..self })
     }
 
-    /// The motor position at which the springs carry gravity: `theta = q + K^-1 g(q)`.
+    /// The motor positions at which the springs carry the gravity load: `theta = q + K^-1 g(q)`, `(n,)`, rad.
     pub fn resting_motor(&self, q: &[f64]) -> Vec<f64> {
         let mut g = vec![0.0; q.len()];
         self.model.at(q).gravity(&mut g);
@@ -106,7 +107,7 @@ impl Definition for ElasticSpec {
     }
 }
 
-/// The plant in a loop.
+/// An arm with elastic joints in a loop.
 pub struct Elastic<S: Real> {
     links: Links<S>,
     stiffness: AnyGain<S>,
@@ -115,7 +116,7 @@ pub struct Elastic<S: Real> {
     motor_friction: Vec<S>,
     bristles: Option<LaneLuGre<S>>,
     sticking: Option<LaneStickSlip<S>>,
-    /// `theta - q`, then the net torque of the motors.
+    /// The deflection `theta - q`, later the net torque of the motors.
     work: Vec<S>,
 }
 
@@ -137,7 +138,7 @@ impl Build for ElasticSpec {
     }
 }
 
-/// Set `A = B`, which is constant.
+/// Set the matrix `A` of the stick-slip friction to `B`, which is constant.
 fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) -> &'a Gain) -> LaneStickSlip<S> {
     let n = of(0).n();
     for (k, entry) in sticking.matrix.iter_mut().enumerate() {
@@ -146,7 +147,7 @@ fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) 
     sticking
 }
 
-/// Write the torques on the motors, and their loads `tau_J`.
+/// Write the torques on the motors and their loads `tau_J` to the stick-slip friction.
 fn load<S: Real>(sticking: &mut LaneStickSlip<S>, drive: &[S], joint: &[S]) {
     sticking.drive.copy_from_slice(drive);
     for (load, &joint) in sticking.loads.iter_mut().zip(joint) {

@@ -1,30 +1,31 @@
-//! Dry friction of joints that depends on speed and load (Stribeck's curve; Hamon, Gautier and Garrec 2010):
+//! Dry friction of joints as a function of speed and load (Stribeck's curve; Hamon, Gautier and Garrec 2010):
 //!
 //! `h(v, L) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`,
 //!
-//! `F_c` Coulomb and `F_s` static friction, `v_s` the Stribeck speed, `L` the torque that the joint passes on to its load.
+//! with the Coulomb friction `F_c`, the static friction `F_s`, the Stribeck speed `v_s`, and the torque `L` that the joint transmits to its
+//! load.
 
 use super::{LuGre, StickSlip};
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 use crate::scalar::hyperbolic::decay;
 
-/// The friction of all joints, `(n,)` each.
+/// The friction curves of all joints; each parameter is `(n,)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrictionCurve {
-    /// `F_c`, N m or N.
+    /// Coulomb friction `F_c`, N m or N.
     pub coulomb: Vec<f64>,
-    /// `F_s`, N m or N.
+    /// Static friction `F_s`, N m or N.
     pub breakaway: Vec<f64>,
-    /// `v_s`, rad/s or m/s; with zero, friction falls to `F_c` as soon as the joint moves.
+    /// Stribeck speed `v_s`, rad/s or m/s. With zero, friction drops to `F_c` as soon as the joint moves.
     pub stribeck_speed: Vec<f64>,
-    /// N m s/rad or N s/m.
+    /// Viscous friction, N m s/rad or N s/m.
     pub viscous: Vec<f64>,
-    /// `mu`.
+    /// Ratio `mu` of friction to load.
     pub load_ratio: Vec<f64>,
 }
 
-/// Refuse the first number of `values` for which `holds` is false.
+/// Refuse `values` if `holds` is false for one of them. The error names the first such value.
 pub(super) fn require(name: &str, values: &[f64], expected: &str, holds: impl Fn(usize, f64) -> bool) -> Result<()> {
     finite(name, values)?;
     match values.iter().enumerate().find(|&(i, &x)| !holds(i, x)) {
@@ -39,7 +40,7 @@ pub(super) fn require_rows(name: &str, values: &[f64], n: usize) -> Result<()> {
 }
 
 impl FrictionCurve {
-    /// A curve of each joint; `breakaway` defaults to `coulomb`, all other numbers to zero.
+    /// Create a curve for each joint. `breakaway` defaults to `coulomb`, all other parameters to zero.
     pub fn new(
         coulomb: Vec<f64>,
         breakaway: Option<Vec<f64>>,
@@ -82,7 +83,7 @@ impl FrictionCurve {
 /// The friction of a plant's joints, or of its motors.
 #[derive(Clone, Debug, PartialEq)]
 pub enum JointFriction {
-    /// With bristles, whose deflections are states of the plant.
+    /// LuGre friction, with bristles whose deflections are states of the plant.
     LuGre(LuGre),
     /// Stick-slip friction, which can hold joints at rest.
     StickSlip(StickSlip),
@@ -97,7 +98,7 @@ impl JointFriction {
         }
     }
 
-    /// The bristles, if there are any.
+    /// The LuGre friction; `None` for stick-slip friction.
     pub fn bristles(&self) -> Option<&LuGre> {
         match self {
             JointFriction::LuGre(friction) => Some(friction),
@@ -105,7 +106,7 @@ impl JointFriction {
         }
     }
 
-    /// The stick-slip friction, if it is that.
+    /// The stick-slip friction; `None` for LuGre friction.
     pub fn stick_slip(&self) -> Option<&StickSlip> {
         match self {
             JointFriction::LuGre(_) => None,
@@ -122,7 +123,7 @@ impl JointFriction {
     }
 }
 
-/// The curves of the lanes.
+/// The friction curves in the lanes.
 pub(super) struct LaneCurve<S> {
     coulomb: Vec<S>,
     /// `F_s - F_c`.

@@ -6,38 +6,38 @@ use super::{Plant, PlantSpec};
 use crate::linalg::gain::{AnyGain, Multiply};
 use crate::scalar::Real;
 
-/// A state of a plant and its input, `(n,)` each; motors and bristles are empty for a plant without them.
+/// States of a plant and its input at `K` records, `(K, n)` each. Motors and bristles are empty for a plant without them.
 #[derive(Clone, Copy, Debug)]
 pub struct Rubbed<'a> {
-    /// Positions of the links.
+    /// Positions of the links, rad or m.
     pub q: &'a [f64],
-    /// Velocities of the links.
+    /// Velocities of the links, rad/s or m/s.
     pub v: &'a [f64],
-    /// Positions of the motors.
+    /// Positions of the motors, rad.
     pub theta: &'a [f64],
-    /// Velocities of the motors.
+    /// Velocities of the motors, rad/s.
     pub theta_dot: &'a [f64],
-    /// Deflections of the bristles.
+    /// Deflections of the bristles, rad or m.
     pub bristles: &'a [f64],
-    /// The input.
+    /// Inputs of the plant, N m or N.
     pub tau: &'a [f64],
 }
 
-/// The springs and dampers of elastic joints, which load the motors.
+/// Springs and dampers of elastic joints, whose torque loads the motors.
 struct Joints<'a> {
     stiffness: AnyGain<f64>,
     damping: &'a [f64],
     stretch: Vec<f64>,
 }
 
-/// Bristles, whose torque is a function of the state.
+/// Friction with bristles, whose torque is a function of the state.
 struct Bristles<'a> {
     friction: LaneLuGre<f64>,
     joints: Option<Joints<'a>>,
     load: Vec<f64>,
 }
 
-/// Stick-slip friction, whose torque is that of the whole plant.
+/// Stick-slip friction, whose torque depends on the whole plant.
 struct Sticking {
     plant: Box<dyn Plant<f64> + Send>,
     trig: Vec<(f64, f64)>,
@@ -50,14 +50,14 @@ enum Kind<'a> {
     Sticking(Sticking),
 }
 
-/// Computes the torques of one plant.
+/// The computation of the friction torques of one plant.
 pub struct FrictionTorque<'a> {
     n: usize,
     kind: Kind<'a>,
 }
 
 impl<'a> FrictionTorque<'a> {
-    /// `None` for a plant without a `JointFriction`. A wrench acts at `force_frame`.
+    /// Create the computation; `None` for a plant without a `JointFriction`. Wrenches act at `force_frame`.
     pub fn of(plant: &'a PlantSpec, force_frame: Option<usize>) -> Option<Self> {
         let n = plant.n();
         plant.friction()?;
@@ -80,7 +80,7 @@ impl<'a> FrictionTorque<'a> {
         Some(FrictionTorque { n, kind })
     }
 
-    /// The torques of records one after another, `(K, n)`, under the wrenches `wrench(k)`.
+    /// Compute the friction torques of `K` records, `(K, n)`, under the wrenches `wrench(k)`.
     pub fn series(&mut self, records: &Rubbed, wrench: impl Fn(usize) -> [f64; 6], out: &mut [f64]) {
         let n = self.n;
         for (k, out) in out.chunks_exact_mut(n).enumerate() {
@@ -97,7 +97,7 @@ impl<'a> FrictionTorque<'a> {
                 Kind::Bristles(bristles) => bristles.evaluate(&at, out),
                 Kind::Sticking(sticking) => sticking.evaluate(&at, &wrench(k), out),
             }
-            // Negative zeros become zeros.
+            // The sum with zero makes negative zeros positive.
             out.iter_mut().for_each(|torque| *torque += 0.0);
         }
     }

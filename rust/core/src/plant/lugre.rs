@@ -1,26 +1,26 @@
-//! The LuGre model of friction (Canudas de Wit, Olsson, Astrom and Lischinsky 1995): bristles of deflection `z` slip,
+//! The LuGre model of friction (Canudas de Wit, Olsson, Astrom and Lischinsky 1995): bristles with the deflection `z` slip,
 //!
 //! `z' = v - sigma_0 |v| z / h(v, L)`, `tau_f = sigma_0 z + sigma_1 z' + sigma_2 v`,
 //!
-//! with the curve `h` of [`FrictionCurve`]. They store `sigma_0 z^2 / 2`; the rest of the power `tau_f v` is lost.
+//! with the curve `h` of [`FrictionCurve`]. The bristles store the energy `sigma_0 z^2 / 2`. The rest of the power `tau_f v` is lost.
 
 use super::friction::{FrictionCurve, LaneCurve, require, require_rows};
 use crate::error::Result;
 use crate::scalar::Real;
 
-/// Friction with bristles, `(n,)` numbers each.
+/// Friction with bristles; each parameter is `(n,)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LuGre {
-    /// `h(v, L)`, with `sigma_2` as its viscous part.
+    /// Friction curve `h(v, L)`. Its viscous part is `sigma_2`.
     pub curve: FrictionCurve,
-    /// `sigma_0`, N m/rad or N/m.
+    /// Stiffness `sigma_0` of the bristles, N m/rad or N/m.
     pub stiffness: Vec<f64>,
-    /// `sigma_1`, N m s/rad or N s/m.
+    /// Damping `sigma_1` of the bristles, N m s/rad or N s/m.
     pub damping: Vec<f64>,
 }
 
 impl LuGre {
-    /// Bristles of this stiffness and damping (zero unless given) under a curve.
+    /// Create bristles with a friction curve, a stiffness and a damping, `(n,)` each. `None` means zero damping.
     pub fn new(curve: FrictionCurve, stiffness: Vec<f64>, damping: Option<Vec<f64>>) -> Result<Self> {
         let n = curve.n();
         let damping = damping.unwrap_or_else(|| vec![0.0; n]);
@@ -35,17 +35,17 @@ impl LuGre {
     }
 }
 
-/// The results of the bristles of a joint.
+/// The results for the bristles of one joint.
 pub(super) struct Rubbing<S> {
-    /// `tau_f`.
+    /// Friction torque `tau_f`.
     pub torque: S,
-    /// `z'`.
+    /// Rate `z'` of the deflection.
     pub z_dot: S,
     /// The power lost, without the power that the bristles store.
     pub lost: S,
 }
 
-/// The bristles of the lanes.
+/// The bristles in the lanes.
 pub(super) struct LaneLuGre<S> {
     curve: LaneCurve<S>,
     pub stiffness: Vec<S>,
@@ -70,7 +70,7 @@ impl<S: Real> LaneLuGre<S> {
         self.stiffness[i] * z
     }
 
-    /// Joint `i` at speed `v`, under the load `L`.
+    /// Compute the friction of joint `i` at the speed `v`, with the deflection `z` and the load `L`.
     pub fn rub(&self, i: usize, v: S, z: S, load: S) -> Rubbing<S> {
         let spring = self.spring(i, z);
         let z_dot = v - v.abs() * spring / self.curve.level(i, v, load);
@@ -78,7 +78,7 @@ impl<S: Real> LaneLuGre<S> {
         Rubbing { torque, z_dot, lost: spring.neg_mul_add(z_dot, torque * v) }
     }
 
-    /// `sum sigma_0 z^2 / 2`.
+    /// The stored energy `sum sigma_0 z^2 / 2`, J.
     pub fn energy(&self, z: &[S]) -> S {
         let mut twice = S::zero();
         for (&stiffness, &z) in self.stiffness.iter().zip(z) {

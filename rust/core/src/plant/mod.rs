@@ -1,7 +1,8 @@
-//! Plants: the motion that results from a law's output, and the states of plants.
+//! Plants: they compute the motion that results from a law's output.
 //!
-//! rigid `x = [q, v]`, elastic `x = [q, v, theta, theta_dot]`, velocity-controlled `x = [q]`; bristles `z` of friction come last. An external wrench
-//! `W = [f; m]` (world axes) acts at one frame as `J' W`; a wall pushes a frame that enters it.
+//! The state `x` of a rigid plant is `[q, v]`, of an elastic plant `[q, v, theta, theta_dot]`, and of a velocity-controlled plant `[q]`.
+//! Bristles `z` of friction come last. An external wrench `W = [f; m]` (world axes) acts at one frame with the joint torque `J' W`. A wall
+//! pushes a frame that enters it.
 
 mod contact;
 mod definition;
@@ -33,30 +34,32 @@ pub use velocity::{Velocity, VelocitySpec};
 use crate::scalar::Real;
 use std::ops::Deref;
 
-/// Power into a plant: its sum is the rate of the stored energy.
+/// Power into a plant, W. The sum of both parts is the rate of the stored energy.
 #[derive(Clone, Copy, Debug)]
 pub struct Power<S> {
-    /// By the input.
+    /// Power of the input.
     pub input: S,
-    /// By wrench and wall, minus the power of friction.
+    /// Power of wrench, wall and stops, minus the power lost by friction.
     pub outside: S,
 }
 
 /// A plant in a loop.
 pub trait Plant<S: Real> {
-    /// Rates `dx` of the plant's state `x` under the input `tau` `(n,)` and the wrench `(6,)` at the frame the plant was
-    /// made with; returns the power put in.
+    /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
+    /// plant.
+    ///
+    /// The wrench acts at the frame with which the plant was built.
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
 
-    /// Set every contact, the wall first, then the stops, to this mode for every state.
+    /// Hold every contact in a mode, independent of the state: first the wall, then the stops.
     fn hold(&mut self, _contacts: &[Touch]) {}
 
-    /// Depth and push `k d + c d_dot` of contact `i` at a state as in [`Plant::rates`].
+    /// Depth and push `k d + c d_dot` of contact `i`. The other arguments are those of [`Plant::rates`].
     fn contact(&mut self, _i: usize, _trig: &[(S, S)], _x: &[S]) -> [S; 2] {
         [S::zero(); 2]
     }
 
-    /// The friction that holds joints or motors at rest, and the place of the first of their speeds in the state.
+    /// The stick-slip friction of joints or motors, and the index of their first speed in the state; `None` without this friction.
     fn stick_slip(&mut self) -> Option<(&mut LaneStickSlip<S>, usize)> {
         None
     }
@@ -66,10 +69,11 @@ pub trait Plant<S: Real> {
     fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
 }
 
-/// The kinds of plants: the enums, names and parts of the state, and the construction of loops. A plant is declared in its file and here.
+/// Declare the kinds of plants: enums, names and parts of the state, and the construction of loops. Each plant has one file and one entry
+/// here.
 macro_rules! plants {
     ($($(#[$doc:meta])* $kind:ident($definition:ty) $name:literal [$($part:literal)*],)*) => {
-        /// The kind of plant that a law is made for.
+        /// The kind of plant that a law controls.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum PlantKind {
             $($(#[$doc])* $kind,)*
@@ -88,14 +92,14 @@ macro_rules! plants {
         })*
 
         impl PlantKind {
-            /// The class in Python.
+            /// Name of the class in Python.
             pub fn name(self) -> &'static str {
                 match self {
                     $(PlantKind::$kind => $name,)*
                 }
             }
 
-            /// The parts of the state, `n` numbers each.
+            /// Names of the parts of the state, `n` numbers each.
             pub fn parts(self) -> &'static [&'static str] {
                 match self {
                     $(PlantKind::$kind => &[$($part),*],)*
@@ -121,12 +125,12 @@ macro_rules! plants {
                 }
             }
 
-            /// The plants of the lanes as one, with the wrench acting at `force_frame`.
+            /// Build one plant for all lanes, with the wrench acting at `force_frame`. The plants of the lanes must have the same shape.
             pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
                 Self::of_lanes(&of, force_frame)
             }
 
-            /// Compiled once per number, not once per caller.
+            /// The closure is a reference, so that this is compiled once per number type, not once per caller.
             fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
                 match of(0) {
                     $(PlantSpec::$kind(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {
@@ -149,7 +153,7 @@ plants! {
 }
 
 impl PlantKind {
-    /// Size of the state of a plant of `n` joints without bristles.
+    /// Length of the state of a plant with `n` joints, without bristles.
     pub fn states(self, n: usize) -> usize {
         self.parts().len() * n
     }
@@ -166,27 +170,27 @@ impl PlantKind {
 }
 
 impl PlantSpec {
-    /// Number of joints, which is that of inputs.
+    /// Number of joints, which is also the number of inputs.
     pub fn n(&self) -> usize {
         self.model().n()
     }
 
-    /// Size of the state `x`.
+    /// Length of the state `x`.
     pub fn states(&self) -> usize {
         self.seen() + self.bristles()
     }
 
-    /// Size of the part of the state that a law reads: all except the bristles.
+    /// Length of the part of the state that a law reads: all except the bristles.
     pub fn seen(&self) -> usize {
         self.kind().states(self.n())
     }
 
-    /// How many bristles of friction are among the states.
+    /// Number of bristles of friction in the state.
     pub fn bristles(&self) -> usize {
         self.friction().and_then(JointFriction::bristles).map_or(0, |_| self.n())
     }
 
-    /// Whether both can run side by side in lanes.
+    /// Whether both plants can run in lanes of one register.
     pub fn same_shape(&self, other: &PlantSpec) -> bool {
         self.kind() == other.kind()
             && self.model().same_geometry(other.model())
@@ -196,7 +200,7 @@ impl PlantSpec {
             && self.friction().map(std::mem::discriminant) == other.friction().map(std::mem::discriminant)
     }
 
-    /// Whether joints or motors stick and slip.
+    /// Whether joints or motors have stick-slip friction.
     pub fn sticks(&self) -> bool {
         self.friction().is_some_and(|friction| friction.stick_slip().is_some())
     }

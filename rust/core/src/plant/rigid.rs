@@ -1,5 +1,6 @@
-//! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`, `x = [q, v]`, then the bristles
-//! of LuGre friction under the load `L = tau - sigma_0 z`.
+//! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`.
+//!
+//! The state is `x = [q, v]`, then the bristles `z` of LuGre friction. Its load is `L = tau - sigma_0 z`.
 
 use super::contact::LaneWall;
 use super::definition::fields;
@@ -40,25 +41,25 @@ use crate::spatial::Vector3;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidSpec {
-    /// The arm.
+    /// The model of the arm.
     pub model: Model,
-    /// Viscous and Coulomb friction of the model's joints act on the plant.
+    /// Whether the viscous and Coulomb friction of the model's joints acts.
     pub friction: bool,
-    /// Dry friction of the joints.
+    /// Dry friction of the joints; `None` without it.
     pub dry: Option<JointFriction>,
-    /// A wall that a frame may touch.
+    /// A wall that a frame may touch; `None` without a wall.
     pub wall: Option<Wall>,
-    /// Joint stops.
+    /// Joint stops; `None` without stops.
     pub stops: Option<Stops>,
 }
 
 impl RigidSpec {
-    /// The arm without friction, wall and stops.
+    /// Create a plant without friction, wall and stops.
     pub fn new(model: Model) -> Self {
         RigidSpec { model, friction: false, dry: None, wall: None, stops: None }
     }
 
-    /// The same plant with this friction of its joints.
+    /// Set the dry friction of the joints.
     pub fn with_friction(self, friction: Option<JointFriction>) -> Result<Self> {
         friction.iter().try_for_each(|friction| friction.require_joints("friction", self.model.n()))?;
         Ok(RigidSpec { dry: friction, ..self })
@@ -79,24 +80,24 @@ impl Definition for RigidSpec {
     }
 }
 
-/// How many bristles a friction has.
+/// Number of bristles of a friction.
 pub(super) fn bristles(friction: Option<&JointFriction>) -> usize {
     friction.and_then(JointFriction::bristles).map_or(0, |bristles| bristles.curve.n())
 }
 
-/// The bristles of the lanes, if the first one has any.
+/// The bristles in the lanes; `None` if the first lane has none.
 pub(super) fn lane_bristles<'a, S: Real>(of: impl Fn(usize) -> Option<&'a JointFriction>) -> Option<LaneLuGre<S>> {
     let bristles = |lane: usize| of(lane).and_then(JointFriction::bristles);
     bristles(0).map(|first| LaneLuGre::new(|lane| bristles(lane).unwrap_or(first)))
 }
 
-/// The stick-slip friction of the lanes, if the first one has any.
+/// The stick-slip friction in the lanes; `None` if the first lane has none.
 pub(super) fn lane_stick_slip<'a, S: Real>(of: impl Fn(usize) -> Option<&'a JointFriction>) -> Option<LaneStickSlip<S>> {
     let friction = |lane: usize| of(lane).and_then(JointFriction::stick_slip);
     friction(0).map(|first| LaneStickSlip::new(|lane| friction(lane).unwrap_or(first)))
 }
 
-/// The links of a plant, and the external forces.
+/// The links of a plant, with the external forces on them.
 pub(super) struct Links<S: Real> {
     pub arm: AnyArm<S>,
     pub ws: Workspace<S>,
@@ -104,10 +105,10 @@ pub(super) struct Links<S: Real> {
     force_frame: Option<usize>,
     wall: Option<LaneWall<S>>,
     stops: Option<LaneStops<S>>,
-    /// The held modes of the contacts, the wall first; empty if they follow the state.
+    /// The modes in which contacts are held, the wall first; empty if the modes follow the state.
     held: Vec<Touch>,
     jacobian: Vec<S>,
-    /// `(n,)`: the sum of all torques on the joints.
+    /// Sum of all torques on the joints, `(n,)`.
     pub effort: Vec<S>,
 }
 
@@ -137,7 +138,7 @@ impl<S: Real> Links<S> {
         }
     }
 
-    /// Hold every contact in these modes.
+    /// Hold every contact in its mode of `contacts`.
     pub fn hold(&mut self, contacts: &[Touch]) {
         self.held.clear();
         self.held.extend_from_slice(contacts);
@@ -155,7 +156,7 @@ impl<S: Real> Links<S> {
         }
     }
 
-    /// Add the torques of wrench, wall and stops to `self.effort`; returns the power they put in.
+    /// Add the torques of wrench, wall and stops to `self.effort`, and return their power.
     pub fn add_outside(&mut self, trig: &[(S, S)], q: &[S], v: &[S], wrench: &[S]) -> S {
         let mut power = S::zero();
         if let Some(frame) = self.force_frame {
@@ -187,13 +188,13 @@ impl<S: Real> Links<S> {
         power
     }
 
-    /// `a = M^-1 (effort - C v - g)` into `a`.
+    /// Compute `a = M^-1 (effort - C v - g)`, `(n,)`.
     pub fn accelerate(&mut self, trig: &[(S, S)], q: &[S], v: &[S], a: &mut [S]) {
         self.arm.forward_dynamics(&mut self.ws, trig, q, v, &self.effort, a);
     }
 }
 
-/// Position and velocity of the origin of a frame, world axes; `jacobian` is left with the frame's.
+/// Position and velocity of the origin of a frame, world axes. Afterwards `jacobian` has the Jacobian of this frame.
 fn moving_frame<S: Real>(
     (arm, ws): (&AnyArm<S>, &mut Workspace<S>),
     trig: &[(S, S)],
@@ -213,7 +214,7 @@ fn moving_frame<S: Real>(
     (p, p_dot)
 }
 
-/// Write `A = M`, `b` = the effort less `C v + g`, and the loads, under the input `tau`.
+/// Write to the stick-slip friction under the input `tau`: `A = M`, `b = effort - (C v + g)`, and the loads.
 fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[(S, S)], (q, v): (&[S], &[S]), tau: &[S]) {
     links.arm.mass_matrix(&mut links.ws, trig, q, &mut sticking.matrix);
     links.arm.bias(&mut links.ws, trig, q, v, &mut sticking.drive);
@@ -223,7 +224,7 @@ fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[
     }
 }
 
-/// The plant in a loop.
+/// A rigid arm in a loop.
 pub struct Rigid<S: Real> {
     links: Links<S>,
     friction: bool,

@@ -1,27 +1,27 @@
-//! A joint-torque sensor: the reading of `tau_J = K (theta - q)` in a controller,
+//! A joint-torque sensor. A controller reads the joint torque `tau_J = K (theta - q)` as
 //!
 //! `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise) / step) step`.
 //!
-//! Light-weight arms have torque sensors and motor encoders. Their controllers compute the positions of the links from them,
-//! `q = theta - K^-1 reading`. So the controller's `K (theta - q)` is the reading.
+//! Light-weight arms have torque sensors and motor encoders. Their controllers compute the link positions from both, `q = theta - K^-1
+//! reading`. So in the controller, `K (theta - q)` is the reading.
 
 use crate::error::{Error, Result, finite};
 
 /// A joint-torque sensor: noise, bias, resolution and bandwidth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueSensor {
-    /// Standard deviation, N m.
+    /// Standard deviation of the noise, N m.
     pub noise: f64,
-    /// Per joint, `(n,)`, N m; empty for none.
+    /// Bias of each joint, `(n,)`, N m; empty for no bias.
     pub bias: Vec<f64>,
-    /// Step of the reading, N m; 0 for none.
+    /// Step of the reading, N m; 0 for no rounding.
     pub resolution: f64,
-    /// `w_c`, rad/s; infinite without a filter.
+    /// Bandwidth `w_c`, rad/s; infinite without a filter.
     pub bandwidth: f64,
 }
 
 impl TorqueSensor {
-    /// A sensor; `noise`, `bias` and `resolution` in N m, `bandwidth` in rad/s.
+    /// Create a sensor. `noise`, `bias` and `resolution` are in N m, `bandwidth` is in rad/s.
     pub fn new(noise: f64, bias: Vec<f64>, resolution: f64, bandwidth: f64) -> Result<Self> {
         for (name, x) in [("noise", noise), ("resolution", resolution)] {
             if !(x >= 0.0 && x.is_finite()) {
@@ -35,7 +35,7 @@ impl TorqueSensor {
         Ok(TorqueSensor { noise, bias, resolution, bandwidth })
     }
 
-    /// The filter's state `dt` later, exact for a torque that changes linearly from `before` to `now`.
+    /// The filter's state after the time `dt`, s. It is exact for a torque that changes linearly from `before` to `now`.
     pub fn filtered(&self, state: f64, before: f64, now: f64, dt: f64) -> f64 {
         let turn = self.bandwidth * dt;
         if !turn.is_finite() {
@@ -44,13 +44,13 @@ impl TorqueSensor {
         if turn == 0.0 {
             return state;
         }
-        // y(dt) = e y(0) + now - e before - (now - before) (1 - e)/turn
+        // y(dt) = e y(0) + now - e before - (now - before) (1 - e)/turn, with e = exp(-turn).
         let decay = (-turn).exp();
         let share = -(-turn).exp_m1() / turn;
         decay * (state - before) + now - (now - before) * share
     }
 
-    /// The reading of joint `i` from the filter's state; `normal` is a standard normal number.
+    /// The reading of joint `i` from the filter's state. `normal` is a standard normal number.
     pub fn reading(&self, i: usize, filtered: f64, normal: f64) -> f64 {
         let x = filtered + self.bias.get(i).copied().unwrap_or(0.0) + self.noise * normal;
         if self.resolution > 0.0 { (x / self.resolution).round() * self.resolution } else { x }
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn the_filter_is_exact_on_ramps_and_at_its_ends() {
         let sensor = |bandwidth| TorqueSensor::new(0.0, vec![], 0.0, bandwidth).expect("valid");
-        // In many small steps and in one.
+        // Many small steps and one step must have the same result.
         let (slope, dt, steps) = (30.0, 2e-3, 1000);
         let at = |k: usize| 5.0 + slope * dt * k as f64 / steps as f64;
         let fine = (0..steps).fold(1.0, |y, k| sensor(900.0).filtered(y, at(k), at(k + 1), dt / steps as f64));
@@ -72,7 +72,7 @@ mod tests {
         assert!((fine - coarse).abs() < 1e-12, "{fine} {coarse}: a thousand roundings of 1e-15");
         assert_eq!(sensor(f64::INFINITY).filtered(1.0, 2.0, 3.0, dt), 3.0);
         assert_eq!(sensor(900.0).filtered(1.0, 2.0, 3.0, 0.0), 1.0);
-        // A filter too slow to follow: 1e-9 of the change.
+        // This filter is too slow to follow: its state moves by 1e-9 of the change.
         assert!((sensor(1e-6).filtered(1.0, 2.0, 2.0, 1e-3) - 1.0 - 1e-9).abs() < 1e-15);
     }
 

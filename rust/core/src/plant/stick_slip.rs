@@ -1,21 +1,21 @@
 //! Stick-slip friction (Karnopp 1985; Olsson et al. 1998). A joint sticks, `v_i = 0`, while the torque that holds it is within its static
-//! friction. Else it slides against `h(v, L)`.
+//! friction. Otherwise it slides with the friction `h(v, L)`.
 //!
-//! Stuck joints and the torques that hold them, with `A` the mass matrix and `b` all torques but those of friction:
+//! Let `A` be the mass matrix, and `b` the sum of all torques except friction. The accelerations `a` and the friction torques `tau_f` solve
 //!
 //! `A a = b - tau_f`, `a_i = 0` for `i` stuck, `tau_f,i = s_i h(v_i, L_i) + sigma_2 v_i` for `i` sliding to the side `s_i`.
 //!
-//! At rest `|tau_f,i| <= F_i`, `a_i > 0` only at `F_i` and `a_i < 0` only at `-F_i`. This linear complementarity problem has one solution,
-//! because `A^-1` is positive definite. Murty's least-index pivots find it.
+//! For a joint at rest, `|tau_f,i| <= F_i`; `a_i > 0` requires `tau_f,i = F_i`, and `a_i < 0` requires `tau_f,i = -F_i`. This linear
+//! complementarity problem has exactly one solution, because `A^-1` is positive definite. Murty's least-index pivots find it.
 
 use super::friction::{FrictionCurve, LaneCurve};
 use crate::linalg::cholesky;
 use crate::scalar::Real;
 
-/// Stick-slip friction, `(n,)` numbers each.
+/// Stick-slip friction of all joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StickSlip {
-    /// `h(v, L)`.
+    /// Friction curve `h(v, L)`, without bristles.
     pub curve: FrictionCurve,
 }
 
@@ -24,34 +24,34 @@ pub struct StickSlip {
 pub(super) enum Load<S> {
     /// The load `L` itself.
     Known(S),
-    /// `L = tau - tau_f`, of this `tau`.
+    /// The load is `L = tau - tau_f`. The field is `tau`.
     Driven(S),
 }
 
 /// The largest number of pivots is `PIVOTS` times the number of joints, plus `PIVOTS`.
 const PIVOTS: usize = 8;
-/// A joint that has to slip uses a static friction smaller by this fraction, so that rounding does not hold it.
+/// The static friction of a joint that has to slip is reduced by this fraction, so that rounding errors do not hold it.
 const SLIPS: f64 = 1e-9;
 
-/// The friction of one plant, whose lanes stick and slide together.
+/// The stick-slip friction of one plant. Its lanes stick and slide together.
 pub struct LaneStickSlip<S> {
     curve: LaneCurve<S>,
     breakaway: Vec<S>,
-    /// Zero for a joint that is stuck; 1 or -1 for one that slides, or is about to, along positive or negative velocities.
+    /// The mode of each joint: 0 is stuck. 1 or -1 slides, or is about to slide, in the positive or negative direction.
     sides: Vec<i8>,
     before: Vec<i8>,
-    /// `A`, `(n, n)`, which the plant writes.
+    /// The matrix `A`, `(n, n)`, which the plant writes.
     pub(super) matrix: Vec<S>,
     kept: Vec<S>,
     factor: Vec<S>,
-    /// `b`, which the plant writes.
+    /// The torques `b`, `(n,)`, which the plant writes.
     pub(super) drive: Vec<S>,
     /// The load of each joint.
     pub(super) loads: Vec<Load<S>>,
     torque: Vec<S>,
     /// Whether each joint is at rest.
     resting: Vec<bool>,
-    /// Scratch for accelerations.
+    /// Memory for accelerations.
     rates: Vec<S>,
 }
 
@@ -75,32 +75,32 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// `tau_f` of the last evaluation, `(n,)`.
+    /// Friction torques `tau_f` of the last evaluation, `(n,)`.
     pub fn torque(&self) -> &[S] {
         &self.torque
     }
 
-    /// Zero for a joint that is stuck, else the side to which it slides.
+    /// The mode of each joint: 0 is stuck, and 1 or -1 is the direction in which the joint slides.
     pub fn sides(&self) -> &[i8] {
         &self.sides
     }
 
-    /// Let joints stick and slide as in another plant.
+    /// Set the mode of each joint.
     pub fn follow(&mut self, sides: &[i8]) {
         self.sides.copy_from_slice(sides);
     }
 
-    /// Whether a joint is stuck.
+    /// Whether any joint is stuck.
     pub fn holds(&self) -> bool {
         self.sides.contains(&0)
     }
 
-    /// The torque of joint `i` that slides to `side` against `unloaded + mu |L|` and `viscous`.
+    /// The friction torque of joint `i` that slides to `side`, from the friction `unloaded + mu |L|` and the torque `viscous`.
     fn sliding(&self, i: usize, side: i8, unloaded: S, viscous: S) -> S {
         let (side, ratio) = (S::splat(f64::from(side)), self.curve.load_ratio[i]);
         match self.loads[i] {
             Load::Known(load) => side.mul_add(ratio.mul_add(load.abs(), unloaded), viscous),
-            // L = r - s mu |L|, r = tau - s h(v, 0) - sigma_2 v, which has the sign of L.
+            // L = r - s mu |L| with r = tau - s h(v, 0) - sigma_2 v, so r has the sign of L.
             Load::Driven(tau) => {
                 let rest = tau - side.mul_add(unloaded, viscous);
                 let against = S::select(rest.lt(S::zero()), -(side * ratio), side * ratio);
@@ -109,17 +109,17 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// The torque of joint `i` that slides at `v`.
+    /// The friction torque of joint `i` that slides at the speed `v`.
     fn kinetic(&self, i: usize, v: S) -> S {
         self.sliding(i, self.sides[i], self.curve.unloaded(i, v), self.curve.viscous[i] * v)
     }
 
-    /// The largest torque to one side that holds joint `i` at rest.
+    /// The largest friction torque that holds joint `i` at rest against a motion to `side`.
     fn limit(&self, i: usize, side: i8) -> S {
         self.sliding(i, side, self.breakaway[i], S::zero())
     }
 
-    /// The torques of sliding joints at the speeds `v`; zero of stuck ones.
+    /// Compute the friction torques of sliding joints at the speeds `v`. The torque of stuck joints is set to zero.
     pub(super) fn slide(&mut self, v: &[S]) {
         for i in 0..v.len() {
             self.torque[i] = if self.sides[i] == 0 { S::zero() } else { self.kinetic(i, v[i]) };
@@ -148,8 +148,10 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// One number per joint, which becomes negative where its mode ends. It is the distance of the torque of a stuck joint from its limits,
-    /// or the speed of a sliding joint to its side. `A`, `b` and the loads are those at `v`.
+    /// Compute one number per joint, which becomes negative where the joint's mode ends.
+    ///
+    /// For a stuck joint it is the distance of the torque from its limits. For a sliding joint it is the speed in its direction. `A`, `b`
+    /// and the loads must be those at `v`.
     pub fn margins(&mut self, v: &[S], out: &mut [f64]) {
         if self.holds() {
             self.slide(v);
@@ -165,7 +167,7 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// Stop the joints whose velocity is opposite to their direction of slip. Returns whether there are any.
+    /// Stop the joints whose velocity is opposite to their direction of slip. Return whether any velocity changes.
     pub fn arrest(&mut self, v: &mut [S]) -> bool {
         let mut any = false;
         for (side, v) in self.sides.iter_mut().zip(v) {
@@ -178,8 +180,8 @@ impl<S: Real> LaneStickSlip<S> {
         any
     }
 
-    /// Determine the modes of the joints at the speeds `v`. Moving joints slide; those at rest solve the problem at rest for `A`, `b` and
-    /// the loads. The joint `leaving` slips. Returns whether the mode of a joint changes.
+    /// Determine the modes of the joints at the speeds `v`. Moving joints slide. The modes of joints at rest follow from the
+    /// complementarity problem for `A`, `b` and the loads. The joint `leaving` slips. Return whether any mode changes.
     pub fn settle(&mut self, v: &[S], leaving: Option<usize>) -> bool {
         let n = v.len();
         self.before.copy_from_slice(&self.sides);
@@ -208,7 +210,7 @@ impl<S: Real> LaneStickSlip<S> {
         self.sides != self.before
     }
 
-    /// The other mode of a joint at rest, if the present one contradicts its torque or its acceleration `a`.
+    /// The other mode of a joint at rest, if the present mode contradicts its torque or its acceleration `a`; else `None`.
     fn pivot(&self, i: usize, a: S, leaving: bool) -> Option<i8> {
         match self.sides[i] {
             0 => {

@@ -1,5 +1,4 @@
-//! Joint stops: beyond a limit a joint meets a spring and a damper, `tau_i = max(0, k d + c d_dot)` away from the limit,
-//! `d` the depth beyond it.
+//! Joint stops: at the depth `d` beyond a limit, a spring and a damper push the joint back with `tau_i = max(0, k d + c d_dot)`.
 
 use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result};
@@ -8,13 +7,13 @@ use crate::scalar::Real;
 /// Compliant stops at the joint limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stops {
-    /// Limits, `(n,)`; infinite for none, rad or m.
+    /// Lower limits, `(n,)`, rad or m; infinite for no stop.
     pub lower: Vec<f64>,
-    /// Upper limits `(n,)`.
+    /// Upper limits, `(n,)`, rad or m; infinite for no stop.
     pub upper: Vec<f64>,
-    /// `(n,)`, N m/rad or N/m.
+    /// Stiffness `k`, `(n,)`, N m/rad or N/m.
     pub stiffness: Vec<f64>,
-    /// `(n,)`, N m s/rad or N s/m.
+    /// Damping `c`, `(n,)`, N m s/rad or N s/m.
     pub damping: Vec<f64>,
 }
 
@@ -23,19 +22,19 @@ pub struct Stops {
 pub struct Stop {
     /// Index of the joint.
     pub joint: usize,
-    /// At the upper limit.
+    /// Whether the stop is at the upper limit.
     pub upper: bool,
 }
 
 impl Stop {
-    /// Depth beyond the limit, and its rate.
+    /// Depth beyond the limit, and the rate of the depth.
     pub fn depth<S: Real>(self, limit: S, q: S, v: S) -> (S, S) {
         if self.upper { (q - limit, v) } else { (limit - q, -v) }
     }
 }
 
 impl Stops {
-    /// Stops with these numbers, `(n,)` each.
+    /// Create stops. Each argument is `(n,)`, in the units of its field.
     pub fn new(lower: Vec<f64>, upper: Vec<f64>, stiffness: Vec<f64>, damping: Vec<f64>) -> Result<Self> {
         for i in 0..lower.len() {
             require_spring(stiffness[i], damping[i])?;
@@ -50,26 +49,26 @@ impl Stops {
         Ok(stops)
     }
 
-    /// The stops there are: at the limits that are finite.
+    /// The stops at all finite limits.
     pub fn all(&self) -> impl Iterator<Item = Stop> {
         let both = |joint| [false, true].map(|upper| Stop { joint, upper });
         (0..self.lower.len()).flat_map(both).filter(|&stop| self.limit(stop).is_finite())
     }
 
-    /// Position of a stop.
+    /// Position of a stop, rad or m.
     pub fn limit(&self, stop: Stop) -> f64 {
         if stop.upper { self.upper[stop.joint] } else { self.lower[stop.joint] }
     }
 
-    /// Energy in the springs.
+    /// Energy stored in the springs, J.
     pub fn energy(&self, q: &[f64]) -> f64 {
         LaneStops::new(|_| self).energy(q)
     }
 }
 
-/// The stops of the lanes.
+/// The stops in the lanes.
 pub(super) struct LaneStops<S> {
-    /// The stops, with the limit, `k` and `c` of each lane.
+    /// Each stop, with its limit, `k` and `c` in each lane.
     stops: Vec<(Stop, S, S, S)>,
 }
 
@@ -88,7 +87,7 @@ impl<S: Real> LaneStops<S> {
         self.stops.len()
     }
 
-    /// Energy in the springs.
+    /// Energy stored in the springs, J.
     pub fn energy(&self, q: &[S]) -> S {
         let of = |&(stop, limit, stiffness, _): &(Stop, S, S, S)| stored(stiffness, stop.depth(limit, q[stop.joint], S::zero()).0);
         self.stops.iter().map(of).fold(S::zero(), |sum, part| sum + part)
@@ -101,7 +100,8 @@ impl<S: Real> LaneStops<S> {
         [depth, pressing(stiffness, damping, depth, rate)]
     }
 
-    /// Add the torques to `effort`; returns the power lost. `held` is the held mode of each stop, `None` if they follow the state.
+    /// Add the torques of the stops to `effort`, and return the lost power. `held` has the mode of each stop; with `None` they follow the
+    /// state.
     pub fn add(&self, q: &[S], v: &[S], held: Option<&[Touch]>, effort: &mut [S]) -> S {
         let mut lost = S::zero();
         for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {

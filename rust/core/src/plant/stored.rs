@@ -1,5 +1,5 @@
-//! The energy stored in a plant: `E = v' M v / 2 + U(q)`, with `(theta - q)' K (theta - q) / 2 + theta_dot' B theta_dot / 2` of elastic
-//! joints and motors, the springs of wall and stops, and the bristles of friction.
+//! The energy stored in a plant: `E = v' M v / 2 + U(q)`. Elastic joints and motors add `(theta - q)' K (theta - q) / 2 + theta_dot' B
+//! theta_dot / 2`. The springs of wall and stops and the bristles of friction add their energies.
 
 use super::PlantSpec;
 use super::contact::LaneWall;
@@ -17,7 +17,7 @@ struct Springs<S: Real> {
     stretch: Vec<S>,
 }
 
-/// The stored energies of the plants of the lanes.
+/// The stored energies of the plants in the lanes.
 pub struct Stored<S: Real> {
     n: usize,
     wall: Option<LaneWall<S>>,
@@ -47,7 +47,7 @@ impl<S: Real> Stored<S> {
         }
     }
 
-    /// The energy at plant state `x`. The arm `links` is already at its `q`.
+    /// Compute the energy, J, at the plant's state `x`. The arm `links` must already be at its `q`.
     pub fn energy(&mut self, links: &mut ArmAt<S>, x: &[S]) -> S {
         let n = self.n;
         let (kinetic, potential) = links.energy(&x[n..2 * n]);
@@ -64,7 +64,7 @@ impl<S: Real> Stored<S> {
         half.mul_add(motor_inertia.quadratic(&x[3 * n..4 * n]), half.mul_add(stiffness.quadratic(stretch), energy))
     }
 
-    /// The energies of wall and stops.
+    /// The energies stored in wall and stops, J.
     pub fn contacts(&self, links: &mut ArmAt<S>, x: &[S]) -> (S, S) {
         let wall = self.wall.as_ref().map_or(S::zero(), |wall| wall.energy(links.position(wall.frame)));
         (wall, self.stops.as_ref().map_or(S::zero(), |stops| stops.energy(&x[..self.n])))

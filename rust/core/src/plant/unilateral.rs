@@ -1,30 +1,30 @@
-//! A spring and a damper that only push: `f = max(0, k d + c d_dot)` at depth `d > 0`, no force outside.
+//! A spring and a damper that only push: `f = max(0, k d + c d_dot)` at the depth `d > 0`, and no force outside.
 //!
-//! The force changes its formula where `d` or `k d + c d_dot` changes sign. A run that locates these instants keeps the
-//! formula between them, so that no step contains a change.
+//! The formula of the force changes where `d` or `k d + c d_dot` changes its sign. A run that locates these instants holds the formula
+//! between them, so that no step contains a change.
 
 use crate::error::{Error, Result, positive};
 use crate::scalar::Real;
 
-/// The state of a contact.
+/// The mode of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Touch {
-    /// Outside.
+    /// Outside, without a force.
     #[default]
     Apart,
-    /// Inside, and pushing.
+    /// Inside, with a pushing force.
     Pressed,
-    /// Inside, but the frame leaves so fast that spring and damper have no force.
+    /// Inside, without a force: the frame leaves so fast that spring and damper would pull.
     Slack,
 }
 
 impl Touch {
-    /// At depth `depth` under the push `k d + c d_dot`.
+    /// The mode at the depth `depth` with the push `k d + c d_dot`.
     pub fn at(depth: f64, push: f64) -> Self {
         match (depth > 0.0, push >= 0.0) {
             (true, true) => Touch::Pressed,
             (true, false) => Touch::Slack,
-            // On the surface, moving inwards.
+            // The frame is on the surface, and moves inwards.
             _ if depth == 0.0 && push > 0.0 => Touch::Pressed,
             _ => Touch::Apart,
         }
@@ -39,7 +39,7 @@ impl Touch {
         }
     }
 
-    /// The next state after a sign change of guard `which` at depth `depth`.
+    /// The next mode, after the guard `which` changed its sign at the depth `depth`.
     pub fn next(self, which: usize, depth: f64) -> Self {
         match self {
             Touch::Apart => Touch::Pressed,
@@ -50,12 +50,13 @@ impl Touch {
     }
 }
 
-/// What spring and damper push with while they touch, `k d + c d_dot`.
+/// The push of spring and damper in contact, `k d + c d_dot`.
 pub fn pressing<S: Real>(stiffness: S, damping: S, depth: S, rate: S) -> S {
     damping.mul_add(rate, stiffness * depth)
 }
 
-/// The force at depth `depth` that grows at `rate`, and the lost power. `held` is the state of the contact, `None` to follow the plant.
+/// The force at the depth `depth` with the rate `rate`, and the lost power. `held` is the mode of the contact; with `None` it follows the
+/// state.
 pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Touch>) -> (S, S) {
     let spring = stiffness * depth;
     let force = pressing(stiffness, damping, depth, rate);
@@ -83,7 +84,7 @@ pub fn require_spring(stiffness: f64, damping: f64) -> Result<()> {
     Ok(())
 }
 
-/// Energy in the spring.
+/// Energy stored in the spring, J.
 pub fn stored<S: Real>(stiffness: S, depth: S) -> S {
     let depth = depth.max(S::zero());
     S::splat(0.5) * stiffness * depth * depth

@@ -7,7 +7,7 @@ use crate::scalar::Real;
 /// A velocity-controlled arm, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VelocitySpec {
-    /// The arm.
+    /// The model of the arm.
     pub model: Model,
 }
 
@@ -29,7 +29,7 @@ impl Build for VelocitySpec {
     }
 }
 
-/// The plant in a loop.
+/// A velocity-controlled arm in a loop.
 pub struct Velocity {
     /// Number of joints.
     pub n: usize,

@@ -1,5 +1,5 @@
-//! Task: a direction `a` of a frame points along a direction `a_d` of the world. The error is the rotation vector from `a` to `a_d`, in the
-//! frame's two directions perpendicular to `a`. The Jacobian has the same rows of `R' J_w`.
+//! A task in which a direction `a` of a frame points along a direction `a_d` of the world. The error is the rotation vector from `a` to
+//! `a_d`, in the two directions of the frame that are perpendicular to `a`. The Jacobian has the same rows of `R' J_w`.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
@@ -9,19 +9,19 @@ use crate::kinematics::jacobian::put;
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 
-/// The direction `axis` of a frame points along a direction of the world.
+/// A task in which the direction `axis` of a frame points along a direction of the world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Index of the frame.
     pub frame: usize,
-    /// Unit vector in the frame.
+    /// The direction `a`, a unit vector in the frame.
     pub axis: Vector3<f64>,
-    /// Two unit vectors at right angles to it.
+    /// Two unit vectors in the frame, perpendicular to `a` and to each other.
     pub across: [Vector3<f64>; 2],
 }
 
 impl TaskFunction {
-    /// `axis`: a direction of the frame, any length > 0.
+    /// Create the task. `axis` is a direction in the frame, of any length > 0.
     pub fn axis(arm: &Arm, frame: &str, axis: [f64; 3]) -> Result<Self> {
         let axis = direction("axis", axis)?;
         let turn = Matrix3::taking_z_to(axis);
@@ -54,7 +54,7 @@ impl TaskKind for Axis {
         e.iter_mut().zip(world).for_each(|(e, b)| *e = b.dot(turn));
     }
 
-    /// The desired direction rotates at `d x d' / |d|^2`.
+    /// The desired direction `d` rotates with the angular velocity `d x d' / |d|^2`.
     fn feedforward<S: Real>(&self, at: &Bodies<S>, desired: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
         let r = at.frame(self.frame, false).r;
         let world = self.across.map(|b| r.apply(b.lift()));

@@ -1,4 +1,4 @@
-//! Rows of the centre of mass: `c_d - c`, `sum m_b J_b / m`.
+//! A task on rows of the centre of mass `c`. Error: `c_d - c`. Jacobian: `sum m_b J_b / m`.
 //!
 //! The column of a revolute joint is `z x (H - m o) / m_total`, with the mass `m` and the first moment `H` of the subtree about the world
 //! origin.
@@ -12,7 +12,7 @@ use crate::kinematics::jacobian::put;
 use crate::scalar::Real;
 use crate::spatial::{Vector, Vector3};
 
-/// Rows of the centre of mass, world axes.
+/// A task on rows of the centre of mass, world axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CentreOfMass {
     /// Controlled rows: 0, 1, 2 for x, y, z.
@@ -20,7 +20,7 @@ pub struct CentreOfMass {
 }
 
 impl TaskFunction {
-    /// `axes`: letters of "xyz".
+    /// Create the task for the rows `axes`, letters of "xyz".
     pub fn centre_of_mass(arm: &Arm, axes: &str) -> Result<Self> {
         let rows = parse_axes(axes)?;
         if rows.iter().any(|&row| row > 2) {

@@ -1,4 +1,4 @@
-//! Rows of the position and orientation of a frame: `x_d - p`, `log(R_d R')`, rows of the geometric Jacobian.
+//! A task on rows of the pose of a frame. Error: `x_d - p`, `log(R_d R')`. Jacobian: rows of the geometric Jacobian.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, Tree};
@@ -9,7 +9,7 @@ use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, Vector, Vector3, rotation_exp, rotation_log};
 
 impl TaskFunction {
-    /// Rows `axes` of the pose of a frame.
+    /// Create the task for the rows `axes` of the pose of a frame.
     pub fn frame(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(Coordinates::new(arm, frame, axes)?.into())
     }
@@ -41,7 +41,7 @@ impl TaskKind for Coordinates {
     }
 }
 
-/// The error of the pose `r`, `p` to a target of these rows.
+/// Compute the error of the pose `(r, p)` to a target with these rows.
 pub(super) fn pose_error<S: Real>(rows: &[usize], r: Matrix3<S>, p: Vector3<S>, target: &[S], e: &mut [S]) {
     let turns = rows.iter().any(|&row| row > 2);
     let turn = if turns { rotation_log(&desired_rotation(rows, target).times(r.transpose())) } else { Vector3::zero() };
@@ -50,7 +50,7 @@ pub(super) fn pose_error<S: Real>(rows: &[usize], r: Matrix3<S>, p: Vector3<S>, 
     }
 }
 
-/// The rotation whose rotation vector has these rows, and zeros elsewhere.
+/// The rotation whose rotation vector has the target's components in these rows, and zeros in the others.
 fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> Matrix3<S> {
     let mut vector = [S::zero(); 3];
     for (&row, &x) in rows.iter().zip(target) {

@@ -1,5 +1,5 @@
-//! Chosen joints stay within narrowed limits. The error leads back into these limits and is zero inside; the Jacobian has rows of the
-//! identity.
+//! A task that keeps chosen joints within narrowed limits. The error leads back into these limits, and is zero inside. The Jacobian has
+//! rows of the identity.
 
 use super::posture::identity_rows;
 use super::{TaskFunction, TaskKind, chosen};
@@ -8,19 +8,20 @@ use crate::error::{Error, Result};
 use crate::kinematics::Bodies;
 use crate::scalar::Real;
 
-/// Chosen joints stay within the narrowed limits `lower`, `upper`.
+/// A task that keeps chosen joints between the narrowed limits `lower` and `upper`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointLimits {
     /// Indices of the joints.
     pub joints: Vec<usize>,
-    /// Least positions.
+    /// Least positions, rad or m.
     pub lower: Vec<f64>,
-    /// Largest positions.
+    /// Largest positions, rad or m.
     pub upper: Vec<f64>,
 }
 
 impl TaskFunction {
-    /// All joints that have limits. `margin`, 0 to 0.5, is the fraction of the range that is excluded at either end; 0.5 centres the joint.
+    /// Create the task for `joints`, by name; `None` means all joints that have limits. `margin`, 0 to 0.5, is the fraction of the range
+    /// that is excluded at each end. With 0.5, the task moves joints to the middle of their range.
     pub fn joint_limits(arm: &Arm, joints: Option<&[String]>, margin: f64) -> Result<Self> {
         if !(0.0..=0.5).contains(&margin) {
             return Err(Error::input("margin", format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}")));
@@ -52,7 +53,7 @@ impl TaskKind for JointLimits {
         self.joints.len()
     }
 
-    /// The limits are the target.
+    /// The target has no entries, because the limits are the target.
     fn target_size(&self) -> usize {
         0
     }

@@ -1,11 +1,11 @@
-//! Task functions of an arm: error `e(q)`, feed-forward `w`, Jacobian `J(q)` and `dJ/dt`. With the command
-//! `J v = w + K e` the error decays (closed-loop inverse kinematics, `siciliano1990kinematic`).
+//! Task functions of an arm: the error `e(q)`, the feed-forward velocity `w`, the Jacobian `J(q)` and its rate `dJ/dt`. With the command `J
+//! v = w + K e` the error decays (closed-loop inverse kinematics, `siciliano1990kinematic`).
 //!
 //! A kind of task is declared in its own file and in the table `tasks!`.
 //!
 //! | task | error | Jacobian |
 //! |---|---|---|
-//! | frame | `x_d - p`, `log(R_d R')` | rows of the geometric one |
+//! | frame | `x_d - p`, `log(R_d R')` | rows of the geometric Jacobian |
 //! | posture | `q_d - q` of chosen joints | rows of the identity |
 //! | centre of mass | `c_d - c` | `sum m_b J_b / m` |
 //! | axis | rotation vector from `a` to `a_d`, in the frame's two directions perpendicular to `a` | the same rows of `R' J_w` |
@@ -53,7 +53,8 @@ pub trait TaskKind {
     /// The error `e` `(rows,)` to a target.
     fn error<S: Real>(&self, at: &mut Bodies<S>, target: &[S], e: &mut [S]);
 
-    /// The feed-forward velocity `w` of a target `[x_d, x_d', x_d'']`, and if requested the feed-forward acceleration `a`.
+    /// Compute the feed-forward velocity `w` for a target `[x_d, x_d', x_d'']`. If `a` is `Some`, compute the feed-forward acceleration
+    /// too.
     fn feedforward<S: Real>(&self, _at: &Bodies<S>, [_, rate, acceleration]: [&[S]; 3], w: &mut [S], a: Option<&mut [S]>) {
         w.copy_from_slice(rate);
         if let Some(a) = a {
@@ -61,11 +62,11 @@ pub trait TaskKind {
         }
     }
 
-    /// Write the Jacobian `(rows, n)`, row-major, or with `rate` its derivative `dJ/dt`, to `j`, which holds zeros.
+    /// Write the Jacobian, `(rows, n)`, row-major, to `j`, which has zeros. With `rate`, write its rate `dJ/dt` instead.
     fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]);
 }
 
-/// The kinds of tasks: the enum, and the functions of each.
+/// Declare the kinds of tasks: the enum, and the functions of each kind.
 macro_rules! tasks {
     ($($(#[$doc:meta])* $kind:ident($definition:ty),)*) => {
         /// The controlled quantity of an arm.
@@ -127,11 +128,11 @@ tasks! {
     Posture(Posture),
     /// Rows of the centre of mass, world axes.
     CentreOfMass(CentreOfMass),
-    /// A direction of a frame points along a direction of the world.
+    /// A direction of a frame that points along a direction of the world.
     Axis(Axis),
-    /// Rows of the pose of a frame as seen from another frame.
+    /// Rows of the pose of a frame relative to another frame.
     Relative(Relative),
-    /// Chosen joints stay within narrowed limits.
+    /// Chosen joints within narrowed limits.
     JointLimits(JointLimits),
 }
 
@@ -141,7 +142,7 @@ impl TaskFunction {
         TaskKind::rows(self)
     }
 
-    /// Number of entries of the target: the rows, but `(3,)` for the direction of an axis, and none if the limits are the target.
+    /// Number of entries of the target: the number of rows, but 3 for an axis and 0 for joint limits.
     pub fn target_size(&self) -> usize {
         TaskKind::target_size(self)
     }

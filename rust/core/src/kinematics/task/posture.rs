@@ -1,4 +1,4 @@
-//! Positions of chosen joints: `q_d - q`, rows of the identity.
+//! A task on positions of chosen joints. Error: `q_d - q`. Jacobian: rows of the identity.
 
 use super::{TaskFunction, TaskKind, chosen};
 use crate::arm::{Arm, Tree};
@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::kinematics::Bodies;
 use crate::scalar::Real;
 
-/// Positions of chosen joints.
+/// A task on positions of chosen joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
     /// Indices of the joints.
@@ -14,7 +14,7 @@ pub struct Posture {
 }
 
 impl TaskFunction {
-    /// `joints`: names; `None`: all of them.
+    /// Create the task for `joints`, by name; `None` means all joints.
     pub fn posture(arm: &Arm, joints: Option<&[String]>) -> Result<Self> {
         let joints = match joints {
             None => (0..arm.n()).collect(),
@@ -46,7 +46,7 @@ impl TaskKind for Posture {
     }
 }
 
-/// The rows of the identity `(n, n)` of these joints, into zeros.
+/// Write the rows of the identity, `(n, n)`, of these joints to `j`, which has zeros.
 pub(super) fn identity_rows<S: Real>(joints: &[usize], n: usize, j: &mut [S]) {
     joints.iter().enumerate().for_each(|(row, &joint)| j[row * n + joint] = S::splat(1.0));
 }

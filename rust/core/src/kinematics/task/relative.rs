@@ -1,5 +1,5 @@
-//! Rows of the pose of a frame as seen from another frame: `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')`;
-//! Jacobian `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`.
+//! A task on the pose of a frame relative to a reference frame `r`. Error: `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')`. Jacobian: `R_r'(J_v
+//! - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`.
 
 use super::frame::pose_error;
 use super::{TaskFunction, TaskKind, frame_of};
@@ -10,19 +10,19 @@ use crate::kinematics::{Bodies, Column};
 use crate::scalar::Real;
 use crate::spatial::{Matrix, Vector, Vector3};
 
-/// Rows of the pose of a frame as seen from another frame.
+/// A task on rows of the pose of a frame relative to another frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Relative {
     /// Index of the frame.
     pub frame: usize,
-    /// Index of the frame that it is seen from.
+    /// Index of the reference frame.
     pub reference: usize,
     /// Controlled rows, as in [`Coordinates`](crate::kinematics::Coordinates).
     pub rows: Vec<usize>,
 }
 
 impl TaskFunction {
-    /// Rows `axes` of the pose of `frame` relative to `reference`.
+    /// Create the task for the rows `axes` of the pose of `frame` relative to `reference`.
     pub fn relative(arm: &Arm, frame: &str, reference: &str, axes: &str) -> Result<Self> {
         let (frame, reference) = (frame_of(arm, "frame", frame)?, frame_of(arm, "reference", reference)?);
         if frame == reference {
@@ -50,7 +50,7 @@ impl TaskKind for Relative {
         let (n, f, r) = (at.n(), at.frame(self.frame, rate), at.frame(self.reference, rate));
         let (d, d_dot) = (f.p - r.p, f.u - r.u);
         let mut add = |c: &Column<S>, linear: Vector3<S>, angular: Vector3<S>, linear_dot: Vector3<S>, angular_dot: Vector3<S>| {
-            // The rate of R_r' x is R_r'(x' - w_r x x).
+            // The rate of R_r' y is R_r'(y' - w_r x y).
             let (linear, angular) =
                 if rate { (linear_dot - r.w.cross(linear), angular_dot - r.w.cross(angular)) } else { (linear, angular) };
             let (linear, angular) = (r.r.apply_transposed(linear), r.r.apply_transposed(angular));

@@ -1,11 +1,11 @@
-//! Jacobians and their rates against central differences of the errors, on an arm with branches, slides and oblique axes.
+//! Jacobians and their rates compared with central differences, on an arm with branches, slides and oblique axes.
 
 use super::{Axis, JointLimits, TaskFunction};
 use crate::arm::{Arm, STANDARD_GRAVITY, example_urdf};
 use crate::kinematics::{Pose, TaskStack, frame_pose};
 use crate::spatial::{Matrix, Vector};
 
-/// Central differences have the error h^2/6 times a third derivative, at most 10 here, and rounding over h.
+/// A central difference has the error h^2/6 times a third derivative, at most 10 here, plus the rounding error over h.
 const STEP: f64 = 1e-5;
 const CLOSE: f64 = 1e-8;
 
@@ -35,7 +35,7 @@ fn state(n: usize) -> (Vec<f64>, Vec<f64>) {
     (q, v)
 }
 
-/// Targets that are reached at `q`, with rates of zero. The log has the identity as its derivative at a small rotation.
+/// Targets that are reached at `q`, with zero rates. At a small rotation, the derivative of the log is the identity.
 fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
     stack.place(q);
     let functions = stack.functions().to_vec();
@@ -50,7 +50,7 @@ fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
                 let pose = arm_pose(arm, q, *frame);
                 desired[..3].copy_from_slice(&pose.apply(*axis).array());
             } else {
-                // With a target of zero the error is minus the coordinates, up to a turn of less than pi.
+                // With a target of zero, the error is minus the coordinates, if rotations are smaller than pi.
                 stack.error(k, &desired, &mut e, &mut w, None);
                 desired.iter_mut().zip(&e).for_each(|(x, e)| *x = -e);
             }
@@ -130,7 +130,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     let last = arm.frame_names().last().unwrap().to_string();
     let mut stack = TaskStack::new(&arm, vec![TaskFunction::axis(&arm, &last, [0.0, 0.0, 1.0]).unwrap()]);
     let mut desired = targets_at(&arm, &mut stack, &q).remove(0);
-    // d(t) = (2 + t) exp(t [w]) d: the length has no effect. Its derivatives at t = 0:
+    // d(t) = (2 + t) exp(t [w]) d, whose length has no effect. Its derivatives at t = 0 follow.
     let (d, w) = (crate::spatial::Vector3::from([desired[0], desired[1], desired[2]]), crate::spatial::Vector3::from([0.3, -0.7, 0.2]));
     let (turn, twice) = (w.cross(d), w.cross(w.cross(d)));
     for k in 0..3 {
@@ -149,7 +149,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
         let b = r.apply(across[k]);
         assert!(e[k].abs() < 1e-15 && (v[k] - b.dot(w)).abs() < 1e-15 && (a[k] - b.dot(spin_dot)).abs() < 1e-15, "{v:?} {a:?}");
     }
-    // Opposite directions: half a turn about a fixed choice of axis.
+    // For opposite directions, the rotation is half a turn about a fixed axis.
     (0..3).for_each(|k| desired[k] = -desired[k]);
     stack.error(0, &desired, &mut e, &mut v, None);
     assert!((e[0] - std::f64::consts::PI).abs() < 1e-7 && e[1].abs() < 1e-7, "{e:?}");
