@@ -166,8 +166,8 @@ def table(rows: list[tuple[str, float, str, float, float]]) -> str:
     lines = [
         "With equal method, tolerance and function, `al.integrate` is faster than `solve_ivp`. Systems of 2 to 8 states are at "
         f"least {least['']:.1f} times faster with the state as an array, {least[', lists']:.1f} as a list (target 3). Both times include "
-        "the time within the function. For Arenstorf's orbit, with numpy's scalars, this is most of armlet's time. So it is for the "
-        "Pleiades, with arrays of 7 x 7.",
+        "the time of the right-hand side. For Arenstorf's orbit, which computes with numpy scalars, the right-hand side takes most of "
+        "armlet's time. It also does for the Pleiades, which compute with arrays of 7 x 7.",
         "",
         "| problem | tolerance | case | ms | error | scipy's time over it |",
         "|---|---:|---|---:|---:|---:|",

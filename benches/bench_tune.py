@@ -65,7 +65,8 @@ def main() -> None:
     part = evolved.runs / (enough * each)
     lines += [
         "",
-        f"An evaluation along the gradient takes {each:.1f} runs: as good after one {part:.0f}th of the runs of differential evolution.",
+        f"An evaluation of the loss and its gradient takes {each:.1f} runs. The search with gradients reaches the loss of differential "
+        f"evolution after one {part:.0f}th of its runs.",
     ]
     machine = timing.machine()
     head = f"{machine['cpu']}, {machine['cores']} cores, {machine['simd']}; other programs used {share:.0%} of them at the start."
