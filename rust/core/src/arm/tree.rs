@@ -75,7 +75,7 @@ const GENERAL: f64 = 1.25;
 /// The number of joints up to which a workspace has memory for the mass matrix: 0.5 MB.
 const MOST_JOINTS: usize = 256;
 
-/// Determine [`Tree::is_shallow`].
+/// Return whether the branches of the tree are short, see [`Tree::is_shallow`].
 fn is_shallow(bodies: &[Body<f64>]) -> bool {
     let carried = |i: usize, body: &Body<f64>| (body.end - i) as f64 * if body.quarter.is_some() { 1.0 } else { GENERAL };
     let mean_fits = || bodies.iter().enumerate().map(|(i, body)| carried(i, body)).sum::<f64>() <= SHALLOW * bodies.len() as f64;

@@ -25,7 +25,7 @@ const REMAINS: f64 = 0.25;
 /// A jump of the slope is at least this many times larger than the effect of rounding errors on the slope.
 const NOISE: f64 = 10.0;
 
-/// The state of the detection.
+/// The state of the chattering detection.
 #[derive(Clone, Debug)]
 pub(super) struct Chatter<B> {
     /// The number of attempts at which the next check is due, and the number of attempts spent at jumps.

@@ -2,9 +2,9 @@
 //!
 //! `v = J1# v1 + (J2 P1)# (v2 - J2 J1# v1) + ..`, `P1 = I - J1# J1`                                        (5)
 //!
-//! The number and the sizes of the levels are arbitrary. A *level* is a task with a priority, and a *stack* is the list of all levels. Five
-//! methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can be commanded, and why others cannot.
-//! The page `docs/priority.md` has the derivation, the limits and a table of the methods.
+//! Here `#` marks the pseudo-inverse. The number and the sizes of the levels are arbitrary. A *level* is a task with a priority, and a
+//! *stack* is the list of all levels. Five methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can
+//! be commanded, and why others cannot. The page `docs/priority.md` has the derivation, the limits and a table of the methods.
 //!
 //! A *route* is one way to compute the solution. `regular` uses LQ factorisations. It requires a proof that every singular value is large
 //! and that no bound is met. `pairs` solves levels of one or two rows in closed form, also at singularities. `levels` is the general

@@ -30,7 +30,7 @@ pub enum Clock {
     None,
     /// The law is evaluated once per period, s.
     Every(f64),
-    /// The loop is called at every break. The loop knows which breaks are samples.
+    /// The loop's `sample` is called at every break. The loop decides whether the break is a sample.
     Breaks,
 }
 
@@ -171,7 +171,7 @@ impl Due<'_> {
                     let t = t_eval[self.wanted];
                     method.interpolate(system, t, at);
                     system.still(at.as_mut());
-                    // At a sample, the record contains the input from the sample on.
+                    // At a sample, the recorded input is the one after the sample.
                     if step.sample == Some(t) {
                         system.sample(t, at.as_ref());
                     }

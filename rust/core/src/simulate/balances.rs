@@ -6,9 +6,14 @@
 /// The names of the residuals, in the order of `Run::balances`.
 pub const NAMES: [&str; 4] = ["energy_error", "energy_missing", "lyapunov_rise", "lyapunov_error"];
 
-/// Return the residuals: 1. the largest `energy_balance`, divided by the largest energy stored or exchanged. 2. The largest
-/// `energy_balance`, J. 3. The largest Lyapunov function, divided by its first value. 4. The largest Lyapunov balance, divided by the
-/// largest Lyapunov function. Residuals of monitors for which `series(name)` is `None` are NaN.
+/// Return four residuals, in the order of [`NAMES`]:
+///
+/// - the largest `energy_balance`, divided by the largest energy stored or exchanged
+/// - the largest `energy_balance`, J
+/// - the largest Lyapunov function, divided by its first value
+/// - the largest Lyapunov balance, divided by the largest Lyapunov function
+///
+/// Residuals of monitors for which `series(name)` is `None` are NaN.
 pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     let mut found = [f64::NAN; 4];
     if let (Some(energy @ [first, ..]), Some(balance)) = (series("energy"), series("energy_balance")) {

@@ -12,7 +12,7 @@ use crate::trace::{Sym, sym};
 /// The number of values of the first record that monitors refer to.
 pub const FIRSTS: usize = 2;
 
-/// The entries of a recording that are a record.
+/// The entries of a recording that contain the numbers of a record.
 pub struct Noted {
     pub numbers: Vec<Sym>,
     /// The reference values of the monitors, if this is the first record.

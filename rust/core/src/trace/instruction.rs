@@ -123,11 +123,11 @@ pub enum Product {
 /// The roles of the registers `dst`, `a` and `b` in a [`Product`] of `x`, `y` and `z`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// `x y = a b` and `z = dst`: the result replaces the addend.
+    /// The factors are `a` and `b`, and the addend is `dst`, which the result replaces.
     P231,
-    /// `x y = a dst` and `z = b`.
+    /// The factors are `a` and `dst`, and the addend is `b`.
     P213,
-    /// `x y = dst b` and `z = a`.
+    /// The factors are `dst` and `b`, and the addend is `a`.
     P132,
 }
 

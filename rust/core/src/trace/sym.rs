@@ -83,7 +83,7 @@ pub fn unfused<T>(f: impl FnOnce() -> T) -> T {
     rounded(true, f)
 }
 
-/// Record `f` with the rounding of direct evaluation, even within [`unfused`].
+/// Record `f` with fused multiply-add where direct evaluation fuses, even within [`unfused`].
 pub fn fused<T>(f: impl FnOnce() -> T) -> T {
     rounded(false, f)
 }

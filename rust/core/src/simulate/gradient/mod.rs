@@ -7,7 +7,7 @@
 //! jump.
 //!
 //! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i F_i`. Here `F` is a
-//! number of the set-up. These weighted sums are never taken of the results of runs.
+//! number of the set-up. Results of runs are never differenced.
 //!
 //! Terms of this directory:
 //!
@@ -46,7 +46,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 use timeline::{Contacts, Timeline};
 
-/// The derivative of a set-up with respect to one number, as pairs `(run, weight)`: `sum weight F(run)`.
+/// One parameter, as pairs `(run, weight)`. The derivative of a number `F` of the set-up is `sum weight F(run)`.
 pub type Parameter = Vec<(usize, f64)>;
 
 /// The parameters of a run, listed name by name, with the number of parameters of each name.
