@@ -1,12 +1,12 @@
-"""The null space of an impedance law and the coupling with its frame (Khatib 1987; Ott 2008), by singular values.
+"""The null-space torque of an impedance law and its coupling with the frame (Khatib 1987; Ott 2008), from singular values.
 
-    G = S J W^-1/2 = U diag(s) V',  W = M (consistent) or 1 (static);  S scales the rows of position and those of orientation,
-                                    each to a root mean square of one
+    G = S J W^-1/2 = U diag(s) V',  W = M (consistent) or 1 (static);  S scales the rows of position to a root mean square of one,
+                                    and the rows of orientation also
     N' = W^1/2 (1 - V diag(min(1, (s/eps)^2)) V') W^-1/2,   L = S U diag(1 / max(s, eps)^2) U' S
     tau_0 = K_n (q_n - q) + D_n (q_n' - v),   coupling: C v to the torque, L (x_d'' - J_dot v) to the wrench
 
-A rotation vector r that moves has the angular velocity w = A r' and w' = A r'' + A' r'. Here A = int_0^1 exp(s r) ds, by Gauss-Legendre
-quadrature, and d exp(s r)/dt = [s A(s r) r']x exp(s r).
+A moving rotation vector r has the angular velocity w = A r' and the angular acceleration w' = A r'' + A' r'. Here A = int_0^1 exp(s r) ds
+comes from Gauss-Legendre quadrature, and d exp(s r)/dt = [s A(s r) r']x exp(s r).
 """
 
 from dataclasses import dataclass, field
@@ -23,12 +23,12 @@ from .task import Coordinates, rotation_matrix
 
 EPS = 0.02
 _X, _W = np.polynomial.legendre.leggauss(12)
-NODES, WEIGHTS = 0.5 + 0.5 * _X, 0.5 * _W  # on [0, 1]
+NODES, WEIGHTS = 0.5 + 0.5 * _X, 0.5 * _W  # Gauss-Legendre nodes and weights on [0, 1]
 
 
 @dataclass
 class NullSpace:
-    """q_d (n,) or a motion; gains scalar, (n,) or (n, n)."""
+    """A spring and a damper at the joints, for the null space. `q_d` is (n,) or a motion; gains are scalar, (n,) or (n, n)."""
 
     q_d: Any
     stiffness: ArrayLike
@@ -36,14 +36,14 @@ class NullSpace:
     projection: str = field(default="consistent", kw_only=True)
 
     def torque(self, t: float, q: Array, v: Array) -> Array:
-        """tau_0 (n,)."""
+        """The torque tau_0 (n,) before the projection."""
         motion: Motion = self.q_d if callable(self.q_d) else Hold(self.q_d)
         q_n, rate, _ = motion(t)
         return gain(self.stiffness, q.size) @ (q_n - q) + gain(self.damping, q.size) @ (rate - v)
 
 
 def clamped(J: Array, W: Array, rows: list[int], eps: float) -> tuple[Array, Array, float]:
-    """The projector N' (n, n), the matrix L (m, m) of the coupling, and the loss 1 - min(1, (s/eps)^2) of the smallest s."""
+    """The projector N' (n, n), the coupling matrix L (m, m), and the loss 1 - min(1, (s/eps)^2) for the smallest singular value s."""
     values, vectors = np.linalg.eigh(W)
     root, inverse = (vectors * values**0.5) @ vectors.T, (vectors * values**-0.5) @ vectors.T
     G = J @ inverse
@@ -62,17 +62,17 @@ def clamped(J: Array, W: Array, rows: list[int], eps: float) -> tuple[Array, Arr
 
 
 def coupling(arm: Arm, at: Coordinates, q: Array, v: Array, acceleration: Array, eps: float) -> tuple[Array, Array]:
-    """C v (n,) and L (x_d'' - J_dot v) (m,)."""
+    """The coupling torque C v (n,) and the coupling wrench L (x_d'' - J_dot v) (m,)."""
     _, L, _ = clamped(at.jacobian(q), arm.mass_matrix(q), at.rows, eps)
     J_dot = arm.jacobian_dot(q, v, at.frame)[at.rows]
     return arm.coriolis_matrix(q, v) @ v, L @ (acceleration - J_dot @ v)
 
 
 def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
-    """Angular velocity and acceleration of exp(r), (3,) each."""
+    """The angular velocity and the angular acceleration of the rotation exp(r), (3,) each, for r' = rate and r'' = acceleration."""
 
     def mean(scale: float) -> Array:
-        """A(scale r), by quadrature over two halves. Twelve nodes per half are accurate to rounding for rotations of some radians."""
+        """A(scale r), by quadrature over two halves. With twelve nodes per half, only rounding errors remain for rotations of some rad."""
         parts = [0.5 * w * rotation_matrix(scale * 0.5 * (half + x) * r) for half in (0, 1) for x, w in zip(NODES, WEIGHTS, strict=True)]
         total: Array = np.sum(parts, axis=0)
         return total
@@ -87,7 +87,7 @@ def rate_of_rotation(r: Array, rate: Array, acceleration: Array) -> tuple[Array,
 
 
 def row_rates(rows: list[int], target: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
-    """x_d' and x_d'' of rows, those of orientation as angular velocity and acceleration."""
+    """x_d' and x_d'' of the rows. For rows of orientation they are the angular velocity and the angular acceleration of the target."""
     if max(rows) < 3:
         return rate, acceleration
     full = np.zeros((3, 6))
@@ -97,5 +97,5 @@ def row_rates(rows: list[int], target: Array, rate: Array, acceleration: Array) 
 
 
 def held(free: Array, limit: Array, push: Array) -> bool:
-    """Whether an entry of `push` moves an entry of `free` that exceeds its limit further beyond it."""
+    """Whether `push` increases the excess of some entry of `free` over its limit."""
     return bool(np.any((np.abs(free) > limit) & (push * free > 0.0)))

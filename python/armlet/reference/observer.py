@@ -1,7 +1,7 @@
-"""Momentum observer (De Luca et al. 2006), by its equations.
+"""The momentum observer (De Luca et al. 2006), written from its equations.
 
-    p = M v,   b = tau + M' v - C v - g - tau_f,   p' = b + tau_ext,   with M' v in place of (C + C') v
-    r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),   tau of b acted since sample k-1
+    p = M v,   b = tau + M' v - C v - g - tau_f,   p' = b + tau_ext,   where M' v replaces (C + C') v
+    r_k = (I + K dt)^-1 (r_(k-1) + K (p_k - p_(k-1) - b_(k-1) dt)),   with the tau since sample k-1 in b
     motors of elastic joints   M = B,  b = tau = tau_m - tau_J
     wrench                     F = (J')# r with singular values below eps clamped;  unexplained r - J'F
     contact                    the outermost joint with |r_i| above its threshold
@@ -18,7 +18,7 @@ from .priority import clamp_inverse
 
 
 class MomentumObserver:
-    """The external torque, from positions, velocities and torques, (n,) or (B, n)."""
+    """An observer of the external torque, from positions, velocities and torques, (n,) or (B, n)."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class MomentumObserver:
         self.drift: Array = np.zeros(arm.n)
 
     def _look(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """p, and b without tau."""
+        """The momentum p, and b without tau."""
         if self.inertia is not None:
             return v @ self.inertia.T, np.zeros_like(v)
         rate = self.arm.mass_matrix_rate(q, v)
@@ -50,7 +50,7 @@ class MomentumObserver:
         return np.einsum("...ij,...j->...i", self.arm.mass_matrix(q), v), drift
 
     def reset(self, q: ArrayLike, v: ArrayLike) -> None:
-        """Start with r = 0."""
+        """Restart the observer at q and v with r = 0."""
         q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
         self.momentum, self.drift = self._look(q, v)
         self.residual = np.zeros_like(q)
@@ -69,32 +69,33 @@ class MomentumObserver:
         return r.copy()
 
     def wrench(self, q: ArrayLike, frame: str, eps: float | None = None) -> Array:
-        """[f; m] (..., 6) at a frame."""
+        """The wrench [f; m] (..., 6) at a frame that explains the residual best."""
         assert self.residual is not None
         q = np.asarray(q, dtype=np.float64)
         found = []
         for row, r in zip(q.reshape(-1, self.arm.n), self.residual.reshape(-1, self.arm.n), strict=True):
             transposed = self.arm.jacobian(row, frame).T
             bound = 0.02 * float(np.linalg.norm(transposed, axis=1).max()) if eps is None else eps
-            # Of the two shapes the one whose A A' is the smaller: the other one's kernel is not to be clamped.
+            # `clamp_inverse` takes the matrix with fewer rows than columns, J' or J. The zero eigenvalues of the other A A' must not be
+            # clamped.
             wide = transposed.shape[0] <= 6
             inverse = clamp_inverse(transposed, bound) if wide else clamp_inverse(transposed.T, bound).T
             found.append(inverse @ r)
         return np.reshape(found, (*q.shape[:-1], 6))
 
     def unexplained(self, q: ArrayLike, frame: str, eps: float | None = None) -> Array:
-        """r - J'F, of the shape of q."""
+        """The part r - J'F of the residual that the wrench does not explain, of the shape of q."""
         assert self.residual is not None
         J = self.arm.jacobian(q, frame)
         return np.asarray(self.residual - np.einsum("...ki,...k->...i", J, self.wrench(q, frame, eps)))
 
     def calibrate(self, residuals: ArrayLike, sigmas: float = 5.0) -> None:
-        """Thresholds |mean| + sigmas standard deviations of residuals (K, n)."""
+        """Set the thresholds to |mean| + sigmas * standard deviation of residuals (K, n)."""
         r = np.asarray(residuals, dtype=np.float64)
         self.threshold = np.abs(r.mean(axis=0)) + sigmas * r.std(axis=0, ddof=1)
 
     def contact(self) -> int:
-        """Index of the joint of the touched link of a chain, -1 without contact."""
+        """The index of the joint of the touched link of a chain; -1 without contact."""
         assert self.residual is not None and self.threshold is not None
         above = np.flatnonzero(np.abs(self.residual) > self.threshold)
         return int(above[-1]) if above.size else -1

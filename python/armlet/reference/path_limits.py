@@ -1,8 +1,8 @@
-"""Limits of a timing beyond constant ones of the joints: limits that vary, position limits, and those of a frame's origin.
+"""Further limits of the timing of a path: limits that vary along the path, position limits, and limits of a frame's origin.
 
     limit(s) linear between knots;   p(s) = position(q(s)),   p' and p'' by central differences of fourth order in s
 
-The planner of the core has p' = J q' and p'' = J q'' + (dJ/ds) q'.
+The planner of the core computes p' = J q' and p'' = J q'' + (dJ/ds) q'.
 """
 
 from collections.abc import Callable
@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 
 from .lagrange import Array
 
-#: Step of the differences, as a part of the path.
+#: The step of the differences, as a fraction of the length of a smooth part of the path.
 STEP = 1e-3
-#: Samples of the path for its position limits.
+#: The number of samples of the path at which position limits are checked.
 SAMPLES = 20001
 
 
 def two_sided(limit: Any, n: int, s: Array, knots: Array) -> tuple[Array, Array]:
-    """Lower and upper limits (K, n) at s from None, a scalar, (n,), (n, 2), (knots, n) or a function of s."""
+    """The lower and upper limits (K, n) at s (K,), from None, a scalar, (n,), (n, 2), (knots, n) or a function of s."""
     if callable(limit):
         limit = np.array([np.broadcast_to(limit(float(x)), (n,)) for x in knots])
     values = np.asarray(np.inf if limit is None else limit, dtype=np.float64)
@@ -34,7 +34,7 @@ def two_sided(limit: Any, n: int, s: Array, knots: Array) -> tuple[Array, Array]
 
 
 def one_sided(limit: Any, s: Array, knots: Array) -> Array:
-    """Upper limits (K,) at s from a scalar, (knots,) or a function of s."""
+    """The upper limits (K,) at s (K,), from a scalar, (knots,) or a function of s."""
     return np.asarray(two_sided(np.reshape(limit, (-1, 1)) if np.ndim(limit) == 1 else limit, 1, s, knots)[1][:, 0])
 
 
@@ -48,11 +48,11 @@ def leaves_range(q: Callable[[Array], Array], ends: Array, q_min: ArrayLike | No
 
 
 def tip_slopes(position: Callable[[Array], Array], s: Array, inside: tuple[float, float]) -> tuple[Array, Array]:
-    """p' and p'' (K, 3) at s, from points of the path between the two ends `inside` of a smooth part."""
+    """p' and p'' (K, 3) at s (K,), from points of the path between the two ends `inside` of a smooth part."""
     h = STEP * (inside[1] - inside[0])
     at = np.clip(s, inside[0] + 2 * h, inside[1] - 2 * h)
     far, near, mid, on, last = (position(at + k * h) for k in (-2, -1, 0, 1, 2))
     first = (far - 8 * near + 8 * on - last) / (12 * h)
     second = (-far + 16 * near - 30 * mid + 16 * on - last) / (12 * h * h)
-    # Beside the ends, where the differences stand a little aside.
+    # Near the ends, the differences are computed at `at` instead of s. The second derivative corrects p' to s.
     return first + (s - at)[:, None] * second, second

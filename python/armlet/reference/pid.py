@@ -1,10 +1,10 @@
-"""PID with gravity compensation and its options, typed from the equations; M and g from Lagrange's equations.
+"""PID control with gravity compensation and its options, written from the equations. M and g come from Lagrange's equations.
 
-u  = g + f + ahead + Kp e + Kd (v_d - v_f) + w - d,  tau = u within the limits             (Arimoto and Miyazaki 1984)
-w' = Ki e, but 0 where u is beyond a limit and w' has the same sign as the excess
+u  = g + f + ahead + Kp e + Kd (v_d - v_f) + w - d,  tau = u, clipped to the limits        (Arimoto and Miyazaki 1984)
+w' = Ki e, but 0 if u exceeds a limit and w' has the sign of the excess
 y' = v_f = N (q - y);   f = damping v_d + friction tanh(v_d / v_s)
 s' = tau - g - f + d;   d = h (m v_f - s)
-ahead = M a_d, or m a_d with an observer
+ahead = M a_d, or m a_d with a disturbance observer
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from .motion import Hold, Motion
 
 
 class PID(Law):
-    """The law for a target (n,) or a motion. Its state has w, y and s in this order, (n,) each, as far as they are used."""
+    """The PID law for a target (n,) or a motion. Its state has those of w, y and s that are used, (n,) each, in this order."""
 
     def __init__(
         self,

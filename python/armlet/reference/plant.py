@@ -1,13 +1,13 @@
-"""Plants: the motion that follows from the torque of the law.
+"""Plants: the equations of motion of arms under the torque of a law.
 
     RigidArm    M a + C v + g + tau_f(v) = tau + J'F + tau_c
     ElasticArm  M a + C v + g = tau_J + J'F + tau_c,   B theta_ddot + F_m theta_dot + tau_J = tau
                 tau_J = K (theta - q) + D (theta_dot - v)
-    friction    tau_f = d v + c sign(v) of the drives
-    contact     tau_c of wall and stops (see `contact`)
-    dry         friction of the joints of a RigidArm or of the motors of an ElasticArm, whose state comes last (see `bristles`)
+    friction    tau_f = d v + c sign(v) with the damping d and the Coulomb friction c of the arm
+    contact     tau_c of the wall and the stops (see `contact`)
+    LuGre       friction of the joints of a RigidArm or of the motors of an ElasticArm; its state is last (see `bristles`)
 
-`rates` returns the derivative of the state's columns, `energy` the stored energy, and `power` the power of external inputs.
+`rates` returns the time derivative of the state, `energy` the stored energy, and `power` the power of external inputs.
 """
 
 from typing import Any, Protocol
@@ -22,7 +22,7 @@ from .law import gain
 
 
 class RigidArm:
-    """State (q, v), and the force of the bristles of LuGre friction."""
+    """A rigid arm with the state (q, v), and then the torques of the bristles of LuGre friction."""
 
     elastic = False
 
@@ -49,7 +49,7 @@ class RigidArm:
         return np.concatenate([v, self.arm.forward_dynamics(q, v, effort - torque), rate])
 
     def rub(self, y: Array, tau: Array) -> tuple[Array, Array, float]:
-        """The torque of dry friction, the rate of its state, and the power lost."""
+        """The torque of LuGre friction (n,), the derivative of its state (n,), and the lost power, W."""
         n = self.arm.n
         if self.dry is None:
             return np.zeros(n), np.zeros(0), 0.0
@@ -68,7 +68,10 @@ class RigidArm:
 
 
 class ElasticArm:
-    """State (q, v, theta, theta_dot); stiffness and motor inertia scalar, (n,) or (n, n), damping and friction scalar or (n,)."""
+    """An arm with elastic joints and the state (q, v, theta, theta_dot).
+
+    Stiffness and motor inertia are scalar, (n,) or (n, n). Damping and friction are scalar or (n,).
+    """
 
     elastic = True
 
@@ -94,7 +97,7 @@ class ElasticArm:
         self.contacts = contacts(arm, wall, stops)
 
     def initial(self, q0: Array, v0: Array, theta0: ArrayLike | None, theta_dot0: ArrayLike | None) -> Array:
-        """The default motor state balances gravity: theta = q + K^-1 g(q), theta_dot = v."""
+        """The initial state. By default the motors balance gravity: theta = q + K^-1 g(q), theta_dot = v."""
         theta = q0 + solve(self.stiffness, self.arm.gravity(q0)) if theta0 is None else np.asarray(theta0, dtype=np.float64)
         theta_dot = v0 if theta_dot0 is None else np.asarray(theta_dot0, dtype=np.float64)
         return np.concatenate([q0, v0, theta, theta_dot, np.zeros(self.size - 4 * self.arm.n)])
@@ -119,7 +122,7 @@ class ElasticArm:
         return self.stiffness @ (theta - q) + self.joint_damping @ (theta_dot - v)
 
     def rub(self, y: Array, tau: Array) -> tuple[Array, Array, float]:
-        """The torque of dry friction, the rate of its state, and the power lost."""
+        """The torque of LuGre friction (n,), the derivative of its state (n,), and the lost power, W."""
         n = self.arm.n
         if self.dry is None:
             return np.zeros(n), np.zeros(0), 0.0
@@ -140,7 +143,7 @@ class ElasticArm:
 
 
 class Plant(Protocol):
-    """The interface between a closed loop and a plant."""
+    """The interface of plants that a closed loop uses."""
 
     arm: Any
     size: int

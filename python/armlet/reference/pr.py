@@ -1,9 +1,9 @@
-"""The two arms in closed form: the PR arm on a horizontal plane and the link under gravity.
+"""The two arms in closed form: the prismatic-revolute (PR) arm on a horizontal plane, and the pendulum.
 
     PR:        T = 1/2 A v1^2 + B cos(q2) v1 v2 + 1/2 C v2^2,   U = 0,   A > 0, C > 0, A C > B^2
     pendulum:  T = 1/2 I v^2,   U = -G cos(theta),   theta from the downward vertical
 
-Only the energies are written; the torques follow in `lagrange`.
+This file has only the energies. The base class in `lagrange` computes the torques.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from .lagrange import Analytic, Mechanism
 
 
 class PlanarPR(Mechanism):
-    """Prismatic-revolute arm on a horizontal plane with parameters (A, B, C)."""
+    """The prismatic-revolute arm on a horizontal plane, with parameters (A, B, C)."""
 
     def __init__(self, A: float, B: float, C: float) -> None:
         if not (np.isfinite([A, B, C]).all() and A > 0.0 and C > 0.0 and A * C > B * B):
@@ -30,7 +30,7 @@ class PlanarPR(Mechanism):
 
 
 class Pendulum(Mechanism):
-    """One link under gravity with parameters (I, G)."""
+    """The pendulum: one link under gravity, with parameters (I, G)."""
 
     def __init__(self, inertia: float, gravity_moment: float) -> None:
         if not (np.isfinite([inertia, gravity_moment]).all() and inertia > 0.0):
@@ -46,10 +46,10 @@ class Pendulum(Mechanism):
 
 
 def planar_pr(A: float, B: float, C: float) -> PlanarPR:
-    """The PR arm of parameters A (kg), B (kg m), C (kg m^2)."""
+    """The PR arm with the parameters A (kg), B (kg m), C (kg m^2)."""
     return PlanarPR(A, B, C)
 
 
 def pendulum(inertia: float, gravity_moment: float) -> Pendulum:
-    """The link of inertia I (kg m^2) about its joint and gravity moment G = m g0 d (N m)."""
+    """The pendulum with the inertia I (kg m^2) about its joint and the gravity moment G = m g0 d (N m)."""
     return Pendulum(inertia, gravity_moment)

@@ -1,16 +1,16 @@
-"""Prioritised velocities from plain matrices.
+"""Joint velocities for tasks with priorities, from matrices.
 
-    exact       q_dot = J1# p1_dot + (J2 P1)# (p2_dot - J2 J1# p1_dot),  P1 = I - J1# J1, level after level      (SPEC (5))
+    exact       q_dot = J1# p1_dot + (J2 P1)# (p2_dot - J2 J1# p1_dot),  P1 = I - J1# J1, level after level
                 here:  min |J_i (x + N y) - v_i|, min |y|,  N an orthonormal null basis of all rows above,
-                with as many singular values of J_i N as  rank(rows down to i) - rank(rows above)
+                with  rank(rows down to i) - rank(rows above)  singular values of J_i N
     clamp       A_i = J_i P_{i-1},  x += A_i+ (v_i - J_i x),  R_i = I - A_i+ A_i,  P_i = (P_{i-1} R_i^2 P_{i-1})^1/2
                 A+ = A' phi(A A'),   phi(mu) = 1/max(mu, eps^2) on the eigenvalues
-    damped      the same with x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
-    chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ clamped, N_i as in exact                                (Chiaverini 1997)
-    sns         x = N z within bounds, the largest scale of each level by fixing joints at their bounds: see `saturation`
-    weight      min v'Wv: the same maps for J W^-1/2, and v = W^-1/2 y
+    damped      as clamp, but x += A_i' (A_i A_i' + lambda^2)^-1 (v_i - J_i x),  lambda = eps (1 - prod min(1, sigma/eps))
+    chiaverini  x = sum_i N_i N_i' J_i+ v_i,  J_i+ as in clamp, N_i as in exact                            (Chiaverini 1997)
+    sns         x = N z within bounds, with the largest scale of each level; joints are fixed at their bounds (see `saturation`)
+    weight      min v'Wv: the maps for J W^-1/2 compute y, and v = W^-1/2 y
 
-Ranks are those of `diagnosis`.
+`diagnosis` computes the ranks.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from .saturation import solve_saturated
 
 
 class Solution(NamedTuple):
-    """v (n,), the residuals v_i - J_i v per level, the ranks of the projected Jacobians, and the scale of each level."""
+    """Joint velocities v (n,), the residuals v_i - J_i v, the ranks of the projected Jacobians, and the scales, per level."""
 
     v: Array
     residuals: list[Array]
@@ -34,7 +34,7 @@ class Solution(NamedTuple):
 
 
 def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], rounding: float = 8 * EPS) -> Solution:
-    """The exact hierarchy: lexicographic least squares, least norm at each level."""
+    """The map "exact": lexicographic least squares, with the smallest norm at each level."""
     blocks, targets, _ = _problem(jacobians, velocities, 1.0)
     ranks = projected_ranks(blocks, rounding)
     x = np.zeros(blocks[0].shape[1])
@@ -47,10 +47,10 @@ def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike],
 
 
 def clamp_inverse(A: Array, eps: float) -> Array:
-    """A' phi(A A'): singular values below eps are inverted as sigma / eps^2.
+    """The clamped inverse A' phi(A A'): a singular value sigma below eps is inverted as sigma / eps^2.
 
-    The eigenvectors U of A A' only split the rows U'A into two sets. The rows above eps are inverted by QR, because
-    dividing by eigenvalues would square the condition number (primary residual 1e-12 instead of 1e-14).
+    The eigenvectors U of A A' only divide the rows U'A into two sets. A QR decomposition inverts the rows with singular values above eps.
+    Division by eigenvalues would square the condition number (residual of the first level 1e-12 instead of 1e-14).
     """
     mu, U = np.linalg.eigh(A @ A.T)
     rows = U.T @ A
@@ -61,18 +61,18 @@ def clamp_inverse(A: Array, eps: float) -> Array:
 
 
 def default_eps(jacobians: Sequence[ArrayLike]) -> list[float]:
-    """0.02 of each level's largest row norm (1 for a block of zeros)."""
+    """The default eps of each level: 0.02 times its largest row norm, or 1 for a block of zeros."""
     sizes = [float(np.linalg.norm(J, axis=1).max(initial=0.0)) for J in _blocks(jacobians)]
     return [0.02 * size if size > 0.0 else 1.0 for size in sizes]
 
 
 def damped_inverse(A: Array, eps: float) -> Array:
-    """A' (A A' + lambda^2)^-1 with damping that vanishes where every singular value is at least eps."""
-    # Not by the eigenvalues of A A': a zero singular value would read 1e-8 |A|.
+    """The damped inverse A' (A A' + lambda^2)^-1. Its damping lambda is zero if every singular value is at least eps."""
+    # The singular values come from an SVD. The roots of the eigenvalues of A A' would be 1e-8 |A| for a zero singular value.
     damping = eps * (1.0 - float(np.prod(np.minimum(1.0, np.linalg.svd(A, compute_uv=False) / eps))))
     if damping == 0.0:
         return clamp_inverse(A, eps)
-    # The stacked least-squares form: the normal equations would square the condition number.
+    # Least squares with stacked rows: the normal equations would square the condition number.
     m, k = A.shape
     inverse: Array = np.linalg.lstsq(np.vstack([A, damping * np.eye(k)]), np.vstack([np.eye(m), np.zeros((k, m))]), rcond=None)[0]
     return inverse
@@ -81,12 +81,12 @@ def damped_inverse(A: Array, eps: float) -> Array:
 def solve_clamp(
     jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, damped: bool = False
 ) -> Solution:
-    """The continuous map; equals the exact one where every singular value is at least eps."""
+    """The map "clamp" or "damped", which is continuous, and equals "exact" if every singular value is at least eps."""
     blocks, targets, levels = _problem(jacobians, velocities, eps)
     n = blocks[0].shape[1]
     x, d, V = np.zeros(n), np.ones(n), np.eye(n)  # P = V diag(d) V'
     for J, target, e in zip(blocks, targets, levels, strict=True):
-        # Working in V keeps the answer out of the rows above even where A is rounding noise over eps^2.
+        # In the coordinates V, the result does not disturb the levels above, even if A is rounding noise divided by eps^2.
         A = (J @ V) * d
         inverse = clamp_inverse(A, e)
         x = x + V @ ((damped_inverse(A, e) if damped else inverse) @ (target - J @ x))
@@ -99,7 +99,7 @@ def solve_clamp(
 def solve_chiaverini(
     jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, rounding: float = 8 * EPS
 ) -> Solution:
-    """Each level is solved alone, then projected; no projected matrix is inverted."""
+    """The map "chiaverini": each level is solved alone and then projected. No projected matrix is inverted."""
     blocks, targets, levels = _problem(jacobians, velocities, eps)
     ranks = projected_ranks(blocks, rounding)
     x = np.zeros(blocks[0].shape[1])
@@ -134,9 +134,10 @@ def solve_priority(
     v_min: ArrayLike | None = None,
     v_max: ArrayLike | None = None,
 ) -> Solution:
-    """Joint velocities (n,) for levels J_i v = v_i in falling priority; method "exact", "clamp", "damped", "chiaverini" or "sns".
+    """Joint velocities (n,) for levels J_i v = v_i, the highest priority first.
 
-    `weight` (n, n) is the metric of joint velocities; `v_min` and `v_max`, scalar or (n,), are the bounds of "sns".
+    `method` is "exact", "clamp", "damped", "chiaverini" or "sns". `weight` (n, n) is the metric of joint velocities. `v_min` and `v_max`,
+    scalar or (n,), are the bounds of "sns".
     """
     relative = 8 * EPS if rounding is None else rounding
     blocks, targets, _ = _problem(jacobians, velocities, 1.0)
@@ -159,7 +160,7 @@ def solve_priority(
 
 
 def _bounds(v_min: ArrayLike | None, v_max: ArrayLike | None, n: int) -> tuple[Array, Array]:
-    """A missing bound is minus the other one."""
+    """The lower and upper bounds (n,). A missing bound is minus the other one."""
     if v_min is None and v_max is None:
         raise ValueError("solve_priority: v_max is missing: expected bounds for method sns")
     upper = -np.asarray(v_min, dtype=np.float64) if v_max is None else np.asarray(v_max, dtype=np.float64)

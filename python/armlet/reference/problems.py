@@ -1,4 +1,4 @@
-"""The usual test set of initial-value problems y' = f(t, y), each with the state at its end.
+"""A standard test set of initial-value problems y' = f(t, y), each with its end state.
 
 - Arenstorf's orbit and the Pleiades: Hairer, Norsett and Wanner, Solving ODEs I, sections II.0 and II.10.
 - Van der Pol's equation, Robertson's reaction and HIRES: Hairer and Wanner, Solving ODEs II, section IV.10.
@@ -16,21 +16,21 @@ from .lagrange import Array
 
 @dataclass(frozen=True)
 class Problem:
-    """One problem: a right-hand side from floats to a list of floats, and a Jacobian if the problem is stiff."""
+    """A problem: its right-hand side, which takes floats and returns a list of floats, and its Jacobian if the problem is stiff."""
 
     name: str
     f: Callable[[float, Array], list[float]]
     span: tuple[float, float]
     y0: tuple[float, ...]
-    #: The state at the end; NaN in components that no digits are known of.
+    #: The end state; a component whose digits are unknown is NaN.
     end: tuple[float, ...]
     stiff: bool = False
-    #: Absolute over relative tolerance: the size of the smallest component that matters.
+    #: The absolute tolerance divided by the relative one: the size of the smallest component that matters.
     scale: float = 1.0
     jac: Callable[[float, Array], list[list[float]]] | None = None
 
     def error(self, y: Array) -> float:
-        """Distance to the known end state: the root mean square over its components in units of max(|end|, scale)."""
+        """The distance to the known end state: the root mean square of (y - end) / max(|end|, scale) over its known components."""
         end = np.array(self.end)
         known = np.isfinite(end)
         ratio = (np.asarray(y) - end)[known] / np.maximum(np.abs(end[known]), self.scale)
@@ -107,7 +107,7 @@ def _hires_jac(t: float, y: Array) -> list[list[float]]:
 
 
 def jacobi_elliptic(u: float, m: float) -> tuple[float, float, float]:
-    """sn, cn, dn of argument u and parameter m by the arithmetic-geometric mean (Abramowitz and Stegun 16.4)."""
+    """sn, cn and dn for the argument u and the parameter m, by the arithmetic-geometric mean (Abramowitz and Stegun 16.4)."""
     a, c = [1.0], [np.sqrt(m)]
     b = np.sqrt(1.0 - m)
     while abs(c[-1]) > 1e-17:

@@ -1,11 +1,11 @@
-"""Rest-to-rest motions of one link under torque limits, with a fixed shape of the path over time.
+"""Rest-to-rest motions of one link under torque limits, with a fixed shape s(u) of the path over time.
 
     I theta_ddot + G sin theta = tau;   theta = theta0 + (thetaf - theta0) s(u),  u = t/T,  k = I D / T^2 with D = |thetaf - theta0|
     along x = sg theta, sg the direction of motion:   tau(u) = k s''(u) + G sin x(u)
     excess(k) = max over u of max(tau - tau_max, tau_min - tau),   convex in k:  the durations with excess <= 0 are one interval
 
-The shape is given by s'' in pieces and integrated. The extremes over u are found on a grid and refined, the least excess by golden section,
-and its zeros by bisection. With s'' = 4, -4 this is bang_bang_time, whose a is 4 k.
+The shape is an integral of s'', which is defined piece by piece. A grid and its refinement give the extremes over u, golden section gives
+the smallest excess, and bisection gives its zeros. With s'' = 4 and then -4 this is `bang_bang_time`, whose a is 4 k.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,14 +16,14 @@ from numpy.polynomial import Polynomial
 
 from .lagrange import Array
 
-# Each limit is granted this part of the larger one.
+# The torque may exceed each limit by this fraction of the larger limit.
 SLACK = 1e-12
 
 Piece = tuple[float, float, Polynomial, Polynomial]
 
 
 class Profile(NamedTuple):
-    """The feasible durations of the symmetric profile and the interval of a = inertia * acceleration."""
+    """The feasible durations, s, of the symmetric profile, and the feasible interval of a = inertia * acceleration, N m."""
 
     feasible: bool
     t_min: float
@@ -35,7 +35,7 @@ class Profile(NamedTuple):
 
 
 class ProfileReport(NamedTuple):
-    """The feasible durations and the interval of k; `missing`: the torque by which both limits must widen, N m."""
+    """The feasible durations, s, and the feasible interval of k, N m. `missing`: the torque, N m, by which both limits must be widened."""
 
     feasible: bool
     t_min: float
@@ -48,11 +48,11 @@ class ProfileReport(NamedTuple):
 
 
 def lowest(f: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
-    """The minimum over an interval: a grid of more than 1,000 points, then finer grids about its lowest points."""
+    """The minimum of f over an interval, on a grid of more than 1,000 points and then on finer grids about its lowest points."""
     grid = np.linspace(low, high, 1025 + int(256 * (high - low) / (2 * np.pi)))
     values = f(grid)
     valley = (values <= np.r_[np.inf, values[:-1]]) & (values <= np.r_[values[1:], np.inf])
-    # A valley that the grid shows higher by more than its own curvature allows is not the lowest.
+    # Between grid points a local minimum is lower than its grid value by much less than this margin. So higher local minima are excluded.
     valley &= values <= values.min() + 1e-3 * np.ptp(values)
     around = np.flatnonzero(valley)
     around = around[np.argsort(values[around])[:4]]
@@ -68,7 +68,7 @@ def lowest(f: Callable[[Array], Array], low: float, high: float) -> tuple[float,
 
 
 def shape(second: Sequence[tuple[float, float, Polynomial]]) -> list[Piece]:
-    """The pieces (from, to, s, s'') of a shape, from pieces (from, to, s''). At the start s = s' = 0; it is scaled to s = 1 at the end."""
+    """The pieces (from, to, s, s'') of a shape, from pieces (from, to, s''). At the start s = s' = 0; scaling makes s = 1 at the end."""
     pieces, value, rate = [], 0.0, 0.0
     for low, high, acceleration in second:
         speed = acceleration.integ(lbnd=low, k=[rate])
@@ -87,7 +87,7 @@ def _durations(
     x0, D, G, slack = sg * theta0, abs(thetaf - theta0), gravity_moment, SLACK * max(tau_max, -bottom)
 
     def torque_margin(k: float, position: Polynomial, acceleration: Polynomial) -> Callable[[Array], Array]:
-        """The distance to the nearer limit at u; negative outside."""
+        """The function of u that returns the distance of the torque to the nearer limit. It is negative outside of the limits."""
 
         def inside(u: Array) -> Array:
             tau = k * acceleration(u) + G * np.sin(x0 + D * position(u))
@@ -99,7 +99,7 @@ def _durations(
         return -min(lowest(torque_margin(k, position, acceleration), a, b)[1] for a, b, position, acceleration in pieces)
 
     def edge(inside: float, outside: float) -> float:
-        """The zero of the excess."""
+        """The zero of the excess between k = inside (no excess) and k = outside, by bisection."""
         for _ in range(60):
             middle = 0.5 * (inside + outside)
             inside, outside = (middle, outside) if excess(middle) <= 0.0 else (inside, middle)
@@ -109,7 +109,7 @@ def _durations(
     if D == 0.0:
         t = 0.0 if hold_start else np.nan
         return ProfileReport(hold_start, t, t, 0.0, 0.0, hold_start, hold_end, 0.0 if hold_start else excess(0.0))
-    # Beyond this the torque is outside wherever s'' is largest, whatever gravity does.
+    # For larger k the torque exceeds a limit where |s''| is largest, for every gravity torque.
     largest = max(abs(float(acceleration(u))) for a, b, _, acceleration in pieces for u in np.linspace(a, b, 201))
     most = (high - low + 2.0 * abs(G)) / largest
     best, least = (0.0, excess(0.0)) if excess(0.0) <= 0.0 else golden(excess, 0.0, most)
@@ -124,7 +124,7 @@ def _durations(
 
 
 def golden(f: Callable[[float], float], low: float, high: float, width: float = 1e-9) -> tuple[float, float]:
-    """The minimum of a function with one local minimum: (argument, value)."""
+    """The minimum (argument, value) of a function with one local minimum, by golden section."""
     ratio = (np.sqrt(5.0) - 1.0) / 2.0
     left, right = high - ratio * (high - low), low + ratio * (high - low)
     f_left, f_right = f(left), f(right)
@@ -150,7 +150,7 @@ def trapezoid_time(
     tau_min: float | None = None,
     ramp: float = 1.0 / 3.0,
 ) -> ProfileReport:
-    """Constant acceleration for ramp T, constant speed, constant deceleration for ramp T."""
+    """The feasible durations for constant acceleration for ramp T, then constant speed, then constant deceleration for ramp T."""
     one, none = Polynomial([1.0]), Polynomial([0.0])
     pieces = [(0.0, ramp, one), (ramp, 1.0 - ramp, none), (1.0 - ramp, 1.0, -one)]
     return _durations(theta0, thetaf, inertia, gravity_moment, tau_max, tau_min, shape([p for p in pieces if p[0] < p[1]]))
@@ -159,7 +159,7 @@ def trapezoid_time(
 def minimum_jerk_time(
     theta0: float, thetaf: float, inertia: float, gravity_moment: float, tau_max: float, *, tau_min: float | None = None
 ) -> ProfileReport:
-    """The quintic at rest with zero acceleration at both ends: s'' is the cubic through zero at 0, 1/2 and 1."""
+    """The feasible durations of the quintic with zero speed and acceleration at both ends: s'' is a cubic with zeros at 0, 1/2 and 1."""
     acceleration = Polynomial.fromroots([0.0, 0.5, 1.0])
     return _durations(theta0, thetaf, inertia, gravity_moment, tau_max, tau_min, shape([(0.0, 1.0, acceleration)]))
 
@@ -167,7 +167,7 @@ def minimum_jerk_time(
 def bang_bang_time(
     theta0: float, thetaf: float, inertia: float, gravity_moment: float, tau_max: float, *, tau_min: float | None = None
 ) -> Profile:
-    """The feasible durations of the symmetric bang-bang profile: torque a + G sin x in the first half, -a + G sin x in the second."""
+    """The feasible durations of the symmetric bang-bang profile. The torque is a + G sin x in the first half, then -a + G sin x."""
     bottom = -tau_max if tau_min is None else tau_min
     sg = 1.0 if thetaf >= theta0 else -1.0
     high, low = (tau_max, bottom) if sg > 0.0 else (-bottom, -tau_max)

@@ -1,8 +1,8 @@
-"""Regulation of elastic joints from their motors.
+"""Regulation of elastic joints by feedback of their motors.
 
-theta_d = q_d + K_J^-1 g(q_d): the motor positions while the links rest at q_d
+theta_d = q_d + K_J^-1 g(q_d): the motor positions at which the links are at rest at q_d
 MotorPD         tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d)                                             (Tomei 1991)
-       online   g(theta - K_J^-1 g(q_d)) in place of g(q_d)                           (De Luca, Siciliano and Zollo 2005)
+       online   g(theta - K_J^-1 g(q_d)) replaces g(q_d)                              (De Luca, Siciliano and Zollo 2005)
 StateFeedback   tau = Kp (theta_d - theta) - Kd theta_dot + g(q_d) + Kt (g(q_d) - tau_J) - Ks tau_J'
                 tau_J = K_J (theta - q)                                           (Albu-Schaeffer and Hirzinger 2001)
 """
@@ -15,7 +15,7 @@ from .law import Law, Terms, gain
 
 
 class MotorPD(Law):
-    """PD of the motors; the target is that of the links, (n,)."""
+    """PD control of the motors with gravity compensation. `target` is the target q_d of the links, (n,)."""
 
     def __init__(
         self, arm: Mechanism, target: ArrayLike, kp: ArrayLike, kd: ArrayLike, joint_stiffness: ArrayLike, *, online: bool = False
@@ -38,7 +38,7 @@ class MotorPD(Law):
 
 
 class StateFeedback(MotorPD):
-    """State feedback: the law also feeds back the joint torque and its rate."""
+    """State feedback: `MotorPD` with additional feedback of the joint torque and its time derivative."""
 
     def __init__(
         self,

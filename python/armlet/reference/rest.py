@@ -1,12 +1,12 @@
-"""Equilibria under a constant force: the limit of a slow motion of the arm.
+"""Equilibria of closed loops under a constant force, computed as the limit of a slow motion.
 
     rigid    r(q) = tau(q) - L(q),   L = g(q) - J'F - tau_c
     elastic  r(q, theta) = [K (theta - q) - L(q), tau(q, theta) - K (theta - q)]
     y' = r(y) by implicit Euler steps that grow as r falls:   (1/s - dr/dy) dy = r        (pseudo-transient continuation)
-    tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c of wall and stops
+    tau_E = L(q_E),   theta_E = q_E + K^-1 tau_E,   tau_c the torque of wall and stops
 
-tau(q) is the torque that the law gives at rest. The Jacobian dr/dy and the linearisation of the loop are central differences,
-extrapolated in h^2 (Richardson).
+tau(q) is the torque of the law at rest. The Jacobian dr/dy and the linear model of the loop are central differences, extrapolated in h^2
+(Richardson).
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from .plant import ElasticArm, RigidArm
 
 
 class Equilibrium(NamedTuple):
-    """An equilibrium under a constant force; `reachable` concerns the pose x_d + K_m^-1 F, `spurious` an unbalanced spring."""
+    """An equilibrium under a constant force. `reachable`: the arm reaches the pose x_d + K_m^-1 F. `spurious`: the spring is unbalanced."""
 
     q: Array
     theta: Array | None
@@ -38,7 +38,7 @@ class Equilibrium(NamedTuple):
 
 
 def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int = 6) -> Array:
-    """df/dx by central differences with steps h/2^k, extrapolated in h^2."""
+    """The Jacobian df/dx by central differences with steps h/2^k, extrapolated in h^2."""
     out = []
     for direction in np.eye(x.size):
         table: list[Array] = []
@@ -53,12 +53,12 @@ def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int =
 
 
 def descend(r: Callable[[Array], Array], y: Array) -> Array:
-    """The limit of y' = r(y); the first step is a tenth of a radian."""
+    """The limit for t -> infinity of y' = r(y) from y. The first step is about a tenth of a radian."""
     size = first = float(np.abs(r(y)).max())
     if size == 0.0:
         return y
     for _ in range(300):
-        # An inexact dr/dy slows the descent and does not move its end, where r = 0.
+        # An inexact dr/dy makes the convergence slower, but does not change the limit, where r = 0.
         H = slope(r, y, 1e-4, 2)
         push = r(y)
         size = float(np.abs(push).max())
@@ -73,7 +73,10 @@ def descend(r: Callable[[Array], Array], y: Array) -> Array:
 def equilibrium(
     plant: RigidArm | ElasticArm, law: Any, force: ArrayLike | None = None, *, q0: ArrayLike, force_frame: str | None = None
 ) -> Equilibrium:
-    """The equilibrium that is reached from q0 under a constant force in the law's axes, or at a frame in world axes."""
+    """The equilibrium that is reached from q0 under a constant force.
+
+    The force is in the coordinates of the law, or with `force_frame` at this frame in world axes.
+    """
     start, n = np.asarray(q0, dtype=np.float64), plant.arm.n
     task: Any = getattr(law, "coordinates", None)
     push = None if force is None else np.asarray(force, dtype=np.float64)
@@ -81,7 +84,7 @@ def equilibrium(
     still = np.zeros(n)
 
     def carried(q: Array) -> Array:
-        """L(q)."""
+        """The torque L(q) that the joints must balance."""
         outside = still if push is None or load is None else load(q, push)
         return np.asarray(plant.arm.gravity(q) - outside - pushes(plant.contacts, q, still)[0])
 
@@ -108,14 +111,14 @@ def equilibrium(
     if task is not None:
         x = task.target - task.error(q)
         own = np.zeros_like(x) if push is None or force_frame not in (None, task.frame) else push[task.rows] if force_frame else push
-        own = own + law.feedforward + (w if w.size else 0.0)  # what the spring carries
+        own = own + law.feedforward + (w if w.size else 0.0)  # the wrench that the spring balances
         if force_frame in (None, task.frame) and not pressed:
             goal = task.target + solve(law.stiffness, own)
             scale = float(np.abs(law.stiffness @ (np.abs(goal) + 1.0)).max())
             spurious = bool(np.abs(law.stiffness @ task.error(q) + own).max() > 1e-7 * scale)
             reachable = not spurious or _reaches(task, goal, start)
     elif elastic and hasattr(law, "sag"):
-        # A law of motors that knows the plant, away from its target with nothing that pushes.
+        # The law has the plant's model, and no force or contact acts. An equilibrium that is not the target is then spurious.
         away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
         spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm
     values, free = eigenvalues(plant, law, push, load, q, theta, w)
@@ -124,7 +127,7 @@ def equilibrium(
 
 
 def _reaches(task: Any, goal: Array, q0: Array) -> bool:
-    """Gauss-Newton with limited steps from several starts; a heuristic that may miss a reachable pose."""
+    """Whether a search finds the pose `goal`: damped Gauss-Newton steps from several starts. It may miss a reachable pose."""
     rng = np.random.default_rng(0)
     for _ in range(20):
         q = q0 + rng.uniform(-np.pi, np.pi, q0.size)
@@ -147,9 +150,10 @@ def eigenvalues(
     w: Array,
     columns: int = 6,
 ) -> tuple[Analytic, int]:
-    """Eigenvalues of the closed loop linearised at the equilibrium, with the law's state w, by real part; the number of free motions.
+    """The eigenvalues of the linear model of the closed loop at the equilibrium, sorted by real part, and the number of free motions.
 
-    A free motion, A N = 0, may be a defective zero, which rounding splits. So the others are those of P A P with P = I - N N#.
+    `w` is the state of the law. A free motion is a direction N with A N = 0. Its zero eigenvalue may be defective, and rounding then splits
+    it. So the other eigenvalues are those of P A P with P = I - N N#.
     """
     loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
     still = np.zeros(plant.arm.n)

@@ -1,8 +1,8 @@
-"""Samples for concurrent learning, typed from the equations (Chowdhary and Johnson 2010; Parikh, Kamalapurkar and Dixon 2019).
+"""Samples for concurrent learning, written from the equations (Chowdhary and Johnson 2010; Parikh, Kamalapurkar and Dixon 2019).
 
-W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque without known rotors
+samples   W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque without the torque of known rotors
 windows   W_j = [Y_M v] + int Y_D dt,  Y_D = Y_g + Y(q, v, v, 0) - Y_g - d/dt Y_M(q, v fixed),  by Simpson's rule; M' v by differences
-chosen    any two samples are exchanged while the smallest singular value of the stack grows
+selection two samples are exchanged   while this increases the smallest singular value of the stacked W_j
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ STEP = 1e-4
 
 
 def sample_rows(law: Any, q: Array, v: Array, a: Array, tau: Array) -> tuple[Array, Array]:
-    """W (K, n, p), and the torque W a (K, n) of the true parameters a."""
+    """The regressors W (K, n, p) of samples, and the torques W a (K, n), where a are the true parameters."""
     arm = law.arm
     rows = [
         np.hstack([arm.regressor(*state, state[1], x)[:, law.columns], columns(state[1], x, law.v_s, law.kinds)])
@@ -33,14 +33,14 @@ def _momentum(law: Any, q: Array, v: Array) -> Array:
 
 
 def _drift(law: Any, q: Array, v: Array) -> Array:
-    """The columns of g - C' v: those of C v + g less M' v."""
+    """The regressor columns of g - C' v, which are the columns of C v + g minus those of M' v."""
     moved = [_momentum(law, q + k * STEP * v, v) for k in (-2, -1, 1, 2)]
     rate = (moved[0] - 8.0 * moved[1] + 8.0 * moved[2] - moved[3]) / (12.0 * STEP)
     return np.asarray(law.arm.regressor(q, v, v, np.zeros_like(v))[:, law.columns] - rate)
 
 
 def window_rows(law: Any, t: Array, q: Array, v: Array, tau: Array, window: float, held: bool = False) -> tuple[Array, Array]:
-    """W and tau integrated over windows of length `window`, s, which overlap by half."""
+    """W and tau, integrated over windows of the length `window`, s. Successive windows overlap by half."""
     h = float(t[1] - t[0])
     half = max(1, round(0.5 * window / h))
     simpson = np.ones(2 * half + 1)
@@ -65,17 +65,17 @@ def window_rows(law: Any, t: Array, q: Array, v: Array, tau: Array, window: floa
 
 
 def stacked(W: Array) -> Array:
-    """The rows of all samples."""
+    """The rows of all samples, (N n, p)."""
     return W.reshape(-1, W.shape[-1])
 
 
 def smallest(W: Array, chosen: Any, rank: int) -> float:
-    """The singular value number `rank` of the chosen rows, where `rank` is that of all rows."""
+    """The singular value number `rank` of the rows of the chosen samples; `rank` is the rank of all rows."""
     return float(np.linalg.svd(stacked(W[list(chosen)]), compute_uv=False)[rank - 1])
 
 
 def select(W: Array, count: int) -> tuple[list[int], float]:
-    """A set of samples that no exchange of two samples improves, and its smallest singular value."""
+    """The indices of `count` samples whose smallest singular value no exchange of two samples increases, and this value."""
     rank = int(np.linalg.matrix_rank(stacked(W), tol=1e-6 * np.linalg.norm(stacked(W), 2)))
     chosen = list(range(count))
     best = smallest(W, chosen, rank)

@@ -1,11 +1,11 @@
-"""A sampled law, as a simulation of events: samples, and the later times at which their outputs act.
+"""A sampled law, simulated event by event. The events are samples, and the later times at which their outputs begin to act.
 
     sample k at t_k = k T + j_k,  j_k uniform in [0, jitter];   x_m = round((x + sigma w_k)/step) step
-    the law evaluates x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
-    torque sensor: tau_f' = w_c (tau_J - tau_f), tau_J in a straight line between samples;  q_m = theta_m - K_law^-1 reading
+    the law uses x_m of sample k - sensor_delay;  |tau_k - tau_(k-1)| <= rate_limit (t_k - t_(k-1));  tau_k acts from t_k + delay
+    torque sensor: tau_f' = w_c (tau_J - tau_f), tau_J linear between samples;  q_m = theta_m - K_law^-1 reading
 
-Random numbers are splitmix64 (Steele, Lea and Flood 2014) over the words k and channel, in integers modulo 2^64. Normal numbers are made
-by Box and Muller (1958), as a complex exponential. Entry i of q, v, theta, theta_dot has channel 4 i + 0, 1, 2, 3.
+Random numbers are splitmix64 (Steele, Lea and Flood 2014) of the integers k and channel, modulo 2^64. Normal numbers come from the method
+of Box and Muller (1958), as a complex exponential. Entry i of q, v, theta, theta_dot has the channels 4 i + 0, 1, 2, 3.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,14 +18,14 @@ from .lagrange import Array, solve
 from .law import Terms
 
 NAMES = ("q", "v", "theta", "theta_dot")
-# A time this close to an instant, in periods, is that instant.
+# Two times whose difference, in periods, is smaller than this are the same instant.
 ON_TIME = 1e-9
 JITTER = 2**64 - 1
 TORQUE = 2**32
 
 
 class TorqueSensor(NamedTuple):
-    """Standard deviation, bias (scalar or (n,)) and step of a joint-torque reading, N m; bandwidth of its filter, rad/s."""
+    """A joint-torque sensor: standard deviation, bias (scalar or (n,)) and resolution, N m, and bandwidth of its filter, rad/s."""
 
     noise: float = 0.0
     bias: ArrayLike = 0.0
@@ -34,7 +34,7 @@ class TorqueSensor(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """Period, delay and jitter in s; noise and resolution by quantity; the largest change of the input in N m/s."""
+    """The sampling of a law: period, delay and jitter, s; noise and resolution by quantity; the largest rate of the input, N m/s."""
 
     period: float
     delay: float = 0.0
@@ -48,7 +48,7 @@ class Sampling(NamedTuple):
 
 
 def uniform(seed: int, k: int, channel: int) -> float:
-    """The number in [0, 1) of sample k and channel."""
+    """The random number in [0, 1) for sample k and a channel."""
     z = seed
     for word in (k, channel):
         z = (z + 0x9E3779B97F4A7C15 + word * 0xD1342543DE82EF95) % 2**64
@@ -59,20 +59,20 @@ def uniform(seed: int, k: int, channel: int) -> float:
 
 
 def gaussian(seed: int, k: int, channel: int) -> float:
-    """A standard normal number from two uniform ones."""
+    """The standard normal random number for sample k and a channel, from two uniform ones."""
     radius, turn = uniform(seed, k, 2 * channel), uniform(seed, k, 2 * channel + 1)
     return float((np.sqrt(-2.0 * np.log1p(-radius)) * np.exp(2j * np.pi * turn)).real)
 
 
 def rounded(x: Array, step: float) -> Array:
-    """x rounded to multiples of step, halves away from zero; x itself for a step of zero."""
+    """Round x to multiples of step, and halves away from zero. With step 0 the result is x."""
     return x if step == 0.0 else np.copysign(np.floor(np.abs(x) / step + 0.5) * step, x)
 
 
 def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
-    """y(1) of y' = turn (u - y), y(0) = state, u from `before` to `now` in a straight line: the exponential of y, u, u' together.
+    """The value y(1) of y' = turn (u - y) with y(0) = state, where u goes from `before` to `now` linearly.
 
-    The exponential is a Taylor series of the matrix halved often enough, squared back.
+    It is the exponential of the 3 x 3 matrix of y, u and u', by scaling and squaring of a Taylor series.
     """
     if not np.isfinite(turn):
         return now
@@ -89,10 +89,10 @@ def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
 
 
 class Clock:
-    """The samples of one run; `visit`, called at every instant in order of time, returns the output that acts.
+    """The samples of one run. `visit` must be called at every instant in the order of time, and returns the output that acts.
 
-    grid: the step of a fixed-step method, to which jitter is rounded down; 0 for adaptive methods.
-    stiffness, believed: joint stiffness of the plant and of the law, for torque sensors.
+    `grid` is the step of a method with fixed steps, s, to which jitter is rounded down; 0 for adaptive methods. `stiffness` is the joint
+    stiffness of the plant, and `believed` the joint stiffness of the law, for torque sensors.
     """
 
     def __init__(self, sampling: Sampling, n: int, grid: float, silent: Terms, stiffness: Array, believed: Array) -> None:
@@ -117,7 +117,7 @@ class Clock:
         return [t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > ON_TIME * self.sampling.period]
 
     def visit(self, t: float, x: Array, law: Callable[[Array], Terms]) -> Terms:
-        """Take the samples due at t with the plant at x; law(measured) is the saturated answer."""
+        """Take the samples that are due at t with the plant state x. `law(measured)` returns the terms of the law with a clipped input."""
         slack = ON_TIME * self.sampling.period
         while self.instant(self.taken) <= t + slack:
             self._take(t, x, law)
@@ -137,7 +137,7 @@ class Clock:
 
     def _measure(self, k: int, x: Array, since: float) -> Array:
         s, parts = self.sampling, x.reshape(-1, self.n).copy()
-        # The state of dry friction, which comes last, is not measured.
+        # The state of LuGre friction, which is last, is not measured.
         for channel, (name, part) in enumerate(zip(NAMES, parts, strict=False)):
             sigma = s.noise.get(name, 0.0)
             noise = [sigma * gaussian(s.seed, k, 4 * i + channel) for i in range(self.n)] if sigma else 0.0
@@ -148,7 +148,7 @@ class Clock:
         return parts.ravel()
 
     def _read(self, sensor: TorqueSensor, k: int, torque: Array, since: float) -> Array:
-        """A reading of the torque sensors, whose filters start at rest."""
+        """A reading of the torque sensors, (n,), N m. The filters start in their steady state."""
         self.filtered = lag(self.filtered, self.torque, torque, sensor.bandwidth * since) if k else torque
         self.torque = torque
         noise = np.array([sensor.noise * gaussian(self.sampling.seed, k, TORQUE + i) for i in range(self.n)])

@@ -1,11 +1,11 @@
-"""Velocities within bounds, level by level, and bounds that follow from the limits of the joints.
+"""Joint velocities within bounds, level by level ("sns"), and the bounds that follow from joint limits.
 
     level i:  J_i v = s v_i,  v = x + N z,  v_min <= v <= v_max,  N a null basis of the rows above,  the largest feasible s <= 1
     fixed joints F:  v(s) = x_F + N_F (J_i N_F)# (s v_i - J_i x_F),   x_F = x + N (E_F N)# (b_F - E_F x),   N_F = N null(E_F N)
-    while s = 1 is out of bounds   the joint that limits s most joins F; of equals the fastest  (Flacco, De Luca and Khatib 2015)
+    while s = 1 violates a bound   the joint with the smallest limit of s is added to F; of equal ones the fastest  (Flacco et al. 2015)
     at distance d from a limit     the largest u with  u dt <= d  and  u^2 <= 2 a d  (u > 0),  by bisection
 
-One SVD solves for all fixed joints. In a metric W the levels are J W^-1/2, and `back` = W^-1/2 returns joint velocities.
+One SVD solves for all fixed joints. With a metric W the Jacobians are J W^-1/2, and `back` = W^-1/2 converts to joint velocities.
 """
 
 from typing import Any
@@ -16,23 +16,23 @@ from numpy.typing import ArrayLike
 from .diagnosis import EPS, _above, _null_basis, projected_ranks
 from .lagrange import Array
 
-MOBILE = 1e-10  # a joint whose row in the remaining null space is shorter cannot be fixed
-NOISE = 64 * EPS  # rounding of v(s) relative to its largest parts, which cancel near singularities
-EDGES = np.array([1e-13, 1e-11])  # of the fastest joint: a velocity beyond its bound by less is cut off, where it is noise too
-ALIKE = 1e-9  # scales that differ by less, relative to the larger, count as one
+MOBILE = 1e-10  # a joint whose row in the remaining null space has a smaller norm cannot be fixed
+NOISE = 64 * EPS  # the rounding error of v(s), relative to its largest terms, which cancel near singularities
+EDGES = np.array([1e-13, 1e-11])  # the range, relative to the fastest joint, of the excess over a bound that counts as a rounding error
+ALIKE = 1e-9  # scales whose relative difference is smaller count as equal
 
 
 def _inverse(A: Array, rank: int) -> Array:
-    """The pseudo-inverse with `rank` singular values."""
+    """The pseudoinverse of A that uses its `rank` largest singular values."""
     U, sigma, V = np.linalg.svd(A, full_matrices=False)
     inverse: Array = (V[:rank].T / sigma[:rank]) @ U[:, :rank].T
     return inverse
 
 
 def _scales(va: Array, vb: Array, lower: Array, upper: Array, noise: float) -> tuple[Array, Array]:
-    """The interval of s with lower <= s va + vb <= upper, of each joint; (inf, -inf) where there is none.
+    """The interval of s with lower <= s va + vb <= upper, for each joint; (inf, -inf) if it is empty.
 
-    A joint at its bound cannot move further. A joint that the level does not move has zero rate, up to rounding.
+    `noise` is the size of rounding errors. Smaller rates `va` and smaller distances to a bound count as zero.
     """
     rate, above, below = (np.where(np.abs(x) <= noise, 0.0, x) for x in (va, upper - vb, vb - lower))
     still = np.where((above >= 0.0) & (below >= 0.0), np.inf, -np.inf)
@@ -44,7 +44,7 @@ def _scales(va: Array, vb: Array, lower: Array, upper: Array, noise: float) -> t
 def _saturate(
     J: Array, v: Array, x: Array, N: Array, rank: int, cut: float, back: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, float]:
-    """The solution of one level, and its scale."""
+    """The solution of one level within bounds, in the coordinates of the metric, and the scale of the level."""
     lower, upper = bounds
     fixed: list[tuple[int, float]] = []
     best, scale = x, -1.0
@@ -83,7 +83,7 @@ def _saturate(
 def solve_saturated(
     blocks: list[Array], targets: list[Array], back: Array, lower: Array, upper: Array, rounding: float
 ) -> tuple[Array, list[int], Array]:
-    """Joint velocities within bounds, ranks, and the scale of each level."""
+    """The joint velocities within bounds (n,), and the ranks and the scales of all levels."""
     ranks = projected_ranks(blocks, rounding)
     x = np.linalg.solve(back, np.clip(0.0, lower, upper))
     scales, condition = [], 1.0
@@ -109,7 +109,7 @@ def _fastest(d: float, dt: float, a: float) -> float:
 
 
 def joint_bounds(q: float, q_min: float, q_max: float, v_min: float, v_max: float, dt: float, a_max: float) -> tuple[float, float]:
-    """Velocity bounds of one joint: beyond a limit the joint must return, no faster than it can brake before the other limit."""
+    """The velocity bounds of one joint. Outside of a limit the joint must return, but so that it can brake before the other limit."""
     lower = min(max(-_fastest(q - q_min, dt, a_max), v_min), v_max)
     upper = min(max(_fastest(q_max - q, dt, a_max), v_min), v_max)
     if lower <= upper:
@@ -120,7 +120,7 @@ def joint_bounds(q: float, q_min: float, q_max: float, v_min: float, v_max: floa
 def velocity_bounds(
     q: ArrayLike, q_min: ArrayLike, q_max: ArrayLike, v_max: ArrayLike, *, dt: float, a_max: ArrayLike | None = None
 ) -> tuple[Array, Array]:
-    """Velocity bounds (n,) from joint limits, for one sample of length dt."""
+    """The lower and upper velocity bounds (n,) from joint limits, for one sample of length dt, s."""
     given: list[Any] = [q, q_min, q_max, v_max, np.inf if a_max is None else a_max]
     columns = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in given))
     pairs = [joint_bounds(x, low, high, -v, v, dt, a) for x, low, high, v, a in zip(*columns, strict=True)]

@@ -1,10 +1,10 @@
-"""Runs of a closed loop: fixed steps k dt, or an extrapolation method between samples, outputs, jumps and records.
+"""Runs of a closed loop, with fixed steps k dt, or with an extrapolation method.
 
-    fixed steps: a jump of force or motion inside a step splits it; a record between grid points is a separate short step
-    adaptive: the run restarts at samples, outputs, jumps and records
-    events: a change of sign between two checks is located by trial points, each integrated from the check before
+    fixed steps: a jump of force or motion inside a step divides the step; a record between grid points requires a separate short step
+    adaptive: the method restarts at samples, outputs, jumps and records
+    events: a change of sign between two checks is located with trial points, each integrated from the previous check
 
-The state is that of `loop`.
+`loop` defines the state.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -45,12 +45,14 @@ def simulate(
     events: Sequence[Event] = (),
     looks: int = 200,
 ) -> dict[str, Any]:
-    """Run the loop; arrays with time first: t, q, v, tau, estimate, theta, theta_dot, s, energy, lyapunov and the balances.
+    """Simulate the closed loop, and return a dict of arrays: t, q, v, tau, estimate, theta, theta_dot, s, energy, lyapunov, balances.
 
-    method "euler", "semi_implicit", "rk4" (need dt; a sample is a whole number of steps) or "gbs" (adaptive, records t_eval).
-    Without t_eval fixed steps record the start, every record_every-th step and the end. load(q, F) is J'F for a law without frame.
-    With events, for "gbs" alone: `run["events"]` is a list of (t, index, plant state). The sign of each event function is checked at
-    `looks` times of the run.
+    The first axis of each array is time. The methods "euler", "semi_implicit" and "rk4" require dt, and a sample time that is a multiple
+    of dt. The method "gbs" is adaptive, and records t_eval. Without t_eval, fixed steps record the start, every record_every-th step and
+    the end. load(q, F) returns J'F for a law without a frame.
+
+    Only "gbs" supports events: `run["events"]` is a list of (t, index, plant state). The sign of each event function is checked at `looks`
+    times of the run.
     """
     n = plant.arm.n
     f_ext, jumps = as_force(force)
@@ -75,7 +77,7 @@ def simulate(
         points = _adaptive(loop, y0, t_end, [t_end] if wanted is None else wanted, breaks, rtol, atol, search, looks)
     else:
         points = _fixed(loop, y0, t_end, step, _stepper(method, plant, n), record_every, wanted, breaks)
-    # The generator samples as it goes: each row must be recorded before the next step.
+    # The generator takes samples while it advances, so each row must be recorded before the next step.
     run: dict[str, Any] = _collect(first, [loop.record(t, y) for t, y in points])
     return run if search is None else run | {"events": search.found}
 
@@ -108,7 +110,7 @@ def _fixed(
     wanted: list[float] | None,
     breaks: list[float],
 ) -> Iterator[tuple[float, Array]]:
-    """The grid k dt, the last step shortened to t_end; stages before a jump take its left limit."""
+    """The states at the times k dt, where the last step ends at t_end. Stages before a jump use its limit from the left."""
     count = int(np.ceil(t_end / dt - 1e-9))
     for k in range(count + 1):
         t, end = min(k * dt, t_end), min((k + 1) * dt, t_end)
@@ -148,7 +150,7 @@ def _adaptive(
     search: Search | None,
     looks: int,
 ) -> Iterator[tuple[float, Array]]:
-    """Integrate from one sample, output or check to the next; a record at a sample has the new input."""
+    """The recorded states. The integration goes from one sample, output or check to the next. A record at a sample has the new input."""
     last = max(wanted)
     marks = {0.0, last, *(loop.clock.instants(last) if loop.clock is not None else ())}
     if search is not None:

@@ -1,8 +1,8 @@
-"""Derivatives of the dynamics from samples of the dynamics, without truncation error.
+"""Derivatives of the dynamics from values of the dynamics at other states, without truncation error.
 
     In an angle q_j the torque is a trigonometric polynomial of degree 2:  df/dq_j = sum_k w_k f(q_j + 2 pi k/5),
         w_k = 2/5 (sin x_k + 2 sin 2 x_k),  x_k = 2 pi k/5,  k = 0..4
-    in a slide q_j, and in every velocity, it is a polynomial of degree 2:  df/dx = (f(x + 1) - f(x - 1)) / 2
+    In a prismatic q_j, and in every velocity, it is a polynomial of degree 2:  df/dx = (f(x + 1) - f(x - 1)) / 2
     forward dynamics:  M a = tau - h(q, v),  so  da/dq = -M^-1 d tau/dq,  da/dv = -M^-1 d tau/dv,  da/dtau = M^-1
     linearisation:     d/dt [dq; dv] = [[0, 1], [da/dq, da/dv]] [dq; dv] + [[0], [M^-1]] dtau
 
@@ -21,13 +21,13 @@ WEIGHTS = 0.4 * (np.sin(TURNS) + 2.0 * np.sin(2.0 * TURNS))
 
 
 def _central(f: Callable[[Array], Array], x: Array) -> Array:
-    """df/dx (..., n, n) of a polynomial of degree 2."""
+    """The derivatives df/dx (..., n, n) of a polynomial f of degree 2."""
     steps = np.eye(x.shape[-1])
     return np.swapaxes((f(x[..., None, :] + steps) - f(x[..., None, :] - steps)) / 2.0, -1, -2)
 
 
 def _periodic(f: Callable[[Array], Array], q: Array) -> Array:
-    """df/dq (..., n, n) of a trigonometric polynomial of degree 2."""
+    """The derivatives df/dq (..., n, n) of a trigonometric polynomial f of degree 2."""
     points = q[..., None, None, :] + TURNS[:, None, None] * np.eye(q.shape[-1])
     slopes: Array = np.einsum("k,...kji->...ij", WEIGHTS, f(points))
     return slopes
@@ -36,7 +36,7 @@ def _periodic(f: Callable[[Array], Array], q: Array) -> Array:
 def inverse_dynamics_derivatives(
     arm: Mechanism, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, friction: bool = False
 ) -> tuple[Array, Array, Array]:
-    """d tau/dq, d tau/dv and d tau/da = M, (..., n, n) each; friction adds the damping to the second."""
+    """The derivatives d tau/dq, d tau/dv and d tau/da = M, (..., n, n) each. `friction` adds the damping to d tau/dv."""
     q, v, a = vectors(q, v, a, n=arm.n)
 
     def by_position(x: Array) -> Array:
@@ -54,7 +54,7 @@ def inverse_dynamics_derivatives(
 def forward_dynamics_derivatives(
     arm: Mechanism, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, friction: bool = False
 ) -> tuple[Array, Array, Array]:
-    """da/dq, da/dv and da/dtau = M^-1, (..., n, n) each."""
+    """The derivatives da/dq, da/dv and da/dtau = M^-1, (..., n, n) each."""
     q, v, tau = vectors(q, v, tau, n=arm.n)
     a = arm.forward_dynamics(q, v, tau, friction=friction)
     by_q, by_v, mass = inverse_dynamics_derivatives(arm, q, v, a, friction=friction)
@@ -62,7 +62,7 @@ def forward_dynamics_derivatives(
 
 
 def linearize(arm: Mechanism, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, friction: bool = False) -> tuple[Array, Array]:
-    """A (..., 2 n, 2 n) and B (..., 2 n, n) about a state, which need not be an equilibrium."""
+    """The matrices A (..., 2 n, 2 n) and B (..., 2 n, n) of the linear model about a state, which need not be an equilibrium."""
     by_q, by_v, inverse = forward_dynamics_derivatives(arm, q, v, tau, friction=friction)
     one, zero = np.broadcast_to(np.eye(arm.n), by_q.shape), np.zeros(by_q.shape)
     A = np.concatenate([np.concatenate([zero, one], axis=-1), np.concatenate([by_q, by_v], axis=-1)], axis=-2)

@@ -1,10 +1,10 @@
-"""Stick-slip friction as a complementarity problem, by impulses of a time step and by torques at one state.
+"""Stick-slip friction as a complementarity problem, for the impulses of a time step and for the torques at one state.
 
     A (v+ - v) = h (b - d v) - p,   |p_i| <= h F_i;   v+_i = 0 if |p_i| < h F_i, v+_i > 0 only at h F_i, v+_i < 0 only at -h F_i
     F_i = F_s + mu |L| at rest, F_c + (F_s - F_c) exp(-(v/v_s)^2) + mu |L| in motion
 
-The load L of an ElasticArm is its joint torque. That of a RigidArm is tau - tau_f, with the friction of the step before.
-The impulses are found by projected Gauss-Seidel sweeps; no event is located. Steps are of first order.
+The load L of an ElasticArm is its joint torque. The load of a RigidArm is tau - tau_f, with the friction of the previous step. Projected
+Gauss-Seidel iterations compute the impulses p. No event is located, and the steps have first order.
 """
 
 from typing import Any, NamedTuple
@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 from .lagrange import Array, solve
 from .plant import ElasticArm, RigidArm
 
-# Sweeps end where no impulse changes by more than this part of the largest.
+# The iterations end when no impulse changes by more than this fraction of the largest one. Then the largest number of iterations.
 CONVERGED, SWEEPS = 1e-15, 20_000
 
 
 class StickSlip(NamedTuple):
-    """Per joint, scalar or (n,): the arguments of `armlet.StickSlip`."""
+    """The arguments of `armlet.StickSlip`, scalar or (n,) each."""
 
     coulomb: ArrayLike
     static: ArrayLike | None = None
@@ -29,7 +29,7 @@ class StickSlip(NamedTuple):
     load_ratio: ArrayLike = 0.0
 
     def level(self, v: Array) -> Array:
-        """F_i without load, (n,): static friction where v = 0."""
+        """The largest friction torques F_i without load, (n,): static friction for joints with v = 0."""
         coulomb = np.asarray(self.coulomb, dtype=np.float64)
         static = np.asarray(coulomb if self.static is None else self.static, dtype=np.float64)
         speed = np.asarray(0.0 if self.stribeck_speed is None else self.stribeck_speed, dtype=np.float64)
@@ -39,7 +39,7 @@ class StickSlip(NamedTuple):
 
 
 def complementary(W: Any, free: Any, bound: Any) -> tuple[Array, Array]:
-    """p and v+ = free - W p of the problem above."""
+    """The solution p and v+ = free - W p of the complementarity problem with |p_i| <= bound_i."""
     p = np.zeros_like(free)
     if not p.size:
         return p, p
@@ -59,7 +59,10 @@ def _inertia(plant: RigidArm | ElasticArm, q: Array) -> Array:
 
 
 def friction_torque(plant: RigidArm | ElasticArm, friction: StickSlip, y: Array, tau: Array, load: Array) -> Array:
-    """tau_f (n,) at the state y of a plant without friction; joints with v = 0 are at rest. With a load ratio it is iterated."""
+    """The friction torque tau_f (n,) at the state y of a plant without friction. Joints with v = 0 are at rest.
+
+    With a load ratio, the friction depends on the load and the load on the friction, so the result is found by iteration.
+    """
     n = plant.arm.n
     which = slice(3 * n, 4 * n) if plant.elastic else slice(n, 2 * n)
     v, W = y[which], np.linalg.inv(_inertia(plant, y[:n]))
@@ -89,7 +92,7 @@ def stick_slip_run(
     v0: ArrayLike | None = None,
     record_every: int = 1,
 ) -> dict[str, Array]:
-    """A run of a plant without other friction under this friction: t, q, v of its state at every record_every-th step."""
+    """A run of a plant with this friction as its only friction: t, q and v at every record_every-th step."""
     n = plant.arm.n
     start = np.array(q0, dtype=np.float64)
     y = plant.initial(start, np.zeros(n) if v0 is None else np.array(v0, dtype=np.float64), None, None)

@@ -1,9 +1,9 @@
 """Gains for a bandwidth w and a damping ratio z, from mass matrices at random configurations.
 
     kp = m w^2,  kd = 2 z m w,  m = s max_q diag M(q),  s the largest generalised eigenvalue of (M(q), max_q diag M(q))
-    limit of a hold of h: the spectral radius of exp([0 1; 0 0] h) - [h^2/2; h] [w^2 2 z w] / l reaches 1     (bisection)
+    limit for a sample time h: the w at which the spectral radius of exp([0 1; 0 0] h) - [h^2/2; h] [w^2 2 z w] / l is 1     (bisection)
 
-The core has the limit in closed form, by Jury's criterion.
+The core uses the closed form of the limit, from Jury's criterion.
 """
 
 from typing import NamedTuple
@@ -18,9 +18,9 @@ MASK = (1 << 64) - 1
 
 
 class SuggestedGains(NamedTuple):
-    """kp, kd and m (n,), and two limits of the bandwidth of a sampled loop: with l < 1, and with l = 1.
+    """The gains kp and kd, the inertia m, (n,) each, and two limits of the bandwidth of a sampled loop, rad/s.
 
-    Above its limit a loop is unstable.
+    The first limit is for the smallest eigenvalue l of the samples, and the second one for l = 1. Above its limit a loop is unstable.
     """
 
     kp: Array
@@ -31,7 +31,7 @@ class SuggestedGains(NamedTuple):
 
 
 def _uniform(count: int) -> Array:
-    """SplitMix64 from zero (Steele, Lea and Flood 2014), in [0, 1)."""
+    """The first `count` random numbers in [0, 1) of SplitMix64 with the seed 0 (Steele, Lea and Flood 2014)."""
     out, state = np.empty(count), 0
     for k in range(count):
         state = (state + 0x9E3779B97F4A7C15) & MASK
@@ -42,7 +42,7 @@ def _uniform(count: int) -> Array:
 
 
 def _radius(w: float, zeta: float, light: float, h: float) -> float:
-    """The spectral radius of the lightest mode over one sample."""
+    """The spectral radius, over one sample, of the mode with the smallest eigenvalue l = light."""
     held = np.array([[1.0, h], [0.0, 1.0]]) - np.outer([h * h / 2, h], [w * w / light, 2 * zeta * w / light])
     return float(np.abs(np.linalg.eigvals(held)).max())
 
@@ -56,7 +56,7 @@ def _limit(zeta: float, light: float, h: float) -> float:
 
 
 def suggest_gains(arm: Mechanism, bandwidth: float, damping_ratio: float = 1.0, sample_time: float | None = None) -> SuggestedGains:
-    """Joints without limits are sampled over one turn, or from -1 m to 1 m. Without a sample time the limits of bandwidth are infinite."""
+    """Compute gains. Joints without limits range from -pi to pi rad or from -1 to 1 m. Without `sample_time` the limits are infinite."""
     if isinstance(arm, Arm):
         half = np.where(arm.angles, np.pi, 1.0)
         lower, upper = arm.limits["lower"], arm.limits["upper"]

@@ -1,9 +1,9 @@
-"""Cartesian coordinates of a frame: chosen rows of position and orientation.
+"""Cartesian coordinates of a frame: selected rows of position and orientation.
 
     e = x_d - p_WF for the letters x y z,   e = log(R_d R') for rx ry rz,  R_d = exp(target)
-    e_dot = -J v for positions;  J the matching rows of the geometric Jacobian in world axes
+    e_dot = -J v for positions;  J the corresponding rows of the geometric Jacobian in world axes
 
-log comes from the unit quaternion that is the leading eigenvector of Bar-Itzhack's matrix (2000): no trace formula, no branch at pi.
+log comes from a unit quaternion: the eigenvector of Bar-Itzhack's matrix (2000) for the largest eigenvalue. It needs no special case at pi.
 """
 
 import re
@@ -18,7 +18,7 @@ ROWS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def parse_axes(axes: str) -> list[int]:
-    """Row numbers of "xyz", "xy", "rx ry rz", "xyz rz" in the 6 rows [v; w]."""
+    """The row indices, in the 6 rows [v; w], of axes such as "xyz", "xy", "rx ry rz" or "xyz rz"."""
     if re.sub(r"r[xyz]|[xyz]|[\s,]", "", axes) or not axes.strip():
         raise ValueError(f"axes is not made of x y z rx ry rz: got {axes!r}")
     rows = [ROWS.index(name) for name in re.findall(r"r[xyz]|[xyz]", axes)]
@@ -28,7 +28,7 @@ def parse_axes(axes: str) -> list[int]:
 
 
 def rotation_vector(R: Array) -> Array:
-    """log R as axis times angle in [0, pi]."""
+    """The rotation vector log R, rad: the axis times the angle in [0, pi]."""
     K = np.empty((4, 4))
     K[:3, :3] = R + R.T - np.trace(R) * np.eye(3)
     K[:3, 3] = K[3, :3] = (R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
@@ -42,14 +42,14 @@ def rotation_vector(R: Array) -> Array:
 
 
 def rotation_matrix(vector: Array) -> Array:
-    """exp of a rotation vector by the eigenvalues of i times its cross matrix, which is Hermitian."""
+    """The rotation exp(vector), (3, 3), from the eigenvalues of i times the skew-symmetric matrix of the vector, which is Hermitian."""
     angles, U = np.linalg.eigh(1j * cross(vector))
     R: Array = ((U * np.exp(-1j * angles)) @ U.conj().T).real
     return R
 
 
 def pose_error(X: Array, target: Array, rows: list[int]) -> Array:
-    """x_d - p and log(R_d R') of a pose X (4, 4), in the chosen rows; rows of orientation without a target have the target zero."""
+    """The rows `rows` of x_d - p and log(R_d R') for a pose X (4, 4). Rows of orientation that are not in `rows` have the target zero."""
     full = np.zeros(6)
     full[rows] = target
     turn = rotation_vector(rotation_matrix(full[3:]) @ X[:3, :3].T) if max(rows) > 2 else np.zeros(3)
@@ -57,14 +57,14 @@ def pose_error(X: Array, target: Array, rows: list[int]) -> Array:
 
 
 def pose_vector(arm: Arm, q: ArrayLike, frame: str) -> Array:
-    """[p; log R] of a frame, (..., 6)."""
+    """The position and the rotation vector [p; log R] of a frame, (..., 6), m and rad."""
     X = arm.pose(q, frame)
     turns = [rotation_vector(R) for R in X[..., :3, :3].reshape(-1, 3, 3)]
     return np.concatenate([X[..., :3, 3], np.reshape(turns, (*X.shape[:-2], 3))], axis=-1)
 
 
 class Coordinates:
-    """Rows of one frame of an arm with a target, one entry per row."""
+    """Selected rows of the pose of a frame of an arm, with a target of one number per row."""
 
     def __init__(self, arm: Arm, target: ArrayLike, frame: str, axes: str) -> None:
         self.arm, self.frame, self.rows = arm, frame, parse_axes(axes)
@@ -73,15 +73,15 @@ class Coordinates:
             raise ValueError(f"target is misshapen: expected ({len(self.rows)},), got {self.target.shape}")
 
     def error(self, q: Array, target: Array | None = None) -> Array:
-        """x_d - x, (rows,); the argument `target` replaces its target."""
+        """The error x_d - x, (rows,). If the argument `target` is not None, it is x_d."""
         return pose_error(self.arm.pose(q, self.frame), self.target if target is None else target, self.rows)
 
     def jacobian(self, q: Array) -> Array:
-        """(rows, n)."""
+        """The Jacobian of the rows, (rows, n)."""
         chosen: Array = self.arm.jacobian(q, self.frame)[self.rows]
         return chosen
 
     def load(self, q: Array, F: Array) -> Array:
-        """J'F, (n,)."""
+        """The joint torque J'F, (n,), of a force F in the rows, (rows,)."""
         torque: Array = self.jacobian(q).T @ F
         return torque

@@ -1,13 +1,13 @@
-"""Task functions of an arm: error e(q), feed-forward w, Jacobian J(q), for a command J v = w + K e.
+"""Tasks of an arm: the error e(q), the feed-forward w and the Jacobian J(q) of a command J v = w + K e.
 
     frame           e = x_d - p,  log(R_d R')                       J: rows of the geometric Jacobian
     posture         e = q_d - q of chosen joints                    rows of the identity
     centre of mass  e = c_d - c                                     sum_i dT_i/dq P_i e_4 / m
-    axis            e = B'r,  exp(r) a = d, |r| <= pi            B'J_w,  B = R [b1 b2], b1 and b2 in the frame across its axis
-    relative        the frame's e of X = X_r^-1 X_f                 from dX/dq = X_r^-1 dX_f/dq - X_r^-1 dX_r/dq X
+    axis            e = B'r,  exp(r) a = d, |r| <= pi            B'J_w,  B = R [b1 b2], b1 and b2 perpendicular to the axis in the frame
+    relative        e as for frame, with X = X_r^-1 X_f             from dX/dq = X_r^-1 dX_f/dq - X_r^-1 dX_r/dq X
     joint limits    e = clip(q, lower + m range, upper - m range) - q
 
-A direction d(t) turns at w = d x d' / d.d;  w' and dJ/dt are complex steps, because every Jacobian here is analytic in q.
+A direction d(t) has the angular velocity w = d x d' / d.d. Complex steps compute w' and dJ/dt, because each Jacobian here is analytic in q.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,10 @@ Target = Motion | ArrayLike | None
 
 
 class Task:
-    """Rows of a frame that follow a motion or rest at a target; gain and damping scalar, (rows,) or (rows, rows)."""
+    """A task that moves selected rows of a frame's pose to a target or along a motion. It is the base class of all tasks.
+
+    `gain` and `damping` are scalar, (rows,) or (rows, rows).
+    """
 
     def __init__(
         self,
@@ -44,13 +47,13 @@ class Task:
 
     def _aim(self, target: Target, gain: ArrayLike, motion: Motion | None, damping: ArrayLike | None) -> None:
         given = target if motion is None else motion
-        self.aimless = given is None  # then its velocity is given in each call
+        self.aimless = given is None  # without a target, each call has the task velocity
         self.motion: Motion = given if callable(given) else Hold(np.zeros(0) if given is None else given)
         self.gain, self.damping = gain, damping
         self.breaks: tuple[float, ...] = getattr(self.motion, "breaks", ())
 
     def gains(self, arm: Arm) -> tuple[Array, Array]:
-        """K and the gain of the error's rate, (rows, rows) each. The default of the second is 2 K^1/2."""
+        """The gain K of the error, and the gain of the error's derivative, (rows, rows) each. The default of the second is 2 K^1/2."""
         rows = self.jacobian(arm, np.zeros(arm.n)).shape[0]
         K = gain(self.gain, rows)
         if self.damping is not None:
@@ -59,24 +62,24 @@ class Task:
         return K, np.asarray(2.0 * (U * np.sqrt(np.maximum(values, 0.0))) @ U.T)
 
     def jacobian(self, arm: Arm, q: Analytic) -> Analytic:
-        """(rows, n), analytic in q."""
+        """The Jacobian of the task, (rows, n), analytic in q."""
         return arm._jacobian(q, self.frame)[parse_axes(self.axes)]
 
     def jacobian_dot(self, arm: Arm, q: Array, v: Array) -> Array:
-        """dJ/dt along v, (rows, n)."""
+        """The time derivative dJ/dt for dq/dt = v, (rows, n)."""
         return np.asarray(self.jacobian(arm, q + 1j * STEP * v).imag / STEP)
 
     def error(self, arm: Arm, q: Array, target: Array) -> Array:
-        """(rows,)."""
+        """The error of the task, (rows,)."""
         return pose_error(arm.pose(q, self.frame), target, parse_axes(self.axes))
 
     def feedforward(self, arm: Arm, q: Array, sample: Sample) -> tuple[Array, Array]:
-        """Velocity and acceleration of the target, (rows,) each."""
+        """The velocity and the acceleration of the target, (rows,) each."""
         return sample[1], sample[2]
 
 
 class PostureTask(Task):
-    """Chosen joints, or all."""
+    """A task that moves the joints `joints`, or all joints, to desired positions."""
 
     def __init__(
         self,
@@ -101,7 +104,7 @@ class PostureTask(Task):
 
 
 class JointLimitTask(PostureTask):
-    """Move joints out of a margin at both ends of their ranges; the margin is a fraction of the range."""
+    """A task that moves joints out of a margin at both ends of their ranges. The margin is a fraction of the range."""
 
     def __init__(
         self, gain: ArrayLike = 1.0, margin: float = 0.1, *, joints: Sequence[str] | None = None, damping: ArrayLike | None = None
@@ -125,7 +128,7 @@ class JointLimitTask(PostureTask):
 
 
 class CentreOfMassTask(Task):
-    """Rows of the centre of mass, world axes."""
+    """A task that moves selected coordinates of the centre of mass, in world axes."""
 
     def __init__(
         self, axes: str, target: Target = None, gain: ArrayLike = 1.0, *, motion: Motion | None = None, damping: ArrayLike | None = None
@@ -143,7 +146,7 @@ class CentreOfMassTask(Task):
 
 
 class AxisTask(Task):
-    """A direction `axis` (3,) of a frame points along a direction (3,) of the world. The two rows are perpendicular to it."""
+    """A task that turns the direction `axis` (3,) of a frame to a direction (3,) of the world. Its two rows are perpendicular to `axis`."""
 
     def __init__(
         self,
@@ -158,13 +161,14 @@ class AxisTask(Task):
         self.frame = frame
         self.axis: Array = _unit(np.asarray(axis, dtype=np.float64))
         self._aim(target, gain, motion, damping)
-        # b2 across the axis and the coordinate axis that is farthest from it, b1 = b2 x axis; x and y where the axis is z.
+        # b2 is perpendicular to the axis and to the coordinate axis with the largest angle to it, and b1 = b2 x axis. For the axis z they
+        # are x and y.
         second = _unit(np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))]))
         along_z = bool(self.axis[2] == 1.0)
         self.across: Array = np.eye(3)[:2] if along_z else np.stack([np.cross(second, self.axis), second])
 
     def _turned(self, arm: Arm, q: Analytic) -> Analytic:
-        """R [b1 b2], (3, 2)."""
+        """The matrix B = R [b1 b2], (3, 2)."""
         return np.asarray(arm._frame(q, self.frame)[0][:3, :3] @ self.across.T)
 
     def jacobian(self, arm: Arm, q: Analytic) -> Analytic:
@@ -173,9 +177,9 @@ class AxisTask(Task):
     def error(self, arm: Arm, q: Array, target: Array) -> Array:
         a, d = arm.pose(q, self.frame)[:3, :3] @ self.axis, _unit(target)
         middle, B = a + d, self._turned(arm, q)
-        if np.linalg.norm(middle) < 1e-15:  # opposite: half a turn about b1
+        if np.linalg.norm(middle) < 1e-15:  # for opposite directions, the rotation is pi about b1
             return np.array([np.pi, 0.0])
-        # Half a turn about a, then half a turn about the direction between, turns a to d the short way.
+        # The rotation by pi about a, and then by pi about the direction m in the middle, is the shortest rotation from a to d.
         m = _unit(middle)
         turn = (2 * np.outer(m, m) - np.eye(3)) @ (2 * np.outer(a, a) - np.eye(3))
         return np.asarray(B.T @ rotation_vector(turn))
@@ -189,7 +193,7 @@ class AxisTask(Task):
 
 
 class RelativeTask(Task):
-    """Rows of the pose of a frame in the axes of another frame."""
+    """A task that controls selected rows of the pose of a frame in the axes of another frame."""
 
     def __init__(
         self,

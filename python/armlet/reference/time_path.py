@@ -1,4 +1,4 @@
-"""The fastest timing of a path, as one convex problem solved by an interior-point method.
+"""The fastest timing of a path, as a convex optimisation problem that an interior-point method solves.
 
     b_k = (ds/dt)^2 at s_k;   on a segment of length h:  u = (b_(k+1) - b_k)/(2 h),  m = (b_k + b_(k+1))/2
     minimise  T = sum 2 h / (b_k^1/2 + b_(k+1)^1/2)
@@ -8,8 +8,8 @@
     A = M q',  B = M q'' + C(q, q') q'
     by Newton's method on  T/mu - sum log(distance to each limit),  mu falling to zero         (Verscheure et al. 2009)
 
-The planner of the core sweeps the grid forwards and backwards. Stops divide the path into parts with separate timings. The search
-starts with the arm at rest. So a path on which the arm cannot hold itself is refused, even if a faster motion is feasible.
+The planner of the core passes over the grid forwards and backwards. Stops divide the path into parts with separate timings. The search
+starts with the arm nearly at rest. So it finds no timing for a path on which the arm cannot rest, even if a faster motion is feasible.
 """
 
 import itertools
@@ -27,7 +27,7 @@ Path = Callable[[Array], tuple[Array, Array, Array]]
 
 
 class Timing(NamedTuple):
-    """Duration, path positions, and path speeds ds/dt there; NaN and empty if no timing was found."""
+    """A timing: its duration, s, path positions, and path speeds ds/dt at them. Without a timing they are NaN and empty."""
 
     duration: float
     s: Array
@@ -35,7 +35,7 @@ class Timing(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Two-sided limits of one part: low <= A u + B m + g + d m^1/2 <= high, (segments, rows) each, and b <= top at the nodes."""
+    """The limits of one part of the path: `low <= A u + B m + g + d m^1/2 <= high`, (segments, rows) each, and `b <= top` at the nodes."""
 
     A: Array
     B: Array
@@ -46,11 +46,11 @@ class Rows(NamedTuple):
     top: Array
     h: Array
     tip: Array
-    """p' and p'' in parts of the limit of acceleration, (2, segments, 3); zero without one."""
+    """p' and p'' divided by the acceleration limit of the frame, (2, segments, 3); zero without this limit."""
 
 
 def path_of(path: Any, knots: ArrayLike | None, spline: str | None, samples: int) -> tuple[Path, Array]:
-    """q, q', q'' at path positions, and the positions between which they are smooth."""
+    """The function of s that returns q, q', q'', and the path positions between which it is smooth."""
     if callable(path):
         ends = np.array([0.0, 1.0])
         if isinstance(path(0.0), tuple):
@@ -82,7 +82,10 @@ def time_path(
     tip_acceleration: ArrayLike | Callable[[float], float] | None = None,
     frame: str | None = None,
 ) -> Timing:
-    """Waypoints (K, n) joined by a cubic spline, or a callable on [0, 1]: q(s), or q, q', q''; arguments as those of `armlet.time_path`."""
+    """The fastest timing of a path. The arguments are those of `armlet.time_path`.
+
+    The path is waypoints (K, n), which a cubic spline joins, or a callable on [0, 1] that returns q(s), or q, q', q''.
+    """
     at, smooth = path_of(path, knots, spline, samples)
     if leaves_range(lambda s: at(s)[0], smooth, q_min, q_max):
         return Timing(np.nan, np.zeros(0), np.zeros(0))
@@ -114,11 +117,11 @@ def middles(s: Array) -> Array:
 
 
 def _with_tip(rows: Rows, origin: Callable[[Array], Array], s: Array, inside: Array, limits: list[Array | None]) -> Rows:
-    """The rows with the limits of a frame's origin: of its speed at s, and of its acceleration in the middles."""
+    """Add the limits of a frame's origin to the rows: of its speed at s, and of its acceleration in the middles of the segments."""
     speed, most = limits
 
     def slopes(x: Array) -> Array:
-        # Piece by piece, since the third derivative of the path jumps.
+        # The differences are computed piece by piece, because the third derivative of the path jumps between pieces.
         found = np.zeros((2, x.size, 3))
         for a, b in itertools.pairwise(inside):
             here = (x >= a) & (x <= b)
@@ -151,11 +154,11 @@ def _rows(arm: Mechanism, at: Path, s: Array, limits: Any, v_max: Array, damping
 
 
 def _fastest(rows: Rows, ends: tuple[float, float]) -> Array | None:
-    """b at the nodes; None if the arm at rest exceeds a limit."""
+    """The optimal b at the nodes; None if a nearly resting arm exceeds a limit."""
     nodes = rows.h.size + 1
     line = np.linspace(ends[0] ** 2, ends[1] ** 2, nodes)
     b: Array = line
-    # Slower and slower, until the start of the search is inside every limit.
+    # The speed of the initial guess decreases until the guess satisfies every limit.
     for scale in 10.0 ** -np.arange(0.0, 14.0):
         b = line + scale * np.minimum(1.0, np.where(np.isfinite(rows.top), rows.top, 1.0)).min() * np.sin(np.linspace(0, np.pi, nodes)) ** 2
         b[0], b[-1] = line[0], line[-1]
@@ -178,7 +181,7 @@ def _fastest(rows: Rows, ends: tuple[float, float]) -> Array | None:
 
 
 def _distances(rows: Rows, b: Array) -> tuple[Array, Array, Array]:
-    """Distances to the lower and upper limits (segments, rows), and to the highest b of each node."""
+    """The distances to the lower and upper limits, (segments, rows) each, and the distance of b to its upper limit at each node."""
     u, m = np.diff(b) / (2.0 * rows.h), 0.5 * (b[:-1] + b[1:])
     value = rows.A * u[:, None] + rows.B * m[:, None] + rows.g + rows.d * np.sqrt(np.maximum(m, 0.0))[:, None]
     return value - rows.low, rows.high - value, rows.top - b
@@ -202,7 +205,7 @@ def _barrier(rows: Rows, b: Array, mu: float) -> float:
 
 
 def _newton(rows: Rows, b: Array, mu: float) -> tuple[Array, float]:
-    """The step of b, zero at the ends, and the predicted decrease. The second derivative of friction is neglected."""
+    """The Newton step of b, which is zero at the ends, and the predicted decrease. The second derivative of friction is neglected."""
     h, r = rows.h, np.sqrt(b)
     total = r[:-1] + r[1:]
     m = 0.5 * (b[:-1] + b[1:])
@@ -213,7 +216,7 @@ def _newton(rows: Rows, b: Array, mu: float) -> tuple[Array, float]:
             np.add.at(gradient, near, -h / (total**2 * p) / mu)
             np.add.at(H, (near, near), (h / (2.0 * total**2 * p**3) + h / (total**3 * p**2)) / mu)
         across = h / (total**3 * r[:-1] * r[1:]) / mu
-        # Each limit moves with the two nodes of its segment.
+        # Each limit depends on b at the two nodes of its segment.
         slope = 0.5 * rows.B + 0.25 * rows.d / np.sqrt(m)[:, None]
         pair = slope - rows.A / (2.0 * h)[:, None], slope + rows.A / (2.0 * h)[:, None]
         below, above, top = _distances(rows, b)

@@ -3,10 +3,10 @@
     s'' = u + b x,  x = s - s_i,  u = (r_1^2 - r_0^2) / (2 h) - b h / 2,  h = s_1 - s_0        (path acceleration linear in s)
     x(t) = sum x_k t^k,   x_0 = 0,  x_1 = r_0,  x_2 = u / 2,  x_(k+2) = b x_k / ((k+1)(k+2))
         b by bisection from the mean speed:   2 h / ((r_0 + r_1)(t_1 - t_0)) = tanh(y)/y,   y = b^1/2 (t_1 - t_0)/2  (b < 0: tan)
-    or x(t) the cubic with these ends and speeds                                             (path acceleration linear in time)
+    or x(t) the cubic with these positions and speeds at both ends                           (path acceleration linear in time)
     q, q_s, q_ss of the path at s:   v = q_s s',  a = q_s s'' + q_ss s'^2
 
-The start is held before time 0, the end afterwards.
+The motion is at rest at the start before time 0, and at rest at the end after the last time.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from .lagrange import Array
 from .motion import Sample
 
 Path = Callable[[Array], tuple[Array, Array, Array]]
-TERMS = 40  # of the series: (b t^2)^20 / 40! is below rounding where b t^2 < 100
+TERMS = 40  # number of terms of the series: (b t^2)^20 / 40! is below the rounding error for b t^2 < 100
 
 
 def _series(rate: float, u: float, b: float) -> Polynomial:
@@ -30,13 +30,13 @@ def _series(rate: float, u: float, b: float) -> Polynomial:
 
 
 def _slowness(z: float) -> float:
-    """tanh(y) / y at y^2 = z, tan(y) / y at y^2 = -z. It decreases from infinity at z = -(pi/2)^2 to zero."""
+    """tanh(y) / y with y^2 = z, or tan(y) / y with y^2 = -z for negative z. It decreases from infinity at z = -(pi/2)^2 to zero."""
     y = np.sqrt(abs(z))
     return 1.0 - z / 3.0 if y < 1e-5 else float((np.tanh(y) if z > 0.0 else np.tan(y)) / y)
 
 
 def _linear_in_position(rates: tuple[float, float], h: float, T: float) -> Polynomial:
-    """x(t) on an interval of length h and duration T."""
+    """The polynomial x(t) on an interval of the length h and the duration T, s, with the path speeds `rates` at its ends."""
     share = 2.0 * h / ((rates[0] + rates[1]) * T)
     low, high = -((np.pi / 2.0) ** 2), 4.0 / share**2 + 1.0
     while low < (middle := 0.5 * (low + high)) < high:
@@ -51,7 +51,10 @@ def _linear_in_time(rates: tuple[float, float], h: float, T: float) -> Polynomia
 
 
 class TimedPath:
-    """The motion of a path s -> q, q_s, q_ss of rows (K, n); `cubic` if the path acceleration is linear in time."""
+    """The motion along a path with a timing. The path is a function of s (K,) that returns q, q_s, q_ss, (K, n) each.
+
+    If `cubic`, the path acceleration is linear in time, otherwise it is linear in s.
+    """
 
     def __init__(self, path: Path, s: ArrayLike, s_dot: ArrayLike, t: ArrayLike, *, cubic: bool = False) -> None:
         self.path = path
@@ -69,5 +72,5 @@ class TimedPath:
         i = min(int(np.searchsorted(self.t, t, side="right")), self.t.size - 1) - 1
         h, T, d = float(self.s[i + 1] - self.s[i]), float(self.t[i + 1] - self.t[i]), float(t - self.t[i])
         on = (_linear_in_time if self.cubic else _linear_in_position)((float(self.s_dot[i]), float(self.s_dot[i + 1])), h, T)
-        at_rest = t == self.t[-1] and (self.cubic or self.s_dot[-1] == 0.0)  # the hold after the end begins
+        at_rest = t == self.t[-1] and (self.cubic or self.s_dot[-1] == 0.0)  # from the last time on, the motion is at rest
         return self._at(float(self.s[i] + on(d)), float(on.deriv()(d)), 0.0 if at_rest else float(on.deriv(2)(d)))

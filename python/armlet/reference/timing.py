@@ -1,10 +1,10 @@
-"""A check of the limits of a path's timing. It uses only samples of the motion.
+"""A check of the limits of a path's timing, which uses only samples of the motion.
 
-    tau = d/dt dL/dv - dL/dq from the energies (see `lagrange`), against tau_min <= tau <= tau_max, |v| <= v_max, |a| <= a_max
+    tau = d/dt dL/dv - dL/dq from the energies (see `lagrange`);   tau_min <= tau <= tau_max, |v| <= v_max, |a| <= a_max
     spline by its second derivatives:  h_(k-1) M_(k-1) + 2 (h_(k-1) + h_k) M_k + h_k M_(k+1) = 6 (D_k/h_k - D_(k-1)/h_(k-1))
     ends: natural M_0 = 0;  clamped 2 h_0 M_0 + h_0 M_1 = 6 D_0/h_0;  not-a-knot h_1 M_0 - (h_0 + h_1) M_1 + h_0 M_2 = 0
 
-The planner solves for slopes and runs Newton-Euler recursions.
+The planner of the core solves for first derivatives of the spline, and uses Newton-Euler recursions.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,10 @@ EPS = float(np.finfo(np.float64).eps)
 
 
 def cubic_spline(s: ArrayLike, q: ArrayLike, ends: str = "natural") -> Callable[[Array], tuple[Array, Array, Array]]:
-    """q, q', q'' of the cubic spline through the rows of q (K, n) at s (K,); ends "natural", "clamped" or "not-a-knot"."""
+    """The function that returns q, q', q'' of the cubic spline through the rows of q (K, n) at s (K,).
+
+    `ends` is "natural", "clamped" or "not-a-knot".
+    """
     s, q = np.asarray(s, dtype=np.float64), np.asarray(q, dtype=np.float64)
     h, steps = np.diff(s), np.diff(q, axis=0)
     K = s.size
@@ -46,7 +49,7 @@ def cubic_spline(s: ArrayLike, q: ArrayLike, ends: str = "natural") -> Callable[
 
 
 def positions(q: ArrayLike) -> Array:
-    """Path positions of waypoints (K, n) by the distances between them, from 0 to 1."""
+    """The path positions (K,), from 0 to 1, of waypoints (K, n), in proportion to the distances between them."""
     q = np.asarray(q, dtype=np.float64)
     size = np.abs(q).max() or 1.0
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0) / size, axis=1))])
@@ -54,7 +57,7 @@ def positions(q: ArrayLike) -> Array:
 
 
 def torques(arm: Mechanism, q: Array, v: Array, a: Array, viscous: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """Torques (T, n) with viscous friction, and bounds of their rounding errors."""
+    """The torques (T, n) of a motion with viscous friction, and bounds of their rounding errors."""
     tau = arm.inverse_dynamics(q, v, a) + np.asarray(viscous) * v
     mass = np.abs(arm.mass_matrix(q)).max(axis=-2)
     load = np.abs(a).sum(axis=-1) + np.square(v).sum(axis=-1)
@@ -63,7 +66,7 @@ def torques(arm: Mechanism, q: Array, v: Array, a: Array, viscous: ArrayLike = 0
 
 
 def excess(values: Array, limits: ArrayLike, rounding: Array | float = 0.0) -> float:
-    """Largest relative excess of values (T, n) over limits: scalar, (n,), or (n, 2) lower and upper."""
+    """The largest relative excess of values (T, n) over limits, which are a scalar, (n,), or (n, 2) lower and upper."""
     values, limits = np.atleast_2d(values), np.asarray(limits, dtype=np.float64)
     if limits.ndim < 2:
         limits = np.stack([-np.broadcast_to(limits, values.shape[1:]), np.broadcast_to(limits, values.shape[1:])], axis=1)

@@ -1,10 +1,10 @@
-"""Closed loops of task priority, whose input is the joint velocity or the torque.
+"""Laws for tasks with priorities, whose input is the joint velocity or the torque.
 
-q' = u,       u = the chosen priority map of  J_i u = x_d,i' + K_i e_i                       (closed-loop inverse kinematics)
-torque:       a = the map of  J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
+velocity:     q' = u,  u the priority map of  J_i u = x_d,i' + K_i e_i                       (closed-loop inverse kinematics)
+torque:       a the priority map of  J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v,  and a = -c v below all tasks
               tau = M a + C v + g   (computed torque)
-limits (sns): v_min' <= u <= v_max'   so that a joint can stop before its limit: time h, brakes a_max
-              (v_min' - v)/h <= a <= (v_max' - v)/h   within +-a_max: time 4 h, brakes a_max / 2
+limits (sns): v_min' <= u <= v_max'   so that a joint can stop before its limit, in the time h with the deceleration a_max
+              (v_min' - v)/h <= a <= (v_max' - v)/h   within +-a_max, in the time 4 h with the deceleration a_max / 2
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from .tasks import Task
 
 
 class VelocityArm:
-    """State q; the input is v. There is no kinetic energy."""
+    """An arm with the state q, whose input is v. It has no kinetic energy."""
 
     elastic = False
 
@@ -48,7 +48,7 @@ class VelocityArm:
 
 
 class PriorityVelocity(Law):
-    """Tasks in falling priority; the limits are those of "sns", None: the arm's own."""
+    """A velocity law for tasks, the highest priority first. The limits are for "sns"; None means the limits of the arm."""
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class PriorityVelocity(Law):
         self.horizon = horizon
 
     def bounds(self, q: Array, time: float, brakes: float) -> tuple[Array, Array]:
-        """Bounds of joint velocities (n,); `brakes` is the fraction of a_max that braking uses."""
+        """The bounds of joint velocities, (n,) each, for the time `time`, s, and the deceleration `brakes` * a_max."""
         q_min, q_max, v_min, v_max, a_max = self.limits
         columns = zip(q, q_min, q_max, v_min, v_max, brakes * a_max, strict=True)
         pairs = np.array([joint_bounds(x, low, high, slow, fast, time, a) for x, low, high, slow, fast, a in columns])
@@ -114,13 +114,13 @@ class PriorityVelocity(Law):
 
 
 class PriorityAcceleration(PriorityVelocity):
-    """The same law for accelerations, with computed torque."""
+    """The law for accelerations of tasks, with computed torque."""
 
     def __init__(self, *arguments: Any, joint_damping: float = 5.0, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
         self.joint_damping = joint_damping
         if self.eps is not None and np.size(self.eps) == len(self.tasks) > 1:
-            self.eps = [*np.ravel(self.eps), 0.02]  # of the level below all tasks
+            self.eps = [*np.ravel(self.eps), 0.02]  # the last eps is for the level below all tasks
 
     def _limited(self, q: Array, v: Array) -> dict[str, Array]:
         slow, fast = self.bounds(q, 4.0 * self.horizon, 0.5)
