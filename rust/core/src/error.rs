@@ -152,7 +152,7 @@ impl Error {
     pub fn index(&self) -> &[usize] {
         match self {
             Error::Input { index, .. } | Error::WrongShape { index, .. } => index,
-            _ => &[],
+            Error::Unknown { .. } | Error::Model { .. } | Error::Solve { .. } | Error::Format(_) | Error::Memory { .. } => &[],
         }
     }
 

@@ -74,7 +74,9 @@ impl Arm {
             let axis = Vector3::from(joint.axis);
             let motion = match joint.kind {
                 JointKind::Prismatic => Placement { rotation: Matrix3::IDENTITY, translation: axis.scale(value) },
-                _ => Placement { rotation: Matrix3::from_axis_angle(axis, value), translation: Vector3::from([0.0; 3]) },
+                JointKind::Revolute | JointKind::Continuous => {
+                    Placement { rotation: Matrix3::from_axis_angle(axis, value), translation: Vector3::from([0.0; 3]) }
+                }
             };
             let place = placement.then(&motion);
             moved.push((body, place));

@@ -76,7 +76,7 @@ impl Model {
     pub fn friction(&self, acts: bool) -> [Vec<f64>; 2] {
         let of = |get: fn(&Joint) -> f64| match self {
             Model::Tree(arm) if acts => arm.independent().map(get).collect(),
-            _ => vec![0.0; self.n()],
+            Model::Tree(_) | Model::PlanarPr(_) => vec![0.0; self.n()],
         };
         [of(|joint| joint.damping), of(|joint| joint.friction)]
     }

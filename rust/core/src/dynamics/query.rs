@@ -110,7 +110,8 @@ impl Query {
             (Quantity::ForwardDynamicsDerivatives, _) => &["q", "v", "tau"],
             (Quantity::Regressor, _) => &["q", "v", "v_r", "a_r"],
             (Quantity::CoriolisMatrix | Quantity::Bias | Quantity::Energy | Quantity::JacobianDot, _) => &["q", "v"],
-            _ => &["q"],
+            (Quantity::MassMatrix | Quantity::Christoffel | Quantity::Gravity | Quantity::Com | Quantity::ComJacobian, _)
+            | (Quantity::Pose | Quantity::PoseVector | Quantity::Position | Quantity::JointPoses | Quantity::Jacobian, _) => &["q"],
         }
     }
 
@@ -149,7 +150,12 @@ impl Query {
     /// Whether the result depends on a frame.
     #[inline]
     pub(super) fn is_framed(&self) -> bool {
-        matches!(self.quantity, Quantity::Pose | Quantity::PoseVector | Quantity::Position | Quantity::Jacobian | Quantity::JacobianDot)
+        use Quantity::*;
+        match self.quantity {
+            Pose | PoseVector | Position | Jacobian | JacobianDot => true,
+            MassMatrix | CoriolisMatrix | Christoffel | Gravity | Bias | InverseDynamics | ForwardDynamics | Regressor | Energy => false,
+            JointPoses | Com | ComJacobian | InverseDynamicsDerivatives | PathDynamics | ForwardDynamicsDerivatives => false,
+        }
     }
 
     /// Whether inputs and output have the right sizes. If not, `check` reports the wrong one.
@@ -165,18 +171,16 @@ impl Query {
     /// Approximate number of operations for one configuration. It ignores vanishing and common terms.
     pub(crate) fn operations(&self, Size { n, bodies }: Size) -> f64 {
         use Quantity::*;
-        let joint = match self.quantity {
-            ForwardDynamics | ForwardDynamicsDerivatives => 350.0,
-            CoriolisMatrix | Christoffel | InverseDynamicsDerivatives => 200.0,
-            PathDynamics => 300.0,
-            _ => 130.0,
-        };
-        let pair = match self.quantity {
-            MassMatrix => 10.0,
-            CoriolisMatrix | Christoffel => 25.0,
-            Regressor => 30.0,
-            InverseDynamicsDerivatives | ForwardDynamicsDerivatives => 55.0,
-            _ => 0.0,
+        let (joint, pair) = match self.quantity {
+            ForwardDynamics => (350.0, 0.0),
+            ForwardDynamicsDerivatives => (350.0, 55.0),
+            InverseDynamicsDerivatives => (200.0, 55.0),
+            CoriolisMatrix | Christoffel => (200.0, 25.0),
+            PathDynamics => (300.0, 0.0),
+            MassMatrix => (130.0, 10.0),
+            Regressor => (130.0, 30.0),
+            Gravity | Bias | InverseDynamics | Energy | Pose | PoseVector | Position | JointPoses => (130.0, 0.0),
+            Jacobian | JacobianDot | Com | ComJacobian => (130.0, 0.0),
         };
         let solved = if self.quantity == ForwardDynamicsDerivatives { 3.5 } else { 0.0 };
         // Christoffel symbols require one Coriolis matrix per joint.

@@ -163,7 +163,10 @@ impl Route {
 
     /// Whether the law can be recorded.
     pub fn is_recordable(self) -> bool {
-        matches!(self, Route::Straight | Route::Guarded)
+        match self {
+            Route::Straight | Route::Guarded => true,
+            Route::Deciding | Route::Outside => false,
+        }
     }
 }
 

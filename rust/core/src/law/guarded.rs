@@ -38,6 +38,16 @@ pub enum Reaction {
     Retract(Gain, Gain, f64, f64),
 }
 
+impl Reaction {
+    /// Its stiffness and its damping.
+    pub(super) fn gains(&self) -> (Option<&Gain>, Option<&Gain>) {
+        match self {
+            Reaction::Stop(stiffness, damping) | Reaction::Retract(stiffness, damping, ..) => (Some(stiffness), Some(damping)),
+            Reaction::Float(damping) => (None, damping.as_ref()),
+        }
+    }
+}
+
 /// A law with its observer, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GuardedSpec {
@@ -81,14 +91,9 @@ impl GuardedSpec {
         if reaction.is_some() && thresholds.is_none() {
             return Err(Error::input("observer", "has no threshold: expected one with threshold= or after calibrate()"));
         }
-        match &reaction {
-            None => {}
-            Some(Reaction::Float(damping)) => damping.as_ref().map_or(Ok(()), |gain| require_size("damping", gain, n))?,
-            Some(Reaction::Stop(stiffness, damping) | Reaction::Retract(stiffness, damping, ..)) => {
-                require_size("stiffness", stiffness, n)?;
-                require_size("damping", damping, n)?;
-            }
-        }
+        let (stiffness, damping) = reaction.as_ref().map_or((None, None), Reaction::gains);
+        stiffness.map_or(Ok(()), |gain| require_size("stiffness", gain, n))?;
+        damping.map_or(Ok(()), |gain| require_size("damping", gain, n))?;
         if let Some(Reaction::Retract(_, _, speed, duration)) = &reaction {
             positive("speed", *speed)?;
             positive("duration", *duration)?;

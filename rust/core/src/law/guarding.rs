@@ -17,14 +17,9 @@ impl Build for GuardedSpec {
             S::labelled(name, 1, || (0..get(first).len()).map(|k| S::from_lanes(|i| get(of(i))[k])).collect::<Vec<S>>())
         };
         let one = Gain::unchecked(n, vec![1.0; n]);
-        let stiffness = |i: usize| match &of(i).reaction {
-            Some(Reaction::Stop(gain, _) | Reaction::Retract(gain, ..)) => gain.clone(),
-            _ => one.clone(),
-        };
-        let damping = |i: usize| match &of(i).reaction {
-            Some(Reaction::Stop(_, gain) | Reaction::Retract(_, gain, ..) | Reaction::Float(Some(gain))) => gain.clone(),
-            _ => one.clone(),
-        };
+        let gains_of = |i: usize| of(i).reaction.as_ref().map_or((None, None), Reaction::gains);
+        let stiffness = |i: usize| gains_of(i).0.unwrap_or(&one).clone();
+        let damping = |i: usize| gains_of(i).1.unwrap_or(&one).clone();
         let retreat = |get: fn(f64, f64) -> f64| {
             S::from_lanes(|i| match &of(i).reaction {
                 Some(Reaction::Retract(_, _, speed, duration)) => get(*speed, *duration),
@@ -50,9 +45,8 @@ impl Build for GuardedSpec {
                 gain("law_joint_stiffness", &of_joints)
             }),
             thresholds: if acts { rows("threshold", &|law| &law.thresholds) } else { Vec::new() },
-            stiffness: (acts && !matches!(first.reaction, Some(Reaction::Float(_))))
-                .then(|| gain("reaction_stiffness", &lanes(&stiffness))),
-            damping: (acts && first.reaction != Some(Reaction::Float(None))).then(|| gain("reaction_damping", &lanes(&damping))),
+            stiffness: gains_of(0).0.is_some().then(|| gain("reaction_stiffness", &lanes(&stiffness))),
+            damping: gains_of(0).1.is_some().then(|| gain("reaction_damping", &lanes(&damping))),
             retreat: matches!(first.reaction, Some(Reaction::Retract(..))).then(|| {
                 [("reaction_speed", retreat(|speed, _| speed)), ("reaction_duration", retreat(|_, duration| duration))]
                     .map(|(name, x)| S::labelled(name, 0, || x))

@@ -224,7 +224,7 @@ impl<S: Real> NullSpace<S> {
     fn projector(&self) -> &Projector<S> {
         match self.posture {
             Some((_, _, NullProjection::Static)) => &self.fixed,
-            _ => &self.consistent,
+            Some((_, _, NullProjection::Consistent)) | None => &self.consistent,
         }
     }
 

@@ -38,6 +38,14 @@ impl PriorityMethod {
         self == PriorityMethod::Sns
     }
 
+    /// Whether small singular values are damped; otherwise they are inverted.
+    pub(super) fn damps(self) -> bool {
+        match self {
+            PriorityMethod::Clamp | PriorityMethod::Damped => true,
+            PriorityMethod::Exact | PriorityMethod::Chiaverini | PriorityMethod::Sns => false,
+        }
+    }
+
     /// The name of the method in Python.
     pub fn name(self) -> &'static str {
         match self {

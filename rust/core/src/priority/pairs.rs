@@ -68,7 +68,7 @@ struct Direction<'a, S> {
 impl<S: Real> Pairs<S> {
     /// Return the route for levels of these sizes, thresholds and metric. The result is `None` if the closed form does not apply.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
-        if !matches!(method, PriorityMethod::Clamp | PriorityMethod::Damped) || rows.iter().any(|&m| m > 2) {
+        if !method.damps() || rows.iter().any(|&m| m > 2) {
             return None;
         }
         let (zeros, total) = (|k: usize| vec![S::zero(); k], rows.iter().sum::<usize>());

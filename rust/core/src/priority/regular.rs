@@ -212,7 +212,7 @@ impl<S: Real> Regular<S> {
                 tall(behind, &command[used..used + m], used, &mut factor.y, r, z)
             };
             used += p;
-            let excess = if matches!(method, PriorityMethod::Exact | PriorityMethod::Chiaverini | PriorityMethod::Sns) {
+            let excess = if !method.damps() {
                 let relative2 = inverse2 * norm2;
                 let floor = S::splat(EXACT_FLOOR).max(rounding * condition);
                 condition *= relative2.sqrt();

@@ -70,7 +70,7 @@ where
                     system.sum_up(record.t, 0.0, x.as_mut());
                     recorder.record(i, record.t, system, &x);
                 }
-                _ => recorder.record(i, record.t, system, &x),
+                Within::Nothing | Within::Sums => recorder.record(i, record.t, system, &x),
             }
             next = schedule.record(i + 1);
             i += 1;

@@ -52,7 +52,10 @@ impl Form {
 
     /// Whether [`Assemble::select`] uses every bit of its mask. Otherwise the sign bit of the mask selects the lane.
     pub fn selects_bits(self) -> bool {
-        matches!(self.set, Set::Sse2 | Set::Neon)
+        match self.set {
+            Set::Sse2 | Set::Neon => true,
+            Set::Avx2 | Set::Avx512 => false,
+        }
     }
 
     /// The size of one slot, in bytes.
@@ -103,7 +106,10 @@ pub enum Binary {
 impl Binary {
     /// Whether the operation acts on bits and not on numbers.
     pub fn is_logic(self) -> bool {
-        matches!(self, Binary::And | Binary::AndNot | Binary::Or | Binary::Xor)
+        match self {
+            Binary::And | Binary::AndNot | Binary::Or | Binary::Xor => true,
+            Binary::Add | Binary::Sub | Binary::Mul | Binary::Div | Binary::Min | Binary::Max => false,
+        }
     }
 }
 

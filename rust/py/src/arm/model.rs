@@ -189,7 +189,16 @@ impl ArmModel {
             Quantity::Christoffel => ([n; 3], 3),
             Quantity::JointPoses => ([self.size().bodies, 4, 4], 3),
             Quantity::Regressor if matches!(self, ArmModel::PlanarPr(_)) => ([2, 3, 0], 2),
-            _ => {
+            Quantity::MassMatrix
+            | Quantity::CoriolisMatrix
+            | Quantity::Regressor
+            | Quantity::Pose
+            | Quantity::Jacobian
+            | Quantity::JacobianDot
+            | Quantity::ComJacobian
+            | Quantity::PathDynamics
+            | Quantity::InverseDynamicsDerivatives
+            | Quantity::ForwardDynamicsDerivatives => {
                 let (rows, columns) = query.shape(self.size());
                 ([rows, columns, 0], 2)
             }
