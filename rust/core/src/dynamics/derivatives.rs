@@ -17,30 +17,13 @@
 use super::Dynamics;
 use super::crba::joint_column;
 use super::joined::Joined;
-use super::workspace::{Composite, Workspace};
+use super::workspace::{Composite, Slope, Workspace};
 use crate::arm::{BASE, Tree, second_moment};
 use crate::interrupt::look_at_row;
 use crate::kinematics::{Pose, place_body};
 use crate::memory::set;
 use crate::scalar::Real;
-use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Vector, Vector3};
-
-/// The data of one joint: its column, the motion of its body, `phi` and `psi`, and the wrench on its subtree.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Slope<S: Real> {
-    linear: Vector3<S>,
-    angular: Vector3<S>,
-    w: Vector3<S>,
-    v: Vector3<S>,
-    a: Vector3<S>,
-    wd: Vector3<S>,
-    /// `phi` at the joint. At the world origin its linear part is `phi_v + o x phi_w`.
-    phi_v: Vector3<S>,
-    phi_w: Vector3<S>,
-    psi_w: Vector3<S>,
-    f: Vector3<S>,
-    n: Vector3<S>,
-}
+use crate::spatial::{Inertia, Lift, Matrix, Matrix3, Vector};
 
 /// Compute `d tau / d q` at `(q, v, a)`, `(n, n)`, row-major: the entry in row `i` and column `j` is `d tau_i / d q_j`.
 pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], a: &[S], d: &mut [S]) {

@@ -11,42 +11,6 @@ use crate::memory::set;
 use crate::scalar::Real;
 use crate::spatial::PARAMETERS;
 
-/// Motions of bodies in the coordinates of all joints, including joints that follow others.
-#[derive(Clone, Debug, Default)]
-pub struct Spread<S: Real> {
-    /// (sin, cos) of every joint.
-    trig: Vec<(S, S)>,
-    /// Position of every joint.
-    q: Vec<S>,
-    /// Rates and accelerations of every joint.
-    rates: [Vec<S>; 4],
-    /// A result before its projection, with up to ten columns per body.
-    answer: Vec<S>,
-    /// The mass matrix `M` in coordinates, `(n, n)`.
-    mass: Vec<S>,
-    /// The Cholesky factor of `M`, `(n, n)`.
-    factor: Vec<S>,
-}
-
-impl<S: Real> Spread<S> {
-    /// Create buffers for an arm with joints that follow others; empty for other arms.
-    pub fn new(tree: &Tree<S>) -> Self {
-        if tree.joining.is_none() {
-            return Spread::default();
-        }
-        let (n, bodies) = (tree.n(), tree.bodies.len());
-        let zeros = |k: usize| vec![S::zero(); k];
-        Spread {
-            trig: vec![(S::zero(), S::zero()); bodies],
-            q: zeros(bodies),
-            rates: std::array::from_fn(|_| zeros(bodies)),
-            answer: zeros(PARAMETERS * bodies * bodies),
-            mass: zeros(n * n),
-            factor: zeros(n * n),
-        }
-    }
-}
-
 /// The projection of a result. The projected result is added to the caller's array.
 #[derive(Clone, Copy)]
 enum Form {

@@ -9,23 +9,11 @@
 
 use super::hinge::to_body;
 use super::newton_euler::{inwards, moment_of, outwards};
-use super::workspace::{BodyMotion, Link};
+use super::workspace::{BodyMotion, Field, Link};
 use crate::arm::{BASE, Body, Tree, second_moment};
 use crate::interrupt::look_at_row;
 use crate::scalar::Real;
-use crate::spatial::{Inertia, Lift, Matrix, Matrix3, PARAMETERS, Spatial, Vector, Vector3};
-
-/// The field `a + U r` of a body in the axes of its parameters, with `U = [d]x + sym U`.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Field<S: Real> {
-    a: Vector3<S>,
-    u: Matrix3<S>,
-    d: Vector3<S>,
-    /// Entries xy, xz, yz of `sym U`.
-    off: Vector3<S>,
-    /// Differences xx - yy, zz - xx, yy - zz of the diagonal of `sym U`.
-    differences: Vector3<S>,
-}
+use crate::spatial::{Inertia, Lift, Matrix, PARAMETERS, Spatial, Vector, Vector3};
 
 impl<S: Real> Field<S> {
     fn of(body: &Body<S>, motion: &BodyMotion<S>) -> Self {

@@ -1,14 +1,11 @@
 //! Buffers of the tree algorithms, created once per tree.
 
 use super::crba;
-use super::derivatives::Slope;
-use super::joined::Spread;
-use super::regressor::Field;
 use crate::arm::Tree;
 use crate::kinematics::Pose;
 use crate::memory::copies;
 use crate::scalar::Real;
-use crate::spatial::{Inertia, Matrix, Matrix3, Spatial, Sym3, Vector, Vector3};
+use crate::spatial::{Inertia, Matrix, Matrix3, PARAMETERS, Spatial, Sym3, Vector, Vector3};
 
 /// Angular velocities, and the acceleration field `a + U r` of a body.
 #[derive(Clone, Copy, Debug, Default)]
@@ -100,6 +97,71 @@ pub struct Column<S: Real> {
 pub struct Factors<S> {
     pub matrix: Vec<S>,
     pub inverse: Vec<S>,
+}
+
+/// The data of one joint: its column, the motion of its body, `phi` and `psi`, and the wrench on its subtree.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Slope<S: Real> {
+    pub linear: Vector3<S>,
+    pub angular: Vector3<S>,
+    pub w: Vector3<S>,
+    pub v: Vector3<S>,
+    pub a: Vector3<S>,
+    pub wd: Vector3<S>,
+    /// `phi` at the joint. At the world origin its linear part is `phi_v + o x phi_w`.
+    pub phi_v: Vector3<S>,
+    pub phi_w: Vector3<S>,
+    pub psi_w: Vector3<S>,
+    pub f: Vector3<S>,
+    pub n: Vector3<S>,
+}
+
+/// Motions of bodies in the coordinates of all joints, including joints that follow others.
+#[derive(Clone, Debug, Default)]
+pub struct Spread<S: Real> {
+    /// (sin, cos) of every joint.
+    pub trig: Vec<(S, S)>,
+    /// Position of every joint.
+    pub q: Vec<S>,
+    /// Rates and accelerations of every joint.
+    pub rates: [Vec<S>; 4],
+    /// A result before its projection, with up to ten columns per body.
+    pub answer: Vec<S>,
+    /// The mass matrix `M` in coordinates, `(n, n)`.
+    pub mass: Vec<S>,
+    /// The Cholesky factor of `M`, `(n, n)`.
+    pub factor: Vec<S>,
+}
+
+impl<S: Real> Spread<S> {
+    /// Create buffers for an arm with joints that follow others; empty for other arms.
+    pub fn new(tree: &Tree<S>) -> Self {
+        if tree.joining.is_none() {
+            return Spread::default();
+        }
+        let (n, bodies) = (tree.n(), tree.bodies.len());
+        let zeros = |k: usize| vec![S::zero(); k];
+        Spread {
+            trig: vec![(S::zero(), S::zero()); bodies],
+            q: zeros(bodies),
+            rates: std::array::from_fn(|_| zeros(bodies)),
+            answer: zeros(PARAMETERS * bodies * bodies),
+            mass: zeros(n * n),
+            factor: zeros(n * n),
+        }
+    }
+}
+
+/// The field `a + U r` of a body in the axes of its parameters, with `U = [d]x + sym U`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Field<S: Real> {
+    pub a: Vector3<S>,
+    pub u: Matrix3<S>,
+    pub d: Vector3<S>,
+    /// Entries xy, xz, yz of `sym U`.
+    pub off: Vector3<S>,
+    /// Differences xx - yy, zz - xx, yy - zz of the diagonal of `sym U`.
+    pub differences: Vector3<S>,
 }
 
 /// The buffers of all algorithms of a tree.

@@ -5,7 +5,6 @@ use crate::interrupt::look;
 use crate::priority::FEW;
 use crate::status::Status;
 use crate::trace::{Evaluation, Sym};
-use std::sync::{Arc, Mutex};
 
 /// A solver for many rows on the calling thread. Its buffers are kept between calls. Every row has the bits and the status of
 /// [`ArmSolver::solve`] on the same instruction set.
@@ -15,15 +14,6 @@ pub struct ArmBatch {
     single: ArmSolver,
     declined: Vec<usize>,
 }
-
-/// The settings of a program: thresholds `eps`, and bounds.
-type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
-
-/// The program of a solver with its settings. The outer `None` means that it was not made yet, the inner `None` that it cannot be made.
-type Made = Option<(With, Option<Evaluation>)>;
-
-/// The program of a solver, shared by copies of the solver.
-pub(super) type SharedProgram = Arc<Mutex<Made>>;
 
 /// Return the program that the solver has already made, or make a new one. This never waits for the lock. Another thread may hold the lock
 /// while the process is forked. The forked process would then wait without end.

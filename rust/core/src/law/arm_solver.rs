@@ -1,12 +1,22 @@
 //! The maps of `priority` for the tasks of an arm: `v` solves `J_i(q) v = v_i`. Kinematics are included.
 
-use super::arm_batch::SharedProgram;
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::priority::{Diagnosis, PriorityOptions, PrioritySolver, diagnose};
 use crate::scalar::Float;
 use crate::status::Status;
+use crate::trace::Evaluation;
+use std::sync::{Arc, Mutex};
+
+/// The settings of a program: thresholds `eps`, and bounds.
+type With = (Option<Vec<f64>>, Option<(Vec<f64>, Vec<f64>)>);
+
+/// The program of a solver with its settings. The outer `None` means that it was not made yet, the inner `None` that it cannot be made.
+type Made = Option<(With, Option<Evaluation>)>;
+
+/// The program of a solver, shared by copies of the solver.
+type SharedProgram = Arc<Mutex<Made>>;
 
 /// A solver for tasks of one arm. `solve` does not allocate.
 #[derive(Clone, Debug)]

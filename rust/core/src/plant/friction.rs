@@ -1,84 +1,7 @@
-//! Dry friction of joints as a function of speed and load (Stribeck's curve; Hamon, Gautier and Garrec 2010):
-//!
-//! `h(v, L) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`,
-//!
-//! with the Coulomb friction `F_c`, the static friction `F_s`, the Stribeck speed `v_s`, and the torque `L` that the joint transmits to its
-//! load.
+//! The dry friction of a plant: one of several models.
 
 use super::{LuGre, StickSlip};
-use crate::error::{Error, Result, finite};
-use crate::scalar::Real;
-use crate::scalar::hyperbolic::decay;
-
-/// The friction curves of all joints; each parameter is `(n,)`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrictionCurve {
-    /// Coulomb friction `F_c`, N m or N.
-    pub coulomb: Vec<f64>,
-    /// Static friction `F_s`, N m or N.
-    pub breakaway: Vec<f64>,
-    /// Stribeck speed `v_s`, rad/s or m/s. With zero, friction drops to `F_c` as soon as the joint moves.
-    pub stribeck_speed: Vec<f64>,
-    /// Viscous friction, N m s/rad or N s/m.
-    pub viscous: Vec<f64>,
-    /// Ratio `mu` of friction to load.
-    pub load_ratio: Vec<f64>,
-}
-
-/// Refuse `values` if `holds` is false for one of them. The error names the first such value.
-pub(super) fn require(name: &str, values: &[f64], expected: &str, holds: impl Fn(usize, f64) -> bool) -> Result<()> {
-    finite(name, values)?;
-    match values.iter().enumerate().find(|&(i, &x)| !holds(i, x)) {
-        Some((i, x)) => Err(Error::input(name, format!("is out of range: expected {expected}, got {x}")).at([i])),
-        None => Ok(()),
-    }
-}
-
-/// Refuse `values` that are not `n` numbers.
-pub(super) fn require_rows(name: &str, values: &[f64], n: usize) -> Result<()> {
-    if values.len() == n { Ok(()) } else { Err(Error::wrong_shape(name, &[n], &[values.len()])) }
-}
-
-impl FrictionCurve {
-    /// Create a curve for each joint. `breakaway` defaults to `coulomb`, all other parameters to zero.
-    pub fn new(
-        coulomb: Vec<f64>,
-        breakaway: Option<Vec<f64>>,
-        stribeck_speed: Option<Vec<f64>>,
-        viscous: Option<Vec<f64>>,
-        load_ratio: Option<Vec<f64>>,
-    ) -> Result<Self> {
-        let n = coulomb.len();
-        let zeros = |values: Option<Vec<f64>>| values.unwrap_or_else(|| vec![0.0; n]);
-        let breakaway = breakaway.unwrap_or_else(|| coulomb.clone());
-        let curve = FrictionCurve {
-            coulomb,
-            breakaway,
-            stribeck_speed: zeros(stribeck_speed),
-            viscous: zeros(viscous),
-            load_ratio: zeros(load_ratio),
-        };
-        let all = [
-            ("coulomb", &curve.coulomb),
-            ("static", &curve.breakaway),
-            ("stribeck_speed", &curve.stribeck_speed),
-            ("viscous", &curve.viscous),
-            ("load_ratio", &curve.load_ratio),
-        ];
-        all.into_iter().try_for_each(|(name, values)| require_rows(name, values, n))?;
-        require("coulomb", &curve.coulomb, ">= 0", |_, x| x >= 0.0)?;
-        require("static", &curve.breakaway, "at least coulomb", |i, x| x >= curve.coulomb[i])?;
-        require("stribeck_speed", &curve.stribeck_speed, ">= 0", |_, x| x >= 0.0)?;
-        require("viscous", &curve.viscous, ">= 0", |_, x| x >= 0.0)?;
-        require("load_ratio", &curve.load_ratio, ">= 0 and < 1", |_, x| (0.0..1.0).contains(&x))?;
-        Ok(curve)
-    }
-
-    /// Number of joints.
-    pub fn n(&self) -> usize {
-        self.coulomb.len()
-    }
-}
+use crate::error::{Error, Result};
 
 /// The friction of a plant's joints, or of its motors.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,44 +43,5 @@ impl JointFriction {
             own if own == n => Ok(()),
             own => Err(Error::wrong(name, "number of joints", n, own)),
         }
-    }
-}
-
-/// The friction curves in the lanes.
-pub(super) struct LaneCurve<S> {
-    coulomb: Vec<S>,
-    /// `F_s - F_c`.
-    excess: Vec<S>,
-    /// `1 / v_s`.
-    per_speed: Vec<S>,
-    pub viscous: Vec<S>,
-    pub load_ratio: Vec<S>,
-}
-
-impl<S: Real> LaneCurve<S> {
-    pub fn new<'a>(of: impl Fn(usize) -> &'a FrictionCurve) -> Self {
-        let n = of(0).n();
-        let numbers = |name, f: &dyn Fn(&FrictionCurve, usize) -> f64| {
-            S::labelled(name, 1, || (0..n).map(|i| S::from_lanes(|lane| f(of(lane), i))).collect::<Vec<S>>())
-        };
-        let smooth = |curve: &FrictionCurve, i: usize| curve.stribeck_speed[i] > 0.0;
-        LaneCurve {
-            coulomb: numbers("coulomb_friction", &|curve, i| curve.coulomb[i]),
-            excess: numbers("stribeck_friction", &|curve, i| if smooth(curve, i) { curve.breakaway[i] - curve.coulomb[i] } else { 0.0 }),
-            per_speed: numbers("inverse_stribeck_speed", &|curve, i| if smooth(curve, i) { curve.stribeck_speed[i].recip() } else { 0.0 }),
-            viscous: numbers("viscous_friction", &|curve, i| curve.viscous[i]),
-            load_ratio: numbers("load_ratio", &|curve, i| curve.load_ratio[i]),
-        }
-    }
-
-    /// `h(v, 0)` of joint `i`.
-    pub fn unloaded(&self, i: usize, v: S) -> S {
-        let r = v * self.per_speed[i];
-        self.excess[i].mul_add(decay(r * r), self.coulomb[i])
-    }
-
-    /// `h(v, L)` of joint `i`.
-    pub fn level(&self, i: usize, v: S, load: S) -> S {
-        self.load_ratio[i].mul_add(load.abs(), self.unloaded(i, v))
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! with the curve `h` of [`FrictionCurve`]. The bristles store the energy `sigma_0 z^2 / 2`. The rest of the power `tau_f v` is lost.
 
-use super::friction::{FrictionCurve, LaneCurve, require, require_rows};
+use super::friction_curve::{FrictionCurve, LaneCurve, require, require_rows};
 use crate::error::Result;
 use crate::scalar::Real;
 

@@ -8,7 +8,7 @@
 //! For a joint at rest, `|tau_f,i| <= F_i`; `a_i > 0` requires `tau_f,i = F_i`, and `a_i < 0` requires `tau_f,i = -F_i`. This linear
 //! complementarity problem has exactly one solution, because `A^-1` is positive definite. Murty's least-index pivots find it.
 
-use super::friction::{FrictionCurve, LaneCurve};
+use super::friction_curve::{FrictionCurve, LaneCurve};
 use crate::linalg::cholesky;
 use crate::scalar::Real;
 

@@ -6,12 +6,13 @@ use super::regular::regular_ranks;
 use super::solver::PrioritySolver;
 use crate::error::Result;
 use crate::interrupt::look;
+use crate::scalar::Real;
 use crate::status::Status;
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 
 /// The largest size of a program. The code of a larger program exceeds the caches, and its stacks are solved one by one instead.
-pub(super) const MOST: usize = 12_000;
+const MOST: usize = 12_000;
 
 /// If no program exists yet, batches of fewer rows are solved one by one, with the same bits.
 pub const FEW: usize = 32;
@@ -38,6 +39,24 @@ impl PrioritySolver {
             let stands = route.solve(rounding, &jacobian, &command);
             let rest = if residuals { &route.residual[..] } else { &[] };
             [&[stands], &route.v[..], rest].concat()
+        })
+    }
+}
+
+impl PrioritySolver {
+    /// Record the closed form as a program for single stacks. The arguments are Jacobians and command. The results are a flag of validity,
+    /// `v`, residuals, ranks and lost directions.
+    pub(super) fn of_pairs(&self) -> Option<Evaluation> {
+        let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
+        if n * total * (total + levels) > MOST {
+            return None;
+        }
+        let set_up = || self.pairs::<Sym>();
+        record(false, total * (n + 1), set_up, |route, inputs| {
+            let Some(mut route) = route else { return vec![Sym::zero(); 1 + n + total + 2 * levels] };
+            let (jacobian, command) = inputs.split_at(total * n);
+            let stands = route.solve(jacobian, command);
+            [&[stands], &route.v[..], &route.residual, &route.ranks, &route.lost].concat()
         })
     }
 }

@@ -5,6 +5,9 @@ use crate::error::{Error, Result};
 /// The relative error of the entries of a Jacobian that is exact up to rounding. For the Jacobian of an arm it is `8 eps (1 + sum|q|)`.
 pub const DEFAULT_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
+/// A level whose squared norm is outside of this range is scaled by a power of two.
+pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
+
 /// The default threshold `eps` of a level, divided by the norm of the level's largest row.
 pub const DEFAULT_EPS: f64 = 0.02;
 

@@ -3,8 +3,7 @@
 //! It uses an LQ factorisation of the rows. A level with more rows than joints is solved by least squares.
 
 use super::lq::{Factor, tall};
-use super::metric::Metric;
-use super::regular::load;
+use super::metric::{Metric, load};
 use crate::scalar::Real;
 
 /// The solver of single levels, with its memory.

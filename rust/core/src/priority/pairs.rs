@@ -9,16 +9,12 @@
 //!
 //! The code does not branch on numbers, so that a recorded program and a direct solve have the same bits.
 
-use super::batch::MOST;
 use super::lq::product;
-use super::method::PriorityMethod;
-use super::metric::Metric;
-use super::regular::{load, threshold2};
-use super::solver::PrioritySolver;
-use super::workspace::TAME;
+use super::method::{PriorityMethod, TAME};
+use super::metric::{Metric, load};
+use super::regular::threshold2;
 use crate::scalar::{Float, Real};
-use crate::trace::Sym;
-use crate::trace::function::{Evaluation, record};
+use crate::trace::function::Evaluation;
 
 /// If the square of a threshold is below this fraction of the square of a level, the route declines. Otherwise the rounding error divided
 /// by the threshold is at most 1e-13.
@@ -49,10 +45,10 @@ pub(super) struct Pairs<S> {
     threshold2: Vec<S>,
     /// The results: joint velocities `(n,)`, residuals `(sum rows,)`, and for each level the number of realised directions and whether one
     /// is lost.
-    v: Vec<S>,
-    residual: Vec<S>,
-    ranks: Vec<S>,
-    lost: Vec<S>,
+    pub v: Vec<S>,
+    pub residual: Vec<S>,
+    pub ranks: Vec<S>,
+    pub lost: Vec<S>,
 }
 
 /// One direction of a level: its row `g`, its command, and its use.
@@ -265,7 +261,7 @@ impl SinglePairs {
         self.program.is_none() && self.solves == OFTEN
     }
 
-    /// Use this program from [`PrioritySolver::of_pairs`] from now on.
+    /// Use this program from `PrioritySolver::of_pairs` from now on.
     pub fn take(&mut self, program: Option<Evaluation>) {
         self.solves += 1;
         self.program = program;
@@ -293,23 +289,5 @@ impl SinglePairs {
         ranks.iter_mut().zip(&self.direct.ranks).for_each(|(to, rank)| *to = rank.lane(0) as usize);
         lost.iter_mut().zip(&self.direct.lost).for_each(|(to, lost)| *to = lost.lane(0) > 0.0);
         stands == Float(1.0)
-    }
-}
-
-impl PrioritySolver {
-    /// Record the closed form as a program for single stacks. The arguments are Jacobians and command. The results are a flag of validity,
-    /// `v`, residuals, ranks and lost directions.
-    pub(super) fn of_pairs(&self) -> Option<Evaluation> {
-        let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
-        if n * total * (total + levels) > MOST {
-            return None;
-        }
-        let set_up = || self.pairs::<Sym>();
-        record(false, total * (n + 1), set_up, |route, inputs| {
-            let Some(mut route) = route else { return vec![Sym::zero(); 1 + n + total + 2 * levels] };
-            let (jacobian, command) = inputs.split_at(total * n);
-            let stands = route.solve(jacobian, command);
-            [&[stands], &route.v[..], &route.residual, &route.ranks, &route.lost].concat()
-        })
     }
 }

@@ -14,10 +14,9 @@
 //! instruction set have the same bits.
 
 use super::lq::{Factor, product, tall};
-use super::method::{DEFAULT_EPS, PriorityMethod};
+use super::method::{DEFAULT_EPS, PriorityMethod, TAME};
 use super::metric::Metric;
 use super::own::Own;
-use super::workspace::TAME;
 use crate::scalar::{Float, Real};
 use crate::trace::Evaluation;
 
@@ -187,7 +186,7 @@ impl<S: Real> Regular<S> {
         for (i, &m) in rows.iter().enumerate().take(*fitting + 1) {
             let level = if i < *fitting { &mut factor.l[at..at + m * n] } else { &mut tall[..] };
             debug_assert!(i < *fitting || at == fit, "the level that does not fit comes behind those that do");
-            [most2[i], norm2[i]] = self::load(&jacobian[at..], metric.as_ref(), level, n);
+            [most2[i], norm2[i]] = super::metric::load(&jacobian[at..], metric.as_ref(), level, n);
             at += m * n;
         }
     }
@@ -225,21 +224,6 @@ impl<S: Real> Regular<S> {
         }
         stands
     }
-}
-
-/// Write the rows of a Jacobian in the coordinates of the metric. Return the squares of the largest row norm and of the Frobenius norm.
-pub(super) fn load<S: Real>(jacobian: &[S], metric: Option<&Metric<S>>, rows: &mut [S], n: usize) -> [S; 2] {
-    let (mut most, mut sum) = (S::zero(), S::zero());
-    for (row, given) in rows.chunks_exact_mut(n).zip(jacobian.chunks_exact(n)) {
-        row.copy_from_slice(given);
-        if let Some(metric) = metric {
-            metric.row(row);
-        }
-        let row2 = product(row, row);
-        most = S::select(most.lt(row2), row2, most);
-        sum += row2;
-    }
-    [most, sum]
 }
 
 /// Return the square of the threshold of level `i`. `most2` is the square of the level's largest row norm.

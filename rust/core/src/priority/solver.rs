@@ -3,12 +3,12 @@
 //! It maps levels `(J_i, v_i)` to joint velocities `v`, with residuals `v_i - J_i v`, ranks and a status. The solver checks its inputs. So
 //! all routes receive only finite numbers of moderate magnitude.
 
-use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions};
+use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions, TAME};
 use super::metric::Metric;
 use super::pairs::{Answer, Pairs, SinglePairs};
 use super::regular::Regular;
 use super::sns::Saturation;
-use super::workspace::{TAME, Workspace};
+use super::workspace::Workspace;
 use crate::error::{Error, Result, finite, positive};
 use crate::linalg::{dot, largest};
 use crate::memory;

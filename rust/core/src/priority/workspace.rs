@@ -5,9 +5,6 @@ use super::metric::Metric;
 use super::regular::{Single, regular_ranks};
 use crate::linalg::svd::Svd;
 
-/// A level whose squared norm is outside of this range is scaled by a power of two.
-pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
-
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
     pub n: usize,

@@ -1,12 +1,11 @@
 //! Programs of whole attempts of adaptive explicit methods. Such a program computes all stages of a small loop.
 
+use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
-use super::general::assemble;
 use super::key::Common;
+use super::layout::Slots;
 use super::problem::Problem;
-use super::rates_programs::Slots;
 use super::recorded::{inputs, instant};
-use super::running_rates::write;
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer, Kind, Scheme, System, WithScheme};
 use crate::scalar::Real;
@@ -162,5 +161,16 @@ impl AttemptProgram {
         attempt.slopes[1..=self.places.stages].iter_mut().for_each(|slope| next(slope.as_mut()));
         attempt.estimates.iter_mut().for_each(|estimate| next(estimate.as_mut()));
         frame.numbers()[self.places.reach()] < REDUCTION_LIMIT
+    }
+}
+
+/// Write `values` to all lanes of the slots from `first` on.
+pub fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
+    let lanes = frame.lanes();
+    let slots = &mut frame.numbers_mut()[first * lanes..(first + values.len()) * lanes];
+    if lanes == 1 {
+        slots.iter_mut().zip(values).for_each(|(slot, value)| *slot = value.lane(0));
+    } else {
+        slots.chunks_exact_mut(lanes).zip(values).for_each(|(slot, value)| slot.fill(value.lane(0)));
     }
 }

@@ -4,7 +4,6 @@
 //! rows is filled with NaN.
 
 use super::balances;
-use super::batch::BatchRuns;
 use super::columns::Columns;
 use super::log::Block;
 use super::measures::Plan;
@@ -18,6 +17,47 @@ use crate::plant::{FrictionTorque, Rubbed};
 use crate::status::Status;
 use std::ops::Range;
 use std::slice::ChunksMut;
+
+/// A quantity of a summary: its name, the count of its numbers per run if this is not one, and its numbers, row-major.
+pub type Metric = (&'static str, Option<usize>, Vec<f64>);
+
+/// The records of a batch of `B` runs with `K` records. Arrays are row-major. After an interruption, the content of the arrays is
+/// undefined.
+#[derive(Clone, Debug, Default)]
+pub struct BatchRuns {
+    /// Times of the records, shape `(K,)`, s.
+    pub t: Vec<f64>,
+    /// Joint positions, shape `(B, K, n)`, rad or m.
+    pub q: Vec<f64>,
+    /// Joint velocities, shape `(B, K, n)`, rad/s or m/s.
+    pub v: Vec<f64>,
+    /// Inputs of the plant, shape `(B, K, n)`, N m or N. They are velocities for a velocity-controlled plant.
+    pub tau: Vec<f64>,
+    /// Motor positions of elastic plants, shape `(B, K, n)`, rad. Empty for other plants.
+    pub theta: Vec<f64>,
+    /// Motor velocities of elastic plants, shape `(B, K, n)`, rad/s. Empty for other plants.
+    pub theta_dot: Vec<f64>,
+    /// States of the laws, shape `(B, K, p)`.
+    pub z: Vec<f64>,
+    /// Bristle deflections of LuGre friction, shape `(B, K, n)`. Empty for other plants.
+    pub bristles: Vec<f64>,
+    /// Torques of dry friction, shape `(B, K, n)`, N m or N. Empty without dry friction.
+    pub friction: Vec<f64>,
+    /// Name and values of each monitor, shape `(B, K)`.
+    pub monitors: Vec<(&'static str, Vec<f64>)>,
+    /// Residuals of the balances, shape `(B,)` each, see [`super::BALANCES`]. NaN for a run that did not reach its end.
+    pub balances: [Vec<f64>; 4],
+    /// The metrics of the runs. NaN for a run that did not reach its end.
+    pub metrics: Vec<Metric>,
+    /// Status of each run, shape `(B,)`.
+    pub status: Vec<Status>,
+    /// Time at which each run ended, shape `(B,)`, s.
+    pub ended: Vec<f64>,
+    /// Whether the caller interrupted the batch.
+    pub interrupted: bool,
+    /// The kind of evaluation: "machine" or "portable" code of programs, or "direct" without programs.
+    pub engine: &'static str,
+}
 
 /// One result array: the range of its numbers in a record `[x, tau, monitors]`, and its rows for the group, shape
 /// `(runs, records, numbers)`.

@@ -3,10 +3,11 @@
 use super::force::Force;
 use super::key::Common;
 use super::layout::Layout;
+use super::layout::Slots;
 use super::listed_names::{Named, SlotNames};
 use super::loop_programs::Watch;
 use super::problem::Problem;
-use super::rates_programs::{self, Slots};
+use super::rates_programs;
 use super::recorded;
 use crate::error::{Error, Result};
 use crate::integrate::Kind;

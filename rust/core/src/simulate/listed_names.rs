@@ -1,8 +1,7 @@
 //! The names of the slots of a loop's programs: `q1`, `v1`, `q_d1`, `h`, `kp1`, ..
 
-use super::layout::Layout;
+use super::layout::{Layout, Slots};
 use super::problem::Problem;
-use super::rates_programs::Slots;
 use crate::trace::label::Label;
 use std::collections::HashSet;
 

@@ -1,11 +1,13 @@
 //! The log of a group of lanes: records that programs write during some steps, until they are copied to the caller's arrays.
 
 use super::layout::Layout;
-use super::program_loop::MOST_LANES;
 use crate::error::Result;
 use crate::memory;
 use crate::trace::{Frame, rows};
 use std::ops::Range;
+
+/// The number of lanes of the widest number type.
+pub(super) const MOST_LANES: usize = 8;
 
 /// The capacity of a log in records: a block of steps, and the last record of a run.
 const ROOM: usize = 40;

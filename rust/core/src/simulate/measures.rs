@@ -1,31 +1,10 @@
 //! The metrics of a run, and the layout of the numbers that they store between records.
 
-use super::problem::Problem;
+use super::problem::{Measures, Problem};
 use crate::dynamics::Model;
 use crate::error::{Error, Result, finite};
 use crate::law::{Aim, JointReference};
 use std::ops::Range;
-
-/// The metrics that the user requests.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Measures {
-    /// The settling band, as a fraction of the largest error so far of all joints with the same unit.
-    pub settle: f64,
-    /// The settling band of each joint, shape `(n,)`, rad or m. It replaces `settle`.
-    pub band: Option<Vec<f64>>,
-    /// The relative tolerance of the monitors.
-    pub tolerance: f64,
-    /// The reference position of the joints, shape `(n,)`, rad or m. It replaces the reference of the law.
-    pub reference: Option<Vec<f64>>,
-    /// Name of a frame. Its distance from its position at the joints' reference is measured, instead of the errors of the law's tasks.
-    pub frame: Option<String>,
-}
-
-impl Default for Measures {
-    fn default() -> Self {
-        Measures { settle: 0.02, band: None, tolerance: 1e-6, reference: None, frame: None }
-    }
-}
 
 /// The reference of the joints from which errors are measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,6 +83,13 @@ pub struct Plan {
     /// Whether the input is a velocity.
     pub velocity: bool,
     pub places: MeasureLayout,
+}
+
+impl Problem<'_> {
+    /// Return the plans of the metrics: none, one for all runs, or one per run.
+    pub fn plans(&self) -> Result<Vec<Plan>> {
+        self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))
+    }
 }
 
 impl Plan {

@@ -12,6 +12,7 @@
 //!   lane.
 
 mod adaptive_steps;
+mod assembly;
 mod attempt_programs;
 mod balances;
 mod batch;
@@ -73,7 +74,8 @@ mod world;
 pub use crate::integrate::Method;
 pub use crate::parallel::default_threads;
 pub use balances::NAMES as BALANCES;
-pub use batch::{BatchRuns, Keep, Metric, lanes, simulate_batch};
+pub use batch::{Keep, lanes, simulate_batch};
+pub use batch_rows::{BatchRuns, Metric};
 pub use batch_stepper::BatchStepper;
 pub use bound::DEFAULT_STATE_LIMIT;
 pub use event::{Crossings, Event, EventFunction, Signal};
@@ -82,10 +84,9 @@ pub use gradient::{
     Parameter, Parameters, RecordParts, Rows, Shared, adjoint, adjoint_of_rows, record_parts, sensitivities, sensitivities_of_rows,
 };
 pub use listed::{Listed, list_loop, watch_steps};
-pub use measures::Measures;
 pub use outside::outside;
 pub use priority_batch::{solve_rows, solve_stacks, solve_stacks_by};
-pub use problem::{Options, Problem};
+pub use problem::{Measures, Options, Problem};
 pub use rates_loop::{Solved, recorded_loop};
 pub use sampling::{CHANNELS, Sampling};
 pub use schedule::Times;

@@ -4,7 +4,6 @@ use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
-use super::measures::{Measures, Plan};
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
@@ -43,6 +42,27 @@ impl Options {
     /// The step size of a fixed-step method, s. It is zero for an adaptive method.
     pub fn grid(&self) -> f64 {
         if self.method.is_adaptive() { 0.0 } else { self.dt.or(self.sampling.as_ref().map(|s| s.period)).unwrap_or(0.0) }
+    }
+}
+
+/// The metrics that the user requests.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measures {
+    /// The settling band, as a fraction of the largest error so far of all joints with the same unit.
+    pub settle: f64,
+    /// The settling band of each joint, shape `(n,)`, rad or m. It replaces `settle`.
+    pub band: Option<Vec<f64>>,
+    /// The relative tolerance of the monitors.
+    pub tolerance: f64,
+    /// The reference position of the joints, shape `(n,)`, rad or m. It replaces the reference of the law.
+    pub reference: Option<Vec<f64>>,
+    /// Name of a frame. Its distance from its position at the joints' reference is measured, instead of the errors of the law's tasks.
+    pub frame: Option<String>,
+}
+
+impl Default for Measures {
+    fn default() -> Self {
+        Measures { settle: 0.02, band: None, tolerance: 1e-6, reference: None, frame: None }
     }
 }
 
@@ -157,11 +177,6 @@ impl<'a> Problem<'a> {
     pub fn watches_loss(&self) -> bool {
         let impedance = self.law(0).coordinates().is_some() && !matches!(self.law(0), LawSpec::Guarded(_));
         self.options.monitors && impedance && self.laws.iter().any(|law| law.has_projection_loss())
-    }
-
-    /// Return the plans of the metrics: none, one for all runs, or one per run.
-    pub fn plans(&self) -> Result<Vec<Plan>> {
-        self.measures.as_ref().map_or(Ok(Vec::new()), |measures| Plan::all(self, measures))
     }
 
     /// Refuse a law that requires a sample period if the problem has none.

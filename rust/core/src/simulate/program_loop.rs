@@ -1,9 +1,9 @@
 //! A recorded loop with the interface of a closed loop. The driver of fixed steps runs it with [`super::program_step`].
 
+use super::assembly::Watched;
 use super::force::Wrench;
-use super::general::Watched;
 use super::layout::Layout;
-use super::log::Log;
+use super::log::{Log, MOST_LANES};
 use super::recorded::Recorded;
 use super::redo::Redo;
 use super::sampler::Sampler;
@@ -15,9 +15,6 @@ use crate::scalar::Real;
 use crate::scalar::trig::REDUCTION_LIMIT;
 use crate::trace::{Frame, form};
 use std::sync::Arc;
-
-/// The number of lanes of the widest number type.
-pub(super) const MOST_LANES: usize = 8;
 
 /// The loop of one run (`f64`), or of several runs with one structure, one per lane.
 pub struct ProgramLoop<'a, S: Real> {

@@ -3,8 +3,9 @@
 //! All lanes of a program have the same structure. So the program of a run, and with it the bits, depends only on this run. A run whose
 //! angles exceed the range of the programs' sines is repeated without programs.
 
+use super::assembly::{sampler, start, world};
 use super::fixed_steps::Faults;
-use super::general::{General, sampler, start, world};
+use super::general::General;
 use super::key::Common;
 use super::log::Block;
 use super::monitors;

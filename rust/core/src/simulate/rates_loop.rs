@@ -5,8 +5,8 @@
 //! because the Jacobian from dual numbers rounds differently. If an angle exceeds the range of the programs' sines, the loop continues
 //! without programs.
 
+use super::assembly::{Twins, Watched, twins};
 use super::force::Wrench;
-use super::general::{Twins, Watched, twins};
 use super::problem::Problem;
 use super::rates_programs::{Rates, record_both};
 use super::running_rates::Running;

@@ -5,11 +5,12 @@
 //! The directions of the law's states have a separate program, because few operations depend on these states, and their number may be
 //! large.
 
+use super::assembly::assemble;
 use super::attempt_programs::AttemptProgram;
 use super::closed_loop::ClosedLoop;
 use super::force::Force;
-use super::general::assemble;
 use super::key::Common;
+use super::layout::Slots;
 use super::loop_programs::Watch;
 use super::problem::Problem;
 use super::recorded::{self, Seen, inputs, instant};
@@ -22,50 +23,6 @@ use crate::trace::tape::Op;
 use crate::trace::{Cut, Part, Program, Scratch, SlotTable, Sym, engine, form, segments, sym};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-
-/// The slots of a loop's quantities in a frame. The numbers of the set-up are first. The quantities below follow in the order of the
-/// functions.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Slots {
-    pub given: usize,
-    /// The sizes of the desired motions and of the wrench. The size of the wrench is zero without a force.
-    pub desired: usize,
-    pub wrench: usize,
-    /// The numbers of states of the plant and of the law, then the number of quadratures.
-    pub plant: usize,
-    pub law: usize,
-    pub quadratures: usize,
-    /// The number of the plant's inputs, and the number of the law's other results.
-    pub inputs: usize,
-    pub answer: usize,
-}
-
-impl Slots {
-    pub fn wrench(&self) -> usize {
-        self.given + self.desired
-    }
-    pub fn state(&self) -> usize {
-        self.wrench() + self.wrench
-    }
-    pub fn states(&self) -> usize {
-        self.plant + self.law + self.quadratures
-    }
-    /// The first slot of the held input. The held rate of the law's state follows.
-    pub fn tau(&self) -> usize {
-        self.state() + self.states()
-    }
-    pub fn law_rate(&self) -> usize {
-        self.tau() + self.inputs
-    }
-    /// The first slot of the rates of one run, after all inputs.
-    pub fn rates(&self) -> usize {
-        self.law_rate() + self.answer
-    }
-    /// The slot of the largest angle of one run.
-    pub fn reach(&self) -> usize {
-        self.rates() + self.states()
-    }
-}
 
 /// The programs of the derivatives of the rates, for lanes.
 pub struct Derivatives {

@@ -12,10 +12,10 @@
 //! A small loop is recorded as a whole step, which repeats itself along a stream of exogenous inputs. In a large loop, the rates are a
 //! separate program, which runs in every stage. The code of a whole step would exceed the processor's instruction cache.
 
+use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
 use super::force::Force;
 use super::gauge::Start;
-use super::general::assemble;
 use super::key::{Common, Key, MOST_NUMBERS};
 use super::layout::Layout;
 use super::loop_programs::{self, Noting, Programs, Summing, Tracing, Watch};

@@ -3,12 +3,13 @@
 //! Programs of a law that decides ranks contain only the route for regular stacks of tasks. This route reports where it is not valid. The
 //! step of such a run is repeated with all routes, from the state before it. So the bits of a run depend only on this run.
 
+use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
-use super::general::assemble;
 use super::layout::Layout;
+use super::log::MOST_LANES;
 use super::monitors::Monitors;
 use super::problem::Problem;
-use super::program_loop::{MOST_LANES, ProgramLoop};
+use super::program_loop::ProgramLoop;
 use crate::integrate::{Advance, Kind, System, WithExplicitSteps};
 use crate::scalar::{Float, Real};
 

@@ -1,5 +1,6 @@
 //! The programs of the state rates of one run, with their frames.
 
+use super::attempt_programs::write;
 use super::rates_programs::{RatesPrograms, RecordedRates};
 use super::world::Exogenous;
 use crate::integrate::{Attempt, Buffer};
@@ -131,17 +132,6 @@ impl<S: Real> Running<S> {
     /// The derivative of the rates with respect to time, from the last linearisation.
     pub fn time_derivative(&self) -> &[S] {
         &self.dft
-    }
-}
-
-/// Write `values` to all lanes of the slots from `first` on.
-pub fn write<S: Real>(frame: &mut Frame, first: usize, values: &[S]) {
-    let lanes = frame.lanes();
-    let slots = &mut frame.numbers_mut()[first * lanes..(first + values.len()) * lanes];
-    if lanes == 1 {
-        slots.iter_mut().zip(values).for_each(|(slot, value)| *slot = value.lane(0));
-    } else {
-        slots.chunks_exact_mut(lanes).zip(values).for_each(|(slot, value)| slot.fill(value.lane(0)));
     }
 }
 

@@ -1,8 +1,8 @@
 //! A loop that computes one step of fixed size per call. The law or the caller provides the input.
 
+use super::assembly::{Watched, close};
 use super::bound::Bound;
 use super::force::Wrench;
-use super::general::{Watched, close};
 use super::problem::Problem;
 use super::rates_loop::{RatesLoop, recorded_loop};
 use super::sampling::Sampling;

@@ -7,8 +7,8 @@
 //! Functions are evaluated at four times of every step. Two changes of sign between two of these times cancel and are missed.
 
 use super::adaptive_steps::{Cut, Watcher};
+use super::assembly::Watched;
 use super::event::{Crossings, Event};
-use super::general::Watched;
 use super::switching::{Probe, Switching};
 use crate::error::{Error, Result as CoreResult};
 use crate::integrate::events::crossing;

@@ -7,7 +7,7 @@
 //! step approaches a Newton step. No singular values are computed. With more rows than joints, the same step is computed from `J' J`.
 
 use super::super::uniform::{mirror, within};
-use super::newton::{Attempt, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
+use super::attempt::{Attempt, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
 use crate::arm::Arm;
 use crate::interrupt::look;
 use crate::kinematics::{TaskFunction, TaskStack};

@@ -10,6 +10,7 @@
 //!
 //! `damped` has the steps for all tasks together, `newton` the steps in priority, and `batch` the search for many targets.
 
+mod attempt;
 mod batch;
 mod damped;
 mod newton;
@@ -21,7 +22,8 @@ use crate::error::{Error, Result, finite, positive};
 use crate::kinematics::TaskFunction;
 use crate::priority::PriorityMethod;
 use crate::status::Status;
-use newton::{Attempt, Newton, better};
+use attempt::{Attempt, better};
+use newton::Newton;
 
 /// Options of a search.
 #[derive(Clone, Debug)]

@@ -2,6 +2,7 @@
 //! so a search allocates nothing after its construction.
 
 use super::super::uniform::within;
+use super::attempt::{Attempt, CENTRING, advance, better, blocked, clip, largest, misses_of};
 use super::damped::{Damped, Reach};
 use super::{IkOptions, limits};
 use crate::arm::Arm;
@@ -20,35 +21,8 @@ const LAST_STEPS: usize = 10;
 const PROGRESS: f64 = 1e-3;
 const PROGRESS_STEPS: usize = 20;
 
-/// In one step, a joint moves by this fraction of the distance to the middle of its range, for errors of order one. The fraction decreases
-/// with the errors, so that the last steps are Newton steps.
-const CENTRING: f64 = 0.2;
-
 /// The smallest threshold. Singular values below it are rounding errors.
 const SMALLEST_EPS: f64 = 1e-9;
-
-/// The result of the search from one start.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Attempt {
-    /// Joint positions, `(n,)`, rad or m.
-    pub q: Vec<f64>,
-    /// Largest error of each task, m or rad; zero where the task is reached.
-    pub misses: Vec<f64>,
-    /// Whether the steps ended without progress.
-    pub resting: bool,
-}
-
-impl Attempt {
-    /// Whether every task is reached.
-    pub fn reached(&self) -> bool {
-        self.misses.iter().all(|miss| *miss == 0.0)
-    }
-}
-
-/// Whether the misses `a` are smaller than `b` at the first task in which they differ.
-pub(super) fn better(a: &[f64], b: &[f64]) -> bool {
-    a.iter().zip(b).find(|(a, b)| a != b).is_some_and(|(a, b)| a < b)
-}
 
 /// The steps of one arm and its tasks, for one target after another.
 #[derive(Clone)]
@@ -307,54 +281,6 @@ impl Newton {
     }
 }
 
-/// The largest error of each task, zero where it is within the tolerance. An error that is not a number is infinite.
-pub(super) fn misses_of(e: &[f64], rows: &[usize], tolerance: f64, misses: &mut [f64]) {
-    let mut at = 0;
-    for (miss, &m) in misses.iter_mut().zip(rows) {
-        let e = &e[at..at + m];
-        let most = if e.iter().any(|e| e.is_nan()) { f64::INFINITY } else { largest(e) };
-        *miss = if most <= tolerance { 0.0 } else { most };
-        at += m;
-    }
-}
-
-/// Compute the motion `z` towards the middle of the ranges, for joints that have a range. `far` is the largest error.
-pub(super) fn aim_at_middle(q: &[f64], bounds: &[(f64, f64)], far: f64, z: &mut [f64]) {
-    let centring = CENTRING * far.min(1.0);
-    for ((z, q), (lower, upper)) in z.iter_mut().zip(q).zip(bounds) {
-        *z = if (upper - lower).is_finite() { centring * (0.5 * (lower + upper) - q) } else { 0.0 };
-    }
-}
-
-/// Hold the joints at a limit that the motion `v` would cross. Return whether another joint is now held.
-pub(super) fn blocked(q: &[f64], v: &[f64], bounds: &[(f64, f64)], held: &mut [bool]) -> bool {
-    let mut more = false;
-    for (i, (lower, upper)) in bounds.iter().enumerate() {
-        if !held[i] && ((q[i] <= *lower && v[i] < 0.0) || (q[i] >= *upper && v[i] > 0.0)) {
-            (held[i], more) = (true, true);
-        }
-    }
-    more
-}
-
-/// Move `q` by `v`, no joint by more than `step_max`, and none beyond its limits. Return the largest motion of a joint.
-pub(super) fn advance(q: &mut [f64], v: &[f64], bounds: &[(f64, f64)], step_max: f64) -> f64 {
-    let most = v.iter().fold(0.0f64, |most, v| most.max(v.abs()));
-    let scale = if most > step_max { step_max / most } else { 1.0 };
-    let mut moved = 0.0f64;
-    for ((q, v), (lower, upper)) in q.iter_mut().zip(v).zip(bounds) {
-        let next = (*q + scale * v).max(*lower).min(*upper);
-        moved = moved.max((next - *q).abs());
-        *q = next;
-    }
-    moved
-}
-
-/// The largest absolute value of an entry.
-pub(super) fn largest(e: &[f64]) -> f64 {
-    e.iter().fold(0.0, |most, e| most.max(e.abs()))
-}
-
 /// A solver for the tasks. Below them, it has a task for the positions of the joints that have a range.
 fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut options: PriorityOptions) -> Result<ArmSolver> {
     let mut functions = tasks.to_vec();
@@ -366,10 +292,4 @@ fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut o
         }
     }
     ArmSolver::new(arm, functions, &options)
-}
-
-pub(super) fn clip(q: &mut [f64], bounds: &[(f64, f64)]) {
-    for (q, (lower, upper)) in q.iter_mut().zip(bounds) {
-        *q = q.max(*lower).min(*upper);
-    }
 }

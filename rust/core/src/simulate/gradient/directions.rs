@@ -5,7 +5,7 @@ use super::shared::{entangled, is_shared};
 use crate::error::{Error, Result};
 use crate::interrupt::look;
 use crate::memory;
-use crate::simulate::general::{assemble, start, world};
+use crate::simulate::assembly::{assemble, start, world};
 use crate::simulate::problem::Problem;
 use crate::simulate::world::World;
 use crate::trace::Sym;

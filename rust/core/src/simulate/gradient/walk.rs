@@ -8,7 +8,7 @@ use crate::error::{Error, Result, all_finite};
 use crate::integrate::Tableau;
 use crate::interrupt::look;
 use crate::linalg::Pairs;
-use crate::simulate::general::start;
+use crate::simulate::assembly::start;
 use crate::simulate::sampling::CHANNELS;
 use crate::status::Status;
 use std::ops::Range;

@@ -1,0 +1,173 @@
+//! The loops of a problem, made from its plants, laws, motions and forces.
+
+use super::closed_loop::{ClosedLoop, Closing};
+use super::force::Wrench;
+use super::problem::Problem;
+use super::sampler::Sampler;
+use super::sink::Sink;
+use super::torque_sensing::TorqueSensing;
+use super::world::{Exogenous, World};
+use crate::integrate::{DualSystem, Linearised, System};
+use crate::law::{LawSpec, Route, Truth};
+use crate::plant::{PlantSpec, Touch};
+use crate::scalar::{Array8, Dual8, Real};
+use std::borrow::Cow;
+
+/// A loop whose run can be recorded, observed and driven by the caller.
+pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
+    /// Return the plant's input at time `t` and state `x`.
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
+    /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes it, and it is held if `held` is
+    /// true.
+    fn drive(&mut self, tau: Option<&[S]>, held: bool);
+    /// Restart at `t = 0`.
+    fn rewind(&mut self);
+    /// Hold the contacts of the plant in the modes `contacts`.
+    fn hold_contacts(&mut self, contacts: &[Touch]);
+    /// Apply `wrench` instead of the external forces. `None` restores the forces.
+    fn push(&mut self, wrench: Option<&Wrench>);
+    /// Decide which joints stick at time `t` and state `x`.
+    fn settle(&mut self, _t: f64, _x: &[S]) {}
+    /// Change the mode of a joint with stick-slip friction, at time `t` and state `x`: a stuck joint slips, a sliding joint stops. `None`:
+    /// check all joints.
+    fn switch_joint(&mut self, _t: f64, _x: &mut [S], _joint: Option<usize>) {}
+    /// For each joint with stick-slip friction, write the number that is negative when its present mode ends.
+    fn margins(&mut self, _t: f64, _x: &[S], _out: &mut [f64]) {}
+    /// Pass the records that were stored within steps to the sink. `time(k)` is the time of step `k`.
+    fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
+}
+
+impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
+    fn input_at(&mut self, t: f64, x: &[S]) -> &[S] {
+        self.observe_unheld(t, x);
+        &self.tau
+    }
+    fn drive(&mut self, tau: Option<&[S]>, held: bool) {
+        self.take_over(tau, held);
+    }
+    fn rewind(&mut self) {
+        ClosedLoop::rewind(self);
+    }
+    fn hold_contacts(&mut self, contacts: &[Touch]) {
+        ClosedLoop::hold_contacts(self, contacts);
+    }
+    fn push(&mut self, wrench: Option<&Wrench>) {
+        ClosedLoop::push(self, wrench);
+    }
+    fn settle(&mut self, t: f64, x: &[S]) {
+        ClosedLoop::settle(self, t, x, None);
+    }
+    fn switch_joint(&mut self, t: f64, x: &mut [S], joint: Option<usize>) {
+        ClosedLoop::switch_joint(self, t, x, joint);
+    }
+    fn margins(&mut self, t: f64, x: &[S], out: &mut [f64]) {
+        ClosedLoop::margins(self, t, x, out);
+    }
+}
+
+/// A loop on plain numbers, with the same loop on dual numbers.
+pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8, Vec<Dual8>, Exogenous<Dual8>>;
+
+impl Watched<f64> for Twins<'_> {
+    fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
+        self.system.input_at(t, x)
+    }
+    fn rewind(&mut self) {
+        self.system.rewind();
+    }
+    fn hold_contacts(&mut self, contacts: &[Touch]) {
+        self.system.hold_contacts(contacts);
+        self.twin.hold_contacts(contacts);
+    }
+    fn push(&mut self, wrench: Option<&Wrench>) {
+        self.system.push(wrench);
+        self.twin.push(wrench);
+    }
+    fn settle(&mut self, t: f64, x: &[f64]) {
+        Watched::settle(&mut self.system, t, x);
+        self.twin.follow(self.system.sides());
+    }
+    fn switch_joint(&mut self, t: f64, x: &mut [f64], joint: Option<usize>) {
+        self.system.switch_joint(t, x, joint);
+        self.twin.follow(self.system.sides());
+    }
+    fn margins(&mut self, t: f64, x: &[f64], out: &mut [f64]) {
+        self.system.margins(t, x, out);
+    }
+    fn drive(&mut self, tau: Option<&[f64]>, held: bool) {
+        self.system.drive(tau, held);
+        self.twin.take_over(None, held || tau.is_some());
+        if let Some((input, rate)) = self.system.held() {
+            self.twin.hold(input, rate);
+        }
+    }
+}
+
+impl Twins<'_> {
+    /// Return the loop with owned copies of its motions, forces and limits.
+    pub fn into_owned(self) -> Twins<'static> {
+        let (closed, twin) = (self.system.into_owned(), self.twin.into_owned());
+        let (state, input) = (vec![Dual8::zero(); closed.size()], twin.instant());
+        Linearised::new(closed, twin, state, input)
+    }
+}
+
+/// Return the loop of run `first` on plain and on dual numbers, and the initial state.
+pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
+    let (closed, x) = close::<f64>(problem, first);
+    let (twin, moving) = close::<Dual8>(problem, first);
+    let input = twin.instant();
+    (Linearised::new(closed, twin, moving, input), x)
+}
+
+/// Return the loop of the runs from `first` on, and the initial state.
+#[inline(never)]
+pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
+    let last = problem.runs() - 1;
+    let run = |lane: usize| (first + lane).min(last);
+    (assemble(problem, run, problem.watches_storage()), start(problem, run))
+}
+
+/// Return the desired motions and forces of the runs `run(lane)`.
+pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usize) -> World<'a> {
+    World::new(lanes, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)))
+}
+
+/// Return the loop of the runs `run(lane)`. `storage`: see [`Problem::watches_storage`].
+pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize + Copy, storage: bool) -> ClosedLoop<'a, S> {
+    let o = &problem.options;
+    let plant = PlantSpec::build::<S>(|lane| problem.plant(run(lane)), problem.force_frame());
+    let law = LawSpec::build::<S>(|lane| problem.law(run(lane)));
+    let closing = Closing { tau_max: o.tau_max.as_deref().map(Cow::Borrowed), held: o.sampling.is_some(), monitored: o.monitors, storage };
+    let spec = problem.plant(run(0));
+    let sizes = (spec.states(), spec.seen(), problem.law(run(0)).initial_state().len(), spec.model().angles());
+    let truth =
+        if closing.watches_dissipation() { Truth::new(|lane| problem.law(run(lane)), |lane| problem.plant(run(lane))) } else { None };
+    let period = o.sampling.as_ref().map(|sampling| sampling.period);
+    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).asked_every(period)
+}
+
+/// Return the clock of the controllers of the runs `run(lane)`. `None` for an ideal controller.
+pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
+    let (o, plant) = (&problem.options, problem.plant(run(0)));
+    // A law of the user may have a memory. It is called once per sample, even if the sample is used several times.
+    let asked_once = problem.law(run(0)).route() == Route::Outside;
+    let dissipated = usize::from(o.monitors && !problem.watches_storage());
+    let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);
+    o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {
+        let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
+        let sensing = TorqueSensing::of(problem, sampling, run);
+        Sampler::new(sampling.clone(), seeds, o.grid(), sizes, sensing)
+    })
+}
+
+/// Return the initial state of the runs `run(lane)`.
+pub fn start<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize) -> Vec<S> {
+    let (states, p) = (problem.plant(0).states(), problem.law(0).initial_state().len());
+    let of_plant = (0..states).map(|k| S::from_lanes(|lane| problem.x0[run(lane) * states + k]));
+    let laws: Vec<Vec<f64>> =
+        (0..S::LANES).map(|lane| problem.law(run(lane)).start(&problem.x0[run(lane) * states..(run(lane) + 1) * states])).collect();
+    let of_law = (0..p).map(|k| S::from_lanes(|lane| laws[lane][k]));
+    let quadratures = if problem.options.monitors { 2 } else { 0 };
+    of_plant.chain(of_law).chain((0..quadratures).map(|_| S::zero())).collect()
+}
