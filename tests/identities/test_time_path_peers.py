@@ -1,15 +1,18 @@
-"""Problems from the tests of drake and toppra, restated, with closed times or published durations beside ours.
+"""Timings of paths against test problems of drake and toppra, whose durations are closed formulas or published numbers.
 
-drake (multibody/optimization/test/toppra_test.cc): a KUKA LBR iiwa moves on a straight line of joint positions. Its joints and the
-origin of its last link have limits. toppra (tests/tests/retime/robustness, cpp/tests/test_algorithm.cpp): short moves, and a cubic path
-of two joints.
-toppra has no problem with a limit of the tip: its one test of such a limit only evaluates the constraint.
+drake (multibody/optimization/test/toppra_test.cc): a KUKA LBR iiwa moves along a straight line of joint positions. The limits are on its
+joints and on the origin of its last link, here called the tip.
+toppra (tests/tests/retime/robustness, cpp/tests/test_algorithm.cpp): short moves, and a cubic path of two joints.
+toppra solves no problem with a limit of the tip: its only test of such a limit evaluates the constraint.
 
-    straight line of joint positions, |v_j| <= V_j, |a_j| <= A_j, d = q1 - q0:   nu = min V_j/|d_j|,  alpha = min A_j/|d_j|
+The duration of a straight line of joint positions, |v_j| <= V_j and |a_j| <= A_j, with the displacement d = q1 - q0:
+
+    nu = min V_j/|d_j|,   alpha = min A_j/|d_j|
     T = 2 sqrt(1/alpha), where sqrt(alpha) <= nu,  else 1/nu + nu/alpha
 
-drake bounds each part of a velocity from below and above. Limits here are symmetric. On the line a joint moves to one side only, so the
-problem of the speeds is the same. For accelerations, and for the parts of the tip's velocity, both sides have the lesser limit.
+drake bounds each component of a velocity from below and above by different numbers. armlet's limits are symmetric.
+For joint velocities both problems have the same solution: on the line each joint moves in one direction only.
+For accelerations and for components of the tip's velocity, these tests use the smaller bound in both directions.
 """
 
 from __future__ import annotations
@@ -22,7 +25,8 @@ import pytest
 import armlet as al
 
 H = np.pi / 2
-# Denavit-Hartenberg rows of the LBR iiwa 7 R800 by its maker (alpha, d); the origin of the last link 0.081 m from the wrist.
+# Denavit-Hartenberg parameters (alpha in rad, d in m) of the LBR iiwa 7 R800 from its manufacturer. The origin of the last link is 0.081 m
+# from the wrist.
 TURNS, SHIFTS = [-H, H, H, -H, -H, H, 0.0], [0.34, 0.0, 0.4, 0.0, 0.4, 0.0, 0.081]
 START = np.array([-1.57, 0.1, 0.0, -1.2, 0.0, 1.6, 0.0])
 END = np.array([-0.8, -0.6, 0.5, 0.1, -0.5, -0.1, -1.0])
@@ -31,7 +35,7 @@ PROMISE = 1e-9
 
 
 def tip(q: np.ndarray) -> np.ndarray:
-    """Position (T, 3) of the last link's origin, by products of the rows' transforms."""
+    """Return the positions (T, 3) in m of the last link's origin, by products of Denavit-Hartenberg transforms."""
     R, p = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
     for joint, (turn, shift) in enumerate(zip(TURNS, SHIFTS, strict=True)):
         c, s, ca, sa = np.cos(q[:, joint]), np.sin(q[:, joint]), np.cos(turn), np.sin(turn)
@@ -43,7 +47,7 @@ def tip(q: np.ndarray) -> np.ndarray:
 
 
 def kuka() -> al.Arm:
-    """The same arm for armlet, of unit masses: only its kinematics count here."""
+    """Return the same arm as an `al.Arm`. Its masses are 1 kg, since the tests compare only kinematics."""
     body = {"type": "R", "axis": [0, 0, 1], "phi": [1.0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}
     before = [(0.0, 0.0), *zip(TURNS, SHIFTS, strict=True)]
     joints: list[dict[str, Any]] = [body | {"rpy": [turn, 0, 0], "xyz": [0, 0, shift]} for turn, shift in before[:7]]
@@ -55,7 +59,10 @@ TOOL = ARM.frame_names[-1]
 
 
 def moved(p: al.TimedPath, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration (T, 3) of the tip: differences of fourth order along the parabola q + v h + a h^2/2."""
+    """Return velocity (m/s) and acceleration (m/s^2) of the tip, each (T, 3).
+
+    They are differences of fourth order along the parabola q + v h + a h^2/2.
+    """
     q, v, a = p(t)
     h = 1e-3
     far, near, here, on, last = (tip(q + v * (k * h) + a * (0.5 * (k * h) ** 2)) for k in (-2, -1, 0, 1, 2))
@@ -67,17 +74,17 @@ def instants(p: al.TimedPath) -> np.ndarray:
 
 
 def least(d: np.ndarray, v: Any, a: Any) -> float:
-    """The closed time of a straight line from rest to rest."""
+    """Return the duration in s of a straight line from rest to rest: `T` in the docstring of this file."""
     nu, alpha = np.min(np.broadcast_to(v, d.shape) / np.abs(d)), np.min(np.broadcast_to(a, d.shape) / np.abs(d))
     return float(2.0 / np.sqrt(alpha) if alpha <= nu * nu else 1.0 / nu + nu / alpha)
 
 
 def test_drake_joint_speeds() -> None:
-    """Bounds from -1.1 .. -1.7 to 2.1 .. 2.7 rad/s: each joint meets the one of its direction."""
+    """Each joint reaches the bound of its direction: -1.1 .. -1.7 rad/s backwards, 2.1 .. 2.7 rad/s forwards."""
     lower, upper = 1.1 + 0.1 * np.arange(7), 2.1 + 0.1 * np.arange(7)
     v_max = np.where(END > START, upper, lower)
     p = al.time_path(ARM, [START, END], v_max=v_max, a_max=A_MAX)
-    # The grid costs up to 1e-4 of the time.
+    # The grid of path positions adds up to 1e-4 of the duration.
     assert p.duration == pytest.approx(least(END - START, v_max, A_MAX), rel=2e-4)
     v = p(instants(p))[1]
     assert np.all(v <= upper * (1 + PROMISE)) and np.all(v >= -lower * (1 + PROMISE))
@@ -91,7 +98,10 @@ def test_drake_joint_accelerations() -> None:
 
 
 def test_drake_path_speeds_at_the_ends() -> None:
-    """Path speeds of 0.7 and 0.4 at ends where the path itself has no slope, so that the joints begin and end at rest."""
+    """Path speeds are 0.7 at the start and 0.4 at the end.
+
+    The slope of this clamped spline is zero at both ends, so the joints start and stop at rest.
+    """
     p = al.time_path(ARM, [START, END], spline="clamped", v_max=1.0, a_max=A_MAX, start_speed=0.7, end_speed=0.4)
     assert p.feasible and p.s_dot[[0, -1]] == pytest.approx([0.7, 0.4], rel=1e-12)
     _, v, a = p(instants(p))
@@ -99,13 +109,13 @@ def test_drake_path_speeds_at_the_ends() -> None:
 
 
 def test_drake_speed_of_a_frame() -> None:
-    """1.1 m/s, as a number, at the waypoints, and as a function of s: one problem."""
+    """A tip speed of 1.1 m/s gives one timing, whether it is a number, an array per waypoint or a function of s."""
     durations = []
     forms: list[Any] = [1.1, [1.1, 1.1], lambda s: 1.1]
     for limit in forms:
         p = al.time_path(ARM, [START, END], a_max=A_MAX, tip_speed=limit, frame=TOOL)
         speed = np.linalg.norm(moved(p, instants(p))[0], axis=1)
-        # The differences err by h^4 of the fifth derivative, some 1e-10.
+        # The error of the differences is h^4 times the fifth derivative, about 1e-10 m/s.
         assert p.feasible and speed.max() <= 1.1 * (1 + PROMISE) + 1e-9
         assert speed.max() > 1.1 * (1 - 1e-4)
         durations.append(p.duration)
@@ -113,7 +123,10 @@ def test_drake_speed_of_a_frame() -> None:
 
 
 def test_drake_speed_of_a_frame_that_varies() -> None:
-    """1.1 m/s on the first half of the path and 2.2 m/s on the second, over one step of 201 knots."""
+    """The limit of the tip speed is 1.1 m/s on the first half of the path and 2.2 m/s on the second.
+
+    It changes over one step of a grid of 201 knots.
+    """
 
     def limit(s: float) -> float:
         return 1.1 if s < 0.5 else 2.2
@@ -133,7 +146,10 @@ def test_drake_speed_of_a_frame_that_varies() -> None:
 
 
 def test_drake_velocity_and_acceleration_of_a_frame() -> None:
-    """Each part from -1.4 .. -1.6 to 2.4 .. 2.6: inside, where the norm is at most 1.4."""
+    """drake bounds components of the tip's motion by -1.4 .. -1.6 and 2.4 .. 2.6.
+
+    A norm of at most 1.4 (m/s or m/s^2) satisfies these bounds.
+    """
     for name, part in (("tip_speed", 0), ("tip_acceleration", 1)):
         p = al.time_path(ARM, [START, END], a_max=A_MAX, frame=TOOL, **{name: 1.4})  # type: ignore[arg-type]
         values = moved(p, instants(p))[part]
@@ -141,7 +157,8 @@ def test_drake_velocity_and_acceleration_of_a_frame() -> None:
         assert np.all(values >= [-1.4, -1.5, -1.6]) and np.all(values <= [2.4, 2.5, 2.6])
 
 
-#: Waypoints, limits of speed and acceleration, and toppra's durations on 51 and 101 points, from its own record.
+#: Each row: waypoints (rad), limits of speed (rad/s) and acceleration (rad/s^2), and durations (s) that toppra's file records for grids of
+#: 51 and 101 points.
 SMALL = np.outer(
     [-0.00038593, 0.00013093, 0.00064752, 0.00116383, 0.00167987, 0.00219563, 0.00271112, 0.00322633, 0.00374127, 0.00425594], [1.0] * 3
 )
@@ -165,18 +182,21 @@ ISSUE_26 = np.outer(
     ids=["small joint moves", "issue 26", "two points", "two near points"],
 )
 def test_toppra_short_moves(q: Any, v_max: Any, a_max: Any, theirs: tuple[float, float]) -> None:
-    """The optimum of lines, which toppra's file gives as 0.2 and 0.002 s; its durations fall towards it as the grid gets finer."""
+    """armlet finds the optimal duration of straight lines: 0.2 s and 0.002 s according to toppra's file.
+
+    toppra's durations decrease towards the optimum on a finer grid.
+    """
     p = al.time_path(al.planar_arm([0.5, 0.4, 0.3]), q, v_max=v_max, a_max=a_max)
     d = np.asarray(q[-1]) - np.asarray(q[0])
     d = np.where(d == 0.0, 1e-300, d)
-    # Waypoints of SMALL and ISSUE_26 are on a line to 1e-3 of a step, and their spacing is even to 1e-3.
+    # The waypoints of SMALL and ISSUE_26 deviate from a line, and from even spacing, by 1e-3 of a step.
     assert p.duration == pytest.approx(least(d, v_max, a_max), rel=2e-3)
     assert p.duration < theirs[1] < theirs[0]
     _, v, a = p(instants(p))
     assert np.all(np.abs(v) <= np.asarray(v_max) * (1 + PROMISE)) and np.all(np.abs(a) <= np.asarray(a_max) * (1 + PROMISE))
 
 
-#: toppra's squares of the path speed at 51 places of its cubic path, from its own test.
+#: Squares of the path speed at 51 places of toppra's cubic path, copied from toppra's test.
 THEIRS = [
     0,
     0.00799999,
@@ -233,7 +253,7 @@ THEIRS = [
 
 
 def test_toppra_cubic_path() -> None:
-    """The cubic through four points, |v| <= 1 and |a| <= 0.2. toppra's profile is on its 51 points alone."""
+    """The path is the cubic through four points, with |v| <= 1 rad/s and |a| <= 0.2 rad/s^2. toppra publishes its profile at 51 points."""
     q = [[0.0, 0.0], [1.0, 3.0], [2.0, 4.0], [0.0, 0.0]]
     p = al.time_path(al.planar_arm([0.5, 0.4]), q, knots=[0.0, 1.0, 2.0, 3.0], spline="not-a-knot", v_max=1.0, a_max=0.2)
     rate = np.sqrt(np.array(THEIRS))
@@ -241,7 +261,7 @@ def test_toppra_cubic_path() -> None:
     assert p.feasible and p.duration == pytest.approx(theirs, rel=2e-2)
     _, v, a = p(instants(p))
     assert np.abs(v).max() <= 1.0 + PROMISE and np.abs(a).max() <= 0.2 * (1 + PROMISE)
-    # The speed at their places, away from where the profile has a corner: theirs is the same to the error of their grid.
+    # Away from corners of the profile, the speeds agree to the error of toppra's grid.
     s = np.linspace(0.0, 3.0, 51)
     ours = np.interp(s, p.s, p.s_dot)
     assert np.median(np.abs(ours - rate) / rate.max()) < 2e-2

@@ -1,4 +1,4 @@
-"""What the joint-torque sensors of a sampled loop promise: what the law sees, the statistics, the same bits every time."""
+"""Joint-torque sensors of a sampled loop: the reading that the law receives, its statistics, and runs that repeat to the bit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def sampled(sensor: al.TorqueSensor | None, law: Any = LAWS["state"], plant: al.
 
 
 def watched(sensor: al.TorqueSensor, **effects: Any) -> tuple[Array, Array, Array, Array]:
-    """What a law in Python sees: q and theta, and the plant's true joint torques and theta at the same samples."""
+    """Record 1000 samples of a run: `q` and `theta` as a Python law receives them, then the plant's true joint torque and `theta`."""
     seen: list[Array] = []
 
     def law(t: float, q: Array, v: Array, theta: Array, theta_dot: Array) -> Array:
@@ -45,7 +45,8 @@ def watched(sensor: al.TorqueSensor, **effects: Any) -> tuple[Array, Array, Arra
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_perfect_sensor_changes_nothing(name: str) -> None:
-    # The links are known as theta - K^-1 K (theta - q): a rounding, which a contracting loop does not let grow.
+    # The law computes the link positions as theta - K^-1 K (theta - q), which differs from q by rounding. The contracting loop keeps this
+    # difference small.
     plain = al.simulate(PLANT, LAWS[name], START, t_end=0.3, dt=1e-4, sample_time=1e-3)
     np.testing.assert_allclose(sampled(al.TorqueSensor(), LAWS[name]).q, plain.q, rtol=0.0, atol=1e-12)
     assert np.max(np.abs(sampled(al.TorqueSensor(bandwidth=100.0), LAWS[name]).q - plain.q)) > 1e-5
@@ -59,7 +60,8 @@ def test_the_law_sees_bias_steps_and_noise() -> None:
     np.testing.assert_allclose(theta, np.round(true / 1e-4) * 1e-4, rtol=0.0, atol=1e-12)
     q, theta, torque, _ = watched(al.TorqueSensor(noise=0.5), seed=3)
     noise = K * (theta - q) - torque
-    # 2 x 1000 draws: five standard errors of mean and deviation; joints apart, samples apart.
+    # The noise is 2 x 1000 numbers. Its mean, deviation and correlations (between joints, between samples) may differ from their
+    # expectations by five standard errors.
     assert abs(noise.mean()) < 5 * 0.5 / np.sqrt(noise.size) and abs(noise.std() - 0.5) < 5 * 0.5 / np.sqrt(2 * noise.size)
     assert abs(np.corrcoef(noise.T)[0, 1]) < 5 / np.sqrt(1000) and abs(np.corrcoef(noise[1:, 0], noise[:-1, 0])[0, 1]) < 5 / np.sqrt(1000)
 
@@ -68,7 +70,8 @@ def test_the_law_sees_bias_steps_and_noise() -> None:
 def test_the_filter_is_of_first_order(lag: int) -> None:
     w = 300.0
     q, theta, torque, true = watched(al.TorqueSensor(bandwidth=w), sensor_delay=lag)
-    # The exact answer to straight lines between the samples, from rest; by another route: the ramp response.
+    # The exact response of a first-order filter, from rest, to torques that are linear between samples. This formula uses the ramp
+    # response.
     decay, filtered = np.exp(-w * 1e-3), [torque[0]]
     for before, now in pairwise(torque):
         slope = (now - before) / 1e-3
@@ -78,13 +81,13 @@ def test_the_filter_is_of_first_order(lag: int) -> None:
 
 
 def test_the_law_reads_through_its_own_stiffness() -> None:
-    # A law that believes in springs half as stiff takes the reading for what it is: the joint torque.
+    # The law assumes springs half as stiff as the plant's. With a sensor it still receives the true joint torque.
     soft = al.StateFeedback(ARM, [0.3, 1.0], 200.0, 20.0, 1.0, 0.02, K / 2)
     assert (
         np.max(np.abs(sampled(al.TorqueSensor(), soft).q - al.simulate(PLANT, soft, START, t_end=0.3, dt=1e-4, sample_time=1e-3).q)) > 1e-4
     )
     rest = sampled(al.TorqueSensor(), soft, t_end=20.0, dt=1e-3)
-    # At rest tau = tau_J = g(q), and the law's tau_J is the plant's.
+    # At rest tau = tau_J = g(q), and the joint torque in the law equals that in the plant.
     theta_d = np.array([0.3, 1.0]) + ARM.gravity([0.3, 1.0]) / (K / 2)
     tau = 2.0 * ARM.gravity([0.3, 1.0]) + 200.0 * (theta_d - rest.theta[-1]) - K * (rest.theta[-1] - rest.q[-1])
     np.testing.assert_allclose(rest.tau[-1], tau, rtol=0.0, atol=1e-6)
@@ -104,7 +107,7 @@ def test_runs_repeat_to_the_bit(method: str) -> None:
 
 @pytest.mark.parametrize("jitter", [0.0, 3e-4])
 def test_rows_of_a_batch_are_runs_of_their_own(jitter: float) -> None:
-    # Without jitter they go in lanes.
+    # Without jitter, the batch integrates several rows together in SIMD lanes.
     clock = al.Sampling(1e-3, torque_sensor=SENSOR, jitter=jitter, **EFFECTS)
     batch = al.simulate_batch(PLANT, LAWS["joint"], np.tile(START, (10, 1)), t_end=0.1, dt=1e-4, sample_time=clock, threads=2)
     for i in (0, 3, 9):

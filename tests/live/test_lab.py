@@ -1,6 +1,6 @@
-"""The laboratory without a screen: sliders, targets and pulls reach the loop, and nothing a hand does ends in an error.
+"""The laboratory without a screen: sliders, targets and pulls change the loop, and no input of the user raises an error.
 
-The loop goes on from where it stands at every change; the answer of each system is what its theory says.
+After each change the loop continues from its current state. Each system responds as its theory predicts.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def tip(lab: Lab) -> np.ndarray:
 def test_every_system_runs(k: int) -> None:
     lab = Lab([systems()[k]])
     run(lab, 1.0)
-    # 62 frames of 16 steps of 1 ms.
+    # One second is 62 frames of 16 steps of 1 ms: 0.992 s.
     assert lab.status is al.Status.SUCCESS and lab.t == pytest.approx(0.992, abs=1e-12)
     poses = lab.poses()
     assert set(poses) == {shape.frame for shape in lab.system.shapes if shape.frame is not None}
@@ -53,7 +53,7 @@ def test_every_system_runs(k: int) -> None:
 
 
 def test_a_lab_is_the_loop_itself() -> None:
-    """Frames change nothing: the state is that of `simulate`, as long as no hand moves."""
+    """Without a pull, stepping in frames gives the same state as `al.simulate`."""
     lab = Lab([Elastic()])
     target = lab.targets["x_d"].copy()
     lab.drag("x_d", target + MOVED)
@@ -72,13 +72,13 @@ def test_a_lab_is_the_loop_itself() -> None:
         axes="xy",
     )
     same = al.simulate(al.ElasticArm(elastic.arm, 800.0, [0.4, 0.25]), law, elastic.q0, t_end=0.992, dt=1e-3)
-    # The loop that records and the one that is stepped by hand add the same steps up.
+    # `al.simulate` and the frames of the laboratory take the same steps.
     assert np.abs(lab.q - same.q[-1]).max() < 1e-12
 
 
 @pytest.mark.parametrize("k", range(8))
 def test_a_change_goes_on_from_the_state(k: int) -> None:
-    """A loop that is started anew in every frame, as under a pulling hand, ends where the untouched one does."""
+    """A loop that restarts in every frame, as under a pull, ends in the same state as a loop that never restarts."""
     free, touched = Lab([systems()[k]]), Lab([systems()[k]])
     for _ in range(150):
         free.advance()
@@ -86,14 +86,17 @@ def test_a_change_goes_on_from_the_state(k: int) -> None:
         touched.set(control.name, touched.values[control.name])
         touched.advance()
     assert touched.t == pytest.approx(free.t, abs=1e-9)
-    # Motions are shifted in time by each start: a rounding of phase, or of the grid of a table with its 1 ms between points.
+    # Each restart shifts the motion in time. This adds rounding of a phase, or the interpolation error of a table with 1 ms between points.
     assert np.abs(touched.q - free.q).max() < 1e-6
     assert np.allclose(touched.panels()[1][1], free.panels()[1][1], atol=1e-4)
 
 
 @pytest.mark.parametrize("k", range(8))
 def test_every_corner_of_the_controls_is_survived(k: int) -> None:
-    """All sliders at either end: the loop runs, or says that it diverged or was refused; a reset with the defaults runs again."""
+    """Every slider goes to both ends of its range: the loop runs, or its status is that it diverged, or the value is refused.
+
+    After a reset with default values the loop runs again.
+    """
     lab = Lab([systems()[k]])
     for control in lab.system.controls:
         for value in control.options if isinstance(control, Choice) else (control.low, control.high):
@@ -132,7 +135,7 @@ def test_divergence_is_a_state() -> None:
     run(lab, 1.0)
     stands, q = lab.t, lab.q
     assert lab.status is al.Status.DIVERGED and lab.message.startswith("diverged after t = ") and np.all(np.isfinite(q))
-    lab.set("share", 0.05)  # too late: only a reset starts anew
+    lab.set("share", 0.05)  # too late: only a reset restarts the loop
     run(lab, 0.5)
     assert lab.t == stands and lab.q is q and lab.advance() == 0
     lab.reset()
@@ -150,7 +153,7 @@ def test_what_is_refused_leaves_the_loop_running() -> None:
 
     lab = Lab([Refusing()])
     lab.set("stiffness", 900.0)
-    assert lab.advance() == 0 and lab.message == "refused: elastic: stiffness is too much"  # nothing runs yet
+    assert lab.advance() == 0 and lab.message == "refused: elastic: stiffness is too much"  # the loop has not started
     lab.set("stiffness", 300.0)
     run(lab, 0.2)
     lab.set("stiffness", 900.0)
@@ -171,21 +174,21 @@ def test_pause_speed_and_pace() -> None:
     assert lab.t == stands and lab.real_time_factor == 0.0
     lab.paused, lab.speed = False, 2.0
     assert lab.advance() == 32
-    assert lab.advance(10.0) == 200  # a page that slept does not catch up for seconds
+    assert lab.advance(10.0) == 200  # after a pause of 10 s the laboratory advances 200 steps only
     run(lab, 12.0)
     t = lab.panels()[0][0]
     assert t[-1] - t[0] <= WINDOW
 
 
 def test_pull_and_rest_of_the_elastic_arm() -> None:
-    """x_E = x_d + K_m^-1 F for a pull at the tip; what is let go of comes back."""
+    """A pull F at the tip moves the resting point to x_E = x_d + K_m^-1 F. After its release the tip returns to x_d."""
     lab = Lab([Elastic()])
     run(lab, 3.0)
     point = tip(lab)
     lab.grip("link2", point)
     lab.pull(point + MOVED, 120.0)
     run(lab, 10.0)
-    # The slowest mode, 1.9/s, leaves 1e-8 of the step; the spring of the hand hangs on the tip.
+    # The slowest mode, 1.9/s, decays to 1e-8 of the step within 10 s. The drawn spring starts at the tip.
     assert np.abs(tip(lab) - lab.targets["x_d"] - lab.force / 300.0).max() < 1e-7
     assert 5.0 < lab.force[0] < 12.0
     ends = lab.spring()
@@ -197,7 +200,7 @@ def test_pull_and_rest_of_the_elastic_arm() -> None:
 
 
 def test_a_pull_beside_the_frame_has_a_moment() -> None:
-    """A pull in the middle of the last link: J' of that point, not of the tip."""
+    """A pull at a point of the last link acts through the Jacobian of that point, not of the tip."""
     lab = Lab([Robot(al.example_urdf("planar_2r"), "planar_2r")])
     run(lab, 1.0)
     arm, held = lab.system.arm, np.array([-0.2, 0.03, 0.0])
@@ -207,14 +210,14 @@ def test_a_pull_beside_the_frame_has_a_moment() -> None:
     lab.pull(point + np.array([0.0, 0.2, 0.1]), 20.0)
     run(lab, 8.0)
     J = arm.with_frame("held", "tool", xyz=[*held]).jacobian(lab.q, "held")[:3]
-    # At rest under computed torque M Kp e + J'F = 0.
+    # At rest, computed torque satisfies M Kp e + J'F = 0.
     error = lab.q - lab.system.q0
     assert np.allclose(100.0 * arm.mass_matrix(lab.q) @ error, J.T @ lab.force, atol=1e-6)
     assert np.abs(error).max() > 5e-3
 
 
 def test_a_hand_does_not_shake() -> None:
-    """The hardest pull on a softly held arm comes to rest, although its force is constant for 16 ms at a time."""
+    """Under the strongest pull, a weakly controlled arm comes to rest, although the force changes only every 16 ms."""
     lab = Lab([Robot(al.example_urdf("planar_2r"), "planar_2r")])
     lab.set("omega", 0.5)
     lab.set("zeta", 0.05)
@@ -228,7 +231,7 @@ def test_a_hand_does_not_shake() -> None:
     here = lab.q
     run(lab, 1.0)
     assert np.abs(lab.q - here).max() < 1e-3
-    lab.grip("nose", point)  # of another system: nothing is held anew
+    lab.grip("nose", point)  # "nose" belongs to another system: the arm stays held at "tool"
     assert lab.spring() is not None
 
 
@@ -240,7 +243,10 @@ def test_a_velocity_arm_is_not_pulled() -> None:
 
 
 def test_priority_gives_up_the_second() -> None:
-    """Both tasks are met where they agree; with the tip far from the elbow's target the first is, the second is not."""
+    """The first task has priority over the second.
+
+    Both errors vanish while the tasks agree. When the target of the elbow is out of reach, only the first error vanishes.
+    """
     lab = Lab([Priority()])
     run(lab, 5.0)
     assert max(float(curve[-1]) for curve in lab.panels()[0][1:]) < 1e-6
@@ -249,7 +255,7 @@ def test_priority_gives_up_the_second() -> None:
     run(lab, 10.0)
     first, second = (float(curve[-1]) for curve in lab.panels()[0][1:])
     assert first < 1e-6 and second > 0.5
-    # Without a gain the second is no task, not one that holds the elbow still.
+    # With a gain of zero the law drops the second task, and the elbow moves freely.
     lab.set("gain2", 0.0)
     lab.drag("tip", [1.5, 0.5, 0.0])
     q0, arm = lab.q, lab.system.arm
@@ -260,7 +266,7 @@ def test_priority_gives_up_the_second() -> None:
 
 
 def test_adaptive_learns_its_payload() -> None:
-    """The chain that is drawn has the dynamics of A, B, C; a payload that nobody tells the law is learned."""
+    """The drawn chain has the same dynamics as `al.planar_pr(A, B, C)`, and the law estimates an unknown payload."""
     for payload in (0.0, 0.7):
         chain, model = robot(payload), al.planar_pr(*parameters(payload))
         q, v = np.array([0.4, -1.1]), np.array([0.3, 2.0])
@@ -288,18 +294,18 @@ def test_minimum_time_arrives_when_it_says() -> None:
     run(lab, optimum.t - 2 * FRAME)
     assert abs(lab.q[0] - np.pi / 2) > 1e-3
     run(lab, 3 * FRAME)
-    # The plan jumps between its limits inside a step of 1 ms: what is missed is tracked away.
+    # The planned torque jumps inside a step of 1 ms. The feedback removes the resulting error.
     assert abs(lab.q[0] - np.pi / 2) < 2e-2
     run(lab, 1.0)
     assert abs(lab.q[0] - np.pi / 2) < 1e-6
-    # The next goal is given on the way, and waits for the rest.
+    # A goal that changes during a motion takes effect when the link is at rest.
     lab.drag("goal", [0.6, 0.0, 0.0])
     lab.advance()
     lab.drag("goal", [0.5, -0.3, 0.0])
     run(lab, 5.0)
     assert abs(lab.q[0] - np.arctan2(-0.3, 0.5)) < 1e-6
     assert np.abs(lab.panels()[1][1]).max() <= 4.0
-    # Nor is one planned for a link that a hand moves.
+    # While the user pulls the link, the laboratory plans no motion.
     here = tip(lab)
     lab.grip("link1", here)
     lab.pull(here + np.array([0.1, 0.17, 0.0]), 50.0)
@@ -311,7 +317,7 @@ def test_minimum_time_arrives_when_it_says() -> None:
     lab.release()
     run(lab, 5.0)
     assert lab.message != told and abs(lab.q[0] + np.pi / 2) < 1e-6
-    # A torque of 0.5 N m lifts it to the side in no single swing: that is said, and it stays.
+    # A torque of 0.5 N m cannot raise the link to 1.57 rad with one swing. The message reports this, and the link stays at rest.
     lab.drag("goal", [0.6, 0.0, 0.0])
     run(lab, 3.0)
     lab.set("tau_max", 0.5)
@@ -333,7 +339,7 @@ def test_robots_follow_their_target(name: str, law: str) -> None:
     lab.drag("tip", wanted)
     run(lab, 6.0)
     assert lab.status is al.Status.SUCCESS and lab.message == ""
-    # Inverse kinematics stops at 0.1 mm.
+    # Inverse kinematics stops at an error of 0.1 mm.
     assert np.abs(tip(lab) - wanted).max() < 2e-4
     lab.drag("tip", [30.0, 0.0, 0.0])
     run(lab, 0.2)
@@ -341,7 +347,7 @@ def test_robots_follow_their_target(name: str, law: str) -> None:
 
 
 def test_where_a_robot_starts() -> None:
-    """Zero, the middle of limits beyond it, or the one limit there is."""
+    """A robot starts at zero. A joint whose limits exclude zero starts in the middle of its range."""
     text = al.example_urdf("planar_2r")
     arm = al.load_urdf(text)
     assert middle(arm).tolist() == [0.0, 0.0]
@@ -362,7 +368,7 @@ def test_robots_that_cannot_be_shown() -> None:
 
 
 def test_a_slider_over_powers_and_its_label() -> None:
-    """Every slider starts inside its range and says what it is; those over powers are positive."""
+    """Every slider has a label and starts inside its range. A slider of exponents has a positive range."""
     for system in systems():
         names = [control.name for control in system.controls]
         assert len(set(names)) == len(names) == len(system.defaults())
@@ -374,7 +380,7 @@ def test_a_slider_over_powers_and_its_label() -> None:
 
 
 def test_no_viser_is_needed(tmp_path: Path) -> None:
-    """The model runs without viser, and the commands say in one line that it is missing."""
+    """The model runs without the package viser, and each command prints one line that viser is missing."""
     hidden = "import sys; sys.modules['viser'] = None\n"
     code = (
         hidden

@@ -1,4 +1,4 @@
-"""The systems of redundant arms in the laboratory: the null space of an impedance law, and the momentum observer."""
+"""Laboratory systems with redundant arms: the null space of an impedance law, and the momentum observer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ def run(lab: Lab, seconds: float) -> None:
 
 
 def test_the_null_space_moves_and_the_tip_stays() -> None:
-    """The arm comes to its posture as far as the tip allows; the tip moves by what the coupling explains, and not with it compensated."""
+    """A posture in the null space moves the arm more than 0.3 rad.
+
+    The tip moves only through the inertial coupling, and not at all when the law compensates this coupling.
+    """
     moved = {}
     for coupling in ("left", "compensated"):
         lab = Lab([Redundant()])
@@ -28,7 +31,7 @@ def test_the_null_space_moves_and_the_tip_stays() -> None:
         kinetic, loss = lab.panels()[2][1:]
         assert kinetic.max() > 1e-3 and kinetic[-1] < 1e-6 and not loss.any()  # J
     assert moved["compensated"] < 1e-6 < 1e-5 < moved["left"]  # m
-    # The static projector moves the tip more, and without a null space nothing pulls the arm.
+    # The static projector moves the tip more than the dynamic one. Without a null-space law the arm does not move.
     for projection, low, high in (("static", 2.0 * moved["left"], 1.0), ("none", 0.0, 1e-9)):
         lab = Lab([Redundant()])
         lab.set("projection", projection)
@@ -38,7 +41,7 @@ def test_the_null_space_moves_and_the_tip_stays() -> None:
 
 
 def test_a_hand_stretches_the_arm_to_its_clamp() -> None:
-    """Pulled out of its workspace the arm is singular: the loss is seen, and the loop runs on."""
+    """A target beyond the workspace makes the arm singular: the plot shows the loss, and the loop continues."""
     lab = Lab([Redundant()])
     lab.set("coupling", "compensated")
     lab.drag("x_d", lab.targets["x_d"] + np.array([1.0, 0.4, 0.6]))
@@ -54,12 +57,12 @@ def test_the_observer_feels_a_push() -> None:
     run(lab, 2.0)
     first, largest, touched = lab.panels()
     residuals, truth = np.array([curve[-1] for curve in first[1:]]).reshape(2, 3)
-    # The arm is at rest by then: r = J'F up to exp(-50 t).
+    # The arm is at rest, so the residual r equals J'F up to a term of exp(-50 t).
     np.testing.assert_allclose(residuals, truth, atol=1e-3)
     assert np.abs(truth).max() > 1.0 and largest[1][-1] > largest[2][-1] == 0.5
-    # The force passes through the last axis, so that joint 6 is the outermost one that feels it.
+    # The line of the force passes through the last axis, so joint 6 is the outermost joint with a torque.
     assert touched[1][-1] == 6.0
-    # The threshold moves without a new observer, and a pull at the third link loads no joint beyond it.
+    # A new threshold keeps the observer. A pull at the third link loads only joints 1 to 3.
     lab.set("threshold", 5.0)
     lab.set("push", 0.0)
     run(lab, 1.0)
@@ -87,7 +90,10 @@ def test_the_observer_takes_a_payload_for_a_push() -> None:
 
 
 def test_the_arm_reacts_to_a_push() -> None:
-    """Each reaction is that of `al.Guarded`: the note reports it, a moved slider keeps it, and a reset ends it."""
+    """The laboratory reacts to a contact as `al.Guarded` does.
+
+    A message reports the reaction. Moving a slider keeps it, and a reset ends it.
+    """
     moved = {}
     for reaction in ("stop", "float", "retract"):
         lab = Lab([Observer()])
@@ -98,7 +104,7 @@ def test_the_arm_reacts_to_a_push() -> None:
         run(lab, 0.5)
         told = lab.message
         assert told.startswith("contact at t = 0.5") and reaction in told and lab.panels()[2][2][-1] == 1.0
-        lab.set("threshold", 4.0)  # another loop: the arm still reacts, since the same time
+        lab.set("threshold", 4.0)  # a new loop continues the reaction that started before
         lab.set("push", 0.0)
         run(lab, 2.0)
         assert lab.message == told and lab.panels()[2][2][-1] == 1.0
@@ -107,7 +113,7 @@ def test_the_arm_reacts_to_a_push() -> None:
         lab.set("push", 0.0)
         run(lab, 0.5)
         assert lab.message == "" and lab.panels()[2][2][-1] == 0.0 and np.abs(lab.q - START).max() < 1e-9
-    # Retract leaves along the push, float is pushed away while it lasts, and stop holds the place of contact.
+    # "retract" moves the arm along the push, "float" lets the push move the arm, and "stop" holds the arm at the place of contact.
     assert abs(moved["stop"]) < 1e-3 < 1e-2 < min(moved["retract"], moved["float"])
 
 

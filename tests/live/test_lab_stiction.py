@@ -1,4 +1,4 @@
-"""The link with static friction in the laboratory: it stops short under PD, and hunts under PID."""
+"""The link with static friction: under PD it stops before its goal, and under PID it oscillates about the goal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_the_link_stops_short_under_pd() -> None:
     run(lab, 6.0)
     angle, torque, speed = lab.panels()
     goal = angle[2][-1]
-    # At rest the spring of the law pulls by no more than the breakaway torque, and by more than nothing.
+    # At rest the torque of the law is at most the breakaway torque, 2 N m, and the position error is not zero.
     assert speed[1][-1] == 0.0 and speed[2][-1] == 1.0
     assert 0.02 < abs(angle[1][-1] - goal) and abs(torque[1][-1]) < torque[2][-1] == 2.0
     lab.set("friction", "none")
@@ -48,7 +48,7 @@ def test_the_bristles_stay_bent_when_a_slider_moves() -> None:
     at_rest = lab.q.copy()
     lab.set("kd", 5.0)
     run(lab, 0.5)
-    # Bristles that start straight would let the link go by F / stiffness, 1e-4 rad and more.
+    # With bristles reset to zero deflection, the link would move by F / stiffness, at least 1e-4 rad.
     np.testing.assert_allclose(lab.q, at_rest, atol=2e-6)
 
 
@@ -58,14 +58,14 @@ def test_the_integral_goes_on_when_a_slider_moves() -> None:
     lab.set("ki", 30.0)
     run(lab, 1.0)
     before = lab.panels()[1][1][-1]
-    lab.set("coulomb", 2.0)  # of a friction that is off: nothing changes but the loop
+    lab.set("coulomb", 2.0)  # friction is off, so only the loop is new
     lab.advance(1e-3)
     after = lab.panels()[1][1][-1]
     _, angle, goal = lab.panels()[0]
     integral = 30.0 * np.trapezoid(goal - angle, dx=FRAME)  # N m
-    # The torque changes by a step of 1 ms. Without the integral it would fall by more than 1 N m.
+    # The torque changes by one step of 1 ms. A reset of the integral would change it by more than 1 N m.
     assert abs(after - before) < 0.1 and abs(integral) > 1.0
-    # Without K_i there is no integral. It starts at zero when K_i comes back.
+    # With K_i = 0 the integral is zero. It starts again from zero when K_i returns to 30.
     lab.set("ki", 0.0)
     run(lab, 5.0)
     assert abs(lab.panels()[1][1][-1]) < 1e-2 and abs(lab.panels()[0][1][-1] - lab.panels()[0][2][-1]) < 1e-3

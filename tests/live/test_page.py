@@ -1,6 +1,6 @@
-"""The pages without a browser: they are built and drawn, and their controls reach the model.
+"""Pages of the laboratory and the viewer without a browser: the server draws them, and their controls change the model.
 
-`make test-browser` opens them.
+`make test-browser` opens the same pages in a browser.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def server() -> Iterator[Any]:
 
 
 def until(holds: Callable[[], object]) -> None:
-    """Callbacks of controls come from threads of their own."""
+    """Wait until `holds()` is true, at most 10 s: viser calls the callbacks of controls in other threads."""
     end = time.monotonic() + 10.0
     while not holds():
         assert time.monotonic() < end
@@ -63,10 +63,10 @@ def test_every_system_has_its_page(server: Any) -> None:
             assert chart.data[0][-1] == 0.0 and [line["label"] for line in chart.series[1:]] == list(plot.curves)
         for frame, pose in page.model.poses().items():
             drawn = page.scene.frames[frame]
-            # Drawn in every second frame: an arm at 1 m/s moves 3 cm between.
+            # The page updates the poses in every second frame. An arm at 1 m/s moves about 3 cm in that time.
             assert np.abs(drawn.position - pose[:3, 3]).max() < 0.05
         names += [handle.name for handle in page.scene.frames.values()]
-    # The page keeps the pose of a name that comes again before it has left.
+    # Names of frames are never used twice: viser keeps the pose of a removed frame for a new one with the same name.
     assert len(set(names)) == len(names)
 
 
@@ -111,16 +111,16 @@ def test_view_shows_where_its_sliders_are(server: Any) -> None:
         assert np.allclose(handle.position, pose[:3, 3]) and np.allclose(handle.wxyz, of_matrix(pose[:3, :3]))
     x, y, z = arm.position(page.q, "right_hand")
     assert page.text.shown.startswith(f"right_hand at ({x:.3f}, {y:.3f}, {z:.3f}) m")
-    # The pose, not the position alone: the angles that are shown give the rotation back.
+    # The displayed angles give the same rotation as the arm's pose.
     shown = re.search(r"roll, pitch, yaw = \((.+)\) rad", page.text.shown)
     assert shown is not None
     R = al.load_urdf(frame_at(shown.group(1))).pose([0.0], "tip")[:3, :3]
-    # Three digits: half a thousandth of a radian per angle.
+    # The page displays three decimals: an error of 0.0005 rad per angle.
     assert np.abs(R - arm.pose(page.q, "right_hand")[:3, :3]).max() < 2e-3
 
 
 def frame_at(rpy: str) -> str:
-    """A robot whose frame "tip" is turned by `rpy` from the base at q = 0."""
+    """Return a URDF whose frame "tip" is rotated by `rpy` (rad) relative to the base at q = 0."""
     joint = '<joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint>'
     fixed = f'<joint name="f" type="fixed"><parent link="arm"/><child link="tip"/><origin rpy="{rpy.replace(",", "")}"/></joint>'
     return f'<robot name="r"><link name="base"/><link name="arm"/><link name="tip"/>{joint}{fixed}</robot>'
@@ -133,7 +133,7 @@ def test_angles_of_a_rotation(rpy: tuple[float, float, float]) -> None:
 
 
 def test_the_tip_is_shown_first(server: Any) -> None:
-    """Of a robot whose file ends with a frame of the base, as that of the UR5 does."""
+    """The page first displays the tip of the arm, even if the last frame is fixed to the base, as in the file of the UR5."""
     source = frame_at("0 0 0").replace("</robot>", '<link name="old_base"/><joint name="g" type="fixed"><parent link="base"/>'
                                        '<child link="old_base"/></joint></robot>')  # fmt: skip
     arm = al.load_urdf(source)
@@ -143,7 +143,7 @@ def test_the_tip_is_shown_first(server: Any) -> None:
 
 
 def test_names_are_names(server: Any) -> None:
-    """Links with slashes in their names stand beside each other, not inside."""
+    """A slash in a link name does not nest one node of the scene inside another."""
     source = al.example_urdf("planar_2r").replace('"link', '"base/link')
     page = ViewPage(server, al.load_urdf(source), source, "slashes")
     nodes = [handle.name for handle in page.scene.frames.values()]
@@ -153,17 +153,17 @@ def test_names_are_names(server: Any) -> None:
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, 3.0, np.pi, -np.pi / 2])
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.48, -0.6, 0.64)])
 def test_quaternions(axis: tuple[float, float, float], angle: float) -> None:
-    """Rodrigues' rotation and back, half a turn included."""
+    """`of_matrix` returns the quaternion of a rotation about `axis`, including half a turn."""
     k = np.cross(np.eye(3), axis)
     R = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
     expected = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
     got = of_matrix(R)
-    # Of a 4 x 4 eigenvector: a few roundings, of either sign.
+    # The quaternion is an eigenvector of a 4 x 4 matrix: exact to a few roundings, with either sign.
     assert min(np.abs(got - expected).max(), np.abs(got + expected).max()) < 1e-14
 
 
 def test_meshes(tmp_path: Path) -> None:
-    """Sizes, centres and axes of the bodies that are drawn; a ball stands for a file that cannot be read."""
+    """Drawn bodies have the right sizes, centres and axes. A sphere replaces a mesh file that cannot be read."""
     shape = between(None, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1)
     for made, size in (
         (Shape(None, "box", (1.0, 2.0, 3.0)), (1.0, 2.0, 3.0)),
@@ -173,7 +173,7 @@ def test_meshes(tmp_path: Path) -> None:
     ):
         vertices, faces = mesh_of(made)
         assert faces.shape[1] == 3 and faces.max() < len(vertices)
-        # A ball of triangles is a little smaller than the ball.
+        # The triangles of a sphere are inside the sphere, up to 1 % smaller.
         assert np.allclose(np.ptp(vertices, axis=0), size, rtol=0.01)
         assert np.abs(vertices.max(axis=0) + vertices.min(axis=0)).max() < 1e-12
     file = tmp_path / "one.stl"
@@ -187,7 +187,7 @@ def test_meshes(tmp_path: Path) -> None:
 
 
 def test_addresses() -> None:
-    """Local unless asked otherwise; an address that is taken, or no address, is refused in one line."""
+    """The server listens on the local address by default. An address that is in use or invalid gives an error of one line."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -224,7 +224,7 @@ HOSTILE = (
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_are_shown_and_not_obeyed(name: str) -> None:
-    """A CommonMark reader finds one paragraph of text and nothing else."""
+    """A CommonMark parser reads an escaped name as one paragraph of plain text."""
     for text, strong in ((escaped(name), False), (f"**{escaped(name)}**{escaped(': ' + name)}", True)):
         tokens = MarkdownIt("gfm-like", {"linkify": False}).parse(text)
         assert [token.type for token in tokens] == ["paragraph_open", "inline", "paragraph_close"]
@@ -242,7 +242,7 @@ def test_markdown_is_written_in_one_file() -> None:
 
 
 def answer(port: int, **headers: str) -> str:
-    """The first line that the server answers to a handshake with these headers."""
+    """Return the first line of the server's response to a websocket handshake with these headers."""
     usual = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": 22 * "A" + "=="}
     lines = [f"{name}: {value}" for name, value in ({"Host": f"127.0.0.1:{port}"} | usual | headers).items()]
     with socket.create_connection(("127.0.0.1", port), timeout=10) as asking:
@@ -255,12 +255,12 @@ def test_pages_of_other_sites_are_refused(server: Any) -> None:
     assert refuses_strangers("127.0.0.1", port)
     own = {"Origin": f"http://127.0.0.1:{port}", "Sec-WebSocket-Protocol": f"viser-v{importlib.import_module('viser').__version__}"}
     assert answer(port, **own) == "HTTP/1.1 101 Switching Protocols"
-    assert answer(port) == "HTTP/1.1 101 Switching Protocols"  # a program, not a page
+    assert answer(port) == "HTTP/1.1 101 Switching Protocols"  # a program sends no Origin
     assert answer(port, Host=f"localhost:{port}", Origin=f"http://localhost:{port}").endswith("101 Switching Protocols")
     others = [f"http://127.0.0.1:{port + 1}", f"http://localhost:{port}", "http://127.0.0.1"]
     for origin in ("http://evil.example", "null", "file://", "x", *others):
         assert answer(port, Origin=origin) == "HTTP/1.1 403 Forbidden", origin
-    # A name that its owner's DNS points here.
+    # DNS of the domain evil.example may resolve to this machine, so the server refuses that host name.
     assert answer(port, Host=f"evil.example:{port}", Origin=f"http://evil.example:{port}") == "HTTP/1.1 403 Forbidden"
     assert answer(port, Host="evil.example", Upgrade="none") == "HTTP/1.1 403 Forbidden"
     assert answer(port, Upgrade="none") == "HTTP/1.1 200 OK"
@@ -270,7 +270,7 @@ def test_pages_of_other_sites_are_refused(server: Any) -> None:
 
 
 def test_a_server_that_lets_strangers_in_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """As with a viser that starts its server by another door."""
+    """A server that accepts pages of other sites prints a warning, as after a change in the way viser starts its server."""
     monkeypatch.setattr("armlet.live.server.own_pages_only", lambda host: nullcontext())
     open_page = open_server("view", "127.0.0.1", 0)
     try:

@@ -1,4 +1,7 @@
-"""What is drawn of a robot: the geometry of its file where it has some, plain links where not; nothing in a file stops it."""
+"""Shapes that the viewer draws: the geometry of the robot's file, or capsules and spheres where the file has none.
+
+No content of a file raises an error.
+"""
 
 from __future__ import annotations
 
@@ -37,14 +40,14 @@ def test_geometry_of_the_file(geometry: str, kind: str, size: tuple[float, ...])
     origin = '<origin xyz="1 2 3" rpy="0.1 -0.4 2.0"/>'
     (shape,) = of_arm(robot(f'<visual>{origin}<geometry>{geometry}</geometry><material name="blue"/></visual>'))
     assert (shape.kind, shape.size, shape.colour) == (kind, size, (0, 0, 255))
-    # The reader of the core turns a fixed joint by the same angles.
+    # armlet's URDF reader applies the same `rpy` to a fixed joint.
     fixed = robot("").replace(
         "</robot>", f'<link name="tip"/><joint name="f" type="fixed"><parent link="arm"/><child link="tip"/>{origin}</joint></robot>'
     )
     arm = al.load_urdf(fixed)
     expected = np.linalg.inv(arm.pose([0.0], "arm")) @ arm.pose([0.0], "tip")
     assert np.abs(shape.pose - expected).max() < 1e-15
-    # Beside real geometry the end of a chain has no ball.
+    # The last link has geometry, so the viewer adds no sphere.
     whole = fixed.replace("</inertial>", f"</inertial><visual><geometry>{geometry}</geometry></visual>", 1)
     assert [made.frame for made in read_shapes(whole, al.load_urdf(whole)).shapes if made.kind != "capsule"] == ["arm"]
 
@@ -68,7 +71,7 @@ def test_plain_links_stand_for_the_rest(visual: str) -> None:
     text = robot(visual)
     shapes = read_shapes(text, al.load_urdf(text)).shapes
     assert [(shape.frame, shape.kind) for shape in shapes] == [("base", "capsule"), ("arm", "sphere")]
-    # From the base to the joint, 0.4 m up.
+    # The capsule extends from the base to the joint at a height of 0.4 m.
     assert shapes[0].size[1] == pytest.approx(0.4) and shapes[0].pose[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
 
 
@@ -88,7 +91,7 @@ def test_text_that_only_one_parser_reads() -> None:
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A package in its usual form, with a mesh in it and one outside."""
+    """Create a ROS package with meshes in its folders, and one mesh outside the package."""
     package = tmp_path / "my_robot"
     for folder in ("meshes", "urdf/beside", "urdf/my_robot"):
         (package / folder).mkdir(parents=True)
@@ -99,7 +102,7 @@ def package(tmp_path: Path) -> Path:
 
 
 def test_meshes_are_found(package: Path) -> None:
-    """In the folder of the file, or in a package that is given."""
+    """The search finds a mesh in the folder of the URDF file, or in a package folder that the caller names."""
     urdf = package / "urdf"
     for name in ("own.stl", "./own.stl", "beside/../own.stl", f"file://{urdf}/own.stl", f"{urdf}/own.stl", "package://my_robot/own.stl"):
         found = find_mesh(name, [urdf])
@@ -125,7 +128,10 @@ def test_meshes_are_found(package: Path) -> None:
 
 
 def test_meshes_outside_are_not_opened(package: Path) -> None:
-    """Neither by .., nor by an absolute path, nor as file://, nor by a link; no name makes the search fail."""
+    """The search returns None for a mesh outside its folders: by `..`, absolute path, `file://` or symbolic link.
+
+    No file name raises an error.
+    """
     urdf, out = package / "urdf", package.parent / "out.stl"
     (urdf / "link.stl").symlink_to(out)
     (urdf / "round.stl").symlink_to(urdf / "round.stl")
@@ -147,7 +153,7 @@ def test_meshes_outside_are_not_opened(package: Path) -> None:
             assert find_mesh(name, given) is None, name
     found = find_mesh("twin.stl", [urdf])
     assert found is not None and found.samefile(urdf / "own.stl")
-    # A text has no folder.
+    # A robot passed as text has no folder to search.
     visual = f'<visual><geometry><mesh filename="{urdf}/own.stl"/></geometry></visual>'
     text = robot(visual)
     assert read_shapes(text, al.load_urdf(text)).missing == (f"{urdf}/own.stl",)
@@ -168,7 +174,7 @@ def test_every_moving_link_is_drawn(name: str) -> None:
     arm = al.load_urdf(text)
     shapes = read_shapes(text, arm).shapes
     assert {shape.frame for shape in shapes} == set(arm.frame_names)
-    # Every capsule ends at the origin of another frame, where the joint between is at zero or turns.
+    # Each capsule ends at the origin of another frame, with prismatic joints at zero and revolute joints at 0.3 rad.
     q = np.where([kind == "prismatic" for kind in arm.joint_types], 0.0, 0.3)
     origins = np.array([arm.position(q, frame) for frame in arm.frame_names])
     for shape in shapes:

@@ -28,7 +28,7 @@ def numbers(value: Any) -> Array:
 
 
 def close(got: Array, expected: Any, case: dict[str, Any]) -> None:
-    """At the case's own tolerance."""
+    """Compare within the tolerance that the file states for this case."""
     tolerance = case["tolerance"]
     np.testing.assert_allclose(got, numbers(expected), rtol=tolerance.get("rel", 0.0), atol=tolerance["abs"])
 
@@ -64,7 +64,7 @@ def test_static(case: dict[str, Any]) -> None:
     close(Y @ arm.parameters, expected["Y_a"], case)
     close(arm.mass_matrix(q) @ a_r + arm.coriolis_matrix(q, v) @ v_r + arm.gravity(q), expected["Y_a"], case)
     skew = numbers(expected["Mdot"]) - 2.0 * arm.coriolis_matrix(q, v)
-    # |M'| and |S| are below 10 here: 1e-13 is the tolerance the oracle itself states.
+    # |M'| and |S| are below 10. The vector file states the tolerance 1e-13.
     np.testing.assert_allclose(skew + skew.T, 0.0, atol=1e-13)
 
 
@@ -74,7 +74,7 @@ def test_initial_instant(case: dict[str, Any]) -> None:
     q0, v0 = numbers(case["input"]["q0"]), numbers(case["input"]["qd0"])
     expected = case["expected"]["initial"]
     terms = law.terms(0.0, q0, v0)
-    # One evaluation of numbers below 100 rounds to less than 1e-13.
+    # One evaluation with numbers below 100 rounds by less than 1e-13.
     np.testing.assert_allclose(terms["s"], numbers(expected["s"]), atol=1e-13)
     np.testing.assert_allclose(terms["tau"], numbers(expected["tau"]), atol=1e-13)
     np.testing.assert_allclose(law(0.0, q0, v0), numbers(expected["tau"]), atol=1e-13)
@@ -85,7 +85,7 @@ def test_initial_instant(case: dict[str, Any]) -> None:
 )
 @pytest.mark.parametrize("case", TRAJECTORIES)
 def test_trajectory(case: dict[str, Any], method: dict[str, Any]) -> None:
-    """RK4 errs by c dt^4, 3e-7 at 4 ms on the hardest case: 0.25 ms leaves 5e-12."""
+    """The error of RK4 is c dt^4: 3e-7 at 4 ms in the most difficult case, so about 5e-12 at 0.25 ms."""
     given, expected = case["input"], case["expected"]
     plant, law = loop(case)
     times = np.concatenate([[0.0], numbers(given["times"])])
@@ -98,6 +98,6 @@ def test_trajectory(case: dict[str, Any], method: dict[str, Any]) -> None:
     close(run.monitors["lyapunov"][0], expected["initial"]["V1"], case)
     close(run.monitors["lyapunov"][1:], [sample["V1"] for sample in samples], case)
     assert np.max(np.abs(run.monitors["lyapunov_balance"])) <= 1e-9
-    # The records are few; between any two of them V1 falls, up to its own rounding.
+    # Between any two records V1 does not increase, except for rounding.
     assert np.all(np.diff(run.monitors["lyapunov"]) <= 1e-12)
     assert np.max(run.monitors["skewness"]) <= 1e-13

@@ -71,12 +71,12 @@ def test_trajectory(case: dict[str, Any]) -> None:
     for row, sample in enumerate(expected["samples"], start=1):
         for name, got in samples.items():
             np.testing.assert_allclose(got[row], numbers(sample[name]), rtol=0.0, atol=atol, err_msg=f"{name} at t = {times[row]}")
-        # A state error of 1e-8 moves the torque by up to B/B0 K_J = 40 000 of it.
+        # A state error of 1e-8 changes the torque by up to B/B0 K_J = 40 000 times that error.
         np.testing.assert_allclose(run.tau[row], numbers(sample["tau"]), rtol=0.0, atol=4e4 * atol)
         np.testing.assert_allclose(energy[row], sample["E"], rtol=1e-7, atol=atol)
         np.testing.assert_allclose(energy[row] - expected["E0"], sample["E_minus_E0"], rtol=1e-7, atol=10 * atol)
     np.testing.assert_allclose(energy[0], expected["E0"], rtol=1e-12)
-    # The balance is an identity: 1e-8 of the largest energy.
+    # The energy balance is an identity. Its error is at most 1e-8 of the largest energy.
     assert np.abs(run.monitors["energy_balance"]).max() <= 1e-8 * energy.max()
 
 
@@ -91,7 +91,7 @@ def test_equilibrium(case: dict[str, Any]) -> None:
         assert np.abs(got - wanted).max() <= tolerance["rel"] * np.abs(wanted).max(), name
     assert abs(rest.eigenvalues.real.max() - expected["max_real_eig"]) <= tolerance["eig_rel"] * abs(expected["max_real_eig"])
     if "eig_sorted" in expected:
-        # The file lists both members of a conjugate pair with one sign, so the imaginary parts are compared by size.
+        # The file gives both eigenvalues of a conjugate pair the same sign of the imaginary part, so the test compares absolute values.
         folded = rest.eigenvalues.real + 1j * np.abs(rest.eigenvalues.imag)
         wanted = numbers(expected["eig_sorted"]) @ [1.0, 1.0j]
         atol = tolerance["eig_rel"] * np.abs(wanted).max()
@@ -104,7 +104,7 @@ def test_sampled_limit() -> None:
     entries = FILE["analysis"]["zoh_limit"]
     assert len(entries) == 10
     B, K_J, dt, B0_min = (numbers([entry[name] for entry in entries]) for name in ("B", "K_J", "dt", "B0_min"))
-    # Near the limit the radius is flat in B0: rounding of the eigenvalues moves the root by its own size over the slope.
+    # Near the limit the spectral radius hardly depends on B0, so rounding of the eigenvalues moves the root by up to 1e-7.
     np.testing.assert_allclose(al.smallest_reduced_inertia(B, K_J, dt), B0_min, rtol=1e-7)
 
 
@@ -117,7 +117,10 @@ def test_stiffness_limit() -> None:
 
 
 def test_stiffness_scale() -> None:
-    """K_m times kappa at the rest of the force-step case without its force, D_m as given, a fifth of it, and none."""
+    """The largest factor kappa of the stiffness K_m, at the rest of the force-step case without its force.
+
+    The damping is D_m, 0.2 D_m or almost none.
+    """
     (case,) = (case.values[0] for case in KINDS["trajectory"] if case.id == "ex3_force_step")
     given = case["input"]
     plant, _ = loop(given)
@@ -125,7 +128,7 @@ def test_stiffness_scale() -> None:
     entries = FILE["analysis"]["km_scaling_limit"]
     assert len(entries) == 6
     for entry in entries:
-        # A law's damping is positive definite: "none" is 1e-9 of it, which moves kappa by as much.
+        # The law requires positive definite damping. The test replaces zero by 1e-9 D_m, which changes kappa by about 1e-9.
         for name, share in (("Dm_x1", 1.0), ("Dm_x02", 0.2), ("Dm_0", 1e-9)):
             B0 = entry["B0_over_B"] * B
             law = al.ElasticImpedance(plant.arm, numbers(given["x_d"]), K_m, share * D_m, K_J, B, B0, frame="link2", axes="xy")

@@ -1,4 +1,4 @@
-"""System 4 through Python against the 50-digit vectors, each case at the tolerances that the file states."""
+"""Minimum time of one link (system 4) against the 50-digit vectors, with the tolerances that the file states for each case."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ each = pytest.mark.parametrize("case", CASES.values(), ids=list(CASES))
 
 
 def number(text: str) -> float:
-    """Products and quotients of decimals and pi: `-pi/2`, `9.81*0.3`."""
+    """Parse products and quotients of decimals and pi, such as `-pi/2` and `9.81*0.3`."""
     value, sign, operation = 1.0, 1.0, "*"
     word = ""
     for character in (text + "*").lstrip():
@@ -51,7 +51,7 @@ def test_profile(case: dict[str, Any]) -> None:
     assert abs(r.a_max - expected["a_hi"]) <= tolerance["a_abs"] * scale
     assert str(r.active_upper) == expected["active_upper"] or (r.active_upper.tie and expected["active_upper_tie"])
     assert r.active_upper.tie == expected["active_upper_tie"]
-    # The angle of a tie is that of either phase.
+    # In a tie, the angle may be that of either phase.
     assert r.active_upper.tie or abs(r.active_upper.theta - expected["active_upper_theta"]) <= 1e-12
     assert (None if r.active_lower is None else str(r.active_lower)) == expected["active_lower"]
     assert (r.reason == "") == r.feasible
@@ -61,12 +61,12 @@ def test_profile(case: dict[str, Any]) -> None:
     assert r.t_min == pytest.approx(float(expected["T_min_str"]), rel=tolerance["T_rel"])
     assert r.t_max == pytest.approx(float(expected["T_max"]), rel=tolerance["T_rel"])
     wanted = [expected["tau_at_Tmin"][key] for key in ("t0", "Thalf_minus", "Thalf_plus", "T")]
-    # Torque carries the error of a and that of G sin.
+    # The error of the torque is the sum of the errors of the acceleration and of G sin(theta).
     np.testing.assert_allclose(r.torques(r.t_min), wanted, rtol=0.0, atol=10.0 * tolerance["a_abs"] * scale)
 
 
 def test_profiles_in_one_batch() -> None:
-    """All cases as one call give the bits of sixteen calls."""
+    """One call with all sixteen cases returns the same bits as sixteen calls."""
     problems = [problem(case) for case in CASES.values()]
     batch = al.bang_bang_time(*np.array(problems).T)
     for i, given in enumerate(problems):
@@ -87,7 +87,7 @@ def test_monotone_optimum(case: dict[str, Any]) -> None:
     assert o.t == pytest.approx(float(expected["T_str"]), rel=tolerance["T_rel"])
     assert o.t_switch == pytest.approx(expected["t_switch"], rel=tolerance["T_rel"])
     assert abs(o.theta_switch - expected["theta_switch"]) <= 1e-12
-    # Speed and bound are as exact as T.
+    # Peak speed and Sturm bound have the same relative tolerance as the duration T.
     assert o.v_peak == pytest.approx(expected["omega_peak"], rel=tolerance["T_rel"])
     bound = expected["sturm_bound"]
     assert o.sturm_bound == (math.inf if bound in (None, "inf") else pytest.approx(bound, rel=tolerance["T_rel"]))
@@ -103,7 +103,7 @@ def test_back_swing() -> None:
     expected, best = case["expected"]["optimal_with_backswing"], al.torque_optimal_time(*problem(case)).best
     assert best.kind == "back-swing" and len(best.switches) == len(best.t_switches) == 2
     assert best.t == pytest.approx(expected["T"], rel=case["tolerance"]["backswing_T_rel"])
-    # The valley of T is flat: an error of 1e-8 of T moves the switch by its root, with a curvature of order one.
+    # T has a flat minimum, so an error of 1e-8 in T moves the switching angle by about its square root, 1e-4.
     assert best.switches[0] == pytest.approx(expected["theta_first_switch"], abs=1e-4)
 
 

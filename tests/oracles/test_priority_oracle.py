@@ -1,4 +1,4 @@
-"""System 2 through the Python interface against 120-digit vectors: classes, ranks, exact and clamped maps, bounds, continuity."""
+"""Task priority (system 2) against 120-digit vectors: classes, ranks, exact and clamped solutions, bounds and continuity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ POINTS = [case for case in CASES if case.get("kind") != "path"]
 PATHS = [case for case in CASES if case.get("kind") == "path"]
 KINDS = {"R": "regular", "A": "algorithmic", "S2": "kinematic", "AS": "algorithmic+kinematic", "D": "kinematic"}
 EPS = float(np.finfo(float).eps)
-# s2, s3, s4 different from zero (None: any) -> ranks of J1, J2, J_E, J2 P1 and the kind: the table of docs/priority.md.
+# Each row: whether s2, s3 and s4 are non-zero (None: either), the ranks of J1, J2, J_E and J2 P1, and the kind of singularity.
+# docs/priority.md has the same table.
 TABLE = [
     ((True, None, True), (2, 2, 4, 2), "regular"),
     ((True, None, False), (2, 2, 3, 1), "algorithmic"),
@@ -32,7 +33,10 @@ def floats(value: Any) -> np.ndarray:
 
 
 def stack(q: np.ndarray, lengths: list[float]) -> list[np.ndarray]:
-    """Position Jacobians of the tips of links 4 and 2: column j is the sum of the links from j to the tip, turned by 90 degrees."""
+    """Return the position Jacobians of the tips of links 4 and 2, each (2, 4).
+
+    Column j is the vector from joint j to the tip, rotated by 90 degrees.
+    """
     angles = np.cumsum(q)
     links = np.array(lengths) * np.array([-np.sin(angles), np.cos(angles)])
     return [np.stack([links[:, j:tip].sum(axis=1) for j in range(4)], axis=1) for tip in (4, 2)]
@@ -66,7 +70,7 @@ def test_classes_and_ranks(case: dict[str, Any]) -> None:
     assert seen.kind == KINDS[expected["class_by_angle"]]
     assert str(seen).startswith(seen.kind) and str(seen).endswith(".")
     for sigma, key in zip(seen.singular_values, ("sigma_J1", "sigma_J2"), strict=True):
-        # The angles were moved by at most angle_tol.
+        # The test moves each angle by at most angle_tol.
         np.testing.assert_allclose(sigma, floats(expected[key]), rtol=0, atol=2 * L * given["angle_tol"])
 
 
@@ -76,7 +80,7 @@ def test_clamp(case: dict[str, Any]) -> None:
     L, eps = given["L"], [given["eps1_over_L"] * given["L"], given["eps2_over_L"] * given["L"]]
     sol = al.solve_priority(macro_micro(floats(given["q"]), L), [given["pd1"], given["pd2"]], method="clamp", eps=eps)
     wanted = floats(expected["reg_qd"])
-    # The vectors grant 1e-9 of the norm; the map's condition is at most |J|/eps = 100, so 1e-12 is rounding.
+    # The vectors allow 1e-9 of the norm. The condition of the map is at most |J|/eps = 100, so its rounding is below 1e-12.
     assert np.linalg.norm(sol.v - wanted) <= 1e-12 * (1 + np.linalg.norm(wanted))
     assert np.abs(sol.residuals[0] - floats(expected["reg_res1"])).max() <= 1e-12
     assert np.abs(sol.residuals[1] - floats(expected["reg_res2"])).max() <= 1e-11
@@ -92,7 +96,7 @@ def test_exact(case: dict[str, Any]) -> None:
     q = snapped(floats(given["q"]), given["angle_tol"])
     sol = al.solve_priority(macro_micro(q, given["L"]), velocities, method="exact", rounding=rounding(q))
     wanted = floats(expected["class_qd"])
-    # Rounding of the entries over the smallest singular value that this configuration really has.
+    # The tolerance is the rounding of the entries divided by the smallest non-zero singular value.
     sigma = np.concatenate([floats(expected["sigma_J2P1"]), floats(expected["sigma_J1"])])
     assert np.linalg.norm(sol.v - wanted) <= 4e-15 * (1 + np.linalg.norm(wanted)) / min(1.0, sigma[sigma > 1e-9].min())
     assert sol.ranks == [expected["ranks_class"]["J1"], expected["ranks_class"]["J2P1"]]
@@ -112,7 +116,7 @@ def test_paths_are_continuous(case: dict[str, Any]) -> None:
     rel = case["tolerance"]["samples_rel"]
     for index, sample in expected["samples"].items():
         np.testing.assert_allclose(sol.v[int(index)], floats(sample), rtol=rel, atol=rel * np.linalg.norm(floats(sample)))
-    # The largest step was measured on the same points: 2 % for the points where a kink falls between two of them.
+    # The file gives the largest step between the same points. The margin of 2 % covers kinks between two points.
     assert np.linalg.norm(np.diff(sol.v, axis=0), axis=1).max() <= 1.02 * expected["max_step"]
     assert abs(np.linalg.norm(sol.v, axis=1).max() / expected["max_norm"] - 1) <= 1e-6
 
@@ -127,7 +131,7 @@ def test_cases_a_and_b_of_the_exam() -> None:
         q = b + turn * np.eye(4)[0]
         R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
         sol = al.solve_priority(macro_micro(q, 1.0), [R @ ones[0], R @ ones[1]], method="exact", rounding=rounding(q))
-        # 1e-12: 20 turns of the base cost 130 eps in the angle.
+        # A base angle of 20 turns has a rounding error of 130 eps, below 1e-12.
         np.testing.assert_allclose(sol.v, np.array([22, -15, -52, -26]) / 29, atol=1e-12)
         assert sol.ranks == [2, 0]
 
@@ -135,7 +139,7 @@ def test_cases_a_and_b_of_the_exam() -> None:
 @pytest.mark.parametrize("lengths", [[1.0, 1.0, 0.25, 0.25], [0.37, 0.37, 0.0925, 0.0925], [3.0, 0.2, 1.1, 0.7]], ids=str)
 @pytest.mark.parametrize("multiples", list(itertools.product((-1, 0, 1), repeat=3)), ids=str)
 def test_all_sign_patterns(multiples: tuple[int, int, int], lengths: list[float]) -> None:
-    """0: a free angle; 1: stretched; -1: folded."""
+    """Every combination of a free angle (0), a stretched angle (1) and a folded angle (-1) has the ranks of the table."""
     turns = {0: None, 1: 0.0, -1: np.pi}
     q = np.array([0.4, *(f if m == 0 else turns[m] for f, m in zip((0.7, -1.3, 2.1), multiples, strict=True))])
     moved = [m == 0 for m in multiples]

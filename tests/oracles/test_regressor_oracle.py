@@ -1,4 +1,4 @@
-"""Arms of links against the 25-digit vectors: dynamics, Christoffel matrix and Slotine-Li regressor of chains."""
+"""Serial arms against the 25-digit vectors: dynamics, Christoffel matrix and Slotine-Li regressor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_chain(case: dict[str, Any]) -> None:
     given, expected = case["input"], case["expected"]
     arm = al.Arm.from_chain(given["chain"]["joints"], gravity=[float(x) for x in given["chain"]["gravity"]])
     q, v, v_r, a_r = (np.array(given[name], dtype=float) for name in ("q", "qd", "qd_r", "qdd_r"))
-    # The file's own tolerance; entries reach some tens.
+    # The file states the tolerance. The entries are up to about 50.
     close = {"rtol": case["tolerance"]["rel"], "atol": case["tolerance"]["abs"]}
     regressor = arm.regressor(q, v, v_r, a_r)
     np.testing.assert_allclose(regressor @ arm.parameters, expected["tau"], **close)
@@ -42,7 +42,7 @@ def test_a_batch_is_its_rows() -> None:
         (arm.regressor(q, v, v, a), lambda i: arm.regressor(q[i], v[i], v[i], a[i])),
     ):
         for i in (0, 7, 8, 299):
-            # Lanes and the single route round in another order; entries reach some hundreds.
+            # SIMD lanes and single calls round in a different order. The entries are up to some hundreds.
             np.testing.assert_allclose(batch[i], row(i), rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(arm.forward_dynamics(q, v, arm.inverse_dynamics(q, v, a)), a, rtol=1e-8, atol=1e-8)
 
@@ -55,7 +55,7 @@ def test_examples_keep_through_pickle_and_urdf(name: str) -> None:
     again = al.load_urdf(text)
     assert again.joint_names == arm.joint_names
     q = np.linspace(-1.0, 1.0, arm.n)
-    # Angles and centres are written in decimal: a few roundings.
+    # The URDF text rounds angles and centres of mass to decimal numbers.
     np.testing.assert_allclose(again.mass_matrix(q), arm.mass_matrix(q), rtol=1e-12, atol=1e-12)
     assert name.split("_")[0] and str(arm.n) in repr(arm)
 

@@ -1,4 +1,4 @@
-"""Timings of random splines of a seven-axis arm against toppra: the same path, the same limits, a thousand grid points."""
+"""Durations of random splines of a seven-axis arm against toppra, with the same path, limits and a grid of a thousand points."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def both_signs(limit: np.ndarray) -> np.ndarray:
 
 
 def peer(q: np.ndarray, s: np.ndarray, v_max: float | None, scheme: Any) -> float:
-    """The duration by toppra; NaN where it returns nothing."""
+    """Return the duration in s that toppra computes, or NaN if it finds none."""
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     path = toppra.SplineInterpolator(s, q, bc_type="natural")
     limits: list[Any] = [
@@ -41,8 +41,10 @@ def peer(q: np.ndarray, s: np.ndarray, v_max: float | None, scheme: Any) -> floa
 
 
 def test_durations() -> None:
-    """toppra holds a constant path acceleration inside the limits at both ends of a segment: slower than the optimum by the order of
-    the grid, 1e-3. We are never slower than that by more than 1e-4, and not faster by more than its grid error."""
+    """armlet's duration is at most 1e-4 longer than toppra's, and at most 5e-3 shorter (relative).
+
+    toppra keeps a constant path acceleration within the limits at both ends of a segment, so its grid makes it slower by about 1e-3.
+    """
     rng = np.random.default_rng(11)
     for k in range(20):
         q, s = rng.uniform(-1.0, 1.0, (5, 7)), np.linspace(0.0, 1.0, 5)
@@ -56,12 +58,15 @@ def test_durations() -> None:
 
 @pytest.mark.parametrize("size", [1e-16, 1e-12, 1e-8, 1e-6])
 def test_tiny_moves(size: float) -> None:
-    """Moves that toppra may return nothing for; a straight line scaled by c takes sqrt(c) as long under the same torques at rest."""
+    """Very short moves are feasible, although toppra may find no timing.
+
+    A straight line scaled by c takes sqrt(c) times as long under the same torques at rest.
+    """
     q0 = np.array([0.0, 0.3, 0.0, -1.2, 0.0, 1.0, 0.0])
     line = np.array([1.0, -0.5, 0.3, 0.2, -1.0, 0.4, 0.6])
     light = ARM.with_gravity([0.0, 0.0, 0.0])
     tiny = al.time_path(light, [size * 0.0 * line, size * line], tau_max=TAU_MAX, check_limits=False)
     small = al.time_path(light, [0.0 * line, 1e-5 * line], tau_max=TAU_MAX, check_limits=False)
-    # The dynamics change by 1e-5 along the longer one.
+    # Along the longer line the dynamics change by a relative 1e-5.
     assert tiny.feasible and tiny.duration == pytest.approx(small.duration * np.sqrt(size / 1e-5), rel=1e-4)
     assert al.time_path(ARM, [q0, q0 + max(size, 1e-15) * line], tau_max=TAU_MAX, check_limits=False).feasible

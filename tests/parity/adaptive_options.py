@@ -1,4 +1,4 @@
-"""Adaptive laws of the core and of the reference with the same options."""
+"""Make the same adaptive law with armlet and with the reference, for options that several tests share."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from armlet import reference as ref
 
 
 def columns_beside(n: int, keywords: dict[str, Any]) -> int:
-    """How many columns of joints stand behind the inertial ones."""
+    """Return the number of parameters of joints (friction, armature) that follow the inertial parameters."""
     kinds = keywords.get("friction", ())
     return int(n * ((2 if kinds is True else len(kinds)) + keywords.get("armature", False)))
 
 
 def parametrisation(option: str, arms: tuple[Any, Any], bodies: NDArray[Any]) -> tuple[dict[str, Any], dict[str, Any], int]:
-    """Keywords of the core's law and of the reference's for "base", "projection" and "natural"; how many inertial parameters there are."""
+    """Return the keywords for armlet's law and for the reference's law, and the number of inertial parameters.
+
+    `option` is "base", "projection", "natural" or another name without keywords. `bodies` (10 n,) are the inertial parameters.
+    """
     arm, theirs = arms
     if option == "base":
         base = arm.base_parameters()
@@ -28,7 +31,7 @@ def parametrisation(option: str, arms: tuple[Any, Any], bodies: NDArray[Any]) ->
 
 
 def laws(arms: tuple[Any, Any], motion: NDArray[Any], gamma: Any, own: dict[str, Any], other: dict[str, Any]) -> tuple[Any, Any]:
-    """The law of the core with keywords of its own, and that of the reference."""
+    """Return armlet's law with the keywords `own`, and the reference's law with the keywords `other`."""
     arm, theirs = arms
     ours = al.Adaptive(arm, al.Sinusoid(*motion), 30.0, 10.0, gamma, **own)
     return ours, ref.Adaptive(theirs, ref.Sinusoid(*motion), 30.0, 10.0, gamma, **other)

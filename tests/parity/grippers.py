@@ -1,4 +1,4 @@
-"""Arms some joints of which follow others, as a URDF, as a list of joints, and how a finger may be closed."""
+"""Arms with mimic joints, as a URDF text and as a list of joints."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from trees import random_joints
 
 
 def link(name: str, mass: float, com: str, inertia: float) -> str:
-    """A body with an inertia about all axes."""
+    """Return the URDF of a link with a full inertia tensor."""
     moments = f"ixx='{inertia}' iyy='{1.3 * inertia}' izz='{1.1 * inertia}' ixy='{0.1 * inertia}'"
     return (
         f"<link name='{name}'><inertial><origin xyz='{com}' rpy='0.1 0.2 0.3'/><mass value='{mass}'/><inertia {moments}/></inertial></link>"
@@ -17,7 +17,7 @@ def link(name: str, mass: float, com: str, inertia: float) -> str:
 
 
 def joint(name: str, kind: str, parent: str, child: str, xyz: str, axis: str, more: str = "") -> str:
-    """A joint with limits of +-2, a speed of 3, an effort of 10, and a drive."""
+    """Return the URDF of a joint: limits -2 and 2, speed 3, effort 10, and friction and armature of its drive."""
     return (
         f"<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/><origin xyz='{xyz}' rpy='0.2 0 0.1'/>"
         f"<axis xyz='{axis}'/><limit lower='-2' upper='2' velocity='3' effort='10'/>"
@@ -25,8 +25,8 @@ def joint(name: str, kind: str, parent: str, child: str, xyz: str, axis: str, mo
     )
 
 
-#: Two joints with a parallel gripper: the right finger moves against the left one; a knuckle on each finger turns with it, one by way of
-#: the other, which stands before its leader in the file.
+#: Two joints and a parallel gripper. The joint "right" mimics "left" with opposite sign. "turn_left" mimics "left", and "turn_right" mimics
+#: "turn_left". "turn_right" precedes the joint that it mimics in the file.
 GRIPPER = "<robot name='gripper'><link name='base'/>{}</robot>".format(
     "\n".join(
         [
@@ -48,7 +48,7 @@ GRIPPER = "<robot name='gripper'><link name='base'/>{}</robot>".format(
 
 
 def following_joints(n: int, seed: int) -> list[dict[str, Any]]:
-    """A random tree of `n + 3` moving joints of which three follow others, one of them by way of another one."""
+    """Return a random tree of `n + 3` moving joints, three of which mimic others. The third mimics the first mimic joint."""
     rng = np.random.default_rng([n, seed, 7])
     joints = random_joints(rng, n + 3)
     moving = [k for k, each in enumerate(joints) if each["type"] != "fixed"]

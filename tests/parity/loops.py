@@ -1,4 +1,4 @@
-"""Random arms and laws, twice: of the core and of the reference. Light enough to move, heavy enough for steps of a millisecond."""
+"""Random arms and laws, made with armlet and with the reference. Their accelerations suit steps of 1 ms."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from armlet import reference
 
 Array = NDArray[np.float64]
 
-#: Laws of `law_pair` that are a PID.
+#: Names of `law_pair` that make a PID law.
 PIDS = ("PID", "PID that moves", "PD with an observer", "PID with all options")
 
 
 def body(rng: np.random.Generator) -> Array:
-    """Parameters of five random point masses and a core."""
+    """Return the inertial parameters (10,) of six point masses, one of them at the origin, plus a rotational inertia."""
     phi = np.zeros(10)
     for k in range(6):
         m = rng.uniform(0.2, 0.4)
         x, y, z = rng.uniform(-0.3, 0.3, 3) if k else (0.0, 0.0, 0.0)
         phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
-    # A core with inertia of its own keeps light wrists from shaking at a millisecond.
+    # The extra inertia keeps accelerations of light last links small enough for steps of 1 ms.
     return phi + np.array([0, 0, 0, 0, 0.05, 0, 0.05, 0, 0, 0.05])
 
 
@@ -64,7 +64,7 @@ def law_pair(rng: np.random.Generator, name: str, arms: tuple[al.Arm, Any]) -> t
     if name == "PDGravity":
         return al.PDGravity(ours, end, 20.0, 6.0), reference.PDGravity(theirs, end, 20.0, 6.0)
     if name == "PID":
-        # Some of the joints begin beyond their limits.
+        # Some joints start with a torque beyond tau_max.
         gains = (rng.uniform(10.0, 30.0, n), rng.uniform(5.0, 40.0, (n, n)) / n + 30.0 * np.eye(n), rng.uniform(2.0, 6.0, n))
         gains = (gains[0], 0.5 * (gains[1] + gains[1].T), gains[2])
         limits = rng.uniform(1.0, 30.0, n)
@@ -72,7 +72,7 @@ def law_pair(rng: np.random.Generator, name: str, arms: tuple[al.Arm, Any]) -> t
     if name == "PID that moves":
         return al.PID(ours, motions[0], 30.0, 20.0, 6.0), reference.PID(theirs, motions[1], 30.0, 20.0, 6.0)
     if name == "PD with an observer":
-        # The inertia is that of the first desired position.
+        # The nominal inertia is the mass matrix at the first desired position.
         options: dict[str, Any] = {"observer_bandwidth": rng.uniform(20.0, 60.0, n)}
         return al.PID(ours, motions[0], 30.0, None, 6.0, **options), reference.PID(theirs, motions[1], 30.0, None, 6.0, **options)
     if name == "PID with all options":

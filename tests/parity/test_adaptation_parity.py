@@ -1,4 +1,7 @@
-"""Natural, base and projected adaptation against the reference: other matrix roots, and a metric of ten by ten in place of congruences."""
+"""Natural, base and projected adaptation against the reference.
+
+The reference computes matrix roots in another way, and uses a 10 x 10 metric where armlet uses congruences.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def body(rng: np.random.Generator) -> Array:
-    """Six mass points about a small ball: possible, and far from the border."""
+    """Return the parameters (10,) of six point masses and a small ball: physically consistent with a margin."""
     phi = np.array([0.1, 0, 0, 0, 0.02, 0, 0.02, 0, 0, 0.02])
     for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
         phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
@@ -24,7 +27,7 @@ def body(rng: np.random.Generator) -> Array:
 
 
 def gamma_of(rng: np.random.Generator, size: int, form: str) -> Any:
-    """Adaptation gains: one, one for each, or full."""
+    """Return adaptation gains: a number, a vector (size,) or a matrix (size, size)."""
     if form == "scalar":
         return 0.3
     if form == "diagonal":
@@ -34,7 +37,7 @@ def gamma_of(rng: np.random.Generator, size: int, form: str) -> Any:
 
 
 def pair(n: int, form: str, option: str, start: str = "inside") -> tuple[Any, Any, Any]:
-    """Two laws of one option, and the arm; the gains and the start are the same numbers."""
+    """Return armlet's law, the reference's law and both arms. Gains and estimates at the start are equal."""
     rng = np.random.default_rng(n)
     arm, theirs = driven_tree(n, 1)
     bodies = np.concatenate([body(rng) for _ in range(n)])
@@ -66,9 +69,12 @@ CASES = [("natural", "scalar"), ("natural", "diagonal"), ("base", "scalar"), ("b
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize(("option", "form"), CASES)
 def test_torques_and_rates(option: str, form: str, n: int, start: str) -> None:
-    """Armature is on; estimates inside, in the layer, and outside of the least bodies."""
+    """Torques and rates agree for arms with armature.
+
+    Estimates start inside the bounds of the projection, in its boundary layer, or outside.
+    """
     if option == "natural" and start == "negative":
-        start = "near"  # a start that is not possible is refused
+        start = "near"  # natural adaptation refuses an impossible start
     ours, other, _ = pair(n, form, option, start)
     for t, (q, v) in zip((0.0, 0.9), np.random.default_rng(n).uniform(-1.0, 1.0, (2, 2, n)), strict=True):
         for share in (1.0, 0.9, 0.5):
@@ -76,9 +82,9 @@ def test_torques_and_rates(option: str, form: str, n: int, start: str) -> None:
             got, want = ours.terms(t, q, v, state=state), other.terms(t, q, v, state=state)
             for key in ("tau", "Y", "s"):
                 close(got[key], want[key], tolerance=1e-11)
-            # The metric of ten by ten has a condition of 1e4 or so.
+            # The 10 x 10 metric has a condition number of about 1e4.
             close(got["estimate_rate"], want["state_rate"], tolerance=1e-10)
-        # Without a state: from the start, which a projection moves inside.
+        # Without `state`, a law uses its estimate at the start, which the projection moves inside its bounds.
         close(ours(t, q, v), other(t, q, v), tolerance=1e-11)
 
 
@@ -99,9 +105,9 @@ def test_projection_of_the_planar_pr(estimate: list[float], projection: Any) -> 
 
 @pytest.mark.parametrize(("option", "form"), CASES[:-1])
 def test_runs(option: str, form: str) -> None:
-    """Steps of the same method, the Lyapunov function and its balance too.
+    """Runs agree in states, torques, Lyapunov function and its balance, with equal steps of the same method.
 
-    Not for small least bodies: in their metric, 250 times ours, what rounding leaves grows a million times within 0.1 s.
+    The option "mass" is excluded. Its metric is 250 times larger, and rounding grows by a factor of a million within 0.1 s.
     """
     ours, other, (arm, theirs) = pair(2, form, option, "near")
     run = al.simulate(al.RigidArm(arm), ours, [0.3, -0.2], t_end=0.2, dt=2e-3)

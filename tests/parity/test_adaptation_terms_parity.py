@@ -1,4 +1,7 @@
-"""Adaptation of rotors and friction, leakage and dead zone against the reference, whose balance comes from the plant's dynamics."""
+"""Adaptation of armature and friction, leakage and dead zone against the reference.
+
+The reference computes the Lyapunov balance from the plant's dynamics.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from armlet import reference as ref
 
 Array = NDArray[np.float64]
 
-#: By name: the keywords, and what else changes.
+#: Keywords of `al.Adaptive` by name of the case.
 OPTIONS: dict[str, dict[str, Any]] = {
     "friction": {"friction": True},
     "all columns": {"friction": ("stribeck", "coulomb", "viscous"), "armature": True, "friction_speed": 0.4},
@@ -32,7 +35,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def body(rng: np.random.Generator) -> Array:
-    """Six mass points about a small ball: possible, and far from the border."""
+    """Return the parameters (10,) of six point masses and a small ball: physically consistent with a margin."""
     phi = np.array([0.1, 0, 0, 0, 0.02, 0, 0.02, 0, 0, 0.02])
     for m, x, y, z in np.column_stack([rng.uniform(0.2, 0.4, 6), rng.uniform(-0.3, 0.3, (6, 3))]):
         phi += m * np.array([1.0, x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y])
@@ -40,7 +43,10 @@ def body(rng: np.random.Generator) -> Array:
 
 
 def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
-    """Two laws of one option, and the arms; gamma is full where the metric takes a matrix."""
+    """Return armlet's law, the reference's law and both arms.
+
+    `gamma` is a full matrix, except for natural adaptation, which requires a vector.
+    """
     rng = np.random.default_rng([n, sorted(OPTIONS).index(option)])
     arm, theirs = driven_tree(n, 2)
     bodies = np.concatenate([body(rng) for _ in range(n)])
@@ -69,14 +75,14 @@ def test_torques_and_rates(option: str, n: int) -> None:
     assert len(ours.parameter_names) == other.state0.size
     rng = np.random.default_rng(n)
     for t, share in ((0.0, 1.0), (0.9, 1.4)):
-        # Slow and fast: on both sides of the dead zone.
+        # The slow state is inside the dead zone and the fast one outside.
         for speed in (0.02, 1.0):
             q, v = rng.uniform(-1.0, 1.0, n), speed * rng.uniform(-1.0, 1.0, n)
             state = share * other.state0
             got, want = ours.terms(t, q, v, state=state), other.terms(t, q, v, state=state)
             for key in ("tau", "Y", "s"):
                 close(got[key], want[key], tolerance=1e-11)
-            # The metric of ten by ten has a condition of 1e4 or so.
+            # The 10 x 10 metric has a condition number of about 1e4.
             close(got["estimate_rate"], want["state_rate"], tolerance=1e-10)
             close(ours(t, q, v, state=state), want["tau"], tolerance=1e-11)
 
@@ -84,7 +90,7 @@ def test_torques_and_rates(option: str, n: int) -> None:
 @pytest.mark.parametrize("friction", [False, True])
 @pytest.mark.parametrize("option", OPTIONS)
 def test_runs(option: str, friction: bool) -> None:
-    """Steps of the same method, the Lyapunov function and its balance too, for a plant with friction and without."""
+    """Runs agree in states, torques, Lyapunov function and its balance, for a plant with friction and without."""
     ours, other, (arm, theirs) = pair(option, 2)
     start = {"q0": [0.3, -0.2], "v0": [0.4, 0.1]}
     run = al.simulate(al.RigidArm(arm, friction=friction), ours, **start, t_end=0.1, dt=2e-3, check_limits=False)
@@ -106,7 +112,10 @@ def test_a_sampled_run() -> None:
 
 
 def test_names_follow_the_regressor() -> None:
-    """The columns are those of `Arm.regressor(armature=True, friction=True)`, but for the smooth Coulomb friction of `v_r`."""
+    """Parameter names match the columns of `Arm.regressor(armature=True, friction=True)`.
+
+    The Coulomb columns are the exception: the law uses a smooth sign of `v_r`.
+    """
     arm, _ = driven_tree(3, 2)
     rng = np.random.default_rng(5)
     law = al.Adaptive(arm, al.Hold(rng.normal(size=3)), 30.0, 10.0, 1.0, friction=True, armature=True, friction_speed=1e-6)

@@ -1,4 +1,6 @@
-"""The extension against `armlet.reference`: complex-step Lagrange equations in numpy, random plants, gains and states.
+"""Dynamics of the planar PR arm and its laws against `armlet.reference`, for random plants, gains and states.
+
+The reference derives Lagrange's equations with complex steps in numpy.
 
 M(q) a + C(q, v) v + g(q) = tau,   Y(q, v, v_r, a_r) (A, B, C)' = M a_r + C v_r + g
 """
@@ -16,7 +18,7 @@ from armlet import reference
 
 Array = NDArray[np.float64]
 
-# Numbers here are below 1e3 and a few dozen operations deep: 1e-12 of the largest is 100 roundings and more.
+# Numbers are below 1e3 and result from a few dozen operations: 1e-12 of the largest number is more than 100 roundings.
 ROUNDING = 1e-12
 
 
@@ -26,7 +28,7 @@ def close(got: Array, expected: Array, tolerance: float = ROUNDING) -> None:
 
 
 def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
-    """Symmetric positive definite, condition number below about 100."""
+    """Return a symmetric positive definite matrix (n, n) with a condition number below about 100."""
     root = rng.standard_normal((n, n))
     return scale * (root @ root.T / n + 0.3 * np.eye(n))
 
@@ -37,7 +39,7 @@ def parameters(rng: np.random.Generator, coupling: float = 0.95) -> tuple[float,
 
 
 def motions(rng: np.random.Generator) -> list[tuple[Any, Any]]:
-    """Each motion twice: ours and the reference's."""
+    """Return pairs of one motion: armlet's and the reference's."""
     q0, q1 = rng.uniform(-2.0, 2.0, (2, 2))
     flat, many = rng.uniform(-1.5, 1.5, (3, 2)), rng.uniform(-1.5, 1.5, (3, 2, 3))
     return [
@@ -58,9 +60,10 @@ def gains(rng: np.random.Generator, form: str) -> tuple[Any, Any, Any]:
 
 
 def loops(rng: np.random.Generator, form: str, motion: tuple[Any, Any]) -> tuple[Any, Any]:
-    """The adaptive loop and its reference; the law's arm is another than the plant's, as it should not matter.
+    """Return armlet's plant and law, and the reference's plant and law.
 
-    Coupling 0.6 keeps M above 0.3 and the loop slower than 200/s: stable when sampled every 4 ms.
+    The two laws have different arms, which must not change the torque. A coupling of 0.6 keeps the eigenvalues of M above 0.3 and the rates
+    of the loop below 200/s. So the loop is stable with a sample time of 4 ms.
     """
     pi, estimate, (kp, kd, gamma) = parameters(rng, 0.6), rng.uniform(-1.0, 2.0, 3), gains(rng, form)
     ours = al.planar_pr(*pi)
@@ -87,7 +90,7 @@ def test_arm_functions(name: str, lead: tuple[int, ...]) -> None:
     for _ in range(8):
         pi = parameters(rng)
         values = rng.uniform(-3.0, 3.0, (FUNCTIONS[name], *lead, 2))
-        # Plants reach det M = 0.1 A C: the inverse amplifies rounding tenfold.
+        # The determinant of M may be as small as 0.1 A C, so forward dynamics amplifies rounding tenfold.
         close(getattr(al.planar_pr(*pi), name)(*values), getattr(reference.planar_pr(*pi), name)(*values), 10 * ROUNDING)
 
 
@@ -136,7 +139,7 @@ def test_adaptive_terms(form: str) -> None:
                 close(got[name], expected[name], 10 * ROUNDING)
             close(got["estimate_rate"], expected["state_rate"], 10 * ROUNDING)
             close(law(t, q, v, state=state), expected["tau"], 10 * ROUNDING)
-            # Without a state the law answers from its first estimate.
+            # Without `state` the law uses its estimate at the start.
             close(law(t, q, v), theirs(t, q, v), 10 * ROUNDING)
 
 
@@ -167,9 +170,9 @@ RUNS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("form", ["diagonal", "full"])
 @pytest.mark.parametrize("options", RUNS.values(), ids=RUNS.keys())
 def test_runs(form: str, options: dict[str, Any]) -> None:
-    """The same steps of the same method: what differs is rounding, and the loop contracts.
+    """Runs with equal steps of the same method differ by rounding only, since the loop contracts.
 
-    A saturated input has kinks, at which rounding may move a stage from one side to the other: the jump it makes is of that size too.
+    A saturated torque has kinks. Rounding may move one stage across a kink, which changes the torque by the size of rounding.
     """
     rng = np.random.default_rng(17)
     limit = np.asarray(options.get("tau_max", np.inf))
@@ -206,7 +209,10 @@ def test_computed_torque_runs() -> None:
 
 
 def test_adaptive_method_against_extrapolation() -> None:
-    """DOP853 and Gragg-Bulirsch-Stoer, both at 1e-12: an error of 1e-10 over half a second is ten times what either leaves."""
+    """Runs of DOP853 and of Gragg-Bulirsch-Stoer with tolerances of 1e-12 agree to 1e-10 after 0.5 s.
+
+    This is ten times the error of each run.
+    """
     rng = np.random.default_rng(19)
     wanted = [0.1, 0.4, 0.5]
     for motion in motions(rng)[4:]:

@@ -1,4 +1,4 @@
-"""Arms made and changed, against the reference, which rebuilds them from homogeneous transforms: n = 1 to 8."""
+"""Arms that armlet makes or changes against the reference, which rebuilds them from homogeneous transforms: 1 to 8 joints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def compare(arm: al.Arm, theirs: Any, frames: tuple[str, ...]) -> None:
-    """Parameters, dynamics and the poses of frames at random states."""
+    """Compare parameters, inverse dynamics, and poses and Jacobians of frames at random states."""
     q, v, a = np.random.default_rng(arm.n).uniform(-2.0, 2.0, (3, 4, arm.n))
     close(arm.parameters, theirs.parameters)
     close(arm.inverse_dynamics(q, v, a, friction=True), theirs.inverse_dynamics(q, v, a, friction=True), 10.0)
@@ -57,7 +57,7 @@ def test_changed_arms(n: int) -> None:
     xyz, rpy, com, gravity = rng.uniform(-0.5, 0.5, (4, 3))
     root = rng.normal(size=(3, 3))
     second = 0.01 * root @ root.T
-    inertia = np.trace(second) * np.eye(3) - second  # of mass points with this second moment
+    inertia = np.trace(second) * np.eye(3) - second  # inertia of mass points with this second moment
     for place in ({}, {"xyz": xyz}, {"rpy": rpy}, {"xyz": xyz, "rpy": rpy}):
         compare(arm.with_frame("tool", parent, **place), ref.with_frame(theirs, "tool", parent, **place), ("tool",))
     for load in ({}, {"com": com}, {"com": com, "inertia": inertia}, {"inertia": inertia}):

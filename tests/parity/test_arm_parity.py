@@ -1,6 +1,6 @@
-"""Trees of the core against the reference, n = 1 to 8, revolute and prismatic, branches and fixed bodies: two derivations.
+"""Trees of armlet against the reference: 1 to 8 joints, revolute and prismatic, with branches and fixed bodies.
 
-The core recurs over bodies; the reference multiplies homogeneous transforms and differentiates energies by complex steps.
+armlet uses recursions over bodies. The reference multiplies homogeneous transforms and differentiates energies with complex steps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def test_trees(n: int, seed: int) -> None:
     assert arm.n == reference.n == n and sorted(place) == list(range(n))
     rng = np.random.default_rng([n, seed, 1])
     q, v, a, v_r, a_r = rng.uniform(-2.0, 2.0, (5, 3, n))
-    # The same states in the reference's order.
+    # The reference orders its joints differently, so the test permutes the states.
     there = np.argsort(place)
     Q, V, A, V_r, A_r = (x[:, there] for x in (q, v, a, v_r, a_r))
     rows, columns = np.ix_(place, place)
@@ -34,7 +34,7 @@ def test_trees(n: int, seed: int) -> None:
     close(arm.bias(q, v), reference.bias(Q, V)[:, place], scale)
     tau = reference.inverse_dynamics(Q, V, A)[:, place]
     close(arm.inverse_dynamics(q, v, a), tau, scale)
-    # The rounding of the solve, as a torque.
+    # The test multiplies the difference of the accelerations by M, and so compares torques.
     solved = reference.forward_dynamics(Q, V, tau[:, there])[:, place]
     close(np.einsum("kij,kj->ki", mass, arm.forward_dynamics(q, v, tau) - solved), np.zeros((3, n)), max(scale, float(np.abs(tau).max())))
     blocks = np.concatenate([np.arange(10 * j, 10 * j + 10) for j in place])
@@ -45,14 +45,17 @@ def test_trees(n: int, seed: int) -> None:
     for k in range(len(joints)):
         frame = f"link{k + 1}"
         close(arm.pose(q, frame), reference.pose(Q, frame))
-        close(arm.pose_vector(q, frame), pose_vector(reference, Q, frame), 4.0)  # angles up to pi
+        close(arm.pose_vector(q, frame), pose_vector(reference, Q, frame), 4.0)  # angles are up to pi
         close(arm.jacobian(q, frame), reference.jacobian(Q, frame)[:, :, place])
         close(arm.jacobian_dot(q, v, frame), reference.jacobian_dot(Q, V, frame)[:, :, place], 10.0)
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (2, -3, 6)])
 def test_the_rotation_vector_of_a_pose_at_half_turns(axis: tuple[float, float, float]) -> None:
-    """exp of it is the rotation on both sides of zero and of a half turn; its angle is at most pi. A program gives the same bits."""
+    """The exponential of the rotation vector is the rotation, near angles of zero and of half a turn.
+
+    The angle is at most pi. A batch gives the same bits as single calls.
+    """
     arm = al.Arm.from_chain([{"type": "R", "axis": axis}])
     steps = np.array([0.0, 1e-300, 1e-12, 1e-8, 1e-5, 9.9e-5, 1.01e-4, 1e-2, 1.0])
     q = np.concatenate([turn + side * steps for turn in (-np.pi, 0.0, np.pi) for side in (-1.0, 1.0)])[:, None]
@@ -61,12 +64,12 @@ def test_the_rotation_vector_of_a_pose_at_half_turns(axis: tuple[float, float, f
     assert np.array_equal(many, np.tile(one, (200, 1)))
     assert np.all(one[:, :3] == 0.0) and np.linalg.norm(one[:, 3:], axis=1).max() <= np.pi * (1.0 + 4e-16)
     for vector, X in zip(one[:, 3:], arm.pose(q, "link1"), strict=True):
-        # Both are exact to a few units in the last place of one; the angle is one of up to pi.
+        # Rounding is a few units in the last place of 1 for each entry, and of pi for the angle.
         np.testing.assert_allclose(rotation_matrix(vector), X[:3, :3], rtol=0.0, atol=4e-15)
 
 
 def test_the_trees_are_trees() -> None:
-    """Among them are branches, slides, fixed bodies, several bodies on the base, and orders that differ."""
+    """The random trees include branches, prismatic joints, fixed bodies, several roots, and joint orders that differ."""
     seen = {"branch": 0, "slide": 0, "fixed": 0, "forest": 0, "order": 0}
     for n in range(1, 9):
         for seed in range(6):
@@ -82,7 +85,7 @@ def test_the_trees_are_trees() -> None:
 
 @pytest.mark.parametrize("n", [3, 5, 8])
 def test_the_christoffel_matrix_is_symmetric_in_its_vectors(n: int) -> None:
-    """C(q, x) y = C(q, y) x, which for n >= 3 singles the Christoffel factorisation out of all skew ones."""
+    """C(q, x) y = C(q, y) x. For n >= 3 only the Christoffel factorisation among all skew ones has this property."""
     arm, *_ = both(n, 0)
     q, x, y = np.random.default_rng(n).uniform(-2.0, 2.0, (3, 20, n))
     one, other = arm.coriolis_matrix(q, x) @ y[..., None], arm.coriolis_matrix(q, y) @ x[..., None]
@@ -91,7 +94,7 @@ def test_the_christoffel_matrix_is_symmetric_in_its_vectors(n: int) -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 7])
 def test_the_christoffel_symbols_make_the_coriolis_matrix(n: int) -> None:
-    """C(q, v)[i, j] = sum_k c[i, j, k] v[k], of one configuration and of so many that a program computes them."""
+    """C(q, v)[i, j] = sum_k c[i, j, k] v[k], for one configuration and for batches large enough for compiled programs."""
     arm, *_ = both(n, 0)
     q, v = np.random.default_rng(n).uniform(-2.0, 2.0, (2, 3, 200, n))
     symbols = arm.christoffel(q)

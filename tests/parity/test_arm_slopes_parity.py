@@ -1,6 +1,7 @@
-"""Drives, loads, slopes and centres of mass of random trees against the reference, n = 1 to 8.
+"""Friction, external wrenches, derivatives and centres of mass of random trees against the reference, 1 to 8 joints.
 
-The core differentiates recursions; the reference samples torques in five turns of each joint, and takes centres of mass from potentials.
+armlet differentiates its recursions. The reference samples torques at five angles of each joint, and derives centres of mass from
+potential energies.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ CASES = [(n, seed) for n in range(1, 9) for seed in range(2)]
 
 
 def states(arm: al.Arm, seed: int, count: int) -> Array:
-    """Joint vectors (count, 2, 1, n); some velocities are exactly zero, where Coulomb friction is."""
+    """Return random joint vectors (count, 2, 1, n). Some velocities are exactly zero, where Coulomb friction is discontinuous."""
     x = np.random.default_rng([arm.n, seed, 2]).uniform(-2.0, 2.0, (count, 2, 1, arm.n))
     x[1, 0, 0] = 0.0
     return x
 
 
 def size(*values: Array) -> float:
-    """The largest number that rounding was relative to."""
+    """Return the largest magnitude of all entries, the scale of rounding."""
     return max(float(np.abs(value).max(initial=0.0)) for value in values)
 
 
@@ -42,7 +43,7 @@ def test_dynamics_under_friction_and_a_wrench(n: int, seed: int, friction: bool)
     for options in ({"friction": friction}, {"friction": friction} | load):
         tau = theirs.inverse_dynamics(q, v, a, **options)
         close(arm.inverse_dynamics(q, v, a, **options), tau, size(mass))
-        # The rounding of the solve, as a torque.
+        # The test multiplies the difference of the accelerations by M, and so compares torques.
         apart = arm.forward_dynamics(q, v, tau, **options) - theirs.forward_dynamics(q, v, tau, **options)
         close(np.einsum("...ij,...j->...i", mass, apart), np.zeros(q.shape), size(mass, tau))
     close(arm.bias(q, v, friction=friction), theirs.bias(q, v, friction=friction), size(mass))
@@ -69,7 +70,7 @@ def test_slopes(n: int, seed: int, friction: bool) -> None:
     ):
         close(got, want, most)
     inverse = np.linalg.inv(mass)
-    # Rounding of a torque over the least inertia, twice: in the acceleration, and in its slope.
+    # Rounding of a torque is multiplied by the inverse inertia twice: in the acceleration and in its derivative.
     most = size(inverse) * (most + size(mass) * size(inverse) * size(x))
     for got, want in zip(
         arm.forward_dynamics_derivatives(q, v, x, friction=friction),

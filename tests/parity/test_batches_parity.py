@@ -1,4 +1,4 @@
-"""Rows of batches against single runs of `armlet.reference`: every argument that `simulate_batch` has in common with `simulate`."""
+"""Rows of `simulate_batch` against single runs of `armlet.reference`, for every argument that `simulate` has too."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import armlet as al
 from armlet import reference
 
 ROWS = 3
-# Thirty equal steps: roundings, amplified by accelerations of some hundreds and by the reference's complex steps.
+# Rounding in thirty equal steps grows with accelerations of some hundreds and with the reference's complex steps.
 ROUNDING = 1e-9
 
 
@@ -52,7 +52,7 @@ def test_rows_of_elastic_arms(options: dict[str, Any]) -> None:
 
 
 def test_rows_of_an_adaptive_method() -> None:
-    """DOP853 at 1e-11 and Gragg-Bulirsch-Stoer at 1e-12: 1e-9 is a hundred times what either leaves."""
+    """Rows of DOP853 at a tolerance of 1e-11 agree with Gragg-Bulirsch-Stoer at 1e-12 to 1e-9, a hundred times the error of each."""
     rng = np.random.default_rng(72)
     arms = pair(rng, 2)
     laws = law_pair(rng, "ComputedTorque", arms)
@@ -67,7 +67,7 @@ def test_rows_of_an_adaptive_method() -> None:
 
 
 def test_forces_of_rows_and_what_is_kept() -> None:
-    """Each row has its force; the final state alone is the last record."""
+    """Each row of a batch has its own force. With `keep="final"` the result is the last record only."""
     rng = np.random.default_rng(73)
     arms = pair(rng, 3)
     laws = law_pair(rng, "CartesianImpedance", arms)
@@ -80,7 +80,10 @@ def test_forces_of_rows_and_what_is_kept() -> None:
 
 
 def test_a_polynomial_of_a_step_is_the_run() -> None:
-    """Dense output between the steps of DOP853, of order 7 where the steps are of order 8: 1e-8 at a tolerance of 1e-10."""
+    """Dense output of DOP853 agrees with the reference to 1e-8.
+
+    The tolerance is 1e-10, and dense output is of order 7 where the steps are of order 8.
+    """
     rng = np.random.default_rng(74)
     arms = pair(rng, 2)
     laws = law_pair(rng, "ComputedTorque", arms)

@@ -1,4 +1,4 @@
-"""Joint paths along poses against plain Newton steps at dense places; the curve is made by other means there."""
+"""Joint paths along poses against the reference, which takes plain Newton steps at many places of a separate curve."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ START = np.array([0.2, 0.4, -0.3, 0.3, 0.8, -0.4])
 
 
 def poses(rng: np.random.Generator, arm: al.Arm, count: int) -> np.ndarray:
-    """Of postures near each other, so that the way between them is open."""
+    """Return poses (count, 4, 4) of nearby configurations, so that the arm can move between them."""
     q = START + np.concatenate([np.zeros((1, 6)), rng.uniform(-0.25, 0.25, (count - 1, 6))])
     return np.asarray(arm.pose(q, "link6"))
 
@@ -34,7 +34,10 @@ def poses(rng: np.random.Generator, arm: al.Arm, count: int) -> np.ndarray:
 @pytest.mark.parametrize("options", [{}, {"blend": 0.03}, {"kind": "spline"}, {"arcs": [1]}, {"arcs": [1], "blend": 0.03}], ids=str)
 @pytest.mark.parametrize("tolerance", [1e-4, [1e-6, 1e-5]], ids=["wide", "tight"])
 def test_cartesian_path(options: dict[str, Any], tolerance: Any) -> None:
-    """The tip is within the tolerance of the other curve everywhere; the joints within it through the inverse of the Jacobian."""
+    """The tip stays within `tolerance` of the reference's curve.
+
+    The joints stay within `tolerance` divided by the smallest singular value of the Jacobian.
+    """
     rng = np.random.default_rng(11)
     arm, checker = al.Arm.from_chain(JOINTS), ref.Arm.from_chain(JOINTS)
     for count in (3, 4, 5) if "arcs" in options else (2, 3, 4):
@@ -47,7 +50,7 @@ def test_cartesian_path(options: dict[str, Any], tolerance: Any) -> None:
         curve = ref.cartesian_curve(given, PLACES, options.get("kind", "lines"), options.get("blend", 0.0), options.get("arcs", ()))
         for (p, R), pose in zip(curve, checker.pose(q, "link6"), strict=True):
             assert np.linalg.norm(pose[:3, 3] - p) <= metres + 1e-9
-            # The angle of a rotation near none: twice the sine of its half.
+            # |R1 - R2| / sqrt(2) is twice the sine of half the angle between them, which is about the angle.
             assert np.linalg.norm(pose[:3, :3] - R) / np.sqrt(2.0) <= radians + 1e-8
         wanted = ref.cartesian_path(checker, given, START, PLACES, frame="link6", **options)
         smallest = np.linalg.svd(checker.jacobian(q, "link6"), compute_uv=False)[:, -1].min()
@@ -56,9 +59,9 @@ def test_cartesian_path(options: dict[str, Any], tolerance: Any) -> None:
 
 @pytest.mark.parametrize("turn", [0.3, 0.5, 0.8, 1.0])
 def test_a_circle(turn: float) -> None:
-    """Points of a known circle, the third one `turn` of a whole turn after the first: the tip is on it, at the even angle.
+    """The tip follows a circle through given points at a constant rate of the angle.
 
-    At a half the third point is opposite to the first one. The last one of `turn` is two arcs that join.
+    The third point is `turn` of a full turn after the first. At 0.5 it is opposite to the first. At 1.0 the circle consists of two arcs.
     """
     arm = al.planar_arm([0.5, 0.4, 0.2])
     angles = np.linspace(0.0, turn * 2.0 * np.pi, 3 if turn < 1.0 else 5)
@@ -74,7 +77,7 @@ def test_a_circle(turn: float) -> None:
 
 
 def test_lines_and_arcs() -> None:
-    """A slot: two lines and two half circles. Every joint moves without a jump of its speed, since tangents agree."""
+    """A slot of two lines and two half circles: joint velocities do not jump, since neighbouring tangents agree."""
     arm = al.planar_arm([0.5, 0.4])
     rows = [[0.4, 0.2], [0.6, 0.2], [0.7, 0.3], [0.6, 0.4], [0.4, 0.4], [0.3, 0.3], [0.4, 0.2]]
     path = al.cartesian_path(arm, rows, [-0.5, 1.4], frame="link2", axes="xy", arcs=[2, 5], tolerance=1e-6)
@@ -88,7 +91,7 @@ def test_lines_and_arcs() -> None:
 
 
 def test_rows() -> None:
-    """Two rows of a planar arm."""
+    """A path with two task rows, x and y, of a planar arm agrees with the reference."""
     arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
     ends, start = np.array([[0.6, 0.0], [0.3, 0.5]]), np.array([-0.5, 1.0])
     matrices = np.tile(np.eye(4), (2, 1, 1))
@@ -110,7 +113,7 @@ LIMITED = """<robot name="two"><link name="base"/>
 
 
 def test_a_joint_at_its_limit() -> None:
-    """The path ends where the second joint of the reference passes 1.2 rad; without limits it goes on."""
+    """The path ends where joint 2 of the reference passes its limit of 1.2 rad. With `limits=False` the path is feasible."""
     arm, checker = al.load_urdf(LIMITED), ref.planar_arm([0.5, 0.4])
     ends, start = np.array([[0.8, 0.0], [0.4, 0.0]]), np.array([-0.3, 0.7])
     matrices = np.tile(np.eye(4), (2, 1, 1))
@@ -123,7 +126,7 @@ def test_a_joint_at_its_limit() -> None:
 
 
 def test_out_of_reach() -> None:
-    """Both end where the circle of the stretched arm is crossed."""
+    """Both paths end where the line crosses the circle of radius 0.9 m, the reach of the arm."""
     arm, checker = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
     path = al.cartesian_path(arm, [[0.6, 0.0], [1.2, 0.0]], [-0.5, 1.0], frame="link2", axes="xy")
     assert not path.feasible and path.shortfall["kind"] == "unreachable"

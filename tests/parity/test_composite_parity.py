@@ -1,4 +1,4 @@
-"""Composite adaptation against the reference, whose filters take the plant's own acceleration."""
+"""Composite adaptation against the reference, whose filters use the plant's true acceleration."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
-    """Two laws of one option, and the arms."""
+    """Return armlet's law, the reference's law and both arms, for one option."""
     rng = np.random.default_rng([n, sorted(OPTIONS).index(option)])
     arm, theirs = driven_tree(n, 2)
     ball = np.array([1.0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1])
@@ -50,7 +50,7 @@ def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any]]:
 
 
 def state_of(law: Any, own: Any, q: Array, v: Array, state: Array) -> Array:
-    """The state of the core's law, which holds W less the momentum's columns, from that of the reference."""
+    """Convert the state of the reference's law to that of armlet's law, which stores W minus the columns of the momentum."""
     n, p, b = law.arm.n, law.p, law.inertial
     W, tau_W = state[p : p + n * p].reshape(n, p), state[p + n * p :]
     still = np.zeros(n)
@@ -65,7 +65,10 @@ def state_of(law: Any, own: Any, q: Array, v: Array, state: Array) -> Array:
 
 
 def reached(law: Any) -> NDArray[np.bool_]:
-    """The entries of W that can be other than zero: those of Y at some of a few states, to 1e-9 of entries of size one."""
+    """Return a mask (n, p) of the entries of W that can differ from zero.
+
+    They are entries of the regressor above 1e-9 at one of four random states.
+    """
     rng, n = np.random.default_rng(7), law.arm.n
     states = rng.uniform(0.3, 1.3, (4, 3, n))
     found: NDArray[np.bool_] = np.max([np.abs(law.arm.regressor(q, v, v, a)[:, law.columns]) for q, v, a in states], axis=0) > 1e-9
@@ -79,28 +82,28 @@ def test_terms(option: str, n: int) -> None:
     rng = np.random.default_rng(n)
     p = len(ours.parameter_names)
     q, v = rng.uniform(-1.0, 1.0, (2, n))
-    # At the start nothing has been filtered, whatever the state of the arm is.
+    # At the start all filters are zero, for any state of the arm.
     start = ours.terms(0.2, q, v)
     for key in ("W", "tau_W", "e_W"):
         np.testing.assert_array_equal(start[key], np.zeros_like(start[key]))
     filtered = rng.uniform(-0.5, 0.5, (n, p))
-    # What is of a joint is of no other.
+    # A parameter of a joint changes the torque of that joint only.
     beside = np.arange(p - other.inertial)
     filtered[:, other.inertial :] *= beside % n == np.arange(n)[:, None]
-    # And entries of the bodies that are zero at every state stay zero: the core leaves them out.
+    # armlet does not store entries that are zero at every state, so the test sets them to zero.
     filtered[:, : other.inertial] *= reached(other)
     state = np.concatenate([1.2 * other.state0[:p], filtered.ravel(), rng.uniform(-1.0, 1.0, n)])
     got, want = ours.terms(0.3, q, v, state=state_of(other, ours, q, v, state)), other.terms(0.3, q, v, state=state)
     for key in ("tau", "W", "tau_W", "e_W"):
         close(got[key], want[key], tolerance=1e-11)
-    # The metric of ten by ten has a condition of 1e4 or so.
+    # The 10 x 10 metric has a condition number of about 1e4.
     close(got["estimate_rate"], want["state_rate"][:p], tolerance=1e-10)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 @pytest.mark.parametrize("option", ["alone", "columns", "full weight"])
 def test_runs(option: str, n: int) -> None:
-    """RK4 of two forms of the same filters, which differ by its error: 1e-3^4 times rates to the fifth."""
+    """RK4 integrates two forms of the same filters. They differ by its error, (1e-3)^4 times rates to the fifth power."""
     ours, other, (arm, theirs) = pair(option, n)
     friction = option == "columns"
     rng = np.random.default_rng(n)

@@ -1,4 +1,4 @@
-"""Concurrent learning against the reference, which takes M' v by differences and adds sample by sample."""
+"""Concurrent learning against the reference, which computes M' v by differences and adds up samples one by one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def pair(option: str, n: int) -> tuple[Any, Any, tuple[Any, Any], dict[str, Any]]:
-    """Two laws of one option with the same random samples, the arms, and the samples."""
+    """Return armlet's law, the reference's law, both arms and the samples, which both laws store."""
     rng = np.random.default_rng([n, sorted(OPTIONS).index(option)])
     arm, theirs = driven_tree(n, 2)
     ball = np.array([1.0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1])
@@ -57,7 +57,7 @@ def test_terms(option: str, n: int) -> None:
     state = 1.2 * other.state0
     got, want = ours.terms(0.3, q, v, state=state), other.terms(0.3, q, v, state=state)
     close(got["tau"], want["tau"], tolerance=1e-11)
-    # The metric of ten by ten has a condition of 1e4 or so.
+    # The 10 x 10 metric has a condition number of about 1e4.
     close(got["estimate_rate"], want["state_rate"], tolerance=1e-10)
     close(got["e_stored"], stored["tau"] - stored["W"] @ state, tolerance=1e-12)
 
@@ -65,7 +65,7 @@ def test_terms(option: str, n: int) -> None:
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 @pytest.mark.parametrize("option", ["alone", "columns", "composite"])
 def test_runs(option: str, n: int) -> None:
-    """RK4; two forms of the filters of composite adaptation differ by its error, 1e-3^4 times rates to the fifth."""
+    """RK4 integrates two forms of the same filters. They differ by its error, (1e-3)^4 times rates to the fifth power."""
     ours, other, (arm, theirs), _ = pair(option, n)
     friction = option == "columns"
     rng = np.random.default_rng(n)
@@ -82,7 +82,7 @@ def test_runs(option: str, n: int) -> None:
 
 
 def record(arm: al.Arm, count: int, friction: bool = False) -> dict[str, Array]:
-    """A motion of many frequencies, sampled, with its torques."""
+    """Return `count` samples of a motion in 2 s, with one frequency per joint, and its torques."""
     t = np.linspace(0.0, 2.0, count)
     rng = np.random.default_rng(arm.n)
     w, phase, size = rng.uniform(1.0, 5.0, arm.n), rng.uniform(0.0, 3.0, arm.n), rng.uniform(0.3, 0.9, arm.n)
@@ -94,7 +94,7 @@ def record(arm: al.Arm, count: int, friction: bool = False) -> dict[str, Array]:
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("option", ["alone", "columns", "base"])
 def test_rows_of_samples_and_windows(option: str, n: int) -> None:
-    """All samples, so that none is left out: W and tau of each."""
+    """The selection of all samples returns the same W and tau as the reference."""
     ours, other, (arm, _), _ = pair(option, n)
     known = record(arm, 25)
     q, v, a, tau, t = (known[name] for name in ("q", "v", "a", "tau", "t"))
@@ -104,7 +104,7 @@ def test_rows_of_samples_and_windows(option: str, n: int) -> None:
     close(got.tau, torques, tolerance=1e-11)
     assert got.indices.tolist() == list(range(25))
     for held in (False, True):
-        # Windows of 4 steps, half a window apart: 11. Differences of order four and 1e-4 have an error of 1e-11.
+        # There are 11 windows of 4 steps, each half a window after the previous one. Differences of fourth order err by about 1e-11.
         W, torques = ref.window_rows(other, t, q, v, tau, 4.2 * (t[1] - t[0]), held)
         got = al.select_samples(ours, q, v, tau, 11, t=t, window=4.2 * (t[1] - t[0]), held=held)
         close(got.W, W, tolerance=1e-8)
@@ -113,7 +113,10 @@ def test_rows_of_samples_and_windows(option: str, n: int) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_choice_is_near_the_best(seed: int) -> None:
-    """Against exchanges of any two samples from the first ones on; both end at sets that no exchange of theirs improves."""
+    """The selected samples have a singular value of at least 0.85 times the reference's.
+
+    The reference starts from the first samples and exchanges two at a time. Both searches end where no exchange improves the set.
+    """
     rng = np.random.default_rng(seed)
     n = 1 + seed % 3
     arm, theirs = driven_tree(n, 2)
@@ -130,6 +133,6 @@ def test_the_choice_is_near_the_best(seed: int) -> None:
     np.testing.assert_allclose(got.singular_value, stacked[rank - 1], rtol=1e-6)
     _, best = ref.select_samples(W, count)
     assert got.singular_value >= 0.85 * best
-    # Far from what the first samples, or random ones, come to.
+    # Fifty random selections have smaller singular values.
     others = [ref.samples.smallest(W, rng.choice(30, count, replace=False), rank) for _ in range(50)]
     assert got.singular_value > max(others)

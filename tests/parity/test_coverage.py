@@ -1,4 +1,4 @@
-"""Every public name has a parity test or a written reason: `covered.toml` against the package, and against the tests it names."""
+"""Every public name has a parity test or a written reason: `covered.toml` against the package and against the tests that it names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TABLE = tomllib.loads((HERE / "covered.toml").read_text())
 
 
 def faults(table: dict[str, Any], names: list[str], folder: Path = HERE) -> list[str]:
-    """What is wrong with a table of the names."""
+    """Return the errors of a table like `covered.toml`, one line each."""
     silent, covered, reasons, missing = table["silent"], table["covered"], table["reasons"], table["missing"]
     listed = [name for group in (*covered.values(), *reasons.values(), missing["names"]) for name in group]
     excused = {name for group in reasons.values() for name in group}
@@ -53,7 +53,7 @@ def test_every_public_name_is_covered_or_has_a_reason(capsys: pytest.CaptureFixt
 
 
 def changed(part: str, change: Any) -> dict[str, Any]:
-    """The table with one part replaced by `change` of it."""
+    """Return the table with `part` replaced by `change(part)`."""
     return TABLE | {part: change(TABLE[part])}
 
 
@@ -99,5 +99,5 @@ def test_no_names_are_lost() -> None:
     assert words("Arm.bias(friction)") == {"bias", "friction"} and words("simulate") == {"simulate"}
     assert words("Quintic.__call__") == {"Quintic"} and words("Adaptive.terms") == {"Adaptive", "terms"}
     said = spoken(HERE / "test_loops_parity.py", "test_forces_in_steps")
-    # Through a dictionary of options, a function of the same file, and a class that this function names.
+    # `spoken` follows a dictionary of options, a function of the same file, and a class that this function names.
     assert said is not None and {"force", "sample_time", "law_pair", "CartesianImpedance"} <= said and "threads" not in said

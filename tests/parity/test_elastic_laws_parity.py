@@ -1,6 +1,6 @@
-"""Laws of elastic joints and motions of tables against the reference: random trees, full gains, states and rows, n = 1 to 8.
+"""Laws of elastic joints against the reference: random trees with 1 to 8 joints, random gains, states and targets.
 
-The core multiplies by `B B0^-1`; the reference solves the reduced motor for its acceleration, and differentiates energies for gravity.
+armlet multiplies by `B B0^-1`. The reference solves for the acceleration of the reduced motor, and differentiates energies for gravity.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 
 
 def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
-    """Symmetric positive definite, condition number below about 100."""
+    """Return a symmetric positive definite matrix (n, n) with a condition number below about 100."""
     root = rng.standard_normal((n, n))
     return np.asarray(scale * (root @ root.T / n + 0.3 * np.eye(n)))
 
 
 def gains(rng: np.random.Generator, n: int, form: str) -> dict[str, Any]:
-    """Stiffness, damping and inertias of n joints, by name."""
+    """Return stiffness, damping and inertias of n joints by name: numbers, vectors (n,) or matrices (n, n)."""
     sizes = {"joint_stiffness": 800.0, "motor_inertia": 0.4, "reduced_inertia": 0.05, "kp": 300.0, "kd": 20.0, "kt": 1.0, "ks": 0.02}
     if form == "scalar":
         return sizes
@@ -39,7 +39,7 @@ OPTIONS: list[dict[str, Any]] = [{}, {"damping_ratio": 0.4}, {"motor_damping": 3
 
 
 def laws(lib: Any, name: str, arm: Any, given: dict[str, Any], frame: str, options: dict[str, Any]) -> Any:
-    """The law of this name from one library or the other."""
+    """Return the law with this name from `lib`, which is armlet or the reference."""
     n, rng = arm.n, np.random.default_rng(arm.n)
     target = rng.uniform(-1.0, 1.0, n)
     inner = {key: given[key] for key in INNER}
@@ -75,7 +75,7 @@ def test_torques(name: str, options: dict[str, Any], n: int, form: str) -> None:
     for t, (q, v, theta, theta_dot) in zip((0.0, 0.4), np.random.default_rng([n, 1]).uniform(-1.0, 1.0, (2, 4, n)), strict=True):
         got = law.terms(t, q, v, theta=theta, theta_dot=theta_dot)
         want = other.terms(t, q, v, theta, theta_dot)
-        # Products of two full matrices of condition 100.
+        # The torque is a product with two full matrices, each of condition number 100.
         close(law(t, q, v, theta=theta, theta_dot=theta_dot), want["tau"], tolerance=1e-11)
         for key in {"u", "tau_J", "e", "g", "theta_d", "x_d"} & got.keys() & want.keys():
             close(np.asarray(got[key]), want[key], 1e3, 1e-11)
@@ -83,7 +83,7 @@ def test_torques(name: str, options: dict[str, Any], n: int, form: str) -> None:
 
 @pytest.mark.parametrize(("name", "options"), [NAMES[1], NAMES[2], NAMES[4], NAMES[-1]], ids=str)
 def test_runs(name: str, options: dict[str, Any]) -> None:
-    """The same steps of the same method; stiff springs contract what rounding leaves."""
+    """Runs with equal steps of the same method agree. Stiff springs damp the differences that rounding makes."""
     arm, theirs = driven_tree(3, 0)
     given = gains(np.random.default_rng(3), 3, "diagonal")
     both: list[tuple[Any, Any]] = [(al, arm), (ref, theirs)]

@@ -1,7 +1,7 @@
-"""Elastic joints against `armlet.reference`: random trees, full matrices, tasks not square, rest poses and limits.
+"""Elastic joints against `armlet.reference`: random trees, full matrices, tasks with fewer rows than joints, rest poses and limits.
 
-The reference differentiates Lagrange's equations, takes the inner loop from the reduced motor's acceleration, and looks for rest and
-stability by differences and bisection: none of it shares a formula with the core.
+The reference shares no formula with armlet. It differentiates Lagrange's equations and computes the inner loop from the acceleration of
+the reduced motor. Rest poses and stability limits result from differences and bisection.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def test_law(n: int, axes: str, relative: bool) -> None:
         q, v, theta, theta_dot = rng.uniform(-1.0, 1.0, (4, n))
         parts = ours.terms(0.0, q, v, theta=theta, theta_dot=theta_dot)
         expected = theirs.terms(0.0, q, v, theta, theta_dot)
-        # Products of matrices of size 1e4 and condition below 1e2.
+        # The torque is a product of matrices with entries up to 1e4 and condition numbers below 100.
         for name in ("u", "tau", "tau_J", "e", "J", "x_dot"):
             close(parts[name], expected[name], 1e-12)
         close(ours(0.0, q, v, theta=theta, theta_dot=theta_dot), expected["tau"], 1e-12)
@@ -89,7 +89,7 @@ def test_run(n: int, axes: str) -> None:
     options: dict[str, Any] = {"v0": v0, "t_end": 0.05, "dt": 1e-3, "force": force}
     run = al.simulate(plant, ours, q0, **options)
     expected = reference.simulate(their_plant, theirs, q0, **options)
-    # The same fixed steps: two codes differ by rounding, which grows at the loop's rate.
+    # Both codes take equal steps. They differ by rounding, which grows at the rate of the loop.
     for name in ("q", "v", "theta", "theta_dot", "tau"):
         close(getattr(run, name), expected[name], 1e-9)
 
@@ -110,7 +110,7 @@ def test_rest_and_eigenvalues() -> None:
         close(rest.q, expected.q, 1e-10)
         close(rest.tau, expected.tau, 1e-9)
         assert (rest.reachable, rest.spurious, rest.stable) == (expected.reachable, expected.spurious, expected.stable)
-        # The reference's slopes are differences, extrapolated to about 1e-9 of the largest.
+        # The reference computes derivatives from extrapolated differences, with an error of about 1e-9 of the largest.
         ours_sorted, theirs_sorted = (np.sort_complex(np.round(values, 6)) for values in (rest.eigenvalues, expected.eigenvalues))
         close(np.abs(ours_sorted), np.abs(theirs_sorted), 1e-6)
 
@@ -120,7 +120,7 @@ def test_limits() -> None:
     for _ in range(5):
         B, K, zeta, dt = rng.uniform(0.1, 1.0), rng.uniform(200.0, 2000.0), rng.uniform(0.5, 1.5), rng.uniform(2e-4, 2e-3)
         ours = float(al.smallest_reduced_inertia(B, K, dt, damping_ratio=zeta))
-        # Both bisect a radius that is flat near its limit.
+        # Both codes bisect the spectral radius, which hardly changes near the limit.
         assert abs(ours / reference.smallest_reduced_inertia(B, K, dt, damping_ratio=zeta) - 1.0) < 1e-6
         M, b0, d = rng.uniform(0.3, 2.0), rng.uniform(0.01, 0.1), rng.uniform(0.0, 10.0)
         D0 = 2.0 * np.sqrt(b0 * K)

@@ -1,4 +1,7 @@
-"""What `exciting_motion` says of its record against the reference, n = 1 to 8: a dense decomposition of the stacked regressor."""
+"""Condition number and standard deviations of `exciting_motion` against the reference: 1 to 8 joints.
+
+The reference decomposes the stacked regressor with a dense method.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,8 @@ def record(m: al.ExcitingMotion, count: int) -> tuple[Array, Array, Array]:
 
 def same(m: al.ExcitingMotion, theirs: Any, count: int, **options: Any) -> None:
     want = ref.excitation(theirs, *record(m, count), **options)
-    # A condition below 1e4 leaves at least twelve digits of sixteen in a triangle; differences of samples leave the rest.
+    # With a condition number below 1e4, the triangular factor keeps twelve of sixteen digits. The tolerance also covers rounding of the
+    # samples.
     assert m.condition == pytest.approx(want.condition, rel=1e-8)
     np.testing.assert_allclose(m.deviations, want.deviations, rtol=1e-8)
 
@@ -54,7 +58,10 @@ def test_options_of_the_record(options: dict[str, Any]) -> None:
 
 
 def test_options_of_the_search() -> None:
-    """More starts and iterations lose nothing, another seed starts elsewhere, and the motion is one of the harmonics."""
+    """More starts or iterations never give a worse motion, and another seed gives a different one.
+
+    The frequencies are multiples of 2 pi / duration.
+    """
     arm, theirs = driven_tree(2, 7)
 
     def logdet(m: al.ExcitingMotion) -> float:
@@ -72,5 +79,5 @@ def test_options_of_the_search() -> None:
     np.testing.assert_allclose(keywords["frequency"], np.broadcast_to(2.0 * np.pi / 5.0 * np.array([1.0, 2.0]), (2, 2)), rtol=1e-15)
     theirs_motion = ref.Sinusoid(*(keywords[name] for name in ("offset", "amplitude", "frequency", "phase")))
     for t in (0.3, 7.9):
-        # A sum of a few sines.
+        # The motion is a sum of a few sines, so rounding is below 1e-12.
         np.testing.assert_allclose(np.array(first(t)), np.array(theirs_motion(t)), rtol=0.0, atol=1e-12)

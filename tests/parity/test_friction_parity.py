@@ -1,6 +1,7 @@
-"""Dry friction of plants against `armlet.reference`: the same names and numbers given to both libraries.
+"""Dry friction of plants against `armlet.reference`, with the same names and numbers in both libraries.
 
-The reference takes the force of the bristles as their state. It takes stick-slip friction as a complementarity problem, solved by sweeps.
+The reference uses the bristle force as state, where armlet uses the bristle deflection. For stick-slip friction the reference solves a
+complementarity problem by repeated sweeps over the joints.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ from loops import Array, close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Some hundred equal steps of stiff bristles: roundings, amplified by accelerations of some hundreds.
+# Rounding in some hundred equal steps with stiff bristles grows with accelerations of some hundreds.
 ROUNDING = 1e-9
-# Sweeps end at 1e-15 of the impulses; the inertia is inverted.
+# The sweeps of the reference stop at 1e-15 of the impulses, and the inertia matrix amplifies this error.
 SWEEPS = 1e-9
 
 
 def curve(rng: np.random.Generator, n: int) -> dict[str, Any]:
-    """Numbers of each joint, and one for all."""
+    """Return random parameters of a friction curve: arrays (n,) of each joint, and one viscous coefficient for all joints."""
     coulomb = rng.uniform(0.5, 2.0, n)
     return {
         "coulomb": coulomb,
@@ -84,7 +85,7 @@ def test_torques_of_stick_slip(n: int) -> None:
     rng = np.random.default_rng(20 + n)
     arms = pair(rng, n)
     q0 = rng.uniform(-0.3, 0.3, n)
-    # Weak damping: joints come to rest in a finite time.
+    # With weak damping the joints come to rest in a finite time.
     laws = [library.PDGravity(arm, q0 + 0.3, 20.0, 0.5) for library, arm in zip((al, reference), arms, strict=True)]
     ours, theirs = (stick_slip(library, np.random.default_rng(n), n) for library in (al, reference))
     frame, push = arms[0].frame_names[-1], np.array([1.0, -2.0, 3.0])
@@ -106,7 +107,10 @@ def test_torques_of_stick_slip(n: int) -> None:
 
 @pytest.mark.parametrize("elastic", [False, True])
 def test_stick_slip_against_impulses(elastic: bool) -> None:
-    """Impulses of steps converge to the run whose events are located, at first order."""
+    """The reference applies friction impulses in each step.
+
+    Its runs converge with first order to armlet's run, which locates the events.
+    """
     rng, n = np.random.default_rng(5), 2
     arms = pair(rng, n)
     q0, v0 = rng.uniform(-0.3, 0.3, (2, n))
@@ -128,7 +132,7 @@ def test_stick_slip_against_impulses(elastic: bool) -> None:
         )
         errors.append(np.abs(found["q"] - run.q).max())
     assert errors[1] < 5e-3
-    # Half the step, half the error, within the part of the second order.
+    # With half the step the error is about halved. The bounds allow for a second-order term.
     assert 0.3 < errors[1] / errors[0] < 0.75
     rubbing = run.theta_dot if elastic else run.v
     assert (rubbing[-1] == 0.0).any() and (rubbing[1] != 0.0).any()

@@ -1,4 +1,4 @@
-"""Derivatives of runs against differences of the runs of `armlet.reference`, which knows no programs."""
+"""Derivatives of armlet's runs against differences of runs of `armlet.reference`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from armlet import reference
 Array = NDArray[np.float64]
 
 START, END = np.array([0.2, -0.1]), np.array([0.5, 0.3])
-# Differences of fourth order of runs that differ by rounding, 1e-11: d = 1e-3.
+# Differences of fourth order with a step of 1e-3, from runs with a rounding error of 1e-11.
 CLOSE = 1e-7
 OPTIONS: dict[str, Any] = {"t_end": 0.03, "dt": 2e-3, "v0": [0.3, -0.2]}
 
 
 def made(side: Any, arm: Any, name: str, numbers: dict[str, Any]) -> Any:
-    """A law of the core or of the reference."""
+    """Return a law from `side`, which is armlet or the reference."""
     motion = side.Quintic(START, END, 0.2)
     gains = {"kp": np.array([9.0, 7.0]), "kd": np.array([2.5, 3.0])} | numbers
     if name == "Adaptive":
@@ -70,7 +70,7 @@ def test_sensitivities(law: str, name: str, value: Any, sample_time: float | Non
 
 
 def test_drives() -> None:
-    """Rotors, damping and Coulomb friction of the plant, of joints that do not turn back."""
+    """Derivatives with respect to armature, damping and Coulomb friction of the plant. No joint reverses its direction in this run."""
     ours, theirs = pair(np.random.default_rng(3), 2)
     drives = {"damping": np.array([0.4, 0.3]), "friction": np.array([0.2, 0.1]), "armature": np.array([0.05, 0.02])}
     plant, law = al.RigidArm(ours.with_drives(**drives), friction=True), made(al, ours, "PDGravity", {})

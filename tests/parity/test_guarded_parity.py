@@ -1,4 +1,7 @@
-"""Guarded laws against `armlet.reference`: its observer takes M' v - C v for C' v, and solves (I + K T) r = K (p - w)."""
+"""Guarded laws against `armlet.reference`.
+
+The reference's observer uses M' v - C v for C' v, and solves (I + K T) r = K (p - w).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from loops import close, law_pair, pair
 import armlet as al
 from armlet import reference as ref
 
-# Some fifty equal steps: roundings, amplified by accelerations of some hundreds and by the reference's complex steps.
+# Rounding in some fifty equal steps grows with accelerations of some hundreds and with the reference's complex steps.
 ROUNDING = 1e-8
 PERIOD = 2e-3
 REACTIONS: dict[str, dict[str, Any]] = {
@@ -30,7 +33,7 @@ SAMPLINGS: dict[str, dict[str, Any]] = {
 
 
 def guarded(seed: int, inner: str, options: dict[str, Any], threshold: float = 4.0) -> tuple[Any, Any, Any]:
-    """The arms, and the law of the core and of the reference."""
+    """Return both arms, armlet's law and the reference's law."""
     rng = np.random.default_rng(seed)
     arms = pair(rng, 2)
     laws = law_pair(rng, inner, arms)
@@ -105,7 +108,7 @@ def test_elastic_joints(reaction: str) -> None:
 
 
 def test_a_call_is_the_references() -> None:
-    """Before contact, at contact and after it, with a given state."""
+    """A call with a given state returns the reference's torque before, at and after contact."""
     for reaction, options in REACTIONS.items():
         _, ours, theirs = guarded(6, "PDGravity", options)
         rng = np.random.default_rng(3)

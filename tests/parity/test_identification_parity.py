@@ -1,6 +1,6 @@
-"""Base parameters, possible parameters and identification against the reference, n = 1 to 8.
+"""Base parameters, physical consistency and identification against the reference: 1 to 8 joints.
 
-The core stacks torques and drops columns one by one; the reference takes the null space of mass matrix and gravity.
+armlet stacks torques and eliminates columns one by one. The reference computes the null space of mass matrix and gravity.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def test_base_parameters(n: int, seed: int, options: dict[str, Any]) -> None:
     arm, theirs = driven_tree(n, seed)
     got, want = arm.base_parameters(**options), ref.base_parameters(theirs, **options)
     np.testing.assert_array_equal(got.columns, want.columns)
-    # Rounding over the least distance of a column from those before it: 1e-4 here.
+    # The smallest distance of a column from the space of the previous columns is 1e-4, which amplifies rounding.
     close(got.projection, want.projection, tolerance=1e-10)
     close(got.values, want.values, tolerance=1e-10)
 
@@ -39,7 +39,7 @@ def test_base_parameters_of_arms_in_closed_form() -> None:
 
 
 def bodies(rng: np.random.Generator, n: int) -> Array:
-    """Bodies of all kinds: possible, of negative mass, and with a moment of inertia that no body has."""
+    """Return parameters (10 n,) of possible bodies, bodies of negative mass, and bodies with an impossible moment of inertia."""
     pi = driven_tree(n, 0)[0].parameters.reshape(n, 10)
     kinds = rng.integers(0, 4, n)
     pi[kinds == 1, 0] *= -1.0
@@ -63,7 +63,7 @@ def test_possible_parameters(n: int) -> None:
         if got.eigenvalues.max() <= 0.0:
             continue
         for options in ({}, {"length": 0.3, "floor": 1e-3}):
-            # Entries are scaled by the length and back: its square is 0.01.
+            # Entries are divided by the length and multiplied again, which amplifies rounding. The square of the length is at least 0.01.
             close(al.project_parameters(pi, **options), ref.project_parameters(pi, **options), tolerance=1e-11)
             np.testing.assert_array_equal(arm.project_parameters(pi, **options), al.project_parameters(pi, **options))
     assert possible and impossible
@@ -71,10 +71,10 @@ def test_possible_parameters(n: int) -> None:
 
 
 def compare(got: Any, want: Any, rounding: float) -> None:
-    """All that is found; `rounding` is the relative one of the values."""
+    """Compare all results of an identification. `rounding` is the relative tolerance of the identified values."""
     assert got.rank == want.rank
     close(got.singular_values, want.singular_values)
-    # The least singular value is known to 1e-12 of the largest.
+    # Rounding of the least singular value is 1e-12 of the largest.
     assert got.condition == pytest.approx(want.condition, rel=1e-9)
     close(got.values, want.values, tolerance=rounding)
     close(got.covariance, want.covariance, float(np.abs(want.covariance).max()), 1e-6)
@@ -86,19 +86,25 @@ def compare(got: Any, want: Any, rounding: float) -> None:
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 @pytest.mark.parametrize("n", [1, 2, 4, 6])
 def test_identification(n: int, options: dict[str, Any]) -> None:
-    """Noisy torque, with and without weights; up to two joints more samples than one block of the core, 256."""
+    """Identified values agree for noisy torques, with and without weights.
+
+    For one and two joints there are 300 samples, more than the 256 samples that armlet processes at a time.
+    """
     rng, samples = np.random.default_rng(n), 300 if n <= 2 else 40
     arm, theirs = driven_tree(n, 1)
     q, v, a = rng.uniform(-2.0, 2.0, (3, samples, n))
     tau = theirs.inverse_dynamics(q, v, a, friction=True) + 0.1 * rng.normal(size=(samples, n))
     for extra in ({}, {"noise": rng.uniform(0.1, 2.0, n)}):
         got = arm.identify(q, v, a, tau, **options, **extra)
-        # Rounding of the torque over the least singular value, about 1e-4.
+        # Rounding of the torque is divided by the least singular value, about 1e-4.
         compare(got, ref.identify(theirs, q, v, a, tau, **options, **extra), 1e-9)
 
 
 def test_a_record_that_shows_too_little() -> None:
-    """One joint at rest: rank, hidden parameters and the values of least norm agree; a coarse cutoff hides more."""
+    """With one joint at rest, both libraries find the same rank, unidentifiable parameters and values of least norm.
+
+    A larger cutoff gives a smaller rank.
+    """
     rng = np.random.default_rng(3)
     arm, theirs = driven_tree(3, 1)
     q, v, a = rng.uniform(-2.0, 2.0, (3, 80, 3))

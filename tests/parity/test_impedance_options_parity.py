@@ -1,7 +1,7 @@
-"""Null space, coupling, feed-forward, integral and limits of impedance laws against `armlet.reference`, n from 1 to 8.
+"""Options of impedance laws against `armlet.reference`, 1 to 8 joints: null space, coupling, feed-forward, integral and limits.
 
-The core raises eigenvalues of `J M^-1 J'` by Jacobi's method and turns rotation vectors in closed form; the reference decomposes
-`J M^-1/2` into singular values and integrates rotations by quadrature.
+armlet bounds the eigenvalues of `J M^-1 J'` from below with Jacobi's method, and has a closed form for rates of rotation vectors.
+The reference decomposes `J M^-1/2` into singular values, and integrates rotations by quadrature.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import armlet as al
 from armlet import reference
 
 AXES = {1: "x", 2: "xy", 3: "xyz", 4: "z ry x", 5: "xyz rz rx", 6: "xyz rx ry rz", 7: "xyz rx ry rz", 8: "rz xyz rx ry"}
-# Eigenvalues against singular values: rounding over eps^2 = 4e-4 of torques of some hundreds.
+# armlet uses eigenvalues and the reference singular values: rounding is divided by eps^2 = 4e-4, for torques of some hundreds.
 TOLERANCE = 1e-10
 
 
@@ -26,7 +26,7 @@ def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
 
 
 def options(rng: np.random.Generator, n: int, m: int, *, wide: bool = False) -> dict[str, Any]:
-    """Random options but for the null space."""
+    """Return random keywords of an impedance law, except its null space."""
     return {
         "feedforward": rng.normal(size=m),
         "compensate_coupling": bool(rng.random() < 0.7),
@@ -44,7 +44,7 @@ def laws(rng: np.random.Generator, arms: tuple[al.Arm, Any], n: int, **more: Any
     projection = ["consistent", "static"][int(rng.integers(2))]
     given = options(rng, n, m, **more)
     stiffness, damping = definite(rng, m, 100.0), definite(rng, m, 10.0)
-    # A motion of the rows, whose rotation vector passes by one and by half a turn.
+    # In some motions of the target the angle of the rotation vector passes through 1 rad and through half a turn.
     kind = int(rng.integers(3))
     amplitude, frequency, phase = rng.uniform(0.1, 1.5, m), rng.uniform(0.5, 3.0, m), rng.uniform(-1.0, 1.0, m)
     offset = rng.uniform(-1.0, 1.0, m)
@@ -89,7 +89,10 @@ def test_terms_and_torques(n: int, seed: int) -> None:
 @pytest.mark.parametrize("projection", ["consistent", "static"])
 @pytest.mark.parametrize("bend", [0.0, 1e-300, 1e-9, 1e-3, 0.02, 0.05, np.pi])
 def test_terms_at_singularities(bend: float, projection: str) -> None:
-    """A planar arm stretched out and folded, position and orientation; the loss is one there and zero far away."""
+    """Terms agree for a planar arm that is stretched out, folded or near these poses.
+
+    The loss is one at a singularity and less than one away from it.
+    """
     arms = al.planar_arm([0.5, 0.4, 0.3, 0.2]), reference.planar_arm([0.5, 0.4, 0.3, 0.2])
     q, v = np.array([0.4, bend, bend, bend]), np.array([0.3, -0.2, 0.5, 0.1])
     losses = []
@@ -111,9 +114,9 @@ def test_terms_at_singularities(bend: float, projection: str) -> None:
         for name in ("null_torque", "loss", "tau"):
             close(parts[name], wanted[name], TOLERANCE)
         losses.append(float(parts["loss"]))
-    # Rows that nothing moves are lost, whatever the pose.
+    # Rows that no joint can move are lost at every pose.
     assert losses[1] == losses[2] == 1.0
-    # The square of a singular value that is zero is known to rounding, over eps^2.
+    # The square of a zero singular value is rounding, which is divided by eps^2.
     assert (losses[0] > 1.0 - 1e-9) if bend in (0.0, 1e-300, 1e-9, np.pi) else (losses[0] < 1.0 - 1e-6)
 
 
@@ -127,7 +130,7 @@ def test_runs(n: int, seed: int) -> None:
     settings: dict[str, Any] = {"t_end": 0.012, "dt": 1e-3, "v0": v0}
     run = al.simulate(al.RigidArm(arms[0]), law, q0, **settings)
     wanted = reference.simulate(reference.RigidArm(arms[1]), theirs, q0, **settings)
-    # Twelve steps of rounding, amplified by accelerations of some hundreds.
+    # Rounding in twelve steps grows with accelerations of some hundreds.
     for name in ("q", "v", "tau", "estimate"):
         close(getattr(run, name), wanted[name], 1e-8)
     close(run.monitors["energy_balance"], wanted["energy_balance"], 1e-8)
@@ -136,7 +139,10 @@ def test_runs(n: int, seed: int) -> None:
 @pytest.mark.parametrize("compensate", [False, True])
 @pytest.mark.parametrize("n", [2, 4, 7])
 def test_elastic_runs(n: int, compensate: bool) -> None:
-    """The same options of the outer loop, and the balance of the law's own storage function, in which the projected torque counts."""
+    """Elastic runs with the same options agree in states, torques, storage function and energy balance.
+
+    The balance includes the power of the projected torque.
+    """
     rng = np.random.default_rng([n, 9])
     arms = pair(rng, n)
     frame, axes = arms[0].frame_names[-1], {2: "x", 4: "xyz", 7: "xyz"}[n]
@@ -164,7 +170,10 @@ def test_elastic_runs(n: int, compensate: bool) -> None:
 @pytest.mark.parametrize("limits", [False, True])
 @pytest.mark.parametrize("n", [2, 4, 7])
 def test_elastic_integral_and_limits(n: int, limits: bool) -> None:
-    """The limit of an elastic law is that of its motors, and its integral stops by what `B B0^-1 J' w` does to them."""
+    """The torque limit of an elastic law is that of its motors.
+
+    The integral stops according to the change that `B B0^-1 J' w` makes to the motor torques.
+    """
     rng = np.random.default_rng([n, 11])
     arms = pair(rng, n)
     frame, axes = arms[0].frame_names[-1], {2: "x", 4: "xyz", 7: "xyz"}[n]
@@ -205,7 +214,7 @@ def test_elastic_integral_and_limits(n: int, limits: bool) -> None:
 @pytest.mark.parametrize("options", [{}, {"integral_gain": 150.0}, {"feedforward": [4.0, -2.0], "wrench_max": 300.0}])
 @pytest.mark.parametrize("projection", ["consistent", "static"])
 def test_rests(projection: str, options: dict[str, Any], elastic: bool) -> None:
-    """The rest of laws without a potential, with its integral and the eigenvalues of its loop."""
+    """Laws without a potential have the same rest pose, integral and eigenvalues of the loop in both libraries."""
     found = []
     for kit in (al, reference):
         arm = kit.planar_arm([0.5, 0.4, 0.3])
@@ -220,6 +229,6 @@ def test_rests(projection: str, options: dict[str, Any], elastic: bool) -> None:
         close(getattr(ours, name), getattr(theirs, name), 1e-8)
     for name in ("reachable", "spurious", "stable"):
         assert getattr(ours, name) == getattr(theirs, name)
-    # Richardson's differences of the reference leave 1e-9 of the fastest rate.
+    # Derivatives of the reference are differences with Richardson extrapolation. They err by 1e-9 of the fastest rate.
     key = np.round(ours.eigenvalues, 4), np.round(theirs.eigenvalues, 4)
     np.testing.assert_allclose(np.sort_complex(key[0]), np.sort_complex(key[1]), atol=2e-3)

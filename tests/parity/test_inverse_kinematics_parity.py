@@ -1,6 +1,6 @@
-"""Inverse kinematics against the reference, which searches by least squares without bounds: whether tasks are reached, and how near.
+"""Inverse kinematics against the reference, which searches by least squares: whether tasks are reached, and the remaining errors.
 
-Which of the solutions is found is free; that it is one, and that none is nearer, is compared.
+The two libraries may find different solutions. The tests compare that both are solutions, and that neither has a smaller error.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def pair(n: int, seed: int) -> tuple[al.Arm, Any, str, np.random.Generator]:
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("n", range(1, 9))
 def test_what_is_in_reach(n: int, seed: int) -> None:
-    """The rows of a pose within the limits, and below them a centre of mass of the same pose."""
+    """The first task is the position x, y of a pose within the limits. The second is the height of the centre of mass in this pose."""
     arm, theirs, frame, rng = pair(n, seed)
     q = rng.uniform(0.9 * theirs.limits["lower"], 0.9 * theirs.limits["upper"])
     aims = (theirs.pose(q, frame)[:2, 3], theirs.center_of_mass(q)[2:])
@@ -33,7 +33,7 @@ def test_what_is_in_reach(n: int, seed: int) -> None:
 
     found, want = (lib.inverse_kinematics(each, tasks(lib), np.zeros(n)) for lib, each in ((al, arm), (ref, theirs)))
     assert want.reached == [True, True] == list(found.reached)
-    # What one of them found is a solution to the other.
+    # armlet's solution satisfies the tasks of the reference.
     for task in tasks(ref):
         assert float(np.abs(task.error(theirs, found.q, task.motion(0.0)[0])).max()) <= 1.1e-9
     assert np.all((found.q >= theirs.limits["lower"]) & (found.q <= theirs.limits["upper"]))
@@ -42,7 +42,10 @@ def test_what_is_in_reach(n: int, seed: int) -> None:
 @pytest.mark.parametrize("limits", [True, False])
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 def test_what_is_out_of_reach(n: int, limits: bool) -> None:
-    """A point some metres away: neither reaches it, neither is nearer by its own measure, to a thousandth."""
+    """A point some metres away: neither library reaches it.
+
+    armlet has the least largest entry of the error, and the reference the least norm, to a thousandth.
+    """
     arm, theirs, frame, rng = pair(n, 4)
     point = 5.0 * rng.normal(size=3)
     tasks = [[lib.Task(frame, "xyz", point)] for lib in (al, ref)]
@@ -52,14 +55,17 @@ def test_what_is_out_of_reach(n: int, limits: bool) -> None:
     assert list(found.reached) == want.reached
     if bounded:
         assert want.reached == [False] and found.status is al.Status.INFEASIBLE
-        # Of several starts the core keeps the one whose largest entry is least.
+        # From its starts armlet keeps the result whose largest error entry is the smallest.
         nearest, other = (np.abs(each.errors[0]).max() for each in (found, want))
         assert nearest <= other * 1.001 and np.linalg.norm(want.errors[0]) <= np.linalg.norm(found.errors[0]) * 1.001
 
 
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-3])
 def test_a_conflict_is_settled_by_rank(tolerance: float) -> None:
-    """A posture below a point that it contradicts: the point is reached, and no posture on it is nearer."""
+    """A posture task conflicts with a position task of higher priority.
+
+    The arm reaches the position, and both libraries find the same least error of the posture.
+    """
     arm, theirs = al.planar_arm([0.5, 0.4, 0.3]), ref.planar_arm([0.5, 0.4, 0.3])
     given = ([0.6, 0.5], [1.5, -1.0, 0.3])
     tasks = [[lib.Task("link3", "xy", given[0]), lib.PostureTask(given[1])] for lib in (al, ref)]
@@ -67,7 +73,7 @@ def test_a_conflict_is_settled_by_rank(tolerance: float) -> None:
     want = ref.inverse_kinematics(theirs, tasks[1], [0.3, 0.4, 0.5], tolerance=tolerance)
     assert list(found.reached) == want.reached == [True, False]
     assert found.status is al.Status.DEGRADED
-    # The least posture error is flat about its minimum: steps of the core end on progress below a thousandth.
+    # The error has a flat minimum. armlet stops when a step improves the error by less than a thousandth.
     assert np.linalg.norm(found.errors[1]) == pytest.approx(np.linalg.norm(want.errors[1]), rel=0.01)
 
 
@@ -83,12 +89,12 @@ WAYS: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("options", WAYS, ids=str)
 def test_ways_to_search(options: dict[str, Any]) -> None:
-    """Whatever the steps are: what is found is a solution to the reference."""
+    """With every method and option, the solution of armlet satisfies the tasks of the reference."""
     arm, theirs, frame, rng = pair(6, 0)
     q = rng.uniform(0.8 * theirs.limits["lower"], 0.8 * theirs.limits["upper"])
     aims = (theirs.pose(q, frame)[:2, 3], theirs.center_of_mass(q)[2:])
     found = al.inverse_kinematics(arm, [al.Task(frame, "xy", aims[0]), al.CentreOfMassTask("z", aims[1])], 0.5 * q, **options)
-    # Chiaverini's steps solve each level alone, and the lower one comes second to that.
+    # Chiaverini's method solves each level separately, so the second level may remain unsolved.
     assert found.reached[0] and (found.reached[1] or options == {"method": "chiaverini"})
     levels = ((ref.Task(frame, "xy"), aims[0]), (ref.CentreOfMassTask("z"), aims[1]))
     for (task, aim), reached in zip(levels, found.reached, strict=True):
@@ -97,7 +103,7 @@ def test_ways_to_search(options: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("n", range(1, 9))
 def test_many_targets(n: int) -> None:
-    """Leading axes of starts and targets broadcast as the reference's do; what one finds in a row is a solution to the other."""
+    """Leading axes of starts and targets broadcast as in the reference. Each row of armlet's result satisfies the reference's task."""
     arm, theirs, frame, rng = pair(n, 7)
     q = rng.uniform(0.8 * theirs.limits["lower"], 0.8 * theirs.limits["upper"], (2, n))
     aims = (np.array([theirs.pose(row, frame)[:2, 3] for row in q])[:, None], theirs.center_of_mass(q[0])[2:])
@@ -107,11 +113,11 @@ def test_many_targets(n: int) -> None:
     assert found.q.shape == want.q.shape == (2, 3, n) and found.errors[0].shape == want.errors[0].shape == (2, 3, 2)
     assert found.reached.tolist() == want.reached.tolist() == [[True] * 3] * 2
     assert found and found.status.tolist() == [[0] * 3] * 2
-    # 1.1e-9: the tolerance, and the rounding of another evaluation.
+    # 1.1e-9 is the tolerance plus the rounding of the reference's evaluation.
     for i, j in np.ndindex(2, 3):
         assert np.abs(ref.Task(frame, "xy").error(theirs, found.q[i, j], aims[0][i, 0])).max() <= 1.1e-9
     both = [[lib.Task(frame, "xy", aims[0]), lib.CentreOfMassTask("z", aims[1])] for lib in (al, ref)]
-    # The other's centre of mass may be out of reach: few starts.
+    # The centre of mass of the second row may be out of reach, so the test allows few restarts.
     two = al.inverse_kinematics(arm, both[0], starts[0], restarts=2)
     other = ref.inverse_kinematics(theirs, both[1], starts[0], restarts=1)
     assert two.q.shape == other.q.shape == (2, 1, n) and [e.shape for e in two.errors] == [e.shape for e in other.errors]
@@ -120,7 +126,7 @@ def test_many_targets(n: int) -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_several_solutions(count: int) -> None:
-    """Both elbows of a planar arm, the nearer one first, and NaN where there is no third."""
+    """Both elbow solutions of a planar arm are found, the nearer one first. A third solution does not exist and is NaN."""
     arm, theirs = al.planar_arm([0.5, 0.4]), ref.planar_arm([0.5, 0.4])
     points = np.array([[0.3, 0.5], [-0.2, 0.4], [2.0, 0.0]])
     found = al.inverse_kinematics(arm, [al.Task("link2", "xy", points)], [0.1, 0.2], solutions=count)
@@ -128,8 +134,7 @@ def test_several_solutions(count: int) -> None:
     assert found.q.shape == want.q.shape == (3, count, 2) and found.errors[0].shape == want.errors[0].shape
     assert found.reached.tolist() == want.reached.tolist()
     here = min(count, 2)
-    # Newton's last step is quadratic: both end within the tolerance of the error, over the smallest singular value, some 0.2.
-    # Whole turns of joints without limits are free.
+    # Both solutions err by the tolerance divided by the smallest singular value, about 0.2. Joints without limits may differ by full turns.
     gap = found.q[:2, :here] - want.q[:2, :here]
     if count == 2:
         order = np.argsort(np.sin(found.q[:2, :here, 1])), np.argsort(np.sin(want.q[:2, :here, 1]))

@@ -1,4 +1,7 @@
-"""Velocities within bounds, from matrices and from the limits of joints, against the reference: SVD of all fixed joints at once."""
+"""Priority velocities within bounds against the reference, with bounds as arguments and from joint limits.
+
+The reference computes one SVD for all fixed joints together.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ Array = NDArray[np.float64]
 
 @pytest.mark.parametrize("weighted", [False, True])
 def test_levels_within_bounds(weighted: bool) -> None:
-    """1 to 3 levels of 1 to 4 rows in 1 to 8 joints; bounds that exclude rest too."""
+    """Velocities agree for 1 to 3 levels of 1 to 4 rows and 1 to 8 joints. Some bounds exclude a velocity of zero."""
     rng = np.random.default_rng(7)
     scaled = 0
     for _ in range(50):
@@ -37,7 +40,7 @@ def test_levels_within_bounds(weighted: bool) -> None:
             got, want = al.solve_priority(Js, vs, method="sns", **bounds, **options), ref.solve_priority(Js, vs, "sns", **bounds, **options)
             if not settled(Js, vs, bounds | options, want.v):
                 continue
-            # Rows with fixed columns have singular values down to 1e-4.
+            # Without the columns of fixed joints, the rows have singular values down to 1e-4.
             close(got.v, want.v, tolerance=1e-9)
             close(got.scales, want.scales, tolerance=1e-9)
             assert list(got.ranks) == want.ranks
@@ -46,7 +49,10 @@ def test_levels_within_bounds(weighted: bool) -> None:
 
 
 def settled(Js: list[Array], vs: list[Array], options: dict[str, Any], v: Array) -> bool:
-    """Whether rounding of the rows moves the answer of the reference by rounding; where two ways are equally good it does not."""
+    """Return whether rounding of the Jacobians changes the reference's solution by rounding only.
+
+    It changes by more where two sets of fixed joints are equally good.
+    """
     rng = np.random.default_rng(0)
     near = [[J * (1.0 + 1e-15 * rng.normal(size=J.shape)) for J in Js] for _ in range(3)]
     return all(float(np.abs(ref.solve_priority(other, vs, "sns", **options).v - v).max()) < 1e-9 for other in near)
@@ -55,7 +61,7 @@ def settled(Js: list[Array], vs: list[Array], options: dict[str, Any], v: Array)
 @pytest.mark.parametrize("name", ["PriorityVelocity", "PriorityAcceleration"])
 @pytest.mark.parametrize("n", [1, 3, 7])
 def test_limits_given(name: str, n: int) -> None:
-    """Bounds of every kind, one at a time and together; a joint beyond its limit too."""
+    """Bounds of each kind agree, alone and together, also for a joint beyond its limit."""
     arm, theirs = driven_tree(n, 3)
     rng = np.random.default_rng(n)
     given = [
@@ -79,7 +85,7 @@ def test_limits_given(name: str, n: int) -> None:
 
 @pytest.mark.parametrize("n", [2, 5, 8])
 def test_limits_of_the_arm(n: int) -> None:
-    """The bounds that follow from the arm's own limits, at velocities and at accelerations."""
+    """Bounds from the limits of the arm agree, for velocities and for accelerations."""
     arm, theirs = driven_tree(n, 2)
     for name, speed in (("PriorityVelocity", 0.0), ("PriorityAcceleration", 1.0)):
         law = getattr(al, name)(arm, levels(al, arm, n), "sns")
@@ -90,7 +96,7 @@ def test_limits_of_the_arm(n: int) -> None:
 
 @pytest.mark.parametrize("n", [3, 7])
 def test_solvers_within_bounds(n: int) -> None:
-    """`PrioritySolver` and that of an arm, with bounds of their own."""
+    """`PrioritySolver` and `PrioritySolver.for_arm` with bounds return the reference's velocities."""
     arm, theirs = driven_tree(n, 1)
     rng = np.random.default_rng(n)
     tasks, others = levels(al, arm, n)[:2], levels(ref, arm, n)[:2]

@@ -1,7 +1,6 @@
-"""Loops of any arm against `armlet.reference`: random trees, every rigid law, forces, sampled and continuous.
+"""Runs of random arms against `armlet.reference`: every rigid law, forces, sampled and continuous.
 
-The reference differentiates Lagrange's equations and steps with its own RK4; both take the same fixed steps, so that the two runs
-differ by rounding alone.
+The reference differentiates Lagrange's equations and has its own RK4 method. Both take equal steps, so the runs differ by rounding only.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ def test_a_run_is_the_references(name: str, n: int) -> None:
     options: dict[str, Any] = {"t_end": 0.02, "dt": 2e-3, "v0": v0}
     run = al.simulate(al.RigidArm(arms[0]), law, q0, **options)
     theirs = reference.simulate(reference.RigidArm(arms[1]), their_law, q0, **options)
-    # Ten steps of rounding, amplified by accelerations of some hundreds and by the reference's complex steps.
+    # Rounding in ten steps grows with accelerations of some hundreds and with the reference's complex steps.
     for field in ("q", "v", "tau"):
         close(getattr(run, field), theirs[field], 1e-9)
     if name in ("Adaptive", *PIDS):
@@ -47,7 +46,7 @@ def test_forces_in_steps(sample_time: float | None) -> None:
     q0 = rng.uniform(-0.3, 0.3, 3)
     run = al.simulate(al.RigidArm(arms[0]), law, q0, **options)
     theirs = reference.simulate(reference.RigidArm(arms[1]), their_law, q0, **options)
-    # As above.
+    # Rounding in twenty steps grows with accelerations of some hundreds and with the reference's complex steps.
     for field in ("q", "v", "tau"):
         close(getattr(run, field), theirs[field], 1e-9)
     free = al.simulate(al.RigidArm(arms[0]), law, q0, **(options | {"force": None}))
@@ -63,9 +62,9 @@ def test_a_constant_and_a_function_are_the_same_force() -> None:
     constant = al.simulate(al.RigidArm(arm), law, np.ones(4), force=wrench, **options)
     function = al.simulate(al.RigidArm(arm), law, np.ones(4), force=lambda t: wrench, **options)
     np.testing.assert_array_equal(constant.q, function.q)
-    # J'F by the arm's own Jacobian: the acceleration at the start.
+    # The acceleration at the start with the joint torque J'F.
     a = arm.forward_dynamics(np.ones(4), np.zeros(4), law(0.0, np.ones(4), np.zeros(4)) + arm.jacobian(np.ones(4), frame).T @ wrench)
-    # First differences of v over 1 ms: curvature times dt.
+    # First differences of v over 1 ms err by the rate of the acceleration times dt.
     np.testing.assert_allclose((constant.v[1] - constant.v[0]) / 1e-3, a, rtol=0.1, atol=0.1)
 
 
@@ -82,7 +81,7 @@ def test_batch_rows_are_runs() -> None:
     np.testing.assert_array_equal(batch.q, again.q)
     for i in (0, 3, 10):
         run = al.simulate(plants[i], laws[i], q0[i], **options)
-        # The same operations in another order of rounding, on a contracting loop.
+        # The batch rounds in a different order, and the loop contracts.
         close(batch.q[i], run.q, 1e-10)
         close(batch.monitors["lyapunov"][i], run.monitors["lyapunov"], 1e-10)
 

@@ -1,6 +1,6 @@
-"""Arms some joints of which follow others against the reference, and against the projection of the arm with independent joints.
+"""Arms with mimic joints against the reference, and against the projected dynamics of the same arm with independent joints.
 
-The core projects what it computes for the bodies; the reference differentiates the energies of the joined tree by its coordinates.
+armlet projects the quantities of the bodies. The reference differentiates the energies of the tree by its independent coordinates.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def projection(arm: al.Arm) -> tuple[Array, Array]:
-    """`G` and `c` of `q_joints = G q + c`."""
+    """Return `G` (joints, n) and `c` (joints,) of the map from independent to all joints, `q_joints = G q + c`."""
     offset = arm.file_positions(np.zeros(arm.n))
     return (arm.file_positions(np.eye(arm.n)) - offset).T, offset
 
@@ -78,7 +78,7 @@ def test_against_the_reference(n: int, seed: int) -> None:
 
 
 def test_the_projection_of_a_file() -> None:
-    """Every function of a gripper is that of its independent joints, projected: to 1e-12, here to rounding."""
+    """Every function of a gripper equals the projected function of its independent joints, except for rounding."""
     arm, free = al.load_urdf(GRIPPER), al.load_urdf(GRIPPER, mimic="independent")
     assert arm.joint_names == ("shoulder", "elbow", "left") and arm.file_joint_names == free.joint_names
     G, c = projection(arm)
@@ -106,7 +106,8 @@ def test_the_projection_of_a_file() -> None:
         close(arm.pose(q, frame), free.pose(Q, frame))
         close(arm.jacobian(q, frame), free.jacobian(Q, frame) @ G)
         close(arm.jacobian_dot(q, v, frame), free.jacobian_dot(Q, V, frame) @ G, 10.0)
-    # The drives of all joints count at the leader, squared but for Coulomb friction.
+    # A joint adds the armature and damping of its mimic joints times the multiplier squared, and their Coulomb friction times its
+    # magnitude.
     squares, sizes = (G**2).sum(axis=0), np.abs(G).sum(axis=0)
     np.testing.assert_allclose(arm.limits["armature"], 0.03 * squares, rtol=1e-14)
     np.testing.assert_allclose(arm.limits["damping"], 0.2 * squares, rtol=1e-14)
@@ -117,7 +118,10 @@ def test_the_projection_of_a_file() -> None:
 
 
 def test_limits_of_all_joints_hold() -> None:
-    """-2 <= 2 turn_left - 0.1 <= 2 and so on, by a scan; the leader's own effort."""
+    """The limits of a joint keep all its mimic joints within theirs, for example -2 <= 2 turn_left - 0.1 <= 2.
+
+    Its effort is the joint's own.
+    """
     arm, free = al.load_urdf(GRIPPER), al.load_urdf(GRIPPER, mimic="independent")
     low, high = arm.limits["q_min"], arm.limits["q_max"]
     inside, outside = np.linspace(low, high, 101), np.vstack([low - 1e-9, high + 1e-9])
@@ -142,7 +146,7 @@ STATE = {"q0": [0.1, 0.2, 0.0], "v0": [0.2, -0.1, 0.3]}
 @pytest.mark.parametrize("method", ["rk4", "dopri5"])
 @pytest.mark.parametrize("name", LAWS)
 def test_loops_are_those_of_the_projected_arm(name: str, method: str) -> None:
-    """The closed loop by numpy: `G' M G` and so on from the arm with independent joints, in scipy's Runge-Kutta method."""
+    """Runs agree with a loop in numpy, which projects the arm with independent joints (`G' M G`), integrated by scipy."""
     scipy_integrate = pytest.importorskip("scipy.integrate")
     arm, free = al.load_urdf(GRIPPER), al.load_urdf(GRIPPER, mimic="independent")
     G, c = projection(arm)
@@ -151,7 +155,7 @@ def test_loops_are_those_of_the_projected_arm(name: str, method: str) -> None:
 
     def slope(t: float, x: Array) -> Array:
         q, v, state = x[:3], x[3:6], x[6:]
-        # The law, written from its equation with projected matrices.
+        # The torque of the law follows from its equation with projected matrices.
         Q, V = G @ q + c, G @ v
         mass, bias, weight = G.T @ free.mass_matrix(Q) @ G, free.bias(Q, V) @ G, free.gravity(Q) @ G
         rate = np.zeros(0)
@@ -166,7 +170,7 @@ def test_loops_are_those_of_the_projected_arm(name: str, method: str) -> None:
                 v_r, a_r = v_d + ratio * (q_d - q), a_d + ratio * (v_d - v)
                 s = v_r - v
                 Y = G.T @ free.regressor(Q, V, G @ v_r, G @ a_r)
-                # Rotors are known to the law.
+                # The law knows the armature.
                 tau, rate = Y @ state + arm.limits["armature"] * a_r + 8.0 * s, 0.2 * Y.T @ s
         return np.concatenate([v, np.linalg.solve(mass, tau - bias), rate])
 
@@ -178,7 +182,7 @@ def test_loops_are_those_of_the_projected_arm(name: str, method: str) -> None:
 
 
 def test_symbolic_formulas() -> None:
-    """The formulas of a small gripper, with numbers, are its functions."""
+    """The symbolic formulas of a small gripper, evaluated with numbers, agree with the functions of the arm."""
     pytest.importorskip("sympy")
     joints = following_joints(1, 0)[:]
     arm = al.Arm.from_chain([{**joint, "xyz": np.round(joint["xyz"], 1), "rpy": np.zeros(3), "axis": [0, 0, 1]} for joint in joints])

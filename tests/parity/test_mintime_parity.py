@@ -1,4 +1,4 @@
-"""Minimum time in Rust against the numpy reference, which samples and integrates where the core has closed forms."""
+"""Minimum time against the numpy reference, which samples and integrates where armlet has closed forms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ FIELDS = ("feasible", "t_min", "t_max", "a_min", "a_max", "hold_start", "hold_en
 
 
 def problems(count: int, seed: int) -> np.ndarray:
-    """Ends within a turn and a half, gravity from none to three times the limit, inertias and limits over two decades."""
+    """Return rows (count, 5) of theta0, thetaf, inertia, gravity and tau_max.
+
+    The angles are within 5 rad. Gravity is from zero to three times tau_max, and inertia and tau_max are from 0.1 to 10.
+    """
     rng = np.random.default_rng(seed)
     theta0, thetaf = rng.uniform(-5.0, 5.0, (2, count))
     tau_max, inertia = 10.0 ** rng.uniform(-1.0, 1.0, (2, count))
@@ -23,7 +26,11 @@ def problems(count: int, seed: int) -> np.ndarray:
 
 
 def test_bang_bang_time() -> None:
-    """The reference refines extremes of sin to 1e-9 in the angle: 1e-18 in their value; a_max cancels to 1e-13 of the limit at worst."""
+    """Bang-bang times agree.
+
+    The reference locates extremes of sin to 1e-9 rad, which changes their value by 1e-18. Cancellation in a_max is at most 1e-13 of the
+    limit.
+    """
     seen = set()
     for row in problems(300, 1):
         got, expected = al.bang_bang_time(*row), ref.bang_bang_time(*row)
@@ -32,7 +39,7 @@ def test_bang_bang_time() -> None:
         assert (got.feasible, got.hold_start, got.hold_end) == (expected.feasible, expected.hold_start, expected.hold_end), row
         assert got.a_min == pytest.approx(expected.a_min, abs=scale) and got.a_max == pytest.approx(expected.a_max, abs=scale), row
         if got.feasible:
-            # T ~ a^(-1/2): the relative error of a small a, halved.
+            # T is proportional to a^(-1/2), so its relative error is half the relative error of a.
             assert got.t_min == pytest.approx(expected.t_min, rel=1e-14 + scale / expected.a_max), row
             small = expected.a_min > 0.0
             assert got.t_max == pytest.approx(expected.t_max, rel=1e-14 + (scale / expected.a_min if small else 0.0)), row
@@ -40,7 +47,7 @@ def test_bang_bang_time() -> None:
 
 
 def test_batch_is_the_single_calls() -> None:
-    """Bit by bit, broadcast over two axes."""
+    """A batch that broadcasts over two axes gives the same bits as single calls."""
     rows = problems(12, 2)
     theta0, thetaf = rows[:, :1], rows[:, 1]
     batch = al.bang_bang_time(theta0, thetaf, 1.3, 0.7, [1.0] * 12)
@@ -54,7 +61,7 @@ def test_batch_is_the_single_calls() -> None:
 
 
 def test_two_limits() -> None:
-    """Limits that differ, with the tolerances above."""
+    """Acceleration bounds agree for torque limits that differ in both directions."""
     lower = -(10.0 ** np.random.default_rng(4).uniform(-1.0, 1.0, 60))
     for row, tau_min in zip(problems(60, 4), lower, strict=True):
         got, expected = al.bang_bang_time(*row, tau_min=tau_min), ref.bang_bang_time(*row, tau_min=tau_min)
@@ -65,10 +72,12 @@ def test_two_limits() -> None:
 
 @pytest.mark.parametrize("shape", ["trapezoid_time", "minimum_jerk_time"])
 def test_shapes(shape: str) -> None:
-    """The core has closed forms and bounds on k point by point; the reference bisects the largest excess, to 1e-14 of the limits.
+    """Times of trapezoidal and minimum-jerk profiles agree.
 
-    Where the torque at the binding place hardly depends on k, k is known to that over the slope: 1e-9 of it here. What is missing
-    comes from parabolas through a grid for minimum jerk: 2e-5.
+    armlet has closed forms and bounds the factor k at each point. The reference bisects the largest torque excess, to 1e-14 of the limits.
+
+    Where the torque hardly depends on k, this leaves an error of 1e-9 in k. For minimum jerk the reference finds `missing` with parabolas
+    through a grid, to 2e-5.
     """
     rng = np.random.default_rng(6)
     seen = {True: 0, False: 0}
@@ -99,15 +108,18 @@ FRICTION = [
 
 @pytest.mark.parametrize("row", FRICTION, ids=range(len(FRICTION)))
 def test_friction(row: tuple[float, ...]) -> None:
-    """Taylor series of order 24 in the core, 300 Runge-Kutta steps and more in the reference: some 1e-9 of the time."""
+    """Minimum times with friction agree.
+
+    armlet uses Taylor series of order 24, and the reference at least 300 Runge-Kutta steps, which err by about 1e-9 of the time.
+    """
     limits = {"tau_min": row[5], "viscous": row[6], "coulomb": row[7]}
     got, expected = al.torque_optimal_time(*row[:5], **limits), ref.torque_optimal_time(*row[:5], **limits)
     agree(got, expected, row, 1e-7)
-    # The grid of the reference finds what there is here.
+    # In these cases the grid of the reference finds the best motion.
     assert got.best.kind == expected.best.kind
     if expected.best.switches:
         assert got.best.t == pytest.approx(expected.best.t, rel=1e-7)
-        # A minimum is flat: the root of that.
+        # The time has a flat minimum, so the switches err by the square root of its error.
         np.testing.assert_allclose(got.best.switches, expected.best.switches, rtol=0.0, atol=1e-3)
 
 
@@ -118,25 +130,28 @@ def test_friction_has_motions_of_every_kind() -> None:
 
 
 def agree(got: al.TorqueOptimum, expected: Any, row: Any, tolerance: float = 1e-10) -> None:
-    """Two quadratures of the same optimum; swings are searched on different grids, so one may find what the other misses."""
+    """Compare two optima.
+
+    The libraries search motions with swings on different grids, so armlet may find a faster one than the reference.
+    """
     assert (got.feasible, got.certified_global) == (expected.feasible, expected.certified_global), row
     assert got.sturm_bound == pytest.approx(expected.sturm_bound, rel=1e-14), row
     if got.feasible:
-        # The reference halves until 1e-14; a motion that nearly stalls amplifies rounding.
+        # The reference halves its steps down to 1e-14. A motion that nearly stops amplifies rounding.
         assert got.t == pytest.approx(expected.t, rel=tolerance), row
         assert got.theta_switch == pytest.approx(expected.theta_switch, abs=0.1 * tolerance), row
         assert got.t_switch == pytest.approx(expected.t_switch, rel=10 * tolerance), row
         assert got.v_peak == pytest.approx(expected.v_peak, rel=10 * tolerance), row
     if expected.best.kind == "none found":
         return
-    # Never slower than the reference beyond its golden section.
+    # armlet's motion is at most 1e-8 slower than the reference's, which results from a golden-section search.
     assert got.best.t <= expected.best.t * (1.0 + max(1e-8, tolerance)), row
     if got.best.t >= expected.best.t * (1.0 - max(1e-8, tolerance)):
         assert got.best.kind == expected.best.kind, row
 
 
 def test_torque_optimal_time() -> None:
-    """Half of the links have limits that differ."""
+    """Minimum times agree. For every second problem the torque limits differ in both directions."""
     kinds = []
     for k, row in enumerate(problems(14, 3)):
         limits = {"tau_min": -row[4] * (0.6 + 0.1 * k)} if k % 2 else {}
@@ -149,7 +164,10 @@ def test_torque_optimal_time() -> None:
 
 @pytest.mark.parametrize("rubs", [False, True], ids=["smooth", "rough"])
 def test_equal_ends(rubs: bool) -> None:
-    """Feasible in no time iff the torque, with Coulomb friction, holds the pose; else the best is a swing that comes back."""
+    """With equal start and end, the time is zero if the torque, with Coulomb friction, holds the pose.
+
+    Otherwise the best motion swings away and returns.
+    """
     rng = np.random.default_rng(8)
     seen = {True: 0, False: 0}
     for _ in range(5 if rubs else 20):

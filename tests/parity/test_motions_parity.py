@@ -1,4 +1,4 @@
-"""Tables and timed paths against the reference: Bezier curves for Hermite coefficients, and series for hyperbolic functions."""
+"""Tables and timed paths against the reference, which uses Bezier curves for Hermite interpolation, and series for hyperbolic functions."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def test_tables(n: int, knots: int) -> None:
     for dt, start in ((0.1, 0.0), (0.37, -1.3)):
         ours, other = al.Table(dt, *rows, start=start), ref.Table(dt, *rows, start=start)
         ends = start + dt * np.arange(-1, knots + 1)
-        # At knots, on both sides of them, of the ends, and between.
+        # The times are at knots, just before and after them, and between.
         for t in [*ends, *(ends + 1e-7), *(ends - 1e-7), *rng.uniform(ends[0], ends[-1], 30)]:
             for got, want in zip(ours(float(t)), other(float(t)), strict=True):
-                # The second derivative divides by dt^2.
+                # The second derivative divides rounding by dt^2.
                 close(got, want, 10.0 / dt**2)
 
 
@@ -39,7 +39,7 @@ def test_timed_paths(n: int, options: dict[str, float]) -> None:
     times = [-0.1, 0.0, *p.t[1:-1:7], *rng.uniform(0.0, p.duration, 60), p.duration, p.duration + 0.1]
     for t in times:
         got, want = p(float(t)), other(float(t))
-        # The time of an interval, some 1e-3 of all, is known to 1e-13 of itself, and b, 12 / T^2 of that.
+        # The duration T of an interval, about 1e-3 of the whole, has a relative error of 1e-13. The coefficient b divides by T^2.
         for mine, theirs, rounding in zip(got, want, (1e-12, 1e-11, 1e-8), strict=True):
             close(mine, theirs, 10.0, rounding)
 
@@ -55,7 +55,7 @@ MOTIONS = {
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_motions_at_arrays_of_times(name: str) -> None:
-    """Every row has the bits of a call for its time alone."""
+    """A call with an array of times gives the same bits as a call for each time."""
     motion = MOTIONS[name]
     for t in (np.linspace(-0.5, 2.5, 12).reshape(3, 4), np.float32([0.25, 1.5]), [0, 1], np.zeros((0,))):
         rows = motion(t)

@@ -1,4 +1,4 @@
-"""The momentum observer against the reference, which takes M' v from complex steps and the wrench from eigenvectors."""
+"""The momentum observer against the reference, which computes M' v with complex steps and the wrench from eigenvectors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def definite(rng: np.random.Generator, n: int, scale: float) -> Array:
 @pytest.mark.parametrize("friction", [False, True])
 @pytest.mark.parametrize("n", range(1, 9))
 def test_samples(n: int, friction: bool, full: bool) -> None:
-    """Random samples, from a reset and from the first sample; steps of several lengths."""
+    """Residuals agree for random samples with several sample times, after `reset` and without it."""
     rng = np.random.default_rng([n, friction, full])
     arm, theirs = driven_tree(n, 4)
     K = definite(rng, n, 30.0) if full else rng.uniform(10.0, 60.0, n)
@@ -35,7 +35,7 @@ def test_samples(n: int, friction: bool, full: bool) -> None:
             other.reset(q, v)
         for dt in (1e-3, 1e-3, 5e-3, 0.02, 1e-3):
             q, v, tau = rng.normal(size=(3, n))
-            # Differences of momenta cancel no digits here: they are random.
+            # The momenta are random, so their differences lose no digits.
             close(ours.update(q, v, tau, dt), other.update(q, v, tau, dt), tolerance=1e-11)
         assert ours.residual is not None and other.residual is not None
         close(ours.residual, other.residual, tolerance=1e-11)
@@ -43,7 +43,7 @@ def test_samples(n: int, friction: bool, full: bool) -> None:
 
 @pytest.mark.parametrize("n", range(1, 9))
 def test_wrenches(n: int) -> None:
-    """At every frame; fewer and more than six joints, and a bound that clamps much."""
+    """Contact wrenches agree with and without a large bound on the singular values, for fewer and more than six joints."""
     rng = np.random.default_rng(n)
     arm, theirs = pair(rng, n)
     ours, other = al.MomentumObserver(arm, 40.0), ref.MomentumObserver(theirs, 40.0)
@@ -53,14 +53,14 @@ def test_wrenches(n: int) -> None:
         observer.update(q, 0.5 * v, tau, 0.01)
     frame = arm.frame_names[-1]
     for eps in (None, 0.5):
-        # Singular values near the bound: eigenvalues of J'J lose half the digits there.
+        # Near the bound, eigenvalues of J'J have half the digits of singular values.
         close(ours.wrench(q, frame, eps=eps), other.wrench(q, frame, eps), tolerance=1e-7)
         close(ours.unexplained(q, frame, eps=eps), other.unexplained(q, frame, eps), tolerance=1e-7)
 
 
 @pytest.mark.parametrize("n", [1, 3, 6])
 def test_motors_and_rows(n: int) -> None:
-    """Motors of elastic joints, of several arms side by side."""
+    """Residuals agree for motors of elastic joints, and for five arms in one observer."""
     rng = np.random.default_rng(n)
     arm, theirs = pair(rng, n)
     B = definite(rng, n, 0.5)
@@ -89,7 +89,7 @@ def test_thresholds_and_contact() -> None:
 
 
 def test_friction_goes_with_no_motor_inertia() -> None:
-    """The model's friction is that of its joints: both refuse to leave it out silently."""
+    """Both libraries refuse `friction` together with `motor_inertia`: the model's friction is that of the joints, not of the motors."""
     arm, theirs = driven_tree(2, 4)
     for make in (lambda: al.MomentumObserver(arm, 40.0, friction=True, motor_inertia=0.1),
                  lambda: ref.MomentumObserver(theirs, 40.0, friction=True, motor_inertia=0.1)):  # fmt: skip

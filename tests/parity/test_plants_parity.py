@@ -1,6 +1,6 @@
-"""Contacts and losses of plants, and events, against `armlet.reference`: the same names and numbers given to both libraries.
+"""Contacts, losses and events of plants against `armlet.reference`, with the same names and numbers in both libraries.
 
-The reference takes contact torques from complex steps of a depth, and finds crossings by integrating anew from the look before.
+The reference computes contact torques from complex steps of the depth. It locates events by integrating again from the previous check.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from loops import close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Thirty equal steps: roundings, amplified by accelerations of some hundreds and by the reference's complex steps.
+# Rounding in thirty equal steps grows with accelerations of some hundreds and with the reference's complex steps.
 ROUNDING = 1e-9
 
 
 def contacts(library: Any, rng: np.random.Generator, frame: str, at: Any, q0: Any) -> dict[str, Any]:
-    """A wall that the frame at `at` is in, and stops that some joints are beyond."""
+    """Return a wall, whose surface is beyond the frame's position `at`, and joint stops that some joints exceed at the start."""
     n, normal = q0.size, rng.standard_normal(3)
     lower, upper = q0 - rng.uniform(-0.02, 0.3, n), q0 + rng.uniform(0.05, 0.3, n)
     lower[0] = q0[0] + 0.01
@@ -30,7 +30,7 @@ def contacts(library: Any, rng: np.random.Generator, frame: str, at: Any, q0: An
 
 
 def elastic(library: Any, arm: Any, frame: str, at: Any, **keywords: Any) -> tuple[Any, Any]:
-    """Plant and law, with motors ten times as heavy as what the law makes of them."""
+    """Return plant and law. The law reduces the motor inertia to a tenth."""
     K, B = np.linspace(900.0, 400.0, arm.n), np.linspace(0.5, 0.3, arm.n)
     law = library.ElasticImpedance(arm, at, [90.0, 70.0, 50.0], [9.0, 8.0, 7.0], K, B, 0.1 * B, frame=frame, axes="xyz")
     return library.ElasticArm(arm, K, B, **keywords), law
@@ -51,7 +51,7 @@ def test_contacts_of_rigid_arms(n: int) -> None:
         close(getattr(run, name), expected[name], ROUNDING)
     for name in ("energy", "energy_balance"):
         close(run.monitors[name], expected[name], ROUNDING)
-    # Each of the two acts.
+    # Wall and stops both change the run.
     for each in ("wall", "stops"):
         alone = al.simulate(al.RigidArm(arms[0], **{each: ours[each]}), laws[0], q0, **options)
         assert np.abs(alone.q - run.q).max() > 1e-6
@@ -65,7 +65,7 @@ def test_stops_stand_at_the_limits_of_the_arm() -> None:
         if library is reference:
             arm.limits = {"lower": np.array([-0.1]), "upper": np.array([0.2])}
         plant = library.RigidArm(arm, stops=library.JointStops(300.0))
-        # The target is beyond the stop.
+        # The target, 0.5 rad, is beyond the stop at 0.2 rad.
         beyond = {"check_limits": False} if library is al else {}
         runs.append(library.simulate(plant, library.PDGravity(arm, [0.5], 30.0, 1.0), [0.0], t_end=0.5, dt=5e-3, **beyond))
     close(runs[0].q, runs[1]["q"], ROUNDING)
@@ -94,7 +94,10 @@ def test_losses_and_contacts_of_elastic_arms(n: int) -> None:
 
 
 def test_the_energy_of_an_elastic_arm_with_losses_is_balanced() -> None:
-    """Under a saturated input the energy of the plant is watched, in both: springs, motors and contacts, and what they lose."""
+    """With a saturated torque, the energy of the plant is balanced in both libraries.
+
+    It includes springs, motors and contacts, and their losses.
+    """
     rng = np.random.default_rng(9)
     arms = pair(rng, 3)
     q0, v0 = rng.uniform(-0.3, 0.3, (2, 3))
@@ -123,7 +126,7 @@ def test_a_force_acts_at_its_frame() -> None:
 
 
 def fall(library: Any, stop: int = 0, **options: Any) -> Any:
-    """A pendulum that falls onto a wall and a stop, with one event of each kind."""
+    """Run a planar arm that falls onto a wall and a joint stop, with events of each kind."""
     arm, make = library.planar_arm([0.5, 0.4]), library.Event
     wall = library.Wall("link2", [0.0, -0.7, 0.0], [0.0, 1.0, 0.0], stiffness=400.0)
     plant = library.RigidArm(arm, wall=wall, stops=library.JointStops(30.0, lower=-0.4, upper=2.0))
@@ -135,7 +138,7 @@ def fall(library: Any, stop: int = 0, **options: Any) -> Any:
         make.contact(direction=1, stop=stop),
         make.joint_stop(1, "lower"),
         make.function(lambda t, q, v: float(q[0] + q[1] + 0.7 - t)),
-        # Rises only.
+        # This event needs a rising angle and never occurs.
         make.joint(0, -0.6, direction=1),
     ]
     options |= {"rtol": 1e-9, "atol": 1e-9, "v0": [-4.0, -3.0], "t_end": 0.1, "t_eval": [0.1], "events": events}
@@ -143,7 +146,10 @@ def fall(library: Any, stop: int = 0, **options: Any) -> Any:
 
 
 def test_events() -> None:
-    """DOP853 and Gragg-Bulirsch-Stoer at 1e-9, over contacts with corners: an error of 1e-6 in time is what corners leave."""
+    """DOP853 and Gragg-Bulirsch-Stoer at 1e-9 locate the same events within 1e-6 s.
+
+    The contact forces have corners, which cause this difference.
+    """
     run, found = fall(al, method="dop853"), fall(reference, method="gbs", looks=10)["events"]
     assert run.events.which.tolist() == [index for _, index, _ in found]
     assert {*run.events.which.tolist()} == {0, 1, 2, 3, 4, 5}

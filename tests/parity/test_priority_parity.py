@@ -1,4 +1,4 @@
-"""Task priority: the core against the numpy reference, which reaches the same maps by other factorisations."""
+"""Task priority against the numpy reference, which computes the same solutions with other factorisations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ Stack = tuple[list[np.ndarray], list[np.ndarray]]
 
 
 def random_stack(rng: np.random.Generator, singular: bool) -> Stack:
-    """1 to 4 levels of 1 to 4 rows (more than joints included) in 1 to 8 joints; `singular`: rows repeated across and within levels."""
+    """Return Jacobians and velocities of 1 to 4 levels, each with 1 to 4 rows, for 1 to 8 joints.
+
+    With `singular`, a row repeats another row of the same or another level.
+    """
     n = int(rng.integers(1, 9))
     Js = [10.0 ** rng.uniform(-2, 2) * rng.normal(size=(int(rng.integers(1, 5)), n)) for _ in range(int(rng.integers(1, 5)))]
     if singular:
@@ -22,7 +25,7 @@ def random_stack(rng: np.random.Generator, singular: bool) -> Stack:
 
 
 def smallest_counted(Js: list[np.ndarray]) -> float:
-    """The worst relative conditioning of the stack: smallest counted singular value over the largest, level by level."""
+    """Return the conditioning of the stack: over all levels, the product of smallest counted to largest singular value."""
     seen = al.diagnose_priority(Js)
     worst = 1.0
     for alone, projected, rank in zip(seen.singular_values, seen.projected_singular_values, seen.projected_ranks, strict=True):
@@ -40,11 +43,11 @@ def test_velocities(method: str, singular: bool) -> None:
         Js, vs = random_stack(rng, singular)
         condition = smallest_counted(Js)
         if condition < 1e-5:
-            continue  # the two rank rules may then honestly differ
+            continue  # the two rank rules may disagree here
         mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
         size = 1.0 + np.linalg.norm(theirs.v)
-        # Roundings of the entries over the singular values they are divided by. Where a clamped level inverts rounding noise over
-        # eps^2 (repeated rows) the two routes differ by eps_machine / 0.02^2 per level, multiplied level by level.
+        # Rounding of the entries is divided by singular values. A clamped level with repeated rows divides rounding by eps^2. The two codes
+        # then differ by eps_machine / 0.02^2 for each level, and the levels multiply.
         tolerance = 1e-13 / condition**2 if method == "exact" else 1e-9
         assert np.linalg.norm(mine.v - theirs.v) <= tolerance * size, (Js, vs)
         for J, v, r in zip(Js, vs, mine.residuals, strict=True):
@@ -55,7 +58,10 @@ def test_velocities(method: str, singular: bool) -> None:
 
 @pytest.mark.parametrize("method", ["clamp", "damped"])
 def test_levels_of_two_rows_at_singularities(method: str) -> None:
-    """A closed form, by a program from the 17th call on: rows that repeat others exactly, nearly, or within the threshold."""
+    """Levels of two rows, which armlet solves in closed form, agree where rows repeat others exactly, nearly, or within the threshold.
+
+    From the 17th call on a compiled program computes them.
+    """
     rng = np.random.default_rng(2)
     degraded = 0
     for n, rows in ((4, (2, 2)), (3, (2, 2)), (5, (2, 1, 2)), (2, (1, 2)), (6, (2, 2, 2))):
@@ -67,7 +73,7 @@ def test_levels_of_two_rows_at_singularities(method: str) -> None:
                 Js[0][-1] = 0.7 * Js[0][0]
             vs = [rng.normal(size=m) for m in rows]
             mine, theirs = al.solve_priority(Js, vs, method=method), ref.solve_priority(Js, vs, method)
-            # As above: roundings over eps^2, multiplied level by level.
+            # Rounding is divided by eps^2 at each level, and the levels multiply.
             assert np.linalg.norm(mine.v - theirs.v) <= 1e-9 * (1.0 + np.linalg.norm(theirs.v)), (Js, vs)
             degraded += mine.status is al.Status.DEGRADED
     assert degraded >= 200
@@ -75,7 +81,10 @@ def test_levels_of_two_rows_at_singularities(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["clamp", "exact"])
 def test_long_batches_are_their_rows(method: str) -> None:
-    """Arrays of more than 65,536 numbers are read in place, in pieces; to the bit the single solves, regular and singular."""
+    """Batches give the same bits as single solves, regular and singular.
+
+    Arrays of more than 65,536 numbers are read without a copy, in pieces.
+    """
     rng = np.random.default_rng(6)
     count, n = 110_000, 4
     Js = [rng.normal(size=(count, 2, n)), rng.normal(size=(count, 2, n))]
@@ -84,7 +93,7 @@ def test_long_batches_are_their_rows(method: str) -> None:
     Js[0][5, 0, 0] = np.nan
     found = al.solve_priority(Js, vs, method=method)
     assert found.status[5] == al.Status.DIVERGED and np.isnan(found.v[5]).all()
-    # Strided arrays are copied.
+    # armlet copies arrays that are not contiguous.
     copied = al.solve_priority([np.asfortranarray(J) for J in Js], vs, method=method)
     assert np.array_equal(found.v, copied.v, equal_nan=True) and np.array_equal(found.ranks, copied.ranks)
     shared = al.solve_priority([Js[0], Js[1][0]], [vs[0], vs[1][0]], method=method)
@@ -113,7 +122,7 @@ def test_diagnoses(singular: bool) -> None:
 
 
 def test_weight_is_a_change_of_coordinates() -> None:
-    """v' W v is minimised: the solution for J L^-T in y = L' v, with W = L L'."""
+    """A weight W = L L' minimises v' W v. The result is the solution for J L^-T in the coordinates y = L' v."""
     rng = np.random.default_rng(7)
     for _ in range(50):
         n = int(rng.integers(3, 9))
@@ -123,18 +132,18 @@ def test_weight_is_a_change_of_coordinates() -> None:
         L = np.linalg.cholesky(weight)
         plain = ref.solve_priority([np.linalg.solve(L, J.T).T for J in Js], vs, "exact")
         v = al.solve_priority(Js, vs, method="exact", weight=weight).v
-        # The weights' condition (some 1e3) times rounding.
+        # The weights have a condition number of about 1e3, which multiplies rounding.
         np.testing.assert_allclose(v, np.linalg.solve(L.T, plain.v), rtol=0, atol=1e-11 * (1 + np.abs(v).max()))
 
 
 def test_thresholds() -> None:
-    """One threshold for all levels, or one for each."""
+    """Solutions agree with one threshold for all levels, and with one for each level."""
     rng = np.random.default_rng(3)
     for _ in range(150):
         Js, vs = random_stack(rng, False)
         sizes = [np.linalg.norm(J, 2) for J in Js]
         for eps in (0.3 * min(sizes), [0.1 * size for size in sizes]):
-            # A level multiplies rounding by its size over the threshold, squared.
+            # Each level multiplies rounding by the square of its norm divided by the threshold.
             worst = max((size / np.min(eps)) ** 2 if np.ndim(eps) == 0 else 1e4 for size in sizes)
             for method in ("clamp", "damped", "chiaverini"):
                 mine, theirs = al.solve_priority(Js, vs, method=method, eps=eps), ref.solve_priority(Js, vs, method, eps)
@@ -142,7 +151,10 @@ def test_thresholds() -> None:
 
 
 def test_errors_of_the_entries() -> None:
-    """A row that repeats another one but for a part of 1e-6 counts where the entries are known to 1e-9, and not where to 1e-3."""
+    """A row differs from another by 1e-6.
+
+    It counts for the rank if the entries are exact to 1e-9, and does not count if they are exact to 1e-3.
+    """
     rng = np.random.default_rng(8)
     for _ in range(50):
         Js, vs = [rng.normal(size=(2, 7)), rng.normal(size=(3, 7))], [rng.normal(size=2), rng.normal(size=3)]
@@ -152,13 +164,13 @@ def test_errors_of_the_entries() -> None:
             assert mine.projected_ranks == theirs.projected_ranks == [2, rank] and mine.kind == theirs.kind
             got, want = al.solve_priority(Js, vs, method="exact", rounding=rounding), ref.solve_priority(Js, vs, "exact", rounding=rounding)
             assert list(got.ranks) == want.ranks == [2, rank]
-            # Rounding over the least singular value that counts: 1e-6 or about one.
+            # Rounding is divided by the least singular value that counts: 1e-6 with rank 3, about 1 with rank 2.
             assert np.linalg.norm(got.v - want.v) <= (1e-8 if rank == 3 else 1e-11) * (1.0 + np.linalg.norm(want.v))
 
 
 @pytest.mark.parametrize("singular", [False, True], ids=["full", "singular"])
 def test_losses_of_a_command(singular: bool) -> None:
-    """What is lost at each level, of a random command and of one that some motion of the joints makes."""
+    """The lost part of the velocities at each level agrees, for random velocities and for velocities of a joint motion."""
     rng = np.random.default_rng(5)
     compared, executed = 0, 0
     for _ in range(200):
@@ -177,7 +189,7 @@ def test_losses_of_a_command(singular: bool) -> None:
                 for name in ("singular_values", "projected_singular_values"):
                     got, want = getattr(mine, name)[level], getattr(theirs, name)[level]
                     np.testing.assert_allclose(got[: len(want)], want, rtol=0, atol=1e-11 * size)
-                # Both project by bases of the rows above, whose least singular value is 1e-4 of the largest.
+                # Both codes project on bases of the rows above, whose least singular value is at least 1e-4 of the largest.
                 np.testing.assert_allclose(mine.lost[level].T @ mine.lost[level], theirs.lost[level], rtol=0, atol=1e-10)
                 np.testing.assert_allclose(mine.losses[level], theirs.losses[level], rtol=0, atol=1e-8 * scale)
             compared, executed = compared + 1, executed + bool(mine.compatible)
@@ -186,7 +198,7 @@ def test_losses_of_a_command(singular: bool) -> None:
 
 @pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini"])
 def test_solvers_with_buffers(method: str) -> None:
-    """`PrioritySolver` with its options; the same rows again and again."""
+    """`PrioritySolver` returns the reference's velocities for each option, in 20 calls with new rows."""
     rng = np.random.default_rng(6)
     root = rng.normal(size=(6, 6)) + 3 * np.eye(6)
     for options in ({}, {"weight": root @ root.T}, {"rounding": 1e-10}, {"eps": [0.1, 0.3]}):

@@ -1,7 +1,7 @@
 """Rest under forces and contacts, and the limits of elastic control, against `armlet.reference`.
 
-The core descends by Newton's method with magnitudes of eigenvalues and dual numbers; the reference by implicit steps of a slow flow, with
-differences for slopes. Its sampled loop is a Taylor series, its limits are roots of polynomials and bisections.
+armlet uses Newton's method with absolute eigenvalues and dual numbers. The reference takes implicit steps of a slow flow, with differences
+for derivatives. Its sampled loop is a Taylor series, and its limits are roots of polynomials and bisections.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def law(library: Any, name: str, arm: Any, target: Any) -> Any:
 
 
 def plants(name: str, **keywords: Any) -> list[tuple[Any, Any, Any]]:
-    """Library, plant and law of both."""
+    """Return a tuple of library, plant and law for each of the two libraries."""
     found = []
     for library in (al, reference):
         arm = library.planar_arm([0.5, 0.4, 0.3])
@@ -58,9 +58,10 @@ STOPS = ("JointStops", {"stiffness": 40.0, "damping": 3.0, "lower": [-3.0, -3.0,
 @pytest.mark.parametrize("contact", ["free", "wall", "stops"])
 @pytest.mark.parametrize("name", LAWS)
 def test_rest(name: str, contact: str) -> None:
-    """The slopes of the reference are differences, extrapolated to some 1e-10: rest to 1e-9, eigenvalues to 1e-6 of the largest.
+    """Rest poses agree to 1e-9, and eigenvalues to 1e-6 of the largest.
 
-    Contacts are deeper than the steps of the differences, 0.01 rad.
+    Derivatives of the reference are extrapolated differences with an error of about 1e-10. Contacts are deeper than the step of the
+    differences, 0.01 rad.
     """
     keywords = {} if contact == "free" else {"wall": WALL} if contact == "wall" else {"stops": STOPS}
     task = name in ("CartesianImpedance", "ElasticImpedance")
@@ -86,14 +87,14 @@ def test_rest(name: str, contact: str) -> None:
 def test_elastic_limits(name: str, bandwidth: float | None) -> None:
     given: dict[str, Any] = {"force": [4.0, -3.0, 0.0], "force_frame": "link2", "sample_time": 1e-3, "sensor_bandwidth": bandwidth}
     ours, theirs = (library.elastic_limits(plant, each, q0=Q, **given) for library, plant, each in plants(name))
-    # Both bisect radii that are flat near their limit, and roots.
+    # Both codes bisect spectral radii, which hardly change near their limit, and roots.
     assert ours.sample_time_max == pytest.approx(theirs.sample_time_max, rel=1e-6)
     close(ours.reduced_inertia_min / theirs.reduced_inertia_min, np.ones(3), 1e-6)
     none = np.isnan(theirs.stiffness_max)
     assert np.all(ours.stiffness_max[none] <= 0.0)
     close(ours.stiffness_max[~none] / theirs.stiffness_max[~none], np.ones((~none).sum()), 1e-8)
     close(ours.stiffness, theirs.stiffness, 1e-9)
-    # The reference stops at 1e-6 of the stiffness.
+    # The reference's bisection stops at 1e-6 of the stiffness.
     assert ours.stiffness_scale_max == pytest.approx(theirs.stiffness_scale_max, rel=1e-5)
 
 
@@ -103,7 +104,7 @@ def test_limits_by_numbers() -> None:
         inertia, stiffness, zeta, dt = rng.uniform(0.1, 1.0), rng.uniform(200.0, 2000.0), rng.uniform(0.5, 1.5), rng.uniform(2e-4, 2e-3)
         options = {"damping_ratio": zeta, "sensor_bandwidth": rng.uniform(1500.0, 6000.0)}
         ours = float(al.smallest_reduced_inertia(inertia, stiffness, dt, **options))
-        # Both bisect a radius that is flat near its limit.
+        # Both codes bisect the spectral radius, which hardly changes near the limit.
         np.testing.assert_allclose(ours, reference.smallest_reduced_inertia(inertia, stiffness, dt, **options), rtol=1e-6)
         mass, b0, d, d0 = rng.uniform(0.3, 2.0), rng.uniform(0.01, 0.1), rng.uniform(0.0, 10.0), rng.uniform(2.0, 20.0)
         limit = float(al.stiffness_limit(mass, stiffness, b0, d, motor_damping=d0))
@@ -113,7 +114,7 @@ def test_limits_by_numbers() -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 5, 8])
 def test_damping_from_ratio(n: int) -> None:
-    """Matrices of condition below 1e2, and roots of them."""
+    """Damping matrices agree to 1e-12, for matrices with condition numbers below 100."""
     rng = np.random.default_rng(n)
     halves = rng.standard_normal((2, n, n))
     M, S = halves @ halves.transpose(0, 2, 1) / n + 0.2 * np.eye(n)
@@ -123,7 +124,7 @@ def test_damping_from_ratio(n: int) -> None:
 @pytest.mark.parametrize("elastic", [False, True])
 @pytest.mark.parametrize("axes", ["x", "xy"])
 def test_free_motions(axes: str, elastic: bool) -> None:
-    """Without a posture: the free motions are counted alike, and so are the eigenvalues beside their zeros."""
+    """Without a posture task, the number of free motions and the other eigenvalues agree."""
     found = []
     for kit in (al, reference):
         arm = kit.planar_arm([0.5, 0.4, 0.3])
@@ -137,7 +138,8 @@ def test_free_motions(axes: str, elastic: bool) -> None:
         found.append(kit.equilibrium(plant, law, [6.0, -3.0][: len(axes)], q0=[0.2, 0.5, 0.4]))
     ours, theirs = found
     assert ours.free_motions == theirs.free_motions == 3 - len(axes) and ours.stable and theirs.stable
-    # Two descents end at two of the poses that null motions connect: the tip is the same, and the modes are those of their pose.
+    # Null-space motions connect many rest poses, and the two searches stop at different ones. The tip position is equal, and the
+    # eigenvalues are those of the same pose.
     close(ours.x, theirs.x, 1e-8)
     again = reference.equilibrium(plant, law, [6.0, -3.0][: len(axes)], q0=ours.q)
     close(again.q, ours.q, 1e-7)

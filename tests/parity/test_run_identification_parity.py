@@ -1,4 +1,4 @@
-"""Parameters from records of closed loops against least squares over runs of `armlet.reference`, which differences its own runs."""
+"""Parameters identified from records of closed loops against least squares with runs and differences of `armlet.reference`."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def motor_law(side: Any, arm: Any) -> Any:
 
 
 def records(run: Any) -> Array:
-    """Positions and velocities of a run of either side."""
+    """Return positions and velocities (records, 2 n) of a run of either library."""
     q, v = (run["q"], run["v"]) if isinstance(run, dict) else (run.q, run.v)
     return np.concatenate([q, v], axis=1)
 
 
 def test_joint_friction() -> None:
-    """Damping and Coulomb friction of two joints from a noisy record of a closed loop: values and standard deviations."""
+    """Damping and Coulomb friction of two joints from a noisy record: values and standard deviations agree."""
     ours, theirs = pair(np.random.default_rng(3), 2)
     rng, names = np.random.default_rng(6), ["arm.damping", "arm.friction"]
     true, guess = np.array([0.6, 0.5, 0.3, 0.2]), np.array([0.4, 0.4, 0.2, 0.3])
@@ -42,7 +42,7 @@ def test_joint_friction() -> None:
 
     made = al.simulate(*loop(al, ours, true), START, t_end=0.3, **OPTIONS)
     q, v = (x + 1e-4 * rng.standard_normal(x.shape) for x in (made.q, made.v))
-    q[0], v[0] = made.q[0], made.v[0]  # the start is known
+    q[0], v[0] = made.q[0], made.v[0]  # the start is exact
     record = al.Run({"t": made.t, "q": q, "v": v})
     plant, law = loop(al, ours, guess)
     found = al.identify_from_runs(record, names, plant=plant, law=law, noise={"q": 1e-4, "v": 1e-4}, **OPTIONS)
@@ -53,7 +53,7 @@ def test_joint_friction() -> None:
     expected, sigma = reference.fit(run, records(record), guess, 1e-4, 4)
     values, deviations = (np.concatenate([part[name] for name in names]) for part in (found.values, found.deviations))
     assert found.converged and found.rank == 4
-    # The search ends near the least sum; a part of a deviation.
+    # Both searches stop near the minimum, within 1e-3 of a standard deviation.
     np.testing.assert_allclose(values, expected, rtol=0.0, atol=1e-3 * sigma.max())
     np.testing.assert_allclose(deviations, sigma, rtol=1e-4)
     assert np.all(np.abs(values - true) < 5.0 * deviations)
@@ -61,7 +61,7 @@ def test_joint_friction() -> None:
 
 @pytest.mark.parametrize("known", [False, True], ids=["noise estimated", "noise known"])
 def test_stiffness(known: bool) -> None:
-    """The stiffness of two joints from two noisy records: values and standard deviations."""
+    """The stiffness of two joints from two noisy records: values and standard deviations agree."""
     ours, theirs = pair(np.random.default_rng(3), 2)
     rng, law = np.random.default_rng(5), motor_law(al, ours)
     true, starts = np.array([100.0, 50.0]), [START, START + 0.3]
@@ -71,7 +71,7 @@ def test_stiffness(known: bool) -> None:
     for run in made:
         q = run.q + 1e-3 * rng.standard_normal(run.q.shape)
         v = run.v + noise["v"] * rng.standard_normal(run.v.shape)
-        q[0], v[0] = run.q[0], run.v[0]  # the start is known
+        q[0], v[0] = run.q[0], run.v[0]  # the start is exact
         runs.append(al.Run({"t": run.t, "q": q, "v": v}))
     plant = al.ElasticArm(ours, STIFFNESS, MOTORS)
     options: dict[str, Any] = {"plant": plant, "law": law, "noise": noise if known else None}
@@ -85,10 +85,10 @@ def test_stiffness(known: bool) -> None:
     measured = np.stack([records(one) for one in runs])
     if known:
         expected, sigma = reference.fit(run, measured, STIFFNESS, np.concatenate([np.full(2, 1e-3), noise["v"]]), 4)
-    else:  # one part of the range of each series
+    else:  # each series divided by its range
         spread = np.ptp(measured.reshape(-1, 4), axis=0)
         expected, sigma = reference.fit(lambda at: run(at) / spread, measured / spread, STIFFNESS, None, 4)
-    # Two searches end at one minimum: to the square root of rounding of the sums.
+    # Both searches reach the same minimum, to the square root of rounding of the sums.
     np.testing.assert_allclose(found.values["plant.stiffness"], expected, rtol=1e-6)
     np.testing.assert_allclose(found.deviations["plant.stiffness"], sigma, rtol=1e-4)
     assert np.all(np.abs(expected - true) < 5.0 * sigma) and found.converged and found.rank == 2
@@ -98,7 +98,7 @@ def test_stiffness(known: bool) -> None:
 
 
 def test_stiffness_and_starts() -> None:
-    """The starts of two records are numbers too, a pair for each record."""
+    """The initial states of two records are unknown, too. Each record has its own."""
     ours, theirs = pair(np.random.default_rng(3), 2)
     rng, law = np.random.default_rng(7), motor_law(al, ours)
     starts = [(START, np.array([0.5, 0.2])), (START + 0.3, np.array([-0.5, 0.1]))]
@@ -123,7 +123,7 @@ def test_stiffness_and_starts() -> None:
     def joined(by: dict[str, Array]) -> Array:
         return np.concatenate([by["plant.stiffness"], *(np.concatenate(each) for each in zip(by["q0"], by["v0"], strict=True))])
 
-    # Two searches end at one minimum: to the square root of rounding of the sums, in deviations.
+    # Both searches reach the same minimum, to the square root of rounding of the sums, relative to the standard deviations.
     np.testing.assert_allclose(joined(found.values), expected, rtol=0.0, atol=1e-4 * sigma.max())
     np.testing.assert_allclose(joined(found.values)[:2], expected[:2], rtol=1e-6)
     np.testing.assert_allclose(joined(found.deviations), sigma, rtol=1e-4)

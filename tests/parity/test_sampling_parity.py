@@ -1,7 +1,7 @@
-"""Controllers on a clock against `armlet.reference`: the same seed gives both libraries the same random numbers.
+"""Sampled controllers against `armlet.reference`. One seed gives the same random numbers in both libraries.
 
-The core keeps a ring of samples and looks up which one acts; the reference walks a list of events in order of time. Its random numbers
-are integers without end, its sensor filter is an exponential of a matrix.
+armlet keeps a ring buffer of samples and looks up the active one. The reference processes a list of events in order of time.
+Its random numbers use Python's unbounded integers, and its sensor filter is a matrix exponential.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from loops import close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Some fifty equal steps: roundings, amplified by accelerations of some hundreds and by the reference's complex steps.
+# Rounding in some fifty equal steps grows with accelerations of some hundreds and with the reference's complex steps.
 ROUNDING = 1e-9
 PERIOD = 4e-3
 
@@ -42,7 +42,7 @@ SAMPLINGS: dict[str, dict[str, Any]] = {
 
 
 def both(seed: int, n: int, law: str, options: dict[str, Any], sampling: dict[str, Any], **plant: Any) -> tuple[Any, dict[str, Any]]:
-    """The run of the core and that of the reference."""
+    """Return armlet's run and the reference's run."""
     rng = np.random.default_rng(seed)
     arms = pair(rng, n)
     laws = law_pair(rng, law, arms)
@@ -70,7 +70,7 @@ def test_sampled_runs(law: str, sampling: dict[str, Any]) -> None:
 
 
 def test_a_period_is_a_step() -> None:
-    """Without `dt` a fixed-step method takes the period."""
+    """Without `dt`, a fixed-step method uses the sample time as its step."""
     run, expected = both(22, 3, "PDGravity", {"t_end": 0.06}, {"noise": {"v": 0.01}})
     assert run.t.size == 16
     close(run.q, expected["q"], ROUNDING)
@@ -78,7 +78,10 @@ def test_a_period_is_a_step() -> None:
 
 @pytest.mark.parametrize("sampling", [{"delay": 1.7e-3}, {"jitter": 3e-3, "seed": 4, "noise": {"q": 1e-3}}], ids=["delay", "jitter"])
 def test_instants_between_steps(sampling: dict[str, Any]) -> None:
-    """An adaptive method stops at each instant, and rounds none: DOP853 and Gragg-Bulirsch-Stoer at 1e-11."""
+    """An adaptive method stops at each sampling instant, without rounding its time.
+
+    DOP853 and Gragg-Bulirsch-Stoer, both at 1e-11, agree to 1e-9.
+    """
     options = {"t_end": 0.03, "t_eval": [0.011, 0.03], "rtol": 1e-11, "atol": 1e-11}
     rng = np.random.default_rng(23)
     arms = pair(rng, 2)
@@ -109,7 +112,7 @@ def test_torque_sensors(sensor: dict[str, Any]) -> None:
     runs = []
     for library, arm in zip((al, reference), arms, strict=True):
         target = arms[0].position(q0 + 0.1, frame)
-        # The law believes in softer springs than the plant has.
+        # The law assumes 0.9 times the stiffness of the plant.
         given = (target, [60.0, 50.0, 40.0], [6.0, 5.0, 4.0], 0.9 * K, B, 0.5 * B)
         law = library.ElasticImpedance(arm, *given, frame=frame, axes="xyz")
         clock = library.Sampling(
@@ -136,7 +139,10 @@ def test_rows_have_seeds_of_their_own() -> None:
 
 
 def test_friction_of_the_drives() -> None:
-    """Continuous, and sampled with a limited rate; no joint turns round, where Coulomb friction jumps."""
+    """Runs with joint friction agree, continuous and sampled with a rate limit.
+
+    No joint reverses, so Coulomb friction does not jump.
+    """
     for clock in (None, {"rate_limit": 500.0}):
         runs = []
         for library in (al, reference):

@@ -1,4 +1,4 @@
-"""Steps by hand, task solvers, metrics and differential equations against the reference and against sums written out in numpy."""
+"""`Simulator`, metrics, `integrate` and named terms of laws against the reference, and against sums in numpy."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from loops import PIDS, close, law_pair, pair
 import armlet as al
 from armlet import reference
 
-# Twenty equal steps: roundings, amplified by accelerations of some hundreds and by the reference's complex steps.
+# Rounding in twenty equal steps grows with accelerations of some hundreds and with the reference's complex steps.
 ROUNDING = 1e-9
 
 
 class Torque(reference.Law):
-    """A torque for each sample of one millisecond, as `Simulator.step` holds it."""
+    """A law that returns one torque (n,) for each sample of 1 ms, as a caller passes to `Simulator.step`."""
 
     def __init__(self, torques: Any) -> None:
         self.torques = torques
@@ -86,14 +86,14 @@ def test_simulator_of_elastic_joints() -> None:
 
 
 def shares(t: Any) -> Any:
-    """The share of each record in a mean over time by the trapezoidal rule."""
+    """Return the weight of each record in a time average by the trapezoidal rule."""
     edges = np.concatenate([t[:1], 0.5 * (t[1:] + t[:-1]), t[-1:]])
     return np.diff(edges) / (t[-1] - t[0])
 
 
 @pytest.mark.parametrize("batch", [False, True], ids=["run", "batch"])
 def test_metrics(batch: bool) -> None:
-    """Each metric by its definition, from the records of the reference's run: 1e-9 of rounding between the two runs."""
+    """Each metric equals its definition, evaluated with the records of the reference's run."""
     rng = np.random.default_rng(78)
     arms = pair(rng, 3)
     law, theirs = law_pair(rng, "ComputedTorque", arms)
@@ -123,7 +123,10 @@ def test_metrics(batch: bool) -> None:
 
 
 def test_metrics_kept_by_a_batch() -> None:
-    """Reduced in the loop; the band is a share of the largest error of the joints of one unit."""
+    """Metrics that a batch computes during the run agree.
+
+    The settling band is 0.3 of the largest error among all joints of the same unit, rad or m.
+    """
     rng = np.random.default_rng(79)
     arms = pair(rng, 2)
     law, theirs = law_pair(rng, "PDGravity", arms)
@@ -142,13 +145,13 @@ def test_metrics_kept_by_a_batch() -> None:
 
 
 def field(t: Any, y: Any) -> Any:
-    """A pendulum that is pushed and rubs."""
+    """Return the derivative of a damped pendulum with a periodic torque."""
     return np.array([y[1], -np.sin(y[0]) - 0.3 * y[1] + np.cos(2.0 * t)])
 
 
 @pytest.mark.parametrize(("method", "tolerance"), [("dop853", 1e-10), ("dopri5", 1e-9), ("radau5", 1e-8), ("rodas4", 1e-7)])
 def test_integrate(method: str, tolerance: float) -> None:
-    """Methods with tolerances of 1e-11 against extrapolation: a hundred times what each leaves, more for the low orders."""
+    """Methods with tolerances of 1e-11 agree with extrapolation to a hundred times their error, more for low orders."""
     times = np.linspace(0.0, 3.0, 7)
     options: dict[str, Any] = {"method": method, "rtol": 1e-11, "atol": 1e-11}
     got = al.integrate(field, (0.0, 3.0), [0.4, -0.2], t_eval=times, **options)
@@ -162,7 +165,7 @@ def test_integrate_with_fixed_steps(method: str) -> None:
     got = al.integrate(field, (0.0, 1.0), y, method=method, dt=0.01)
     for k in range(100):
         y = reference.integrate.STEPS[method](field, 0.01 * k, y, 0.01)
-    # A hundred equal steps: roundings.
+    # The tolerance is rounding in a hundred equal steps.
     close(got.y[-1], y, 1e-13)
 
 
@@ -177,6 +180,6 @@ def test_named_parts_of_laws(name: str, n: int) -> None:
         shared = {"tau", "e", "u", "J"} & got.keys() & expected.keys()
         assert {"e"} < shared
         for part in shared:
-            # One evaluation: gravity by complex steps leaves some hundred roundings.
+            # The reference computes gravity with complex steps, which adds some hundred roundings.
             close(np.asarray(got[part]), expected[part], 1e-12)
         close(law(0.0, q, v), theirs(0.0, q, v), 1e-12)

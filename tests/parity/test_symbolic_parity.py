@@ -1,4 +1,4 @@
-"""Formulas of arms: term by term against the exam's, and on random states against the core and against the reference."""
+"""Symbolic formulas of arms: term by term against the written exam's, and numerically against armlet and the reference."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ def symbols(text: str) -> Any:
 
 
 def close(got: Array, wanted: Array, scale: float = 0.0, tolerance: float = 1e-13) -> None:
-    """Relative to the largest entry; the formulas are sums of a few hundred products at most."""
+    """Compare relative to the largest entry. The formulas are sums of at most a few hundred products."""
     assert got.shape == wanted.shape
     assert np.abs(got - wanted).max(initial=0.0) <= tolerance * max(scale, np.abs(wanted).max(initial=0.0))
 
 
 def check(arm: al.Arm, lengths: bool, seed: int = 0) -> Any:
-    """All four matrices against the core on random states."""
+    """Compare M, C, g and Y with the functions of the arm at random states, and return the formulas."""
     formulas = arm.symbolic(lengths=lengths)
     q, v, v_r, a_r = np.random.default_rng(seed).uniform(-2.0, 2.0, (4, STATES, arm.n))
     M, C = arm.mass_matrix(q), arm.coriolis_matrix(q, v)
     close(formulas.function("M")(q), M)
-    # Terms of C and g of the size of M's may cancel.
+    # Terms of C and g that are as large as M may cancel.
     close(formulas.function("C")(q, v), C, float(np.abs(M).max()))
     close(formulas.function("g")(q), arm.gravity(q), float(np.abs(M).max()))
     close(formulas.function("Y")(q, v, v_r, a_r), arm.regressor(q, v, v_r, a_r))
@@ -55,7 +55,7 @@ def test_the_formulas_of_the_exam() -> None:
 
 
 def test_the_exam_s_robot_as_a_tree_of_bodies() -> None:
-    """`A = m1 + m2`, `B` the first moment of link 2 across the slide, `C` its inertia: derived, not written down."""
+    """From the bodies follow `A = m1 + m2`, `B` as the first moment of link 2 across the slide, and `C` as its inertia."""
     slide = {"type": "P", "axis": [1.0, 0.0, 0.0], "phi": [1.5, *[0.0] * 9]}
     turn = {"type": "R", "axis": [0.0, 0.0, 1.0], "phi": [0.5, 0.0, -1.0, 0, 0, 0, 0, 0, 0, 0.7]}
     formulas = check(al.Arm.from_chain([slide, turn], gravity=[0.0, 0.0, 0.0]), False)
@@ -65,7 +65,7 @@ def test_the_exam_s_robot_as_a_tree_of_bodies() -> None:
 
 
 def test_the_pendulum() -> None:
-    """`I theta_ddot + G sin theta`, `G = m g0 d`."""
+    """The formulas of a pendulum are `I theta_ddot + G sin theta`, with `G = m g0 d`."""
     formulas = check(al.pendulum(2.0, 3.0), True)
     Izz1, mcx1, gy, q1 = symbols("Izz1 mcx1 gy q1")
     assert formulas.M == sympy.Matrix([[Izz1]]) and formulas.C == sympy.Matrix([[0]])
@@ -80,25 +80,25 @@ def test_two_links_read_as_in_a_textbook() -> None:
     M12 = Izz2 + mcx2 * x2 * c
     assert formulas.M == sympy.Matrix([[Izz1 + Izz2 + m2 * x2**2 + 2 * mcx2 * x2 * c, M12], [M12, Izz2]])
     assert formulas.C == sympy.Matrix([[-mcx2 * x2 * s * v2, -mcx2 * x2 * s * (v1 + v2)], [mcx2 * x2 * s * v1, 0]])
-    assert str(arm.symbolic().M[0, 0]) == "Izz1 + Izz2 + m2/4 + mcx2*cos(q2)"  # 0.5 m stays a fraction, 0.3 m is a decimal
+    assert str(arm.symbolic().M[0, 0]) == "Izz1 + Izz2 + m2/4 + mcx2*cos(q2)"  # 0.5 m is a fraction, 0.3 m is a decimal number
     assert "0.3*mcx2" in str(al.planar_arm([0.3, 0.4]).symbolic().M[0, 1])
 
 
 @pytest.mark.parametrize("lengths", [False, True])
 @pytest.mark.parametrize("n", [1, 2])
 def test_random_trees(n: int, lengths: bool) -> None:
-    """Slides, branches, fixed bodies, turned axes, rotors; the reference has the same numbers by another route."""
+    """Formulas of random trees agree with armlet and the reference: prismatic joints, branches, fixed bodies, rotated axes, armature."""
     arm, reference, place, _ = both(n, 3)
     formulas = check(arm, lengths)
     q = np.random.default_rng(n).uniform(-2.0, 2.0, (STATES, n))
     there, (rows, columns) = np.argsort(place), np.ix_(place, place)
-    # The reference multiplies 4 x 4 matrices.
+    # The reference multiplies 4 x 4 matrices, which rounds more.
     close(formulas.function("M")(q), reference.mass_matrix(q[:, there])[:, rows, columns], tolerance=1e-12)
     close(formulas.function("g")(q), reference.gravity(q[:, there])[:, place], tolerance=1e-12)
 
 
 def test_three_joints_of_an_arm_in_space() -> None:
-    """A shoulder and two parallel axes: squares of sines and cosines of absolute angles."""
+    """A shoulder and two parallel axes: the formulas have squares of cosines of absolute angles."""
     phi, quarter = [1.0, 0.2, 0.0, 0.1, 0.02, 0.0, 0.03, 0.0, 0.0, 0.04], np.pi / 2
     joints = [
         {"type": "R", "axis": [0, 0, 1], "xyz": [0, 0, 0.3], "phi": phi},
@@ -110,7 +110,7 @@ def test_three_joints_of_an_arm_in_space() -> None:
 
 
 def test_four_joints() -> None:
-    """Two parallel axes, a slide along them and a wrist."""
+    """Two parallel revolute axes, a prismatic joint and a wrist have short formulas."""
     phi = [1.0, 0.2, 0.0, 0.0, 0.02, 0.0, 0.03, 0.0, 0.0, 0.04]
     places = [("R", 0.0), ("R", 0.4), ("P", 0.3), ("R", 0.0)]
     joints = [{"type": kind, "axis": [0, 0, 1], "xyz": [x, 0, 0], "phi": phi} for kind, x in places]

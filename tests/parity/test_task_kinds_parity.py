@@ -1,6 +1,7 @@
-"""Every kind of task, at velocities and at accelerations, against the reference: trees with n = 1 to 8 joints, 1 to 8 rows.
+"""Every kind of task, for velocities and accelerations, against the reference: trees with 1 to 8 joints, tasks with 1 to 8 rows.
 
-The core writes Jacobians and their rates column by column; the reference differentiates homogeneous transforms by complex steps.
+armlet computes Jacobians and their time derivatives column by column. The reference differentiates homogeneous transforms with complex
+steps.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ Array = NDArray[np.float64]
 
 
 def sinusoid(lib: Any, rng: np.random.Generator, rows: int) -> Any:
-    """A moving target, away from zero as directions must be."""
+    """Return a moving target that never becomes zero, as directions require."""
     return lib.Sinusoid(rng.uniform(0.4, 0.8, rows), rng.uniform(-0.3, 0.3, rows), rng.uniform(0.5, 2.0, rows), rng.uniform(0.0, 6.0, rows))
 
 
 def task(lib: Any, kind: str, arm: al.Arm, rng: np.random.Generator) -> Any:
-    """One task of a kind for one library or the other; the same numbers for both."""
+    """Return one task of this kind from `lib`, with the same random numbers for armlet and for the reference."""
     frame, other = arm.frame_names[-1], arm.frame_names[0]
     gain, damping = rng.uniform(0.5, 3.0), rng.uniform(1.0, 4.0)
     names = [arm.joint_names[-1]] if arm.n == 1 else [arm.joint_names[-1], arm.joint_names[0]]
@@ -53,7 +54,7 @@ def task(lib: Any, kind: str, arm: al.Arm, rng: np.random.Generator) -> Any:
 
 
 KINDS = ["frame", "frame rows", "posture", "posture of all", "centre of mass", "axis", "axis z", "relative", "limits", "chosen limits"]
-# Two frames make a relative pose, which one body has not.
+# A relative task needs two frames, so the arm needs two bodies.
 CASES = [(kind, n, seed) for kind in KINDS for n in range(1, 9) for seed in range(3) if kind != "relative" or n > 1]
 
 
@@ -71,9 +72,10 @@ def test_velocities_of_one_task(kind: str, n: int, seed: int) -> None:
         got, want = law.terms(t, q, np.zeros(n)), expected.terms(t, q, np.zeros(n))
         J = other.jacobian(theirs, q)
         close(got["J"][0], J)
-        # A rotation vector near half a turn: the leading eigenvector of its quaternion is known to eps over the gap.
+        # Near half a turn, the direction of the rotation vector is an eigenvector of a quaternion matrix. The gap of its eigenvalues
+        # amplifies rounding.
         close(got["e"][0], want["e"], tolerance=1e-11)
-        # Errors and Jacobians over eps, once and twice.
+        # Errors and Jacobians are divided by eps, some of them twice.
         close(law(t, q, np.zeros(n)), want["tau"], tolerance=1e-10)
 
 
@@ -91,19 +93,22 @@ def test_accelerations_of_one_task(kind: str, n: int, seed: int) -> None:
 
 
 def test_an_axis_at_its_target_and_opposite() -> None:
-    """No turn, and half a turn about the first direction across, where no way is the shorter one."""
+    """Errors of an axis task agree at the target and opposite to it.
+
+    Opposite, all directions of rotation are equally short. Both libraries choose the same perpendicular axis.
+    """
     arm, theirs = al.planar_arm([1.0, 1.0]), ref.planar_arm([1.0, 1.0])
     for axis in np.eye(3):
         for target in (axis, -axis):
             for q in np.zeros(2), np.array([1e-9, 0.0]), np.array([-1e-4, 0.0]):
                 got = al.PriorityVelocity(arm, [al.AxisTask("link2", axis, target)]).terms(0.0, q, np.zeros(2))["e"][0]
                 want = ref.AxisTask("link2", axis, target).error(theirs, q, target)
-                # The direction of a turn that is half a turn within d is known to rounding over d.
+                # At an angle d from half a turn, rounding of the direction of rotation is divided by d.
                 close(got, want, tolerance=1e-6)
 
 
 def levels(lib: Any, arm: al.Arm, seed: int) -> list[Any]:
-    """Three levels of different kinds, the lowest in conflict with those above for few joints."""
+    """Return three tasks of different kinds. With few joints, the last conflicts with the first two."""
     rng = np.random.default_rng(seed)
     return [task(lib, kind, arm, rng) for kind in ("frame rows", "axis", "posture of all")]
 
@@ -111,21 +116,21 @@ def levels(lib: Any, arm: al.Arm, seed: int) -> list[Any]:
 @pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini"])
 @pytest.mark.parametrize("n", [2, 5, 8])
 def test_three_levels(n: int, method: str) -> None:
-    """One threshold for all, one for each level, and none."""
+    """Torques agree with one threshold for all levels, with one for each level, and with the default."""
     arm, theirs = driven_tree(n, 2)
     for name, speed in (("PriorityVelocity", 0.0), ("PriorityAcceleration", 1.0)):
         for eps in (None, 0.1, [0.05, 0.1, 0.2]):
             law = getattr(al, name)(arm, levels(al, arm, n), method, eps)
             other = getattr(ref, name)(theirs, levels(ref, arm, n), method, eps)
             for t, (q, v) in zip((0.0, 0.7), np.random.default_rng(n).uniform(-0.4, 0.4, (2, 2, n)), strict=True):
-                # Each level divides by singular values down to 0.05, or by those of the stack, down to 1e-3.
+                # Each level divides by singular values above its threshold, or without one by singular values down to 1e-3.
                 close(law(t, q, speed * v), other(t, q, speed * v), tolerance=1e-9)
 
 
 @pytest.mark.parametrize("method", ["exact", "clamp", "damped", "chiaverini"])
 @pytest.mark.parametrize("n", [3, 6, 8])
 def test_solvers_of_an_arm(n: int, method: str) -> None:
-    """`ArmPrioritySolver` of every kind of task: Jacobians, and the answer to velocities that are given."""
+    """`ArmPrioritySolver` returns the reference's Jacobians and velocities for tasks of several kinds."""
     arm, theirs = driven_tree(n, 1)
     rng = np.random.default_rng(n)
     root = rng.normal(size=(n, n)) + 3 * np.eye(n)
@@ -141,5 +146,5 @@ def test_solvers_of_an_arm(n: int, method: str) -> None:
                     close(mine, J)
                 velocities = [rng.normal(size=len(J)) for J in Js]
                 rounding = 8 * ref.diagnosis.EPS * (1.0 + float(np.abs(q).sum()))
-                # Levels divide by singular values down to 1e-3.
+                # The levels divide by singular values down to 1e-3.
                 close(solver.solve(q, velocities), ref.solve_priority(Js, velocities, method, rounding=rounding, **given).v, 1.0, 1e-8)

@@ -1,4 +1,4 @@
-"""Tasks in priority on arms against `armlet.reference`, which differentiates poses and factorises by other routes."""
+"""Tasks in priority on arms against `armlet.reference`, which differentiates poses and factorises matrices by other methods."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ def pair(rng: np.random.Generator, n: int) -> tuple[al.Arm, Any]:
 
 
 def tasks(rng: np.random.Generator, arm: al.Arm, kind: Any) -> list[Any]:
-    """A moving pose above a resting point, each with another kind of gain; `kind` makes them for one library or the other."""
+    """Return a task with a moving target and, below it in priority, a task with a constant target.
+
+    The first has a vector as gain, the second a matrix. `kind` is armlet or the reference.
+    """
     last, first = arm.frame_names[-1], arm.frame_names[arm.n // 2]
     full = rng.uniform(0.5, 1.0, (3, 3))
     start, end = rng.uniform(-0.3, 0.3, (2, 3))
@@ -55,14 +58,14 @@ def test_a_run_is_the_references(n: int, method: str) -> None:
     law = al.PriorityVelocity(arms[0], tasks(np.random.default_rng(1), arms[0], al), method)
     other = reference.PriorityVelocity(arms[1], tasks(np.random.default_rng(1), arms[0], reference), method)
     for t in (0.0, 0.21, 0.9):
-        # Both invert matrices of condition up to 50 (eps = 0.02) or that of the arm.
+        # Both codes invert matrices with condition numbers up to 50 (eps = 0.02) or, for "exact", up to that of the arm's Jacobians.
         expected = other.terms(t, q0, np.zeros(n))
         got = law(t, q0, np.zeros(n))
         np.testing.assert_allclose(got, expected["tau"], rtol=0, atol=1e-11 * (1 + np.abs(expected["tau"]).max()))
         np.testing.assert_allclose(np.concatenate(law.terms(t, q0, np.zeros(n))["e"]), expected["e"], rtol=0, atol=1e-13)
     run = al.simulate(al.VelocityArm(arms[0]), law, q0, t_end=0.2, dt=0.01)
     reference_run = reference.simulate(reference.VelocityArm(arms[1]), other, q0, t_end=0.2, dt=0.01)
-    # Rounding grows with the rates along the way, at most 1e2 here.
+    # Rounding grows with the rates of the loop, at most 1e2 here.
     np.testing.assert_allclose(run.q, reference_run["q"], rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.v, run.tau, rtol=0, atol=0)
 

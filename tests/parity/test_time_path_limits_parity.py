@@ -1,10 +1,10 @@
-"""Every kind of limit of `time_path` between grid points, on random trees in space, judged by the reference.
+"""No limit of `time_path` is exceeded between grid points, checked by the reference on random trees in space.
 
     used = |tau| / tau_max,  |v| / v_max,  |a| / a_max,  |velocity of the origin| / tip_speed,  |its acceleration| / tip_acceleration
-    used <= 1 + 1e-9 at random times and beside every grid point;  q within q_min and q_max
+    used <= 1 + 1e-9 at random times and near every grid point;  q within q_min and q_max
 
-Torques come from the reference's energies, and the origin's motion from its Jacobians. Limits that vary are linear in s, which is found
-from the positions of the motion.
+The reference computes torques from its energies, and the motion of the frame's origin from its Jacobian. Limits that vary along the path
+are linear in the path position s, which the test finds from the joint positions.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from armlet.reference import timing
 
 CASES = int(os.environ.get("ARMLET_CASES", "7"))
 PROMISE = 1e-9
-#: Where a motion is looked at in every segment of the grid: its ends, and beside them.
+#: Times in each segment of the grid, as a part of its duration: the start and points near both ends.
 BESIDE = np.array([0.0, 1e-6, 1e-3, 0.03, 0.25, 0.5, 0.75, 0.97, 0.999])
 KINDS = ("tau_max", "v_max", "a_max", "tip_speed", "tip_acceleration")
 
 
 def places(p: al.TimedPath, t: np.ndarray) -> np.ndarray:
-    """Path positions at the times t: Gauss-Newton steps to the positions of the motion, within the segment of the grid."""
+    """Return path positions s at the times t, by Gauss-Newton steps within the grid segment of each time."""
     i = np.clip(np.searchsorted(p.t, t, side="right") - 1, 0, p.t.size - 2)
     low, high, q = p.s[i], p.s[i + 1], p(t)[0]
     s = low + (high - low) * (t - p.t[i]) / (p.t[i + 1] - p.t[i])
@@ -39,7 +39,11 @@ def places(p: al.TimedPath, t: np.ndarray) -> np.ndarray:
 
 
 def problem(theirs: Any, rng: np.random.Generator, low: str | None) -> tuple[np.ndarray, dict[str, Any]]:
-    """Waypoints and every limit, the one of this name much the lowest. Some vary along the path. The torques can hold the arm."""
+    """Return waypoints and all limits.
+
+    The limit with the name `low` is about 1000 times tighter than the others. Some limits vary along the path. The torques can hold the
+    arm.
+    """
     n = theirs.n
     q = rng.uniform(-0.4, 0.4, (rng.integers(2, 6), n))
     along = timing.cubic_spline(timing.positions(q), q)(np.linspace(0.0, 1.0, 400))[0]
@@ -51,18 +55,18 @@ def problem(theirs: Any, rng: np.random.Generator, low: str | None) -> tuple[np.
         limits[name] = limits[name] * (1000.0 if low not in (None, name) else 1.0)
         if rng.random() < 0.4:
             spread = rng.uniform(1.0, 2.0, (q.shape[0], *np.shape(limits[name])))
-            # Where tau_max could be taken for lower and upper limits, it stays constant.
+            # For two joints, one row per waypoint looks like pairs of lower and upper limits. So tau_max stays constant.
             limits[name] = limits[name] * spread if name != "tau_max" or n != 2 else limits[name]
     return q, limits | {"q_min": along.min(axis=0) - 0.01, "q_max": along.max(axis=0) + 0.01}
 
 
 def tip_of(arm: al.Arm, q: np.ndarray) -> str:
-    """The frame whose origin moves most with the joints."""
+    """Return the frame whose origin moves most with the joints at the first waypoint."""
     return max(arm.frame_names, key=lambda frame: float(np.linalg.norm(arm.jacobian(q[0], frame)[:3])))
 
 
 def shares(theirs: Any, p: al.TimedPath, t: np.ndarray, knots: np.ndarray, limits: dict[str, Any]) -> dict[str, np.ndarray]:
-    """What is used of each limit at the times t, (T, ..), less what the judge's rounding may add."""
+    """Return the used part of each limit at the times t, (T,) or (T, n), reduced by the reference's rounding."""
     q, v, a = p(t)
     s = places(p, t)
     J, change = theirs.jacobian(q, limits["frame"])[:, :3], theirs.jacobian_dot(q, v, limits["frame"])[:, :3]
@@ -99,17 +103,17 @@ def test_no_limit_is_exceeded_between_grid_points(n: int) -> None:
         t = np.concatenate([rng.uniform(0.0, p.duration, 250), rng.choice(grid, 750)])
         used = shares(theirs, p, t, timing.positions(q), limits)
         for name, share in used.items():
-            # The rate of a limit that varies times the error of the place, 1e-13, and the rounding of the Jacobians are below 1e-10.
+            # Two errors are below 1e-10: the rate of a varying limit times the error of s, 1e-13, and the rounding of Jacobians.
             assert share.max() <= 1.0 + PROMISE + 1e-10, (n, seed, name, share.max() - 1.0)
             active[name] = max(active[name], float(share.max()))
         at = p(t)[0]
         assert np.all(at >= limits["q_min"]) and np.all(at <= limits["q_max"])
-    # Each kind of limit binds in some problem.
+    # Each kind of limit is reached in some problem.
     assert CASES < len(KINDS) or min(active.values()) > 0.99, active
 
 
 def test_the_judge_sees_a_motion_that_is_too_fast() -> None:
-    """The same timing against limits a millionth lower: each kind that binds is reported."""
+    """The check detects a violation: against a limit that is lower by 1e-6, each timing exceeds it."""
     arm, theirs = driven_tree(6, 0)
     q, limits = problem(theirs, np.random.default_rng([24, 6, 0]), None)
     frame = tip_of(arm, q)

@@ -1,6 +1,6 @@
-"""Timings of paths against a planner of another kind, and motions from rest to rest against closed times.
+"""Timings of paths against a planner with another method, and motions from rest to rest against closed formulas.
 
-The core sweeps a grid of path positions forwards and backwards; the reference solves one convex problem on a grid of its own.
+armlet sweeps a grid of path positions forwards and backwards. The reference solves one convex problem on its own grid.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from armlet.reference import timing
 WAYPOINTS = np.array([[0.0, 0.0], [0.5, 0.8], [1.2, 0.3], [1.0, -0.5], [0.2, -0.2]])
 LIMITS: dict[str, Any] = {"tau_max": [20.0, 8.0]}
 VARYING = np.array([[4.0, 3.0], [2.0, 3.0], [3.0, 1.5], [3.0, 3.0], [4.0, 2.0]])
-#: Options whose error at 121 points of the reference is above the tolerance.
+#: Options that need more than 121 grid points of the reference.
 FINER = {"spline", "tip_speed", "v_max"}
 
 
 def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, float]:
-    """Of the core and of the reference."""
+    """Return the durations in s that armlet and the reference compute."""
     arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
     if options.get("friction") is True:
         drives = {"damping": [0.8, 0.3], "friction": [0.4, 0.1]}
@@ -42,13 +42,13 @@ def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, floa
         ({"tau_max": None, "a_max": 5.0}, 5e-4),
         ({"stops": [1, 3]}, 5e-4),
         ({"knots": [0.0, 0.2, 0.5, 0.8, 1.0]}, 5e-4),
-        # The limits have a corner where the path turns fast: the error falls with the step, 1e-3 at 241 points.
+        # The limits have a corner where the direction of the path changes fast. The error decreases with the step: 1e-3 at 241 points.
         ({"spline": "not-a-knot"}, 2e-3),
-        # At rest with q' = 0 the path speed grows without bound there: a grid finds the time to its own step.
+        # At rest with q' = 0 the path speed is unbounded, so the error of the duration is one step of the grid.
         ({"spline": "clamped"}, 2e-2),
         ({"start_speed": 0.3, "end_speed": 0.5}, 5e-4),
         ({"grid": 401, "refine": False}, 2e-3),
-        # The reference bounds the speed at its nodes alone: 1.3e-2 at 121 points, 5e-3 at 241, 9e-4 at 481.
+        # The reference bounds the speed only at its nodes: an error of 1.3e-2 at 121 points, 5e-3 at 241, 9e-4 at 481.
         ({"tip_speed": 0.8, "frame": "link2"}, 6e-3),
         ({"tip_acceleration": 6.0, "frame": "link2"}, 5e-4),
         ({"tau_max": None, "tip_acceleration": 6.0, "tip_speed": 0.7, "frame": "link2"}, 1e-3),
@@ -62,7 +62,10 @@ def durations(path: Any, points: int = 121, **options: Any) -> tuple[float, floa
     ids=str,
 )
 def test_time_path(options: dict[str, Any], tolerance: float) -> None:
-    """121 points of the reference lose or gain 3e-4 of the time; the core settles to 1e-4 of it."""
+    """Durations agree within the tolerance of each option.
+
+    With 121 points the reference errs by 3e-4 of the time. armlet refines its grid until the time changes by less than 1e-4.
+    """
     ours, theirs = durations(WAYPOINTS, 241 if FINER & options.keys() else 121, **LIMITS | options)
     assert ours == pytest.approx(theirs, rel=tolerance)
     if options:
@@ -72,7 +75,10 @@ def test_time_path(options: dict[str, Any], tolerance: float) -> None:
 
 @pytest.mark.parametrize("friction", [True, [1.5, 0.5]], ids=["drives", "viscous"])
 def test_friction(friction: Any) -> None:
-    """Viscous friction bends the limits: the core follows tangents of them, and may be 3e-3 slower; never faster."""
+    """With viscous friction the limits are curves, which armlet replaces by tangents.
+
+    Its duration is at most 3e-3 longer than the reference's, and not shorter.
+    """
     ours, theirs = durations(WAYPOINTS, **LIMITS, friction=friction)
     plain, _ = durations(WAYPOINTS, **LIMITS)
     assert -5e-4 < ours / theirs - 1.0 < 3e-3
@@ -84,9 +90,9 @@ def swing(s: float) -> Any:
 
 
 def test_paths_that_are_functions() -> None:
-    """A function alone becomes the spline through its samples, in both; with its derivatives it is the path.
+    """Both libraries replace a function by a spline through samples. A function that also returns derivatives is the path itself.
 
-    The path starts at its fastest, where the reference's 121 points lose 1e-3 of the time.
+    The path starts where it is fastest, and there 121 points of the reference lose 1e-3 of the time.
     """
 
     def whole(s: float) -> Any:
@@ -98,14 +104,17 @@ def test_paths_that_are_functions() -> None:
 
 
 def test_a_limited_rate_of_the_torque() -> None:
-    """The timing is inside its limits by the reference's torques, and slower than the fastest without that limit."""
+    """With a limit of the torque rate, the reference's torques are within all limits.
+
+    The duration is longer than the optimum without this limit.
+    """
     arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
     limits, rate = np.array([20.0, 8.0]), np.array([400.0, 200.0])
     p = al.time_path(arms[0], WAYPOINTS, tau_max=limits, torque_rate=rate)
     t = np.linspace(0.0, p.duration, 4001)
     tau, _ = timing.torques(arms[1], *p(t))
     assert timing.excess(tau, limits) <= 1e-9
-    # Differences over 1e-4 of the duration are means of the rate.
+    # Differences over 1/4000 of the duration are mean rates of the torque.
     assert timing.excess(np.diff(tau, axis=0) / np.diff(t)[:, None], rate) <= 1e-6
     assert p.duration > reference.time_path(arms[1], WAYPOINTS, tau_max=limits, grid=121).duration
 
@@ -127,7 +136,10 @@ def test_what_the_arm_cannot_hold_is_refused() -> None:
 
 
 def test_point_to_point() -> None:
-    """Ruckig's phases are known to 1e-8, and are slowed by what is left beyond a limit."""
+    """Durations agree with Ruckig's phases to 1e-7, and no limit is exceeded.
+
+    Ruckig has an error of about 1e-8. armlet slows the motion down where it exceeds a limit.
+    """
     rng = np.random.default_rng(3)
     for n in (1, 2, 5, 8):
         q0, q1 = rng.uniform(-2.0, 2.0, (2, n))
@@ -136,7 +148,7 @@ def test_point_to_point() -> None:
         assert p.duration == pytest.approx(reference.point_to_point(q0, q1, *limits).max(), rel=1e-7)
         t = np.linspace(0.0, p.duration, 2001)
         q, v, a = p(t)
-        # The motion is continuous in a: its difference over a step is no more than the jerk allows.
+        # The acceleration is continuous, so its difference over a step is at most the jerk limit times the step.
         jerk = np.abs(np.diff(a, axis=0)).max(axis=0) / t[1]
         for used, limit in zip((np.abs(v).max(axis=0), np.abs(a).max(axis=0), jerk), limits, strict=True):
             assert np.all(used <= limit * (1.0 + 1e-9))

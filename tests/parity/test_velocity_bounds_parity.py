@@ -1,4 +1,4 @@
-"""Joint limits as bounds of a sample's velocity against the reference, which bisects for the largest velocity that is allowed."""
+"""Velocity bounds of one sample from joint limits against the reference, which finds the largest allowed velocity by bisection."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from armlet import reference as ref
 
 
 def test_bounds_of_a_sample() -> None:
-    """Inside, at and beyond limits, with and without brakes, and without a limit; by bisection there."""
+    """Bounds agree inside, at and beyond limits, with and without acceleration limits, and for joints without limits."""
     rng = np.random.default_rng(2)
     inf = np.inf
     for n in range(1, 9):

@@ -1,4 +1,4 @@
-"""Random trees, twice: of the core and of the reference."""
+"""Random trees, made with armlet and with the reference."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ from armlet import reference as ref
 
 Array = NDArray[np.float64]
 
-# The reference forms n^2 traces of products of 4 x 4 matrices: some hundred roundings of the largest entry.
+# The reference adds n^2 traces of products of 4 x 4 matrices, which gives some hundred roundings of the largest entry.
 TOLERANCE = 1e-12
 
 
 def close(got: Array, want: Array, scale: float = 1.0, tolerance: float = TOLERANCE) -> None:
-    """Within the tolerance of the largest number, at least that of `scale`."""
+    """Assert that all differences are within `tolerance` times the largest number, or times `scale` if this is larger."""
     assert got.shape == want.shape
     assert float(np.abs(got - want).max(initial=0.0)) <= tolerance * max(scale, float(np.abs(want).max(initial=0.0)))
 
 
 def random_joints(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
-    """A tree with `n` moving joints and now and then a fixed body; random mass points make every inertia a real one."""
+    """Return a list of joints of a tree: `n` moving joints and some fixed ones.
+
+    The inertias are those of random mass points, so they are physically consistent.
+    """
     joints: list[dict[str, Any]] = []
     moving = 0
     while moving < n:
@@ -48,7 +51,10 @@ def random_joints(rng: np.random.Generator, n: int) -> list[dict[str, Any]]:
 
 
 def both(n: int, seed: int) -> tuple[al.Arm, Any, Array, list[dict[str, Any]]]:
-    """The arm, the reference, and where each of the arm's joints stands in the reference's order, that of the list."""
+    """Return the arm, the reference, the index of each of the arm's joints in the reference's order, and the list of joints.
+
+    The reference keeps the order of the list.
+    """
     rng = np.random.default_rng([n, seed])
     joints, gravity, armature = random_joints(rng, n), 5.0 * rng.normal(size=3), rng.uniform(0.0, 0.3, n)
     moving = [joint["name"] for joint in joints if joint["type"] != "fixed"]
@@ -61,7 +67,7 @@ def both(n: int, seed: int) -> tuple[al.Arm, Any, Array, list[dict[str, Any]]]:
 
 
 def driven_tree(n: int, seed: int) -> tuple[al.Arm, Any]:
-    """A tree whose joints have damping, Coulomb friction and limits, in one order of joints for both."""
+    """Return a tree from each library, with damping, Coulomb friction and limits. Both have the same order of joints."""
     rng = np.random.default_rng([n, seed, 7])
     joints, gravity = random_joints(rng, n), 5.0 * rng.normal(size=3)
     for joint in joints:
@@ -70,7 +76,7 @@ def driven_tree(n: int, seed: int) -> tuple[al.Arm, Any]:
             joint |= {"lower": rng.uniform(-2.0, -0.5), "upper": rng.uniform(0.5, 2.0), "velocity": rng.uniform(0.5, 3.0)}
     arm = al.Arm.from_chain(joints, gravity=gravity)
     places = {str(joint["name"]): index for index, joint in enumerate(joints)}
-    # Depth first, as the arm has them: a joint after the one that carries it, in the order of the list.
+    # The order is depth first, as in the arm: each joint follows its parent, and siblings keep the order of the list.
     order = sorted(range(len(joints)), key=lambda index: ancestry(joints, index))
     joints = [joints[index] | {"parent": order.index(joints[index]["parent"]) if joints[index]["parent"] >= 0 else -1} for index in order]
     theirs = ref.Arm.from_chain(joints, gravity=gravity)
@@ -81,6 +87,6 @@ def driven_tree(n: int, seed: int) -> tuple[al.Arm, Any]:
 
 
 def ancestry(joints: list[dict[str, Any]], index: int) -> list[int]:
-    """Indices from the base to a joint."""
+    """Return the indices of the joints from the base to this joint."""
     above = joints[index]["parent"]
     return ([] if above < 0 else ancestry(joints, above)) + [index]

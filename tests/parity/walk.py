@@ -1,4 +1,4 @@
-"""What is public, and what a test speaks of: the two lists that `test_coverage.py` compares.
+"""List the public names of armlet, and the identifiers in a test: the two lists that `test_coverage.py` compares.
 
 A name is `function`, `Class`, `Class.method`, `Class.__call__`, or one of these with an optional argument: `simulate(tau_max)`.
 A class that inherits a method lists it without arguments.
@@ -16,13 +16,13 @@ from typing import Any
 import armlet as al
 
 HERE = Path(__file__).parent
-# Classes whose objects tests make by name.
+# For these classes a test must name the class, too, since it constructs the objects itself.
 MADE = (al.Law, al.Motion, al.Simulator, al.PrioritySolver)
 DEFINES = (ast.FunctionDef, ast.ClassDef)
 
 
 def optional(entry: Any) -> list[str]:
-    """The arguments of a callable that may be left out."""
+    """Return the names of the optional arguments of a callable."""
     try:
         parameters = inspect.signature(entry).parameters.values()
     except (TypeError, ValueError):
@@ -31,7 +31,7 @@ def optional(entry: Any) -> list[str]:
 
 
 def public() -> list[str]:
-    """Every name that the table must have."""
+    """Return every name that the table must contain."""
     found = []
     for name in al.__all__:
         entry = getattr(al, name)
@@ -45,16 +45,16 @@ def public() -> list[str]:
 
 
 def methods(entry: type) -> dict[str, Any]:
-    """The methods that armlet gives a class, calls of its objects included; of `Arm` the properties too."""
+    """Return the methods of a class that armlet defines, including `__call__`. For `Arm` the properties are included."""
     own = {member for base in entry.__mro__ if base.__module__.startswith("armlet") for member in vars(base)}
     names = [member for member in dir(entry) if member in own and (member == "__call__" or not member.startswith("_"))]
     return {member: getattr(entry, member) for member in names if entry is al.Arm or callable(getattr(entry, member))}
 
 
 def words(name: str) -> set[str]:
-    """What a test that covers this name has to speak of: the last name before the bracket, and the argument.
+    """Return the identifiers that a test of this name must contain: the last name before the bracket, and the argument.
 
-    A method of an object that tests make by its class needs the class too; a call needs the class alone.
+    For a method of a class in `MADE`, this includes the class. For `__call__`, it is the class alone.
     """
     call, _, argument = name.rstrip(")").partition("(")
     owner, _, last = call.rpartition(".")
@@ -64,7 +64,7 @@ def words(name: str) -> set[str]:
 
 @cache
 def definitions(path: Path) -> dict[str, list[ast.stmt]]:
-    """The statements of a test file by the names that they define; imports from neighbours lead there."""
+    """Return the statements of a test file by the names that they define. Imports from the same folder are followed."""
     found: dict[str, list[ast.stmt]] = {}
     for statement in ast.parse(path.read_text()).body:
         if isinstance(statement, DEFINES):
@@ -83,7 +83,7 @@ def definitions(path: Path) -> dict[str, list[ast.stmt]]:
 
 @cache
 def spoken(path: Path, test: str) -> frozenset[str] | None:
-    """The identifiers in a test and in everything of its file that it uses; None if there is no such test."""
+    """Return the identifiers in a test and in all definitions that it uses, or None if the file has no such test."""
     own = definitions(path)
     if test not in own or not test.startswith("test_"):
         return None
@@ -104,7 +104,7 @@ def spoken(path: Path, test: str) -> frozenset[str] | None:
 
 
 def compares_with_reference(path: Path) -> bool:
-    """Whether a test file imports the reference, itself or through a neighbour."""
+    """Return whether a test file imports the reference, directly or through a file of the same folder."""
     text = path.read_text()
     if re.search(r"^(from armlet import .*\breference\b|from armlet\.reference|import armlet\.reference)", text, re.MULTILINE):
         return True

@@ -1,11 +1,11 @@
-"""Where the robots of example-robot-data are, and which of them the tests take."""
+"""Paths of the robots in the package example-robot-data, and the robots that the tests use."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-# One of each kind; Baxter and Tiago have two arms, ANYmal four legs on a fixed base, PR2 and Talos are large and branched.
+# Several kinds of robots: Baxter and Tiago have two arms, ANYmal four legs on a fixed base. PR2 and Talos are large with many branches.
 ROBOTS = {
     "panda": "panda_description/urdf/panda.urdf",
     "ur5": "ur_description/urdf/ur5_robot.urdf",
@@ -22,7 +22,7 @@ ROBOTS = {
 
 
 def folder() -> Path:
-    """The `robots` folder of the installed package."""
+    """Return the folder `robots` of the installed package."""
     for place in sys.path:
         robots = Path(place) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
         if robots.is_dir():

@@ -1,6 +1,7 @@
-"""Joints that follow others against mimic joints of Pinocchio, on public grippers and hands at 1e-12, and constraints of MuJoCo.
+"""Mimic joints against Pinocchio's mimic joints on public grippers and hands, to 1e-12, and against constraints of MuJoCo.
 
-Pinocchio's aba and regressor refuse models with mimic joints: forward dynamics is compared through `M a`, the regressor by its product.
+Pinocchio's aba and regressor refuse models with mimic joints. The tests compare forward dynamics through `M a`, and the regressor through
+its product with the parameters.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-# What is found is 3e-15 and less.
+# The largest measured difference is 3e-15.
 TOLERANCE = 1e-12
 GRIPPERS = {
     "panda": "panda_description/urdf/panda.urdf",
@@ -27,7 +28,7 @@ GRIPPERS = {
     "pr2": "pr2_description/urdf/pr2.urdf",
     "tiago_pro": "tiago_pro_description/robots/tiago_pro.urdf",
 }
-# Pinocchio refuses these as models with mimic joints: a leader comes later than a follower in its order.
+# Pinocchio refuses these models with mimic joints, since a mimicked joint is after its mimic joint in Pinocchio's order.
 LATER = {"romeo": "romeo_description/urdf/romeo.urdf", "talos": "talos_data/robots/talos_full_v2.urdf"}
 
 
@@ -62,7 +63,7 @@ def test_dynamics(pair: tuple[al.Arm, Any]) -> None:
         bias = np.array(pin.nle(model, data, at, rate))[rows]
         assert apart(arm.bias(q, v), bias) <= TOLERANCE
         mass = arm.mass_matrix(q)
-        # Massless links leave a singular matrix.
+        # Links without mass make M singular, and then the test skips forward dynamics.
         if np.linalg.cond(mass) < 1e8:
             accelerated = arm.forward_dynamics(q, v, tau)
             assert apart(mass @ accelerated + bias, tau) <= TOLERANCE
@@ -135,14 +136,14 @@ class TestMuJoCo:
         arm = al.from_mujoco(model)
         assert arm.joint_names == ("turn", "left", "other") and "constraints between joints are rigid here; MuJoCo's are soft" in arm.report
         assert not any("dropped" in line for line in arm.report), arm.report
-        # right - 0 = 0.01 - (left - 0.02), curl - 0.3 = 5 (right - 0).
+        # The constraints are right - 0 = 0.01 - (left - 0.02) and curl - 0.3 = 5 (right - 0).
         left = 0.03
         positions = dict(zip(arm.file_joint_names, arm.file_positions([0.1, left, 0.2]), strict=True))
         right = 0.01 - (left - 0.02)
         assert positions == pytest.approx({"turn": 0.1, "left": left, "right": right, "curl": 0.3 + 5 * right, "other": 0.2}, abs=1e-15)
         report = al.verify(arm, against=model, rtol=TOLERANCE)
         assert report, str(report)
-        # MuJoCo's own state at rest on the constraint agrees with it.
+        # At the reference position, the errors of MuJoCo's constraints have the expected values.
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         assert float(np.abs(data.efc_pos[: data.ne] - np.array([-0.01, 0.0])).max()) < 1e-12

@@ -1,4 +1,4 @@
-"""Arms made from MuJoCo models, and URDFs read by both, against MuJoCo's own numbers."""
+"""Arms made from MuJoCo models, and URDF files that armlet and MuJoCo both read, against MuJoCo's numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from robots import path
 
 import armlet as al
 
-# Anchors off the origin, reference positions, two joints on a body, branches, fixed bodies, turned inertias, rotors, friction.
+# The model has joint anchors off the origin, reference positions, two joints on one body, branches and fixed bodies. It also has rotated
+# inertias, armature and friction.
 MODEL = """
 <mujoco>
   <compiler angle="radian"/>
@@ -63,7 +64,7 @@ def test_a_model_with_everything() -> None:
     data.qpos[:] = q
     mujoco.mj_forward(model, data)
     site = model.site("tip").id
-    # Quaternions of unit length to one rounding.
+    # Quaternions have unit length up to one rounding.
     np.testing.assert_allclose(arm.pose(q, "tip")[:3, 3], data.site_xpos[site], rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(arm.pose(q, "tip")[:3, :3], data.site_xmat[site].reshape(3, 3), rtol=0.0, atol=1e-14)
     heavier = arm.parameters
@@ -76,12 +77,12 @@ def test_a_model_with_everything() -> None:
 @pytest.mark.parametrize("name", ["panda", "ur5", "z1", "solo12"])
 def test_urdfs_read_by_both(name: str) -> None:
     text = re.sub(r"<(visual|collision)\b.*?</\1>", "", path(name).read_text(), flags=re.DOTALL)
-    # MuJoCo reads URDF with its own idea of what is fused, which inertias are balanced and which armature there is.
+    # By default MuJoCo fuses bodies, changes inertias and adds armature when it reads a URDF. These options turn this off.
     options = '<mujoco><compiler fusestatic="false" discardvisual="true" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
     text = re.sub(r"(<robot\b[^>]*>)", r"\1" + options, text, count=1)
     model = mujoco.MjModel.from_xml_string(text)
     arm = al.load_urdf(str(path(name)))
-    # MuJoCo keeps principal axes as quaternions and rounds what it reads: 1e-8 of the largest.
+    # MuJoCo stores principal axes as quaternions and rounds the numbers that it reads, to 1e-8 of the largest.
     report = al.verify(arm, against=model, samples=3, rtol=1e-7)
     numbers = [row for row in report.rows if row.quantity not in ("gravity vector", "armature")]
     assert all(row.agrees for row in numbers), str(report)
@@ -100,7 +101,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mujoco_loop.py"
 
 
 def test_a_law_drives_a_model(tmp_path: Path) -> None:
-    """The example, whose two loops agree to 1e-10; with a gram more on one side they do not."""
+    """The example runs: its two loops agree to 1e-10. With an extra gram in one of them, its assertion fails."""
     code = EXAMPLE.read_text()
     assert subprocess.run([sys.executable, "-P", "-c", code, str(tmp_path / "figure.png")], check=False).returncode == 0
     assert (tmp_path / "figure.png").stat().st_size > 0
@@ -165,7 +166,7 @@ def test_what_is_dropped_is_told() -> None:
         ({"rest": '<equality><joint joint1="a" joint2="b" polycoef="0 1 1 0 0"/></equality>'}, "equality constraints dropped (1)"),
     ):
         assert agrees(two_links(**given)).report == (said,)
-    # A tendon's own inertia couples the joints: no arm has that, and the comparison says so.
+    # The armature of a tendon couples the joints, which `al.Arm` cannot represent. `al.verify` reports the difference.
     coupled = two_links(rest=f'<tendon><fixed name="t" armature="0.7">{joints}</fixed></tendon>')
     report = al.verify(al.from_mujoco(coupled), against=coupled)
     assert not report and "mass_matrix" in {row.quantity for row in report.rows if not row.agrees}
@@ -179,7 +180,7 @@ def test_a_world_without_joints_is_compared() -> None:
 
 
 def test_what_is_written_is_read_by_others() -> None:
-    """The attributes that keep the last digits are no matter to another reader."""
+    """MuJoCo reads a URDF from `to_urdf` and ignores the extra attributes, which store exact parameters."""
     arm = al.load_urdf(al.example_urdf("six_axis")).with_frame("tool", "link6", rpy=[0.3, 0.4, 0.5])
     text = arm.with_payload("tool", 1.0, [0.1, 0.2, 0.3]).to_urdf()[0]
     assert ' parameters="' in text

@@ -1,7 +1,7 @@
-"""Arms read from public URDFs against Pinocchio at 1e-10, joints matched by name.
+"""Arms read from public URDF files against Pinocchio, to 1e-10, with joints matched by name.
 
-Pinocchio's regressor ignores the armature and its rnea does not; its rnea and aba ignore the damping of the file. Its order of
-joints differs on branched robots, and a continuous joint has two coordinates there.
+Pinocchio's rnea includes the armature and its regressor does not. Its rnea and aba ignore the damping of the file.
+On branched robots Pinocchio orders joints differently, and a continuous joint has two coordinates.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import armlet as al
 
 Array = NDArray[np.float64]
 
-# The target of the comparison; what is found is some 1e-15.
+# The largest measured difference is about 1e-15.
 TOLERANCE = 1e-10
 
 
@@ -30,7 +30,7 @@ def close(got: Array, want: Array, scale: float = 0.0, tolerance: float = TOLERA
 
 
 class Peer:
-    """A Pinocchio model in the order of an arm's joints."""
+    """A Pinocchio model with functions that convert joint vectors from the order of an arm."""
 
     def __init__(self, arm: al.Arm, model: Any) -> None:
         self.model, self.data = model, model.createData()
@@ -80,18 +80,18 @@ def test_dynamics(pair: tuple[al.Arm, Peer]) -> None:
         gravity = np.array(pin.computeGeneralizedGravity(model, data, at))[rows]
         coriolis = np.array(pin.computeCoriolisMatrix(model, data, at, rate))[np.ix_(rows, rows)]
         tau = np.array(pin.rnea(model, data, at, rate, acceleration))[rows]
-        # One configuration and the row of a batch.
+        # The test compares a single call and one row of a batch.
         for m, c, g, t in (
             (arm.mass_matrix(q[i]), arm.coriolis_matrix(q[i], v[i]), arm.gravity(q[i]), arm.inverse_dynamics(q[i], v[i], a[i])),
             (batch["M"][i], batch["C"][i], batch["g"][i], batch["tau"][i]),
         ):
             close(m, mass)
             close(g, gravity, scale)
-            # Two factorisations of the same Coriolis force: C v and C + C' = dM/dt are common to both.
+            # The Coriolis matrices differ, but C v and C + C' = dM/dt are equal for both factorisations.
             close(c @ v[i], coriolis @ v[i], scale)
             close(c + c.T, coriolis + coriolis.T, scale)
             close(t, tau, scale)
-        # As torques: M may be ill conditioned. Relative to what the solve is made of.
+        # M may be badly conditioned, so the test multiplies accelerations by M and compares torques.
         accelerated = np.array(pin.aba(model, data, at, rate, peer.v(tau)))[rows]
         ours = arm.forward_dynamics(q[i], v[i], tau)
         close(mass @ ours, mass @ accelerated, max(scale, float(np.abs(tau).max())))
@@ -120,7 +120,10 @@ def test_kinematics(pair: tuple[al.Arm, Peer]) -> None:
 
 
 def test_regressor_by_polarisation(pair: tuple[al.Arm, Peer]) -> None:
-    """Y(q, v, v_r, a_r) from the classical regressor W(q, v, a), quadratic in v: its bilinear form at (v, v_r)."""
+    """`regressor(q, v, v_r, a_r)` follows from Pinocchio's regressor W(q, v, a).
+
+    W is quadratic in v, and its bilinear form at (v, v_r) gives the Coriolis part.
+    """
     arm, peer = pair
     (q,), (v,), (v_r,), (a_r,) = states(arm, 1, 4)
     zero = np.zeros(arm.n)
@@ -137,7 +140,7 @@ def test_regressor_by_polarisation(pair: tuple[al.Arm, Peer]) -> None:
     close(got, want)
     close(arm.regressor(q, v, v, a_r), classical(v, a_r))
     parameters = np.concatenate([peer.model.inertias[i].toDynamicParameters() for i in peer.ids])
-    # Inertias are moved to the joint's frame by either side: a few roundings of the largest.
+    # Both libraries move inertias to the joint's frame, with a few roundings of the largest number.
     close(arm.parameters, parameters, 1.0, 1e-13)
     armature = np.array(peer.model.armature)[peer.rows]
     tau = np.array(pin.rnea(peer.model, peer.data, peer.q(q), peer.v(v), peer.v(a_r)))[peer.rows]
@@ -158,7 +161,7 @@ def test_derivatives(pair: tuple[al.Arm, Peer]) -> None:
     tau = arm.inverse_dynamics(q, v, a)
     theirs = [np.array(x)[pick] for x in pin.computeABADerivatives(peer.model, peer.data, at, rate, peer.v(tau))[:2]]
     for got, want in zip(arm.forward_dynamics_derivatives(q, v, tau)[:2], theirs, strict=True):
-        # As torques again: these robots' M reaches a condition of 1e8.
+        # M has a condition number of up to 1e8, so the test multiplies by M and compares torques.
         close(ours[2] @ got, ours[2] @ want, scale)
 
 
@@ -207,7 +210,7 @@ def test_joints_that_are_held_and_joints_that_are_missing() -> None:
         al.from_pinocchio(pin.buildModelFromUrdf(str(path("anymal")), pin.JointModelFreeFlyer()))
 
 
-#: Files of the package that no arm can be made of.
+#: Files of the package that armlet refuses, with a part of the error message.
 REFUSED = {
     "romeo_laas_small.urdf": "negative principal moment",
     "ur3.urdf": "has no links",
@@ -217,7 +220,10 @@ REFUSED = {
 
 @pytest.mark.parametrize("file", sorted(folder().rglob("*.urdf")), ids=lambda file: file.stem)
 def test_every_robot_of_the_package(file: Path) -> None:
-    """Odd ones too: mimic and continuous joints, flat inertias, links without mass, up to a singular mass matrix, and no joint at all."""
+    """`al.verify` agrees for every file of the package.
+
+    The files have mimic and continuous joints, flat inertias, links without mass, a singular mass matrix, or no joint.
+    """
     if file.name in REFUSED:
         with pytest.raises(al.ModelError, match=REFUSED[file.name]) as caught:
             al.load_urdf(str(file))
@@ -272,7 +278,7 @@ def test_a_turning_base_is_told() -> None:
 
 @pytest.mark.parametrize("name", ["six_axis", "two_arms"])
 def test_what_is_written_is_read_by_others(name: str) -> None:
-    """The attributes that keep the last digits are no matter to another reader."""
+    """Pinocchio reads a URDF from `to_urdf` and ignores the extra attributes, which store exact parameters."""
     arm = al.load_urdf(al.example_urdf(name))
     frame = arm.frame_names[-1]
     arm = arm.with_frame("tool", frame, rpy=[0.3, 0.4, 0.5]).with_payload("tool", 1.0, [0.1, 0.2, 0.3])
@@ -280,5 +286,5 @@ def test_what_is_written_is_read_by_others(name: str) -> None:
     assert ' parameters="' in text or ' rotation="' in text
     report = al.verify(arm, against=pin.buildModelFromXML(text))
     differ = {row.quantity for row in report.rows if not row.agrees}
-    # Pinocchio gives a URDF no rotors.
+    # Pinocchio reads no armature from a URDF, so quantities with armature may differ.
     assert differ <= {"armature", "mass_matrix", "inverse_dynamics", "forward_dynamics"}, str(report)

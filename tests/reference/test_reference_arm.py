@@ -1,4 +1,4 @@
-"""General arms of the reference against the vectors, against differences, and against their identities."""
+"""Arms of the reference against vector files, finite differences and identities."""
 
 import json
 from pathlib import Path
@@ -26,7 +26,7 @@ def random_tree(rng: np.random.Generator, n: int) -> Any:
     joints: list[dict[str, Any]] = []
     for index in range(n):
         half = rng.normal(size=(3, 4))
-        points = half @ half.T  # second moments of a body with more than three mass points: physically consistent
+        points = half @ half.T  # second moments of four points: consistent
         mass, com = rng.uniform(0.5, 2.0), rng.normal(size=3) * 0.1
         second = points * 0.01 + mass * np.outer(com, com)
         inertia = np.trace(second) * np.eye(3) - second
@@ -98,7 +98,7 @@ def test_identities(n: int) -> None:
     q, v, x, a = rng.normal(size=(4, 6, n))
     C = arm.coriolis_matrix(q, v)
     scale = 1.0 + np.abs(C).max()
-    # 1e-12 relative: a few hundred products of O(1) numbers each.
+    # Each entry is a sum of a few hundred products of numbers near 1, so rounding is below 1e-12 relative.
     np.testing.assert_allclose(arm.mass_matrix_rate(q, v), C + np.swapaxes(C, -1, -2), atol=1e-12 * scale)
     left = np.einsum("bij,bj->bi", C, x)
     np.testing.assert_allclose(left, np.einsum("bij,bj->bi", arm.coriolis_matrix(q, x), v), atol=1e-12 * scale)
@@ -108,7 +108,7 @@ def test_identities(n: int) -> None:
     np.testing.assert_allclose(arm.forward_dynamics(q, v, tau), a, atol=1e-9)
     h = 1e-6
     slopes = [(arm.energy(q + h * e, v)[1] - arm.energy(q - h * e, v)[1]) / (2 * h) for e in np.eye(n)]
-    # Differences of a potential of order 50 J: 1e-16 * 50 / 1e-6.
+    # The potential is about 50 J, so the rounding of its difference is 1e-16 * 50 / 1e-6 = 5e-9.
     np.testing.assert_allclose(arm.gravity(q), np.stack(slopes, axis=-1), atol=1e-7)
 
 
@@ -122,7 +122,7 @@ def test_jacobian_is_the_slope_of_the_pose() -> None:
         after, before = arm.pose(q + h * v, frame), arm.pose(q - h * v, frame)
         rate = (after - before) / (2 * h)
         spin = rate[:3, :3] @ arm.pose(q, frame)[:3, :3].T
-        # Central differences: h^2 truncation and 1e-16/h rounding, both below 1e-9.
+        # The central differences have truncation errors of order h^2 and rounding errors of 1e-16/h, both below 1e-9.
         np.testing.assert_allclose(J @ v, [*rate[:3, 3], spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-8)
         slope = (arm.jacobian(q + h * v, frame) - arm.jacobian(q - h * v, frame)) / (2 * h)
         np.testing.assert_allclose(arm.jacobian_dot(q, v, frame), slope, atol=1e-8)
@@ -135,7 +135,7 @@ def test_a_fixed_link_is_its_carrier() -> None:
     tool = {"type": "fixed", "rpy": (0.5, -0.4, 1.0), "xyz": (0.3, 0.0, -0.1), "phi": phi}
     last = {"type": "P", "axis": (1, 2, 2), "rpy": (0.0, 0.7, 0.0), "xyz": (0.0, 0.4, 0.0), "phi": phi}
     merged = ref.Arm.from_chain([first, tool, last])
-    # The same body as a revolute joint held still: rows and columns of the moving joints must agree.
+    # A revolute joint that does not move replaces the fixed joint. Dynamics of the moving joints must agree.
     loose = ref.Arm.from_chain([first, tool | {"type": "R", "axis": (0, 0, 1)}, last])
     q, v, a = rng.normal(size=(3, 2))
     held = [np.insert(x, 1, 0.0) for x in (q, v, a)]

@@ -1,4 +1,4 @@
-"""System 3 of the reference against the vectors, its energy identity and its limits."""
+"""Elastic joints of the reference (system 3) against vector files, the energy identity and the stability limits."""
 
 import json
 from pathlib import Path
@@ -64,11 +64,11 @@ def test_trajectory(case: dict[str, Any]) -> None:
     for row, sample in enumerate(expected["samples"]):
         for theirs, ours in names.items():
             np.testing.assert_allclose(run[ours][row], floats(sample[theirs]), rtol=0.0, atol=atol, err_msg=f"{theirs} at t = {times[row]}")
-        # A state error of 1e-8 moves the torque by up to B/B0 K_J = 40 000 of it.
+        # A state error of 1e-8 changes the torque by up to B/B0 K_J = 40 000 times that error.
         np.testing.assert_allclose(run["tau"][row], floats(sample["tau"]), rtol=0.0, atol=4e4 * atol)
         np.testing.assert_allclose(run["energy"][row], sample["E"], rtol=1e-7, atol=atol)
         np.testing.assert_allclose(run["energy"][row] - expected["E0"], sample["E_minus_E0"], rtol=1e-7, atol=10 * atol)
-    # The balance is an identity; 1e-8 relative to the largest energy (SPEC system 3).
+    # The energy balance is an identity. Its error is at most 1e-8 of the largest energy (SPEC system 3).
     assert np.abs(run["energy_balance"]).max() <= 1e-8 * np.abs(run["energy"]).max()
 
 
@@ -83,7 +83,7 @@ def test_equilibrium(case: dict[str, Any]) -> None:
         assert np.abs(value - wanted).max() <= tolerance["rel"] * np.abs(wanted).max(), key
     assert abs(found.eigenvalues.real.max() - expected["max_real_eig"]) <= tolerance["eig_rel"] * abs(expected["max_real_eig"])
     if "eig_sorted" in expected:
-        # The file lists both members of a conjugate pair with one sign, so the imaginary parts are compared by size.
+        # The file gives both eigenvalues of a conjugate pair the same sign of the imaginary part, so the test compares absolute values.
         folded = found.eigenvalues.real + 1j * np.abs(found.eigenvalues.imag)
         wanted = floats(expected["eig_sorted"]) @ [1.0, 1.0j]
         atol = tolerance["eig_rel"] * np.abs(wanted).max()
@@ -98,7 +98,7 @@ def test_equilibrium(case: dict[str, Any]) -> None:
 @pytest.mark.parametrize("entry", FILE["analysis"]["zoh_limit"], ids=lambda entry: f"{entry['B']}_{entry['dt']}")
 def test_sampled_limit(entry: dict[str, float]) -> None:
     found = elastic.smallest_reduced_inertia(entry["B"], entry["K_J"], entry["dt"])
-    # 1e-7: near the limit the radius is flat in B0, so rounding of the eigenvalues moves the root.
+    # Near the limit the spectral radius hardly depends on B0, so rounding of the eigenvalues moves the root by up to 1e-7.
     assert abs(found / entry["B0_min"] - 1.0) <= 1e-7
 
 
@@ -112,7 +112,7 @@ def test_stiffness_limit(entry: dict[str, float]) -> None:
 
 
 def test_full_matrices_keep_the_reduced_motor() -> None:
-    """tau inserted into the motor gives (6), with the order B B0^-1, for full matrices."""
+    """With full matrices and the order B B0^-1, the torque gives the motor equation (6) with the reduced inertia B0."""
     rng = np.random.default_rng(7)
 
     def positive(scale: float) -> np.ndarray:
@@ -129,7 +129,7 @@ def test_full_matrices_keep_the_reduced_motor() -> None:
     np.testing.assert_allclose(B0 @ theta_ddot + law.motor_damping @ theta_dot + spring, u, rtol=1e-9)
     mix = B @ np.linalg.inv(B0)
     np.testing.assert_allclose(tau, (np.eye(2) - mix) @ spring + mix @ (u - law.motor_damping @ theta_dot), rtol=1e-9)
-    # D0 gives every mode the ratio 0.7: B0^-1/2 D0 B0^-1/2 = 1.4 sqrt(B0^-1/2 K_J B0^-1/2).
+    # D0 gives every mode the damping ratio 0.7: B0^-1/2 D0 B0^-1/2 = 1.4 sqrt(B0^-1/2 K_J B0^-1/2).
     inverse = impedance.power(B0, -0.5)
     scaled = inverse @ law.motor_damping @ inverse / 1.4
     np.testing.assert_allclose(scaled @ scaled, inverse @ K_J @ inverse, rtol=1e-9, atol=1e-6)
@@ -141,7 +141,7 @@ def test_relative_damping_balances_too() -> None:
         arm, [0.5, 0.3], 200.0, 20.0, [800.0, 500.0], [0.4, 0.25], [0.04, 0.025], frame="link2", axes="xy", relative_damping=True
     )
     run = ref.simulate(ref.ElasticArm(arm, [800.0, 500.0], [0.4, 0.25]), law, [0.3, 1.2], t_end=0.2, dt=1e-4, force=[5.0, -3.0])
-    # RK4 at 1e-4 with the fastest mode near 150 rad/s: (0.015)^4.
+    # RK4 with a step of 1e-4 s and a fastest mode of 150 rad/s errs by about (0.015)^4 = 5e-8.
     assert np.abs(run["energy_balance"]).max() <= 1e-7 * run["energy"].max()
     assert np.ptp(run["energy"]) > 1e-3
 

@@ -1,4 +1,4 @@
-"""The reference stands on numpy alone, so that nothing of the core can agree with itself through it."""
+"""The reference imports numpy only. If it imported compiled code of armlet, parity tests would compare this code with itself."""
 
 import ast
 import sys
@@ -8,7 +8,7 @@ FOLDER = Path(__file__).parents[2] / "python" / "armlet" / "reference"
 
 
 def foreign(source: str) -> list[str]:
-    """Modules a source imports beyond numpy, the standard library and its own package."""
+    """Return the modules that a source imports, except numpy, the standard library and its own package."""
     found = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):

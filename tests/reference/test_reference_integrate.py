@@ -1,4 +1,4 @@
-"""The reference's integrators alone: order of one step, jumps, ends."""
+"""Integrators of the reference without an arm: order of convergence, jumps, and ends of the integration."""
 
 from typing import Any
 
@@ -23,7 +23,8 @@ def test_extrapolated_step_has_order_two_per_column(columns: int) -> None:
     for h in (0.4, 0.2):
         value, _ = integrate._extrapolate(circle, 0.3, y, h, circle(0.3, y), columns)
         errors.append(np.linalg.norm(value - exact(0.3 + h)))
-    # The error of one step is h^(2 columns + 1); 0.5 for the next term at these large steps (rounding forbids smaller ones).
+    # The error of one step is of order h^(2 columns + 1). The tolerance of 0.5 covers the next term at these large steps, and rounding
+    # forbids smaller steps.
     assert abs(np.log2(errors[0] / errors[1]) - (2 * columns + 1)) < 0.5
 
 
@@ -44,12 +45,15 @@ def test_symplectic_euler_keeps_the_oscillator_bounded() -> None:
     y = np.array([1.0, 0.0])
     for k in range(10_000):
         y = step(lambda t, x: np.array([x[1], -x[0]]), 0.1 * k, y, 0.1)
-    # Its own invariant q^2 + v^2 - h q v is kept to rounding.
+    # The method keeps q^2 + v^2 - h q v constant, up to rounding.
     assert abs(y @ y - 0.1 * y[0] * y[1] - 1.0) < 1e-11
 
 
 def test_jumps_are_landed_on() -> None:
-    """x'' = +1 before 0.75, -3 after: the answer is a polynomial, exact to rounding only if no step straddles the jump."""
+    """A step ends at the time of a jump.
+
+    The acceleration is +1 before t = 0.75 and -3 after. The exact solution is a polynomial, which the method reproduces to rounding.
+    """
     jump, calls = 0.75, 0
 
     def force(t: float, y: np.ndarray) -> np.ndarray:
@@ -58,7 +62,7 @@ def test_jumps_are_landed_on() -> None:
         return np.array([y[1], 1.0 if t < jump else -3.0])
 
     (end,) = integrate.gbs(force, 0.0, np.zeros(2), [2.0], breaks=[jump])
-    # A stage on the wrong side of the jump shows as rejected steps: 9 steps of 57 evaluations do without.
+    # A step across the jump would be rejected and cost more evaluations. Without rejections, 9 steps need 57 evaluations each.
     assert calls <= 12 * 57
     rest = 2.0 - jump
     np.testing.assert_allclose(end, [jump**2 / 2 + jump * rest - 1.5 * rest**2, jump - 3 * rest], atol=1e-14)
@@ -81,4 +85,4 @@ def test_what_cannot_go_on_ends_with_the_time() -> None:
     assert caught.value.t == pytest.approx(0.5, abs=1e-12)
     with pytest.raises(integrate.IntegrationError) as caught:
         integrate.gbs(lambda t, y: y * y, 0.0, np.ones(1), [2.0], max_steps=20_000)
-    assert caught.value.t == pytest.approx(1.0, abs=1e-3)  # y = 1/(1 - t)
+    assert caught.value.t == pytest.approx(1.0, abs=1e-3)  # the solution is 1/(1 - t)

@@ -1,4 +1,4 @@
-"""System 4 of the reference against the vectors, and by running what it promises."""
+"""Minimum time of the reference (system 4) against vector files, and by simulating the computed motions."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ CASES = FILE["cases"]
 
 
 def number(text: str) -> float:
-    """Products and quotients of decimals and pi, as the file writes them: "-pi/2", "9.81*0.3*2*pi/pi"."""
+    """Parse products and quotients of decimals and pi, such as "-pi/2" and "9.81*0.3*2*pi/pi"."""
     sign, value = (-1.0, 1.0) if text.startswith("-") else (1.0, 1.0)
     for factor in text.lstrip("-").split("*"):
         parts = [np.pi if part == "pi" else float(part) for part in factor.split("/")]
@@ -50,10 +50,10 @@ def test_profile(case: dict[str, Any]) -> None:
     assert abs(found.t_min / expected["T_min"] - 1.0) <= tolerance["T_rel"]
     t_max = float(expected["T_max"])
     assert found.t_max == t_max if np.isinf(t_max) else abs(found.t_max / t_max - 1.0) <= tolerance["T_rel"]
-    # The same through the motion and the arm: torque inside the bound everywhere, on it somewhere.
+    # With the arm's inverse dynamics, the torque of the motion stays within its limit and reaches it.
     motion, arm = ref.BangBang([theta0], [thetaf], found.t_min), ref.pendulum(I, G)
     torque = np.array([arm.inverse_dynamics(*motion(t))[0] for t in np.linspace(0, found.t_min * (1 - 1e-12), 4001)])
-    assert abs(np.abs(torque).max() / tau_max - 1.0) <= 1e-6  # the grid of 4001 instants
+    assert abs(np.abs(torque).max() / tau_max - 1.0) <= 1e-6  # tolerance of 4001 instants
     half = found.t_min / 2
     instants = {"t0": 0.0, "Thalf_minus": half * (1 - 1e-15), "Thalf_plus": half, "T": found.t_min * (1 - 1e-15)}
     for key, t in instants.items():
@@ -85,12 +85,15 @@ def test_back_swing() -> None:
     found, expected = ref.torque_optimal_time(*problem(case)).best, case["expected"]["optimal_with_backswing"]
     assert found.kind == "back-swing"
     assert abs(found.t / expected["T"] - 1.0) <= case["tolerance"]["backswing_T_rel"]
-    # The valley is flat: a switch wrong by 1e-6 costs 1e-12 of time.
+    # T has a flat minimum: an error of 1e-6 in the switching angle changes the time by 1e-12.
     assert abs(found.switches[0] - expected["theta_first_switch"]) <= 1e-6
 
 
 def test_spec_example_and_its_mirror_in_time() -> None:
-    """pi/2 -> 3 at tau_max = 1.02 G: 8.419 monotone, 5.702 with a back-swing; backwards it is an overshoot."""
+    """From pi/2 to 3 rad at tau_max = 1.02 G, the time is 8.419 s monotone and 5.702 s with a back-swing.
+
+    The reverse motion has the same times, with an overshoot for the back-swing.
+    """
     found = ref.torque_optimal_time(np.pi / 2, 3.0, 1.0, 1.0, 1.02)
     assert found.t == pytest.approx(8.419, abs=5e-4) and found.best.t == pytest.approx(5.702, abs=5e-4)
     assert found.best.kind == "back-swing"
@@ -112,7 +115,7 @@ def test_ratio_table(entry: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
 def test_the_switches_carry_the_link_there(case: dict[str, Any]) -> None:
-    """Simulated with events on the angle: torque flips at the switches, the link rests at the end after the promised time."""
+    """A simulation with the torques of the optimum reaches the switching angle and then rests at thetaf after the computed time."""
     theta0, thetaf, I, G, tau_max = problem(case)
     found = ref.torque_optimal_time(theta0, thetaf, I, G, tau_max)
     if not found.feasible:
@@ -127,7 +130,7 @@ def test_the_switches_carry_the_link_there(case: dict[str, Any]) -> None:
         if sign > 0:
             assert abs(y[0] - found.theta_switch) <= 1e-9
         t += length
-    # 1e-8: the unstable equilibrium multiplies an error of 1e-12 by exp(sqrt(G/I) T), 4e4 in the slowest case.
+    # The unstable equilibrium multiplies an error of 1e-12 by exp(sqrt(G/I) T), 4e4 in the slowest case.
     np.testing.assert_allclose(y, [thetaf, 0.0], atol=1e-8)
 
 

@@ -1,4 +1,4 @@
-"""System 1 of the reference against the 25-digit vectors, and the identities it must satisfy."""
+"""The planar PR arm of the reference (system 1) against the 25-digit vectors and its identities."""
 
 import json
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_trajectory(case: dict[str, Any]) -> None:
     for row, sample in enumerate(samples):
         for theirs, ours in names.items():
             np.testing.assert_allclose(run[ours][row], floats(sample[theirs]), rtol=0.0, atol=atol, err_msg=f"{theirs} at t = {times[row]}")
-    # SPEC system 1: the balance to 1e-9 with a tight integrator; V1 never increases beyond that.
+    # SPEC system 1: with small tolerances the balance errs by at most 1e-9, and V1 increases by at most 1e-9.
     assert np.abs(run["lyapunov_balance"]).max() <= 1e-9
     assert np.diff(run["lyapunov"]).max() <= 1e-9
     start = law.terms(0.0, floats(given["q0"]), floats(given["qd0"]))
@@ -79,7 +79,7 @@ def test_fixed_steps_converge_at_their_order() -> None:
         for h in (dt, dt / 2):
             run = ref.simulate(ref.RigidArm(arm), law, q0, v0=v0, t_end=0.5, dt=h, method=method)
             errors.append(np.abs(run["q"][-1] - exact).max())
-        # 0.15: the next term of the error expansion at these steps (4 % at the coarser one).
+        # The tolerance of 0.15 covers the next term of the error expansion: 4 % at the larger step.
         assert abs(np.log2(errors[0] / errors[1]) - order) < 0.15, (method, errors)
 
 
@@ -88,7 +88,7 @@ def test_skewness_and_christoffel_choice() -> None:
     arm = ref.planar_pr(2.0, 0.5, 0.5)
     q, v = rng.uniform(-3, 3, (2, 50, 2))
     skew = arm.mass_matrix_rate(q, v) - 2 * arm.coriolis_matrix(q, v)
-    # 1e-13: SPEC system 1.
+    # SPEC system 1 states 1e-13.
     assert np.abs(skew + np.swapaxes(skew, -1, -2)).max() <= 1e-13
     assert np.abs(skew).max() > 0.1
 
@@ -106,7 +106,7 @@ def test_broadcasting_equals_rows() -> None:
     ):
         together = getattr(arm, name)(*args)
         alone = np.array([[getattr(arm, name)(*(x[i, j] for x in args)) for j in range(5)] for i in range(3)])
-        # 1e-14: the same operations, summed in another order by einsum.
+        # einsum adds the same terms in a different order, which changes rounding.
         np.testing.assert_allclose(together, alone, rtol=1e-13, atol=1e-14)
 
 
@@ -126,7 +126,7 @@ def test_full_gains_keep_the_lyapunov_balance_and_track() -> None:
     for _ in range(3):
         A, C = rng.uniform(0.5, 3.0, 2)
         arm = ref.planar_pr(A, 0.9 * np.sqrt(A * C) * rng.uniform(-1, 1), C)
-        # kp = kd Lambda with a full Lambda, so that kp is not even symmetric; the estimate starts from zero.
+        # kp = kd Lambda with a full matrix Lambda, so kp is not symmetric. The estimate starts at zero.
         kd = positive(2, 15.0)
         motion = ref.Quintic(rng.normal(size=2), rng.normal(size=2), 1.0)
         law = ref.Adaptive(arm, motion, kd @ positive(2, 3.0), kd, positive(3, 3.0))
@@ -134,6 +134,6 @@ def test_full_gains_keep_the_lyapunov_balance_and_track() -> None:
         run = ref.simulate(ref.RigidArm(arm), law, rng.normal(size=2), v0=rng.normal(size=2), t_end=6.0, t_eval=times, method="gbs")
         assert np.abs(run["lyapunov_balance"]).max() <= 1e-9 * max(1.0, run["lyapunov"][0])
         assert np.diff(run["lyapunov"]).max() <= 1e-9 and run["lyapunov"][-1] < run["lyapunov"][0]
-        # The slowest mode of Lambda is above 3/s: exp(-3 * 5) = 3e-7 of an error of a few radians after the motion.
+        # The slowest mode of Lambda is above 3/s. In the 5 s after the motion, an error of a few radians decays by exp(-3 * 5) = 3e-7.
         assert np.abs(run["q"][-1] - motion(6.0)[0]).max() < 1e-2 * np.abs(run["q"][0] - motion(0.0)[0]).max()
         assert np.abs(run["energy_balance"]).max() <= 1e-9 * max(1.0, np.abs(run["energy"]).max())

@@ -1,4 +1,4 @@
-"""System 2 of the reference against the vectors, the class table and the properties of the two maps."""
+"""Task priority of the reference (system 2) against vector files, the table of classes, and properties of both solutions."""
 
 import itertools
 import json
@@ -28,7 +28,7 @@ def jacobians(q: np.ndarray, L: float = 1.0) -> list[np.ndarray]:
 
 
 def rounding(q: np.ndarray) -> float:
-    """SPEC system 2: the relative error of Jacobian entries made from joint angles."""
+    """Return the relative error of Jacobian entries that are computed from joint angles (SPEC system 2)."""
     return float(8 * EPS * (1 + np.abs(q).sum()))
 
 
@@ -63,7 +63,7 @@ def test_points(case: dict[str, Any]) -> None:
     assert (*seen.ranks, seen.stacked_rank, seen.projected_ranks[1]) == ranks
     assert seen.kind == KINDS[name]
 
-    # A relative change of the entries by eps moves the exact map by eps / sigma, so 1e-9 holds down to sigma = 1e-5 only.
+    # A relative change eps of the entries changes the exact solution by eps / sigma, so 1e-9 is reached only for sigma >= 1e-5.
     smallest = min([1.0, *np.linalg.svd(jacobians(at, L)[1] @ null_of_first(at, L), compute_uv=False)[: ranks[3]]])
     rel = max(1e-9, 1e-14 / smallest)
     exact = ref.solve_priority(jacobians(at, L), velocities, "exact", rounding=rounding(at))
@@ -103,12 +103,12 @@ def test_cases_a_and_b_of_the_exam() -> None:
         spun = b + turn * np.eye(4)[0]
         R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
         sol = ref.solve_priority(jacobians(spun), [R @ ones[0], R @ ones[1]], "exact", rounding=rounding(spun))
-        # 1e-12: 40 turns of the base cost 130 eps in the angle.
+        # A base angle of 20 turns has a rounding error of 130 eps, below 1e-12.
         np.testing.assert_allclose(sol.v, np.array([22, -15, -52, -26]) / 29, atol=1e-12)
 
 
 def test_the_cutoff_on_the_projected_block_alone_would_fail() -> None:
-    """The trap: numpy's default cut-off inverts rounding noise in case b."""
+    """numpy's default cut-off, applied to the projected block, inverts rounding noise in case b of the exam."""
     J1, J2 = jacobians(np.array([0.3, 0, np.pi / 2, 0]))
     P1 = np.eye(4) - np.linalg.pinv(J1) @ J1
     wild = np.linalg.pinv(J2 @ P1) @ np.ones(2)
@@ -117,7 +117,7 @@ def test_the_cutoff_on_the_projected_block_alone_would_fail() -> None:
 
 @pytest.mark.parametrize("multiples", list(itertools.product((-1, 0, 1), repeat=3)))
 def test_all_sign_patterns(multiples: tuple[int, int, int]) -> None:
-    """0: a free angle; 1: stretched; -1: folded. All must give the table's ranks."""
+    """Every combination of a free angle (0), a stretched angle (1) and a folded angle (-1) has the ranks of the table."""
     free = (0.7, -1.3, 2.1)
     q = np.array([0.4, *(f if m == 0 else (0.0 if m == 1 else np.pi) for f, m in zip(free, multiples, strict=True))])
     name, ranks = diagnosis.macro_micro_class(q)
@@ -137,12 +137,12 @@ def test_levels_are_lexicographic() -> None:
         for level in range(1, len(Js) + 1):
             part = ref.solve_priority(Js[:level], vs[:level], "exact")
             np.testing.assert_allclose(part.residuals[-1], sol.residuals[level - 1], atol=1e-9)
-        # With every non-zero singular value above eps the clamp is the exact map, up to rounding noise over eps^2: 1e-15/1e-8.
+        # All non-zero singular values are above eps, so the clamp gives the exact solution up to rounding over eps^2: 1e-15/1e-8 = 1e-7.
         np.testing.assert_allclose(ref.solve_priority(Js, vs, "clamp", eps=1e-4).v, sol.v, atol=1e-6 * (1 + np.abs(sol.v).max()))
 
 
 def near_singular(rng: np.random.Generator) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Three levels in seven joints whose second and third nearly repeat rows of the first."""
+    """Return three levels for seven joints. The second and third nearly repeat rows of higher levels."""
     size = 10.0 ** rng.uniform(-14, 0)
     J1 = rng.normal(size=(2, 7))
     J2 = np.vstack([J1[0] + size * rng.normal(size=7), rng.normal(size=7)])
@@ -156,9 +156,9 @@ def test_bounded_and_primary_exact_near_singularities(method: str) -> None:
     for _ in range(200):
         Js, vs = near_singular(rng)
         sol = ref.solve_priority(Js, vs, method, eps=0.05)
-        # The primary's singular values are far above eps; 1e-12 (1 + |v|) is the rounding of a product of that size.
+        # The singular values of the first level are far above eps, so its residual is rounding: 1e-12 (1 + |v|).
         assert np.abs(sol.residuals[0]).max() <= 1e-12 * (1 + np.linalg.norm(sol.v))
-        # Each level is bounded by |v_i - J_i x| / eps.
+        # The contribution of each level is at most |v_i - J_i x| / eps.
         bound = 0.0
         for J, v in zip(Js, vs, strict=True):
             bound += (np.linalg.norm(v) + np.linalg.norm(J, 2) * bound) / 0.05
@@ -167,7 +167,10 @@ def test_bounded_and_primary_exact_near_singularities(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["clamp", "damped"])
 def test_the_continuous_maps_are_continuous(method: str) -> None:
-    """Through an exactly repeated row: steps of 1e-6 in the entries move the answer by a few |v|/eps^2 times that."""
+    """When a row passes through an exact repetition of another, the solution is continuous.
+
+    A change of 1e-6 in the entries changes it by at most 100 |v|/eps^2 times 1e-6.
+    """
     rng = np.random.default_rng(12)
     Js, vs = near_singular(rng)
     away = rng.normal(size=7)

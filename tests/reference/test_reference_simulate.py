@@ -1,4 +1,4 @@
-"""Closed loops of the reference: sampling, recording, saturation, jumps, velocity control."""
+"""Closed loops of the reference: sampling, records, saturation, force jumps and velocity control."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from armlet import reference as ref
 
 
 def double_integrators() -> tuple[Any, Any]:
-    """Two uncoupled masses 2 and 0.5 under PD: every sample has a closed form."""
+    """Return two uncoupled masses, 2 and 0.5, under PD. The sampled motion has a closed form."""
     arm = ref.planar_pr(2.0, 0.0, 0.5)
     return arm, ref.PDGravity(arm, [1.0, -1.0], [8.0, 3.0], [4.0, 1.0])
 
@@ -32,7 +32,7 @@ def test_a_sampled_loop_holds_its_input(method: str) -> None:
     options: dict[str, Any] = {"t_eval": T * np.arange(count + 1)} | ({"dt": 0.01} if method == "rk4" else {})
     run = ref.simulate(ref.RigidArm(arm), law, [0.0, 0.0], v0=[0.5, 0.0], t_end=T * count, sample_time=T, method=method, **options)
     got = np.hstack([run["q"], run["v"], run["tau"]])
-    # Constant torque between samples: both methods are exact but for rounding.
+    # The torque is constant between samples, so both methods are exact except for rounding.
     np.testing.assert_allclose(got, by_hand, atol=1e-12)
     free = ref.simulate(ref.RigidArm(arm), law, [0.0, 0.0], v0=[0.5, 0.0], t_end=T * count, t_eval=[T * count], method="gbs")
     assert np.abs(free["q"][-1] - by_hand[-1, :2]).max() > 1e-3
@@ -42,7 +42,7 @@ def test_a_sampled_estimate_is_held_too() -> None:
     arm = ref.planar_pr(2.0, 0.5, 0.5)
     law = ref.Adaptive(arm, ref.Quintic([0.0, 0.0], [1.0, 1.5], 3.0), [40.0, 20.0], [20.0, 10.0], 5.0)
     run = ref.simulate(ref.RigidArm(arm), law, [0.1, 0.0], t_end=0.04, dt=0.01, sample_time=0.02)
-    # Between samples the estimate moves at a constant rate, and that rate changes at the sample.
+    # Between samples the estimate changes at a constant rate. At a sample this rate changes.
     steps = np.diff(run["estimate"], axis=0)
     np.testing.assert_allclose(steps[0], steps[1], rtol=1e-12, atol=1e-18)
     np.testing.assert_allclose(steps[2], steps[3], rtol=1e-12, atol=1e-18)
@@ -61,7 +61,7 @@ def test_records() -> None:
     assert np.array_equal(asked["t"], [0.0, 0.025, 0.03, 0.1, 0.105])
     assert np.array_equal(asked["q"][[0, 2, 3, 4]], every["q"][[0, 3, 10, 11]])
     exact = ref.simulate(plant, law, [0.0, 0.0], t_end=0.105, t_eval=[0.025], method="gbs")
-    # RK4 over 0.025 with rates of 2 to 4 per second: (4 * 0.01)^4 * 0.025.
+    # RK4 over 0.025 s with rates of 2 to 4 per second errs by about (4 * 0.01)^4 * 0.025 = 6e-8.
     np.testing.assert_allclose(asked["q"][1], exact["q"][0], atol=1e-7)
 
 
@@ -69,14 +69,14 @@ def test_torque_is_clipped_and_accounted_for() -> None:
     arm, law = double_integrators()
     run = ref.simulate(ref.RigidArm(arm), law, [0.0, 0.0], t_end=1.0, dt=1e-3, tau_max=[1.0, 0.5])
     assert run["tau"].max(axis=0)[0] == 1.0 and run["tau"].min(axis=0)[1] == -0.5
-    # The power is that of the clipped torque; its kinks cost RK4 h^2 where they fall inside a step.
+    # The balance uses the clipped torque. A kink of the torque inside a step costs RK4 an error of h^2.
     assert np.abs(run["energy_balance"]).max() <= 1e-6 < run["energy"].max()
     np.testing.assert_allclose(run["q"][500], [0.5 * 0.5 * 0.25, -0.5 * 1.0 * 0.25], rtol=1e-9)  # still saturated at 0.5 s
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.25, 1.0])
 def test_a_force_jump_inside_a_step_is_landed_on(dt: float) -> None:
-    """Free masses 2 and 0.5 under a piecewise constant force: RK4 is exact unless a stage sees the wrong side of the jump."""
+    """RK4 steps end at the jumps of a piecewise constant force on free masses, 2 and 0.5, so the result is exact."""
     arm = ref.planar_pr(2.0, 0.0, 0.5)
     law = ref.PDGravity(arm, [0.0, 0.0], 0.0, 0.0)
     force = [(0.0, [4.0, 0.0]), (0.37, [-2.0, 1.0]), (0.75, [0.0, 0.0])]
@@ -94,7 +94,7 @@ def test_a_constant_force_moves_the_impedance_to_its_equilibrium() -> None:
     K, F = np.array([200.0, 100.0]), np.array([5.0, -4.0])
     law = ref.CartesianImpedance(arm, [0.5, 0.3], K, [40.0, 30.0], frame="link2", axes="xy")
     run = ref.simulate(ref.RigidArm(arm), law, [0.3, 1.2], t_end=4.0, dt=0.005, force=F, record_every=800)
-    # x_E = x_d + K_m^-1 F; the slowest mode decays by exp(-3 * 4) or faster.
+    # The tip rests at x_E = x_d + K_m^-1 F. The slowest mode decays at least by exp(-3 * 4).
     np.testing.assert_allclose(arm.position(run["q"][-1], "link2")[:2], [0.5, 0.3] + F / K, atol=1e-4)
     assert np.abs(run["v"][-1]).max() < 1e-3
 
@@ -122,7 +122,7 @@ def test_velocity_loop_follows_its_tasks_in_order() -> None:
     law = ref.PriorityVelocity(arm, tasks, eps=[0.05, 0.02])
     run = ref.simulate(ref.VelocityArm(arm), law, q0, t_end=1.5, dt=0.01)
     tips = arm.position(run["q"], "link4")[:, :2]
-    # Regular all the way: the primary error is e0 exp(-2 t) to the accuracy of RK4.
+    # No singularity occurs, so the error of the first task is e0 exp(-2 t), to the accuracy of RK4.
     wanted = start[0] + np.outer(1.0 - np.exp(-2.0 * run["t"]), [0.02, -0.03])
     np.testing.assert_allclose(tips, wanted, atol=1e-7)
     np.testing.assert_allclose(arm.position(run["q"][-1], "link2")[:2], start[1] + [0.0, 0.05], atol=1e-4)
