@@ -21,7 +21,7 @@ use crate::spatial::{PARAMETERS, parameter};
 const DEPENDENT: f64 = 1e-8;
 /// A column whose norm is below this fraction of the largest norm counts as zero.
 const UNSEEN: f64 = 1e-12;
-/// Number of rows per column. With this number, random states are far from singular.
+/// Number of rows of the stacked regressor per column. With this number, random states are far from singular.
 const ROWS: usize = 3;
 /// Number of states whose regressors are computed together.
 const BLOCK: usize = 16;
@@ -54,7 +54,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
         look();
         if norms[j] > UNSEEN * largest {
             coefficients = vec![0.0; out.columns.len()];
-            // Two passes are sufficient (Parlett 1980): the second pass removes the rounding error of the first.
+            // Two passes of orthogonalisation are sufficient (Parlett 1980): the second pass removes the rounding error of the first.
             for _ in 0..2 {
                 for (k, &i) in out.columns.iter().enumerate() {
                     look();
@@ -87,7 +87,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
                 x[i] -= r[out.columns[k]][i] * x[k];
             }
         }
-        // Entries below the threshold, relative to the largest part, are rounding errors.
+        // A part is `|x_k|` times the norm of its column. Parts below 1e-10 of the largest part are rounding errors.
         let part = |k: usize| x[k].abs() * norms[out.columns[k]];
         let scale = (0..b).fold(0.0f64, |a, k| a.max(part(k)));
         for k in 0..b {

@@ -10,7 +10,7 @@ use crate::linalg::symmetric_eigen;
 use crate::spatial::pseudo_inertia::{Pseudo, is_positive_definite, parameters_of, pseudo_inertia};
 use crate::spatial::{Inertia, PARAMETERS, Vector, Vector3};
 
-/// The check of one body.
+/// The result of the check of one body's inertial parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyReport {
     /// The four eigenvalues of the pseudo-inertia, ascending, in SI units.

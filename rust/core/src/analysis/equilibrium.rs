@@ -54,7 +54,7 @@ struct Balance {
     x: Vec<f64>,
     /// Whether the arm is away from `x_E`, because a limit of the law or a contact holds it.
     short: bool,
-    /// The largest `p` that counts as a rounding error.
+    /// The largest absolute value of an entry of `p` that counts as a rounding error.
     rounding: f64,
 }
 
@@ -237,7 +237,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     state.resize(plant.states(), 0.0);
     let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
     if let LawSpec::CartesianImpedance(task) = &held {
-        // The force on the law's spring, if it acts at the law's own frame.
+        // The force on the law's spring, if it acts at the law's frame.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
         let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
         let Balance { mut p, x: position, short, rounding } = Balance::of(task, &push, &integral, &q);

@@ -18,7 +18,7 @@ use crate::linalg::{Svd, dot};
 use crate::memory;
 use std::borrow::Cow;
 
-/// Number of samples in one block.
+/// Number of samples that are added to the triangle together.
 const BLOCK: usize = 256;
 
 /// The base parameters of a record, with their accuracy.

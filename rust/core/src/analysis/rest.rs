@@ -157,7 +157,7 @@ fn no_rest(steps: usize) -> Error {
     Error::Solve { status: Status::MaxSteps, t: steps as f64, problem: "no rest was found: the descent did not end".into() }
 }
 
-/// The residual `r` on one number type, with its buffers.
+/// The residual `r` on the number type `S`, with its buffers.
 struct Forces<'a, S: Real> {
     rest: &'a Rest<'a>,
     law: Box<dyn Law<S> + Send>,

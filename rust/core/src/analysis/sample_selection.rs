@@ -54,7 +54,7 @@ impl Candidates {
         directions.chunks_exact(self.r).map(square).sum()
     }
 
-    /// Add `sign Z_j' Z_j` to `gram`.
+    /// Add `sign Z_j' Z_j` to `gram`, `(r, r)`.
     fn add(&self, j: usize, sign: f64, gram: &mut [f64]) {
         for row in self.of(j).chunks_exact(self.r) {
             for (x, sums) in row.iter().zip(gram.chunks_exact_mut(self.r)) {
@@ -69,7 +69,7 @@ impl Candidates {
     }
 }
 
-/// Choose `count` of the samples `rows`, `(K, n, p)`.
+/// Choose `count` of `K` samples. `rows`, `(K, n, p)`, has the matrix `W` of each sample.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = rows.len() / (n * p);
     finite("samples", rows)?;

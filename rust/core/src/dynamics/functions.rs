@@ -95,7 +95,7 @@ impl Single {
 pub struct Functions {
     arm: Arc<Arm>,
     single: Mutex<Single>,
-    /// The queries in the order of their last use.
+    /// The queries in the order of their last use, the most recent last.
     known: Mutex<Vec<Known>>,
 }
 

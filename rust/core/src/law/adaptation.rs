@@ -62,7 +62,7 @@ impl Adaptation {
 }
 
 impl AdaptiveSpec {
-    /// Keep the estimates physically possible. An initial estimate that is not is replaced by the nearest one that is.
+    /// Keep the estimates physically possible. An impossible initial estimate is replaced by the nearest possible one.
     pub fn projected(mut self, projection: Projection) -> Result<Self> {
         if matches!(self.adaptation, Adaptation::Natural(_)) {
             return Err(Error::input("projection", "has nothing to do: expected None for natural adaptation, which stays consistent"));
@@ -136,7 +136,7 @@ struct More<S> {
     y: Vec<S>,
     /// The vector `w` that `Gamma` multiplies, `(p,)`; empty without restraint and without additional adaptation.
     w: Vec<S>,
-    /// The difference `y - w`, `(p,)`; empty if `w` is.
+    /// The difference `y - w`, `(p,)`; empty if `w` is empty.
     back: Vec<S>,
 }
 

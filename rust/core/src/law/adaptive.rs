@@ -331,7 +331,7 @@ where
         self.gamma.multiply(self.yt_s.as_ref(), dz);
     }
 
-    /// `s^T Kd s`.
+    /// The dissipation `s^T Kd s`, W.
     fn dissipation(&self) -> S {
         self.kd.quadratic(self.s.as_ref())
     }

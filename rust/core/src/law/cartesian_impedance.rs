@@ -43,7 +43,7 @@ use crate::spatial::{Vector3, rotation_rate};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CartesianImpedanceSpec {
-    /// The arm.
+    /// The model of the arm.
     pub model: Model,
     /// The controlled rows: the frame and its `m` axes.
     pub coordinates: Coordinates,

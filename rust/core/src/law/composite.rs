@@ -52,7 +52,7 @@ impl AdaptiveSpec {
     }
 
     /// Find the entries of `Y_M` and `Y_D` that can differ from zero. Both are analytic, so an entry that is zero at generic states is zero
-    /// at all.
+    /// at every state.
     fn present(&self) -> Vec<bool> {
         const STATES: u32 = 3;
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -244,8 +244,8 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// Add `W' R e_W` to `w`, and subtract it from `back`. Write the rate of the filters under the torque `tau` to `dx`. [`Self::look`]
-    /// must precede.
+    /// Add `W' R e_W` to `w`, and subtract it from `back`. Write the rate of the filters under the torque `tau` to `dx`. Call
+    /// [`Self::look`] before.
     pub fn push(&mut self, v: &[S], tau: &[S], [estimate, x]: [&[S]; 2], [w, back, dx]: [&mut [S]; 3]) {
         let (n, bodies) = (self.zeros.len(), self.bodies);
         self.compare(v, estimate, x);

@@ -208,7 +208,7 @@ impl AdaptiveSpec {
     }
 }
 
-/// The state `[q, v]` of record `k`.
+/// The state `[q, v]` of instant `k`.
 fn rows_of(record: Record, k: usize, n: usize) -> Vec<f64> {
     [&record.q[k * n..(k + 1) * n], &record.v[k * n..(k + 1) * n]].concat()
 }

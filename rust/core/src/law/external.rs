@@ -13,7 +13,7 @@ pub type Call = Arc<dyn Fn(f64, &[f64], &mut [f64]) -> bool + Send + Sync>;
 /// A law that is a function of the caller.
 #[derive(Clone)]
 pub struct ExternalSpec {
-    /// The arm.
+    /// The model of the arm.
     pub model: Model,
     /// The kind of plant that the law drives.
     pub plant: PlantKind,

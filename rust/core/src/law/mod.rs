@@ -227,7 +227,7 @@ laws! {
 }
 
 impl LawSpec {
-    /// Times at which the desired motion jumps, increasing.
+    /// Times at which the desired motion jumps, s, increasing.
     pub fn breaks(&self) -> Vec<f64> {
         let mut breaks: Vec<f64> = self.motions().iter().flat_map(|motion| motion.breaks()).collect();
         breaks.sort_by(f64::total_cmp);

@@ -28,7 +28,7 @@ pub const NULL_SPACE_EPS: f64 = 0.02;
 pub enum NullProjection {
     /// The metric of the mass matrix. The projected torque does not accelerate the frame.
     Consistent,
-    /// In the metric of the joint coordinates.
+    /// The metric of the joint coordinates.
     Static,
 }
 

@@ -235,7 +235,7 @@ impl<S: Real> Projector<S> {
         gamma.multiply(&self.gradient, &mut self.weighted);
         let dot = |b: &[S]| self.weighted.iter().zip(b).fold(zero, |sum, (&a, &b)| a.mul_add(b, sum));
         let (push, size) = (dot(y), dot(&self.gradient));
-        // For a smaller square the products underflow, and the rate requires no correction.
+        // For a squared norm below 1e-200, the products underflow, and the rate requires no correction.
         let there = S::splat(1e-200).lt(square);
         let f = S::select(there, square, S::splat(1.0)).sqrt();
         let share = (f * S::splat(1.0 / LAYER)).min(S::splat(1.0));

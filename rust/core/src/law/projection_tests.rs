@@ -22,7 +22,7 @@ fn square(pi: &[f64]) -> f64 {
 
 #[test]
 fn negative_parts_of_matrices() {
-    // Zero, negative and indefinite matrices. The rest is positive, and orthogonal to the negative part.
+    // Zero, negative and indefinite matrices. The matrix minus its negative part is positive, and orthogonal to the negative part.
     let full = [[1.0, 2.0, 0.5, -1.0], [2.0, -1.0, 0.3, 0.2], [0.5, 0.3, 0.1, 4.0], [-1.0, 0.2, 4.0, 1e-3]];
     let zero = [[0.0; 4]; 4];
     let minus = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { -2.0 } else { 0.0 }));
@@ -63,7 +63,7 @@ fn derivatives_where_eigenvalues_are_equal() {
     let expected = outside(&expected);
     let found = slope(&outside(&diagonal([-2.0, -2.0, 3.0, 3.0])), &d);
     for (x, y) in found.as_flattened().iter().zip(expected.as_flattened()) {
-        // The rates of the rotated axes are bounded by 1 / SAME. Only their rounding error remains.
+        // The derivatives of the eigenvectors cancel, up to rounding errors.
         assert!((x - y).abs() < 1e-8, "{found:?} {expected:?}");
     }
 }
@@ -141,7 +141,7 @@ fn starts_are_moved_inside_and_no_further() {
     p.start(&mut pi);
     assert_eq!(pi[10..], BODY, "what is inside keeps its bits");
     let z = relative(&inverse(&p.factors[0]), &matrix_of(&pi[..10], 2.0));
-    // On the boundary, up to rounding: entries of Z are up to a hundred.
+    // The estimate is on the boundary, up to rounding errors: entries of `Z` are up to a hundred.
     assert!(negative_part(&z).as_flattened().iter().all(|x| x.abs() < 1e-11));
     assert!(least_pivot(&z).abs() < 1e-9, "{}", least_pivot(&z));
     let mut nothing = vec![0.0; 20];

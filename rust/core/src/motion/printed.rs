@@ -195,7 +195,7 @@ impl Table {
 }
 
 /// C code for `cosh w`, `sinh(w)/w` and `tanh(w/2)/w` with `w^2 = z`, or their circular counterparts. It calls the C library. Its bits
-/// equal those of armlet where armlet calls the same library.
+/// equal the bits of armlet if armlet calls the same C library.
 const WAVES: &str = "        double wave_c, wave_s, wave_t;
         if (fabs(z) < 1e-3) {
             wave_c = 1.0 + z * (1.0 / 2.0 + z * (1.0 / 24.0 + z * (1.0 / 720.0 + z * (1.0 / 40320.0 + z / 3628800.0))));

@@ -20,7 +20,7 @@ pub struct Sinusoid {
     offset: Vec<f64>,
     /// Number of terms per joint.
     terms: usize,
-    /// `(n, terms)` each, row-major.
+    /// Amplitudes, and the frequencies and phases in the next two fields, `(n, terms)` each, row-major.
     amplitude: Vec<f64>,
     frequency: Vec<f64>,
     phase: Vec<f64>,

@@ -11,7 +11,7 @@ pub const SLACK: f64 = 1e-12;
 pub struct Link {
     /// Inertia about the joint axis, kg m^2.
     pub inertia: f64,
-    /// `m g0 d`, N m.
+    /// Gravity moment `m g0 d`, N m: mass, gravity, and distance of the centre of mass from the axis.
     pub gravity_moment: f64,
     /// Lower torque bound, N m, at most 0.
     pub tau_min: f64,

@@ -130,7 +130,7 @@ impl Phase {
     /// The angle and the distance of the first minimum of the energy after the distance `from`. At `from` the energy must not fall.
     pub fn least_after(&self, from: f64) -> (f64, f64) {
         let least = self.first_least();
-        // At a minimum, rounding may put the next minimum one turn ahead.
+        // At a minimum, rounding may put the next minimum one revolution ahead.
         let least = if from == 0.0 && self.descent_length() < least { 0.0 } else { least };
         (self.least, least + TAU * ((from - least) / TAU).ceil().max(0.0))
     }

@@ -48,11 +48,11 @@ impl fmt::Display for Place {
 /// A torque limit that determines the shortest or the longest duration. `Display` writes it as `phase1:switch`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bind {
-    /// The limit.
+    /// The torque limit.
     pub limit: Limit,
     /// Number of the phase. With two phases, 1 accelerates and 2 brakes. With three phases, they are 1, 2 and 3.
     pub phase: u8,
-    /// The place in the phase.
+    /// The place in the phase where the limit binds.
     pub place: Place,
     /// Angle where the limit is reached, rad.
     pub theta: f64,
@@ -75,7 +75,7 @@ pub enum Reason {
     Feasible,
     /// The motion has equal ends, and the torque cannot hold the link there. `missing`: the torque by which the limit must be wider, N m.
     CannotHold {
-        /// The limit.
+        /// The torque limit.
         limit: Limit,
         /// Angle of the link, rad.
         theta: f64,
@@ -131,7 +131,7 @@ pub enum MonotoneReason {
     Feasible,
     /// The motion has equal ends, and this limit cannot hold the link there.
     CannotHold {
-        /// The limit.
+        /// The torque limit.
         limit: Limit,
         /// The angle, rad.
         theta: f64,

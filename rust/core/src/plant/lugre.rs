@@ -37,11 +37,11 @@ impl LuGre {
 
 /// The results for the bristles of one joint.
 pub(super) struct Rubbing<S> {
-    /// Friction torque `tau_f`.
+    /// Friction torque `tau_f`, N m or N.
     pub torque: S,
-    /// Rate `z'` of the deflection.
+    /// Rate `z'` of the deflection, rad/s or m/s.
     pub z_dot: S,
-    /// The power lost, without the power that the bristles store.
+    /// The power lost, W, without the power that the bristles store.
     pub lost: S,
 }
 

@@ -39,9 +39,9 @@ use std::ops::Deref;
 /// Power into a plant, W. The sum of both parts is the rate of the stored energy.
 #[derive(Clone, Copy, Debug)]
 pub struct Power<S> {
-    /// Power of the input.
+    /// Power of the input, W.
     pub input: S,
-    /// Power of wrench, wall and stops, minus the power lost by friction.
+    /// Power of wrench, wall and stops, minus the power lost by friction, W.
     pub outside: S,
 }
 

@@ -30,7 +30,7 @@ impl Touch {
         }
     }
 
-    /// Two functions. One of them becomes negative where this mode ends.
+    /// Compute two numbers. One of them becomes negative where this mode ends.
     pub fn guards(self, depth: f64, push: f64) -> [f64; 2] {
         match self {
             Touch::Apart => [-depth, f64::INFINITY],

@@ -163,7 +163,7 @@ fn row(values: &[f64], width: usize, i: usize) -> &[f64] {
     &values[i * width..(i + 1) * width]
 }
 
-/// Split off the first `size` entries.
+/// Split off the first `size` entries, and return them.
 fn cut<'a, T>(all: &mut &'a mut [T], size: usize) -> &'a mut [T] {
     let (head, tail) = std::mem::take(all).split_at_mut(size);
     *all = tail;

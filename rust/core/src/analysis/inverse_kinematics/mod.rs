@@ -61,7 +61,7 @@ pub struct IkSolution {
     pub q: Vec<f64>,
     /// Errors of all tasks at `q`, one after another, `(sum rows,)`, m or rad.
     pub errors: Vec<f64>,
-    /// Whether each task is reached.
+    /// Whether each task is reached, `(tasks,)`.
     pub reached: Vec<bool>,
     /// Number of steps from all starts together.
     pub iterations: usize,

@@ -216,8 +216,8 @@ impl Newton {
         }
     }
 
-    /// Set `eps = |e| / step_max`, at most the threshold of control. It bounds a step by `step_max` for every singular value. Near the goal
-    /// a step is a Newton step, even with small singular values.
+    /// Set `eps = |e| / step_max`, at most the threshold of the options or the default threshold. It bounds a step by `step_max` for every
+    /// singular value. Near the goal a step is a Newton step, even with small singular values.
     fn set_thresholds(&mut self) -> Result<()> {
         let (n, levels) = (self.held.len(), self.solver.rows().len());
         let mut at = 0;

@@ -204,7 +204,7 @@ impl MomentumObserver {
         let (n, rows) = (self.n(), q.len() / self.n());
         let row = bad / n * n..(bad / n + 1) * n;
         let of_state = row.clone().any(|i| !(state.momentum[i].is_finite() && state.drift[i].is_finite()));
-        // The largest number of the row that contributes to the overflow; among equal numbers the first.
+        // The error names the largest number of this row that contributes to the overflow; among equal numbers, the first.
         let sizes = |i: usize| match tau {
             Some((tau, dt)) if !of_state => [((tau[i] * dt).abs(), "tau", tau[i]), (state.momentum[i].abs(), "v", v[i])],
             _ => [(q[i].abs(), "q", q[i]), (v[i].abs(), "v", v[i])],

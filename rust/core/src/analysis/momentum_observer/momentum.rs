@@ -1,7 +1,7 @@
 //! One sample of a momentum observer, on any number type:
 //!
 //! ```text
-//! p = M v of the links, or p = B v of the motors;   drift = C' v - g - tau_f, the known part of p' beside the torque tau
+//! p = M v of the links, or p = B v of the motors;   drift = C' v - g - tau_f, so that p' = tau + tau_ext + drift
 //! r <- (I + K dt)^-1 (r + K (p - p_last - (tau + drift_last) dt))                  the residual, an estimate of the external torque
 //! ```
 

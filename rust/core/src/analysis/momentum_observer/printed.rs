@@ -1,7 +1,7 @@
 //! A momentum observer as C code: `init`, `update` and, if thresholds are known, `contact` (see [`crate::trace::c`]).
 //!
-//! The C code has the bits of [`MomentumObserver::update`], which uses plain `f64`. No product is fused with a sum, except within `I + K
-//! dt`.
+//! The C code computes the same bits as [`MomentumObserver::update`], which uses plain `f64`. No product is fused with a sum, except within
+//! `I + K dt`.
 
 use super::MomentumObserver;
 use super::momentum::{Gained, Momentum};

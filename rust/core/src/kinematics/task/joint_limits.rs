@@ -13,9 +13,9 @@ use crate::scalar::Real;
 pub struct JointLimits {
     /// Indices of the joints.
     pub joints: Vec<usize>,
-    /// Least positions, rad or m.
+    /// Lower narrowed limits of these joints, rad or m.
     pub lower: Vec<f64>,
-    /// Largest positions, rad or m.
+    /// Upper narrowed limits of these joints, rad or m.
     pub upper: Vec<f64>,
 }
 

@@ -45,8 +45,8 @@ impl PathProblem<'_> {
         self.widest = (0..self.rows.s.len()).map(bound).collect();
     }
 
-    /// Set the caps at the grid points from the reduced speed limits and the stops. A reduction never lowers the cap of an end below its
-    /// prescribed speed. That speed may exceed its limit by a rounding error.
+    /// Set the caps at the grid points from the reduced speed limits and the stops. At both ends of the path, a reduction never lowers the
+    /// cap below the prescribed speed. That speed may exceed its limit by a rounding error.
     pub fn set_caps(&mut self) {
         let points = self.rows.s.len();
         self.rows.cap.resize(points, FASTEST);

@@ -109,8 +109,8 @@ pub(super) fn state(rows: &LimitRows, x: &[f64], i: usize, z: f64) -> (f64, f64)
 
 /// Compute `[tau, a, v]`, `(3 n,)`, and the frame's acceleration and velocity by the dynamics, as fractions of limits that vary.
 ///
-/// Each listed segment has `per` places: its middle, or samples at equal time steps. Equal steps in `s` would not suffice near rest.
-/// Viscous friction is proportional to `sqrt(x)`, which is no parabola in `s`.
+/// Each listed segment has `per` places: its middle, or samples at equal time steps. Equal steps in `s` would not suffice near rest,
+/// because viscous friction is proportional to `sqrt(x)`, which is not a parabola in `s`.
 pub(super) fn measure(course: &Course, rows: &LimitRows, x: &[f64], list: &[usize], per: usize, values: &mut Vec<f64>) {
     let (n, stride) = (course.n, course.measured());
     let count = list.len() * per;

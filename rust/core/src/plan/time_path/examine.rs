@@ -57,7 +57,8 @@ impl States {
     }
 }
 
-/// A relative distance to the limits. It is larger than the error of the parabola through three samples.
+/// The smallest relative distance to the limits at which a block may be skipped. It is larger than the error of the parabola through three
+/// samples.
 const FAR_ENOUGH: f64 = 0.01;
 /// Number of segments between two checks for an interrupt.
 const LOOK: usize = 64;

@@ -22,7 +22,7 @@ use crate::error::Result;
 use crate::interrupt::look;
 use crate::motion::TimedPath;
 
-/// Powers of two: each is tried as a window, as a fraction of the duration of the fastest timing.
+/// Exponents `k`: the search tries windows of `2^k` times the duration of the fastest timing.
 const WINDOWS: std::ops::RangeInclusive<i32> = -8..=1;
 /// Factors for the finer search around the best window.
 const STEPS: [f64; 4] = [1.5, 1.2, 1.1, 1.05];
@@ -225,8 +225,7 @@ impl<'a> Samples<'a> {
 }
 
 /// Return four numbers from the values at some samples: the largest, the smallest, the excess over these between samples, and the largest
-/// change between neighbours. The excess is bounded by half of the largest second difference. A corner reaches this bound; a parabola needs
-/// an eighth.
+/// change between neighbours. The excess is bounded by half of the largest second difference. A function with a corner reaches this bound.
 #[inline(always)]
 fn span(samples: std::ops::RangeInclusive<usize>, value: impl Fn(usize) -> f64) -> [f64; 4] {
     let (mut before, mut change) = (value(*samples.start()), f64::NAN);

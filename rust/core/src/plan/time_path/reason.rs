@@ -72,7 +72,7 @@ pub enum Shortfall {
 pub struct PathReason {
     /// The violated condition.
     pub what: Shortfall,
-    /// Index of the joint; `None` if the limit is one of a frame's origin.
+    /// Index of the joint; `None` for a limit of a frame's origin.
     pub joint: Option<usize>,
     /// Name of the joint, or of the frame.
     pub joint_name: String,
@@ -137,8 +137,8 @@ impl PathProblem<'_> {
         PathReason { what, joint: Some(joint), joint_name, s, limit, missing, missing_units: missing * size, speed, position }
     }
 
-    /// The row with the largest relative excess at grid point `i` with `(u, x)`: its index, whether its upper limit is the nearer one, the
-    /// excess.
+    /// The row with the largest relative excess at grid point `i` with `(u, x)`. Returns its index, whether its upper limit is the nearer
+    /// one, and the excess.
     pub(super) fn tightest(&self, i: usize, u: f64, x: f64) -> (usize, bool, f64) {
         let w = self.rows.width;
         let c = &self.rows.coefficients[i * 3 * w..];

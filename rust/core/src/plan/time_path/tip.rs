@@ -32,7 +32,8 @@ pub struct TipLimits {
     pub acceleration: Option<Vec<f64>>,
 }
 
-/// Tip limits in the form that the planner uses. A limit that varies along the path is replaced by 1, and the motion is divided by it.
+/// Tip limits in the form that the planner uses. A limit that varies along the path is replaced by 1, and the motion of the frame is
+/// divided by the limit.
 #[derive(Clone, Debug)]
 pub(super) struct Tip {
     pub frame: usize,
@@ -43,7 +44,7 @@ pub(super) struct Tip {
 /// Numbers per point: three components of the acceleration, then three of the velocity.
 pub(super) const TIP: usize = 6;
 
-/// The smallest `A^2 - |c x + d|^2`, as a fraction of `A^2`, for the slope of its root. At zero the slope is infinite.
+/// In the slope of the root, `A^2 - |c x + d|^2` counts as at least this fraction of `A^2`, because the slope is infinite at zero.
 const STEEP: f64 = 1e-14;
 
 /// The interval of `u` that satisfies the limit of acceleration at one point of a segment.
