@@ -40,7 +40,7 @@ pub struct ChainJoint {
     pub name: Option<String>,
     /// Type of the joint.
     pub kind: JointType,
-    /// Axis in the joint frame, with any length > 0.
+    /// Axis in the joint frame, dimensionless, with any length > 0.
     pub axis: [f64; 3],
     /// Roll, pitch and yaw of the joint frame in the parent body frame, rad.
     pub rpy: [f64; 3],

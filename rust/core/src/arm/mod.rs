@@ -124,7 +124,8 @@ impl Arm {
         self.joints.iter().flat_map(|joint| joint.parameters).collect()
     }
 
-    /// Return the arm with the inertial parameters `pi`, in the layout of [`Arm::parameters`]. Any finite numbers are allowed.
+    /// Return the arm with the inertial parameters `pi`, shape `(10 joints,)`, in the layout and the units of [`Arm::parameters`]. Any
+    /// finite numbers are allowed.
     pub fn with_parameters(&self, pi: &[f64]) -> Result<Arm> {
         if pi.len() != PARAMETERS * self.joints.len() {
             return Err(Error::wrong("parameters", "length", format!("{} (10 per joint)", PARAMETERS * self.joints.len()), pi.len()));

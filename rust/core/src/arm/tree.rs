@@ -220,7 +220,8 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    /// Write the inertial parameters in the layout of [`Tree::set_parameters`]. They equal the set ones up to rounding.
+    /// Write the inertial parameters, shape `(10 bodies,)`, in the layout of [`Tree::set_parameters`]. They equal the set ones up to
+    /// rounding.
     pub fn write_parameters(&self, pi: &mut [S]) {
         for (body, p) in self.bodies.iter().zip(pi.chunks_exact_mut(PARAMETERS)) {
             let inertia = match body.turn {

@@ -25,7 +25,8 @@ pub struct Work {
     pub jacobians: u64,
     /// The number of matrix decompositions.
     pub factorisations: u64,
-    /// The factor that makes both tolerances feasible, for a run that ended with [`Status::ExcessAccuracy`]. It is zero for other runs.
+    /// The factor that makes both tolerances feasible, dimensionless, for a run that ended with [`Status::ExcessAccuracy`]. It is zero for
+    /// other runs.
     pub coarsen: f64,
 }
 
@@ -33,9 +34,9 @@ pub struct Work {
 pub trait Accuracy {
     /// The number of leading components with error control, at least one. Other components, such as quadratures, have no error control.
     fn controlled(&self) -> usize;
-    /// The smallest relative tolerance of all components.
+    /// The smallest relative tolerance of all components, dimensionless.
     fn rtol(&self) -> f64;
-    /// The allowed error of component `i`, `atol_i + rtol_i x`, where `x` is the magnitude of the component.
+    /// The allowed error of component `i`, in its unit: `atol_i + rtol_i x`, where `x` is the magnitude of the component.
     fn scale(&self, i: usize, x: f64) -> f64;
 }
 

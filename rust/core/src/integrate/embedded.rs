@@ -17,7 +17,8 @@ use crate::scalar::Real;
 use crate::status::Status;
 use std::marker::PhantomData;
 
-/// The tableau of an explicit method whose first slope is known, with its error norm and its dense output.
+/// The tableau of an explicit method whose first slope is known, with its error norm and its dense output. Coefficients are dimensionless.
+/// Step sizes `h` are in s.
 pub trait Scheme {
     /// The number of stages after the first one. The argument of the last stage is the new state.
     const STAGES: usize;
@@ -34,7 +35,8 @@ pub trait Scheme {
     /// The constants of the step-size control.
     const CONTROL: Control;
 
-    /// Return the error of a step of size `h` from `x` to `y`. A step with an error below 1 is accepted.
+    /// Return the error of a step of size `h` from the state `x` to the state `y`, divided by the allowed error. A step with an error below
+    /// 1 is accepted.
     fn error<S: Real, B: Buffer<S>, T: Accuracy>(controller: &StepController<T>, h: f64, x: &[S], y: &[S], estimates: &[B]) -> f64;
 
     /// Return the dense output of one component: `(x(t) - x_old) / r`. Here `at = (r, 1 - r)` with `r = (t - t_old) / h`.

@@ -61,7 +61,7 @@ impl<B: Buffer<f64>> Watch<B> {
         Watch { events, counts: vec![0; n], signs: vec![0.0; n], values: vec![0.0; n], crossings: Vec::with_capacity(n), at: state }
     }
 
-    /// Begin the detection at time `t` and state `x`, at the start of a run or after a jump.
+    /// Begin the detection at time `t`, s, and state `x`, at the start of a run or after a jump.
     pub fn begin<G: Watched>(&mut self, watched: &mut G, t: f64, x: &[f64]) -> Result<(), Status> {
         for i in 0..self.events.len() {
             self.values[i] = watched.value(i, t, x);

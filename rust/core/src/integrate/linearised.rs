@@ -8,7 +8,7 @@ use crate::scalar::{Duals, Real};
 
 /// A system whose right-hand side is evaluated on dual numbers.
 pub trait DualSystem<V: Real>: System<Duals<V>> {
-    /// Write the input at time `t` to `u`. Its derivative along direction 0 is the time derivative.
+    /// Write the input at time `t`, s, to `u`. Its derivative along direction 0 is the time derivative.
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
     /// Hold the input of the plant and the rate of the law's state, in a sampled loop.
     fn hold(&mut self, _input: &[V::One], _rate: &[V::One]) {}

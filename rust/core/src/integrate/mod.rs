@@ -53,7 +53,8 @@ pub use tableau::Tableau;
 use crate::linalg::Pairs;
 use crate::scalar::Real;
 
-/// A system of differential equations `x' = f(u(t), x)`, with all hooks that the integration methods call.
+/// A system of differential equations `x' = f(u(t), x)`, with all hooks that the integration methods call. Times and step sizes are in s.
+/// States, slopes and other arrays have one entry per state, if nothing else is stated.
 pub trait System<S: Real> {
     /// The type of the exogenous input at one instant.
     type Input: Clone;

@@ -11,9 +11,9 @@ use super::{EqualSteps, ExplicitAdaptive, ExplicitSteps, Forward1, Kind, Kutta4,
 pub struct Tableau {
     /// The instants `c_i` of the stages, as fractions of the step.
     pub c: Vec<f64>,
-    /// The weights `a_ij` of earlier slopes in the argument of each stage.
+    /// The weights `a_ij` of earlier slopes in the argument of each stage, dimensionless, one list per stage.
     pub a: Vec<Vec<f64>>,
-    /// The weights `b_i` of the slopes in the step.
+    /// The weights `b_i` of the slopes in the step, dimensionless, one per stage.
     pub b: Vec<f64>,
     /// Whether positions are computed with the new rates: `x_p += h x_r`.
     pub follows: bool,

@@ -41,8 +41,9 @@ pub fn velocity_bounds(
     Ok(())
 }
 
-/// Return the velocity bounds of one joint, within `(v_min, v_max)`. At the distance `d` from a limit, the bound towards the limit is
-/// `min(d/dt, sqrt(k d))`, where `k` is twice the deceleration. Beyond the limit, the bound points back.
+/// Return the velocity bounds of one joint, rad/s or m/s, within `(v_min, v_max)`. `q`, `q_min` and `q_max`: rad or m. `dt`: s. `k`: twice
+/// the deceleration, rad/s^2 or m/s^2. At the distance `d` from a limit, the bound towards the limit is `min(d/dt, sqrt(k d))`. Beyond the
+/// limit, the bound points back.
 pub fn joint_velocity_bounds(q: f64, (q_min, q_max): (f64, f64), (v_min, v_max): (f64, f64), dt: f64, k: f64) -> (f64, f64) {
     let allowed_speed = |distance: f64| {
         let speed = if distance > 0.0 { (k * distance).sqrt() } else { f64::INFINITY };

@@ -109,12 +109,12 @@ impl PrioritySolver {
         self.work.rounding
     }
 
-    /// The threshold of each level, if the options have thresholds.
+    /// The threshold of each level, shape `(levels,)`, if the options have thresholds. It has the unit of the level's Jacobian.
     pub fn eps(&self) -> Option<&[f64]> {
         self.work.eps.as_deref()
     }
 
-    /// The lower and upper bounds of the joint velocities, if there are any.
+    /// The lower and upper bounds of the joint velocities, shape `(n,)` each, rad/s or m/s, if there are any.
     pub fn bounds(&self) -> Option<&(Vec<f64>, Vec<f64>)> {
         self.work.bounds.as_ref()
     }

@@ -52,7 +52,7 @@ pub struct Measures {
     pub settle: f64,
     /// The settling band of each joint, shape `(n,)`, rad or m. It replaces `settle`.
     pub band: Option<Vec<f64>>,
-    /// The relative tolerance of the monitors.
+    /// The relative tolerance of the monitors, dimensionless.
     pub tolerance: f64,
     /// The reference position of the joints, shape `(n,)`, rad or m. It replaces the reference of the law.
     pub reference: Option<Vec<f64>>,

@@ -129,7 +129,7 @@ impl Sampling {
         ((self.instant(seed, k, grid) - t).abs() <= ON_TIME * self.period).then_some(k)
     }
 
-    /// Return the measurement of element `i` of channel `channel` at sample `k`. `x` is the exact value.
+    /// Return the measurement of element `i` of channel `channel` at sample `k`. `x` is the exact value. Both have the unit of the channel.
     pub fn measure(&self, seed: u64, k: u64, channel: usize, i: usize, x: f64) -> f64 {
         let noise = self.noise[channel];
         let x = if noise > 0.0 { x + noise * gaussian(seed, k, (4 * i + channel) as u64) } else { x };

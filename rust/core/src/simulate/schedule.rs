@@ -24,7 +24,7 @@ pub enum Times {
     At(Vec<f64>),
 }
 
-/// Refuse times that do not increase, or that are outside of the run.
+/// Refuse times, s, that do not increase, or that are outside of the run, which ends at `t_end`, s.
 pub fn require_times(t_eval: &[f64], t_end: f64) -> Result<()> {
     finite("t_eval", t_eval)?;
     for (i, &t) in t_eval.iter().enumerate() {

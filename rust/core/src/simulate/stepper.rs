@@ -14,11 +14,12 @@ use crate::status::Status;
 
 /// A loop with one step per call, for every number type.
 pub trait Stepping: Send {
-    /// Advance by one step. `tau`: the input of the plant, shape `(n,)`; if it is `None`, the law computes the input. `push`: the wrench
-    /// instead of the problem's force. A step that diverges changes neither state nor input. All later steps then have the same status,
-    /// until the caller sets a new state.
+    /// Advance by one step. `tau`: the input of the plant, shape `(n,)`, in the unit of [`Run::tau`](super::Run::tau). If it is `None`, the
+    /// law computes the input. `push`: the wrench instead of the problem's force. A step that diverges changes neither state nor input. All
+    /// later steps then have the same status, until the caller sets a new state.
     fn step(&mut self, tau: Option<&[f64]>, push: Option<&Wrench>) -> Status;
-    /// Write the states of the plant and of the law to `x`, shape `(states + p,)`. Write the saturated input of the last step to `tau`.
+    /// Write the states of the plant and of the law to `x`, shape `(states + p,)`. Write the saturated input of the last step to `tau`,
+    /// shape `(n,)`.
     fn read(&self, x: &mut [f64], tau: &mut [f64]);
     /// Restart at `t = 0` from `x`, the states of plant and law, shape `(states + p,)`.
     fn reset(&mut self, x: &[f64]);
@@ -30,8 +31,8 @@ pub trait Stepping: Send {
     fn steps(&self) -> u64;
     /// Whether [`Stepping::resume`] can reproduce the bits of the next steps. Between two samples, state and input are not sufficient.
     fn resumable(&self) -> bool;
-    /// Continue after `steps` steps from the state `x` and the input `tau` of [`Stepping::read`]. `diverged`: whether the last step had
-    /// diverged.
+    /// Continue after `steps` steps from the state `x`, shape `(states + p,)`, and the input `tau`, shape `(n,)`, of [`Stepping::read`].
+    /// `diverged`: whether the last step had diverged.
     fn resume(&mut self, steps: u64, x: &[f64], tau: &[f64], diverged: bool);
 }
 

@@ -72,7 +72,8 @@ impl Run {
         self.columns(&self.v)
     }
 
-    /// The inputs of the plant, shape `(n, K)`, N m or N. Column `k` is the input from time `t[k]` on.
+    /// The inputs of the plant, shape `(n, K)`, N m or N. They are velocities for a velocity-controlled plant. Column `k` is the input from
+    /// time `t[k]` on.
     pub fn inputs(&self) -> DMatrixView<'_, f64> {
         self.columns(&self.tau)
     }

@@ -13,7 +13,8 @@ const JERK_STEP: f64 = 1e-6;
 #[derive(Clone)]
 pub struct Exogenous<S> {
     pub t: f64,
-    /// The desired motions, one after another. Each is `[x_d, x_d', x_d'']`.
+    /// The desired motions, one after another. Each is `[x_d, x_d', x_d'']`, in the units of the task, per s and per s^2 for the
+    /// derivatives.
     pub desired: Vec<S>,
     pub wrench: [S; 6],
 }

@@ -66,7 +66,8 @@ impl<S: Real> Inertia<S> {
 }
 
 impl Inertia<f64> {
-    /// Return the inertia for a mass, a centre of mass and an inertia about the centre of mass, all in the axes of the body.
+    /// Return the inertia for a mass, kg, a centre of mass, m, and an inertia about the centre of mass, kg m^2. All are in the axes of the
+    /// body.
     pub fn about_com(mass: f64, com: Vector3<f64>, inertia: Sym3<f64>) -> Self {
         Inertia { mass, moment: Vector3::zero(), inertia }.shifted(com)
     }
@@ -74,7 +75,8 @@ impl Inertia<f64> {
     pub fn placed(&self, x: &Placement) -> Self {
         self.rotated(x.rotation).shifted(x.translation)
     }
-    /// Return the centre of mass, and the inertia about it. For a body without mass, return `None` and the inertia about the origin.
+    /// Return the centre of mass, m, and the inertia about it, kg m^2. For a body without mass, return `None` and the inertia about the
+    /// origin.
     pub fn com(&self) -> (Option<Vector3<f64>>, Sym3<f64>) {
         // Each component is divided separately, because the reciprocal of a subnormal mass is infinite.
         let com = Vector3::from(self.moment.array().map(|h| h / self.mass));
