@@ -196,7 +196,7 @@ fn the_regular_route_is_the_recursion_over_singular_values() {
                 assert_eq!(solver.ranks(), ranks, "{method:?}, rows {:?}", b.rows);
             }
         }
-        println!("seed {SEED}: {method:?}: {stood} stood, {declined} declined");
+        println!("seed {SEED}: {method:?}: {stood} solved, {declined} declined");
         assert!(stood > 300 && (declined > 300 || method != PriorityMethod::Sns), "{method:?}: {stood} {declined}");
     }
 }
