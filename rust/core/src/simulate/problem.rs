@@ -278,7 +278,7 @@ impl<'a> Problem<'a> {
         memory::require((MATRICES * n * n + jacobians + VECTORS * states).saturating_mul(8 * at_once))
     }
 
-    /// Refuse a loop that cannot be closed for any times and any initial state.
+    /// Refuse a loop that is invalid regardless of its times and its initial state.
     pub(super) fn validate_loop(&self) -> Result<()> {
         let o = &self.options;
         self.validate_pairs()?;
