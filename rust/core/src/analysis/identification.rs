@@ -28,15 +28,15 @@ pub struct Identification {
     pub base: BaseParameters,
     /// Values `beta` of the base parameters, `(b,)`, in SI units.
     pub values: Vec<f64>,
-    /// Standard deviations, `(b,)`; infinite for parameters that the record does not determine.
+    /// Standard deviations of the values, `(b,)`, in SI units; infinite for parameters that the record does not determine.
     pub deviations: Vec<f64>,
-    /// Covariance of the values, `(b, b)`, row-major, in the directions that the record determines.
+    /// Covariance of the values, `(b, b)`, row-major, in SI units, in the directions that the record determines.
     pub covariance: Vec<f64>,
     /// Numerical rank of the stacked regressor.
     pub rank: usize,
-    /// Condition number of the scaled columns; infinite if the rank is below `b`.
+    /// Condition number of the regressor with scaled columns; infinite if the rank is below `b`.
     pub condition: f64,
-    /// Singular values of the scaled columns, descending.
+    /// Singular values of the regressor with scaled columns, descending.
     pub singular_values: Vec<f64>,
     /// Root mean square of `tau - W_b beta` for each joint, `(n,)`, N m or N.
     pub residuals: Vec<f64>,

@@ -56,10 +56,10 @@ pub struct Modes {
 
 /// Compute the modes of [`loop_slope`] at time zero.
 ///
-/// A free motion without damping is a Jordan block, `d q' = d v`, `d v' = 0`. The rounding error of `A` splits its eigenvalues by the root
-/// of this error, to both sides of zero. So the free motions `N`, with `A N = 0`, are removed first. The other eigenvalues are those of `Q'
-/// A Q`, with `[N Q]` orthogonal. A singular value counts as zero if it is at most `FREE` times the largest. Times are in units of the
-/// fastest mode.
+/// A free motion without damping is a Jordan block, `d q' = d v`, `d v' = 0`. The rounding error of `A` splits the two zero eigenvalues of
+/// this block by the root of this error, to both sides of zero. So the free motions `N`, with `A N = 0`, are removed first. The other
+/// eigenvalues are the eigenvalues of `Q' A Q`, with `[N Q]` orthogonal. A singular value counts as zero if it is at most `FREE` times the
+/// largest. Times are in units of the fastest mode.
 pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> Result<Modes> {
     const FREE: f64 = 1e-10;
     /// The largest real part, in units of the fastest mode, that is a rounding error.

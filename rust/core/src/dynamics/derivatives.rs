@@ -1,6 +1,6 @@
 //! Exact derivatives of inverse and forward dynamics in O(n d), with the depth `d` of the tree.
 //!
-//! The method is that of Carpentier and Mansard 2018, and of Singh, Russell and Wensing 2022, in the notation of `coriolis`.
+//! The method follows Carpentier and Mansard 2018, and Singh, Russell and Wensing 2022, in the notation of `coriolis`.
 //!
 //! Joint `j` moves its subtree as a rigid body. In addition, velocities and accelerations in the subtree change by
 //!

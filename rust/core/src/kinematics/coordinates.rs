@@ -39,8 +39,7 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
 
 /// Compute the rows of a pose: of its position, m, and of its rotation vector, rad. `pose` is a homogeneous transform `(4, 4)`, row-major.
 ///
-/// It is an error if the matrix is not a pose. It is also an error if `rows` has some but not all components of orientation, and an omitted
-/// component is not zero.
+/// Errors: the matrix is not a pose; or `rows` has some but not all components of orientation, and an omitted component is not zero.
 pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
     /// The largest accepted deviation of a rotation from orthogonality.
     const ORTHOGONAL: f64 = 1e-6;

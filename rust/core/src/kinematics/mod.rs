@@ -72,7 +72,7 @@ pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S)
 /// The value of the parent of body `i` in a pass from the base outwards. Along a chain it stays in registers (`last`), so that the code
 /// does not wait for a recent store.
 pub(crate) fn from_parent<T: Copy>(parent: usize, i: usize, last: T, stored: impl Fn(usize) -> T, base: impl Fn() -> T) -> T {
-    // This is also true for the first body: i - 1 wraps to BASE, and `last` starts with the value of the base.
+    // The comparison is also true for the first body: i - 1 wraps to BASE, and `last` starts with the value of the base.
     if parent == i.wrapping_sub(1) {
         last
     } else if parent == BASE {

@@ -30,8 +30,8 @@ pub enum Adaptation {
 }
 
 impl Adaptation {
-    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` parameters are
-    /// parameters of joint columns.
+    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` of the parameters
+    /// belong to joint columns.
     pub(super) fn validate(&self, estimate: &[f64], beside: usize) -> Result<()> {
         match self {
             Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
@@ -82,7 +82,7 @@ impl AdaptiveSpec {
 pub struct Base {
     /// Indices of the estimated parameters, `(b,)`.
     pub columns: Vec<usize>,
-    /// The projection `P`, `(b, p)`, row-major.
+    /// The projection `P`, `(b, p)`, row-major, from all parameters to the estimated parameters.
     pub projection: Vec<f64>,
 }
 

@@ -12,8 +12,8 @@
 //! ```
 //!
 //! so that `W(0) = 0`: the initial value of `X` includes the momentum at the start, `exp(-lambda t) M(q_0) v_0`. The joint columns of
-//! armature are part of `Y_M`, and those of friction are part of `Y_D`. Known rotors `B` change the torque: `tau_W = X_tau - B v`, `X_tau'
-//! = -lambda X_tau + tau + lambda B v`.
+//! armature are part of `Y_M`, and the joint columns of friction are part of `Y_D`. Known rotors `B` change the torque: `tau_W = X_tau - B
+//! v`, `X_tau' = -lambda X_tau + tau + lambda B v`.
 //!
 //! `Y_M = Y(q, 0, 0, v) - Y_g` with `Y_g = Y(q, 0, 0, 0)`. Row `i` of `C' v` is `(Y(q, v, e_i, 0) - Y_g)' v`.
 //!

@@ -76,7 +76,7 @@ impl Solve for RecordedSolver {
         (&mut self.jacobian, &mut self.command)
     }
     fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
-        // This part is rounded like a single solve, even if the other operations are recorded with the rounding of plain numbers.
+        // The solver is rounded like a single solve, even if the other operations are recorded with the rounding of plain numbers.
         self.stands = sym::fused(|| self.route.solve(rounding, &self.jacobian, &self.command));
         Ok(())
     }

@@ -174,13 +174,14 @@ impl Route {
 pub struct Instant<'a> {
     /// Time, s.
     pub t: f64,
-    /// Samples of the desired motions.
+    /// Samples `[x_d, x_d', x_d'']` of the desired motions, one motion after another.
     pub desired: &'a [f64],
-    /// (sin, cos) of each joint.
+    /// (sin, cos) of each joint position, `(n,)`.
     pub trig: &'a [(f64, f64)],
-    /// State of the plant.
+    /// State of the plant: joint positions (rad or m) and velocities (rad/s or m/s), then motor positions and velocities if there are
+    /// motors.
     pub x: &'a [f64],
-    /// State of the law.
+    /// State of the law, for example an estimate or an integral; empty for a law without a state.
     pub z: &'a [f64],
 }
 

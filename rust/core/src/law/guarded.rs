@@ -39,7 +39,7 @@ pub enum Reaction {
 }
 
 impl Reaction {
-    /// Its stiffness and its damping.
+    /// The stiffness and the damping of the reaction; `None` for a reaction without this gain.
     pub(super) fn gains(&self) -> (Option<&Gain>, Option<&Gain>) {
         match self {
             Reaction::Stop(stiffness, damping) | Reaction::Retract(stiffness, damping, ..) => (Some(stiffness), Some(damping)),

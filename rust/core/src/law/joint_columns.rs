@@ -1,5 +1,5 @@
-//! Joint columns: adaptation can also estimate rotor inertia and friction of each joint. Their regressor columns follow those of the
-//! bodies:
+//! Joint columns: adaptation can also estimate rotor inertia and friction of each joint. The regressor columns of these parameters follow
+//! the columns of the bodies:
 //!
 //! ```text
 //! armature (rotors)  diag(a_r)

@@ -1,8 +1,8 @@
 //! Prioritised accelerations under computed torque, for rigid arms (`siciliano1991priority`, `nakanishi2008operational`):
 //!
 //! `a` solves `J_i a = x_d,i'' + D_i (x_d,i' - J_i v) + K_i e_i - dJ_i/dt v` in priority. In the remaining freedom `a = -c v`, which stops
-//! motions that change no task. Then `tau = M a + C v + g`. The map `sns` keeps `a` within bounds. They are computed from the joint limits
-//! at every evaluation (`joint_limits`).
+//! motions that change no task. Then `tau = M a + C v + g`. The map `sns` keeps `a` within bounds. `joint_limits` computes these bounds
+//! from the joint limits at every evaluation.
 
 use super::decided::{Decided, RecordedSolver, Solve};
 use super::joint_limits::{JointLimits, LimitOverrides};

@@ -2,7 +2,7 @@
 //!
 //! `u` solves `J_i u = x_d,i' + K_i e_i` in priority, by one of the maps of `priority`. The plant is `q' = u`.
 //!
-//! The map `sns` keeps `u` within bounds. They are computed from the joint limits at every evaluation (`joint_limits`).
+//! The map `sns` keeps `u` within bounds. `joint_limits` computes these bounds from the joint limits at every evaluation.
 //!
 //! The decision about a rank assumes a relative error of `8 eps (1 + sum|q|)` in the entries of the Jacobians. The maps branch on singular
 //! values, so this law runs on plain numbers. A recording uses the algorithm for regular stacks, and reports where it is not valid.

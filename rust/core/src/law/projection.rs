@@ -106,8 +106,8 @@ fn least_pivot<S: Real>(a: &Pseudo<S>) -> S {
 /// The negative part of a symmetric matrix `A`: `f(A)` with `f(l) = min(l, 0)`, as `V G V'`, by Jacobi's method.
 ///
 /// With `B = V' A V` nearly diagonal, `G_ii = f(B_ii)`. `G_ij = B_ij (f(B_ii) - f(B_jj)) / (B_ii - B_jj)` is a divided difference (Daleckii
-/// and Krein). The derivatives of `V` then cancel in the derivative of the result. For equal eigenvalues they are arbitrary, but must be
-/// bounded. So a common eigenspace is not rotated. Where both eigenvalues have the same sign, the formula is exact.
+/// and Krein). Then the derivatives of `V` cancel in the derivative of the result. For equal eigenvalues the derivatives of `V` are
+/// arbitrary, but must be bounded. So a common eigenspace is not rotated. Where both eigenvalues have the same sign, the formula is exact.
 fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
     let (zero, one) = (S::zero(), S::splat(1.0));
     let mut a = *a;

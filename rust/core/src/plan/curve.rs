@@ -119,7 +119,7 @@ fn stall(step: &Step) -> Option<f64> {
 
 /// The point where a push and the brake after it have equal speeds.
 pub(super) struct Meeting {
-    /// The distance from the start.
+    /// The distance from the start, rad.
     pub at: f64,
     pub push: Moment,
     pub brake: Moment,

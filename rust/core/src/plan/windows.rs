@@ -58,7 +58,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
         let last = self.crest;
         self.low = last + if last < self.most { *self.recovery } else { 0.0 };
         self.crest += if self.low < self.most { self.turn() } else { 0.0 };
-        // This was the last maximum, or a revolution is smaller than the rounding error of `crest`.
+        // If `crest` does not grow, it was the last maximum, or a revolution is smaller than the rounding error of `crest`.
         if !(self.crest > last) {
             self.low = f64::INFINITY;
         }

@@ -13,7 +13,7 @@ pub struct Wall {
     pub frame: usize,
     /// A point of the wall's surface, world axes, m.
     pub point: [f64; 3],
-    /// Unit normal that points out of the wall, world axes.
+    /// Unit normal that points out of the wall, `(3,)`, world axes.
     pub normal: [f64; 3],
     /// Stiffness `k`, N/m.
     pub stiffness: f64,

@@ -47,7 +47,7 @@ pub(super) struct Damped {
 
 /// The limits of a descent.
 pub(super) struct Reach<'a> {
-    /// Lower and upper limit of each joint.
+    /// Lower and upper limit of each joint, rad or m.
     pub bounds: &'a [(f64, f64)],
     pub tolerance: f64,
     pub step_max: f64,

@@ -31,9 +31,9 @@ use std::ops::Range;
 pub struct ObserverState {
     /// The residual `r`, an estimate of the external torque, N m or N.
     pub residual: Vec<f64>,
-    /// Momentum `p` at the last sample.
+    /// Momentum `p` at the last sample, kg m^2/s or kg m/s.
     pub momentum: Vec<f64>,
-    /// Drift `C' v - g - tau_f` at the last sample.
+    /// Drift `C' v - g - tau_f` at the last sample, N m or N.
     pub drift: Vec<f64>,
 }
 

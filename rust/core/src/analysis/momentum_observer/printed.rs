@@ -207,7 +207,7 @@ impl MomentumObserver {
 
     /// Record the correction of the residual.
     ///
-    /// Its inputs are the residual, `p` and the drift of the last sample, the torque, `p` now, `dt`, and `I + K dt`. For a full gain the
+    /// The inputs are the residual, `p` and the drift of the last sample, the torque, `p` now, `dt`, and `I + K dt`. For a full gain the
     /// result has one more number after the residual: one if `I + K dt` is positive definite.
     fn recorded_correction(&self) -> Option<Recorded> {
         let n = self.n();

@@ -34,7 +34,7 @@ pub(super) const WINDOW: usize = 6;
 pub(super) struct Limits {
     pub lo: Vec<f64>,
     pub hi: Vec<f64>,
-    /// The scales of relative excesses: the limit, or the opposite limit if it is zero.
+    /// The scales of relative excesses of the lower and upper limits: the limit, or the opposite limit if the limit is zero.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
     /// The reciprocals of the scales.

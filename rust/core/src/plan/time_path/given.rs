@@ -36,9 +36,9 @@ pub struct TimePathOptions {
     pub grid: Option<usize>,
     /// Whether segments are halved where a grid with `grid` points is too coarse for the limits.
     pub refine: bool,
-    /// Path speed `ds/dt` at the start.
+    /// Path speed `ds/dt` at the start, in the unit of `s` per second.
     pub start_speed: f64,
-    /// Path speed `ds/dt` at the end.
+    /// Path speed `ds/dt` at the end, in the unit of `s` per second.
     pub end_speed: f64,
     /// Indices of the knots where the motion stops.
     pub stops: Vec<usize>,

@@ -60,7 +60,7 @@ pub(super) struct LimitRows {
     pub cap: Vec<f64>,
     /// `(N + 1,)`: path positions.
     pub s: Vec<f64>,
-    /// The prescribed squared path speeds at both ends.
+    /// The prescribed squared path speeds `(ds/dt)^2` at the start and at the end.
     pub x_start: f64,
     pub x_end: f64,
     /// If a frame's acceleration is limited: the first of its three rows, and the limit of its norm.

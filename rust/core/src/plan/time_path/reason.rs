@@ -84,7 +84,7 @@ pub struct PathReason {
     pub missing: f64,
     /// The missing amount in the unit of the limit.
     pub missing_units: f64,
-    /// The feasible path speed `ds/dt` nearest to an infeasible start or end speed; else NaN.
+    /// The feasible path speed `ds/dt` nearest to an infeasible start or end speed, in the unit of `s` per second; else NaN.
     pub speed: f64,
     /// The joint position that exceeds its limit, rad or m; else NaN.
     pub position: f64,
