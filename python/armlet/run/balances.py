@@ -1,8 +1,10 @@
-"""Balances of energy and of Lyapunov functions that do not close: a sign of a wrong run with finite numbers.
+"""Warnings of runs whose energy or Lyapunov balance has a large residual. Such a run is inaccurate, although its numbers are finite.
 
     E(t) - E(0) - int P dt = 0,   V1(0) - V1(t) - int s'Kd s dt = 0
 
-hold for the loop, so their residual is the error of the method. With coarse steps the residual can be as large as the energy.
+The exact solution of the loop fulfils both equations, so their residual is the error of the integration method. With coarse steps the
+residual can be as large as the energy. `E` is the energy in J, and `P` the power of the inputs in W. `V1` is the Lyapunov function and `s`
+the composite error of an adaptive law.
 """
 
 from __future__ import annotations
@@ -22,13 +24,13 @@ __all__ = ["Balances", "energy_error", "quiet", "warn_of_balances"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: The part of the energy that may be missing without a warning. Steps that are just fine enough leave 1e-2 or less.
+#: Largest `energy_error` without a warning, as a fraction of the energy. Steps that are just fine enough have an error of 1e-2 or less.
 MOST_ENERGY = 0.1
-#: J: less than this is the rounding of an arm at rest.
+#: Largest `energy_missing` without a warning, J. The rounding of an arm at rest causes smaller values.
 LEAST_ENERGY = 1e-6
-#: How often its first value a Lyapunov function reaches that theory says never rises.
+#: Largest `lyapunov_rise` without a warning, a multiple of the first value. In theory the Lyapunov function never rises.
 MOST_RISE = 10.0
-#: The part of the largest Lyapunov function that its balance may miss without a warning.
+#: Largest `lyapunov_error` without a warning, as a fraction of the largest Lyapunov function.
 MOST_LOST = 0.1
 
 
@@ -37,7 +39,7 @@ _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """No warnings in this thread, for callers that report balances in another way."""
+    """Suppress the warnings of `warn_of_balances` in this thread, for callers that report balances in another way."""
     token = _QUIET.set(True)
     try:
         yield
@@ -46,7 +48,10 @@ def quiet() -> Iterator[None]:
 
 
 def energy_error(monitors: Mapping[str, Array]) -> Array | None:
-    """The largest `energy_balance` as a fraction of the largest energy stored or exchanged, `()` or `(B,)`; None without a balance."""
+    """Return the largest `energy_balance` as a fraction of the largest energy stored or exchanged, `()` or `(B,)`.
+
+    The result is None if `monitors` has no energy balance or no records.
+    """
     if "energy_balance" not in monitors or not monitors["energy_balance"].shape[-1]:
         return None
     energy, balance = monitors["energy"], monitors["energy_balance"]
@@ -58,10 +63,10 @@ def energy_error(monitors: Mapping[str, Array]) -> Array | None:
 
 @dataclass(frozen=True)
 class Balances:
-    """Residuals of the balances of runs, `()` or `(B,)` each; NaN if unknown. The core computes them with the records.
+    """Residuals of the balances of runs, `()` or `(B,)` each; NaN if unknown. The core computes them together with the records.
 
     Attributes:
-        energy_error: see `energy_error`.
+        energy_error: the largest `energy_balance` as a fraction of the largest energy stored or exchanged.
         energy_missing: the largest `energy_balance`, J.
         lyapunov_rise: the largest Lyapunov function as a multiple of its first value.
         lyapunov_error: the largest `lyapunov_balance` as a fraction of the largest Lyapunov function.
@@ -76,8 +81,8 @@ class Balances:
 def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], undisturbed: bool) -> None:
     """Warn if a run reached its end, but the residual of a balance is too large for an accurate run.
 
-    `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the Lyapunov function has to fall: the law acts at
-    every instant, without bounds and forces.
+    `ended`: whether each run reached its end, `()` or `(B,)`. `undisturbed`: whether the theory predicts that the Lyapunov function never
+    rises. This requires a law that acts at every instant, without input bounds and external forces.
     """
     if _QUIET.get():
         return
@@ -99,7 +104,7 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
 
 
 def _callers() -> int:
-    """The stack level of the first caller outside this package, for `warnings.warn` of the calling function."""
+    """Return the stack level of the first caller outside this package, for the `warnings.warn` of the calling function."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and str(frame.f_globals.get("__name__", "")).partition(".")[0] == "armlet":
         level, frame = level + 1, frame.f_back

@@ -1,4 +1,7 @@
-"""Batches in pieces: metrics without stored records, and the progress."""
+"""Run a batch in pieces, one after another, so that progress, finished rows and metrics are available before the batch ends.
+
+A *piece* is a group of consecutive runs of a batch.
+"""
 
 from __future__ import annotations
 
@@ -21,20 +24,20 @@ from .sampling import Sampling
 
 __all__ = ["batch_of", "forces_of_runs", "in_pieces", "measured_by_records", "require_measures"]
 
-#: Records of one piece, in bytes; a piece has at least LEAST runs.
+#: Largest size of the records of one piece, bytes. A piece has at least LEAST runs, even if their records are larger.
 PIECE = 1 << 26
 LEAST = 64
-#: Pieces that a batch with rows of the caller's is cut into, at least.
+#: Least number of pieces of a batch with the argument `out`, if each piece has at least LEAST runs.
 PARTS = 32
 STATES = ("v0", "theta0", "theta_dot0")
 
 
 def forces_of_runs(force: Any, rows: int) -> Any:
-    """`force` as `[[(t_start, F), ...], ...]` if it has one entry per run, `(B, k)` or such a list; else unchanged."""
+    """Return `force` as `[[(t_start, F), ...], ...]` if it has one entry per run: `(B, k)` or such a list. Else return it unchanged."""
     if _is_nested(force):
         return [list(steps) if isinstance(steps, list | tuple) else steps for steps in force]
     rows_of_numbers = isinstance(force, list | tuple) and bool(force) and isinstance(force[0], list | tuple | np.ndarray)
-    # A step is a time and a vector side by side.
+    # A pair `(t_start, F)` has an entry `F` with a length. A row of numbers has none.
     if not (all(not isinstance(x, Sized) for x in force[0]) if rows_of_numbers else getattr(force, "ndim", 0) == 2):
         return force
     values = finite("simulate_batch", "force", _core.numbers("simulate_batch", "force", force, (rows, "k")))
@@ -42,7 +45,7 @@ def forces_of_runs(force: Any, rows: int) -> Any:
 
 
 def _is_nested(force: Any) -> bool:
-    """Whether it is a list of lists of steps."""
+    """Return whether `force` is a list of lists of pairs `(t_start, F)`."""
     for _ in range(2):
         if not isinstance(force, list | tuple) or not force:
             return False
@@ -51,10 +54,10 @@ def _is_nested(force: Any) -> bool:
 
 
 def require_measures(keep: str, given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The argument `metrics` of a batch, if it is valid.
+    """Check the argument `metrics` of a batch, and return it as a dict without the entries that are None.
 
     Raises:
-        InputError: it is not a dict of arguments of `armlet.metrics`, or `keep` is not "metrics".
+        InputError: `given` is not a dict of arguments of `armlet.metrics`, or `keep` is not "metrics".
     """
     if given is None:
         return {}
@@ -70,12 +73,12 @@ def require_measures(keep: str, given: Mapping[str, Any] | None) -> dict[str, An
 
 
 def measured_by_records(keywords: Mapping[str, Any]) -> bool:
-    """Whether the metrics of a batch need its records, for a reference record by record."""
+    """Return whether the metrics of a batch require its records. They do if the reference has one value per record."""
     return keywords["keep"] == "metrics" and np.ndim(keywords["metrics"].get("reference", 0.0)) > 1
 
 
 def batch_of(plant: Any, law: Any, q0: ArrayLike, keywords: dict[str, Any], undisturbed: bool) -> BatchRun:
-    """One batch, with a warning if balances do not close."""
+    """Run one batch, and warn if the residual of a balance is too large."""
     fields = _core.simulate_batch(plant, law, q0, keywords)
     fields["stats"] = {"ended": fields.pop("ended"), "engine": fields.pop("engine")}
     found, balances = fields.pop("metrics"), Balances(**fields.pop("balances"))
@@ -100,8 +103,10 @@ def in_pieces(
     out: Mapping[str, NDArray[Any]] | None,
     undisturbed: bool,
 ) -> BatchRun:
-    """The batch of `simulate_batch`, some runs at a time. If the metrics require the records, each piece is reduced to its metrics before
-    the next."""
+    """Run the batch of `simulate_batch` in pieces, and join the results.
+
+    If the metrics require the records, each piece is reduced to its metrics before the next piece runs.
+    """
     one = plant[0] if isinstance(plant, list) and plant else plant
     n = instance("simulate_batch", "plant", one, _core.Plant, "a plant such as RigidArm, or a list of them").arm.n
     start = _core.numbers("simulate_batch", "q0", q0, ("B", n))
@@ -117,18 +122,18 @@ def in_pieces(
         if keywords.get(name) is not None:
             keywords |= {name: _core.numbers("simulate_batch", name, keywords[name], start.shape)}
     nested = _is_nested(keywords.get("force"))
-    # A batch of no runs is refused for whatever the whole one is refused for.
+    # This batch of zero runs raises the errors of invalid arguments before the first piece runs.
     none = keywords | {name: _part(keywords.get(name), 0, 0) for name in STATES} | {"check_limits": False}
     none |= {"force": None} if nested else {}
     _core.simulate_batch(plant[:1] if isinstance(plant, list) else plant, law[:1] if isinstance(law, list) else law, start[:0], none)
     _core._check_starts(plant, law, start, keywords)
     keywords |= {"check_limits": False}
     size = _runs_per_piece(n, keywords)
-    # What is kept of each run, at the least: refused before the first piece instead of after hours.
+    # The result has at least 2 n numbers per run. If they do not fit in memory, the MemoryError is raised here, before the first piece.
     np.empty((rows, 2 * n))
     if out is not None:
         _require_rows(out, rows)
-        # What Ctrl-C may cost.
+        # Ctrl-C loses the piece that is running, so a piece is at most 1/PARTS of the batch.
         size = min(size, max(LEAST, rows // PARTS // LEAST * LEAST))
     pieces: list[BatchRun] = []
     for first in range(0, max(rows, 1), size):
@@ -137,7 +142,7 @@ def in_pieces(
         if nested:
             own["force"] = own["force"][first:last]
         if isinstance(own["sample_time"], Sampling):
-            # Row i of the whole batch has seed + i.
+            # Row i of the whole batch uses `seed + i`, so the first row of this piece uses `seed + first`.
             own["sample_time"] = replace(own["sample_time"], seed=own["sample_time"].seed + first)
         plants = plant[first:last] if isinstance(plant, list) and len(plant) > 1 else plant
         laws = law[first:last] if isinstance(law, list) and len(law) > 1 else law
@@ -163,7 +168,7 @@ def _runs_per_piece(n: int, keywords: dict[str, Any]) -> int:
 
 
 def _require_rows(out: Mapping[str, NDArray[Any]], rows: int) -> None:
-    """Refuse arrays that cannot receive the rows, and mark all rows as not finished."""
+    """Raise an error for arrays of `out` that cannot receive `rows` rows, and mark all rows as not finished."""
     instance("simulate_batch", "out", out, Mapping, "a table of arrays by name")
     for name, array in out.items():
         choice("simulate_batch", "a name of out", name, (*SERIES, "status"))
@@ -190,7 +195,7 @@ def _part(value: NDArray[np.float64] | None, first: int, last: int) -> NDArray[n
 
 
 def _summed(piece: BatchRun, measures: Mapping[str, Any], first: int, last: int) -> BatchRun:
-    """The last record of each run, its metrics among the `stats`; the rows of the batch are `first` to `last`."""
+    """Reduce a piece to the last record of each run, with the metrics in `stats`. The piece has the rows `first` to `last` of the batch."""
     if np.ndim(measures.get("reference", 0.0)) == 3:
         measures = {**measures, "reference": measures["reference"][first:last]}
     found = metrics(piece, **measures)

@@ -1,6 +1,8 @@
-"""The force of the wall of a plant over a run, along its normal:
+"""The contact force of a plant's wall at each record of a run, along the wall's normal:
 
-f = max(0, k d + c d_dot) where d > 0, else 0,   d = n . (p_wall - p(q)),   d_dot = -n . J(q) v
+    f = max(0, k d + c d_dot) where d > 0, else 0,   d = n . (p_wall - p(q)),   d_dot = -n . J(q) v
+
+`d` is the depth of the frame in the wall, m. `k` and `c` are the stiffness, N/m, and the damping, N s/m, of the wall. `n` is its normal.
 """
 
 from __future__ import annotations
@@ -19,11 +21,11 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def contact_forces(plants: Sequence[Any], q: Array, v: Array) -> Array | None:
-    """The forces, (K,) or (B, K), N, NaN where the state is not finite; None where a plant has no wall.
+    """Compute the contact forces, (K,) or (B, K), N: NaN where the state is not finite. Return None if a plant has no wall.
 
     Args:
-        plants: one for all rows, or one per row.
-        q, v: (K, n) or (B, K, n).
+        plants: one plant for all rows, or one per row.
+        q, v: joint positions and velocities, (K, n) or (B, K, n), rad or m, rad/s or m/s.
     """
     walls = [_wall(plant) for plant in plants]
     if any(wall is None for wall in walls):

@@ -1,4 +1,7 @@
-"""Events in a run of an adaptive method, and their crossings."""
+"""Events that a run of an adaptive method locates, and the crossings that it found.
+
+An *event* is a function of time and state. A *crossing* is a time at which the function changes its sign.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from ..pickling import sealed
 __all__ = ["Event", "Events", "JointStops", "State"]
 
 Array: TypeAlias = NDArray[np.float64]
-# The most events of a run.
+# Largest number of events of a run.
 MOST_EVENTS = 4096
 
 
@@ -26,17 +29,18 @@ MOST_EVENTS = 4096
 @sealed
 @dataclass(frozen=True)
 class JointStops:
-    """Joint stops of a plant: a spring and a damper beyond each limit, `tau = max(0, k d + c d_dot)` away from it.
+    """Joint stops of a plant: a spring and a damper beyond each limit, `tau = max(0, k d + c d_dot)`, towards the allowed range.
 
-    `d` is the depth beyond the limit. A stop only pushes. It never pulls a joint back.
+    `d` is the distance of the joint beyond the limit, rad or m. A stop only pushes. It never pulls a joint towards the limit.
 
     Args:
         stiffness: `k` > 0, N m/rad or N/m, scalar or (n,).
         damping: `c` >= 0, N m s/rad or N s/m, scalar or (n,).
-        lower, upper: the limits, scalar or (n,), rad or m, infinite for none; None: those of the arm.
+        lower, upper: the limits, scalar or (n,), rad or m. An infinite value means that the joint has no stop there. None takes the
+            limits of the arm.
 
     Raises:
-        InputError: raised by the plant: a number has the wrong sign, lower is not below upper, or there is no limit at all.
+        InputError: raised by the plant: a number has the wrong sign, lower is not below upper, or no limit is finite.
 
     Source: docs/plants_and_laws.md.
 
@@ -57,17 +61,17 @@ class JointStops:
 
 
 def _plain(function: str, name: str, value: ArrayLike) -> Any:
-    """Numbers and tuples of numbers, which can be compared, printed and pickled."""
+    """Return `value` as a number or as tuples of numbers, which can be compared, printed and pickled."""
     values = _core.numbers(function, name, value, (), ("n",)).tolist()
     return tuple(values) if isinstance(values, list) else values
 
 
 def _argument(i: int, value: Any) -> Any:
-    """An argument of an event in a form that can be compared, printed and pickled: a name, a number, numbers or a function."""
+    """Return argument `i` of an event in a form that can be compared, printed and pickled: a name, a number, numbers or a function."""
     if isinstance(value, str) or callable(value):
         return value
     plain = _plain("Event", f"arguments[{i}]", value)
-    # Joints are counted: 1.0 is none.
+    # An integer stays an integer, because it can be the index of a joint. The float 1.0 is not an index.
     return value if isinstance(value, int | np.integer) else plain
 
 
@@ -77,19 +81,19 @@ def _argument(i: int, value: Any) -> Any:
 class Event:
     """A zero crossing that a run locates: `simulate(..., events=[al.Event.joint(0, 0.5, stop=True)])`.
 
-    Named kinds are evaluated natively. `function` is Python inside the loop, and slow. The event function is evaluated at
-    four points of every step. So two crossings within a quarter of a step are missed.
+    Compiled code evaluates all kinds except `function`, which calls Python inside the loop and is slow. The event function is evaluated at
+    four points of every step. So the run misses two crossings within a quarter of a step.
 
     Args:
-        kind, arguments: the monitored quantity; the methods below make them.
-        direction: > 0: rising crossings only; < 0: falling ones only; 0: both.
-        stop: end the run at this many crossings (True is 1); 0 only records them.
-        name: name in `Run.events`.
+        kind, arguments: the kind of the monitored quantity, and its arguments. Use the class methods below, which set both.
+        direction: > 0 locates rising crossings only, < 0 falling crossings only, and 0 both.
+        stop: number of crossings after which the run ends (True is 1). 0 records the crossings, and the run continues.
+        name: name of the event in `Run.events`.
 
     Raises:
         InputError: the kind is unknown, or a number is not valid; raised by `simulate`.
 
-    Source: docs/plants_and_laws.md; the root search is that of [Chandrupatla1997].
+    Source: docs/plants_and_laws.md; [Chandrupatla1997] for the root search.
 
     >>> import armlet as al
     >>> al.Event.plane("link2", [0.6, 0.0, 0.0], [1.0, 0.0, 0.0], direction=1).name
@@ -115,7 +119,7 @@ class Event:
 
     @classmethod
     def joint(cls, joint: int | str, value: float, **keywords: Any) -> Event:
-        """The event that a joint crosses a position: `q_i - value`.
+        """Make the event in which a joint crosses a position. The event function is `q_i - value`.
 
         Args:
             joint: index or name of the joint.
@@ -129,11 +133,13 @@ class Event:
 
     @classmethod
     def speed(cls, joint: int | str, value: float = 0.0, **keywords: Any) -> Event:
-        """The event that the speed of a joint crosses a value: `v_i - value`. At zero the joint reverses.
+        """Make the event in which the velocity of a joint crosses a value. The event function is `v_i - value`.
+
+        With the value zero the joint reverses at the crossing.
 
         Args:
             joint: index or name of the joint.
-            value: the speed, rad/s or m/s.
+            value: the velocity, rad/s or m/s.
             **keywords: `direction`, `stop` and `name` of the event.
 
         Returns:
@@ -143,12 +149,14 @@ class Event:
 
     @classmethod
     def plane(cls, frame: str, point: ArrayLike, normal: ArrayLike, **keywords: Any) -> Event:
-        """The event that the origin of a frame crosses a plane: `normal . (p - point)`, rising along the normal.
+        """Make the event in which the origin `p` of a frame crosses a plane.
+
+        The event function is `normal . (p - point)`. It rises if the frame moves along the normal.
 
         Args:
             frame: name of the frame.
             point: a point of the plane, (3,), world axes, m.
-            normal: normal of the plane, (3,), world axes.
+            normal: normal vector of the plane, (3,), world axes.
             **keywords: `direction`, `stop` and `name` of the event.
 
         Returns:
@@ -158,7 +166,9 @@ class Event:
 
     @classmethod
     def contact(cls, **keywords: Any) -> Event:
-        """The event of a frame that touches the plant's wall (rising) or leaves it (falling), by its depth in the wall, m.
+        """Make the event in which the frame touches the plant's wall (rising) or leaves it (falling).
+
+        The event function is the depth of the frame in the wall, m.
 
         Args:
             **keywords: `direction`, `stop` and `name` of the event.
@@ -170,11 +180,13 @@ class Event:
 
     @classmethod
     def joint_stop(cls, joint: int | str, side: Literal["lower", "upper"], **keywords: Any) -> Event:
-        """The event of a joint that touches the plant's stop (rising) or leaves it (falling), by its depth beyond the limit, rad or m.
+        """Make the event in which a joint touches the plant's joint stop (rising) or leaves it (falling).
+
+        The event function is the distance of the joint beyond the limit, rad or m.
 
         Args:
             joint: index or name of the joint.
-            side: "lower" or "upper".
+            side: the stop at the "lower" or at the "upper" limit.
             **keywords: `direction`, `stop` and `name` of the event.
 
         Returns:
@@ -187,12 +199,12 @@ class Event:
 
     @classmethod
     def function(cls, g: Callable[..., float], **keywords: Any) -> Event:
-        """The event that a Python function changes its sign.
+        """Make the event in which a Python function changes its sign.
 
         Args:
-            g: the function, called like a law in Python: `g(t, q, v)`, `g(t, q)` for a VelocityArm. For an ElasticArm `theta, theta_dot`
-                follow.
-            **keywords: `direction`, `stop` and `name` of the event; the default name is that of the function.
+            g: the event function `g(t, q, v) -> float`. It is `g(t, q)` for a VelocityArm, and `g(t, q, v, theta, theta_dot)` for an
+                ElasticArm.
+            **keywords: `direction`, `stop` and `name` of the event. The default name is the name of the function.
 
         Returns:
             The event.
@@ -207,7 +219,7 @@ class Event:
 
 
 def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[..., float]] | None) -> list[Event]:
-    """The events as `Event`s; a function may carry `direction` and `terminal`, as scipy's events do."""
+    """Return the argument `events` as a list of `Event`s. The attributes `direction` and `terminal` of a function are used, as in scipy."""
     if events is None:
         return []
     if isinstance(events, Sequence) and len(events) > MOST_EVENTS:
@@ -220,20 +232,20 @@ def watched(events: Event | Callable[..., float] | Sequence[Event | Callable[...
             got = f"got {type(event).__name__} (first bad index {i})"
             raise InputError(f"simulate: events is of the wrong type: expected Events or functions g(t, q, v), {got}")
         given[i] = Event.function(event, direction=getattr(event, "direction", 0.0), stop=getattr(event, "terminal", 0))
-    return given  # type: ignore[return-value]  # each is an Event by now
+    return given  # type: ignore[return-value]  # the loop replaced each function by an Event
 
 
 @bordered
 @sealed
 @dataclass(frozen=True, eq=False)
 class Events:
-    """The crossings found in a run, in order of time.
+    """The m crossings that a run found, in order of time.
 
     Attributes:
-        t: when, (m,), s.
-        which: index of the event, (m,), in the argument `events`.
-        names: of the events.
-        q, v, theta, theta_dot: the state there, (m, n) each; None if the plant does not have them.
+        t: times of the crossings, (m,), s.
+        which: index of each crossing's event in the argument `events`, (m,).
+        names: names of the events.
+        q, v, theta, theta_dot: state at each crossing, (m, n) each, rad or m, rad/s or m/s; None if the plant does not have it.
     """
 
     t: Array
@@ -254,10 +266,10 @@ class Events:
             event: index or name of the event.
 
         Returns:
-            Its crossings.
+            The crossings of this event.
 
         Raises:
-            InputError: there is no such event.
+            InputError: the run has no event with this index or name.
         """
         if isinstance(event, str) and event in self.names:
             event = self.names.index(event)
@@ -271,7 +283,10 @@ class Events:
 @bordered
 @sealed
 class State(NamedTuple):
-    """The state of a run, (n,) each at one time, (K, n) at K times. A part that the plant does not have is None."""
+    """The state of a run: arrays (n,) at one time, or (K, n) at K times, rad or m, rad/s or m/s.
+
+    A part that the plant or the law does not have is None.
+    """
 
     q: Array
     v: Array | None

@@ -1,4 +1,4 @@
-"""Tables of runs for other programs: CSV, Parquet (by pyarrow) and datasets (of xarray). Each file is complete or absent."""
+"""Convert runs for other programs: CSV files, Parquet files (with pyarrow) and xarray datasets. Each written file is complete or absent."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 
 def to_csv(columns: Columns, path: str | PathLike[str]) -> None:
-    """Write columns of one length, with a header line; floats as the shortest text that gives them back."""
+    """Write columns of equal length as CSV, with a header line. A float is the shortest text that reads back as the same float."""
     lists = [np.asarray(values).tolist() for values in columns.values()]
 
     def write(file: IO[bytes]) -> None:
@@ -43,7 +43,7 @@ def _cell(value: Any) -> str:
 
 
 def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
-    """Write columns of one length as Parquet.
+    """Write columns of equal length as Parquet.
 
     Raises:
         ImportError: pyarrow is not installed.
@@ -54,7 +54,7 @@ def to_parquet(columns: Columns, path: str | PathLike[str]) -> None:
 
 
 def to_xarray(run: Recorded) -> xr.Dataset:
-    """A dataset over `t` and `joint`, units as attributes.
+    """Return the series of a run as a dataset with the coordinates `t` and `joint`. The units are attributes.
 
     Raises:
         ImportError: xarray is not installed.
@@ -77,9 +77,9 @@ def to_xarray(run: Recorded) -> xr.Dataset:
 
 
 def pandas_for(caller: str) -> Any:
-    """pandas, for the function `caller`.
+    """Import pandas for the function with the name `caller`.
 
     Raises:
-        ImportError: it is not installed.
+        ImportError: pandas is not installed.
     """
     return extra(caller, "pandas", "armlet[data]")

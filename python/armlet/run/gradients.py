@@ -1,4 +1,7 @@
-"""The gradient of a loss of a run, by the adjoint of the run or along its tangents."""
+"""The gradient of a loss of a run, from the adjoint equations or from the tangents of the run.
+
+A *loss* is one number computed from the records of a run. A *tangent* is the derivative of the recorded series with respect to one number.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from .simulation import simulate, simulate_batch
 
 __all__ = ["gradient", "of_loops", "require_still_reference"]
 
-#: What `simulate` takes for granted of what derivatives read.
+#: Default values of those arguments of `simulate` that the derivative functions of the core read.
 DEFAULTS = {"method": "rk4", "record_every": 1}
 
 
@@ -37,37 +40,40 @@ def gradient(
     memory: int = 1 << 26,
     **keywords: Any,
 ) -> tuple[Any, dict[str, Array]]:
-    """The value of a loss of a closed loop, and its derivatives with respect to named numbers of the loop.
+    """Compute a loss of a closed loop, and its derivatives with respect to named numbers of the loop.
 
-    The loss is `L(q_0, .., q_K, v_0, .., tau_K)` of the records of one run. The discrete adjoint goes back through all steps of the run,
+    The loss is `L(q_0, .., q_K, v_0, .., tau_K)`, a function of the records of one run. With the step `x_(k+1) = Phi(x_k, p)` and the
+    numbers `p`, the discrete adjoint `l_k` is computed backwards through all steps of the run:
 
-        l_K = L_x(K),   l_k = Phi_x' l_(k+1) + L_x(k),   dL/dp = x0_p' l_0 + sum Phi_p' l_(k+1) + L_p,
+        l_K = L_x(K),   l_k = Phi_x' l_(k+1) + L_x(k),   dL/dp = x0_p' l_0 + sum Phi_p' l_(k+1) + L_p
 
-    at a cost that does not depend on the number of parameters.
+    The cost of the adjoint does not depend on the number of parameters.
 
     Args:
-        loss: one of these three.
-            A name, or a dict of names with weights: "error_rms", "error_final", "tau_rms" are the sums over the joints of the squares of
-            these metrics.
+        loss: one of three forms.
+            A name, or a dict of names with weights: each of "error_rms", "error_final", "tau_rms" is the sum over the joints of the
+            squared metric.
             A function `loss(run) -> (value, slopes)`: `slopes` is a dict of the derivatives by series, such as `{"q": (K, n)}`.
-            A function `loss(run) -> value` that numpy computes for complex numbers too. It is differentiated by complex steps along the
-            tangents of the run, one per parameter: use it for few parameters. `run` has `t`, `q`, `v`, `tau`, `estimate`, `theta`,
+            A function `loss(run) -> value` that numpy can also compute for complex numbers. It is differentiated by one complex step along
+            each tangent of the run, one per parameter, so use it for few parameters. `run` has `t`, `q`, `v`, `tau`, `estimate`, `theta`,
             `theta_dot`, `bristles`.
-        plant: the plant; or a `Scenario` in place of plant, law, q0 and keywords; for a batch also one per row.
-        law: the law; for a batch also one per row.
-        q0: initial position, (n,), rad or m; (B, n) for a batch, whose rows are shared between threads.
+        plant: the plant, or for a batch also a list with one plant per row. A `Scenario` replaces plant, law, q0 and keywords.
+        law: the law, or for a batch also a list with one law per row.
+        q0: initial position, (n,), rad or m; (B, n) for a batch. The threads share the rows of a batch.
         names: names of numbers such as `["law.kp", "arm.parameters", "q0"]`, as for `simulate(sensitivity=)`.
-        memory: bytes for stored states. States between two of them are computed again. In a batch each thread has as many.
-        keywords: the keywords of `simulate`, `t_end` among them. For a batch those of `simulate_batch` that concern its runs, and
+        memory: size of the stored states, bytes. States between two stored states are computed again. Each thread of a batch uses this
+            size.
+        keywords: the keywords of `simulate`, including `t_end`. For a batch: the keywords of `simulate_batch` that concern its runs, and
             `threads`.
 
     Returns:
-        The value, and by name an array of the shape of the number: units of the loss per unit of the number. A batch has one value and
-        one array per row, (B,) and (B, ..); both are NaN for a row that did not reach its end.
+        The value of the loss, and a dict with one array per name. The array has the shape of the number, and its unit is the unit of the
+        loss per unit of the number. For a batch the value is (B,) and the arrays are (B, ..). Both are NaN in a row that did not reach its
+        end.
 
     Raises:
         InputError: an argument has a wrong type, shape or value, or a function without slopes is not analytic.
-        SolveError: the run did not reach its end, or has no derivative there.
+        SolveError: the run did not reach its end, or the loop is not differentiable along the run.
 
     Source:
         Griewank and Walther 2008 [GriewankWalther2008], chapters 3 and 12.
@@ -106,7 +112,7 @@ def gradient(
 def of_loops(
     function: str, loss: Loss, loop: tuple[Any, Any, Any], loops: Varied, keywords: dict[str, Any], memory: int
 ) -> tuple[float, Array]:
-    """The value of a loss of the loop (plant, law, q0), and its derivatives with respect to the numbers that differ in `loops`, (P,)."""
+    """Return a loss of the loop (plant, law, q0), and its derivatives with respect to the P numbers that differ in `loops`, (P,)."""
     run = simulate(*loop, **keywords)
     value, slopes = evaluated(loss, run)
 
@@ -123,7 +129,7 @@ def of_loops(
 def _of_batch(
     loss: Loss, plant: Any, law: Any, q0: ArrayLike, names: list[str], memory: int, keywords: dict[str, Any]
 ) -> tuple[Array, dict[str, Array]]:
-    """The value of a loss of each row of a batch, (B,), and its derivatives by name, (B, ..)."""
+    """Return the loss of each row of a batch, (B,), and its derivatives by name, (B, ..)."""
     for name in ("sensitivity", "keep", "metrics", "progress", "out"):
         if name in keywords:
             raise InputError(f"gradient: {name} is not used: expected keywords that concern the runs of a batch")
@@ -156,7 +162,7 @@ def _of_batch(
 
 
 def require_still_reference(function: str, loss: Any, names: Sequence[str]) -> None:
-    """Refuse names that move the reference from which a named term counts the error."""
+    """Raise an error if a name changes the reference trajectory and a named term of the loss measures the error from this reference."""
     terms = [loss] if isinstance(loss, str) else list(loss) if isinstance(loss, Mapping) else []
     moving = [name for name in names if name.startswith(("law.motion.", "motion.", "law.target"))]
     if moving and any(str(term).startswith("error") for term in terms):

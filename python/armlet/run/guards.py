@@ -1,7 +1,11 @@
-"""The record of the observer of a `Guarded` law over a run, from the law's state `[inner law, w, R, c, s, y_c c, r_c c]`:
+"""The residuals and the contact of a `Guarded` law's observer, computed from the recorded state of the law.
 
-residual  r = dR / dt over the time since the last record; in a continuous loop r = K (M v - w)
-contact   at t - s, residual r_c
+The state is `[inner law, w, R, c, s, y_c c, r_c c]`. `w` is the observed momentum and `R` the integral of the residual. `c` > 0 after a
+contact, and `s` is the time since the contact. `y_c` and `r_c` are the stored output of the reaction and the residual at the contact.
+
+    sampled loop      r = (R_k - R_(k-1)) / (t_k - t_(k-1))
+    continuous loop   r = K (M v - w)
+    contact           at the time t - s, with the residual r_c
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ Array: TypeAlias = NDArray[np.float64]
 @sealed
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """The contact to which a `Guarded` law reacted: one number each for a run; arrays with an axis (B,) for a batch.
+    """The contact to which a `Guarded` law reacted. For a batch the fields are arrays with a first axis B.
 
     >>> import numpy as np
     >>> import armlet as al
@@ -35,11 +39,11 @@ class Contact:
     1
     """
 
-    #: When the reaction began to act, s; NaN without contact.
+    #: Time at which the reaction began, s; NaN without contact.
     time: Any
-    #: The joint of the touched link by the residual at that sample; -1 without contact.
+    #: Index of the touched link's joint, determined from `residual`; -1 without contact.
     joint: Any
-    #: The residual at that sample, (n,) or (B, n), N m or N; NaN without contact.
+    #: Residual of the observer at the time of the contact, (n,) or (B, n), N m or N; NaN without contact.
     residual: Array
 
     def __post_init__(self) -> None:
@@ -49,7 +53,7 @@ class Contact:
 
 
 def residuals(laws: Sequence[Any], t: Array, q: Array, v: Array, estimate: Array | None, sampled: bool) -> Array | None:
-    """The residuals, (K, n) or (B, K, n); None for laws without an observer and for a single record."""
+    """Return the residuals at the records, (K, n) or (B, K, n), N m or N. Return None for laws without an observer and for one record."""
     law = laws[0]
     if not isinstance(law, _core.Guarded) or estimate is None or estimate.ndim != q.ndim or q.shape[-2:-1] != t.shape[-1:] or len(t.T) < 2:
         return None
@@ -76,7 +80,10 @@ def _instant(law: Any, q: Array, v: Array, w: Array) -> Array:
 
 
 def touched_joints(laws: Sequence[Any], residual: Array | None) -> NDArray[np.int64] | None:
-    """The joint of the touched link at each record, (K,) or (B, K), -1 without contact; None for laws without an observer."""
+    """Return the index of the touched link's joint at each record, (K,) or (B, K): -1 without contact.
+
+    Return None for laws without an observer or without thresholds.
+    """
     if residual is None or any(law.observer.threshold is None for law in laws):
         return None
     if len(laws) == 1:
@@ -91,7 +98,10 @@ def _touched(law: Any, residual: Array) -> NDArray[np.int64]:
 
 
 def contact_states(laws: Sequence[Any], t: Array, estimate: Array | None, batch: bool) -> Array | None:
-    """Time, joint and residual of the contact, (2 + n,) or (B, 2 + n), NaN without contact; None for laws without a reaction."""
+    """Return time, joint and residual of the contact, (2 + n,) or (B, 2 + n). Return None for laws without a reaction.
+
+    Without contact the time and the residual are NaN, and the joint is -1.
+    """
     law = laws[0]
     if not isinstance(law, _core.Guarded) or law.reaction is None or estimate is None:
         return None

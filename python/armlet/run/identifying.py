@@ -1,9 +1,10 @@
-"""Parameters of a loop from records of closed loops: least squares over runs, by their tangents.
+"""Identify numbers of a closed loop from its records, by least squares:
 
     minimise over p   sum_k |(x_k(p) - x_k) / sigma|^2
 
-`x_k` is a record of positions and velocities and `x_k(p)` that of the run with the numbers `p`. Each step solves the linear problem of the
-tangents with the damping of Levenberg and Marquardt [Marquardt1963].
+`x_k` are recorded positions and velocities, and `x_k(p)` those of the simulated run with the numbers `p`. `sigma` is the standard deviation
+of the records. Each step solves the linear least-squares problem of the tangents `dx_k/dp`, with the damping of Levenberg and Marquardt
+[Marquardt1963].
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ from .simulation import simulate
 __all__ = ["RunIdentification", "identify_from_runs"]
 
 SHOWN = ("q", "v")
-# Singular values below this part of the largest one are rounding of the tangents.
+# Singular values below this fraction of the largest singular value count as zero, because they are rounding errors of the tangents.
 CUTOFF = 1e-10
-# Damping at first, and where no step lowers the sum.
+# Initial damping, and the damping at which the search ends because no step lowers the sum.
 FIRST, LAST = 1e-3, 1e12
 
 
@@ -38,20 +39,22 @@ FIRST, LAST = 1e-3, 1e12
 @sealed
 @dataclass(frozen=True, eq=False)
 class RunIdentification:
-    """Numbers of a loop, identified from records, with their standard deviations.
+    """Numbers of a loop that were identified from records, with their standard deviations.
 
     Attributes:
-        values: the numbers by name, each in its shape; a start `q0` or `v0` is one per run, (R, n).
-        deviations: their standard deviations in the same shapes; infinite for numbers that the records do not determine.
-        covariance: of all numbers, one name after another, (P, P); zero along combinations that the records do not determine.
-        rank: how many combinations of the numbers the records determine.
-        condition: largest over smallest singular value of the tangents with columns scaled to one; infinite where the rank is short.
-        residuals: root mean square of the differences between records and runs, by series and joint, (n,), rad or m, and per second.
-        plant: the plant with the numbers.
-        laws: the law of each run with the numbers.
-        runs: the runs with the numbers, at the times of the records.
-        iterations: how many steps were taken.
-        converged: whether the last step changed the sum by less than the tolerance.
+        values: the identified numbers by name, each with the shape of the number. The starts `q0` and `v0` have one row per run, (R, n).
+        deviations: standard deviations of the numbers, in the same shapes; infinite for numbers that the records do not determine.
+        covariance: covariance of all P numbers, one name after another, (P, P). It is zero along combinations of numbers that the records
+            do not determine.
+        rank: number of independent combinations of the numbers that the records determine.
+        condition: largest divided by smallest singular value of the tangents, whose columns are scaled to the norm one. It is infinite
+            if the rank is below P.
+        residuals: root mean square of the differences between records and runs, by series: (n,), rad or m for q, rad/s or m/s for v.
+        plant: the plant with the identified numbers.
+        laws: the law of each run with the identified numbers.
+        runs: the runs of the identified loop, at the times of the records.
+        iterations: number of steps of the search.
+        converged: whether the last step lowered the sum by less than the tolerance, or no step lowers it.
     """
 
     values: dict[str, Array]
@@ -92,31 +95,33 @@ def identify_from_runs(
     tolerance: float = 1e-9,
     **keywords: Any,
 ) -> RunIdentification:
-    """Find numbers of a plant, or of its law, from records of closed loops: inertial parameters, stiffness, damping.
+    """Identify numbers of a plant, or of its law, from records of closed loops: inertial parameters, stiffness, damping.
 
         minimise over p   sum_k |(x_k(p) - x_k) / sigma|^2
 
-    `x_k` are the recorded positions and velocities. The loop is run with the numbers `p` from the first record on. No acceleration and no
-    torque is measured: the law computes its input in the loop, as it did in the record.
+    `x_k` are the recorded positions and velocities, and `sigma` is their standard deviation. `x_k(p)` is the simulated run with the numbers
+    `p`, which starts at the first record. No measured acceleration or torque is required, because the law computes its input in the
+    simulated loop.
 
     Args:
-        runs: one record or several. A record of a robot is `Run({"t": t, "q": q, "v": v})`, from t = 0 on, s, rad or m.
+        runs: one record or a list of records. A record of a robot is `Run({"t": t, "q": q, "v": v})`, with times from t = 0 in s,
+            positions in rad or m, and velocities in rad/s or m/s.
         names: names of numbers as for `simulate(sensitivity=)`: `"arm.parameters"`, `"plant.stiffness"`, `"plant.joint_damping"`.
-            `"q0"` and `"v0"` are the starts of every run; without them the first record is taken as exact.
-        plant: the plant with numbers to begin with; None: that of the first run.
-        law: the law, one for all runs or one per run; None: those of the runs.
-        noise: standard deviations of the records by series, `{"q": 1e-4, "v": 1e-3}`, scalar or (n,), rad or m, and per second. None
-            estimates it from the residuals, as the same fraction of the range of each joint.
-        iterations: largest number of steps.
+            `"q0"` and `"v0"` identify the starts of every run. Without these names the first record is assumed to be exact.
+        plant: the plant with the initial values of the numbers; None: the plant of the first run.
+        law: the law, one for all runs or a list with one per run; None: the laws of the runs.
+        noise: standard deviations of the records by series, `{"q": 1e-4, "v": 1e-3}`, scalar or (n,), rad or m, rad/s or m/s. None
+            estimates them from the residuals, as the same fraction of the range of each joint.
+        iterations: largest number of steps of the search.
         tolerance: the search ends when a step lowers the sum by less than this fraction.
         keywords: keywords of `simulate` for every run, such as `dt`, `method`, `sample_time`, `tau_max`.
 
     Returns:
-        The numbers with their standard deviations, and the plant that has them.
+        The identified numbers with their standard deviations, and the plant with these numbers.
 
     Raises:
         InputError: an argument is not valid; the message names it.
-        SolveError: the loop does not run to the end with the numbers to begin with.
+        SolveError: the run with the initial numbers does not reach its end.
 
     Source: [Marquardt1963]; docs/identification.md.
 
@@ -152,13 +157,13 @@ def identify_from_runs(
 
 
 def _sizes(slopes: Array) -> Array:
-    """The norms of the columns, one for a column of zeros."""
+    """Return the norm of each column. The result is 1 for a column of zeros."""
     sizes = np.linalg.norm(slopes, axis=0)
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
 class _Problem:
-    """Records, and runs that are compared with them."""
+    """The least-squares problem: the records, their weights, and the simulated runs that are compared with the records."""
 
     def __init__(self, runs: Any, names: list[str], plant: Any, law: Any, noise: Any, keywords: Mapping[str, Any]) -> None:
         self.runs = [runs] if isinstance(runs, Run) else list(runs) if isinstance(runs, Sequence) else []
@@ -208,7 +213,7 @@ class _Problem:
         return {"q0": run.q[0], "v0": run.v[0]}
 
     def _weights(self, run: Run, noise: Any) -> Array:
-        """One over the deviation of each recorded number, (K, 2 n)."""
+        """Return 1 divided by the standard deviation of each recorded number, (K, 2 n)."""
         n = run.q.shape[1]
         parts = []
         for name in SHOWN:
@@ -226,14 +231,14 @@ class _Problem:
         return weights
 
     def loop(self, r: int, p: Array) -> tuple[Any, Any, dict[str, Array]]:
-        """The plant, the law and the start of run `r` with these numbers."""
+        """Return the plant, the law and the start of run `r` with the numbers `p`, (P,)."""
         plant, law, places = self.plant, self.laws[r], self.places[r]
         for name in self.shared:
             plant, law, _ = loop_with(plant, law, {}, name, p[places[name]].reshape(self.known[name].shape))
         return plant, law, self._start(self.runs[r]) | {name: p[places[name]] for name in self.starts}
 
     def evaluate(self, p: Array) -> tuple[Array, Array, list[Run]]:
-        """The differences between records and runs in deviations, their derivatives (N, P), and the runs."""
+        """Return the weighted differences between runs and records, (N,), their derivatives with respect to `p`, (N, P), and the runs."""
         misses, slopes, found = [], [], []
         for r, record in enumerate(self.runs):
             plant, law, start = self.loop(r, p)
@@ -252,7 +257,7 @@ class _Problem:
         return np.concatenate(misses), np.concatenate(slopes), found
 
     def _places(self) -> list[dict[str, slice]]:
-        """The places of the numbers of each name among all numbers, run by run."""
+        """Return, for each run, the slice of each name's numbers in the vector of all numbers."""
         shared: dict[str, slice] = {}
         at, n = 0, self.plant.arm.n
         for name in self.shared:
@@ -263,7 +268,7 @@ class _Problem:
         return [shared | dict(zip(self.starts, starts[r * each : (r + 1) * each], strict=True)) for r in range(len(self.runs))]
 
     def identification(self, p: Array, misses: Array, slopes: Array, found: list[Run], taken: int, converged: bool) -> RunIdentification:
-        """The result at the numbers `p`."""
+        """Return the result of the search, which ended at the numbers `p`."""
         scale = _sizes(slopes)
         _, singular, rows = np.linalg.svd(slopes / scale, full_matrices=False)
         seen = singular > CUTOFF * max(float(singular.max(initial=0.0)), 1e-300)

@@ -1,4 +1,4 @@
-"""The lines of a program, and their text."""
+"""The lines of a listed program, and their text. A line is one operation: `name = kind(operands)`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 __all__ = ["Instruction", "Listing"]
 
-# How a line is written; other kinds are written as functions.
+# Text of an operation by kind. A kind that is not in this table is written as a function call.
 INFIX = {
     "add": "{} + {}",
     "sub": "{} - {}",
@@ -43,7 +43,7 @@ class Instruction(NamedTuple):
 
 
 class Listing(NamedTuple):
-    """The lines of one stage, and pairs `(output, value)`."""
+    """The lines of a program at one stage, and one pair `(output, value)` per output."""
 
     instructions: tuple[Instruction, ...]
     outputs: tuple[tuple[str, str], ...]

@@ -1,6 +1,6 @@
-"""Losses of a run with their slopes: the derivatives with respect to each recorded number.
+"""Losses of a run and their slopes. *Slopes* are the derivatives of a loss with respect to each recorded number.
 
-A loss is a table of named terms with weights, or a function. A function returns a value and its derivatives, or only a value.
+A loss is a table of named terms with weights, or a function. A function returns a value and its slopes, or only a value.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ __all__ = ["TERMS", "Loss", "along_tangents", "evaluated"]
 
 Loss: TypeAlias = str | Mapping[str, float] | Callable[[Any], Any]
 
-#: Named terms: sums over the joints of the squares of these metrics.
+#: Named terms of a loss. Each term is the sum over the joints of the squared metric with this name.
 TERMS = ("error_rms", "error_final", "tau_rms")
 COMPLEX_STEP = 1e-30
-# A central difference of a loss is this close to the complex step where the loss is analytic.
+# Largest relative difference between a complex step and a central difference of an analytic loss.
 ANALYTIC = 1e-5
 
 
 def evaluated(loss: Loss, run: Run) -> tuple[float, dict[str, Array] | None]:
-    """The value of a loss, and its slopes by series; no slopes where the function returns a number alone.
+    """Return the value of a loss, and its slopes by series. The slopes are None if the function returns only a number.
 
     Raises:
         InputError: the loss is neither a table of names nor a function, or the function returns another type.
@@ -93,10 +93,18 @@ def _named(weights: Mapping[str, float], run: Run) -> tuple[float, dict[str, Arr
 
 
 def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Array]) -> Array:
-    """The derivatives of a loss along tangents of its series `(K, .., P)`, by one complex step each, `(P,)`.
+    """Compute the derivatives of a loss along the P tangents of the series, by one complex step per tangent.
+
+    Args:
+        loss: the loss, a function of a run.
+        run: the run.
+        rates: the tangents by series, (K, .., P) each.
+
+    Returns:
+        The derivatives, (P,).
 
     Raises:
-        InputError: the loss is not analytic: a central difference along the sum of all tangents gives another value.
+        InputError: the loss is not analytic: a central difference along the sum of the scaled tangents has another value.
     """
     at = {name: getattr(run, name) for name in SERIES}
 
@@ -117,7 +125,7 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
     for p in range(count):
         value = moved({name: rate[..., p] for name, rate in rates.items()}, 1j * COMPLEX_STEP)
         derivatives[p] = np.imag(value) / COMPLEX_STEP
-    # All directions at once, each as long as the others, against a central difference.
+    # One central difference along the sum of all tangents checks the complex steps. Each tangent is scaled to the largest entry 1.
     sizes = np.max([np.abs(rate).reshape(-1, count).max(axis=0) for rate in rates.values()], axis=0)
     scales = 1.0 / np.where(sizes > 0.0, sizes, 1.0)
     together = {name: rate @ scales for name, rate in rates.items()}

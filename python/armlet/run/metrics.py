@@ -1,6 +1,7 @@
-"""Numbers that summarise a run.
+"""Metrics: numbers that summarise a run.
 
-With the error e = q_d - q, the span T, integrals by the trapezoidal rule over the recorded times, one value per joint:
+The error is e = q_d - q, and T is the length of the run. Integrals use the trapezoidal rule over the recorded times. A metric has one value
+per joint if the table does not state otherwise.
 
 =====================  ==============  ====================================================================================
 name                   unit            definition
@@ -8,22 +9,23 @@ name                   unit            definition
 error_rms              rad or m        sqrt(1/T int e^2 dt)
 error_peak             rad or m        max |e|
 error_final            rad or m        |e| at the end
-overshoot              1               distance of q beyond the farthest point of the reference, over the whole distance;   NaN
-                                       without such a distance, and where the reference still moves at the end
-settling_time          s               the time after which |e| stays within the band for all joints; NaN if it does not
-position_error_rms,    m               of each task of a frame (`Run.position_error`), one value per task: the same of the distance of
-position_error_peak,                   the frame from its target; not there for laws without such tasks
+overshoot              1               distance of q beyond the farthest point of the reference, divided by the whole distance. NaN
+                                       if this distance is zero, or if the reference still moves at the end
+settling_time          s               the time after which |e| stays within the band for all joints; NaN if |e| leaves it at the end
+position_error_rms,    m               root mean square, maximum and final value of the distance between the frame of each task and its
+position_error_peak,                   target (`Run.position_error`), one value per task; absent for laws without such tasks
 position_error_final
 tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|; of an arm under velocity control rad/s or m/s
-time_outside_limits    s               how long any joint is beyond its position, velocity or effort limits; NaN if unknown
-monitor_violations     1               records at which an identity of theory does not hold: see `metrics`
-energy_error           1               largest |energy_balance| as a fraction of the largest energy stored or exchanged; NaN without it
+time_outside_limits    s               total time in which any joint is beyond its position, velocity or effort limits; NaN if unknown
+monitor_violations     1               number of records at which a monitor is violated: see `metrics`
+energy_error           1               largest |energy_balance| as a fraction of the largest energy stored or exchanged; NaN without
+                                       this monitor
 completed              1               1 for a run that reached its end or an event that stops it, else 0
 =====================  ==============  ====================================================================================
 
-The settling time and the last four are one number per run. A run that did not reach its end has only `completed`: its first part does not
-characterise the loop. A law without a reference in joint space (`Run.desired() is None`, and none given) has no error: its error, overshoot
-and settling time are NaN.
+The settling time and the last four metrics are one number per run. If a run did not reach its end, all metrics except `completed` are
+NaN: its first part does not characterise the loop. A law without a reference in joint space (`Run.desired() is None`)
+requires the argument `reference`. Without it the errors, the overshoot and the settling time are NaN.
 """
 
 from __future__ import annotations
@@ -50,15 +52,15 @@ PER_TASK = ("position_error_rms", "position_error_peak", "position_error_final")
 PER_RUN = ("settling_time", "time_outside_limits", "monitor_violations", "energy_error", "completed")
 ALL = (*PER_JOINT, *PER_TASK, *PER_RUN)
 SETTLE, TOLERANCE = 0.02, 1e-6
-#: The arguments of `metrics` besides the run.
+#: Names of the arguments of `metrics`, without the run.
 MEASURES = ("reference", "band", "settle", "tolerance", "frame")
 
 
 @bordered
 class Metrics(dict[str, Array]):
-    """Metrics by name: (n,), (tasks,) or a number for a run, (B, n), (B, tasks) or (B,) for a batch.
+    """Metrics by name. A value is (n,), (tasks,) or a number for a run, and (B, n), (B, tasks) or (B,) for a batch.
 
-    `columns()` has one entry per number of a run.
+    `columns()` splits the arrays into one column per joint or task.
     """
 
     units: tuple[str, ...]
@@ -73,13 +75,13 @@ class Metrics(dict[str, Array]):
 
         Args:
             name: name of the metric.
-            joint: index of the joint, for metrics whose unit depends on the joint.
+            joint: index of the joint. The unit of some metrics depends on the joint.
 
         Returns:
             The unit, such as "rad".
 
         Raises:
-            InputError: there is no such metric, or no such joint.
+            InputError: no metric has this name, or no joint has this index.
         """
         choice("Metrics.unit", "name", name, ALL)
         if integer("Metrics.unit", "joint", joint) >= len(self.units):
@@ -93,10 +95,10 @@ class Metrics(dict[str, Array]):
         return (self.input_units if name.startswith("tau") else self.units)[joint]
 
     def columns(self) -> dict[str, Array]:
-        """Split the metrics into columns: `error_rms1`, `error_rms2`, .., `settling_time`, ..
+        """Split the metrics into columns, one per joint or task: `error_rms1`, `error_rms2`, .., `settling_time`, ..
 
         Returns:
-            One array or number per column.
+            A dict with one entry per column: a number for a run, an array (B,) for a batch.
         """
         table: dict[str, Array] = {}
         for name, values in self.items():
@@ -136,20 +138,22 @@ def metrics(
 ) -> Metrics:
     """Compute the metrics of a run, or of every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
 
-    `simulate_batch(keep="metrics")` computes the same numbers during the runs, without records. A record counts as a violated monitor in
-    three cases:
+    `simulate_batch(keep="metrics")` computes the same numbers during the runs, without records. `monitor_violations` counts the records in
+    which one of three conditions is met:
 
-    - `lyapunov` has risen since the last record by more than `tolerance` of its largest value so far;
-    - `lyapunov_balance` or `energy_balance` exceeds `tolerance` of the largest Lyapunov function or energy so far;
+    - `lyapunov` has risen since the last record by more than `tolerance` times its largest value so far;
+    - `lyapunov_balance` or `energy_balance` exceeds `tolerance` times the largest Lyapunov function or energy so far;
     - `skewness` exceeds `tolerance`.
 
     Args:
         run: the run, or the batch.
         reference: a reference in place of the law's motion or target, (n,) or (K, n), rad or m.
-        band: band of the settling time, a number or (n,), rad or m; None: `settle` times the largest error of the joints of the same unit.
-        settle: relative band of the settling time, if `band` is None.
-        tolerance: relative tolerance of the monitors.
-        frame: measure the position error of this frame in place of the law's tasks. Its reference follows from that of the joints.
+        band: band of the settling time, a number or (n,), rad or m. None takes `settle` times the largest error of the joints with the
+            same unit.
+        settle: relative band of the settling time, dimensionless, if `band` is None.
+        tolerance: relative tolerance of the monitors, dimensionless.
+        frame: name of the frame whose position error is measured, in place of the frames of the law's tasks. Its target is the frame's
+            position at the joints' reference.
 
     Returns:
         A dict of the metrics by name. Values are (n,), (tasks,) or a number for a run, with a leading axis B for a batch. `unit(name)` is
@@ -175,7 +179,7 @@ def metrics(
             raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
         if reference is not None or band is not None or frame is not None or (settle, tolerance) != (SETTLE, TOLERANCE):
             raise InputError('metrics: run kept its metrics alone: expected no other argument, or simulate_batch(metrics={..}) before')
-        # A batch that kept its metrics has them among its stats.
+        # A batch with keep="metrics" stores its metrics in `stats`.
         return Metrics({name: run.stats[name] for name in ALL if name in run.stats}, run.units, run.input_units)
     q, t = run.q, run.t
     n = q.shape[-1]
@@ -213,7 +217,7 @@ def metrics(
         missing = energy_error(run.monitors)
         found["energy_error"] = np.full(per_run, np.nan) if missing is None else missing
     for name, values in found.items():
-        # A run that did not reach its end has no metrics, whatever its first part was like.
+        # The metrics of a run that did not reach its end are NaN, because its first part does not characterise the loop.
         found[name] = np.where(bad[..., None] if values.ndim > np.ndim(bad) else bad, np.nan, values)
     found["completed"] = completed.astype(np.float64)
     return Metrics({name: found[name] for name in ALL if name in found}, run.units, run.input_units)
@@ -227,7 +231,7 @@ def _of_frame(run: Recorded, frame: str, q_d: Array | None) -> Array:
 
 
 def _weights(t: Array) -> Array:
-    """Weights of the trapezoidal rule over the span, with the sum 1."""
+    """Return the weights of the trapezoidal rule for the times `t`, divided by the length of the run. Their sum is 1."""
     if t.shape[-1] < 2:
         return np.ones_like(t)
     step = np.diff(t, axis=-1)
@@ -264,7 +268,10 @@ def _band(band: ArrayLike | None, settle: float, peak: Array, units: tuple[str, 
 
 
 def _settling(t: Array, size: Array, band: Array) -> Array:
-    """The first recorded time after the last record outside the band; NaN if that is the last record."""
+    """Return the time from the start to the first record after the last record outside of the band, s.
+
+    The result is NaN if the last record is outside of the band.
+    """
     outside = np.asarray(~(size <= band[..., None, :]).all(axis=-1))
     count = outside.shape[-1]
     after = np.where(outside.any(axis=-1), count - np.argmax(outside[..., ::-1], axis=-1), 0)

@@ -1,13 +1,13 @@
-"""The numbers of a closed loop by name, and loops in which one of them differs a little.
+"""The numbers of a closed loop by name, and loops in which one number differs by a small step.
 
-`"law.kp"` is an argument of the law, and `"plant.stiffness"` one of the plant. `"arm.parameters"` are the inertial parameters of the
-plant's arm, and `"law.arm.parameters"` those of the law. `"arm.damping"`, `"arm.friction"` and `"arm.armature"` are the drives of the arm.
-`"law.motion.amplitude"` is an argument of the law's motion, and `"law.tasks.0.gain"` one of its first task. `"q0"`, `"v0"`, `"theta0"`,
-`"theta_dot0"` are the start.
+A *loop* is a plant, a law and a start. `"law.kp"` is an argument of the law, and `"plant.stiffness"` an argument of the plant.
+`"arm.parameters"` are the inertial parameters of the plant's arm, and `"law.arm.parameters"` those of the law's arm. `"arm.damping"`,
+`"arm.friction"` and `"arm.armature"` are the joint damping, friction and armature of the arm. `"law.motion.amplitude"` is an argument of
+the law's motion, and `"law.tasks.0.gain"` an argument of its first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
 
-The derivative of the set-up with respect to a number is a difference of fourth order. It is a difference of inputs of the programs, never
-of results of a run. The step is `d = 2^-10` of the number. The error is some 1e-12 if the set-up computes with the number, and 1e-13 if the
-set-up copies it.
+The *set-up* computes the inputs of the loop's programs from these numbers. The derivative of the inputs with respect to a number is a
+finite difference of fourth order. The results of a run are never differenced. The step `d` is 2^-10 times the number, rounded down to a
+power of two. The relative error is about 1e-12 if the set-up computes with the number, and 1e-13 if the set-up copies the number.
 """
 
 from __future__ import annotations
@@ -45,29 +45,30 @@ __all__ = [
 ]
 
 START = ("q0", "v0", "theta0", "theta_dot0")
-#: Numbers of the joints of an arm beside its inertial parameters.
+#: Numbers that an arm has for each joint, in addition to its inertial parameters.
 DRIVES = ("damping", "friction", "armature")
-#: Offsets in steps, and weights of the differences from the middle: at both sides, above, below.
+#: Fourth-order difference rules: offsets in steps, and weights of the differences from the middle value. The rules are central, forward
+#: (all offsets > 0) and backward (all offsets < 0).
 RULES = (
     ((-2.0, -1.0, 1.0, 2.0), (1 / 12, -8 / 12, 8 / 12, -1 / 12)),
     ((1.0, 2.0, 3.0, 4.0), (4.0, -3.0, 4 / 3, -1 / 4)),
     ((-1.0, -2.0, -3.0, -4.0), (-4.0, 3.0, -4 / 3, 1 / 4)),
 )
 STEP = 2.0**-10
-#: Fewer entries than this have separate loops, because these are fewer than the loops of entries that vary together.
+#: A number with fewer entries than FEW gets four separate loops per entry, because varying its entries together requires more loops.
 FEW = 4
-#: The golden ratio less one.
+#: The golden ratio minus 1. Its multiples modulo 1 are spread evenly over [0, 1].
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
-#: Plant, law and start.
+#: Plant, law and start of a loop.
 Loop: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
-#: Loops in which a number differs, and their weights.
+#: Four loops in which one entry of a number differs, and the weights of these loops in the derivative.
 Variants: TypeAlias = tuple[list[Loop], list[float]]
 
 
 @dataclass(frozen=True)
 class NamedNumber:
-    """A name with the value that it has in a loop."""
+    """The name of a number, and the value of this number in a loop."""
 
     name: str
     value: Array
@@ -75,16 +76,16 @@ class NamedNumber:
 
 @dataclass(frozen=True)
 class Varied:
-    """Loops in which named numbers differ: run 0 is the loop itself, and four follow for each number.
+    """The loops for the derivatives with respect to named numbers: run 0 is the loop itself, and the varied loops follow.
 
     Attributes:
-        plants, laws: one, or one per run.
-        start: q0, v0, .. of each run, (R, n); None if the loop has its defaults.
-        weights: weights of the differences between the four runs and run 0, (P, 4). Those of a batch are (B, P, 4), and its rows follow
-            one another.
-        names: the names, with their values, in the order of the P numbers.
-        codes: for each name, the `codes` of `Together`, or None if each entry has four separate loops. Empty: None for all.
-        apart: a function that returns these variations with separate loops for each entry. None if no entries vary together.
+        plants, laws: one plant and law for all R runs, or a list with one per run.
+        start: q0, v0, theta0 and theta_dot0 of each run, (R, n) each; None where the loop has its default.
+        weights: weights of the differences between the four varied runs and run 0, for each of the P entries, (P, 4). For a batch they
+            are (B, P, 4), and the runs of its rows follow one another.
+        names: the names with their values, in the order of the P entries.
+        codes: for each name, the `codes` of `Together`, or None if each entry has four separate loops. Empty means None for all names.
+        apart: a function that returns the same variations with separate loops for each entry. None if no entries vary together.
     """
 
     plants: Any
@@ -97,7 +98,7 @@ class Varied:
 
     @property
     def runs(self) -> tuple[Any, Any, Any, Array, list[int | tuple[int, list[int]]]]:
-        """The first arguments of the core's functions."""
+        """The first arguments of the core's derivative functions: plants, laws, q0, weights, and the number of entries of each name."""
         sizes = [named.value.size for named in self.names]
         codes = self.codes or [None] * len(sizes)
         parts = [size if code is None else (size, code) for size, code in zip(sizes, codes, strict=True)]
@@ -106,12 +107,12 @@ class Varied:
 
 @dataclass(frozen=True)
 class Together:
-    """Loops in which entries of a number vary together. The core finds the inputs of the programs that each entry changes.
+    """Loops in which the entries of a number vary together. The core finds the inputs of the programs that each entry changes.
 
     Attributes:
-        loops: the probes, in each of which half of the entries vary, then four loops in which all entries vary.
-        weights: weights of the four for each entry.
-        codes: for each entry, the probes in which it varies, as bits. All codes have equally many ones.
+        loops: the *probes*, in each of which about half of the entries vary, then four loops in which all entries vary.
+        weights: for each entry, the weights of the four loops in its derivative.
+        codes: for each entry, an integer. Bit b is set if the entry varies in probe b. All codes have the same number of set bits.
     """
 
     loops: list[Loop]
@@ -120,7 +121,7 @@ class Together:
 
 
 def named_numbers(plant: Any, law: Any, start: Mapping[str, Array | None]) -> dict[str, Array]:
-    """Every name of a loop with its value."""
+    """Return the value of every number of a loop by name."""
     found = {name: value for name, value in start.items() if value is not None}
     found["v0"] = found.get("v0", np.zeros_like(found["q0"]))
     for name, value in _numbers(plant, "plant."):
@@ -130,7 +131,7 @@ def named_numbers(plant: Any, law: Any, start: Mapping[str, Array | None]) -> di
 
 
 def _arguments(thing: Any) -> Mapping[str, Any]:
-    """The arguments of an object's constructor, by name."""
+    """Return the arguments with which the object `thing` was made, by name."""
     if isinstance(thing, list | tuple):
         return {str(i): each for i, each in enumerate(thing)}
     if isinstance(thing, JointStops):
@@ -157,7 +158,7 @@ def _numbers(thing: Any, prefix: str) -> Iterator[tuple[str, Array]]:
 
 
 def _as_numbers(value: Any) -> Array | None:
-    """An argument as an array of numbers; None where it is something else."""
+    """Return an argument as an array of numbers, or None if it is not numeric."""
     if isinstance(value, bool | np.bool_ | int | str) or value is None:
         return None
     if isinstance(value, list | tuple) and not all(isinstance(each, float | int | list | tuple | np.ndarray) for each in value):
@@ -170,20 +171,20 @@ def _as_numbers(value: Any) -> Array | None:
 
 
 def _with(thing: Any, path: Sequence[str], value: Array) -> Any:
-    """The object with another number at the end of the path."""
+    """Return a copy of the object `thing` in which the number at `path` is replaced by `value`."""
     name, *rest = path
     if isinstance(thing, _core.Arm):
         return thing.with_drives(**{name: value}) if name in DRIVES else thing.with_parameters(value)
     if isinstance(thing, list | tuple):
         return [_with(each, rest, value) if str(i) == name else each for i, each in enumerate(thing)]
     if isinstance(thing, JointStops):
-        return replace(thing, **{name: value})  # type: ignore[arg-type]  # it takes arrays too
+        return replace(thing, **{name: value})  # type: ignore[arg-type]  # the constructor also accepts arrays
     places, arguments = thing.__getnewargs_ex__()
     return type(thing)(*places, **{**arguments, name: _with(arguments[name], rest, value) if rest else value})
 
 
 def loop_with(plant: Any, law: Any, start: Mapping[str, Any], name: str, value: Array) -> Loop:
-    """The loop with another value of this name."""
+    """Return a copy of the loop in which the number `name` is replaced by `value`."""
     if name in START:
         return plant, law, {**start, name: value}
     path = (f"plant.{name}" if name.startswith("arm.") else name).split(".")
@@ -193,10 +194,10 @@ def loop_with(plant: Any, law: Any, start: Mapping[str, Any], name: str, value: 
 
 
 def _scale(name: str, value: Array, index: tuple[int, ...]) -> float:
-    """The size of an entry, of which the step is a part."""
+    """Return the magnitude of an entry, from which the step of the finite difference is computed."""
     largest = float(np.abs(value).max()) or 1.0
     if name.endswith("arm.parameters") or name.endswith(tuple(f"arm.{drive}" for drive in DRIVES)):
-        return largest  # the set-up passes them on
+        return largest  # the set-up copies these numbers, so one step for all entries is accurate
     size = abs(float(value[index]))
     if value.ndim == 2 and value.shape[0] == value.shape[1]:
         i, j = index
@@ -205,7 +206,7 @@ def _scale(name: str, value: Array, index: tuple[int, ...]) -> float:
 
 
 def _variants(loop: Loop, named: NamedNumber, index: tuple[int, ...]) -> Variants:
-    """Four loops and their weights for one entry."""
+    """Return four loops in which one entry of the number differs, and their weights in the derivative."""
     step = STEP * 2.0 ** math.floor(math.log2(_scale(named.name, named.value, index)))
     refused: InputError | None = None
     mirrored = len(index) == 2 and index[0] != index[1] and named.value.shape[0] == named.value.shape[1]
@@ -222,7 +223,7 @@ def _variants(loop: Loop, named: NamedNumber, index: tuple[int, ...]) -> Variant
 
 def _moved(value: Array, index: tuple[int, ...], by: float, symmetric: bool) -> Array:
     moved = value.copy()
-    if symmetric:  # a symmetric matrix stays one: half of the entry and half of its mirror
+    if symmetric:  # the entry and its mirror entry change by `by / 2` each, so that a symmetric matrix remains symmetric
         moved[index] += by / 2
         moved[index[::-1]] += by / 2
     else:
@@ -231,10 +232,10 @@ def _moved(value: Array, index: tuple[int, ...], by: float, symmetric: bool) -> 
 
 
 def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None], names: Sequence[str]) -> Varied:
-    """The loops in which the numbers of these names differ.
+    """Make the loops for the derivatives with respect to the numbers `names` of one loop.
 
     Raises:
-        InputError: a name is not one of the loop, or occurs twice; a number cannot be varied.
+        InputError: the loop has no number of a name, a name occurs twice, or a number cannot be varied.
     """
     loop, chosen = (plant, law, start), chosen_numbers(function, named_numbers(plant, law, start), names)
 
@@ -245,10 +246,12 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
 
 
 def varied_rows(function: str, loops: Sequence[Loop], names: Sequence[str]) -> Varied:
-    """The loops of the rows of a batch in which the numbers of these names differ; weights (B, P, 4), values of the first row.
+    """Make the loops for the derivatives with respect to the numbers `names` of each row of a batch, with weights (B, P, 4).
+
+    `names` of the result has the values of the first row.
 
     Raises:
-        InputError: a name is not one of all loops, or its number has another shape in one of them; a number cannot be varied.
+        InputError: a row has no number of a name, the shape of a number differs between rows, or a number cannot be varied.
     """
     made: dict[tuple[int, int], tuple[list[NamedNumber], dict[tuple[str, tuple[int, ...]], Variants]]] = {}
     rows: list[Varied] = []
@@ -288,10 +291,10 @@ def _joined(rows: Sequence[Varied]) -> Varied:
 
 
 def chosen_numbers(function: str, known: Mapping[str, Array], names: Sequence[str]) -> list[NamedNumber]:
-    """The numbers of these names among the known ones.
+    """Select the numbers `names` from the dict `known` of all numbers of a loop.
 
     Raises:
-        InputError: a name is not one of the loop, or occurs twice.
+        InputError: a name is not in `known`, or occurs twice.
     """
     chosen = []
     for i, name in enumerate(names):
@@ -305,12 +308,15 @@ def chosen_numbers(function: str, known: Mapping[str, Array], names: Sequence[st
 
 
 def entry_variants(loop: Loop, name: str, value: Array, index: tuple[int, ...]) -> Variants:
-    """Four loops in which an entry of a named number differs, and the weights of its derivative."""
+    """Return four loops in which one entry of the number `name` differs, and their weights in the derivative."""
     return _variants(loop, NamedNumber(name, value), index)
 
 
 def together(loop: Loop, named: NamedNumber, indices: Sequence[tuple[int, ...]]) -> Together | None:
-    """Loops in which these entries move together; None for few entries, matrices, motions and the start, and if one cannot be varied."""
+    """Make loops in which the entries of a number at `indices` vary together.
+
+    Return None for fewer than FEW entries, for square matrices, motions, targets, tasks and the start, and if an entry cannot be varied.
+    """
     name, value = named.name, named.value
     moving = name in START or any(part in name for part in ("motion.", "target", "tasks."))
     if moving or len(indices) < FEW or (value.ndim > 1 and value.shape[0] == value.shape[-1]):
@@ -326,7 +332,7 @@ def together(loop: Loop, named: NamedNumber, indices: Sequence[tuple[int, ...]])
             other[index] += each
         return loop_with(*loop, name, other)
 
-    # Probes move entries by different parts of their steps, so that no two of them cancel.
+    # Each entry varies by another multiple of its step, so that the changes of two entries do not cancel in an input.
     parts = [(1.0 + math.modf((i + 1) * GOLDEN)[0]) * step for i, step in enumerate(steps)]
     offsets, weights = RULES[0]
     try:
@@ -343,7 +349,10 @@ def stacked(
     shared: Sequence[Together | None],
     alone: Callable[[int], Sequence[Variants]],
 ) -> Varied:
-    """The loop, and behind it the loops of each name `k`: of entries that move together, or `alone(k)`, four for each entry."""
+    """Join the loop and the varied loops of each name `k`.
+
+    The varied loops are `shared[k]`, in which entries vary together. If it is None, they are `alone(k)`, four for each entry.
+    """
 
     def apart() -> Varied:
         return _stacked(loop, names, [variant for k in range(len(names)) for variant in alone(k)])

@@ -1,4 +1,7 @@
-"""The program of a closed loop in readable form: what a step computes, operation by operation, down to machine code."""
+"""The program of a closed loop as a readable list of operations, from the recorded formulas to the machine code.
+
+A *program* is the straight-line code that computes one step, or one part of a step, of the loop. A *line* is one operation of the program.
+"""
 
 from __future__ import annotations
 
@@ -30,19 +33,20 @@ Inputs: TypeAlias = tuple[tuple[tuple[str, str], float | None], ...]
 @sealed
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopProgram:
-    """One program of a closed loop at one stage, as `loop_program` gives it; `print(program)` lists it, `len(program)` counts its lines.
+    """One program of a closed loop at one stage, from `loop_program`. `print(program)` lists it, and `len(program)` is its number of lines.
 
     Attributes:
         plant, law, method: names of the plant, the law and the method of the program.
-        part: "step" is one whole step and "rates" the right-hand side, which a larger loop runs in every stage of a step. "law" is the law
-            alone, for records and samples. "segment1", .. is what a larger loop computes between the stages. Implicit methods have "values"
-            (the rates, and what their derivatives read) and the derivatives "along_plant" and "along_law".
-        parts: all programs of this loop, with the number of their instructions.
-        stage: "recorded" as the source computes it, "simplified", "lowered" to the instruction set, or "machine" with its registers.
-        engine: how it runs here, "machine" or "portable".
-        instruction_set, lanes: the instruction set, and how many numbers an instruction computes.
-        code_bytes: length of the machine code; None on processors that armlet emits no code for.
-        spilled: the number of values that move to memory because there are too few registers; None as above.
+        part: "step" computes one whole step. "rates" computes the right-hand side, which a larger loop evaluates in every stage of a step.
+            "law" computes only the law, for records and samples. "segment1", .. are the parts of a larger loop between two stages.
+            Implicit methods have "values" (the rates and the inputs of their derivatives), "along_plant" and "along_law" (the derivatives).
+        parts: names of all programs of this loop, with the number of lines of each.
+        stage: "recorded" has the operations of the source code. "simplified" is optimised, "lowered" is translated to the instruction set,
+            and "machine" has registers.
+        engine: the engine that runs the program on this processor, "machine" or "portable".
+        instruction_set, lanes: the instruction set, and the number of floating-point numbers that one instruction computes.
+        code_bytes: length of the machine code, bytes; None on processors for which armlet has no machine code.
+        spilled: number of values that are stored in memory because the processor has too few registers; None if `code_bytes` is None.
     """
 
     plant: str
@@ -61,24 +65,24 @@ class LoopProgram:
 
     @property
     def instructions(self) -> tuple[Instruction, ...]:
-        """The lines of this stage, in order. Each name is written once; stage "machine" writes registers `r0`, .. and memory many times."""
+        """The lines of this stage, in order. Each name is assigned once. The stage "machine" reuses registers and memory."""
         return self._listings[self.stage].instructions
 
     @property
     def outputs(self) -> dict[str, str]:
-        """The outputs: the name of each output, and the line, input or number that is its value. A step overwrites its inputs."""
+        """The line, input or number that is the value of each output, by name. The outputs of a step replace the inputs of its state."""
         return dict(self._listings[self.stage].outputs)
 
     @property
     def inputs(self) -> dict[str, float | None]:
-        """The inputs: numbers of the set-up of this loop (parameters, gains, targets, limits), or None for inputs that change during a
-        run."""
+        """The inputs by name. A constant of this loop (a parameter, gain, target or limit) has its value, and an input that changes during
+        a run has None."""
         used = self._used()
         return {name: value for (name, _), value in self._inputs if name in used}
 
     @property
     def operations(self) -> dict[str, int]:
-        """How many lines there are of each kind, the most frequent first."""
+        """The number of lines of each kind of operation, the most frequent kind first."""
         return dict(Counter(line.kind for line in self.instructions).most_common())
 
     @property
@@ -91,7 +95,7 @@ class LoopProgram:
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """The available stages. A program that the source can only compute simplified has no stage "recorded"."""
+        """The names of the available stages. Some programs are recorded in simplified form only, and have no stage "recorded"."""
         return tuple(stage for stage in STAGES if stage in self._listings)
 
     def at(self, stage: str) -> LoopProgram:
@@ -101,15 +105,15 @@ class LoopProgram:
             stage: "recorded", "simplified", "lowered" or "machine".
 
         Returns:
-            The program at that stage.
+            The program at the other stage.
 
         Raises:
-            InputError: there is no such stage.
+            InputError: the program has no such stage.
         """
         return replace(self, stage=choice("LoopProgram.at", "stage", stage, self.stages))
 
     def plot(self, fig: Figure | None = None) -> Axes:
-        """Draw the data flow at this stage, from left to right by depth, with the longest chain in bold.
+        """Draw the data flow of the program, from left to right by depth, with the longest chain of dependent lines in bold.
 
         Args:
             fig: a matplotlib figure for the drawing; None makes one with pyplot.
@@ -186,23 +190,24 @@ def loop_program(
 ) -> LoopProgram:
     """Return the program that `simulate` runs for the loop of `plant` and `law`.
 
-    It is `x_next = step(x, u, h)` for small loops under fixed steps, and the rates `x' = f(x, u)` for larger ones and for adaptive methods.
-    The lines of every stage, evaluated in order, have the same bits (`fma` rounds once).
+    The program is `x_next = step(x, u, h)` for small loops with a fixed-step method. It is the rates `x' = f(x, u)` for larger loops and
+    for adaptive methods. The lines of every stage, evaluated in order, have the same results to the bit (`fma` rounds once).
 
     Args:
-        plant, law, method, sample_time, force, force_frame, tau_max, monitors: as for `simulate`. A monitored loop computes more.
-        batch: the program of `simulate_batch`, which computes one run in every lane of a register; for fixed steps.
-        part: one of the loop's programs, by its name in `LoopProgram.parts`; None: "step", or "rates" for a step in several parts.
-        stage: "recorded", "simplified", "lowered" or "machine"; `LoopProgram.at` returns the others.
+        plant, law, method, sample_time, force, force_frame, tau_max: as for `simulate`.
+        monitors: as for `simulate`. The program of a monitored loop has more lines.
+        batch: True returns the program of `simulate_batch`, which computes one run in every lane of a register; for fixed-step methods.
+        part: name of one program of the loop, from `LoopProgram.parts`. None takes "step", or "rates" if the step has several parts.
+        stage: "recorded", "simplified", "lowered" or "machine". `LoopProgram.at` returns the other stages.
 
     Returns:
-        The program. Names of its inputs: `q1, v1, theta1, theta_dot1, bristle1` are the state, and `estimate1` or `z1` that of the law.
-        `q_d1, v_d1, a_d1` are the desired motion at the start of a step (`_mid` and `_end` in its middle and at its end). `x1_d1, xdot1_d1,
-        xddot1_d1` are a desired motion of a task. `h` is the step, `kp1, kd1, ..` are gains. `m1, mx1, Ixx1, ..` are parameters of body 1
-        in axes with z along its joint. An input without a name is `c17`.
+        The program. Names of its inputs: `q1, v1, theta1, theta_dot1, bristle1` are the state of the plant. `estimate1` or `z1` is the
+        state of the law. `q_d1, v_d1, a_d1` are the desired motion at the start of a step, with the suffix `_mid` in its middle and `_end`
+        at its end. `x1_d1, xdot1_d1, xddot1_d1` are the desired motion of task 1. `h` is the step, s. `kp1, kd1, ..` are gains. `m1, mx1,
+        Ixx1, ..` are the inertial parameters of body 1, in axes with z along its joint. An input without a name is numbered, such as `c17`.
 
     Raises:
-        InputError: an argument is not valid, or the loop runs directly, without a program; the message has the reason.
+        InputError: an argument is not valid, or the loop runs without a program; the message states the reason.
 
     Source: docs/programs.md.
 

@@ -1,6 +1,6 @@
 """The data of a run: its fields by name, its reference, and the units of its joints.
 
-Time is the first axis of a run: `q` is (K, n); a batch of B runs puts its rows before it: (B, K, n).
+Time is the first axis of the arrays of a run: `q` is (K, n). In a batch of B runs the axis of the runs comes first: `q` is (B, K, n).
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ __all__ = ["SERIES", "Array", "Recorded"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-# Quantities recorded over time, in the order in which tables and files hold them.
+# Quantities recorded over time, in the order of the columns in tables and files.
 SERIES = ("q", "v", "tau", "estimate", "theta", "theta_dot", "friction", "bristles")
-# Laws whose motion is not one of joints.
+# Laws whose motion is a motion of a frame or a task, not of the joints.
 TASK_MOTIONS = ("ElasticTracking", "PriorityVelocity", "PriorityAcceleration")
-# Fields without a time axis that may be there.
+# Optional fields. A run computes a field from its plant and law if the field was not passed to the constructor.
 OTHERS = ("parameters", "target", "limits", "position_error", "orientation_error", "contact_force", "residual", "touched", "contact_state")
 LIMITS = ("q_min", "q_max", "v_max", "effort")
 
 
 class Recorded:
-    """The arrays of a run or of a batch, with the loops that made them. `Run` and `BatchRun` add methods."""
+    """The arrays of a run or of a batch, with the plants and laws that produced them. `Run` and `BatchRun` add methods."""
 
     t: Array
     q: Array
@@ -48,11 +48,11 @@ class Recorded:
     bristles: Array | None
     monitors: dict[str, Array]
     stats: dict[str, Any]
-    #: How the run ended, one `Status`, or one number per run of a batch.
+    #: How the run ended: one `Status`, or one integer per run of a batch.
     status: Any
-    #: "Adaptive", ..: decides which figure `plot` draws.
+    #: Class name of the law, such as "Adaptive". It determines the figure that `plot` draws.
     law_name: str
-    #: The (first) plant's arm; None in a run that was read from a file.
+    #: The arm of the plant, or of a batch's first plant; None in a run that was read from a file.
     arm: Any
 
     def __init__(self, fields: Mapping[str, Any], law: Any = None, motion: Any = None, plant: Any = None) -> None:
@@ -71,14 +71,15 @@ class Recorded:
         motions = [None] if self.law_name in TASK_MOTIONS else [getattr(each, "motion", None) for each in laws]
         motions = motions if motion is None else _rows(motion)
         if len(motions) > 1 and all(each == motions[0] for each in motions):
-            motions = motions[:1]  # one motion made many times: sampled once
+            motions = motions[:1]  # all motions are equal, so one is sampled
         self._motions = motions if None not in motions else []
         arms: list[Any] = [getattr(each, "arm", None) for each in plants]
         self._laws, self._made_by, self._plants, self._arms, self.arm = laws, law, plants, arms, arms[0]
         self._sampled = bool(given.pop("sampled", True))
-        # How much of the law's own state is an estimate; filters may follow.
+        # The first numbers of an adaptive law's state are the parameter estimate. The states of its filters follow.
         self._estimated = len(laws[0].parameter_names) if isinstance(laws[0], _core.Adaptive) else None
-        # What was given stands in the way of the properties below, which ask the plant and the law: few runs are asked for them.
+        # Fields that were passed replace the cached properties below. Otherwise a property computes its field from the plant and the law
+        # at its first use.
         stated = {name: given.pop(name, None) for name in (*OTHERS, "units")}
         if stated["parameters"] is not None:
             stated["parameters"] = _core.numbers(who, "parameters", stated["parameters"])
@@ -94,7 +95,7 @@ class Recorded:
 
     @cached_property
     def parameters(self) -> Array | None:
-        """The plant's true parameters, for comparison with `estimate`; None where unknown."""
+        """The true inertial parameters of the plant's arm, (p,) or (B, p), for comparison with `estimate`; None if unknown."""
         if None in self._arms:
             return None
         parameters = [arm.parameters for arm in self._arms] if len(self._arms) > 1 else self._arms[0].parameters
@@ -102,7 +103,7 @@ class Recorded:
 
     @cached_property
     def target(self) -> Array | None:
-        """The joint position that a law of joints holds, (n,) or (B, n); None for other laws."""
+        """The joint position that a law in joint space holds, (n,) or (B, n), rad or m; None for other laws."""
         laws = [each.law if isinstance(each, _core.Guarded) else each for each in _rows(self._made_by)]
         if self._made_by is None or not all(getattr(each, "_holds_joints", False) for each in laws):
             return None
@@ -111,7 +112,7 @@ class Recorded:
 
     @cached_property
     def limits(self) -> dict[str, Array] | None:
-        """The arm's `q_min`, `q_max`, `v_max`, `effort`, (n,) or (B, n) each; None where unknown."""
+        """The arm's `q_min`, `q_max` (rad or m), `v_max` (rad/s or m/s) and `effort` (N m or N), (n,) or (B, n) each; None if unknown."""
         return _limits(self._arms)
 
     @cached_property
@@ -124,16 +125,16 @@ class Recorded:
         raise NotImplementedError
 
     def _items(self) -> dict[str, Any]:
-        """Every field by name, as `__init__` takes them."""
+        """Return every field by name, in the form that `__init__` accepts."""
         items = {name: getattr(self, name) for name in ("t", *SERIES, *OTHERS) if getattr(self, name) is not None}
         items |= {"monitors": self.monitors, "stats": self.stats, "law_name": self.law_name, "units": self.units, "status": self.status}
         desired = self.desired()
         return items if desired is None else items | {"desired": desired}
 
     def desired(self) -> tuple[Array, Array, Array] | None:
-        """The desired motion `(q_d, v_d, a_d)` at the times of the run, each (K, n); None where the law follows none.
+        """Return the desired motion `(q_d, v_d, a_d)` at the times of the run, (K, n) each; None if the law has no motion of the joints.
 
-        In a batch whose rows differ in motion or times each is (B, K, n).
+        The units are rad, rad/s and rad/s^2, or m, m/s and m/s^2. In a batch whose rows differ in motion or times each array is (B, K, n).
         """
         if self._desired is None and self._motions:
             if len(self._motions) == 1 and self.t.ndim == 1:
@@ -143,11 +144,11 @@ class Recorded:
                 motions = self._motions * (shape[0] if len(self._motions) == 1 else 1)
                 rows = [_sampled(m, t, self.q.shape[-1]) for m, t in zip(motions, np.broadcast_to(self.t, shape), strict=True)]
                 self._desired = tuple(np.stack(parts) for parts in zip(*rows, strict=True))
-        return self._desired  # type: ignore[return-value]  # three by construction
+        return self._desired  # type: ignore[return-value]  # the tuple has three arrays
 
     @cached_property
     def position_error(self) -> Array | None:
-        """How far the frame of each task is from its target, (K, tasks) or (B, K, tasks), m; None for laws without such tasks."""
+        """The distance between the frame of each task and its target, (K, tasks) or (B, K, tasks), m; None for laws without such tasks."""
         return self._of_tasks(position_errors)
 
     @cached_property
@@ -157,33 +158,34 @@ class Recorded:
 
     @cached_property
     def contact_force(self) -> Array | None:
-        """The force of the plant's wall on its frame along the normal, (K,) or (B, K), N; None without a wall."""
+        """The force of the plant's wall on the frame, along the wall's normal, (K,) or (B, K), N; None for a plant without a wall."""
         return None if self.arm is None else contact_forces(self._plants, self.q, self.v)
 
     @cached_property
     def residual(self) -> Array | None:
         """The residual of the observer of a `Guarded` law, (K, n) or (B, K, n), N m or N; None for other laws.
 
-        In a sampled loop it is the mean since the last record. If each sample is recorded, this is the residual of the last sample. Row 0
-        is zero. In a continuous loop it is the residual at the record.
+        In a sampled loop it is the mean residual since the last record, and row 0 is zero. If each sample is recorded, the mean is the
+        residual of the last sample. In a continuous loop it is the residual at the time of the record.
         """
         return residuals(self._laws, self.t, self.q, self.v, self.estimate, self._sampled)
 
     @cached_property
     def touched(self) -> NDArray[np.int64] | None:
-        """The joint of the touched link by `residual` at each record, (K,) or (B, K), -1 without contact; None without thresholds."""
+        """The index of the touched link's joint at each record, from `residual`, (K,) or (B, K): -1 without contact; None without
+        thresholds."""
         return touched_joints(self._laws, self.residual)
 
     @cached_property
     def contact_state(self) -> Array | None:
-        """Time, joint and residual of `contact` as numbers, (2 + n,) or (B, 2 + n); None for laws without a reaction."""
+        """The fields time, joint and residual of `contact` in one array, (2 + n,) or (B, 2 + n); None for laws without a reaction."""
         return contact_states(self._laws, self.t, self.estimate, not isinstance(self.status, Status))
 
     @property
     def contact(self) -> Contact | None:
         """The contact to which a `Guarded` law reacted (`armlet.Contact`); None for laws without a reaction.
 
-        For one run it is also None if there was no contact. For a batch its fields are arrays.
+        It is also None for a single run without contact. For a batch its fields are arrays.
         """
         state = self.contact_state
         if state is None:
@@ -197,7 +199,10 @@ class Recorded:
         return errors(self._laws, self._arms, self.t, self.q) if known else None
 
     def reference(self) -> tuple[Array, Array | None] | None:
-        """The reference of the joints, `(q_d, v_d)`, that broadcast to `q`: the motion, or the target of a law of joints; else None."""
+        """Return the reference of the joints, `(q_d, v_d)`: the desired motion, or the target of a law in joint space; else None.
+
+        The arrays broadcast to the shape of `q`. For a target `v_d` is None.
+        """
         desired = self.desired()
         if desired is not None:
             return desired[0], desired[1]
@@ -205,7 +210,7 @@ class Recorded:
 
     @property
     def input_units(self) -> tuple[str, ...]:
-        """Unit of each joint's input: that of a torque, a force or a commanded velocity."""
+        """Unit of each joint's input: "N m" for a torque, "N" for a force, "rad/s" or "m/s" for a commanded velocity."""
         if self.law_name == "PriorityVelocity":
             return tuple(f"{unit}/s" for unit in self.units)
         return tuple("N" if unit == "m" else "N m" for unit in self.units)
@@ -214,7 +219,7 @@ class Recorded:
         return _core._seal(type(self), (self._items() | {"events": self.events, "dense": self._dense, "sensitivity": self.sensitivity},))
 
     def _table(self, row: tuple[Any, ...] = ()) -> dict[str, Array]:
-        """Columns over time: q1.., v1.., tau1.., the recorded states and the monitors."""
+        """Return the columns over time: q1.., v1.., tau1.., the other recorded series, and the monitors."""
         columns: dict[str, Array] = {}
         for name in SERIES:
             values = getattr(self, name)
@@ -224,7 +229,7 @@ class Recorded:
 
 
 def _limits(arms: list[Any]) -> dict[str, Array] | None:
-    """The limits of the plants' arms; None where one of them states none."""
+    """Return the limits of the plants' arms, or None if an arm has no limits."""
     stated: list[Any] = [getattr(arm, "limits", None) for arm in (arms if any(arm is not arms[0] for arm in arms) else arms[:1])]
     if not all(stated):
         return None
@@ -232,7 +237,7 @@ def _limits(arms: list[Any]) -> dict[str, Array] | None:
 
 
 def _rows(value: Any) -> list[Any]:
-    """One object for all rows, or one per row."""
+    """Return a list: the objects of the rows, or the one object for all rows."""
     return list(value) if isinstance(value, list | tuple) else [value]
 
 

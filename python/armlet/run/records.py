@@ -1,4 +1,4 @@
-"""The result of a simulation: arrays over time, its status, its cost, and the identities that check it."""
+"""The result of a simulation: arrays over time, status, counts of steps and evaluations, and monitors that check the result."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ __all__ = ["BatchRun", "Run", "load"]
 
 
 class _Stored(Recorded):
-    """The methods of both single runs and batches."""
+    """The methods that single runs and batches have in common."""
 
     def metrics(self, **keywords: Any) -> Metrics:
-        """Errors, settling time, overshoot, torques, time outside limits, violated monitors: see `armlet.metrics`."""
+        """Compute errors, settling time, overshoot, torques, time outside of limits, violated monitors: see `armlet.metrics`."""
         return metrics(self, **keywords)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the run to one file, which is complete or absent; `armlet.load` reads it back. The file contains no pickle."""
+        """Write the run to one file, without pickle. The file is complete or absent. `armlet.load` reads it."""
         save(self, path)
 
 
@@ -45,16 +45,17 @@ class Run(_Stored):
     Attributes:
         t: times, (K,), s.
         q, v: joint positions and velocities, (K, n), rad or m, rad/s or m/s.
-        tau: the plant's input, (K, n), N m or N; right-continuous; the motors' torque for elastic arms.
-        estimate: the state of the law, (K, p); None for laws without one. It is the parameter estimate of Adaptive (then its filters, if
-            composite) or the integral wrench of CartesianImpedance. Of PID it is the integral torque, then its filters.
+        tau: the plant's input, (K, n), N m or N; right-continuous. For elastic arms it is the torque of the motors. Under velocity control
+            it is the commanded velocity, rad/s or m/s.
+        estimate: the state of the law, (K, p); None for laws without a state. Of Adaptive it is the parameter estimate, then the filters of
+            a composite law. Of CartesianImpedance it is the integral wrench, and of PID the integral torque, then the filters.
         theta, theta_dot: motor positions and velocities of elastic arms, (K, n), rad, rad/s; else None.
         friction: torques of the `StickSlip` or `LuGre` friction of the joints or motors, (K, n), N m or N; else None.
         bristles: the deflections of the bristles of `LuGre` friction, (K, n), rad or m; else None.
         status: how the run ended (`armlet.Status`), with advice.
-        stats: the cost: counts of steps, evaluations and rejections. With the status EXCESS_ACCURACY also `coarsen`: the factor that makes
-            both tolerances feasible.
-        monitors: the monitored identities by name, each (K,).
+        stats: counts of steps, evaluations and rejected steps. With the status EXCESS_ACCURACY also `coarsen`: the factor by which both
+            tolerances have to be multiplied.
+        monitors: the monitored quantities by name, (K,) each, such as `energy_balance` in J.
         events: the crossings of the events (`armlet.Events`); None without events.
         sensitivity: derivatives of the series (`armlet.Sensitivity`) by the names of `simulate(sensitivity=)`. None without
             names, and for a run that ended early.
@@ -63,16 +64,16 @@ class Run(_Stored):
     status: Status
 
     def sample(self, t: ArrayLike) -> State:
-        """The state between the records, from the polynomials that `simulate(dense=True)` kept.
+        """Evaluate the state at times between the records, from the polynomials that `simulate(dense=True)` stored.
 
         Args:
-            t: a time of the run, or times `(K,)`, s.
+            t: a time of the run, or K times, (K,), s.
 
         Returns:
             An `armlet.State`: positions, velocities and the other states at these times, `(n,)` or `(K, n)`.
 
         Raises:
-            InputError: the run kept none, or a time lies outside of it.
+            InputError: the run stored no polynomials, or a time is outside of the run.
 
         >>> import armlet as al
         >>> law = al.PDGravity(al.pendulum(1.0, 5.0), [0.5], kp=20.0, kd=5.0)
@@ -94,10 +95,10 @@ class Run(_Stored):
         self.status = Status(int(status))
 
     def plot(self, fig: Any = None) -> Any:
-        """Draw the figure for the run's law; returns the axes as an array. Needs matplotlib (`armlet[plot]`).
+        """Draw the figure for the run's law, and return its axes. Needs matplotlib (`armlet[plot]`).
 
         Args:
-            fig: a matplotlib figure to draw into; None makes one with pyplot.
+            fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
         Returns:
             The axes of the figure, an array of `matplotlib.axes.Axes`.
@@ -110,8 +111,8 @@ class Run(_Stored):
         """Write a film of the arm in motion, GIF or MP4. Needs matplotlib (`armlet[plot]`).
 
         Args:
-            path: the file; MP4 if its name ends in .mp4, else GIF.
-            arm: the arm, if the run does not have it: a run that was loaded from a file.
+            path: path of the file. The format is MP4 if the name ends in .mp4, else GIF.
+            arm: the arm. It is required for a run that was loaded from a file, which has no arm.
             **keywords: options of `armlet.figures.animation.animate`: `fps`, `speed`, `size` and `view`.
         """
         from ..figures.animation import animate
@@ -122,7 +123,7 @@ class Run(_Stored):
         """Write the table of `to_pandas` with its index as CSV. pandas is not required.
 
         Args:
-            path: the file. Every number has enough digits to be read back exactly.
+            path: path of the file. Every number has enough digits to be read back exactly.
         """
         to_csv({"t": self.t, **self._table()}, path)
 
@@ -130,23 +131,23 @@ class Run(_Stored):
         """Write the table of `to_pandas` as Parquet. Needs pyarrow (`armlet[data]`).
 
         Args:
-            path: the file.
+            path: path of the file.
         """
         to_parquet({"t": self.t, **self._table()}, path)
 
     def to_xarray(self) -> xr.Dataset:
-        """The series of the run as a dataset of xarray. Needs xarray (`armlet[data]`).
+        """Convert the series of the run to a dataset of xarray. Needs xarray (`armlet[data]`).
 
         Returns:
-            A dataset with the coordinates `t` (s) and `joint`; the attributes of each series have its unit.
+            A dataset with the coordinates `t` (s) and `joint`. The attribute `units` of each series is its unit.
         """
         return to_xarray(self)
 
     def to_pandas(self) -> pd.DataFrame:
-        """The series of the run as a table of pandas. Needs pandas (`armlet[data]`).
+        """Convert the series of the run to a table of pandas. Needs pandas (`armlet[data]`).
 
         Returns:
-            A table with one row per recorded time (index `t`, s) and columns q1.., v1.., tau1.., and the monitors.
+            A table with one row per recorded time (index `t`, s) and the columns q1.., v1.., tau1.., .., and the monitors.
         """
         pandas = pandas_for("Run.to_pandas")
         frame: pd.DataFrame = pandas.DataFrame(self._table(), index=pandas.Index(self.t, name="t"))
@@ -169,12 +170,12 @@ class Run(_Stored):
 
 @bordered
 class BatchRun(_Stored):
-    """B runs side by side: the fields of `Run` with B before the time axis; `batch[i]` is one `Run`.
+    """B runs of one batch: the fields of `Run` with the axis B before the time axis. `batch[i]` is one `Run`.
 
     Attributes:
-        status: the outcome of each run, (B,), integers of `armlet.Status`. A failed row is NaN after its fault.
-        t: times, (K,) where all rows share them, else (B, K).
-        sensitivity: derivatives by the names of `simulate_batch(sensitivity=)`, with B before the time axis.
+        status: how each run ended, (B,), integers of `armlet.Status`. The arrays of a failed run are NaN after its failure.
+        t: times, s, (K,) if all runs have the same times, else (B, K).
+        sensitivity: derivatives by the names of `simulate_batch(sensitivity=)`, with the axis B before the time axis.
     """
 
     status: NDArray[np.int32]
@@ -213,10 +214,10 @@ class BatchRun(_Stored):
         return (self[i] for i in range(len(self)))
 
     def to_pandas(self) -> pd.DataFrame:
-        """The series of all runs as one table of pandas. Needs pandas (`armlet[data]`).
+        """Convert the series of all runs to one table of pandas. Needs pandas (`armlet[data]`).
 
         Returns:
-            A table as of `Run.to_pandas`, indexed by (run, t).
+            A table with the columns of `Run.to_pandas`, indexed by (run, t).
         """
         pandas = pandas_for("BatchRun.to_pandas")
         if self.q.ndim != 3:
@@ -232,16 +233,16 @@ class BatchRun(_Stored):
 
 @border
 def load(path: str | PathLike[str]) -> Run | BatchRun:
-    """Read a run from a file of `run.save`.
+    """Read a run from a file that `run.save` wrote.
 
     Args:
-        path: the file.
+        path: path of the file.
 
     Returns:
-        The run or the batch, with the same arrays to the bit.
+        The run or the batch. Its arrays have the same bits as the saved arrays.
 
     Raises:
-        FormatError: the file is not a run of armlet, is damaged or cut short, or is of a newer version.
+        FormatError: the file is not a run of armlet, is damaged or cut short, or has another format version.
         OSError: the file cannot be read.
 
     Source: docs/plants_and_laws.md.

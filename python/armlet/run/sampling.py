@@ -1,4 +1,4 @@
-"""Sampled controllers with jitter, delay, noise, quantisation and a rate limit."""
+"""Descriptions of sampled controllers: period, jitter, delay, noise, quantisation, rate limit and joint-torque sensors."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ class TorqueSensor:
     """The joint-torque sensors of an elastic arm in a sampled loop, `Sampling(torque_sensor=...)`.
 
     `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise)/resolution) resolution`, with `tau_J = K (theta - q)`. The law
-    computes the link positions from the reading and the motors' encoders, as on light-weight arms: `q = theta - K^-1 reading`. `K` is its
-    joint stiffness, so its `tau_J` is the reading. The filters start at rest. They are exact for a torque that is linear between samples.
+    computes the link positions from the reading and the motors' encoders, as on light-weight arms: `q = theta - K^-1 reading`. `K` is the
+    joint stiffness of the law, so the joint torque that the law uses is the reading. The filters start in their steady state. They are
+    exact for a torque that is linear between samples.
 
     Args:
-        noise: standard deviation, N m.
-        bias: constant error, N m, scalar or (n,).
-        resolution: resolution of the reading, N m; 0: exact.
-        bandwidth: `w_c` of the first-order filter, rad/s; infinite: no filter.
+        noise: standard deviation of the noise, N m.
+        bias: constant error of the reading, N m, scalar or (n,).
+        resolution: resolution of the reading, N m; 0 for an exact reading.
+        bandwidth: bandwidth `w_c` of the first-order filter, rad/s; infinite for no filter.
 
     Raises:
         InputError: an argument is not a number. `simulate` also raises it for a wrong sign, a number that is not finite, or a plant
@@ -73,22 +74,23 @@ class _Effects:
 @sealed
 @dataclass(frozen=True)
 class Sampling(_Effects):
-    """Sampling of a law, in place of a plain `sample_time`.
+    """Sampling of a law with delay, jitter, noise, resolution and a rate limit: an argument `sample_time` of `simulate`.
 
-    Sample `k` is taken at `k period + j`, with `j` uniform in [0, jitter]. The law receives the measurement from `sensor_delay` samples
-    before, with noise and resolution. Its output acts `delay` later and is then held. Random numbers depend only on the seed, the sample
-    and the channel. So the same seed has the same run, and row i of a batch is the run with seed + i.
+    The law is sampled at the times `k period + j`, with `j` uniform in [0, jitter]. The law receives the measurement of `sensor_delay`
+    samples before, with noise and resolution. Its output acts `delay` later, and is then held until the next output acts. Random numbers
+    depend only on the seed, the sample and the measured quantity. So the same seed repeats the run, and row i of a batch is the run with
+    `seed + i`.
 
     Args:
         period: time between samples, s.
         delay: time from a sample until its output acts, s; a multiple of the step for a fixed-step method.
         jitter: largest lateness of a sample, s, below the period; a fixed-step method rounds it down to its steps.
         sensor_delay: number of samples between the measurement and its use in the law.
-        noise: standard deviation of a measured quantity, by name: "q", "v", "theta", "theta_dot"; rad or m, and per second.
-        resolution: resolution of a measured quantity, by name and in its unit, such as 2 pi / 2**14 of an encoder.
-        rate_limit: largest change of the input per second, N m/s; the rate limiter starts at zero input.
-        torque_sensor: `TorqueSensor` of an elastic arm, in place of encoders of the links.
-        seed: integer >= 0.
+        noise: standard deviations by measured quantity: "q" and "theta" in rad or m, "v" and "theta_dot" in rad/s or m/s.
+        resolution: resolutions by measured quantity, in its unit, such as 2 pi / 2**14 rad of an encoder.
+        rate_limit: largest rate of change of the input, N m/s or N/s; the rate limiter starts at zero input.
+        torque_sensor: the `TorqueSensor` of an elastic arm, in place of encoders of the links.
+        seed: seed of the random numbers, an integer >= 0.
 
     Raises:
         InputError: an argument is not a number, or a quantity's name is unknown. `simulate` checks the other conditions.

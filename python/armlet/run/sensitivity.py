@@ -1,4 +1,4 @@
-"""Derivatives of a run with respect to named numbers of its loop: forward, of all its series."""
+"""Derivatives of all recorded series of a run with respect to named numbers of its loop, computed forwards in time."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ T = TypeVar("T")
 class Sensitivity:
     """Derivatives of the series of a run with respect to one named number.
 
-    Entry `[k, i, j]` is the derivative of `q[k, i]` with respect to entry `j` of the number. Those of a batch have its rows before the time
-    axis, NaN where a row has no derivatives.
+    Entry `[k, i, j]` of `q` is the derivative of `q[k, i]` of the run with respect to entry `j` of the number. Its unit is the unit of the
+    series per unit of the number. For a batch the axis B of the runs comes first, and a run without derivatives is NaN.
 
     Attributes:
-        name: the name, such as "law.kp".
-        shape: the shape of the number; `size` entries in C order.
+        name: name of the number, such as "law.kp".
+        shape: shape of the number, which has `size` entries in C order.
         t: times of the records, (K,), s.
-        q, v, tau: (K, n, size), in units of the series per unit of the number.
-        estimate: of the law's own state, (K, p, size); None for laws without one.
-        theta, theta_dot: of the motors, (K, n, size); None without elastic joints.
-        bristles: of the bristles of `LuGre` friction, (K, n, size); None without.
+        q, v, tau: derivatives of joint positions, joint velocities and inputs, (K, n, size).
+        estimate: derivatives of the law's state, (K, p, size); None for laws without a state.
+        theta, theta_dot: derivatives of motor positions and velocities, (K, n, size); None without elastic joints.
+        bristles: derivatives of the bristles of `LuGre` friction, (K, n, size); None without this friction.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Sensitivity:
 
     @property
     def size(self) -> int:
-        """Entries of the number."""
+        """The number of entries of the number."""
         return int(np.prod(self.shape, dtype=np.int64))
 
     def __repr__(self) -> str:
@@ -80,14 +80,14 @@ class Sensitivity:
         """Draw the derivatives over time: a column for each joint, rows of position, velocity and input. Needs matplotlib (`armlet[plot]`).
 
         Args:
-            fig: a matplotlib figure to draw into; None makes one with pyplot.
+            fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
         Returns:
-            The axes, (3, n).
+            The axes, an array (3, n) of `matplotlib.axes.Axes`.
 
         Raises:
             ImportError: matplotlib is not installed.
-            InputError: these are derivatives of a batch.
+            InputError: the derivatives belong to a batch.
         """
         from ..figures.sensitivity import plot
 
@@ -95,10 +95,10 @@ class Sensitivity:
 
 
 def require_names(function: str, argument: str, names: Any) -> list[str]:
-    """Names as a list of texts.
+    """Return `names` as a list of strings.
 
     Raises:
-        InputError: `names` is not a list of texts.
+        InputError: `names` is neither a string nor a list of strings.
     """
     if isinstance(names, str):
         return [names]
@@ -108,10 +108,10 @@ def require_names(function: str, argument: str, names: Any) -> list[str]:
 
 
 def vary(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[str, Any], names: Sequence[str]) -> Varied:
-    """The loops in which the numbers of these names differ, from the arguments of `simulate`.
+    """Make the loops in which the numbers `names` differ, from the arguments of `simulate`.
 
     Raises:
-        InputError: the law is a function in Python, a name is unknown, or an event ends the run.
+        InputError: the law is a Python function, a name is unknown, or an event ends the run.
     """
     if not isinstance(law, _core.Law):
         raise InputError(f"{function}: law has no derivatives: expected a law of armlet such as Adaptive, got {shown(law)}")
@@ -124,10 +124,10 @@ def vary(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[str, An
 
 
 def vary_rows(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[str, Any], names: Sequence[str]) -> Varied:
-    """The same of each row of a batch, from the arguments of `simulate_batch`.
+    """Make the loops in which the numbers `names` differ, for each row of a batch, from the arguments of `simulate_batch`.
 
     Raises:
-        InputError: a law is a function in Python, a name is unknown, or the rows do not fit each other.
+        InputError: a law is a Python function, a name is unknown, or a number of rows is wrong.
     """
     plants, laws = (list(each) if isinstance(each, list | tuple) else [each] for each in (plant, law))
     for i, each in enumerate(laws):
@@ -154,20 +154,20 @@ def vary_rows(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[st
 
 
 def run_keywords(keywords: Mapping[str, Any], loops: Varied, t: Array) -> dict[str, Any]:
-    """The keywords of a run for its derivatives at the times `t` of its records."""
+    """Return the keywords for the derivatives of a run at the times `t` of its records, (K,), s."""
     own = {"t_eval": t, "record_every": 1, "monitors": False, "events": None}
     return {**keywords, **{name: loops.start[name] for name in START[1:]}, **own}
 
 
 def of_run(loops: Varied, keywords: Mapping[str, Any], t: Array) -> dict[str, Sensitivity]:
-    """The derivatives of the run of these arguments at its records, by name."""
+    """Return the derivatives of a run by name, at the times `t` of its records."""
     rates = derived("simulate", loops, lambda loops: _core._sensitivities(*loops.runs, run_keywords(keywords, loops, t)))
     parts = split(loops.names)
     return {named.name: Sensitivity(named.name, named.value.shape, t, **_columns(rates, part)) for named, part in parts}
 
 
 def of_rows(loops: Varied, keywords: Mapping[str, Any], t: Array, status: Any, threads: int | None) -> dict[str, Sensitivity]:
-    """The derivatives of the runs of a batch, by name; NaN for rows that did not reach their end."""
+    """Return the derivatives of the runs of a batch by name: NaN for runs that did not reach their end."""
     with naming("simulate_batch", loops):
         rates = _core._sensitivities_of_rows(*loops.runs, threads, run_keywords(keywords, loops, t))
     ended_early = ~having(status, Status.SUCCESS)
@@ -177,18 +177,18 @@ def of_rows(loops: Varied, keywords: Mapping[str, Any], t: Array, status: Any, t
 
 
 def of_row(one: Sensitivity, row: int) -> Sensitivity:
-    """The derivatives of one row of a batch."""
+    """Return the derivatives of one row of a batch."""
     return Sensitivity(one.name, one.shape, one.t, **{name: values[row] for name, values in series_of(one).items()})
 
 
 def series_of(one: Sensitivity) -> dict[str, Array]:
-    """The derivatives that are there, by series."""
+    """Return the derivatives of the run's series by name, without the series that are None."""
     values = {name: getattr(one, name) for name in ("q", "v", "tau", "estimate", "theta", "theta_dot", "bristles")}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def derived(function: str, loops: Varied, work: Callable[[Varied], T]) -> T:
-    """The result of `work` on the loops. If the core refuses loops in which entries move together, each entry gets its own loops."""
+    """Return `work(loops)`. If the core refuses loops in which entries vary together, repeat it with separate loops for each entry."""
     if loops.apart is not None:
         try:
             return work(loops)
@@ -200,7 +200,7 @@ def derived(function: str, loops: Varied, work: Callable[[Varied], T]) -> T:
 
 @contextmanager
 def naming(function: str, loops: Varied) -> Iterator[None]:
-    """Raise the errors of the core with the name of a number instead of its index."""
+    """Replace the index of a number by its name in the errors that the core raises."""
     try:
         yield
     except InputError as error:
@@ -216,7 +216,7 @@ def _columns(rates: Mapping[str, Array], part: slice) -> dict[str, Array]:
 
 
 def split(names: Sequence[NamedNumber]) -> Iterator[tuple[NamedNumber, slice]]:
-    """Each name with its place among all numbers."""
+    """Yield each name with the slice of its entries in the vector of all entries."""
     first = 0
     for named in names:
         yield named, slice(first, first + named.value.size)

@@ -55,54 +55,55 @@ def simulate(
     sensitivity: str | Sequence[str] | None = None,
     throw: bool = True,
 ) -> Run:
-    """Run the closed loop of `plant` and `law` from rest, or from `v0`, without Python inside the loop.
+    """Simulate the closed loop of `plant` and `law` from rest, or from the velocity `v0`, without Python inside the loop.
 
     Args:
         plant: the controlled system, such as `RigidArm(arm)`.
-        law: the control law, made for an arm with as many joints. A callable `law(t, q, v) -> tau` is also accepted: `law(t, q)` for a
-            VelocityArm, and `law(t, q, v, theta, theta_dot)` for an ElasticArm. It is called once per sample and is slow.
+        law: the control law, for an arm with the same number of joints. A Python function `law(t, q, v) -> tau` is also accepted. Its
+            arguments are `(t, q)` for a VelocityArm, and `(t, q, v, theta, theta_dot)` for an ElasticArm. Such a function is slow.
         q0: initial position, (n,), rad or m.
         t_end: length of the run, s.
-        dt: step of a fixed-step method, s. If the run is not a multiple of it, the last step is shorter. None for an adaptive method. With
-            a fixed-step method and a `sample_time`, None takes that time.
+        dt: step of a fixed-step method, s. If `t_end` is not a multiple of `dt`, the last step is shorter. None takes the period of
+            `sample_time`. An adaptive method requires None.
         v0: initial velocity, (n,), rad/s or m/s; zero if None.
-        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad and rad/s. With None the springs carry
-            gravity, and the motors move with the links.
-        method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps and require `dt`; "ros2" is implicit and L-stable. "dopri5",
+        theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad and rad/s. With None the spring torques
+            balance gravity, and the motors have the velocity of the links.
+        method: "euler", "semi_implicit", "rk4" or "ros2" take fixed steps; "ros2" is implicit and L-stable. "dopri5",
             "dop853", "radau5" and "rodas4" are adaptive and use `rtol` and `atol`. "radau5" and "rodas4" are implicit, for stiff plants.
-        rtol, atol: relative and absolute error per step of an adaptive method; None: 1e-8 and 1e-10. None for a fixed-step method.
-        sample_time: None evaluates the law in every stage. A period in s holds its output for that time, as a real controller does. A
+        rtol, atol: relative and absolute error per step of an adaptive method; None: 1e-8 and 1e-10. A fixed-step method requires None.
+        sample_time: None evaluates the law in every stage. A period in s holds the law's output for that time, as a real controller does. A
             `Sampling` adds delay, jitter, noise, quantisation, joint-torque sensors and a rate limit.
         record_every: number of steps between records. The start and the end are always recorded.
-        t_eval: record exactly at these times instead, (K,), increasing, in [0, t_end], s.
-        force: external force: None, constant, `[(t_start, F), ...]` piecewise constant, or a callable `F(t)`. It is in the law's axes at
-            its frame, N or N m. A callable is Python inside the loop, and slow.
-        force_frame: another frame at which the force acts. The force is then (3,), or (6,) as [f; m], in world axes.
-        tau_max: the input saturates at this magnitude, scalar or (n,), N m or N.
-        monitors: compute and record the identities of the theory: see `Run.monitors`. A monitor that is not finite ends the run.
-        state_limit: a larger position or velocity of links or motors ends the run with `Status.DIVERGED`, rad or m and
-            per second. `math.inf` sets no limit.
+        t_eval: times of the records, (K,), increasing, in [0, t_end], s. They replace `record_every`.
+        force: external force, N or N m: None, a constant, a piecewise constant list `[(t_start, F), ...]`, or a function `F(t)`. The force
+            acts at the law's frame, in the law's axes. A function is Python inside the loop, and slow.
+        force_frame: name of another frame at which the force acts. The force is then (3,), or (6,) as [f; m], in world axes.
+        tau_max: largest magnitude of the input, at which it saturates, scalar or (n,), N m or N.
+        monitors: compute and record the monitors: see `Run.monitors`. A monitor that is not finite ends the run.
+        state_limit: largest magnitude of a position or velocity of links or motors, rad or m, rad/s or m/s. A larger value ends the run
+            with `Status.DIVERGED`. `math.inf` sets no limit.
         check_limits: action if `q0`, the target of the law or an end of its motion is outside of the joint limits. None warns, True
-            raises, and False does neither.
+            raises an error, and False does neither.
         events: zero crossings that an adaptive method locates: `Event`s, or functions `g(t, q, v)`, which are Python inside
             the loop. `Run.events` has the crossings. An event with `stop` ends the run with `Status.EVENT`.
-        dense: keep the polynomial of every step of an adaptive method. `run.sample(t)` is then the state at any time.
+        dense: store the polynomial of every step of an adaptive method. `run.sample(t)` then evaluates the state at any time.
         sensitivity: names of numbers of the loop, such as `["law.kp", "arm.parameters", "q0"]`. `Run.sensitivity` has the derivatives of
-            all series with respect to them, for explicit methods. The error for an unknown name lists the valid names. See
+            all series with respect to these numbers, for explicit methods. The error for an unknown name lists the valid names. See
             docs/gradients.md.
-        throw: raise an error if the run ends early. False returns the partial run with its status.
+        throw: True raises an error if the run ends early. False returns the partial run with its status.
 
     Returns:
         The recorded run. Time is the first axis of its arrays: `run.q` is (K, n).
 
     Raises:
         InputError: an argument is not valid, or a position is outside of the joint limits; the message names it.
-        SolveError: the run ended early; `.status`, `.t` and `.partial` have the reason, the time and the partial run.
+        SolveError: the run ended early. Its attributes `status`, `t` and `partial` are the reason, the time and the partial run.
 
     Warns:
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
-            Then the residual of the energy balance exceeds a tenth of the energy exchanged, or the Lyapunov function of a continuous law
-            rises tenfold. `metrics(run)["energy_error"]` is that fraction.
+            They are too coarse if the residual of the energy balance exceeds a tenth of the energy exchanged. They also are if the
+            Lyapunov function of a continuous law rises tenfold. `metrics(run)["energy_error"]` is the residual of the energy balance as a
+            fraction of the energy.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
 
@@ -114,10 +115,10 @@ def simulate(
     (2001, 2)
     """
     instance("simulate", "throw", throw, (bool, np.bool_), "True or False")
-    keywords = locals()  # a dictionary of its own; the plant, the law and q0 among it are not asked for
+    keywords = locals()  # a new dictionary; the core does not read its entries plant, law and q0
     keywords["events"] = searched = watched(events)
     names = None if sensitivity is None else require_names("simulate", "sensitivity", sensitivity)
-    # What is wrong with the names is said before the run.
+    # This raises the errors of invalid names before the run.
     loops = None if names is None else vary("simulate", plant, law, q0, keywords, names)
     fields = _core.simulate(plant, law, q0, keywords)
     fields["sampled"] = sample_time is not None
@@ -141,9 +142,10 @@ def simulate(
 
 
 def _ran_away(plant: _core.Plant, run: Run) -> str:
-    """Describe a run that diverged: an input that is not finite at the last record.
+    """Describe a run that diverged, for the text of an error. The result is empty for other runs.
 
-    Otherwise, the joint that left its limits first according to the records, and the fastest joint at the last record.
+    The text names an input that is not finite at the last record. If all inputs are finite, it names the fastest joint at the last record,
+    and the first joint outside of its limits in the records.
     """
     if run.status != Status.DIVERGED or not len(run.t):
         return ""
@@ -153,7 +155,7 @@ def _ran_away(plant: _core.Plant, run: Run) -> str:
     i = int(np.abs(run.v[-1]).argmax())
     text = f"; the fastest joint at the last record, t = {run.t[-1]:.9g} s: v[{i}] = {run.v[-1, i]:.4g}"
     limits = plant.arm.limits
-    if not limits:  # arms in closed form have none
+    if not limits:  # arms in closed form have no limits
         return text
     left = (run.q < limits["q_min"]) | (run.q > limits["q_max"]) | (np.abs(run.v) > limits["v_max"])
     first = np.flatnonzero(left.any(axis=1))
@@ -195,35 +197,37 @@ def simulate_batch(
     out: Mapping[str, NDArray[Any]] | None = None,
     sensitivity: str | Sequence[str] | None = None,
 ) -> BatchRun:
-    """Run B closed loops in lanes and threads. The fields are those of a run with a leading axis B.
+    """Simulate B closed loops in SIMD lanes and threads. The result has the fields of a run with a leading axis B.
 
-    A failed run does not raise an error: `status` has one entry per run, and its rows are NaN from the fault on. The
-    other runs keep their bits. One warning counts the runs whose balances do not close. The results have the same bits for
-    every number of threads.
+    A failed run raises no error. `status` has one entry per run, and the rows of a failed run are NaN from its failure on. The bits of the
+    other runs do not change. One warning counts the runs whose energy or Lyapunov balance has a large residual. The results have the same
+    bits for every number of threads.
 
     Args:
         plant, law: one for all runs, or a list with one per run.
-        q0, v0, theta0, theta_dot0: initial states, (B, n), rad or m and per second.
+        q0, v0, theta0, theta_dot0: initial positions and velocities of joints and motors, (B, n), rad or m, rad/s or m/s.
         t_end, dt: length of all runs and step of a fixed-step method, s, as for `simulate`.
         method, rtol, atol: method and error per step, as for `simulate`.
         sample_time: period of the law in s, or a `Sampling`, as for `simulate`.
         record_every: number of steps between records.
-        t_eval: times of the records, (K,), s. An adaptive method that keeps "all" requires it, because its runs step at different times.
+        t_eval: times of the records, (K,), s. An adaptive method with keep="all" requires it, because its runs step at different times.
             With keep="metrics" None measures each accepted step.
-        force: one for all runs as for `simulate` (no callable), or one per run, N or N m. One per run is an array of constants (B, k), or
-            a list of B lists `[(t_start, F), ...]`.
+        force: external force, N or N m. One force for all runs has the forms of `simulate`, except a function. One force per run is an
+            array of constants (B, k), or a list of B lists `[(t_start, F), ...]`.
         force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.
         monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
-        threads: worker threads, 1 to 1024; None takes ARMLET_NUM_THREADS, or else the number of cores. At most one per group of runs.
-        keep: "all" records, the "final" state alone, or the "metrics" of each run with its last record. Metrics are computed during the
-            runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of `armlet.metrics`.
-        metrics: with keep="metrics", arguments of `armlet.metrics` beside the run: `band`, `settle`, `tolerance`, `reference`, `frame`.
+        threads: number of worker threads, 1 to 1024; None takes ARMLET_NUM_THREADS, or else the number of cores. The batch uses at most
+            one thread per group of runs.
+        keep: "all" keeps all records, "final" only the last state, and "metrics" the metrics of each run and its last record. Metrics are
+            computed during the runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of
+            `armlet.metrics`.
+        metrics: arguments of `armlet.metrics` with keep="metrics": `band`, `settle`, `tolerance`, `reference`, `frame`.
         progress: True writes the number of finished runs and the remaining time to standard error. A function is called as
-            `progress(done, runs)` after every piece of the batch.
-        out: arrays of the caller by name ("q", "v", "tau", "status", ..) that receive the rows piece by piece. After Ctrl-C they have the
-            finished rows, and NaN and `Status.INTERRUPTED` elsewhere.
-        sensitivity: names of numbers, as for `simulate`, with keep="all". `batch.sensitivity` has the derivatives, (B, K, n, size). Those
-            of each row are the ones of its run alone.
+            `progress(done, runs)` after every piece of the batch. A piece is a group of consecutive runs.
+        out: arrays of the caller by name ("q", "v", "tau", "status", ..) that receive the rows of each finished piece. After Ctrl-C they
+            have the finished rows. The other rows are NaN, with `Status.INTERRUPTED`.
+        sensitivity: names of numbers, as for `simulate`, with keep="all". `batch.sensitivity` has the derivatives, (B, K, n, size). They
+            are equal to the derivatives of the single runs.
 
     Returns:
         The runs. `batch.q` is (B, K, n), `batch.status` is (B,), and `batch[i]` is the `Run` of row i.
@@ -255,7 +259,7 @@ def simulate_batch(
     if sensitivity is not None:
         if keep != "all":
             raise InputError(f'simulate_batch: sensitivity is not used: expected None with keep="{keep}", got {shown(sensitivity)}')
-        # What is wrong with the names is said before the runs.
+        # This raises the errors of invalid names before the runs.
         loops = vary_rows("simulate_batch", plants, laws, q0, keywords, require_names("simulate_batch", "sensitivity", sensitivity))
     if report is not None or out is not None or measured_by_records(keywords):
         batch = in_pieces(plants, laws, q0, keywords, report, out, undisturbed)

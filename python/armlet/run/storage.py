@@ -1,9 +1,9 @@
-"""Runs on disk: an npz container with a JSON header and a SHA-256 of everything, without pickle. A file is complete or absent.
+"""Files of runs: an npz archive with a JSON header and SHA-256 checksums, without pickle. A file is complete or absent.
 
-The header is the member `header` (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The other
-members are the arrays by name; monitors, limits, array stats and events as `monitors/name`, `limits/name`, `stats/name`,
-`events/name`, the desired motion as `q_d v_d a_d`. Derivatives are `sensitivity/k/series`. Polynomials of a dense run are not
-kept. The comment at the end of the archive is the SHA-256 of all bytes before it, so that damage is noticed before anything is read.
+The member `header` of the archive is the JSON header (UTF-8 bytes): format, version, kind, law, units, status, scalar stats, sha256. The
+other members are the arrays by name. Monitors, limits, array stats and events have the names `monitors/name`, `limits/name`, `stats/name`,
+`events/name`. The desired motion is `q_d`, `v_d`, `a_d`. Derivatives are `sensitivity/k/series`. Polynomials of a dense run are not
+stored. The comment at the end of the archive is the SHA-256 of all bytes before it. So `read` finds damage before it reads a member.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ EVENTS = ("t", "which", "q", "v", "theta", "theta_dot")
 
 
 def save(run: Recorded, path: str | PathLike[str]) -> None:
-    """Write `run` to `path`; the file is complete or absent, also when the disk is full."""
+    """Write `run` to the file `path`. The file is complete or absent, even if the disk becomes full."""
     items = run._items()
     arrays: dict[str, NDArray[Any]] = {name: items[name] for name in ("t", *SERIES, *SINGLE) if name in items}
     arrays |= {f"monitors/{name}": values for name, values in run.monitors.items()}
@@ -48,7 +48,7 @@ def save(run: Recorded, path: str | PathLike[str]) -> None:
     if not isinstance(status, Status):
         arrays["status"] = status
     scalars = {name: value for name, value in run.stats.items() if not np.ndim(value)}
-    # Little-endian on every machine, so that the digest is of the values.
+    # The arrays are little-endian on every machine, so that the checksum depends on the values only.
     arrays = {name: np.ascontiguousarray(a, dtype=a.dtype.newbyteorder("<")) for name, a in arrays.items()}
     header = {
         "format": FORMAT,
@@ -70,10 +70,11 @@ def save(run: Recorded, path: str | PathLike[str]) -> None:
 
 
 def read(path: str | PathLike[str]) -> tuple[str, dict[str, Any]]:
-    """The kind of a stored run, "Run" or "BatchRun", and its fields.
+    """Read a file, and return the kind of the stored run, "Run" or "BatchRun", and its fields.
 
     Raises:
-        FormatError, OSError: as `load` documents them.
+        FormatError: the file is not a run of armlet, is damaged or cut short, or has another format version.
+        OSError: the file cannot be read.
     """
     name = file_path("load", path)
 

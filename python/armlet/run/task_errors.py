@@ -3,8 +3,9 @@
     e_k(t) = |S_k (x_d,k(t) - p_k(q(t)))|,   S_k the position rows of task k
     phi_k(t) = |S_k log(R_d,k(t) R_k(q(t))')|,   S_k its orientation rows
 
-`CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The priority laws have every
-`Task` with such rows and a target.
+`p_k` and `R_k` are the position (m) and rotation matrix of the task's frame, `x_d,k` and `R_d,k` those of its target, in world axes. The
+laws `CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The tasks of a priority law are all its `Task`s with
+a target and with such rows.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Aim:
-    """A frame, rows of its position or orientation as indices of xyz, and their places among the rows of the target."""
+    """The position rows or the orientation rows of one task: the name of its frame, and its target.
+
+    `rows` are indices of x, y, z, and `places` are the indices of the same rows in the target. `turns` is true for orientation rows.
+    """
 
     frame: str
     rows: tuple[int, ...]
@@ -35,25 +39,27 @@ class _Aim:
     turns: bool
 
     def at(self, t: Array) -> Array:
-        """The target of these rows, (rows,) or (K, rows)."""
+        """Return the target of the rows at the times `t`, (rows,) for a constant target or (K, rows), m or rad."""
         wanted = np.array([self.target(float(time))[0] for time in t]) if callable(self.target) else np.asarray(self.target)
         chosen: Array = wanted[..., list(self.places)]
         return chosen
 
 
 def position_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array) -> Array | None:
-    """The distances of the tasks' frames, (K, tasks) or (B, K, tasks), m; None if the laws have no tasks, or different numbers of them.
+    """Compute the distances between the tasks' frames and their targets, (K, tasks) or (B, K, tasks), m.
+
+    Return None if the laws have no such tasks, or different numbers of tasks.
 
     Args:
         laws, arms: one for all rows, or one per row.
-        t: (K,) or (B, K).
-        q: (K, n) or (B, K, n).
+        t: times, (K,) or (B, K), s.
+        q: joint positions, (K, n) or (B, K, n), rad or m.
     """
     return _of_tasks([_aims(law, False) for law in laws], arms, t, q)
 
 
 def orientation_errors(laws: Sequence[Any], arms: Sequence[Any], t: Array, q: Array) -> Array | None:
-    """The same for the angles between the tasks' frames and their targets, rad."""
+    """Compute the angles between the tasks' frames and their targets, (K, tasks) or (B, K, tasks), rad. See `position_errors`."""
     return _of_tasks([_aims(law, True) for law in laws], arms, t, q)
 
 
@@ -70,7 +76,7 @@ def _of_tasks(aims: list[list[_Aim]], arms: Sequence[Any], t: Array, q: Array) -
 
 
 def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array:
-    """The distance between a frame and its place at the joints' reference, (K, 1) or (B, K, 1), m."""
+    """Compute the distance between a frame at `q` and the same frame at the reference `q_d`, (K, 1) or (B, K, 1), m."""
     if len(arms) == 1:
         apart = _position(arms[0], q_d, frame) - _position(arms[0], q, frame)
         return np.asarray(np.linalg.norm(apart, axis=-1, keepdims=True), dtype=np.float64)
@@ -78,7 +84,7 @@ def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array
 
 
 def _aims(law: Any, turns: bool) -> list[_Aim]:
-    """The tasks of a law with rows of position, or of orientation."""
+    """Return the tasks of a law that have a target and position rows, or orientation rows if `turns` is true."""
     made = law.__getnewargs_ex__()[1] if hasattr(law, "__getnewargs_ex__") else {}
     given = [each.__getnewargs_ex__()[1] for each in made["tasks"] if type(each).__name__ == "Task"] if "tasks" in made else [made]
     aims = []
@@ -102,7 +108,7 @@ def _offset(aim: _Aim, arm: Any, t: Array, q: Array) -> Array:
 
 
 def _rotation(aim: _Aim, arm: Any, t: Array, q: Array) -> Array:
-    """`log(R_d R')` in the rows of the task; rows that have no target are zero in the rotation vector of `R_d`."""
+    """Return the task's rows of `log(R_d R')`, rad. `R_d` has the rotation vector of the target, with zero in rows without a target."""
     wanted = np.zeros((*q.shape[:-1], 3))
     wanted[..., list(aim.rows)] = aim.at(t)
     R = where_finite(lambda q: arm.pose(q, aim.frame)[..., :3, :3], q)
@@ -116,7 +122,7 @@ def _position(arm: Any, q: Array, frame: str) -> Array:
 
 
 def where_finite(evaluate: Callable[[Array], Array], q: Array) -> Array:
-    """`evaluate(q)`; NaN where joint positions are NaN, which the arm refuses."""
+    """Return `evaluate(q)`, with NaN in the rows where `q` is not finite. The functions of an arm refuse such values."""
     bad = np.asarray(~np.isfinite(q).all(axis=-1))
     found = evaluate(np.where(bad[..., None], 0.0, q))
     found[bad] = np.nan

@@ -1,5 +1,7 @@
-"""Many runs of one scenario, and the search of its best values: `armlet.sweep`, `armlet.tune`. The folder has another name, because
-`armlet.sweep` is the function."""
+"""Many runs of one scenario (`armlet.sweep`), and the search of its best values (`armlet.tune`).
+
+The folder is not called `sweep`, because `armlet.sweep` is a function.
+"""
 
 from .execution import SweepTable, sweep
 from .tuning import Tuning, tune

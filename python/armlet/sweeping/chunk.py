@@ -1,4 +1,7 @@
-"""A chunk of a sweep: consecutive cells that a worker runs side by side. A cell that raises an error affects only itself."""
+"""A chunk of a sweep: consecutive cells that one worker runs as batches. A *cell* is one run of the scenario with the cell's values.
+
+An error in one cell does not affect the other cells.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +26,15 @@ __all__ = ["TRIES", "Chunk", "Columns", "joined", "of_cell", "run_chunk"]
 
 Columns = dict[str, NDArray[Any]]
 STATES = ("q0", "v0", "theta0", "theta_dot0")
-#: How often a cell is run, at most, that raises or ends its worker.
+#: Largest number of runs of a cell that raises an error or ends its worker process.
 TRIES = 3
-#: Characters of an error that the table keeps.
+#: Largest number of characters of an error text in the table.
 LONGEST = 500
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """The cells from `start` to `stop` of a sweep, with everything that a worker needs to run them."""
+    """The cells from `start` (inclusive) to `stop` (exclusive) of a sweep, with the scenario and the options of their runs."""
 
     scenario: Scenario
     cells: Cells
@@ -44,20 +47,20 @@ class Chunk:
         return self.stop - self.start
 
     def run(self) -> Columns:
-        """The rows of the table."""
+        """Run the cells, and return their rows of the table."""
         return run_chunk(self.scenario, self.cells, self.start, self.stop, self.threads, self.metrics)
 
     def singles(self) -> list[Chunk]:
-        """One chunk per cell."""
+        """Return one chunk for each cell."""
         return [replace(self, start=i, stop=i + 1) for i in range(self.start, self.stop)]
 
     def failed(self, error: str) -> Columns:
-        """The rows of a chunk without a result."""
+        """Return the rows of a chunk without a result. Each row has the text `error`."""
         return _rows(self, {row: error for row in range(len(self))}, np.full(len(self), Status.INTERRUPTED, dtype=np.int32), {})
 
 
 def of_cell(i: int, changes: Mapping[str, Any], make: Callable[[Mapping[str, Any]], Any]) -> Any:
-    """`make(changes)`. Its errors also name the number and the values of the cell."""
+    """Return `make(changes)`. The number `i` and the values of the cell are added to the text of an error."""
     try:
         return make(changes)
     except ArmletError as error:
@@ -75,10 +78,10 @@ def run_chunk(
     *,
     strict: bool = False,
 ) -> Columns:
-    """The rows of the cells from `start` to `stop`.
+    """Run the cells from `start` (inclusive) to `stop` (exclusive), and return their rows of the table.
 
-    A cell that raises has `Status.INTERRUPTED`, NaN, and its error in the column `error`, which a chunk without such cells lacks;
-    `strict` raises instead.
+    A cell that raises an error has `Status.INTERRUPTED`, NaN, and the text in the column `error`. This column is absent if no cell of the
+    chunk has an error. With `strict` the first error is raised instead.
     """
     made: dict[str, Any] = {}
     errors: dict[int, str] = {}
@@ -99,7 +102,7 @@ def run_chunk(
         options = {key: value for key, value in one.data["run"].items() if key not in STATES}
         sampled = isinstance(options.get("sample_time"), Mapping)
         kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))
-        # Row j of a batch has the seed s + j: only neighbours share a batch where that seed is used.
+        # Row j of a batch uses the seed s + j, and so do consecutive cells. Cells that use the seed share a batch only if consecutive.
         place = row - len(groups.get((*kind, 0), ())) if sampled else 0
         key = next((k for k in groups if k[:-1] == kind and groups[k][-1][0] == row - 1), (*kind, row)) if sampled else (*kind, place)
         groups.setdefault(key, []).append((row, built))
@@ -124,15 +127,17 @@ def _rows(chunk: Chunk, errors: Mapping[int, str], status: NDArray[np.int32], fo
 
 
 Members = list[tuple[int, Any]]
-#: Threads and arguments of `armlet.metrics`.
+#: Number of threads, and arguments of `armlet.metrics`.
 How = tuple[int | None, Mapping[str, Any]]
 
 
 def _batches(
     members: Members, start: int, cells: Cells, how: How, errors: dict[int, str] | None, tried: int = 1
 ) -> list[tuple[Members, BatchRun]]:
-    """The batch of these cells. If it raises an error, each cell runs alone, and `errors` gets the errors of single cells (None: raise
-    them)."""
+    """Run the cells as one batch. If the batch raises an error, run each cell alone, and store the errors of single cells in `errors`.
+
+    If `errors` is None, raise the error of the batch.
+    """
     try:
         return [(members, _batch(members, start, cells, *how))]
     except Exception as error:
@@ -140,7 +145,7 @@ def _batches(
             raise
         if len(members) > 1:
             return [each for member in members for each in _batches([member], start, cells, how, errors, tried + 1)]
-        # An invalid cell is not repeated.
+        # An ArmletError of an invalid cell would be raised again, so the cell is not repeated.
         if tried < TRIES and not isinstance(error, ArmletError):
             return _batches(members, start, cells, how, errors, tried + 1)
         errors[members[0][0]] = _text(error)
@@ -162,13 +167,13 @@ def _batch(members: Members, start: int, cells: Cells, threads: int | None, metr
     if isinstance(given.get("sample_time"), Sampling):
         given["sample_time"] = replace(given["sample_time"], seed=cells.sampling_seed(start + members[0][0]))
     plants, laws = [built.plant for _, built in members], [built.law for _, built in members]
-    with quiet():  # the table has a column of it
-        given.setdefault("check_limits", False)  # the first and the last cell are rehearsed, and that warns
+    with quiet():  # the table has the column `energy_error`
+        given.setdefault("check_limits", False)  # `rehearse` has checked the limits of the first and the last cell
         return simulate_batch(plants, laws, **given, threads=threads, keep="metrics", metrics=metrics)
 
 
 def joined(parts: Sequence[Columns]) -> Columns:
-    """Join the columns of chunks. A chunk in which all cells failed has no metrics: its rows are NaN."""
+    """Join the columns of chunks. The metrics are NaN in the rows of a chunk in which all cells failed."""
     names = dict.fromkeys(name for part in parts for name in part)
     known = [set(part) - {"error"} for part in parts if not having(part["status"], Status.INTERRUPTED).all()]
     if any(each != known[0] for each in known):

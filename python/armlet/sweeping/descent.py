@@ -2,8 +2,9 @@
 
     minimise over u in [0, 1]^k   L(run with the values g(u))
 
-`g` is the inverse of each entry's distribution. A path such as `law.kd[0]` is an entry of a number of the loop: of `law.kd` of
-`armlet.gradient`. For any other path the scenario is built again with that value a little above and below.
+`g` maps `u` to the search intervals: it is the inverse distribution function of each path's entry. A path such as `law.kd[0]` is an entry
+of the number `law.kd` of the loop, and its derivative is computed as in `armlet.gradient`. For any other path the scenario is built again
+with four slightly different values.
 """
 
 from __future__ import annotations
@@ -43,21 +44,21 @@ __all__ = ["Descent"]
 Array: TypeAlias = NDArray[np.float64]
 Row: TypeAlias = dict[str, Any]
 
-#: A number of the loop, and an entry of it.
+#: A path that is a number of the loop, or one entry of such a number.
 ENTRY = re.compile(r"(law\.[A-Za-z_]+|run\.(?:q0|v0))(?:\[(\d+)\])?")
-#: Bytes for the states that an adjoint keeps.
+#: Size of the states that an adjoint run stores, bytes.
 MEMORY = 1 << 26
 
 
 class Descent:
-    """The search of one scenario.
+    """The gradient search for one scenario. It stores every candidate and its cost.
 
     Args:
         scenario: the scenario.
         space: search intervals by path.
-        conditions: values under which each candidate runs.
+        conditions: the values by path of each condition. A candidate runs once per condition.
         loss: a loss of `armlet.gradient`.
-        worst: whether the cost of a candidate is that of its worst condition; else it is the mean.
+        worst: True: the cost of a candidate is the largest cost of its conditions. False: it is the mean cost.
         failed: the cost of a run that ends early.
     """
 
@@ -72,16 +73,16 @@ class Descent:
                     problem = f"expected names of {list(TERMS)} or a function of a run, got {shown(term)}"
                     raise InputError(f"tune: cost has no gradient: {problem}")
         require_still_reference("tune", loss, list(space))
-        #: Every candidate that was run, and its cost.
+        #: Every candidate that was run. `paid` has the cost of each candidate.
         self.tried: list[Row] = []
         self.paid: list[float] = []
 
     def own(self) -> Array:
-        """The relative positions of the scenario's values in their intervals, (k,); 1/2 for a value outside of its interval."""
+        """Return the relative positions of the scenario's values in their intervals, (k,): 1/2 for a value outside of its interval."""
         return np.array([_place(spec, _value(self.scenario, path)) for path, spec in self.space.items()])
 
     def evaluate(self, u: Array) -> tuple[float, Array]:
-        """The cost at `u` and its derivatives, (k,)."""
+        """Return the cost of the candidate at `u`, (k,), and the derivatives of the cost with respect to `u`, (k,)."""
         row = {path: drawn(spec, float(x)) for (path, spec), x in zip(self.space.items(), u, strict=True)}
         try:
             each = [self._loss(row | condition) for condition in self.conditions]
@@ -97,7 +98,7 @@ class Descent:
         return cost, slopes * rates
 
     def search(self, optimize: Any, u: Array, steps: int, tolerance: float, after: Callable[[], object]) -> bool:
-        """Search from `u`, and return whether the search converged."""
+        """Search from the start `u`, (k,), and return whether the search converged."""
         result = optimize.minimize(
             self.evaluate,
             u,
@@ -110,7 +111,7 @@ class Descent:
         return bool(result.success)
 
     def _loss(self, values: Row) -> tuple[float, Array]:
-        """The loss of one run and its derivatives with respect to the values that are searched."""
+        """Return the loss of one run, and its derivatives with respect to the k searched values, (k,)."""
         scenario = self.scenario.replace(values)
         built = scenario.build()
         keywords = {"monitors": False, "check_limits": False, **built.arguments}
@@ -136,7 +137,7 @@ class Descent:
 
 
 def _entry(known: Mapping[str, Array], path: str, value: float) -> tuple[str, tuple[int, ...]] | None:
-    """The named number and the index of a path; None if it is not an entry of this value."""
+    """Return the name and the index of the entry at `path`. Return None if the loop has no such entry, or if the entry is not `value`."""
     found = ENTRY.fullmatch(path)
     name = found[1].removeprefix("run.") if found else ""
     if not found or name not in known:
@@ -149,7 +150,7 @@ def _entry(known: Mapping[str, Array], path: str, value: float) -> tuple[str, tu
 
 
 def _names(paths: Iterable[str]) -> list[tuple[NamedNumber, list[str]]]:
-    """A name for each path, with its paths. Neighbouring entries of one array share a name, as they enter the programs of a loop alike."""
+    """Group the paths, and return a name and the paths of each group. A group has consecutive paths of entries of the same array."""
     names = []
     for array, group in groupby(paths, lambda path: found[1] if (found := ENTRY.fullmatch(path)) else path):
         entries = list(group)
@@ -158,7 +159,7 @@ def _names(paths: Iterable[str]) -> list[tuple[NamedNumber, list[str]]]:
 
 
 def _together(loop: Loop, known: Mapping[str, Array], values: Row, paths: Sequence[str]) -> Together | None:
-    """Loops in which the entries of these paths move together; None if they are not entries of one number."""
+    """Make loops in which the entries at `paths` vary together. Return None if the paths are not entries of one number."""
     found = [_entry(known, path, values[path]) for path in paths]
     names = {each[0] for each in found if each is not None}
     if None in found or len(names) != 1:
@@ -168,13 +169,13 @@ def _together(loop: Loop, known: Mapping[str, Array], values: Row, paths: Sequen
 
 
 def _loop(built: Any) -> Loop:
-    """The loop of a scenario that is built."""
+    """Return the plant, the law and the start of a scenario that was built."""
     start = {name: built.arguments.get(name) for name in START}
     return built.plant, built.law, {name: None if x is None else np.asarray(x, dtype=np.float64) for name, x in start.items()}
 
 
 def _built(scenario: Scenario, path: str, value: float) -> Variants:
-    """Four loops of the scenario with other values at `path`, and the weights of the derivative."""
+    """Return four loops of the scenario with slightly different values at `path`, and their weights in the derivative."""
     step = STEP * 2.0 ** math.floor(math.log2(abs(value) or 1.0))
     refused: InputError | None = None
     for offsets, weights in RULES:
@@ -188,7 +189,7 @@ def _built(scenario: Scenario, path: str, value: float) -> Variants:
 
 
 def _value(scenario: Scenario, path: str) -> float:
-    """The scenario's value at a path; NaN where it has none."""
+    """Return the scenario's number at `path`, or NaN if it has no number there."""
     at: Any = scenario.data
     try:
         for key in re.findall(r"[^.\[\]]+", path):
@@ -206,6 +207,6 @@ def _place(spec: Mapping[str, Any], value: float) -> float:
 
 
 def _rate(spec: Mapping[str, Any], value: float) -> float:
-    """The derivative of a value with respect to its relative position in the search interval."""
+    """Return the derivative of a value with respect to its relative position in the search interval."""
     ((kind, (low, high)),) = spec.items()
     return float(high - low if kind == "uniform" else value * math.log(high / low))

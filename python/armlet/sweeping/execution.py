@@ -1,6 +1,7 @@
 """Many runs of one scenario: every cell of a grid, or random draws. They run on threads, processes or a cluster, and can be resumed.
 
-Cells go to the executor in chunks. A chunk runs as one batch, and the client stores it. A row's bits depend on its cell alone.
+A *cell* is one run with the cell's values. A *chunk* is a group of consecutive cells, which a worker of the executor runs as batches. The
+calling process stores the finished chunks. The bits of a table row depend only on its cell.
 """
 
 from __future__ import annotations
@@ -35,20 +36,21 @@ if TYPE_CHECKING:
 
 __all__ = ["SweepTable", "sweep"]
 
-# Steps of one chunk, all rows together: some tenths of a second of a small arm.
+# Largest number of integration steps of all cells of a chunk. For a small arm they take some tenths of a second.
 STEPS = 10_000_000
 
 
 @bordered
 @sealed
 class SweepTable(dict[str, NDArray[Any]]):
-    """One row per cell: columns by name, first `cell`, then what varied, `status` (numbers of `armlet.Status`) and the metrics.
+    """The table of a sweep, a dict of columns with one row per cell.
 
-    Where a cell raised or its worker died, a last column `error` has the text, empty for the other cells.
+    The columns are `cell`, the varied paths, `status` (integers of `armlet.Status`) and the metrics. If a cell raised an error or its
+    worker died, a last column `error` has the text of the error. The text is empty for the other cells.
     """
 
     def to_pandas(self) -> pd.DataFrame:
-        """Convert the table.
+        """Convert the table to a table of pandas. Needs pandas (`armlet[data]`).
 
         Returns:
             A pandas table, indexed by `cell`.
@@ -60,7 +62,7 @@ class SweepTable(dict[str, NDArray[Any]]):
         """Write the table as CSV. The file is complete or absent.
 
         Args:
-            path: the file.
+            path: path of the file.
 
         Returns:
             The path of the file.
@@ -69,17 +71,17 @@ class SweepTable(dict[str, NDArray[Any]]):
         return Path(path)
 
     def plot(self, quantity: str | None = None, fig: Figure | None = None) -> Axes:
-        """Draw a metric over the first two quantities that varied.
+        """Draw a metric over the first two varied quantities.
 
         Args:
-            quantity: column of the metric; None: the first.
+            quantity: name of the metric's column; None takes the first metric.
             fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
         Returns:
             The axes.
 
         Raises:
-            InputError: no number varied, or there is no such metric.
+            InputError: no number is varied, or no column has this name.
             ImportError: matplotlib is not installed.
         """
         from ..figures.sweep import plot
@@ -88,11 +90,11 @@ class SweepTable(dict[str, NDArray[Any]]):
 
     @property
     def rows(self) -> int:
-        """How many cells there are."""
+        """The number of cells."""
         return len(self["cell"])
 
     def __str__(self) -> str:
-        status = self.get("status", np.empty(0))  # the candidates of a search have none
+        status = self.get("status", np.empty(0))  # the table of a search has no status
         ended = ", ".join(f"{np.sum(status == each)} {each.name.lower()}" for each in Status if np.any(status == each))
         head = f"{self.rows} runs: {ended}" if ended else f"{self.rows} rows"
         errors = self.get("error", np.empty(0, dtype=str))
@@ -127,31 +129,31 @@ def sweep(
     """Run a scenario for every cell of a grid, or for random draws, and compute the metrics of every run.
 
     The table has the same bits for every executor and every number of workers (on one instruction set). With `out`, finished chunks are
-    stored there. The same call resumes an interrupted sweep.
+    stored in this folder. The same call resumes an interrupted sweep.
 
     Args:
         scenario: the scenario, or the path of its file.
         vary: values by path (`"law.kd[0]"`): a list, `{"linspace": [a, b, n]}` or `{"geomspace": [a, b, n]}`. With `draws` also
-            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None: the scenario's `[sweep]`.
-        draws: number of random cells, at most 10^8; None: the product of the lists.
-        seed: seed of the draws, and of noise and jitter in the runs; None: the scenario's, or else 0.
-        out: folder for finished chunks and the head of the sweep; None stores nothing.
-        executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`; None uses the
+            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None takes the scenario's `[sweep]`.
+        draws: number of random cells, at most 10^8. None runs every combination of the listed values.
+        seed: seed of the draws, and of noise and jitter in the runs. None takes the seed of the scenario, or 0 if it has none.
+        out: path of the folder for finished chunks and the file `sweep.json`; None stores nothing.
+        executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`. None uses the
             threads of this process.
-        chunk: cells per chunk; None: up to 256, and fewer for long runs.
-        threads: threads per chunk; None: 1 with an executor, else as `simulate_batch`.
-        progress: True writes the number of finished cells and the remaining time to standard error. A function is called with the numbers
-            of finished and of all cells.
+        chunk: number of cells per chunk. None takes up to 256, and fewer for long runs.
+        threads: number of threads per chunk. None takes 1 with an executor, and else the default of `simulate_batch`.
+        progress: True writes the number of finished cells and the remaining time to standard error. A function is called with the number
+            of finished cells and the number of all cells.
         **metrics: arguments of `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`.
 
     Returns:
-        The table. A failed run has its status and NaN. A cell that raises, or whose worker dies, is tried at most three times. Then it has
-        `Status.INTERRUPTED`, NaN and its error in the column `error`, and the sweep continues.
+        The table. The metrics of a failed run are NaN. A cell that raises an error, or whose worker dies, is tried at most three times.
+        Then it has `Status.INTERRUPTED`, NaN and the text in the column `error`, and the sweep continues.
 
     Raises:
-        InputError: the scenario, the first or the last cell, or `vary` is not valid, or `out` has another sweep.
+        InputError: the scenario, the first or the last cell, or `vary` is not valid, or the folder `out` has another sweep.
         SolveError: the executor's workers died and cannot be replaced, or new workers cannot start. A `ProcessPoolExecutor` is replaced,
-            and Dask replaces its workers. Finished chunks are in `out`.
+            and Dask replaces its workers. Finished chunks remain in `out`.
 
     Source: docs/sweeps.md.
 
@@ -195,7 +197,7 @@ def sweep(
         report.start(finished)
     each = threads if executor is None else threads or 1
     chunks = (Chunk(bare, cells, start, min(start + chunk, len(cells)), each, metrics) for start in missing)
-    from .workers import results  # process pools take a while to import
+    from .workers import results  # imported here, because the import of process pools is slow
 
     for start, result in results(chunks, executor, out):
         if store:
@@ -210,7 +212,7 @@ def sweep(
 
 
 def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: int | None = None, seed: int | None = None) -> Cells:
-    """The cells of the arguments, or of the scenario's `[sweep]` without these arguments."""
+    """Return the cells of the arguments. An argument that is None is taken from the scenario's `[sweep]`."""
     stated = scenario.data.get("sweep", {})
     if vary is None and "vary" not in stated:
         raise InputError("sweep: vary is missing: expected what varies by path, here or in the scenario's [sweep]")
@@ -220,7 +222,7 @@ def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: i
 
 
 def rehearse(scenario: Scenario, cells: Cells) -> None:
-    """Start the first and the last cell, so that most errors are raised before anything is written.
+    """Check the first and the last cell, so that most errors are raised before the sweep writes a file.
 
     Raises:
         InputError: a cell is not a valid scenario.
@@ -237,7 +239,7 @@ def _chunk_size(run: Mapping[str, Any]) -> int:
 
 
 def metrics_arguments(function: str, given: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
-    """The keywords for `armlet.metrics` as numbers and lists, which can be stored."""
+    """Return the keywords of `armlet.metrics` as numbers and lists, which JSON can store."""
     n = len(scenario.data["run"]["q0"])
     shapes: dict[str, list[tuple[int | str, ...]]] = {"band": [(), (n,)], "reference": [(n,), ("K", n)]}
     plain: dict[str, Any] = {}

@@ -1,7 +1,8 @@
 """The cells of a sweep: the varied quantities, and their values in cell i, which depend only on the sweep's seed and i.
 
-A grid is the product of lists, the last entry fastest. Draws are random: u = U(seed, i, entry) in (0, 1) goes through the inverse of the
-distribution. So a cell's values depend on neither the order nor the number of workers.
+A grid has every combination of the listed values, and the last quantity varies fastest. Draws are random: `u = U(seed, i, entry)` is
+uniform in [0, 1), and the value is the inverse distribution function at `u`. So a cell's values do not depend on the order or
+number of workers.
 """
 
 from __future__ import annotations
@@ -22,21 +23,21 @@ __all__ = ["MOST", "Cells", "columns", "drawn"]
 
 LISTS = ("linspace", "geomspace")
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
-# Values of one list; written out, they are kept in memory.
+# Largest number of values in one list. The expanded list is kept in memory.
 MOST = 10_000_000
-# Cells of a sweep: their table is kept in memory.
+# Largest number of cells of a sweep. Its table is kept in memory.
 MOST_CELLS = 100_000_000
 
 
 @dataclass(frozen=True)
 class Cells:
-    """The varied quantities by path: lists of values, or with draws also distributions.
+    """The cells of a sweep: values by path for each cell.
 
     Args:
-        vary: a list of values, `{"linspace": [a, b, n]}`, `{"geomspace": [a, b, n]}`; with draws also `{"uniform": [a, b]}`,
-            `{"log_uniform": [a, b]}` and `{"normal": [mean, deviation]}`.
-        draws: how many random cells, which pick from lists; None is the product of the lists.
-        seed: of the draws, integer >= 0.
+        vary: for each path a list of values, `{"linspace": [a, b, n]}` or `{"geomspace": [a, b, n]}`. With `draws` also
+            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}` and `{"normal": [mean, deviation]}`.
+        draws: number of random cells, which take a random value of each list. None makes a cell for every combination of the values.
+        seed: seed of the draws, an integer >= 0.
     """
 
     vary: Mapping[str, Any]
@@ -63,16 +64,16 @@ class Cells:
 
     @property
     def count(self) -> int:
-        """How many cells."""
+        """The number of cells."""
         return self.draws if self.draws is not None else math.prod(len(values) for values in self.vary.values())
 
     def __len__(self) -> int:
         return self.count
 
     def __getitem__(self, i: int) -> dict[str, Any]:
-        """The values of cell `i` by path."""
+        """Return the values of cell `i` by path."""
         if self.draws is None:
-            # The last quantity varies fastest.
+            # The last quantity varies fastest, so its index is the first remainder.
             chosen: dict[str, Any] = dict.fromkeys(self.vary)
             rest = i
             for path in reversed(chosen):
@@ -85,7 +86,7 @@ class Cells:
         return {path: drawn(spec, float(each)) for (path, spec), each in zip(self.vary.items(), u, strict=True)}
 
     def sampling_seed(self, i: int) -> int:
-        """The seed of the random numbers inside run `i` (noise, jitter); consecutive cells have consecutive seeds."""
+        """Return the seed of the random numbers of noise and jitter in run `i`. Consecutive cells have consecutive seeds."""
         return (self.seed << 32) + i
 
 
@@ -122,7 +123,7 @@ def _listed(path: str, spec: Any, draws: int | None) -> Any:
 
 
 def drawn(spec: Any, u: float) -> Any:
-    """The value of an entry at `u` in [0, 1]: of a list, or of the inverse of a distribution."""
+    """Return the value of an entry at `u` in [0, 1]: an element of a list, or the inverse distribution function at `u`."""
     if not isinstance(spec, Mapping):
         return spec[min(int(u * len(spec)), len(spec) - 1)]
     ((kind, (a, b)),) = spec.items()
@@ -130,12 +131,12 @@ def drawn(spec: Any, u: float) -> Any:
         return a + (b - a) * u
     if kind == "log_uniform":
         return min(max(a * math.exp(math.log(b / a) * u), a), b)
-    # random() may give exactly 0, where the inverse is infinite.
+    # random() can return exactly 0, where the inverse of the normal distribution is infinite.
     return a + b * NormalDist().inv_cdf(max(u, 2.0**-54))
 
 
 def columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
-    """The values of cells as columns; a list becomes one column per entry, `run.q0[0]`, .."""
+    """Return the values of cells as columns by path. A value that is a list becomes one column per entry: `run.q0[0]`, .."""
     table: dict[str, NDArray[Any]] = {}
     for path in rows[0] if rows else ():
         try:

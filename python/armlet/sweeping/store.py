@@ -1,7 +1,8 @@
-"""The folder of a sweep: `sweep.json` identifies the sweep, `chunk-000012.npz` has finished cells. Each file is complete or absent.
+"""The folder of a sweep: `sweep.json` identifies the sweep, and files such as `chunk-000012.npz` have finished cells.
 
-A chunk carries a SHA-256 over its header and arrays; a chunk that does not match counts as missing and is computed again. Files are
-written by the client alone, to a temporary name and renamed: a kill or a full disk does not change finished chunks.
+The file of a chunk has a SHA-256 checksum of its header and arrays. A chunk whose checksum does not match is computed again. Only the
+calling process writes files: it writes to a temporary name and renames the file. So each file is complete or absent, and a killed process
+or a full disk does not change finished chunks.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ..files import digest, pack, unpack, write_whole
 
 __all__ = ["Store"]
 
-# The version rises when results change in their last digits: chunks of one sweep have the bits of one release.
+# The version is increased when results change in their last digits, so that all chunks of a sweep have the bits of one release.
 FORMAT, VERSION = "armlet sweep", 4
 Columns = dict[str, NDArray[Any]]
 
@@ -31,9 +32,9 @@ class Store:
     """Finished chunks of one sweep, in the folder `out`.
 
     Args:
-        out: the folder; made if it is not there.
-        what: everything that affects the cells; a folder of another sweep is refused.
-        chunk: cells per chunk; a resumed sweep keeps its first number.
+        out: path of the folder. It is created if it does not exist.
+        what: all data that affect the results of the cells. If the folder has a sweep with other data, an error is raised.
+        chunk: number of cells per chunk. A resumed sweep keeps the number of its first call.
     """
 
     def __init__(self, out: Path, what: Mapping[str, Any], chunk: int) -> None:
@@ -68,7 +69,7 @@ class Store:
         return self.out / f"chunk-{start // self.chunk:06d}.npz"
 
     def write(self, start: int, columns: Columns) -> None:
-        """Keep the finished cells from `start` on."""
+        """Write the file of a finished chunk, whose first cell is `start`."""
         arrays = {name: np.ascontiguousarray(a, dtype=a.dtype.newbyteorder("<")) for name, a in columns.items()}
         header = {"format": FORMAT, "version": VERSION, "sweep": self.key, "start": start, "names": list(arrays)}
         header["sha256"] = digest(header, arrays)
@@ -77,7 +78,7 @@ class Store:
         write_whole(self._file(start), lambda file: pack(file, packed))
 
     def read(self, start: int, stop: int) -> Columns | None:
-        """The cells from `start` to `stop` if they are finished and undamaged, else None."""
+        """Return the columns of the chunk with the cells from `start` to `stop`, or None if its file is absent or damaged."""
         try:
             with open(self._file(start), "rb") as file:
                 packed, sealed = unpack(file)
@@ -89,7 +90,7 @@ class Store:
         return arrays if whole and all(len(array) == stop - start for array in arrays.values()) else None
 
     def tidy(self) -> None:
-        """Remove files that killed writers left. Younger files may belong to another client."""
+        """Remove temporary files of killed processes that are older than 60 s. A younger file may belong to another process."""
         for path in self.out.glob(".armlet-*"):
             with suppress(OSError):
                 if time.time() - path.stat().st_mtime > 60:

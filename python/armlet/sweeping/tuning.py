@@ -1,10 +1,10 @@
 """Search of gains by scipy's differential evolution [storn1997differential], with one batch per generation of candidates. For losses with a
-gradient, by scipy's L-BFGS-B from several starts: see `descent`.
+gradient, search by scipy's L-BFGS-B from several starts: see `descent`.
 
     minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c)
 
-`g` is the inverse of each entry's distribution, as in the draws of a sweep. "uniform" searches on a linear scale, and "log_uniform" on a
-logarithmic one.
+A *candidate* is one set of gains, and a *condition* is one set of other values under which each candidate runs. `g` maps `u` to the search
+intervals: "uniform" searches on a linear scale, and "log_uniform" on a logarithmic scale.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ __all__ = ["Tuning", "tune"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: What a run that failed costs, or one whose cost is no number: more than any that did not.
+#: Cost of a run that failed, or whose cost is NaN. It is larger than the cost of any other run.
 FAILED = 1e30
 
 
@@ -46,15 +46,16 @@ class Tuning:
     """The result of `tune`.
 
     Attributes:
-        best: the values by path.
-        cost: the cost of these values.
-        scenario: the scenario with them.
-        costs: the least cost after each generation, the first that of the initial candidates; with gradients, after each iteration.
+        best: the best values by path.
+        cost: the cost of the best values.
+        scenario: the scenario with the best values.
+        costs: the lowest cost after each generation. The first entry is the cost of the initial candidates. With gradients: the lowest cost
+            after each iteration.
         tried: every candidate, in order: `cell`, a column per path, and `cost`.
-        runs: number of runs; with gradients each has an adjoint run.
-        method: the name of the method.
-        converged: whether the candidates met the tolerance before the last generation; with gradients, whether the search from every start
-            did.
+        runs: number of runs. With gradients each run has an adjoint run, which is not counted.
+        method: the name of the search method.
+        converged: whether the candidates met the tolerance before the last generation. With gradients: whether the search from every start
+            converged.
     """
 
     best: dict[str, Any]
@@ -81,7 +82,7 @@ class Tuning:
 
 @dataclass(frozen=True)
 class _ListedCells(Cells):
-    """Cells whose values are listed one by one."""
+    """Cells whose values are stored in a list, one entry per cell."""
 
     rows: Sequence[dict[str, Any]] = field(default=())
 
@@ -119,25 +120,27 @@ def tune(
         scenario: the scenario, or the path of its file.
         vary: search intervals by path (`"law.kd[0]"`): `{"uniform": [low, high]}` or `{"log_uniform": [low, high]}`.
         cost: name of a metric's column (`"error_rms1"`, `"settling_time"`), or a function of the table of a generation. The table has the
-            columns of `sweep` and one row per run, and the function returns one number per row. NaN and a failed run have the highest cost.
+            columns of `sweep` and one row per run, and the function returns one number per row. A failed run and NaN have the highest cost.
             With gradients it is a loss of `armlet.gradient`: names such as `{"error_rms": 1.0, "tau_rms": 1e-4}`, or a function of a run.
-        method: "differential_evolution" takes any cost and searches the whole intervals. "gradient" follows the gradient of a loss from
-            several starts by scipy's L-BFGS-B. It needs far fewer runs for many values, and finds minima near its starts.
-        over: conditions for each candidate, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`; None: the scenario's.
-        by: "worst": the cost of a candidate is that of its worst condition. "mean": it is the mean over the conditions.
-        candidates: candidates per generation, >= 5; not used with gradients.
-        generations: largest number of generations after the first; with gradients, of iterations per start.
-        starts: number of starts of a search along the gradient. The first has the scenario's own values, the others are random.
-        tolerance: the search ends when the deviation of the candidates' costs is below this part of their mean. With gradients a start ends
-            when an iteration lowers its cost by less than this part. None: 0.01, and 1e-6 with gradients.
-        seed: seed of the search, and of noise in the runs.
-        threads: as for `simulate_batch`.
+        method: "differential_evolution" accepts any cost and searches the whole intervals. "gradient" follows the gradient of a loss from
+            several starts by scipy's L-BFGS-B. It requires far fewer runs for many values, and finds minima near its starts.
+        over: conditions for each candidate, a grid as in `sweep`: `{"arm.masses[1]": [2.0, 3.0]}`. None runs each candidate once, with the
+            values of the scenario.
+        by: "worst": the cost of a candidate is the largest cost of its conditions. "mean": it is the mean cost of its conditions.
+        candidates: number of candidates per generation, >= 5; not used with gradients.
+        generations: largest number of generations after the first. With gradients: largest number of iterations per start.
+        starts: number of starts of a gradient search. The first start has the scenario's values, and the others are random.
+        tolerance: the search ends when the standard deviation of the candidates' costs, divided by their mean, is below this value. With
+            gradients a search from one start ends when an iteration lowers its cost by less than this fraction. None takes 0.01, and 1e-6
+            with gradients.
+        seed: seed of the search, and of noise and jitter in the runs.
+        threads: number of threads, as for `simulate_batch`.
         progress: True writes the number of finished generations and the remaining time to standard error. A function is called with the
-            number of a generation and the lowest cost so far.
-        **metrics: for `armlet.metrics`.
+            number of the generation and the lowest cost so far.
+        **metrics: arguments of `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`; not used with gradients.
 
     Returns:
-        The best values by path, their cost, and the table of their runs.
+        The best values by path, their cost, and the table of all candidates.
 
     Raises:
         InputError: an argument is not valid; the message names it.
@@ -178,7 +181,7 @@ def tune(
     raised: list[Exception] = []
 
     def run(rows: list[dict[str, Any]]) -> Array:
-        """The costs of these candidates."""
+        """Return the cost of each candidate in `rows`."""
         cells = _ListedCells({}, None, seed, [row | condition for row in rows for condition in conditions])
         table = SweepTable(run_chunk(bare, cells, 0, len(cells), threads, metrics, strict=True))
         each = _costs(table, cost).reshape(len(rows), len(conditions))
@@ -188,7 +191,7 @@ def tune(
         return found
 
     def evaluate(u: Array) -> Array:
-        """The costs of the candidates in the columns of `u`, (k, S)."""
+        """Return the costs, (S,), of the S candidates in the columns of `u`, (k, S)."""
         rows = [{path: drawn(spec, float(x)) for (path, spec), x in zip(space.items(), column, strict=True)} for column in u.T]
         try:
             return run(rows)
@@ -212,7 +215,7 @@ def tune(
 def _evolved(
     optimize: Any, evaluate: Any, size: int, how: tuple[int, int, float, int], report: Callable[..., None], raised: list[Exception]
 ) -> Any:
-    """The result of differential evolution."""
+    """Return scipy's result of the differential evolution."""
     candidates, generations, tolerance, seed = how
     first = np.random.default_rng(seed).permuted(np.tile((np.arange(candidates) + 0.5) / candidates, (size, 1)), axis=1)
     try:
@@ -229,7 +232,7 @@ def _evolved(
             callback=report,
         )
     except RuntimeError:
-        # scipy takes a ValueError of the function for one of its own map.
+        # scipy replaces a ValueError of `evaluate` by this RuntimeError, so the error of `evaluate` is raised here.
         if raised:
             raise raised[0] from None
         raise
@@ -238,7 +241,7 @@ def _evolved(
 def _descended(
     optimize: Any, whole: Scenario, search: Descent, how: tuple[int, int, float, int], listener: Callable[[int, float], object]
 ) -> Tuning:
-    """The result of the search by gradients from several starts."""
+    """Search by gradients from several starts, and return the result."""
     starts, steps, tolerance, seed = how
     random = np.random.default_rng([seed, 2]).random((starts - 1, len(search.space)))
     costs: list[float] = []
@@ -260,7 +263,7 @@ def _scipy() -> Any:
 
 
 def _listener(progress: Any, generations: int) -> Callable[[int, float], object]:
-    """The callback of `progress`, with the number of a generation and the least cost so far."""
+    """Return the function that reports progress. Its arguments are the number of the generation and the lowest cost so far."""
     report = reporter("tune", progress, "generations")
     if isinstance(report, Progress):
         return lambda k, cost: report(k, generations)
@@ -268,7 +271,7 @@ def _listener(progress: Any, generations: int) -> Callable[[int, float], object]
 
 
 def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
-    """The search intervals by path; InputError if an entry is not an interval."""
+    """Return the search intervals by path. Raise InputError if an entry is not an interval."""
     space = Cells.of(vary, 1, seed).vary
     for path, spec in space.items():
         if not isinstance(spec, Mapping) or "normal" in spec:
@@ -277,7 +280,7 @@ def _ranges(vary: Mapping[str, Any], seed: int) -> Mapping[str, Any]:
 
 
 def _conditions(over: Mapping[str, Any] | None, seed: int, candidates: int) -> list[dict[str, Any]]:
-    """The values under which every candidate runs; InputError if a generation has too many runs."""
+    """Return the values by path of each condition. Raise InputError if a generation has too many runs."""
     grid = None if over is None else Cells.of(over, None, seed)
     runs = candidates * (1 if grid is None else grid.count)
     if runs > MOST:

@@ -1,4 +1,4 @@
-"""Worker processes end with the process that started them."""
+"""A watchdog that ends a worker process when the process that started it has ended."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ __all__ = ["leave_with"]
 
 @cache
 def leave_with(client: int) -> None:
-    """End this worker when its parent process `client` ends. Otherwise the workers of a killed client would wait without end."""
-    from multiprocessing import parent_process  # takes a while, and only workers need it
+    """End this worker process when its parent process with the id `client` ends. Otherwise the workers of a killed parent never end."""
+    from multiprocessing import parent_process  # imported here, because the import is slow and only workers use it
 
     parent = parent_process()
     if parent is None or parent.pid != client:

@@ -1,9 +1,10 @@
-"""Chunks of a sweep on an executor, whose workers may die.
+"""Run the chunks of a sweep on an executor, whose worker processes can die.
 
-The executor has up to AHEAD chunks. If a worker of a process pool dies, the pool is lost, and the chunk that caused it is unknown. From
-then on every worker is a separate pool with one chunk at a time, so that the next death identifies its chunk. A chunk that was lost
-twice continues cell by cell. A cell that was lost TRIES times is recorded as failed.
-Dask moves the tasks of a dead worker by itself; a count of starts at its scheduler keeps the same limit.
+At most AHEAD chunks are submitted to the executor and not finished. If a worker of a process pool dies, the whole pool is broken, and the
+chunk that caused the death is unknown. From then on every worker is a separate pool with one chunk at a time, so that the next death
+identifies its chunk. A chunk whose worker died TRIES - 1 times is continued cell by cell. A cell whose worker died TRIES times is recorded
+as failed. Dask restarts the tasks of a dead worker without a message. So its scheduler counts the starts of each chunk, with the same
+limit.
 """
 
 from __future__ import annotations
@@ -26,18 +27,18 @@ from .watchdog import leave_with
 
 __all__ = ["results"]
 
-# Chunks in the executor's hands at a time, so that a million cells do not wait in memory.
+# Largest number of chunks that are submitted and not finished. This limits the memory of a sweep with millions of cells.
 AHEAD = 64
-# How often Dask may give a task up whose turn never came: it blames all tasks that wait at a worker which dies.
+# Largest number of KilledWorker errors of Dask for one chunk. Dask also raises this error for tasks that wait at a worker which dies.
 BLAMED = 10
 DIED = f"the worker's process died, {TRIES} times"
 
 
 def results(chunks: Iterator[Chunk], executor: Executor | None, out: Any) -> Iterator[tuple[int, Columns]]:
-    """Results as they come, by the number of their first cell.
+    """Yield the number of the first cell and the columns of each chunk, in the order in which the chunks finish.
 
     Raises:
-        SolveError: the executor is broken and cannot be made again.
+        SolveError: the executor is broken and cannot be replaced.
     """
     if executor is None:
         for chunk in chunks:
@@ -51,7 +52,7 @@ def results(chunks: Iterator[Chunk], executor: Executor | None, out: Any) -> Ite
 
 
 class _Work:
-    """Waiting chunks, chunks at the executor, and partly finished chunks."""
+    """The state of a sweep on an executor: waiting chunks, submitted chunks, and chunks that continue cell by cell."""
 
     def __init__(self, chunks: Iterator[Chunk], executor: Executor) -> None:
         self.chunks, self.executor, self.name = chunks, executor, uuid4().hex
@@ -60,7 +61,7 @@ class _Work:
         self.waiting: dict[Future[Columns | None], Chunk] = {}
         self.lost: Counter[tuple[int, int]] = Counter()
         self.blamed: Counter[tuple[int, int]] = Counter()
-        # Chunks that continue cell by cell: the chunk, and its finished rows.
+        # Chunks that continue cell by cell, by their first cell: the chunk, and its finished rows.
         self.parts: dict[int, tuple[Chunk, dict[int, Columns]]] = {}
 
     def results(self) -> Iterator[tuple[int, Columns]]:
@@ -76,14 +77,14 @@ class _Work:
                 self.lanes.shutdown()
 
     def _submit(self) -> bool:
-        """Submit as much as the executor takes. The result is true if there is something to wait for."""
+        """Submit chunks up to the limit of the executor. Return whether any submitted chunk is not finished."""
         while len(self.waiting) < (self.lanes.free() + len(self.waiting) if self.lanes else AHEAD):
             chunk = self.again.popleft() if self.again else next(self.chunks, None)
             if chunk is None:
                 break
             key = (chunk.start, chunk.stop)
             starts = (TRIES if len(chunk) == 1 else TRIES - 1) - self.lost[key]
-            # Bytes: Dask hashes every number of an object, which takes 35 ms for each chunk of a sweep of 4,000 cells.
+            # The chunk is submitted as bytes, because Dask hashes every number of an object. For 4,000 cells this takes 35 ms per chunk.
             job = partial(_serve, os.getpid(), (self.name, *key), starts, pickle.dumps(chunk))
             try:
                 future = self.lanes.submit(job) if self.lanes else self.executor.submit(job)
@@ -95,7 +96,7 @@ class _Work:
         return bool(self.waiting)
 
     def _taken(self, future: Future[Columns | None], chunk: Chunk) -> Iterator[tuple[int, Columns]]:
-        """The next action for a chunk that came back."""
+        """Handle a chunk whose future is done: yield its result, submit it again, or split it into cells."""
         key = (chunk.start, chunk.stop)
         try:
             found = future.result()
@@ -142,7 +143,7 @@ class _Work:
             yield whole, joined([rows[i] for i in sorted(rows)])
 
     def _renew(self, error: BrokenExecutor) -> None:
-        """Replace the broken pool by one pool per worker."""
+        """Replace the broken process pool by one pool per worker. Raise `error` for another kind of executor."""
         if self.lanes is None:
             if not isinstance(self.executor, ProcessPoolExecutor):
                 raise error
@@ -150,7 +151,7 @@ class _Work:
 
 
 class _Lanes:
-    """One process pool per worker of a broken pool, with its start method and initializer. Each has one chunk at a time."""
+    """One process pool for each worker of a broken pool, with the same start method and initializer. Each pool runs one chunk at a time."""
 
     def __init__(self, pool: ProcessPoolExecutor) -> None:
         known: dict[str, Any] = vars(pool)
@@ -163,7 +164,7 @@ class _Lanes:
 
     def _made(self) -> ProcessPoolExecutor:
         pool = ProcessPoolExecutor(1, **self.options)
-        # A worker that cannot even begin is no cell's fault: the BrokenExecutor ends the sweep.
+        # This call checks that the worker process can start. If it cannot, no cell is the cause, and the BrokenExecutor ends the sweep.
         pool.submit(os.getpid).result()
         return pool
 
@@ -194,7 +195,7 @@ class _Lanes:
 
 
 def _serve(client: int, ticket: tuple[str, int, int], starts: int, packed: bytes) -> Columns | None:
-    """The rows of a pickled chunk, in a worker; None where Dask has started it `starts` times before."""
+    """Run a pickled chunk in a worker, and return its rows. Return None if Dask has already started it `starts` times before."""
     leave_with(client)
     if _started(ticket) > starts:
         return None
@@ -203,13 +204,13 @@ def _serve(client: int, ticket: tuple[str, int, int], starts: int, packed: bytes
 
 
 def _started(ticket: tuple[str, int, int]) -> int:
-    """How often Dask has started the chunk with this `ticket`, including this time; 1 with other executors."""
+    """Return how often Dask has started the chunk with this `ticket`, including this time; 1 with other executors."""
     distributed: Any = sys.modules.get("distributed")
     if distributed is None:
         return 1
     try:
         distributed.get_worker()
-    except ValueError:  # not in a worker
+    except ValueError:  # this process is not a worker of Dask
         return 1
     keys = ["armlet", "-".join(map(str, ticket))]
     with distributed.worker_client(separate_thread=False) as client:
