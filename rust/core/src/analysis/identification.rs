@@ -179,7 +179,7 @@ fn solve(triangle: &Triangle, rows: usize, cutoff: f64) -> Result<Identification
             let sum: f64 = (0..rank).map(|k| svd.v(k)[i] * svd.v(k)[j] / (s[k] * s[k])).sum();
             covariance[i * b + j] = variance * sum / (scales[i] * scales[j]);
         }
-        // A parameter counts as undetermined if it has more than a thousandth of a direction that the record does not determine.
+        // A parameter is undetermined if its component in a direction that the record does not determine exceeds a thousandth.
         hidden[i] = (rank..b).any(|k| svd.v(k)[i].abs() > 1e-3);
     }
     let deviations = (0..b).map(|i| if hidden[i] { f64::INFINITY } else { covariance[i * b + i].sqrt() }).collect();

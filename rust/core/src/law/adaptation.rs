@@ -120,7 +120,7 @@ pub struct AnyAdaptive<S: Real> {
     /// The entries of `Y' s` for the base set.
     kept: Vec<S>,
     projector: Option<Projector<S>>,
-    /// The options beyond the plain adaptation.
+    /// The buffers of joint columns, restraint and additional adaptation; `None` for the plain adaptation.
     more: Option<More<S>>,
 }
 

@@ -10,7 +10,7 @@ pub struct CLoop {
     pub dt: Option<f64>,
     /// Sample time, s, for laws that require it. `None` means `dt`.
     pub sample_time: Option<f64>,
-    /// Whether a step uses the method rk4; else euler.
+    /// Whether a step uses the method rk4; otherwise it uses the method euler.
     pub rk4: bool,
     /// Limits of the plant's input, `(n,)`, N m or N; `None` means no limits.
     pub tau_max: Option<Vec<f64>>,

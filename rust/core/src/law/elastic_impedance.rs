@@ -151,7 +151,7 @@ impl ElasticImpedanceSpec {
 pub struct ElasticImpedance<S: Real> {
     outer: CartesianImpedance<S>,
     inner: Reduction<S>,
-    /// Limits of the motor torque, `(n,)`.
+    /// Limits of the motor torque, `(n,)`, N m; `None` without limits.
     limits: Option<Vec<S>>,
     /// `J_k' w_k'` of one row `k` of the integral wrench, `(n,)`.
     column: Vec<S>,

@@ -126,7 +126,7 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
 pub struct BangBangTimes<'a> {
     /// Durations and accelerations: `t_min`, `t_max`, `a_min`, `a_max`.
     pub numbers: [&'a mut [f64]; 4],
-    /// `feasible`, `hold_start` and `hold_end`.
+    /// Flags: `feasible`, `hold_start` and `hold_end`.
     pub flags: [&'a mut [bool]; 3],
 }
 

@@ -1,4 +1,4 @@
-//! Lower bounds of the time of a swing without friction, and upper bounds of its gain over the monotone motion.
+//! Lower bounds of the time of a swing without friction, and upper bounds of the time that it saves over the monotone motion.
 
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};

@@ -201,7 +201,7 @@ pub fn torque_optimal_time_with_friction(
     Ok(optimum)
 }
 
-/// The monotone motion `x0 -> x1 > x0`.
+/// The monotone motion from `x0` to `x1 > x0`, rad, with the torques `up` of the push and `down` of the brake.
 struct Straight {
     x0: f64,
     x1: f64,

@@ -30,7 +30,7 @@ struct Search {
     leaves: Phase,
     /// The push of the monotone motion; `None` if that motion is not feasible.
     push: Option<Push>,
-    /// The smallest `e` with a possible gain; `None` if the monotone motion is not feasible.
+    /// The smallest `e` at which a swing may be faster than the monotone motion; `None` if that motion is not feasible.
     nearest: Option<f64>,
     /// `F(-x1, D; u-)`, the time factor of the brake over the whole distance `D`; zero if this brake stalls.
     brake: OnceCell<f64>,

@@ -228,7 +228,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                     let over = first.max(middle).max(last) + spare - load::<S>(&limits.hi, k);
                     let under = load::<S>(&limits.lo, k) - (first.min(middle).min(last) - spare);
                     most[block] = largest((over * load::<S>(&limits.by_hi, k)).max(under * load::<S>(&limits.by_lo, k)));
-                    // NaN counts as nearest.
+                    // A block with NaN counts as the nearest block.
                     if !(most[block] <= most[nearest]) {
                         nearest = block;
                     }

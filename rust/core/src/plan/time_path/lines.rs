@@ -100,8 +100,8 @@ pub(super) struct Lines {
     balls: Vec<[Ball; 3]>,
 }
 
-/// `U` and `L` at one `x`, and the indices of their lines in the lists. `WAY` is the condition that the next `x` is in `K_(i+1)`. `BALL` is
-/// the limit of the frame's acceleration.
+/// The smallest upper line `U` and the largest lower line `L` at one `x`, and their indices in the lists. The index `WAY` is the condition
+/// that the next `x` is in `K_(i+1)`. The index `BALL` is the limit of the frame's acceleration.
 struct Gap {
     upper: f64,
     upper_at: usize,
