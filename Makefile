@@ -71,7 +71,7 @@ SIGNALS ?= 100
 test-latency: $(BUILD)/installed ## Ctrl-C within 100 ms and the interpreter lock within 50 ms, in a table by call (SIGNALS=): 40 minutes
 	$(PY) benches/latency.py --trials $(SIGNALS) $(LATENCY)
 
-test-browser: $(BUILD)/installed $(BUILD)/requirements ## armlet lab and view in a browser without a window; pictures in build/browser
+test-browser: docs ## the lab, the view and the pages of `make docs` in a browser without a window; pictures in build/browser
 	@sh tools/pip.sh "$(VENV)" "$(BUILD)" -r requirements/browser.txt -c requirements/test.txt
 	@sh tools/browser.sh $(PY)
 	@mkdir -p $(BUILD)/elsewhere

@@ -2,14 +2,22 @@
 
 import re
 import tempfile
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
+from docutils import nodes
+
 KEYS = re.findall(r"^@\w+\{([^,]+),", (Path(__file__).parent / "references.bib").read_text(), re.MULTILINE)
-CITATION = re.compile(r"\[((?:" + "|".join(KEYS) + r")(?:, (?:" + "|".join(KEYS) + r"))*)\](?!\()")
+CITATION = re.compile(r"\[((?:" + "|".join(KEYS) + r")(?:,\s+(?:" + "|".join(KEYS) + r"))*)\](?!\()")
 # A file of the built pages alone, so no link of the sources.
 REPORT = '<a href="demo/report.html">The report of the demonstration</a>: each check with expected and actual value, and the figures.'
+COLON = "\ue000"  # a private character of Unicode
 FENCE = re.compile(r"(^```.*?^```$|^    .*?$)", re.MULTILINE | re.DOTALL)
+
+
+def cited(role: str) -> Callable[[re.Match[str]], str]:
+    return lambda found: f"{role}`" + re.sub(r",\s+", ",", found[1]) + "`"
 
 
 def links(app: object, name: str, source: list[str]) -> None:
@@ -18,7 +26,7 @@ def links(app: object, name: str, source: list[str]) -> None:
         return
     pieces = FENCE.split(source[0])
     pieces[::2] = [piece.replace("(../benches/README.md", "(benchmarks.md") for piece in pieces[::2]]  # copied in by tools/docs.sh
-    pieces[::2] = [CITATION.sub(lambda m: "{cite}`" + m[1].replace(", ", ",") + "`", piece) for piece in pieces[::2]]
+    pieces[::2] = [CITATION.sub(cited("{cite}"), piece) for piece in pieces[::2]]
     source[0] = "".join(pieces)
     if name == "index":
         source[0] = source[0].replace("\n## How-to\n", f"\n{REPORT}\n\n## How-to\n") + tree(source[0])
@@ -37,12 +45,54 @@ def tree(index: str) -> str:
     )
 
 
+def equations(tex: str) -> list[str]:
+    """The equations of a line, which `\\quad` and `\\qquad` separate; the whole line if it has rows."""
+    depth, found = 0, [""]
+    for token in re.split(r"(\\\\|\\q?quad\b|\\begin\b|\\end\b|\\left\b|\\right\b|\\[{}]|[{}])", tex):
+        if token == "\\\\" and depth == 0:
+            return [tex]
+        depth += (token in ("{", "\\begin", "\\left")) - (token in ("}", "\\end", "\\right"))
+        if token in ("\\quad", "\\qquad") and depth == 0:
+            found.append("")
+        else:
+            found[-1] += token
+    return [piece.strip() for piece in found if piece.strip()]
+
+
+def formulas_in_lines(app: object, doctree: nodes.document, name: str) -> None:
+    """Equations beside one another go below one another where the page is narrow."""
+    for node in [*doctree.findall(nodes.math_block)]:
+        pieces = equations(node.astext())
+        if len(pieces) > 1 and not node.get("number"):
+            line = nodes.paragraph(classes=["equations"])
+            for piece in pieces:
+                line += nodes.inline("", "", nodes.math("", rf"\displaystyle {piece}"), classes=["equation"])
+                line += nodes.Text(" ")
+            node.replace_self(line)
+
+
+def drop_compiled(app: object) -> list[object]:
+    """The list of module sources has no compiled modules: viewcode would link to a page that does not exist."""
+    modules = app.env._viewcode_modules
+    for name in [name for name, entry in modules.items() if not entry]:
+        del modules[name]
+    return []
+
+
+def colons_of_attributes(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Napoleon takes the words before a colon for the type of an attribute. These docstrings have sentences there."""
+    if what in ("attribute", "property", "data"):
+        lines[:] = [line.replace(":", COLON) for line in lines]
+
+
 def code_in_docstrings(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
     """Backticks of a docstring hold code; bars and stars are arithmetic, never markup."""
+    lines[:] = [line.replace(COLON, ":") for line in lines]
     for i, line in enumerate(lines):
         if not line.lstrip().startswith((">>>", "...")):
             pieces = re.split(r"(:[\w ]*:`[^`]+`|``[^`]+``|`[^`]+`)", line)
             pieces[::2] = [re.sub(r"(?<!\\)([*|])", r"\\\1", piece) for piece in pieces[::2]]
+            pieces[::2] = [CITATION.sub(cited(":cite:"), piece) for piece in pieces[::2]]
             pieces[1::2] = [f"`{piece}`" if re.match("`[^`]", piece) else piece for piece in pieces[1::2]]
             lines[i] = "".join(pieces)
 
@@ -62,4 +112,7 @@ def with_figure(conf: object, variables: dict[str, str]) -> list[str]:
 
 def setup(app: object) -> None:
     app.connect("source-read", links)
+    app.connect("autodoc-process-docstring", colons_of_attributes, priority=400)  # before napoleon
+    app.connect("doctree-resolved", formulas_in_lines)
+    app.connect("html-collect-pages", drop_compiled, priority=400)  # before viewcode
     app.connect("autodoc-process-docstring", code_in_docstrings, priority=600)  # after napoleon
