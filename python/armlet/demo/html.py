@@ -21,12 +21,12 @@ h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
 
 table { border-collapse: collapse; font-size: .875rem; width: 100%; }
 th, td { border-bottom: 1px solid var(--line); padding: .35rem .6rem; text-align: left; vertical-align: top; }
-td.number { font-family: ui-monospace, monospace; font-size: .8rem; }
+td.number { font-family: ui-monospace, monospace; }
 .ok { color: var(--good); } .FAILED { color: var(--bad); font-weight: 700; }
 td.what { white-space: pre-wrap; }
 figure { margin: 1rem 0 0; overflow-x: auto; }
 img { background: #fff; border-radius: .4rem; height: auto; max-width: 100%; }
-small { opacity: .75; }
+small { font-size: .875rem; opacity: .75; }
 
 /* On a phone the claim and its verdict share a line, and the values are below. Figures keep a readable size and scroll sideways. */
 
