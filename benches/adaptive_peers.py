@@ -65,7 +65,7 @@ def rk4(f: Callable[[Any, Any], Any], x: Any, motion: Any, steps: int) -> Any:
 
 
 def numpy_rhs(kp: Array, kd: Array, gamma: Array) -> Callable[[Array, Array], Array]:
-    """x_dot in direct numpy matrix notation, for diagonal and full gain matrices."""
+    """A function that computes the state derivative with numpy matrices, for diagonal and full gain matrices."""
     A, B, C = PLANT
     lam = np.linalg.solve(kd, kp)
 
@@ -90,7 +90,7 @@ def numpy_loop(steps: int, full: bool = False) -> Array:
 
 
 def loop_of_scalars(A: Any, B: Any, C: Any, x: Any, r: Any, sin: Any, cos: Any) -> tuple[Any, ...]:
-    """x_dot written component by component. scipy calls it with `math`; numba compiles it; the numpy batch passes columns (RUNS,)."""
+    """The state derivative, component by component. scipy calls it with `math`; numba compiles it; numpy passes columns (RUNS,)."""
     q1, q2, v1, v2, a, b, c = x
     d1, d2 = r[2] - v1, r[3] - v2
     w1, w2 = LAMBDA * (r[0] - q1), LAMBDA * (r[1] - q2)

@@ -214,7 +214,7 @@ class Route:
 
 
 def serve() -> None:
-    """The loop of that worker. It answers a command with the seconds of twenty calls, or with the first rows of a result for comparison."""
+    """The loop of the worker process of a `Route`. It answers a command with the time of twenty calls, s, or with rows of a result."""
     arm = our_arm()
     q, v, a, v_r = states(arm, ROWS)
     fresh = ours(arm, q, v, a, v_r)

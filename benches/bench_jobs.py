@@ -1,4 +1,4 @@
-"""median over rounds of t_job, and of t_job / t_loop within a round: whole jobs of a user, compared with the simulation loops in them.
+"""Time of whole jobs of a user, and its ratio to the time of the simulation loops in them: medians over rounds.
 
 A job runs with its defaults, on all cores. Its loop is `simulate_batch(keep="final")` of the same runs, or the simplest call that does
 the work. Results are compared first.
@@ -29,8 +29,8 @@ import timing
 from timing import Case
 
 DT = 1e-3
-#: Runs and steps of a batch; runs of arms with more than three joints (`FEW`); records of a batch that stores them; cells and steps of a
-#: sweep.
+#: Runs and steps of a batch. `FEW`: runs of a batch of arms with more than three joints. `RECORDED`: runs of a batch that stores records.
+#: Last: cells of a sweep, and steps of each cell.
 RUNS, STEPS = 1024, 1000
 FEW = 128
 RECORDED = 200

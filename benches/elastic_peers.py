@@ -46,7 +46,7 @@ def batch_start() -> Array:
 
 
 def components(x: Any, k: Any, b0: Any, d0: Any, sin: Any, cos: Any) -> tuple[Any, ...]:
-    """x_dot written component by component. scipy calls it with `math`, and numba compiles it."""
+    """The state derivative, component by component. scipy calls it with `math`, and numba compiles it."""
     q1, q2, v1, v2, t1, t2, w1, w2 = x
     s1, c1, s2, c2 = sin(q1), cos(q1), sin(q2), cos(q2)
     s12, c12 = s1 * c2 + c1 * s2, c1 * c2 - s1 * s2
@@ -66,7 +66,7 @@ def components(x: Any, k: Any, b0: Any, d0: Any, sin: Any, cos: Any) -> tuple[An
 
 
 def numpy_rhs(level: str) -> Callable[[float, Array], Array]:
-    """x_dot in direct numpy matrix notation."""
+    """A function that computes the state derivative with numpy matrices."""
     (k, b0), d0 = LEVELS[level], damping(level)
     a1, a2, a3, a4, a5 = A
     l1, l2 = L

@@ -21,7 +21,7 @@ Spatial = tuple[Any, Any]
 
 
 def constant(values: Any) -> Any:
-    """A constant CasADi matrix whose zeros are structural."""
+    """A constant CasADi matrix that does not store its zeros, so that expressions omit their products."""
     return ca.sparsify(ca.SX(ca.DM(snap(values))))
 
 

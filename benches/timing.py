@@ -1,4 +1,4 @@
-"""median over rounds of t_case, and of t_case / t_yardstick within a round. Every round runs every case once.
+"""Times of cases, and their ratios to the time of a yardstick case: medians over rounds. Every round runs every case once.
 
 So noise affects all cases alike. Shared by all benchmarks: interleaved rounds, pinning to cores, two clocks, a description of the machine,
 tables, and the file of results.
@@ -119,7 +119,7 @@ def measure(cases: list[Case], rounds: int, core: int, say: Callable[[str], None
 
 
 def ratio(case: Case, yardstick: Case) -> float:
-    """Median of the ratios within a round, over the rounds in which both cases ran, measured by one clock."""
+    """Median over rounds of the time of `case` divided by the time of `yardstick` in the same round, both by one clock."""
     clock = "wall" if "wall" in (case.clock, yardstick.clock) else "processor"
     ours, theirs = case.seconds(clock), yardstick.seconds(clock)
     return statistics.median((ours[k] / case.per) / (theirs[k] / yardstick.per) for k in ours.keys() & theirs.keys())

@@ -5,7 +5,7 @@
     a segment whose error exceeds the tolerance is halved; where the curve is smooth, the spline's error is of the order h^4
 
 Here X(q) is the pose of the frame, X_d(s) the desired pose at the path position s, and h the length of a segment. Inverse kinematics
-starts at each knot from the solution of the previous knot. So the path stays on one branch of solutions.
+starts at each knot from the solution of the previous knot. So the path stays on one branch of solutions, such as elbow up.
 """
 
 from __future__ import annotations
@@ -273,7 +273,7 @@ def cartesian_path(
         raise InputError(f"{_NAME}: arcs has no circle at pose {at}: expected three positions that are not on one line") from None
     found = _followed(_Problem(arm, frame, letters, curve, bound, bool(limits)), start)
     if found.shortfall is None:
-        # Repeated poses have the knot of the first one.
+        # A repeated pose has the knot of its first occurrence.
         found.corners = [found.corners[k] for k in np.cumsum(new) - 1]
     return found
 

@@ -241,7 +241,7 @@ class _Problem:
         """
         count = _CHECKED * harmonics
         series = _series(duration, harmonics, count)
-        # Between these points a trigonometric polynomial exceeds its largest value there by at most this factor (Ehlich and Zeller 1964).
+        # Between the samples a trigonometric polynomial exceeds its largest sample by at most this factor (Ehlich and Zeller 1964).
         beyond = 1.0 / np.cos(np.pi * harmonics / count)
         limits = self.limits
         shares = [np.abs(c @ rows.T).max(axis=1) * beyond / limit for rows, limit in zip(series, limits[1:4], strict=True)]

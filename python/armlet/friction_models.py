@@ -73,15 +73,14 @@ class LuGre(_Model):
 @sealed
 @dataclass(frozen=True, kw_only=True)
 class StickSlip(_Model):
-    """Stick-slip friction of the joints of a plant: a joint sticks while the friction torque that holds it is within static friction.
+    """Stick-slip friction of the joints of a plant: a joint sticks while static friction can hold it.
 
     stuck:   `v_i = 0`, `|tau_f,i| <= F_s + mu |L|`
     sliding: `tau_f = sign(v) h(v) + d v`, `h(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`
 
     `v` is the velocity of a joint of a `RigidArm`, or of a motor of an `ElasticArm`. `L` is the transmitted torque: `tau - tau_f` of a
     `RigidArm`, the joint torque `tau_J` of an `ElasticArm`. The velocity of a stuck joint is exactly zero. Adaptive methods locate the
-    times at
-    which joints stick and slip. With fixed-step methods, joints stick and slip only between steps.
+    times at which joints stick and slip. With fixed-step methods, joints stick and slip only between steps.
 
     Args:
         coulomb: Coulomb friction `F_c` >= 0, N m or N. This and all following arguments are scalars or (n,).

@@ -49,23 +49,23 @@ def export_c(
 ) -> list[Path]:
     """Write a law, an observer, or functions of an arm as C99: a header, a source file and a `CMakeLists.txt`.
 
-    The C code does not need armlet. It allocates nothing, does not recurse, and includes only `math.h` and `string.h`. It has the bits of
-    armlet on this machine if it is compiled with `-ffp-contract=off`, as its CMake file does. A law becomes `<prefix>_init(state)` and
-    `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. The C code contains the desired
-    motion. A function of an arm becomes `<prefix>_<name>(inputs.., out)`, with row-major matrices. A `MomentumObserver` becomes
-    `<prefix>_init(state)`, `<prefix>_update(state, q, v, tau, dt, residual)`, and, if it has thresholds, `<prefix>_contact(state)`. Each
-    function returns 0, or a status that the header lists. After an error `tau` is the last valid output, and `out` is NaN.
+    The C code does not need armlet. It allocates nothing, does not recurse, and includes only `math.h` and `string.h`. Its results equal
+    armlet's on this machine, bit by bit, if it is compiled with `-ffp-contract=off`, as its CMake file does. A law becomes
+    `<prefix>_init(state)` and `<prefix>_step(state, t, q, v, tau)`, with `theta, theta_dot` before `tau` for laws of elastic arms. The C
+    code contains the desired motion. A function of an arm becomes `<prefix>_<name>(inputs.., out)`, with row-major matrices. A
+    `MomentumObserver` becomes `<prefix>_init(state)`, `<prefix>_update(state, q, v, tau, dt, residual)`, and, if it has thresholds,
+    `<prefix>_contact(state)`. Each function returns 0, or a status that the header lists. After an error `tau` is the last valid output,
+    and `out` is NaN.
 
     Args:
         law: a law, a `MomentumObserver` or an arm.
         folder: folder of the files. It is created if it does not exist.
         functions: functions of an arm: names of `Arm`'s methods such as "mass_matrix", or `(name, frame)`. The default frame is
-            `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` accept a wrench `[f; m]` at the frame, N and N
-            m.
-            None: the equations of motion.
+            `arm.tip_frame`. `("inverse_dynamics", frame)` and `("forward_dynamics", frame)` accept a wrench `[f; m]` at the frame, N and
+            N m. None: the equations of motion.
         prefix: first part of all names in C, and name of the files and of the CMake target; None: "law", "observer" or "arm".
         dt: step of the sampled loop, s, for a law with a state (an estimate, an integral). Calls at multiples of `dt` advance the state
-            with the bits of `simulate(.., dt=dt, sample_time=..)`. None: one step from call to call.
+            to the same bits as `simulate(.., dt=dt, sample_time=..)`. None: one step from call to call.
         method: integration method of the law's state: "rk4", "euler" or "semi_implicit", as for `simulate`. Only for laws.
         sample_time: time between calls, s, of a `Guarded` law, whose observer depends on it. None: `dt`.
         tau_max: limits of the torque (or velocity), as for `simulate`: a number > 0 or (n,). None: no limits. The observer of a `Guarded`

@@ -1,4 +1,4 @@
-"""Diagnosis of prioritised tasks: which part of a command is feasible, and the reason: overlap = sum rank J_i - rank J_E."""
+"""Diagnosis of prioritised tasks: the feasible part of a command, and the overlap of the levels, sum rank J_i - rank J_E."""
 
 from __future__ import annotations
 

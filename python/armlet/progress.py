@@ -34,7 +34,7 @@ class Progress:
             text += f", {duration(passed * (total - done) / fresh)} left"
         elif done >= total:
             text += f" in {duration(passed)}"
-        # The line is padded to the longest earlier one, so that no characters of that remain.
+        # Spaces extend the line to the length of the longest earlier line, so that no old characters remain.
         self._width = max(self._width, len(text))
         stream = sys.stderr if self._stream is None else self._stream
         print(f"\r{text:{self._width}}", end="\n" if done >= total else "", file=stream, flush=True)

@@ -1,4 +1,4 @@
-"""The status of a run. A status is data: a diverged run is a result with a time, not an invalid use."""
+"""The status of a run. A diverged run is a valid result, with the time at which it ended."""
 
 from __future__ import annotations
 

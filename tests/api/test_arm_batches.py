@@ -44,7 +44,7 @@ def test_every_number_of_threads_gives_the_same_bits() -> None:
 
 
 def test_a_long_call_gives_the_same_bits_as_short_ones() -> None:
-    """A short call keeps the GIL and runs on the calling thread. Its rows have the bits of a long call, which divides them otherwise."""
+    """A short call keeps the GIL and runs on the calling thread. Its rows equal those of a long call, which uses several threads."""
     q, v, a = np.random.default_rng(2).uniform(-2.0, 2.0, (3, 20003, ARM.n))
     whole = ARM.inverse_dynamics(q, v, a)
     parts = [ARM.inverse_dynamics(q[i : i + 997], v[i : i + 997], a[i : i + 997]) for i in range(0, len(q), 997)]

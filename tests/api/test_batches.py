@@ -62,7 +62,7 @@ def test_what_is_wrong_is_said() -> None:
 
 @pytest.mark.parametrize("keep", ["all", "metrics"])
 def test_every_run_has_a_disturbance_of_its_own(keep: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forces as constants (B, k), or as steps for each run. Each row has the bits of a single run with its force."""
+    """Forces as constants (B, k), or as steps for each run. Each row equals a single run with its force."""
     monkeypatch.setattr(batches, "PIECE", 1)
     arm = al.planar_arm([0.5, 0.4])
     plant, law = al.RigidArm(arm), al.PDGravity(arm, [0.3, 0.6], kp=60.0, kd=12.0)

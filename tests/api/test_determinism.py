@@ -80,7 +80,7 @@ def test_a_row_is_a_run(options: dict[str, Any]) -> None:
 
 
 def test_own_plants_and_laws_per_row() -> None:
-    """A batch with a list of B plants and laws has the bits of B batches with one row."""
+    """A batch with a list of B plants and laws equals B batches with one row, to the last bit."""
     rng = np.random.default_rng(33)
     plants = [al.RigidArm(al.planar_pr(a, 0.3, c)) for a, c in rng.uniform(1.0, 3.0, (10, 2))]
     laws = [
@@ -98,7 +98,7 @@ def test_own_plants_and_laws_per_row() -> None:
 def test_a_row_that_diverges_leaves_the_others_alone(bad: int, cause: str) -> None:
     """One row has an adaptation gain too large for the step, or an initial speed too large for any step.
 
-    It is at an edge of or inside a group of lanes.
+    This row is at the edge or inside of a group of rows that the lanes of SIMD registers compute together.
     """
     q0, v0 = states(13)
     wild_v0 = v0.copy()

@@ -1,4 +1,4 @@
-"""Functions of arms as C: the bits of armlet, for every function, on arms of every kind."""
+"""Functions of arms as C: their results equal armlet's to the last bit, for every function and arms of every kind."""
 
 from __future__ import annotations
 

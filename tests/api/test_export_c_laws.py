@@ -1,4 +1,7 @@
-"""Laws as C have the bits of armlet: in single calls and in sampled loops, with states of laws, every motion and task priority."""
+"""Laws as C return armlet's torques to the last bit, in single calls and in sampled loops.
+
+They include laws with states, every kind of motion, and task priority.
+"""
 
 from __future__ import annotations
 

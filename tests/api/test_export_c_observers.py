@@ -1,4 +1,4 @@
-"""Momentum observers as C have the bits of `MomentumObserver.update` and of its contacts. Invalid arguments are refused."""
+"""Momentum observers as C return the residuals and contacts of `MomentumObserver` to the last bit. Invalid arguments are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every law with every option as C: it has the bits of armlet in 1,000 states, or is refused with its name.
+"""Every law with every option as C: its torque equals armlet's to the last bit in 1,000 states, or the law is refused by name.
 
 The table has an entry for each class of laws and for each of its arguments. A class or an argument without an entry fails a test.
 """
@@ -204,7 +204,7 @@ def test_a_law_has_the_bits_of_armlet(name: str, options: dict[str, Any], compil
         motors = {"theta": x[2], "theta_dot": x[3]} if elastic else {}
         status, tau = c.status(t, *x[: 4 if elastic else 2])
         if name in ("PriorityVelocity", "PriorityAcceleration"):
-            # In regular states the C has the bits of compiled loops. A call of the law uses another algorithm.
+            # In regular states the C rounds like compiled loops. A call of the law uses another algorithm.
             regular += status == 0
             if status == 0:
                 np.testing.assert_allclose(tau, law(t, *x[:2]), rtol=1e-6, atol=1e-9, err_msg=f"state {k}")

@@ -50,7 +50,7 @@ def test_scalars_of_the_wrong_kind(value: Any) -> None:
     refused(lambda: al.planar_pr(value, 0.5, 0.5), "planar_pr:", "A ")
     refused(lambda: al.Quintic([0.0], [1.0], value), "Quintic:", "duration ")
     if not isinstance(value, list):
-        # Several times return several rows.
+        # A list of times is a valid argument of a motion.
         refused(lambda: HOLD(value), "Motion:", "t ")
     refused(lambda: LAW(value, [0.0, 0.0], [0.0, 0.0]), "Adaptive:", "t ")
     refused(lambda: run(t_end=value), "simulate:", "t_end ")
@@ -207,7 +207,7 @@ def test_a_run_of_no_length() -> None:
 
 def test_a_step_longer_than_the_run() -> None:
     np.testing.assert_array_equal(run(t_end=0.01, dt=5.0).t, [0.0, 0.01])
-    # The only step is shortened to the run. It has the bits of a step of this length.
+    # The only step is as long as the run. Its result equals that of `dt=0.01` to the last bit.
     np.testing.assert_array_equal(run(t_end=0.01, dt=5.0).q, run(t_end=0.01, dt=0.01).q)
 
 

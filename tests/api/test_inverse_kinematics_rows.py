@@ -1,4 +1,4 @@
-"""Inverse kinematics of many targets: the bits of single calls for any number of threads, rows that fail alone, several solutions."""
+"""Inverse kinematics of many targets: results equal single calls to the last bit, a row may fail alone, several solutions."""
 
 from __future__ import annotations
 

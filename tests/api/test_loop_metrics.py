@@ -250,7 +250,7 @@ def test_what_is_measured_is_refused_where_it_is_wrong() -> None:
 
 
 def test_the_band_so_far_finds_the_settling_time_of_the_whole_run() -> None:
-    """The largest error is outside of its band, so the last record outside is not earlier.
+    """The record with the largest error is outside its band, so the last record outside is not earlier.
 
     After it, the present and the final band are equal.
     """

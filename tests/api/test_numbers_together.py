@@ -1,4 +1,4 @@
-"""Several entries of a named parameter share loops. Their derivatives have the bits of derivatives with one loop per entry."""
+"""Several entries of a named parameter share loops. Their derivatives equal those with one loop per entry, to the last bit."""
 
 from __future__ import annotations
 

@@ -172,7 +172,7 @@ def test_an_answer_that_overflows_is_an_error() -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("count", [1, 7, 3000])
 def test_batches_are_their_rows(method: str, count: int) -> None:
-    """Leading axes broadcast, and each row has the bits of a single call. Above 512 rows the interpreter lock is released."""
+    """Leading axes broadcast, and each row equals a single call to the last bit. Above 512 rows the interpreter lock is released."""
     rng = np.random.default_rng(3)
     first, second, velocities = rng.normal(size=(count, 2, 4)), rng.normal(size=(1, 1, 4)), rng.normal(size=(count, 2))
     sol = al.solve_priority([first, second], [velocities, [0.5]], **keywords(method))

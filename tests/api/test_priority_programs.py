@@ -92,7 +92,7 @@ def test_a_program_is_the_loop(name: str, options: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("name", ["4R stretched, exact", "4R stretched, clamp", "4R accelerations, stretched", "seven axes, accelerations"])
 def test_a_row_has_the_bits_of_its_run_alone(name: str) -> None:
-    """A batch has singular and regular rows. Each row has the bits of a single run, for every order and number of threads."""
+    """A batch has singular and regular rows. Each row equals a single run, for every order and number of threads."""
     plant, law, singular = LOOPS[name]()
     rng = np.random.default_rng(5)
     q0 = singular + np.where(np.arange(19)[:, None] % 3 > 0, rng.uniform(-1.0, 1.0, (19, plant.arm.n)), 0.0)

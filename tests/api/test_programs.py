@@ -217,7 +217,7 @@ def test_a_simulator_of_an_implicit_method_runs_programs(driven: bool) -> None:
 
 
 def test_rows_of_other_structure_do_not_touch_one_another() -> None:
-    """Rows with gains equal to one, full gains and other parameters. Each row has the bits of a single run."""
+    """Rows with gains equal to one, full gains and other parameters. Each row equals a single run to the last bit."""
     gains: list[Any] = [60.0, 1.0, [60.0, 1.0], [1.0, 60.0], 60.0 * np.eye(2) + 1.0, np.eye(2), 61.0, [1.0, 1.0], 62.0, [60.0, 61.0]]
     arms = [TWO.with_parameters(np.asarray(TWO.parameters) * (1.0 + 0.1 * k)) if k % 3 == 0 else TWO for k in range(len(gains))]
     laws = [pd(arm, kp=kp) for arm, kp in zip(arms, gains, strict=True)]
@@ -239,7 +239,7 @@ def test_more_structures_than_are_kept() -> None:
 
 @pytest.mark.parametrize("start", [9.9e5, 1.0e6 + 3.0, 4.0e8])
 def test_angles_beyond_the_range_of_the_polynomials(start: float) -> None:
-    """Such a run is computed again directly. Other rows of the batch keep their bits."""
+    """A run with an angle beyond the range of the program's sine is computed again without a program. Other rows keep their bits."""
     plant, law = al.RigidArm(TWO), al.PDGravity(TWO, [start, 0.0], 50.0, 20.0)
     options = OPTIONS | {"state_limit": 1e12}
     far = al.simulate(plant, law, [start, 0.1], **options)
@@ -253,7 +253,7 @@ def test_angles_beyond_the_range_of_the_polynomials(start: float) -> None:
 
 @pytest.mark.parametrize("method", ["dop853", "rodas4"])
 def test_an_adaptive_run_leaves_the_range_of_the_polynomials(method: str) -> None:
-    """When an angle exceeds 1e6 rad, an adaptive run continues directly."""
+    """When an angle exceeds 1e6 rad, a run with an adaptive method continues without its program."""
     limit = 1.0e6
     law = al.PDGravity(TWO, [limit + 300.0, 0.0], 50.0, 20.0)
     options: dict[str, Any] = {"t_end": 3.0, "method": method, "t_eval": [1.0, 2.0, 3.0], "state_limit": 1e12, "rtol": 1e-9, "atol": 1e-6}

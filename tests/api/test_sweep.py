@@ -236,7 +236,7 @@ def gone(pid: int) -> bool:
 
 @pytest.mark.parametrize("victim", ["worker", "client"])
 def test_sigkill(victim: str, tmp_path: Path) -> None:
-    """A sweep that is killed repeatedly and then completed has the bits of an undisturbed sweep.
+    """A sweep that is killed repeatedly and then completed equals an undisturbed sweep to the last bit.
 
     If a worker is killed, the sweep runs its chunk again. If the client is killed, the test starts it again.
     ARMLET_KILL_TRIALS is the number of folders: 1 by default, 20 in `make test-sweep-kill`.

@@ -22,7 +22,7 @@ BAD = [3, 7]
 
 
 def check(table: al.SweepTable, wanted: al.SweepTable, error: str, bad: list[int] = BAD) -> None:
-    """Failed rows have an error and NaN. Other rows have the bits of an undisturbed sweep."""
+    """Failed rows have an error and NaN. Other rows equal an undisturbed sweep to the last bit."""
     good = np.setdiff1d(np.arange(table.rows), bad)
     assert list(table) == [*wanted, "error"]
     assert table["error"][good].tolist() == [""] * len(good) and all(error in text for text in table["error"][bad])

@@ -22,7 +22,7 @@ STRATA = ("friction", "strong friction")
 SIZE = 200
 #: Number of Runge-Kutta steps of a leg (a motion between two rest points), and number of random turning angles per problem.
 STEPS, TURNS = 1500, 4
-#: Relative accuracy of the time of such a leg. Near a stall it is less accurate.
+#: Relative accuracy of the time of a leg by these steps. Near a stall it is worse.
 ROUGH = 1e-3
 #: Panels of a phase, dense at its ends, where friction balances the torque; and quadrature nodes in a panel.
 PANELS = np.unique(np.concatenate([np.linspace(0.0, 1.0, 65), 2.0 ** np.arange(-80, -6), 1.0 - 2.0 ** np.arange(-80, -6)]))
@@ -95,11 +95,11 @@ def motion_error(o: Any, row: list[float]) -> float:
     q_error, v_error = [], []
     size, speed, rounding = abs(thetaf - theta0), 0.0, 0.0
     for start, end in itertools.pairwise(times):
-        # Skip a phase that is too short for the resolution of time,
+        # A phase that is too short for the resolution of time is skipped.
         if end - start <= 1e-11 * end:
             continue
         edges = np.unique(start + (end - start) * PANELS)
-        # and such panels.
+        # Panels that are too short for the resolution of time are joined.
         edges = edges[((edges == start) | (edges - start > 1e-13 * start)) & ((edges == end) | (end - edges > 1e-13 * end))]
         half = 0.5 * np.diff(edges)
         q, v, _, tau = o.profile(edges[:-1, None] + half[:, None] * (NODES + 1.0))

@@ -96,7 +96,7 @@ def judge_profiles(p: Array, _: np.random.Generator) -> tuple[Counter[str], list
 
 
 def leg(x: Array, L: Array, push: Array, G: Array) -> tuple[Array, Array, Array]:
-    """Time over sqrt(I/2) of a leg from rest at `x` over the angle `L`, by two quadrature rules; and the least mean net torque."""
+    """Time divided by sqrt(I/2) of a leg from rest at `x` over the angle `L`, by two quadrature rules; and the least mean net torque."""
     times, least = [], np.full(x.shape, np.inf)
     for nodes, weights in RULES:
         y = L[:, None] * (0.5 * (nodes + 1.0)) ** 2
@@ -107,7 +107,7 @@ def leg(x: Array, L: Array, push: Array, G: Array) -> tuple[Array, Array, Array]
 
 
 def monotone(x0: Array, x1: Array, G: Array, up: Array, down: Array) -> tuple[Array, Array, Array]:
-    """The fastest monotone motion: time over sqrt(I/2), difference of two quadrature rules, margin (N m; negative if infeasible)."""
+    """The fastest monotone motion: time divided by sqrt(I/2), difference of two quadrature rules, margin (N m; negative if infeasible)."""
     D = x1 - x0
     work = 2 * G * np.sin(0.5 * (x0 + x1)) * np.sin(0.5 * D)
     there = (down * D + work) / (up + down)

@@ -268,7 +268,7 @@ def judge(b: Block, rng: np.random.Generator) -> Verdict:
         told, allowed = np.abs(v - slope * rate[..., None]), 1e-9 * fast + turn * rate[..., None]
         refuse((steep[..., None] & (told > allowed))[:, :NODES], "s_dot is not that of v")
         square_speed = (speed**2)[..., None]
-        # The uncertainty of ds/dt is that of the tangent divided by |q'|. It counts twice in the square.
+        # The uncertainty of ds/dt is that of the tangent divided by |q'|. The square of ds/dt has twice this uncertainty.
         rough = third + turn + 2 * np.abs(bend) * turn / np.sqrt(np.where(steep, square, 1.0))[..., None]
         allowed = 1e-6 * most_a + 1e-9 * np.abs(slope) * square_speed + 2 * (turn * np.abs(push)[..., None] + rough * square_speed)
         refuse(steep[..., None] & (np.abs(a - slope * push[..., None] - bend * square_speed) > allowed), "acceleration off the path")

@@ -94,7 +94,7 @@ ROWS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("case", ROWS)
 def test_rows_of_a_batch_have_the_numbers_of_their_runs(case: str) -> None:
-    """Rows have the bits of single runs for any number of threads. A row that does not reach its end has no derivatives."""
+    """Rows equal single runs to the last bit, for any number of threads. A row that does not reach its end has no derivatives."""
     rng, options = np.random.default_rng(7), {"t_end": 0.06, **ROWS[case]}
     q0, v0, names = 0.2 * rng.standard_normal((4, 2)), 4.0 * rng.standard_normal((4, 2)), ["law.kp", "q0", "arm.damping"]
     plant = al.RigidArm(ARM, friction=True, stops=STOPS if "stops" in case else None)

@@ -63,7 +63,7 @@ def test_a_sampled_loop_is_its_transfer_function(ki: float | None, rate: float |
 @pytest.mark.parametrize("tau_max", [None, 3.0])
 @pytest.mark.parametrize("v0", [0.0, 0.7])
 def test_the_observer_finds_a_force_through_its_filter(v0: float, tau_max: float | None) -> None:
-    """For a mass d = h/(p + h) F, for all gains and also while the input saturates."""
+    """For a mass the disturbance estimate is d = h/(p + h) F with the Laplace variable p, for all gains and under saturation."""
     arm, h, pushed = mass(gravity=9.81), 25.0, 12.0
     law = al.PID(arm, [0.3], 50.0, None, 12.0, tau_max, observer_bandwidth=h)
     run = al.simulate(

@@ -52,7 +52,7 @@ def test_closed_loops_pass_through_singularities(case: dict[str, Any]) -> None:
         sigma = np.array([np.linalg.svd(arm.jacobian(q, "link4")[:2], compute_uv=False)[-1] for q in run.q])
         regular = sigma >= eps[0]
         assert regular.all()
-        # The map is exact. The closed loop is exact up to the integrator, whose order at kinks of the map is 1 to 2 in dt.
+        # Each velocity solves the first task exactly. The closed loop has the error of the integrator, of order 1 to 2 at kinks.
         assert run.monitors["residual_1"].max() <= 1e-12 * (1 + np.abs(run.v).max())
         assert run.monitors["error_1"].max() <= 1e-5 * L
         speed = np.linalg.norm(run.v, axis=1)

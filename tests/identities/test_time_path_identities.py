@@ -280,6 +280,6 @@ def test_torques_that_peak_beside_a_grid_point() -> None:
         if p.feasible:
             planned += 1
             t = (p.t[:-1, None] + np.diff(p.t)[:, None] * beside).ravel()
-            # The end points of a segment belong to one side. Rounding of about 1e-13 is far below the tolerance.
+            # At a grid point p(t) has the acceleration of one of the two segments. Rounding, about 1e-13, is below the tolerance.
             assert np.max(np.abs(arm.inverse_dynamics(*p(t[t < p.duration]))) / limit) <= 1.0 + PROMISE
     assert planned > 60

@@ -74,7 +74,7 @@ def test_friction_that_was_refused(case: int) -> None:
 
 
 def test_torque_rate() -> None:
-    """The rate of the true torque, by central differences at random times. The torque has rate zero at both ends."""
+    """By central differences at random times, the rate of the torque is within its limit. It is zero at both ends."""
     rng = np.random.default_rng(9)
     for case in range(CASES):
         q, tau_max = problem(rng)

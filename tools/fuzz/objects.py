@@ -47,7 +47,7 @@ class Objects:
     def odd(self) -> str:
         return self.chance.choice(ODD)
 
-    # Objects that are arguments of armlet's classes.
+    # Sources of objects that armlet's classes and functions require as arguments.
 
     def motion(self) -> str:
         q0, q1 = self.vector(self.n), self.vector(self.n)

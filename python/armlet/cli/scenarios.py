@@ -140,7 +140,7 @@ def _export(args: argparse.Namespace) -> int:
         files = export_c(built.plant.arm, args.out, functions=functions, **chosen)
     else:
         method, dt = built.arguments.get("method", "rk4"), built.arguments.get("dt")
-        # `export_c` has no other method for the state of the law.
+        # `export_c` integrates the state of a law only with these three methods.
         own = {"method": method, "dt": dt} if method in ("euler", "semi_implicit", "rk4") else {}
         sampling = built.arguments.get("sample_time")
         own |= {"sample_time": getattr(sampling, "period", sampling), "tau_max": built.arguments.get("tau_max")}

@@ -103,7 +103,7 @@ def lyapunov(report: Report, plant: al.RigidArm, law: al.Adaptive) -> None:
     run = al.simulate(plant, law, Q0, t_end=40.0, method="dop853", rtol=1e-12, atol=1e-12, t_eval=times)
     v1 = run.monitors["lyapunov"]
     report.near("V1(0)", 4.437722296768896, v1[0], 1e-12)
-    # V1 starts at 4.4. Its differences have rounding errors of 1e-15 and the error of the integrator.
+    # V1 starts at 4.4, so its differences have rounding errors of 1e-15. The tolerance also covers the error of the integrator.
     report.bound("largest increase of V1 between records", max(0.0, float(np.diff(v1).max())), 1e-12)
     report.bound("V1(0) - V1(t) - integral of s' Kd s, largest", np.abs(run.monitors["lyapunov_balance"]).max(), 1e-9)
     report.bound("skewness of M' - 2S, largest", np.abs(run.monitors["skewness"]).max(), 1e-13)

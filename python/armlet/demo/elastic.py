@@ -182,7 +182,7 @@ def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: f
 
 
 def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Array, Array]]:
-    """E9: the printed final law lacks J'( ), and it lacks the factor v after D_m J."""
+    """Erratum E9: the printed final law lacks J'( ), and it lacks the factor v after D_m J."""
     x_E = X_D + FORCE / K_M
 
     def right(q: Array, v: Array, J: Array) -> Array:
@@ -215,7 +215,7 @@ def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Ar
 
 
 def unreachable(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
-    """E11: x_E must be reachable, regular and stable."""
+    """Erratum E11: x_E must be reachable, regular and stable."""
     pulled = al.equilibrium(plant, law, [300.0, 100.0], q0=Q0)
     text = "x_E unconditional"
     report.equal("F = (300, 100) N: x_d + K_m^-1 F reachable", False, pulled.reachable, text, "E11")
@@ -268,7 +268,7 @@ def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) 
 
 
 def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Array]:
-    """E12: a small B0 is not sufficient; D0 must decrease with it. Damping of theta_dot - v gives smaller errors."""
+    """Erratum E12: a small B0 is not sufficient; D0 must decrease with it. Damping of theta_dot - v gives smaller errors."""
     text = "B0 arbitrarily small suffices"
     tied = distances(arm, plant, SHARES)
     # If D0 is fixed, the motors' rate D0/B0 is proportional to 1/B0. The two smallest B0 would need most of the demo's computing time.

@@ -3,7 +3,7 @@
     I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam
 
 The checks are results of the theory. The symmetric bang-bang profile takes T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger
-G no T is feasible. The optimum under full torque is faster, the more so the larger gravity is. If the optimum is not certified, a motion
+G no T is feasible. The optimum under full torque is faster, and its advantage grows with gravity. If the optimum is not certified, a motion
 that swings back first can be faster.
 """
 
@@ -81,7 +81,7 @@ def impossible(report: Report) -> None:
 
 
 def erratum(report: Report) -> None:
-    """E13: the largest torque is max(I A, |G - I A|). In a slow motion of a heavy link the second term is larger."""
+    """Erratum E13: the largest torque is max(I A, |G - I A|). In a slow motion of a heavy link the second term is larger."""
     r = al.bang_bang_time(START, END, 1.0, 1.5, 1.0)
     for a in (0.6, 0.9):
         t = math.sqrt(4 * math.pi / a)

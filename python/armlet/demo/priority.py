@@ -94,7 +94,7 @@ def solutions(report: Report) -> None:
 
 
 def wrong_column(report: Report) -> None:
-    """E1: the printed last column is L/4 (-s123, c123 + c1234) instead of L/4 (-s1234, c1234)."""
+    """Erratum E1: the printed last column is L/4 (-s123, c123 + c1234) instead of L/4 (-s1234, c1234)."""
 
     def printed(q: Array) -> list[Array]:
         J1, J2 = (J.copy() for J in stack(q))
@@ -112,7 +112,7 @@ def wrong_column(report: Report) -> None:
 
 
 def compatibility(report: Report) -> None:
-    """E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123).
+    """Erratum E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123).
 
     Otherwise the secondary task has the error n n'(p2 - p1).
     """
@@ -127,7 +127,7 @@ def compatibility(report: Report) -> None:
 
 
 def imposed(report: Report) -> None:
-    """E4: in case b J2 P1 = 0. So the primary task determines the velocity of the secondary tip, for every command."""
+    """Erratum E4: in case b J2 P1 = 0. So the primary task determines the velocity of the secondary tip, for every command."""
     seen = al.diagnose_priority(stack(CASE_B), rounding=rounding(CASE_B))
     text = "secondary error minimised, only its x lost"
     report.bound("case b: largest singular value of J2 P1", seen.projected_singular_values[1].max(), 1e-15)

@@ -66,7 +66,7 @@ def run(report: Report) -> None:
 
 
 def roles(report: Report) -> None:
-    """E2, E5: the primary task has the Jacobian J1, and `J_E v` has four entries."""
+    """Errata E2 and E5: the primary task has the Jacobian J1, and `J_E v` has four entries."""
     arm, q = al.planar_arm([1.0, 1.0, 0.25, 0.25]), np.array([0.0, np.pi / 2, np.pi / 2, 0.0])
     J_E, ones, rest = stacked(arm, q), np.ones(2), np.zeros(2)
     rounding = 8 * np.finfo(np.float64).eps * (1 + np.abs(q).sum())

@@ -26,14 +26,12 @@ Array: TypeAlias = NDArray[np.float64]
 class ArmEnv(gymnasium.Env[Array, Array]):
     """An arm under the torques of an agent, simulated by armlet's compiled loop.
 
-    `tau = tau_max * action`, held for one period. An observation is `[q, v, error]`, (2 n + m,). `terminated` is True if the task is
-    finished,
-    the arm leaves its limits or the run diverges; `info` has the cause. `truncated` is True at the horizon.
+    The torque `tau = tau_max * action` is constant for one period. An observation is `[q, v, error]`, (2 n + m,). `terminated` is True if
+    the task is finished, the arm leaves its limits or the run diverges; `info` has the cause. `truncated` is True at the horizon.
 
     Args:
-        plant: a plant; an arm (then `RigidArm(arm)`); or a `Scenario`, which gives the plant, `tau_max`, `dt`, `t_end` and the joint
-        motion.
-            None: a planar arm of two joints in a horizontal plane, and a target for its tip.
+        plant: a plant; an arm (then `RigidArm(arm)`); or a `Scenario`, which gives the plant, `tau_max`, `dt`, `t_end` and the
+            joint motion. None: a planar arm of two joints in a horizontal plane, and a target for its tip.
         task: `Reach`, `Track`, or a subclass of `Task`; None: `Reach()`.
         tau_max: torque of an action of 1, a number or (n,), N m or N (for a `VelocityArm`: velocity); None: the arm's effort limits.
         dt: step of the integration by rk4, s; None: 2 ms.
@@ -123,8 +121,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         """Return a picture of the present state, (480, 480, 3), 0 to 255, if `render_mode` is "rgb_array"; else None.
 
         Lines are links, dots are joints, and the green ring is the target of the task, for `Track` the target of the tip. A planar arm is
-        drawn
-        in its plane.
+        drawn in its plane.
 
         Raises:
             gymnasium.error.ResetNeeded: `render` was called before `reset`.

@@ -61,7 +61,7 @@ class Task:
     def _draws(self, rngs: Sequence[np.random.Generator]) -> tuple[Array, Array, Array]:
         """Call `draw` once per generator and return the results as rows.
 
-        The tasks of this file draw all rows together, with equal numbers.
+        The tasks of this file draw all rows together, with the same random numbers as `draw`.
         """
         q0, v0, goal = (np.array(part) for part in zip(*(self.draw(rng) for rng in rngs), strict=True))
         return q0, v0, goal
@@ -98,21 +98,21 @@ class Task:
 
 
 def works_row_by_row(task: Task) -> bool:
-    """Whether error, reward and end are methods of this file's tasks, which compute each row from that row alone."""
+    """Whether `error`, `reward` and `reached` are methods of this file. These compute each row without data of other rows."""
     own = type(task)
     known = {Task, Reach, Track}
     return all(any(getattr(own, name) is getattr(kind, name) for kind in known) for name in ("error", "reward", "reached"))
 
 
 def _within(box: tuple[Array, Array], rng: np.random.Generator) -> Array:
-    """A random configuration in `box`. It has the bits of `rng.uniform`, and takes a tenth of the time for a few joints."""
+    """A random configuration in `box`. It equals that of `rng.uniform` to the last bit, in a tenth of the time."""
     low, span = box
     drawn: Array = low + span * rng.random(len(low))
     return drawn
 
 
 def _norms(rows: Array) -> Array:
-    """Norms (B,) of rows (B, m), with the bits of numpy. Adding whole columns takes a twentieth of the time of sums over short rows."""
+    """Norms (B,) of rows (B, m), equal to numpy's to the last bit. Adding columns takes a twentieth of the time of sums over rows."""
     if rows.ndim != 2 or not 0 < rows.shape[1] < 8:
         return np.asarray(np.linalg.norm(rows, axis=-1), dtype=np.float64)
     first, *others = (rows * rows).T

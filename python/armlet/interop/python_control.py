@@ -115,7 +115,7 @@ class _Loop:
         self.elastic, self.velocity = "theta" in parts, "v" not in parts
         if law is not None:
             try:
-                # `simulate` refuses combinations that no loop accepts, with its message.
+                # If plant and law cannot form a loop, this call raises the error of `simulate`.
                 simulate(plant, law, np.zeros(n), t_end=0.0, dt=1e-3, check_limits=False)
             except InputError as error:
                 raise InputError(f"to_control: {str(error).partition(': ')[2]}") from None

@@ -151,7 +151,7 @@ class _Pinocchio:
 
     def coriolis_matrix(self) -> _Array | None:
         if self.mimics:
-            return None  # Pinocchio 4.1 does not project it: its C v differs from the bias of its rnea
+            return None  # Pinocchio 4.1 does not project C of mimic joints: C v differs from the bias of rnea
         full = self.pin.computeCoriolisMatrix(self.model, self.data, self.q, self.v)
         return _array(np.array(full)[np.ix_(self.rows, self.rows)])
 

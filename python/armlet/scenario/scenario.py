@@ -327,7 +327,7 @@ def pathed(name: str, table: str, make: Callable[[], Any], values: Mapping[str, 
 
 
 def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Keys that the table may have but does not have. An error message may be about one of them."""
+    """Return the keys that the table may have but lacks. An error of a constructor may name one of them."""
     what = SCENARIO.keys[table]
     keys: set[str] = set()
     for kind in what.kinds.values() if isinstance(what, OneOf) else [what]:

@@ -95,7 +95,7 @@ class Observer(System):
         return None if found is None or np.isnan(found[0]) else float(found[0])
 
     def due(self, state: State, values: Values, targets: Targets) -> bool:
-        # A new loop is started, because only a new loop shows its note.
+        # After a contact a new loop must start once, because the note appears only at the start of a loop.
         return not self.note and self.contact(state) is not None
 
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:
