@@ -36,7 +36,7 @@ def plot(one: Any, fig: Figure | None = None) -> NDArray[Any]:
     """
     require("Sensitivity.plot")
     if one.q.ndim != 3:
-        raise InputError("Sensitivity.plot: these are derivatives of a batch: expected those of a row, batch[i].sensitivity")
+        raise InputError("Sensitivity.plot: these are derivatives of a batch: expected the derivatives of one row, batch[i].sensitivity")
     n, size = one.q.shape[1:]
     entries = np.sort(np.argsort(-np.abs(one.q).max(axis=(0, 1)), kind="stable")[:MOST])
     places = list(np.ndindex(one.shape))

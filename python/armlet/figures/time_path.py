@@ -72,7 +72,7 @@ class PathTiming:
         """
         require("PathTiming.plot")
         if not (self.motion.feasible and self.motion.duration > 0.0):
-            raise InputError("PathTiming.plot: motion has no timing to draw: expected a feasible TimedPath that takes time")
+            raise InputError("PathTiming.plot: motion has no timing to draw: expected a feasible TimedPath with a duration > 0")
         if self.tau_max is None:
             raise InputError("PathTiming.plot: tau_max is missing: expected the limits of torque that the motion was planned with")
         with sheet(fig, (13.2, 7.0)) as figure:

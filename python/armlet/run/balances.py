@@ -89,11 +89,11 @@ def warn_of_balances(caller: str, balances: Balances, ended: NDArray[np.bool_], 
     given = (balances.energy_error, balances.energy_missing, balances.lyapunov_rise)
     error, missing, rise = (np.broadcast_to(x, np.shape(ended)) for x in given)
     bad = np.asarray(ended & (error > MOST_ENERGY) & (missing > LEAST_ENERGY))
-    text = f"{missing[bad].max():.2g} J are missing, {error[bad].max():.2g} of the energy turned over" if bad.any() else ""
+    text = f"{missing[bad].max():.2g} J are missing, {error[bad].max():.2g} of the energy stored or exchanged" if bad.any() else ""
     found = [("energy balance", bad, text)]
     if undisturbed:
         bad = np.asarray(ended & (rise > MOST_RISE) & (balances.lyapunov_error > MOST_LOST))
-        text = f"the Lyapunov function rises {rise[bad].max():.2g} times, and never should" if bad.any() else ""
+        text = f"the Lyapunov function rises to {rise[bad].max():.2g} times its first value, but should never rise" if bad.any() else ""
         found.append(("Lyapunov balance", bad, text))
     for name, bad, text in found:
         if bad.any():

@@ -166,5 +166,5 @@ def require_still_reference(function: str, loss: Any, names: Sequence[str]) -> N
     terms = [loss] if isinstance(loss, str) else list(loss) if isinstance(loss, Mapping) else []
     moving = [name for name in names if name.startswith(("law.motion.", "motion.", "law.target"))]
     if moving and any(str(term).startswith("error") for term in terms):
-        problem = f"expected no name that moves the reference, got {moving[0]}; a function that counts from a fixed reference takes it"
+        problem = f"expected no name that moves the reference, got {moving[0]}; use a function with a fixed reference"
         raise InputError(f"{function}: loss measures the error from the reference of the law: {problem}")

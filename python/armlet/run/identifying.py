@@ -187,7 +187,7 @@ class _Problem:
         for i, name in enumerate(names):
             if name not in known or name in names[:i]:
                 raise InputError(
-                    f"identify_from_runs: names is wrong: expected each once of {sorted(known)}, got {shown(name)} (first bad index {i})"
+                    f"identify_from_runs: names is wrong: expected names of {sorted(known)} once, got {shown(name)} (first bad index {i})"
                 )
         self.names, self.known = names, known
         parts = [known[name].ravel() for name in self.shared]
@@ -198,7 +198,7 @@ class _Problem:
         self.noise_known = noise is not None
         self.weights = [self._weights(run, noise) for run in self.runs]
         if sum(run.q.size + run.v.size for run in self.runs) <= len(self.first):
-            raise InputError(f"identify_from_runs: runs are too short: expected more numbers than the {len(self.first)} that are searched")
+            raise InputError(f"identify_from_runs: runs are too short: expected more than {len(self.first)} recorded numbers")
 
     def _require_record(self, i: int, run: Run) -> None:
         n = self.plant.arm.n
@@ -245,7 +245,7 @@ class _Problem:
             times = {"t_end": float(record.t[-1]), "t_eval": record.t}
             options: dict[str, Any] = {**self.keywords, "v0": start["v0"], **times}
             run = simulate(plant, law, start["q0"], sensitivity=self.names, **options)
-            assert run.sensitivity is not None, "the run ended well"
+            assert run.sensitivity is not None, "the run reached its end"
             weights = self.weights[r]
             left = np.concatenate([run.q - record.q, run.v - record.v], axis=1)
             columns = np.zeros((*left.shape, len(p)))

@@ -77,7 +77,7 @@ def _named(weights: Mapping[str, float], run: Run) -> tuple[float, dict[str, Arr
         weight = _finite(f"loss[{name!r}]", given)
         if name == "tau_rms":
             series, values = "tau", run.tau
-            assert values is not None, "a run of simulate has its input"
+            assert values is not None, "a run of simulate has recorded inputs"
         else:
             reference = run.reference()
             if reference is None:
@@ -134,5 +134,5 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
     expected, size = float(derivatives @ scales), float(np.abs(derivatives) @ scales)
     if not abs(central - expected) <= ANALYTIC * max(size, abs(central)) + 1e-9 * abs(_finite("loss", moved({}, 0.0))):
         problem = f"a central difference is {central:.6g}, the complex step {expected:.6g}"
-        raise InputError(f"gradient: loss is not analytic: expected one without abs, norm or conj, or (value, slopes), since {problem}")
+        raise InputError(f"gradient: loss is not analytic: expected no abs, norm or conj, or (value, slopes), since {problem}")
     return derivatives

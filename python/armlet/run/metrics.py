@@ -176,7 +176,7 @@ def metrics(
     settle, tolerance = number("metrics", "settle", settle), number("metrics", "tolerance", tolerance)
     if run.q.shape[-2] == 1 and np.any(run.t > 0.0):
         if "error_rms" not in run.stats:
-            raise InputError('metrics: run has its last record alone: expected a batch run with keep="all"')
+            raise InputError('metrics: run has only its last record: expected a batch run with keep="all"')
         if reference is not None or band is not None or frame is not None or (settle, tolerance) != (SETTLE, TOLERANCE):
             raise InputError('metrics: run kept its metrics alone: expected no other argument, or simulate_batch(metrics={..}) before')
         # A batch with keep="metrics" stores its metrics in `stats`.

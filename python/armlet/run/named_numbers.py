@@ -262,7 +262,7 @@ def varied_rows(function: str, loops: Sequence[Loop], names: Sequence[str]) -> V
         numbers, entries = made[key]
         own = [NamedNumber(named.name, np.asarray(start[named.name])) if start.get(named.name) is not None else named for named in numbers]
         if rows and [named.value.shape for named in own] != [named.value.shape for named in rows[0].names]:
-            raise InputError(f"{function}: sensitivity names numbers of several shapes: expected one for all rows (first bad index {r})")
+            raise InputError(f"{function}: sensitivity names numbers of several shapes: expected one shape (first bad index {r})")
         variants: list[Variants] = []
         for named in own:
             for index in np.ndindex(named.value.shape):

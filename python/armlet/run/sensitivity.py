@@ -103,7 +103,7 @@ def require_names(function: str, argument: str, names: Any) -> list[str]:
     if isinstance(names, str):
         return [names]
     if not isinstance(names, Sequence) or not names or not all(isinstance(name, str) for name in names):
-        raise InputError(f'{function}: {argument} is not a list of names: expected such as ["law.kp", "q0"], got {shown(names)}')
+        raise InputError(f'{function}: {argument} is not a list of names: expected a list such as ["law.kp", "q0"], got {shown(names)}')
     return list(names)
 
 

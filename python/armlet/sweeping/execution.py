@@ -171,7 +171,7 @@ def sweep(
     given = stated.get("chunk") if chunk is None else chunk
     chunk = _chunk_size(whole.data["run"]) if given is None else integer("sweep", "chunk", given, 1)
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise InputError(f"sweep: executor is of the wrong type: expected one of concurrent.futures or None, got {shown(executor)}")
+        raise InputError(f"sweep: executor is of the wrong type: expected an Executor of concurrent.futures or None, got {shown(executor)}")
     report = reporter("sweep", progress, "cells")
     if threads is not None:
         threads = integer("sweep", "threads", threads, 1)
@@ -215,7 +215,7 @@ def cells_of(scenario: Scenario, vary: Mapping[str, Any] | None = None, draws: i
     """Return the cells of the arguments. An argument that is None is taken from the scenario's `[sweep]`."""
     stated = scenario.data.get("sweep", {})
     if vary is None and "vary" not in stated:
-        raise InputError("sweep: vary is missing: expected what varies by path, here or in the scenario's [sweep]")
+        raise InputError("sweep: vary is missing: expected values by path, as an argument or in the scenario's [sweep]")
     if draws is None and vary is None:
         draws = stated.get("draws")
     return Cells.of(stated["vary"] if vary is None else vary, draws, stated.get("seed", 0) if seed is None else seed)

@@ -114,7 +114,7 @@ def _listed(path: str, spec: Any, draws: int | None) -> Any:
         make = np.linspace if kind == "linspace" else np.geomspace
         return make(numbers[0], numbers[1], int(numbers[2])).tolist()
     if draws is None:
-        raise InputError(f'sweep: $.sweep.vary."{path}": {kind} is random: expected draws, the number of cells, beside it')
+        raise InputError(f'sweep: $.sweep.vary."{path}": {kind} is random: expected draws, the number of random cells')
     if len(numbers) != 2 or not all(real):
         raise fault(f"{kind} = [{'mean, deviation' if kind == 'normal' else 'low, high'}]")
     if numbers[1] < 0 if kind == "normal" else numbers[1] < numbers[0] or (kind == "log_uniform" and numbers[0] <= 0):

@@ -175,7 +175,7 @@ def tune(
             raise InputError(f"tune: {next(iter(metrics))} is not used: expected no arguments of armlet.metrics with gradients")
         search = Descent(bare, space, conditions, cost, by == "worst", FAILED)
         return _descended(optimize, whole, search, (starts, generations, tolerance, seed), _listener(progress, starts * generations))
-    assert not isinstance(cost, Mapping), "it was looked at"
+    assert not isinstance(cost, Mapping), "a table of terms requires the gradient method"
     tried: list[dict[str, Any]] = []
     paid: list[Array] = []
     raised: list[Exception] = []
