@@ -97,8 +97,7 @@ def main() -> None:
                     continue
                 found = measured(controller, rate, samples, Path(folder))
                 difference = float(np.abs(found["state"][1:] - end).max())
-                # The controller in C equals armlet to the last bit. The controller in Python adds up its estimates in another order and rounds
-                # differently.
+                # The controller in C equals armlet to the last bit. The controller in Python adds up its estimates in another order.
                 assert difference <= (0.0 if name == "C" else 1e-9), f"{name}: the states differ by {difference:.1e}"
                 results[name, rate] = found
                 print(report(name, rate, found), flush=True)
