@@ -111,7 +111,7 @@ def _gif(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float) -> 
 
 
 def _mp4(file: IO[bytes], pictures: Iterator[NDArray[np.uint8]], fps: float, coder: str) -> None:
-    """Write a film with ffmpeg. It writes to a temporary file first, because it does not write MP4 files from beginning to end."""
+    """Write a film with ffmpeg. ffmpeg writes to a temporary file, because it returns to the start of an MP4 file to complete it."""
     first = next(pictures)
     height, width, _ = first.shape
     with tempfile.TemporaryDirectory(prefix="armlet-") as folder:

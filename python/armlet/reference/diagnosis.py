@@ -24,7 +24,7 @@ COMPATIBLE = 1e3  # a loss below this multiple of rounding * condition * size co
 class Diagnosis(NamedTuple):
     """The ranks of a stack of levels, and the parts of a command that are lost.
 
-    The ranks are those of each block, of the stack, and of each block after projection on the null space of the levels above. Each level
+    The ranks are given for each block, for the stack, and for each block after projection on the null space of the levels above. Each level
     has the singular values of its block and of the projected block, two flags, and the projector on its lost directions. If there is a
     command, each level also has its loss.
     """

@@ -128,7 +128,7 @@ def elastic_limits(
 ) -> ElasticLimits:
     """The limits of a motor-inertia reduction at the equilibrium that the search from q0 finds.
 
-    The joint stiffness and the motor inertia of the law must equal those of the plant.
+    The joint stiffness and the motor inertia of the law must be equal to the values of the plant.
     """
     rest = equilibrium(plant, law, force, q0=q0, force_frame=force_frame)
     bandwidth = np.inf if sensor_bandwidth is None else sensor_bandwidth
@@ -182,7 +182,7 @@ def _stiffness_scale(plant: ElasticArm, law: Any, force: Any, force_frame: str |
 
 
 def bisect(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """The point between `low` and `high` at which `holds` changes from true at `low` to false at `high`."""
+    """The point between `low` and `high` at which the condition `holds` changes from true at `low` to false at `high`."""
     for _ in range(200):
         middle = 0.5 * (low + high)
         if middle in (low, high):

@@ -18,7 +18,7 @@ from .lagrange import Array
 
 
 def _pseudo_basis() -> Array:
-    """The pseudo-inertias (10, 4, 4) of ten bodies: in body j, parameter j is 1 and the others are 0."""
+    """The pseudo-inertias (10, 4, 4) of ten bodies: in body j, parameter j is 1 and all other parameters are 0."""
     basis = np.zeros((10, 4, 4))
     basis[0, 3, 3] = 1.0
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""Initial value problems y' = f(t, y): methods with fixed steps, and one adaptive method of another family than those of the core.
+"""Initial value problems y' = f(t, y): methods with fixed steps, and one adaptive method of a family that the core does not use.
 
     euler          y+ = y + h f
     semi_implicit  v+ = v + h a(t, q, v),  q+ = q + h v+,  and euler for all other states

@@ -59,7 +59,7 @@ class Sinusoid:
 
 
 class _Piecewise:
-    """q0 + (q1 - q0) p_j(t) on [breaks_j, breaks_{j+1}), at rest outside. The derivatives are those of the polynomials p_j."""
+    """q0 + (q1 - q0) p_j(t) on [breaks_j, breaks_{j+1}), at rest outside. The derivatives are derivatives of the polynomials p_j."""
 
     def __init__(self, q0: ArrayLike, q1: ArrayLike, breaks: tuple[float, ...], pieces: list[Polynomial]) -> None:
         self.q0: Array = np.array(q0, dtype=np.float64)

@@ -16,7 +16,7 @@ from .motion import Hold, Motion
 
 
 class PID(Law):
-    """The PID law for a target (n,) or a motion. Its state has those of w, y and s that are used, (n,) each, in this order."""
+    """The PID law for a target (n,) or a motion. Its state has w, y and s, (n,) each, in this order, without the unused parts."""
 
     def __init__(
         self,

@@ -153,7 +153,7 @@ def eigenvalues(
     """The eigenvalues of the linear model of the closed loop at the equilibrium, sorted by real part, and the number of free motions.
 
     `w` is the state of the law. A free motion is a direction N with A N = 0. Its zero eigenvalue may be defective, and rounding then splits
-    it. So the other eigenvalues are those of P A P with P = I - N N#.
+    it. So the other eigenvalues are computed from P A P with P = I - N N#.
     """
     loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
     still = np.zeros(plant.arm.n)

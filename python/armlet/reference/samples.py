@@ -33,7 +33,7 @@ def _momentum(law: Any, q: Array, v: Array) -> Array:
 
 
 def _drift(law: Any, q: Array, v: Array) -> Array:
-    """The regressor columns of g - C' v, which are the columns of C v + g minus those of M' v."""
+    """The regressor columns of g - C' v, which are the columns of C v + g minus the columns of M' v."""
     moved = [_momentum(law, q + k * STEP * v, v) for k in (-2, -1, 1, 2)]
     rate = (moved[0] - 8.0 * moved[1] + 8.0 * moved[2] - moved[3]) / (12.0 * STEP)
     return np.asarray(law.arm.regressor(q, v, v, np.zeros_like(v))[:, law.columns] - rate)

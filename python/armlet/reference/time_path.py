@@ -82,7 +82,7 @@ def time_path(
     tip_acceleration: ArrayLike | Callable[[float], float] | None = None,
     frame: str | None = None,
 ) -> Timing:
-    """The fastest timing of a path. The arguments are those of `armlet.time_path`.
+    """The fastest timing of a path. It has the same arguments as `armlet.time_path`.
 
     The path is waypoints (K, n), which a cubic spline joins, or a callable on [0, 1] that returns q(s), or q, q', q''.
     """

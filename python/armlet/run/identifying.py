@@ -2,7 +2,7 @@
 
     minimise over p   sum_k |(x_k(p) - x_k) / sigma|^2
 
-`x_k` are recorded positions and velocities, and `x_k(p)` those of the simulated run with the numbers `p`. `sigma` is the standard deviation
+`x_k` are recorded positions and velocities, and `x_k(p)` is the simulated state with the numbers `p`. `sigma` is the standard deviation
 of the records. Each step solves the linear least-squares problem of the tangents `dx_k/dp`, with the damping of Levenberg and Marquardt
 [Marquardt1963].
 """

@@ -1,7 +1,7 @@
 """The numbers of a closed loop by name, and loops in which one number differs by a small step.
 
 A *loop* is a plant, a law and a start. `"law.kp"` is an argument of the law, and `"plant.stiffness"` an argument of the plant.
-`"arm.parameters"` are the inertial parameters of the plant's arm, and `"law.arm.parameters"` those of the law's arm. `"arm.damping"`,
+`"arm.parameters"` are the inertial parameters of the plant's arm, and `"law.arm.parameters"` of the law's arm. `"arm.damping"`,
 `"arm.friction"` and `"arm.armature"` are the joint damping, friction and armature of the arm. `"law.motion.amplitude"` is an argument of
 the law's motion, and `"law.tasks.0.gain"` an argument of its first task. `"q0"`, `"v0"`, `"theta0"`, `"theta_dot0"` are the start.
 

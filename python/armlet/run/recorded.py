@@ -237,7 +237,7 @@ def _limits(arms: list[Any]) -> dict[str, Array] | None:
 
 
 def _rows(value: Any) -> list[Any]:
-    """Return a list: the objects of the rows, or the one object for all rows."""
+    """Return the objects of the rows as a list. An object for all rows becomes a list of length 1."""
     return list(value) if isinstance(value, list | tuple) else [value]
 
 

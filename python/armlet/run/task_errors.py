@@ -3,7 +3,7 @@
     e_k(t) = |S_k (x_d,k(t) - p_k(q(t)))|,   S_k the position rows of task k
     phi_k(t) = |S_k log(R_d,k(t) R_k(q(t))')|,   S_k its orientation rows
 
-`p_k` and `R_k` are the position (m) and rotation matrix of the task's frame, `x_d,k` and `R_d,k` those of its target, in world axes. The
+`p_k` and `R_k` are the position (m) and rotation matrix of the task's frame, `x_d,k` and `R_d,k` describe its target, in world axes. The
 laws `CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The tasks of a priority law are all its `Task`s with
 a target and with such rows.
 """

@@ -38,7 +38,7 @@ fn joint(plant: &PlantSpec, value: &Bound<'_, PyAny>) -> Result<usize, Failure> 
     }
 }
 
-/// The event function of a Python callable `g(t, q, v, ..)`. Its arguments are those of a law.
+/// The event function of a Python callable `g(t, q, v, ..)`. It has the same arguments as a law in Python.
 fn function(plant: &PlantSpec, call: &Bound<'_, PyAny>, raised: &Raised) -> EventFunction {
     let (call, raised, n, states) = (call.clone().unbind(), raised.clone(), plant.n(), plant.seen());
     EventFunction::Function(Arc::new(move |t: f64, x: &[f64]| {
@@ -129,7 +129,7 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer:
         fields.set_item("events", events)?;
     }
     if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
-        // The columns are those of the plant and the law, without the bristles of LuGre friction between them.
+        // The columns of the state are the plant and the law, without the bristles of LuGre friction between them.
         let (seen, all) = (plant.seen(), states + p);
         let kept = seen + p;
         let place = |i: usize| i / kept * all + if i % kept < seen { i % kept } else { i % kept + states - seen };

@@ -38,8 +38,8 @@ fn wrench(function: &str, value: &Bound<'_, PyAny>, rows: &[usize]) -> Result<Wr
     Ok(full)
 }
 
-/// The entries of the wrench `[f; m]` that a force has: those of the law's coordinates. Otherwise a force `(6,)` has all, and `(3,)` has
-/// `f`.
+/// Return the indices of the entries of the wrench `[f; m]` that a force has. They are the law's coordinates `law`. With `None` they are all
+/// six for a force `(6,)`, and `f` for a force `(3,)`.
 fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
     match law {
         Some(rows) => rows.to_vec(),
@@ -47,7 +47,7 @@ fn rows_of(value: &Bound<'_, PyAny>, law: Option<&[usize]>) -> Vec<usize> {
     }
 }
 
-/// Read a constant force, and return its wrench `[f; m]`. The meaning of `rows` is that of [`force`].
+/// Read a constant force, and return its wrench `[f; m]`. `rows` has the same meaning as in [`force`].
 pub fn constant_force(function: &str, value: &Bound<'_, PyAny>, rows: Option<&[usize]>) -> Result<Wrench, Failure> {
     wrench(function, value, &rows_of(value, rows))
 }

@@ -141,7 +141,7 @@ fn by_series<'py>(
     Ok(fields)
 }
 
-/// Return a dict with the derivatives of each series of a run, `(K, .., P)`. The keywords are those of `simulate_batch` with `t_eval`.
+/// Return a dict with the derivatives of each series of a run, `(K, .., P)`. It has the keywords of `simulate_batch` with `t_eval`.
 #[entered]
 #[pyfunction]
 pub fn _sensitivities<'py>(

@@ -64,7 +64,7 @@ impl InverseKinematics {
         let Ok(axes) = reached.getattr("ndim") else {
             return reached.try_iter()?.try_fold(true, |all, one| Ok(all && one?.is_truthy()?));
         };
-        // With several solutions, `q` has an additional axis. The array `iterations` does not have it, so its axes are those of the batch.
+        // With several solutions, `q` has an additional axis. The array `iterations` has only the axes of the batch.
         let counts = py.import("numpy")?.call_method1("ndim", (self.iterations.bind(py),))?.extract::<usize>()?;
         let best = if axes.extract::<usize>()? > counts { reached.get_item((py.Ellipsis(), 0))? } else { reached.clone() };
         best.call_method0("all")?.is_truthy()

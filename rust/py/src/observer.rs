@@ -277,7 +277,7 @@ impl MomentumObserver {
 
     /// Compute the part of `r` that the wrench `F` at a frame does not explain: `r - J' F`, N m or N, of the shape of `q`.
     ///
-    /// The arguments are those of `wrench`.
+    /// The method has the same arguments as `wrench`.
     #[pyo3(signature = (q, frame, *, eps=None))]
     fn unexplained<'py>(
         &self,

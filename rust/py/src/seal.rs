@@ -24,7 +24,7 @@ const PIECE: usize = 1 << 20;
 pub const SHARE: usize = 1 << 22;
 /// The number of bytes of the SHA-256 digest.
 const DIGEST: usize = 32;
-/// The protocol of the pickles. It is fixed, so that all versions of Python write the same bytes.
+/// The pickle protocol. It is fixed, so that all versions of Python write the same bytes.
 const PROTOCOL: u8 = 4;
 
 /// Make the result of `__reduce__` for the object `make(*arguments, **keywords)`.
@@ -35,7 +35,7 @@ pub fn seal<'py>(make: &Bound<'py, PyAny>, arguments: Bound<'py, PyTuple>, keywo
     let pickler = py.import("pickle")?.call_method1("Pickler", (&file, PROTOCOL))?;
     pickler.setattr("dispatch_table", array_table(py)?)?;
     pickler.call_method1("dump", ((make, arguments, keywords),))?;
-    // The pickler holds references to the pickled objects. Dropping it frees temporary ones.
+    // The pickler holds references to the pickled objects. Dropping the pickler frees temporary objects.
     drop(pickler);
     pause_in_turn(py)?;
     let mut file = file.borrow_mut();

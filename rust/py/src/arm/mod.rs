@@ -117,7 +117,7 @@ impl Arm {
 
     /// The inertial parameters, `(p,)`: `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz` of each joint's body, kg, kg m, kg m^2.
     ///
-    /// The order is that of `file_joint_names`. The inertia is about the origin of the body frame, in its axes. For `planar_pr` the
+    /// The bodies have the order of `file_joint_names`. The inertia is about the origin of the body frame, in its axes. For `planar_pr` the
     /// parameters are `(A, B, C)`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -44,7 +44,7 @@ fn times(function: &str, t_eval: &Bound<'_, PyAny>, (s0, s1): (f64, f64), direct
     Ok(times)
 }
 
-/// The recorded results of a run. Their times are those of the caller, `t = direction s`.
+/// The recorded results of a run, at the times of the caller, `t = direction s`.
 struct SolutionRecorder<'a, 'py> {
     py: Python<'py>,
     direction: f64,

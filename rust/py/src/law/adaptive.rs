@@ -17,8 +17,8 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 /// true parameters `a` only under excitation. Without `armature=True` the rotor inertia is known, and the law adds `armature a_r` to the
 /// torque.
 ///
-/// The estimate has the inertial parameters, or those of the base set. The requested parameters of joints follow, each with its column of
-/// `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)` (Coulomb friction) and
+/// The estimate has all inertial parameters, or the base set of inertial parameters. The requested parameters of joints follow, each with
+/// its column of `Y`. The columns are `a_r` (rotor inertia), `v_r` (damping), `tanh(v_r / v_s)` (Coulomb friction) and
 /// `exp(-(v_r / v_s)^2) tanh(v_r / v_s)` (Stribeck friction). `parameter_names` lists all parameters.
 ///
 /// With leakage, `a_hat_dot = Gamma (Y' s - sigma (a_hat - a_0))`. With `composite=R`, `a_hat_dot = Gamma (Y' s + W' R e_W)` with
@@ -32,12 +32,12 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     motion: the desired motion of the joints.
 ///     kp, kd: positive definite gains, N m/rad and N m s/rad (N/m, N s/m): scalar, `(n,)` or `(n, n)`.
 ///     gamma: positive definite adaptation gain: scalar, `(p,)` or `(p, p)`, where p is the size of the estimate. The unit of entry
-///         `(i, j)` is that of `a_i` times that of `a_j`, per N m.
+///         `(i, j)` is the unit of `a_i` times the unit of `a_j`, per N m.
 ///     estimate: initial estimate, `(p,)`, kg, kg m, kg m^2 and units of friction; zero if None (keyword only).
 ///     base: the result of `arm.base_parameters()`: the law estimates only this base set (keyword only).
 ///     natural: adapt in the metric of the bodies' pseudo-inertias (keyword only). A physically possible initial estimate then stays
 ///         physically possible. `gamma` is a scalar, or one number per body, 1/(N m), and then one per joint parameter.
-///     projection: keep the inertial parameters of the estimate above those of smallest bodies, so that they stay physically possible
+///     projection: keep the inertial parameters above the parameters of smallest bodies, so that they stay physically possible
 ///         (keyword only). The smallest bodies are one mass, kg, with a radius of gyration of 0.1 m, or parameters `(p,)`. The true
 ///         parameters must exceed theirs. An initial estimate below them is moved to the nearest one above.
 ///     friction: estimate friction: True for "viscous" and "coulomb", or names of these and "stribeck" (keyword only).

@@ -155,8 +155,8 @@ impl ElasticImpedance {
 
 /// Cartesian impedance of an arm with elastic joints about a moving target.
 ///
-/// The outer loop is `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`, and the inner loop is that of `ElasticImpedance`. The law has no
-/// feed-forward of the arm's inertia, so it follows an accelerating target with an error.
+/// The outer loop is `u = J'(K (x_d(t) - x) + D (x_d'(t) - J v)) + g(q)`, and the inner loop is the same as in `ElasticImpedance`. The law
+/// has no feed-forward of the arm's inertia, so it follows an accelerating target with an error.
 ///
 /// Args:
 ///     target: the motion of the target in the m coordinates of `axes`, m or rad.
@@ -214,7 +214,7 @@ impl ElasticTracking {
 
 /// Joint impedance of an arm with elastic joints: `u = K (q_d - q) - D v + g(q)`.
 ///
-/// The inner loop, which computes the motor torque from `u`, is that of `ElasticImpedance`.
+/// The inner loop, which computes the motor torque from `u`, is the same as in `ElasticImpedance`.
 ///
 /// Args:
 ///     arm: the model whose gravity is compensated.

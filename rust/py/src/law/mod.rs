@@ -162,7 +162,8 @@ impl Law {
         })
     }
 
-    /// Return a dict of the quantities that the law computes at one instant, such as its error. The arguments are those of a call.
+    /// Return a dict of the quantities that the law computes at one instant, such as its error. It has the same arguments as a call of the
+    /// law.
     #[pyo3(signature = (t, q, v, *, theta=None, theta_dot=None, state=None))]
     fn terms<'py>(
         &self,

@@ -190,7 +190,7 @@ fn solve_row(solver: &mut Core, stack: &Stack) -> Result<Status, Error> {
 ///     rounding: relative error of the entries of the Jacobians; None: 8 times the machine epsilon. For Jacobians that were computed from
 ///         angles `q`, pass `8 (1 + sum|q|)` times the machine epsilon.
 ///     weight: joint metric `W`, `(n, n)`, symmetric and positive definite: `v' W v` is minimised; None: the identity.
-///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. If one of them is missing, it is minus the other one.
+///     v_min, v_max: bounds for "sns", a number or `(n,)`, rad/s or m/s. A missing bound is minus the other bound.
 ///
 /// Returns:
 ///     A `PrioritySolution`. A batch does not raise for one invalid row. A row whose numbers are not finite, or whose result overflows, is
