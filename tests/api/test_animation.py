@@ -43,7 +43,7 @@ def test_lines_of_a_tree() -> None:
 
 
 @pytest.mark.parametrize("arm", [PLANAR, SEVEN, al.load_urdf(GRIPPER), al.planar_arm([0.3] * 4)], ids=["2", "7", "gripper", "4"])
-def test_every_joint_hangs_on_the_one_that_carries_it(arm: al.Arm) -> None:
+def test_links_end_at_joints_and_keep_their_lengths(arm: al.Arm) -> None:
     """Each link ends at a joint or a frame. Motion of revolute joints does not change the lengths of links."""
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (6, arm.n))
     lines = Skeleton("test", arm).lines(q)

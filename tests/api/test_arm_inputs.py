@@ -55,7 +55,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_arm_is_refused_with_its_line(name: str, tmp_path: Path) -> None:
+def test_invalid_models_are_refused_with_their_line(name: str, tmp_path: Path) -> None:
     text, line, problem = REFUSED[name]
     path = tmp_path / "robot.urdf"
     path.write_text(text)
@@ -82,7 +82,7 @@ REPORTED = {
 
 
 @pytest.mark.parametrize("name", REPORTED)
-def test_what_is_odd_is_kept_and_reported(name: str) -> None:
+def test_unusual_models_are_accepted_and_reported(name: str) -> None:
     text, said = REPORTED[name]
     arm = al.load_urdf(text)
     assert arm.n == 1 and any(line.startswith(said) for line in arm.report), arm.report
@@ -172,7 +172,7 @@ def test_the_argument_that_is_not_finite_is_named_by_its_index() -> None:
         al.planar_pr(2.0, 0.5, 0.5).bias([0.0, 0.0], [[0.0, np.nan]])
 
 
-def test_energies_are_written_where_the_caller_says() -> None:
+def test_energies_are_written_into_out() -> None:
     arm = al.load_urdf(al.example_urdf("six_axis"))
     q, v = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 5, 6))
     kinetic, potential = arm.energy(q, v)
@@ -278,7 +278,7 @@ def test_numpy_flags_are_flags() -> None:
 
 
 @pytest.mark.parametrize("name", ["six_axis", "seven_axis", "two_arms", "macro_micro_4r"])
-def test_what_is_written_and_read_again_is_the_same_arm(name: str) -> None:
+def test_a_written_arm_is_read_again_without_change(name: str) -> None:
     """An arm that is written as URDF and read again has equal bits, also with payloads, tools and locked joints.
 
     Only the report may differ.
@@ -297,7 +297,7 @@ def test_what_is_written_and_read_again_is_the_same_arm(name: str) -> None:
     np.testing.assert_array_equal([arm.gravity_vector, moon.gravity_vector], [[0.0, 0.0, -9.81], [0.0, 0.0, -1.62]])
 
 
-def test_what_xacro_left_is_told() -> None:
+def test_unexpanded_xacro_is_refused_with_its_line() -> None:
     for text, line in (
         (robot(joint(), LINK.replace('value="1"', 'value="${m}"')), 3),
         (robot(joint(name="${prefix}j1")), 4),
@@ -329,7 +329,7 @@ def test_tags_of_many_attributes(count: int, accepted: bool) -> None:
         al.load_urdf(text)
 
 
-def test_limits_that_are_none_and_loads_that_are_none() -> None:
+def test_infinite_limits_and_zero_payloads() -> None:
     joint = {"type": "R", "lower": -np.inf, "upper": np.inf, "velocity": float("inf"), "effort": 3.0}
     limits = al.Arm.from_chain([joint]).limits
     assert (limits["q_min"], limits["q_max"], limits["v_max"], limits["effort"]) == (-np.inf, np.inf, np.inf, 3.0)
@@ -340,7 +340,7 @@ def test_limits_that_are_none_and_loads_that_are_none() -> None:
         ROBOT.with_payload("base", 1.0, inertia=-np.eye(3))
 
 
-def test_every_function_of_an_arm_says_shape_and_errors_and_shows_an_example() -> None:
+def test_docstrings_of_arm_functions_have_shape_errors_and_example() -> None:
     properties = {name for name in dir(al.Arm) if isinstance(getattr(al.Arm, name), type(al.Arm.n))}
     for name in sorted(set(dir(al.Arm)) - properties):
         if not name.startswith("_"):

@@ -102,7 +102,7 @@ def test_the_same_numbers_give_the_same_bits(form: Callable[[Array], Any]) -> No
     np.testing.assert_array_equal(got.estimate, expected.estimate)  # type: ignore[arg-type]
 
 
-def test_what_the_caller_changes_later_changes_nothing() -> None:
+def test_objects_copy_the_arrays_of_the_caller() -> None:
     q0, kp, estimate = np.zeros(2), np.array([4.0, 4.0]), np.zeros(3)
     law = al.Adaptive(ARM, al.Quintic(q0, q0 + 1.0, 1.0), kp, 2.0, 1.0, estimate=estimate)
     before, shown = law(0.3, [0.1, 0.2], [0.0, 0.0]), repr(law)
@@ -147,7 +147,7 @@ def test_out_that_overlaps() -> None:
     assert ARM.bias(q, np.zeros((4, 2)), out=beside) is beside
 
 
-def test_a_refused_call_leaves_out_alone() -> None:
+def test_a_refused_call_does_not_change_out() -> None:
     out = np.full(2, 7.0)
     refused(lambda: ARM.bias([0.0, NAN], [0.0, 0.0], out=out), "q ")
     np.testing.assert_array_equal(out, 7.0)

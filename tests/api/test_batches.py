@@ -53,7 +53,7 @@ def test_a_batch_of_nothing_has_no_metrics() -> None:
     assert len(empty) == 0 and empty.metrics()["error_rms"].shape == (0, 2)
 
 
-def test_what_is_wrong_is_said() -> None:
+def test_invalid_arguments_are_refused() -> None:
     with pytest.raises(al.InputError, match="law has the wrong number of entries: expected 1 or 150, got 2"):
         al.simulate_batch(PLANT, [LAW, LAW], Q0, keep="metrics", **OPTIONS)
     with pytest.raises(al.InputError, match="keep is unknown"):

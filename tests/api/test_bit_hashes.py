@@ -57,7 +57,7 @@ def test_the_file_is_for_all_instruction_sets() -> None:
     assert cases[0] == cases[1] == cases[2] and len(cases[0]) > 20
 
 
-def test_what_differs_is_named() -> None:
+def test_differences_are_named() -> None:
     """The names of a changed hash, a new case and a missing case are reported. Nothing is reported if the C library differs."""
     hashes = {"a": "1", "b": "2", "c": "3"}
     found = {"set": "avx2", "libm": "x", "functions": {"a": "1", "b": "9"}, "batches": {"as it is": {"d": "4"}}}

@@ -123,13 +123,13 @@ def test_every_row_has_its_own_arm_and_law() -> None:
         al.simulate_batch(PLANT, [law(), law(DEGREES)], [HOME, HOME], **SHORT)
 
 
-def test_all_is_said_in_one_warning() -> None:
+def test_one_warning_names_all_positions() -> None:
     with pytest.warns(UserWarning, match=rf"^simulate: q0{SAYS} \(and 1 more joint\); law.target{SAYS}; check_limits") as told:
         loop(law(DEGREES), [0.0, -57.0, 0.6])
     assert len(told) == 1
 
 
-def test_what_is_within_is_not_told() -> None:
+def test_positions_within_limits_give_no_warning() -> None:
     for q in ([1e3, 3.1, 0.5], [-1e3, -3.1, 0.0], [0.0, 3.1 + 9e-10, -9e-10]):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -190,7 +190,7 @@ class TestScenario:
         path.write_text(SCENARIO.format(start=start, target=target) + more)
         return str(path)
 
-    def test_check_and_run_say_it(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_check_and_run_print_the_warning(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         for command in ("check", "run"):
             assert main([command, self.file(tmp_path, start=-57.0)]) == 0
             assert "armlet: warning: simulate: q0[1] = -57 rad is outside [" in capsys.readouterr().err
@@ -210,7 +210,7 @@ class TestScenario:
         with pytest.raises(al.InputError, match=r"\$\.motion\[1\]: = 90 rad is outside"):
             al.Scenario(data).check()
 
-    def test_a_sweep_warns_of_its_ends_alone(self, tmp_path: Path) -> None:
+    def test_a_sweep_warns_of_its_first_and_last_cell(self, tmp_path: Path) -> None:
         text = SCENARIO.format(start=-57.0, target=0.0) + '[sweep.vary]\n"law.kd" = [50.0, 51.0, 52.0]\n'
         path = tmp_path / "loop.toml"
         path.write_text(text)

@@ -122,7 +122,7 @@ def test_demo_without_matplotlib(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.html"]
 
 
-def test_the_page_stands_alone(system: System, tmp_path: Path) -> None:
+def test_the_page_needs_no_other_file(system: System, tmp_path: Path) -> None:
     """The page contains no address and no script. The text of a check is escaped."""
     system(lambda report: report.near("<script>a & b</script>", (1.0, 2.0), (1.0, 3.0), 0.5, "1 < 2", "E1"))
     assert cli.main(["demo", "--out", str(tmp_path)]) == 1

@@ -188,7 +188,7 @@ def test_a_run_that_fails(file: Path, tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
-def test_where_nothing_can_be_written(command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_folder_that_cannot_be_written(command: str, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
     assert cli.main([command, str(file), "--out", str(tmp_path / "file" / "out")]) == 2
     assert "file" in one_line(capsys)

@@ -95,7 +95,7 @@ def test_own_plants_and_laws_per_row() -> None:
 
 @pytest.mark.parametrize("cause", ["law", "state"])
 @pytest.mark.parametrize("bad", [0, 7, 8, 12])
-def test_a_row_that_diverges_leaves_the_others_alone(bad: int, cause: str) -> None:
+def test_a_row_that_diverges_does_not_change_the_others(bad: int, cause: str) -> None:
     """One row has an adaptation gain too large for the step, or an initial speed too large for any step.
 
     This row is at the edge or inside of a group of rows that the lanes of SIMD registers compute together.
@@ -164,7 +164,7 @@ def test_instruction_sets_agree() -> None:
 
 
 @pytest.mark.parametrize("name", ["sse9", "AVX2 ", "0"])
-def test_an_unknown_instruction_set_is_said_at_import(name: str) -> None:
+def test_an_unknown_instruction_set_is_an_import_error(name: str) -> None:
     done = in_process("import armlet", ARMLET_ISA=name)
     message = done.stderr.decode()
     assert done.returncode == 1 and "ImportError" in message.splitlines()[-1], message
@@ -283,7 +283,7 @@ FAR = al.Sinusoid([0.0, 3e8], [0.5, 0.8], [1.0, 1.7], [0.0, 0.4])
 @pytest.mark.filterwarnings("ignore:.*balance does not close:UserWarning")
 @pytest.mark.parametrize("monitors", [False, True])
 @pytest.mark.parametrize(("motion", "v2", "dt"), [(MOTION, 12.0, 0.02), (FAR, 0.5, 1e-3)], ids=["spins", "far"])
-def test_rows_that_spin_or_are_far_round_leave_the_others(motion: al.Motion, v2: float, dt: float, monitors: bool) -> None:
+def test_fast_rows_and_large_angles_do_not_change_other_rows(motion: al.Motion, v2: float, dt: float, monitors: bool) -> None:
     """A step that rotates a joint by over 1/32 rad, or starts beyond 1e6 rad, needs the full sine. It must not change other rows."""
     law = al.Adaptive(ARM, motion, [40.0, 20.0], [20.0, 10.0], 5.0)
     q0, v0 = states(24)

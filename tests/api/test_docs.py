@@ -115,11 +115,11 @@ def test_example(example: Path, tmp_path: Path) -> None:
     assert result.stdout.strip()
 
 
-def test_there_is_something_to_run() -> None:
+def test_pages_have_code_and_examples_exist() -> None:
     assert [page.name for page in PAGES if "```python" in page.read_text()] and EXAMPLES
 
 
-def test_a_broken_block_is_seen(tmp_path: Path) -> None:
+def test_a_broken_block_is_detected(tmp_path: Path) -> None:
     page = "# Title\n\n```python\nx = 1\n```\n\ntext\n\n```python\nassert x == 2\n```\n"
     result = run(program(page), "page.md", tmp_path)
     assert result.returncode != 0
@@ -135,7 +135,7 @@ def test_a_broken_block_is_seen(tmp_path: Path) -> None:
         ("x(1).y", 7),
     ],
 )
-def test_broken_code_in_prose_is_seen(code: str, line: int | None, tmp_path: Path) -> None:
+def test_broken_code_in_prose_is_detected(code: str, line: int | None, tmp_path: Path) -> None:
     page = f"# Title\n\n```python\nimport armlet as al; x = 1\n```\n\nCall `{code}`.\n\n```python\nlater = 2\n```\n"
     result = run(program(page), "page.md", tmp_path)
     assert result.returncode != 0 and ("AttributeError" in result.stderr or "TypeError" in result.stderr)
@@ -213,7 +213,7 @@ def test_formulas_are_closed() -> None:
 
 
 @pytest.mark.parametrize("formula", ["\\frac{1}{2", r"\begin{bmatrix} 1", r"\left( x", "", r"\begin{aligned} \end{bmatrix}"])
-def test_open_formulas_are_seen(formula: str) -> None:
+def test_unclosed_formulas_are_detected(formula: str) -> None:
     assert formula_faults(f"# Page\n\n```math\nx = {{1}}\n```\n\n```math\n{formula}\n```\n") == [f"{formula}\n"]
 
 

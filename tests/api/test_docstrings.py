@@ -103,7 +103,7 @@ def test_paragraphs_have_one_indentation() -> None:
     assert {name: lines for name, text in texts.items() if (lines := indented(text or ""))} == {}
 
 
-def test_indented_lines_are_seen() -> None:
+def test_indented_lines_are_detected() -> None:
     assert indented("Sum.\n\nLong text that\n    goes on.\n\nArgs:\n    x: m.\n") == ["goes on."]
     assert indented(FULL) == []
 
@@ -147,5 +147,5 @@ Source: docs/conventions.md.
         ("", ["args", "returns", "raises", "source", "example"]),
     ],
 )
-def test_missing_parts_are_seen(text: str, expected: list[str]) -> None:
+def test_missing_parts_are_detected(text: str, expected: list[str]) -> None:
     assert missing(text, ["x", "y", "scale"], function=True) == expected

@@ -118,7 +118,7 @@ def test_a_divergence_ends_with_status_and_time() -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_laws_come_back(name: str) -> None:
+def test_laws_can_be_pickled_and_copied(name: str) -> None:
     law, state = LAWS[name], {"theta": [0.35, 1.2], "theta_dot": [0.1, -0.2]}
     for other in (pickle.loads(pickle.dumps(law)), copy.copy(law), copy.deepcopy(law)):
         assert type(other) is type(law) and repr(other) == repr(law)

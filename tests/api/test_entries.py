@@ -138,7 +138,7 @@ ODD: list[Any] = [None, True, -1, 2**70, 1.5, "x", b"x", [], (), {}, Vast(), ran
 
 
 @pytest.mark.parametrize("made", objects(), ids=lambda made: type(made).__name__)
-def test_odd_arguments_raise_exceptions_alone(made: Any) -> None:
+def test_odd_arguments_of_methods_raise_exceptions(made: Any) -> None:
     """Every method is called with each odd argument at every position. It returns a value or raises an exception, but no PanicException."""
     kind = type(made)
     methods = [name for name in dir(kind) if not name.startswith("_") and callable(getattr(kind, name))]
@@ -151,7 +151,7 @@ def test_odd_arguments_raise_exceptions_alone(made: Any) -> None:
                     assert not isinstance(error, al.InternalError), (name, odd, count, error)
 
 
-def test_odd_arguments_of_functions_raise_exceptions_alone() -> None:
+def test_odd_arguments_of_functions_raise_exceptions() -> None:
     functions = {name: value for name, value in vars(_core).items() if callable(value) and name != "_restore"}
     assert len(functions) > 60
     for name, function in functions.items():

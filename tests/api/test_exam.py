@@ -62,7 +62,7 @@ def test_every_sub_question_has_a_row_and_a_run(question: str) -> None:
     assert row in demonstration() and section in with_code((ROOT / "docs/exam.md").read_text())
 
 
-def test_what_is_missing_is_seen() -> None:
+def test_a_missing_erratum_is_detected() -> None:
     assert rows('report.near("x", 1.0, y, 0.0, "printed", "E7")') == {"E7"}
     page = "# Exam\n\n### E1: column\n\n```python\nassert True\n```\n\n### E2, E3: words\n\nNo code.\n"
     assert sections(page) == {"E1"}

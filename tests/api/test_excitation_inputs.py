@@ -81,7 +81,7 @@ def test_a_joint_without_a_range_moves_under_its_other_limits() -> None:
     assert np.abs(v).max() <= 2.0 and q[:, 1].max() <= 0.5
 
 
-def test_it_is_a_motion() -> None:
+def test_an_exciting_motion_is_a_sinusoid() -> None:
     m = short()
     assert isinstance(m, al.Sinusoid) and repr(m).startswith("<ExcitingMotion: 2 joints, period 4 s, condition ")
     law = al.ComputedTorque(ARM, m, kp=100.0, kd=20.0)
@@ -96,13 +96,13 @@ def test_it_is_a_motion() -> None:
         pickle.loads(bytes(data))
 
 
-def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_scipy_the_error_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy.optimize", None)
     with pytest.raises(ImportError, match=r"exciting_motion: scipy is not installed: pip install 'armlet\[tune\]'"):
         short()
 
 
-def test_a_scenario_has_it() -> None:
+def test_an_exciting_motion_in_a_scenario() -> None:
     limits = {"q_min": -1.0, "q_max": [1.0, 0.8], "v_max": 3.0, "a_max": 10.0, "effort": 50.0}
     motion = {"kind": "ExcitingMotion", "duration": 4.0, "limits": limits, "harmonics": 1, "iterations": 1}
     law, run = {"kind": "ComputedTorque", "kp": 100.0, "kd": 20.0}, {"q0": [0.0, 0.0], "t_end": 0.1, "dt": 1e-2}

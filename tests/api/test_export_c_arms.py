@@ -103,7 +103,7 @@ def test_functions_have_the_bits_of_armlet(name: str, compiler: str, tmp_path: P
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_friction_armature_and_wrenches_are_part_of_it(compiler: str, tmp_path: Path) -> None:
+def test_functions_include_friction_armature_and_wrenches(compiler: str, tmp_path: Path) -> None:
     arm = al.load_urdf(al.example_urdf("six_axis")).with_drives(armature=[0.1] * 6, damping=[0.5] * 6, friction=[0.2] * 6)
     frame = arm.frame_names[3]
     functions = ["bias", "regressor", ("inverse_dynamics", frame), ("forward_dynamics", frame), ("jacobian", frame)]
@@ -180,7 +180,7 @@ def test_rounding_of_every_product_is_another_answer_and_close(tmp_path: Path) -
     np.testing.assert_allclose(answers, arm.bias(x[:, 0], x[:, 1]), rtol=0.0, atol=1e-11)
 
 
-def test_what_has_no_answer_has_a_status(tmp_path: Path) -> None:
+def test_invalid_inputs_give_a_status(tmp_path: Path) -> None:
     arm = al.planar_arm([0.5, 0.4])
     c = Functions(al.export_c(arm, tmp_path, functions=["gravity", "forward_dynamics"]), COMPILERS[0])
     for bad, status in ((np.nan, 1), (np.inf, 1), (-np.inf, 1), (1e6, 2), (-3e7, 2)):
@@ -196,7 +196,7 @@ def test_what_has_no_answer_has_a_status(tmp_path: Path) -> None:
     np.testing.assert_array_equal(c("gravity", [999_999.0, 0.5]), arm.gravity([999_999.0, 0.5]))
 
 
-def test_every_single_function_compiles_alone(tmp_path: Path) -> None:
+def test_each_function_compiles_without_the_others(tmp_path: Path) -> None:
     arm = al.planar_arm([0.5, 0.4])
     for name in INPUTS:
         Functions(al.export_c(arm, tmp_path / name, functions=[name], prefix="one"), COMPILERS[0], prefix="one")
@@ -232,7 +232,7 @@ def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str, tmp_
     assert not (tmp_path / "out").exists()
 
 
-def test_an_arm_without_frames_has_its_dynamics_alone(tmp_path: Path) -> None:
+def test_an_arm_without_frames_exports_only_its_dynamics(tmp_path: Path) -> None:
     arm = al.planar_pr(2.0, 0.5, 0.5)
     for function in ("pose", "christoffel", "center_of_mass"):
         with pytest.raises(al.InputError, match="functions has one that planar_pr does not have"):
@@ -254,7 +254,7 @@ def test_files_of_others_are_kept(tmp_path: Path) -> None:
         assert [file.read_text() for file in files] == first
 
 
-def test_the_header_says_what_it_is_of(tmp_path: Path) -> None:
+def test_the_header_describes_the_arm(tmp_path: Path) -> None:
     arm = al.load_urdf(al.example_urdf("six_axis"))
     header, source, cmake = (file.read_text() for file in al.export_c(arm, tmp_path, prefix="robot"))
     assert header.startswith(f"/* Made by armlet {al.__version__}")

@@ -328,7 +328,7 @@ def test_priority_of_accelerations(tmp_path: Path) -> None:
     np.testing.assert_array_equal([u for _, u in answered], run.tau[:-1])
 
 
-def test_what_has_no_c_is_refused_by_name(tmp_path: Path) -> None:
+def test_laws_that_cannot_be_exported_are_refused_by_name(tmp_path: Path) -> None:
     bounded = al.PriorityVelocity(SIX, tasks(SIX), method="sns", v_max=1.0)
     refused: list[tuple[Any, dict[str, Any], str]] = [
         (bounded, {}, "law has no C: .*got PriorityVelocity with a map that branches on its data"),
@@ -349,7 +349,7 @@ def test_what_has_no_c_is_refused_by_name(tmp_path: Path) -> None:
         al.export_c(long, tmp_path / "out")
 
 
-def test_a_library_as_its_cmake_file_says(tmp_path: Path) -> None:
+def test_a_library_with_the_options_of_its_cmake_file(tmp_path: Path) -> None:
     """With the options of the CMake file, which include fused instructions, the bits are equal."""
     law = RIGID["Adaptive"](SIX)
     files = al.export_c(law, tmp_path)

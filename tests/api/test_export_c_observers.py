@@ -87,7 +87,7 @@ def test_a_sample_that_fails_changes_nothing(tmp_path: Path) -> None:
         np.testing.assert_array_equal(c.memory, before)
 
 
-def test_what_an_observer_does_not_take_is_refused(tmp_path: Path) -> None:
+def test_unused_arguments_of_an_observer_are_refused(tmp_path: Path) -> None:
     observer = al.MomentumObserver(PLANAR, 50.0)
     bad: list[tuple[dict[str, Any], str]] = [
         ({"dt": 1e-3}, "dt is not used: expected none for an observer"),

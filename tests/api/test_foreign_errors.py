@@ -260,7 +260,7 @@ def test_junk_raises_errors_of_armlet(call: Callable[[Any], Any], tmp_path: Path
 
 
 @pytest.mark.parametrize("folder", ["a\0b", "\ud800\ud801", 3, None])
-def test_paths_that_are_none(folder: Any) -> None:
+def test_invalid_paths_are_refused(folder: Any) -> None:
     for call in (al.load, al.Scenario.load, RUN.save, RUN.to_csv):
         with pytest.raises(al.InputError, match="path"):
             call(folder)
@@ -394,7 +394,7 @@ def test_all_that_is_public_lies_before_the_border() -> None:
     assert open_doors(scenario, scenario.__all__) == set()
 
 
-def test_an_open_door_is_seen() -> None:
+def test_an_unwrapped_function_is_detected() -> None:
     space: dict[str, Any] = {"__name__": "armlet.somewhere"}
     exec("class A:\n    def f(self): ...\n    @property\n    def p(self): ...\ndef g(): ...", space)
     assert open_doors(SimpleNamespace(**{name: space[name] for name in ("A", "g")}), ["A", "g"]) == {"A.f", "A.p", "g"}

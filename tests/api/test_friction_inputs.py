@@ -182,7 +182,7 @@ def test_environments_step_such_plants(model: Any) -> None:
     assert np.allclose(rows.states.q[1], sim.q, rtol=0.0, atol=1e-12)
 
 
-def test_features_that_need_smooth_plants_refuse_them() -> None:
+def test_features_that_need_smooth_plants_refuse_dry_friction() -> None:
     sticks, bends = rigid(al.StickSlip(**STICKS)), rigid(al.LuGre(**LUGRE))
     for plant in (sticks, bends, elastic(al.LuGre(**LUGRE))):
         with pytest.raises(InputError, match="dry friction"):

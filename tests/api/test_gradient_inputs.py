@@ -110,13 +110,13 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_has_no_derivative_is_refused_by_name(case: str) -> None:
+def test_parameters_without_a_derivative_are_refused_by_name(case: str) -> None:
     call, message = REFUSED[case]
     with pytest.raises(al.InputError, match=message):
         call()
 
 
-def test_a_run_that_diverges_has_none() -> None:
+def test_a_run_that_diverges_has_no_derivative() -> None:
     with pytest.raises(al.SolveError, match="diverged"):
         run(law=al.PDGravity(ARM, Q0, 1e6, 1e6), t_end=1.0)
     failed = run(law=al.PDGravity(ARM, Q0, 1e6, 1e6), t_end=1.0, throw=False)
@@ -124,7 +124,7 @@ def test_a_run_that_diverges_has_none() -> None:
     assert failed.sensitivity is None
 
 
-def test_near_a_singularity_a_law_of_tasks_has_none() -> None:
+def test_near_a_singularity_a_priority_law_has_no_derivative() -> None:
     law = al.PriorityVelocity(ARM, [TIP])
     with pytest.raises(al.SolveError, match="near a singularity"):
         al.simulate(al.VelocityArm(ARM), law, [0.3, 1e-4], sensitivity="q0", **OPTIONS)
@@ -140,7 +140,7 @@ def test_a_run_keeps_its_derivatives_when_pickled() -> None:
     assert repr(one) == "Sensitivity('law.kp', shape=(2,), 21 records)"
 
 
-def test_a_contact_that_is_grazed_has_none() -> None:
+def test_a_grazing_contact_has_no_derivative() -> None:
     """A joint starts at rest at a stop and leaves it. The time of this contact has no derivative."""
     arm = al.planar_arm([1.0], gravity=[0.0, 0.0])
     plant = al.RigidArm(arm, stops=al.JointStops(1e3, 50.0, lower=-1.0, upper=1e-20))

@@ -36,7 +36,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("options", CASES.values(), ids=CASES.keys())
-def test_gymnasium_checks_them(options: dict[str, Any]) -> None:
+def test_environments_pass_the_checks_of_gymnasium(options: dict[str, Any]) -> None:
     """Warnings are errors, so the advice of the checker also counts."""
     check_env(gymnasium.make("armlet/Reach-v0", **options).unwrapped)
 
@@ -197,7 +197,7 @@ def test_how_runs_end() -> None:
     assert terminated and info["reached"] and reward == pytest.approx(1.0)
 
 
-def test_a_row_that_diverges_ends_and_leaves_the_others_alone() -> None:
+def test_a_row_that_diverges_ends_without_changing_the_others() -> None:
     """At these speeds an rk4 step overflows. The row keeps its last finite state, and other rows keep their bits."""
     options: dict[str, Any] = {
         "plant": ARM,

@@ -224,7 +224,7 @@ def test_hostile_arguments_are_refused_at_once(name: str) -> None:
     assert accepted == []
 
 
-def test_no_more_is_read_than_the_length_says() -> None:
+def test_only_as_many_entries_are_read_as_the_length() -> None:
     """If the length is two, exactly two entries are read, although the entries are endless."""
     np.testing.assert_array_equal(ARM.mass_matrix(Longer()), ARM.mass_matrix([0.5, 0.5]))
 
@@ -252,7 +252,7 @@ def test_the_first_bad_index_is_named() -> None:
         ARM.mass_matrix([[0.0, 0.0], [0.0, True]])
 
 
-def test_out_is_not_masked() -> None:
+def test_a_masked_out_is_refused() -> None:
     with pytest.raises(al.InputError, match="bias: out is a masked array"):
         ARM.bias(Q, Q, out=np.ma.MaskedArray(np.zeros(2)))
 

@@ -66,7 +66,7 @@ def test_integral_and_limits(made: str) -> None:
         refused(lambda name=name: law(**{name: [1.0]}), name, f"({count},)")
 
 
-def test_limits_that_are_none() -> None:
+def test_infinite_limits() -> None:
     for name in ("wrench_max", "tau_max"):
         assert law(**{name: INF})(0.0, [0.1] * 3, [0.0] * 3) == pytest.approx(law()(0.0, [0.1] * 3, [0.0] * 3), abs=0.0)
     with pytest.raises(al.InputError, match="nullspace is of the wrong type"):

@@ -78,7 +78,7 @@ def test_everything_public_is_documented(name: str) -> None:
     assert text and len(text.split()) >= 3, name
 
 
-def test_there_are_examples() -> None:
+def test_the_list_of_examples_is_complete() -> None:
     """The list of examples, which the next test runs, contains these names. So a lost example is noticed."""
     assert {"armlet", "planar_pr", "Adaptive", "ComputedTorque", "Hold", "RigidArm", "Sinusoid", "simulate", "simulate_batch"} <= set(
         EXAMPLES

@@ -91,7 +91,7 @@ def test_ctrl_c_in_a_decomposition(method: str, interrupted: Callable[[str], tup
 
 @pytest.mark.parametrize("method", METHODS)
 class TestRuns:
-    def test_exceptions_come_back_with_their_traceback(self, method: str) -> None:
+    def test_exceptions_of_the_caller_keep_their_traceback(self, method: str) -> None:
         class Mine(Exception):
             pass
 
@@ -110,7 +110,7 @@ class TestRuns:
         assert run.status is al.Status.SUCCESS and run.stats["steps"] == 0
         assert run.t.tolist() == [3.0] and run.y.tolist() == [[1.0, 2.0]]
 
-    def test_both_directions(self, method: str) -> None:
+    def test_forward_and_backward_integration(self, method: str) -> None:
         # Integration forward and backward has twice the error of the method, 1e-2 at first order.
         forth = al.integrate(oscillator, (0.0, 2.0), [1.0, 0.5], **options(method, 1e-3))
         back = al.integrate(oscillator, (2.0, 0.0), forth.y[-1], **options(method, 1e-3))
@@ -118,7 +118,7 @@ class TestRuns:
         assert np.abs(back.y[-1] - [1.0, 0.5]).max() < (5e-3 if method in ("euler", "semi_implicit") else 1e-6)
 
     @pytest.mark.parametrize("end", [2.0, -2.0])
-    def test_times_asked_for(self, method: str, end: float) -> None:
+    def test_recorded_times(self, method: str, end: float) -> None:
         times = np.array([0.0, 0.1, 0.1, 0.77, 1.0]) * end
         run = al.integrate(oscillator, (0.0, end), [1.0, 0.0], t_eval=times, **options(method, 1e-3))
         assert np.array_equal(run.t, times)

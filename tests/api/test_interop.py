@@ -17,7 +17,7 @@ def test_the_other_libraries_are_not_imported() -> None:
 
 
 @pytest.mark.parametrize("model", [None, 3, "robot.urdf", object()], ids=lambda model: type(model).__name__)
-def test_what_is_no_model_is_refused(model: object) -> None:
+def test_objects_that_are_not_models_are_refused(model: object) -> None:
     with pytest.raises(al.InputError, match=r"verify: against is of the wrong type: expected a pinocchio.Model or a mujoco.MjModel"):
         al.verify(al.pendulum(1.0, 1.0), against=model)
 
@@ -28,7 +28,7 @@ def test_no_arm_is_made_of_what_is_no_model(name: str) -> None:
         getattr(al, name)(None)
 
 
-def test_scipy_is_asked_for_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_scipy_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy.integrate", None)
     unwrap(al.scipy_method).__globals__["_method"].cache_clear()
     with pytest.raises(ImportError, match="scipy_method: scipy is not installed: pip install scipy"):

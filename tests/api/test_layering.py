@@ -206,7 +206,7 @@ def unsafe_files(top: Path) -> list[Path]:
     return [p for p in sources(top, "*.rs") if re.search(r"\bunsafe\b", without_comments(p.read_text()))]
 
 
-def test_unsafe_stands_in_its_rooms() -> None:
+def test_unsafe_code_is_only_in_two_modules() -> None:
     outside = [p for p in unsafe_files(CORE) if module_of(p) not in ("scalar", "trace")]
     assert outside == []
     assert len(unsafe_files(BINDING)) <= 1, unsafe_files(BINDING)
@@ -281,7 +281,7 @@ def reference_strays(source: str) -> set[str]:
     return imports(source) - own - sys.stdlib_module_names - {"numpy"}
 
 
-def test_reference_imports_numpy_alone() -> None:
+def test_reference_imports_only_numpy() -> None:
     folder = PACKAGE / "reference"
     wrong = {str(p.relative_to(ROOT)): reference_strays(p.read_text()) for p in sources(folder, "*.py")}
     assert {path: names for path, names in wrong.items() if names} == {}
@@ -381,5 +381,5 @@ def test_arrays_of_the_caller_are_read_in_one_place() -> None:
         ("def f(x: Array):\n    return np.asarray(x)", set()),
     ],
 )
-def test_raw_reads_are_seen(source: str, expected: set[tuple[str, str]]) -> None:
+def test_raw_reads_are_detected(source: str, expected: set[tuple[str, str]]) -> None:
     assert raw_reads(source) == expected

@@ -208,7 +208,7 @@ def test_references_frames_and_rows_that_fail() -> None:
     "case", ["adaptive PR", "six axes", "priority of accelerations", "priority at a singularity", "elastic tracking", "sampled", "ros2"]
 )
 @pytest.mark.filterwarnings("ignore")
-def test_bits_depend_on_the_run_alone(case: str) -> None:
+def test_bits_do_not_depend_on_other_rows(case: str) -> None:
     plant, law, options = CASES[case]()
     q0 = np.concatenate([start(plant), start(plant) + 0.05, start(plant) - 0.05])
     options = {"t_end": 0.1, "dt": 1e-3, "keep": "metrics"} | options
@@ -223,7 +223,7 @@ def test_bits_depend_on_the_run_alone(case: str) -> None:
         np.testing.assert_array_equal(other.q, whole.q[rows])
 
 
-def test_what_is_measured_is_refused_where_it_is_wrong() -> None:
+def test_invalid_arguments_of_metrics_are_refused() -> None:
     law = al.ComputedTorque(TWO, SWING, 300.0, 40.0)
 
     def batch(law: Any = law, **options: Any) -> al.BatchRun:
@@ -249,7 +249,7 @@ def test_what_is_measured_is_refused_where_it_is_wrong() -> None:
     assert batch(metrics={"settle": 0.1}).metrics()["settling_time"].shape == (5,)
 
 
-def test_the_band_so_far_finds_the_settling_time_of_the_whole_run() -> None:
+def test_a_growing_band_gives_the_settling_time_of_the_whole_run() -> None:
     """The record with the largest error is outside its band, so the last record outside is not earlier.
 
     After it, the present and the final band are equal.

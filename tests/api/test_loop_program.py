@@ -148,7 +148,7 @@ def test_machine_code_chooses_as_its_instructions_do() -> None:
     np.testing.assert_array_equal([machine[name] for name in lowered], list(lowered.values()))
 
 
-def test_simplifying_takes_away_most_of_what_the_source_computes() -> None:
+def test_simplification_removes_most_operations() -> None:
     """The source has only spatial arms. Simplification reduces a planar arm to planar equations."""
     program = al.loop_program(al.RigidArm(TWO), pd(TWO), method="euler")
     assert len(program.at("recorded")) > 3 * len(program)

@@ -42,7 +42,7 @@ def require(folder: Path, command: str = "sh tools/require.sh") -> subprocess.Co
     return subprocess.run(command.split(), cwd=ROOT, env=environment | {"PATH": str(folder)}, capture_output=True, text=True)
 
 
-def test_a_complete_machine_is_told_nothing(machine: Path) -> None:
+def test_a_complete_machine_gives_no_output(machine: Path) -> None:
     result = require(machine)
     assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
 
@@ -59,7 +59,7 @@ def test_a_complete_machine_is_told_nothing(machine: Path) -> None:
         ("python3", f'case "$*" in *ensurepip*) exit 1;; esac\nexec "{sys.executable}" "$@"', "venv and ensurepip"),
     ],
 )
-def test_what_is_missing_is_named(machine: Path, name: str, body: str | None, words: str) -> None:
+def test_a_missing_tool_is_named(machine: Path, name: str, body: str | None, words: str) -> None:
     (machine / name).unlink()
     if body is not None:
         put(machine, name, body)
@@ -69,7 +69,7 @@ def test_what_is_missing_is_named(machine: Path, name: str, body: str | None, wo
     assert line.startswith("armlet needs ") and words in line
 
 
-def test_make_says_the_same(machine: Path) -> None:
+def test_make_prints_the_same_line(machine: Path) -> None:
     (machine / "cargo").unlink()
     result = require(machine, "make --no-print-directory tools")
     assert result.returncode != 0

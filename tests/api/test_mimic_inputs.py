@@ -35,7 +35,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_followed_is_refused_with_its_line(name: str) -> None:
+def test_invalid_mimic_joints_are_refused_with_their_line(name: str) -> None:
     text, line, problem = REFUSED[name]
     with pytest.raises(al.ModelError) as caught:
         al.load_urdf(text)
@@ -70,7 +70,7 @@ def test_limits_that_leave_no_room_are_left_out() -> None:
     assert arm.limits["q_min"] == [-2.0] and arm.limits["q_max"] == [-1.0]
 
 
-def test_a_joint_that_stands_still_with_its_leader() -> None:
+def test_a_mimic_joint_with_multiplier_zero_is_fixed() -> None:
     """A multiplier of zero fixes the mimic joint at its offset."""
     arm = al.load_urdf(fingers("", "<mimic joint='j1' multiplier='0' offset='0.25'/>"))
     held = al.load_urdf(fingers("", ""), mimic="independent").locked({"j2": 0.25})

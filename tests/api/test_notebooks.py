@@ -49,7 +49,7 @@ def faults(notebook: dict[str, Any]) -> list[str]:
     return found
 
 
-def test_there_is_one_for_each_exercise_and_one_for_the_start() -> None:
+def test_notebooks_of_all_exercises_and_of_the_first_steps_exist() -> None:
     assert [path.stem[:10] for path in NOTEBOOKS] == [*(f"exercise_{i}" for i in (1, 2, 3, 4)), "first_ten_"]
 
 
@@ -63,7 +63,7 @@ def test_notebook(path: Path, tmp_path: Path) -> None:
     assert "assert " in code(notebook)
 
 
-def test_a_broken_notebook_is_seen(tmp_path: Path) -> None:
+def test_a_broken_notebook_is_detected(tmp_path: Path) -> None:
     cell = {"cell_type": "code", "id": "a", "execution_count": 1, "outputs": [{}], "source": ["%matplotlib inline\n", "x = 1\n"]}
     assert faults({"nbformat": 4, "cells": [cell, cell]}) == ["has two cells of one id", *["a has outputs", "a is not plain Python"] * 2]
     later = cell | {"source": ["assert x == 2\n"]}

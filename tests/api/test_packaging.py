@@ -80,7 +80,7 @@ def test_sdist_is_complete(sdist_names: list[str]) -> None:
     assert sorted(set(wanted) - set(sdist_names)) == []
 
 
-def test_wheel_holds_package_and_metadata_alone(wheel_names: list[str]) -> None:
+def test_wheel_contains_only_package_and_metadata(wheel_names: list[str]) -> None:
     extension = [name for name in wheel_names if name.startswith("armlet/_core.") and name.endswith((".so", ".pyd"))]
     leftovers = [name for name in stale(wheel_names) if name not in extension]
     tops = {name.split("/")[0] for name in wheel_names}
@@ -103,7 +103,7 @@ def test_tests_see_the_installed_wheel() -> None:
     assert where.is_relative_to(Path(sysconfig.get_path("platlib")).resolve()) or (not FROM_MAKE and where.is_relative_to(ROOT / "python"))
 
 
-def test_imports_with_numpy_alone(tmp_path: Path) -> None:
+def test_import_needs_only_numpy(tmp_path: Path) -> None:
     """In an environment with only the wheel and numpy, armlet imports, reports its version, and loads nothing optional."""
     venv.create(tmp_path / "clean", with_pip=False, symlinks=os.name != "nt")
     python = tmp_path / "clean" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")

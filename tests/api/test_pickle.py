@@ -111,7 +111,7 @@ def test_errors(back: Callable[[Any], Any]) -> None:
         assert back(status) is status
 
 
-def test_reprs_read_like_what_made_them() -> None:
+def test_reprs_are_calls_of_the_constructor() -> None:
     """The `repr` of an arm, motion or law is the call that constructs it. The `repr` of a run has its result."""
     names = {name: getattr(al, name) for name in al.__all__}
     assert eval(repr(ARM), names) == ARM
@@ -163,7 +163,7 @@ def test_simulators_go_on_where_they_were(back: Callable[[Any], Any], options: d
     np.testing.assert_array_equal(other.q, sim.q)
 
 
-def test_a_simulator_between_samples_says_that_it_cannot_be_pickled() -> None:
+def test_a_simulator_between_samples_refuses_to_be_pickled() -> None:
     sim = al.Simulator(al.RigidArm(ARM), LAWS[2], [0.1, 0.2], dt=1e-3, sample_time=al.Sampling(4e-3, delay=1e-3))
     assert pickle.loads(pickle.dumps(sim)).t == 0.0
     sim.step()
@@ -223,7 +223,7 @@ def test_large_arrays_are_pickled_in_shares() -> None:
 
 
 @pytest.mark.parametrize("shape", [(MANY,), (2, MANY), (MANY, 2, 1)])
-def test_a_stored_array_comes_back(shape: tuple[int, ...]) -> None:
+def test_a_stored_array_is_restored(shape: tuple[int, ...]) -> None:
     x = np.random.default_rng(4).standard_normal(shape)
     x.flat[0], x.flat[-1] = -0.0, np.nan
     make, (stored_shape, *shares) = al._core._stored_array(x)

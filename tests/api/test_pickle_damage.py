@@ -189,7 +189,7 @@ def test_every_class_that_pickles_is_here() -> None:
 
 
 @each
-def test_it_comes_back(thing: Any) -> None:
+def test_objects_are_restored_from_pickles_and_copies(thing: Any) -> None:
     for other in (pickle.loads(pickle.dumps(thing)), copy.copy(thing), copy.deepcopy(thing)):
         assert type(other) is type(thing) and repr(other) == repr(thing)
 
@@ -235,14 +235,14 @@ def test_no_flipped_bit_gives_another_object(thing: Any, little_memory: None) ->
     assert same < 60
 
 
-def test_a_payload_that_is_cut_or_is_none() -> None:
+def test_a_truncated_or_invalid_payload() -> None:
     whole = pickle.loads(pickle.dumps(PR)).__reduce__()[1][0]
     for part in (b"", whole[:31], whole[:-1], whole + b"\0", "text", None, 3):
         with pytest.raises(al.FormatError, match="damaged"):
             _core._restore(part)  # type: ignore[arg-type]  # invalid arguments
 
 
-def test_what_another_version_wrote_is_said() -> None:
+def test_pickles_of_another_version_are_refused() -> None:
     import hashlib
 
     body = pickle.dumps((al.planar_pr, (1.0, 0.0, -1.0), {}))
@@ -251,7 +251,7 @@ def test_what_another_version_wrote_is_said() -> None:
 
 
 @pytest.mark.parametrize("place", ["armlet.run_metrics\nMetrics", "armlet.events\nJointStops", "armlet.sampling\nSampling"])
-def test_what_stood_in_a_module_that_has_moved_is_refused(place: str) -> None:
+def test_pickles_of_a_renamed_module_are_refused(place: str) -> None:
     import hashlib
 
     body = b"(c" + place.encode() + b"\n)}t."

@@ -185,7 +185,7 @@ def test_batches_are_their_rows(method: str, count: int) -> None:
         assert sol.ranks[i].tolist() == row.ranks and sol.status[i] == row.status
 
 
-def test_a_bad_row_is_nan_and_alone() -> None:
+def test_only_the_bad_row_is_nan() -> None:
     rng = np.random.default_rng(4)
     Js, v = rng.normal(size=(2, 3, 2, 4)), rng.normal(size=(2, 3, 2))
     wanted = al.solve_priority([Js], [v])
@@ -204,7 +204,7 @@ def test_an_empty_batch() -> None:
     assert sol.v.shape == (0, 4) and sol.status.shape == (0,)
 
 
-def test_a_level_that_gives_way_is_degraded_and_says_so() -> None:
+def test_a_conflicting_level_gives_the_status_degraded() -> None:
     sol = al.solve_priority([J1, J1], [V1, -V1], method="exact")
     assert sol.status is al.Status.DEGRADED and sol.ranks == [2, 0]
     seen = al.diagnose_priority([J1, J1], rhs=[V1, -V1])

@@ -91,7 +91,7 @@ def test_a_program_is_the_loop(name: str, options: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("name", ["4R stretched, exact", "4R stretched, clamp", "4R accelerations, stretched", "seven axes, accelerations"])
-def test_a_row_has_the_bits_of_its_run_alone(name: str) -> None:
+def test_rows_of_a_batch_equal_single_runs(name: str) -> None:
     """A batch has singular and regular rows. Each row equals a single run, for every order and number of threads."""
     plant, law, singular = LOOPS[name]()
     rng = np.random.default_rng(5)

@@ -31,7 +31,7 @@ def series(run: Any) -> list[np.ndarray]:
     return [run.q, run.v, run.tau, *(run.monitors[name] for name in names)]
 
 
-def test_a_run_says_how_it_was_computed() -> None:
+def test_stats_name_the_engine_of_a_run() -> None:
     plant, law, q0 = al.RigidArm(SIX), pd(SIX), np.zeros(6)
     programs = al.build_info()["programs"]
     assert programs in ("machine", "portable")
@@ -45,7 +45,7 @@ def test_a_run_says_how_it_was_computed() -> None:
     assert own.stats["engine"] == "direct"
 
 
-def test_a_known_loop_has_its_program_at_once_and_the_same_bits() -> None:
+def test_a_repeated_loop_reuses_its_program() -> None:
     # The lengths are random, because a program contains lengths as constants. So no earlier program fits.
     arm = al.planar_arm(np.random.default_rng().uniform(0.3, 0.5, 3), masses=[1.0, 2.0, 3.0])
     plant, law, q0 = al.RigidArm(arm), pd(arm), np.array([0.1, 0.2, -0.3])
@@ -127,7 +127,7 @@ def test_a_program_is_the_loop(arm: al.Arm, law: str, method: str, held: bool) -
 
 
 @pytest.mark.parametrize("law", [*LAWS])
-def test_a_law_that_is_asked_often_keeps_its_bits(law: str) -> None:
+def test_repeated_calls_of_a_law_have_equal_bits(law: str) -> None:
     """From its 17th call on, a law runs as a program, except for angles beyond the range of the program's sine."""
     arm = al.planar_arm([1.0, 0.7, 0.4])
     asked, rng = LAWS[law](arm, 0.5), np.random.default_rng(5)
@@ -138,7 +138,7 @@ def test_a_law_that_is_asked_often_keeps_its_bits(law: str) -> None:
 
 
 @pytest.mark.parametrize("batch", [False, True])
-def test_a_known_loop_with_other_limits_or_another_frame_is_another_loop(batch: bool) -> None:
+def test_other_limits_or_frames_need_another_program(batch: bool) -> None:
     plant, made, q0 = al.RigidArm(TWO), pd(TWO), np.array([0.9, -0.8])
     frames = TWO.frame_names[-2:]
     assert len(frames) == 2
@@ -188,7 +188,7 @@ def test_rates_and_derivatives_as_programs_are_those_of_the_loop(law: str, metho
             np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance)
 
 
-def test_rows_of_adaptive_batches_are_the_runs_alone() -> None:
+def test_rows_of_adaptive_batches_equal_single_runs() -> None:
     """Rows with gains and parameters of several structures. Some runs are programs, others end earlier and are direct."""
     gains: list[Any] = [60.0, 1.0, [60.0, 1.0], 60.0 * np.eye(2) + 1.0, 61.0]
     arms = [TWO.with_parameters(np.asarray(TWO.parameters) * (1.0 + 0.1 * k)) for k in range(len(gains))]

@@ -41,7 +41,7 @@ def test_the_remaining_time() -> None:
     assert lines({1.0: 500}, 1200, before=500) == ["500 of 1,200 runs"]
 
 
-def test_it_goes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_is_written_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
     al.sweep(SCENARIO, {"law.kp": [10.0, 20.0, 30.0]}, progress=True)
     al.simulate_batch(*BATCH, t_end=0.1, dt=1e-3, progress=True)
     al.tune(SCENARIO, {"law.kp": {"uniform": [1.0, 20.0]}}, "error_rms1", candidates=5, generations=2, progress=True)
@@ -53,7 +53,7 @@ def test_it_goes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("wrong", [1.0, "yes", 2])
-def test_what_cannot_be_called_is_refused(wrong: Any) -> None:
+def test_a_progress_argument_that_is_not_callable_is_refused(wrong: Any) -> None:
     words = "progress is not callable", "True or None"
     refused(lambda: al.sweep(SCENARIO, {"law.kp": [10.0]}, progress=wrong), "sweep: ", *words)
     refused(lambda: al.simulate_batch(*BATCH, t_end=0.1, dt=1e-3, progress=wrong), "simulate_batch: ", *words)

@@ -22,7 +22,7 @@ PLANT = al.RigidArm(ARM)
     ],
     ids=["fixed", "delayed", "adaptive"],
 )
-def test_a_law_that_raises_is_asked_no_more(clock: dict[str, Any]) -> None:
+def test_a_law_that_raises_is_not_called_again(clock: dict[str, Any]) -> None:
     calls = 0
 
     def law(t: float, q: Any, v: Any) -> list[float]:
@@ -40,7 +40,7 @@ def test_a_law_that_raises_is_asked_no_more(clock: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("method", [{"dt": 1e-3}, {"method": "dopri5"}], ids=["fixed", "adaptive"])
-def test_a_force_that_raises_is_asked_no_more(method: dict[str, Any]) -> None:
+def test_a_force_that_raises_is_not_called_again(method: dict[str, Any]) -> None:
     after = 0
 
     def force(t: float) -> list[float]:

@@ -61,7 +61,7 @@ def test_a_refused_velocity_changes_nothing() -> None:
     assert sim.tau.tolist() == sim.v.tolist() == [0.1, 0.2, 0.3] and sim.q.tolist() == q.tolist()
 
 
-def test_a_refused_input_is_not_held() -> None:
+def test_a_refused_input_does_not_replace_the_last_one() -> None:
     """Between two samples the last input of the law stays. A refused input does not replace it."""
     law = al.PDGravity(ARM, [0.0, 0.0, 0.0], 20.0, 5.0)
     sim, other = loose(law, sample_time=4e-3), loose(law, sample_time=4e-3)

@@ -75,7 +75,7 @@ class TestPackages:
             ("package://my_robot/urdf", "path_or_xml cannot be read: expected a URDF file or its text"),
         ],
     )
-    def test_what_is_not_there_is_named(self, tmp_path: Path, source: str, words: str) -> None:
+    def test_missing_files_and_packages_are_named(self, tmp_path: Path, source: str, words: str) -> None:
         package(tmp_path)
         with pytest.raises(al.InputError, match=f"^load_urdf: {words}"):
             al.load_urdf(source, search_path=tmp_path)
@@ -135,7 +135,7 @@ class TestXacro:
         for mass in ("4", 4, 4.0):
             assert al.load_urdf(path, search_path=folder, xacro_arguments={"mass": mass}).parameters[0] == 4.0
 
-    def test_what_xacro_refuses_is_told(self, folder: Path) -> None:
+    def test_errors_of_xacro_are_reported(self, folder: Path) -> None:
         path = folder / "urdf" / "robot.urdf.xacro"
         with pytest.raises(al.InputError, match=r"^load_urdf: path_or_xml is refused by xacro: .*package 'my_robot' is not found"):
             al.load_urdf(path)
@@ -148,7 +148,7 @@ class TestXacro:
 
         assert xacro.substitution_args._eval_find.__module__ == "xacro.substitution_args"
 
-    def test_what_it_makes_is_checked_as_any_text(self, folder: Path) -> None:
+    def test_expanded_files_are_checked_like_other_texts(self, folder: Path) -> None:
         path = folder / "urdf" / "robot.urdf.xacro"
         with pytest.raises(al.ModelError, match=r"mass of link arm is negative: got -1") as caught:
             al.load_urdf(path, search_path=folder, xacro_arguments={"mass": -1})
@@ -170,7 +170,7 @@ class TestXacro:
         with pytest.raises(al.InputError, match=r"path_or_xml cannot be read: expected a URDF file or its text, got .*none.xacro"):
             al.load_urdf(tmp_path / "none.xacro")
 
-    def test_without_the_package_the_error_says_how(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_without_xacro_the_error_names_the_package(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "xacro", None)
         with pytest.raises(ImportError, match=r"^load_urdf: xacro is not installed: pip install 'armlet\[xacro\]'$"):
             al.load_urdf(folder / "urdf" / "robot.urdf.xacro")
@@ -202,7 +202,7 @@ class TestSrdf:
     srdf = al.load_srdf(SRDF)
     arm = al.load_urdf(SIX)
 
-    def test_what_a_file_says(self, tmp_path: Path) -> None:
+    def test_groups_and_poses_of_a_file(self, tmp_path: Path) -> None:
         assert self.srdf.name == "six_axis" and self.srdf.groups["arm"].chains == (("base", "flange"),)
         assert self.srdf.groups["both"].joints == ("joint2", "joint3", "no_such_joint") and self.srdf.groups["both"].links == (
             "link3",
@@ -277,7 +277,7 @@ class TestSrdf:
         with pytest.raises(al.InputError, match=f"^load_srdf: .*{words}"):
             al.load_srdf(text)
 
-    def test_what_cannot_be_read_is_refused(self, tmp_path: Path) -> None:
+    def test_files_that_cannot_be_read_are_refused(self, tmp_path: Path) -> None:
         (tmp_path / "binary.srdf").write_bytes(b"\xff\xfe\x00")
         for source in (tmp_path, tmp_path / "none.srdf", tmp_path / "binary.srdf"):
             with pytest.raises(al.InputError, match=r"^load_srdf: path_or_xml cannot be read: expected a file or its text"):

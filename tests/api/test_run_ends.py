@@ -84,7 +84,7 @@ def test_a_start_beyond_the_limit() -> None:
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
-def test_limits_that_are_none(value: float) -> None:
+def test_invalid_state_limits_are_refused(value: float) -> None:
     for call in (
         lambda: al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.1, dt=1e-2, state_limit=value),
         lambda: al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), t_end=0.1, dt=1e-2, state_limit=value),
@@ -156,7 +156,7 @@ def test_scenarios_report_both() -> None:
 
 
 class TestSimulator:
-    def test_it_raises_where_it_diverges(self) -> None:
+    def test_a_diverging_step_raises(self) -> None:
         sim = al.Simulator(PLANT, LAW, [0.0, 0.0], dt=0.5)
         assert sim.status is al.Status.SUCCESS
         with pytest.raises(al.SolveError, match=r"^Simulator.step: the step from t = 0 s on diverges: .*state_limit") as caught:
@@ -189,7 +189,7 @@ class TestSimulator:
                 sim.step([100.0, 0.0])
         assert np.abs([sim.q, sim.v]).max() <= 1.0 and sim.t > 0.0
 
-    def test_it_ends_where_simulate_does(self) -> None:
+    def test_a_simulator_diverges_at_the_same_time_as_simulate(self) -> None:
         options: dict[str, Any] = {"dt": 2e-2, "v0": [2.0, 0.0], "state_limit": 2.5}
         with pytest.raises(al.SolveError) as caught:
             al.simulate(FLYING, FREE, [0.0, 0.0], t_end=2.0, **options)
@@ -361,7 +361,7 @@ class TestUnusedArguments:
         with pytest.raises(al.InputError, match=rf"^simulate_batch: {name} is not used"):
             al.simulate_batch(PLANT, LAW, np.zeros((2, 2)), **options)
 
-    def test_what_is_in_effect(self) -> None:
+    def test_stats_contain_the_options_in_effect(self) -> None:
         fixed = al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, dt=1e-3)
         assert fixed.stats["dt"] == 1e-3 and "rtol" not in fixed.stats
         assert al.simulate(PLANT, LAW, [0.0, 0.0], t_end=0.01, sample_time=2e-3).stats["dt"] == 2e-3

@@ -298,7 +298,7 @@ def holds(value: Any, form: dict[str, Any]) -> bool:
     return "anyOf" not in form or any(holds(value, each) for each in form["anyOf"])
 
 
-def test_the_schema_says_what_the_check_says() -> None:
+def test_the_schema_agrees_with_the_check() -> None:
     import tomllib
 
     form = schema()

@@ -68,7 +68,7 @@ class TestUnboundedTime:
         # The tolerance covers scipy's default tolerances over some tens of steps.
         assert solver.y[0] == pytest.approx(np.exp(-abs(solver.t - 1.0)), abs=1e-3)
 
-    def test_an_event_ends_it(self, method: str) -> None:
+    def test_an_event_ends_an_infinite_run(self, method: str) -> None:
         def down(t: float, y: Any) -> float:
             return float(y[0]) - 0.25
 
@@ -107,7 +107,7 @@ class TestJacobians:
         assert counts.njev == 0 and plain.stats["jacobians"] == 0 and counts.nlu > 0
         assert more.njev == called.stats["jacobians"] > 0
 
-    def test_of_the_wrong_shape(self, method: str) -> None:
+    def test_jacobians_of_the_wrong_shape_are_refused(self, method: str) -> None:
         huge = csc_matrix((10**6, 10**6))
         for jac, shape in ((csc_matrix((2, 3)), "(2, 3)"), (huge, "(1000000, 1000000)"), (lambda t, y: huge, "(1000000, 1000000)")):
             message = rf"jac has the wrong shape: expected \(2, 2\), got \{shape[:-1]}\)"
@@ -169,7 +169,7 @@ def test_vectorised_right_hand_sides_that_are_not() -> None:
 
 @pytest.mark.parametrize("method", ADAPTIVE)
 class TestTolerances:
-    def test_one_per_component(self, method: str) -> None:
+    def test_tolerances_per_component(self, method: str) -> None:
         f = lambda t, y: [-y[0], 30.0 * np.cos(30.0 * t)]  # noqa: E731
         loose, tight = {"rtol": [1e-9, 1e-1], "atol": [1e-12, 10.0]}, {"rtol": 1e-9, "atol": 1e-12}
         one, _ = both(method, f, (0.0, 1.0), [1.0, 0.0], **loose)

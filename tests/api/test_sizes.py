@@ -68,6 +68,6 @@ def test_absurd_sizes(call: Callable[[], object], error: type[Exception], messag
         ({"dt": 1e-3, "atol": -1.0}, "atol is not used"),
     ],
 )
-def test_what_a_method_does_not_use_is_refused(options: dict[str, Any], message: str) -> None:
+def test_unused_arguments_of_a_method_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(al.InputError, match=f"^simulate: {message}"):
         run(**options)

@@ -61,18 +61,18 @@ def test_no_ten_lines_stand_twice() -> None:
         ("a.rs", "trait A {{\n    fn f(x: f64);\n{body}}}\n", {}),
     ],
 )
-def test_long_functions_are_seen(name: str, text: str, expected: dict[str, int], tmp_path: Path) -> None:
+def test_long_functions_are_detected(name: str, text: str, expected: dict[str, int], tmp_path: Path) -> None:
     (tmp_path / name).write_text(text.format(body="    x = x\n" * 80, less="    x = x\n" * 78))
     assert RULES.long_functions(tmp_path / name) == expected
 
 
-def test_long_files_are_seen(tmp_path: Path) -> None:
+def test_long_files_are_detected(tmp_path: Path) -> None:
     (tmp_path / "long.rs").write_text("\n" * 401)
     (tmp_path / "short.py").write_text("\n" * 400)
     assert RULES.long_files(RULES.sources(tmp_path)) == {tmp_path / "long.rs": 401}
 
 
-def test_equal_lines_are_seen(tmp_path: Path) -> None:
+def test_repeated_lines_are_detected(tmp_path: Path) -> None:
     lines = [f"x{i} = {i}" for i in range(12)]
     (tmp_path / "a.py").write_text("\n".join(["first = 1", *lines, "a = 1"]))
     (tmp_path / "b.py").write_text("def f():\n" + "\n\n".join("    " + line for line in lines) + "\n    b = 1\n")

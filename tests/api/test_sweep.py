@@ -59,7 +59,7 @@ def test_a_grid() -> None:
     assert "error_rms1" in str(table) and "6 success" in str(table)
 
 
-def test_draws_depend_on_seed_and_cell_alone() -> None:
+def test_draws_depend_only_on_seed_and_cell() -> None:
     table = al.sweep(SCENARIO, DRAWS, draws=40, seed=3)
     longer = al.sweep(SCENARIO, DRAWS, draws=50, seed=3)
     for name in table:
@@ -206,7 +206,7 @@ class Broken(Executor):
         return future
 
 
-def test_a_dead_worker_is_said_in_one_line(tmp_path: Path) -> None:
+def test_a_dead_worker_gives_an_error_of_one_line(tmp_path: Path) -> None:
     with pytest.raises(al.SolveError, match=r"a worker died: the same call goes on from what is in"):
         al.sweep(SCENARIO, GRID, out=tmp_path, executor=Broken())
 

@@ -37,13 +37,13 @@ way = pytest.mark.parametrize("back", WAYS.values(), ids=WAYS.keys())
 
 @way
 @pytest.mark.parametrize("task", TASKS, ids=repr)
-def test_tasks_come_back(back: Callable[[Any], Any], task: al.Task) -> None:
+def test_tasks_can_be_pickled(back: Callable[[Any], Any], task: al.Task) -> None:
     other = back(task)
     assert type(other) is type(task) and repr(other) == repr(task)
 
 
 @way
-def test_laws_and_solvers_come_back(back: Callable[[Any], Any]) -> None:
+def test_laws_and_solvers_can_be_pickled(back: Callable[[Any], Any]) -> None:
     zero = np.zeros(4)
     for law in (
         al.PriorityVelocity(ARM, [TIP, ELBOW], "damped", [0.05, 0.02]),
@@ -62,7 +62,7 @@ def test_laws_and_solvers_come_back(back: Callable[[Any], Any]) -> None:
     assert repr(again) == repr(found) and bool(again) and again.status is al.Status.SUCCESS
 
 
-def test_what_was_given_is_copied() -> None:
+def test_tasks_copy_their_arguments() -> None:
     target = np.array([1.2, 1.0])
     law = al.PriorityVelocity(ARM, [al.Task("link4", "xy", target, 5.0)])
     before = law(0.0, Q, np.zeros(4))

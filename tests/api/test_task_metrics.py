@@ -20,7 +20,7 @@ HOLD = al.CartesianImpedance(TWO, [0.6, 0.3], [300.0, 200.0], [40.0, 30.0], fram
 FOLLOW = al.ElasticTracking(TWO, MOTION, [300.0, 200.0], [40.0, 30.0], 800.0, 0.4, 0.1, frame="link2", axes="xy")
 
 
-def test_beside_the_native_monitors() -> None:
+def test_errors_equal_those_of_the_monitors() -> None:
     """The monitor of a position task is the same distance, computed by the loop."""
     run = al.simulate(al.VelocityArm(ARM), al.PriorityVelocity(ARM, TASKS), Q0, t_end=1.0, dt=1e-2)
     assert run.position_error is not None and run.position_error.shape == (101, 2)

@@ -110,7 +110,7 @@ def test_a_bug_is_put_in_once_or_not_at_all(monkeypatch: pytest.MonkeyPatch) -> 
     assert {bug["file"].split("/")[0] for bug in listed} == {"core", "py"}
 
 
-def test_the_measurement_of_latency_starts_as_make_starts_it() -> None:
+def test_the_latency_script_starts_with_the_command_of_make() -> None:
     """With `python -P` the folder of a script is not on sys.path. The script must still find its modules."""
     script = TOOLS.parent / "benches" / "latency.py"
     done = subprocess.run([sys.executable, "-P", str(script), "--help"], capture_output=True, text=True, timeout=120)

@@ -22,7 +22,7 @@ SCENARIO = al.Scenario(
 DAMPING = {"law.kd": {"uniform": [5.0, 40.0]}}
 
 
-def test_a_gain_that_is_known() -> None:
+def test_a_gain_with_a_closed_form() -> None:
     """e'' + kd e' + 100 e = 0 settles to 2 % earliest if its overshoot exp(-pi z / sqrt(1 - z^2)) is 2 %: kd = 20 z = 15.59.
 
     Times are recorded every 2 ms. So gains within 0.1 of this value have an equal or the next settling time.
@@ -195,7 +195,7 @@ def test_refusals(vary: Any, cost: Any, options: dict[str, Any], message: str) -
         al.tune(SCENARIO, vary, cost, **({"candidates": 8} | options))
 
 
-def test_an_exception_in_the_cost_comes_back() -> None:
+def test_an_exception_in_the_cost_passes_unchanged() -> None:
     def cost(table: al.SweepTable) -> Any:
         raise KeyError("mine")
 

@@ -45,7 +45,7 @@ SHORT = "word " * 24 + "end."
         ("a.rs", f'let c = "    double q;\n    {LONG}";\nlet xml = "<a>{LONG}</a>";\nlet text = "{LONG}";\n', (1, 0)),
     ],
 )
-def test_faults_are_seen(name: str, text: str, expected: tuple[int, int], tmp_path: Path) -> None:
+def test_faults_are_detected(name: str, text: str, expected: tuple[int, int], tmp_path: Path) -> None:
     (tmp_path / name).write_text(text)
     assert tuple(map(len, WORDS.faults(tmp_path / name))) == expected
 

@@ -219,7 +219,7 @@ def test_a_thumb_reaches_every_page(browser: Browser, site: str) -> None:
         ("<script>throw new Error('no')</script>", "console"),
     ],
 )
-def test_faults_are_seen(browser: Browser, made: tuple[Path, str], body: str, kind: str) -> None:
+def test_faults_are_detected(browser: Browser, made: tuple[Path, str], body: str, kind: str) -> None:
     folder, address = made
     head = "<!doctype html><meta name=viewport content='width=device-width'><link rel=icon href='data:,'><title>made up</title>"
     (folder / "a.html").write_text(f"{head}<body style='background: #fff; color: #000'>{body}")

@@ -64,7 +64,7 @@ def test_sliders_change_the_run(lab: LabPage, drawn: Draw, visit: Go) -> None:
     until(lambda: np.isclose(float(model.values["gamma"]), 0.1), "a slider over powers of ten")
 
 
-def test_the_mouse_pulls_and_lets_go(lab: LabPage, drawn: Draw, visit: Go) -> None:
+def test_the_mouse_pulls_and_releases_a_link(lab: LabPage, drawn: Draw, visit: Go) -> None:
     seen, model = visit(drawn(lab.server, lab.frame)), lab.model
     seen.choose("system", "Elastic impedance, 2R")
     until(lambda: model.system.title.startswith("Elastic") and model.t > 1.0, "the elastic arm")

@@ -57,7 +57,7 @@ def test_rotors_that_the_law_does_not_know_are_counted() -> None:
     assert np.max(np.abs(run.monitors["lyapunov_balance"])) <= 1e-9
 
 
-def test_viscous_friction_alone_never_lets_the_function_rise() -> None:
+def test_with_viscous_friction_the_lyapunov_function_does_not_increase() -> None:
     arm = robot()
     run = al.simulate(al.RigidArm(arm, friction=True), made("viscous", arm), **START, t_end=3.0, **TIGHT)
     assert np.all(np.diff(run.monitors["lyapunov"]) <= 1e-12)

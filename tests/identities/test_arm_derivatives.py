@@ -117,7 +117,7 @@ def test_broadcasting_and_out() -> None:
             call(q, v, bad)
 
 
-def test_a_singular_mass_matrix_is_said() -> None:
+def test_a_singular_mass_matrix_is_refused() -> None:
     arm = al.pendulum(1.0, 1.0).with_parameters(np.zeros(10))
     with pytest.raises(al.InputError, match="not finite"):
         arm.linearize([0.0], [0.0], [1.0])

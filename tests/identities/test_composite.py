@@ -55,7 +55,7 @@ def test_the_filtered_dynamics_hold_and_the_balance_closes(name: str) -> None:
     assert np.ptp(value) > 0.05
 
 
-def test_the_function_falls_by_both_squares() -> None:
+def test_the_lyapunov_function_decreases_by_both_squares() -> None:
     """V1 decreases by the integral of s'Kd s + e_W'R e_W.
 
     Simpson's rule with 1 ms has the error 0.3^4/180, since s decays with 300 1/s at first.
@@ -150,13 +150,13 @@ def test_without_the_option_nothing_changes() -> None:
     assert runs[0].estimate is not None and runs[0].estimate.shape[1] == 20
 
 
-def test_the_figure_shows_the_estimate_alone() -> None:
+def test_the_figure_omits_the_filters() -> None:
     pytest.importorskip("matplotlib").use("Agg")
     arm = al.planar_pr(2.0, 0.5, 0.5)
     law = al.Adaptive(arm, al.Hold([0.5, 0.2]), 40.0, 20.0, 5.0, composite=1.0)
     run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=0.1, dt=1e-3)
     panels = [panel for panel in np.ravel(run.plot()) if panel.get_title(loc="left") == "Parameter estimates"]
-    # Three panels of estimates, and the panels that a run without the option has.
+    # The panel of estimates has as many curves as the panel of a law without the option.
     law = al.Adaptive(arm, al.Hold([0.5, 0.2]), 40.0, 20.0, 5.0)
     run = al.simulate(al.RigidArm(arm), law, [0.0, 0.0], t_end=0.1, dt=1e-3)
     plain = [panel for panel in np.ravel(run.plot()) if panel.get_title(loc="left") == "Parameter estimates"]

@@ -73,7 +73,7 @@ def test_the_samples_hold_and_the_balance_closes(name: str) -> None:
     assert np.ptp(value) > 0.05
 
 
-def test_the_function_falls_by_both_sums() -> None:
+def test_the_lyapunov_function_decreases_by_both_sums() -> None:
     """V1 decreases by the integral of s'Kd s + sum e'R e.
 
     Simpson's rule with 1 ms has the error 0.3^4/180, since s decays with 300 1/s at first.

@@ -65,7 +65,7 @@ def test_limits_hold_at_every_time(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in ARMS if name != "1R"])
-def test_it_shows_more_than_random_sines(name: str) -> None:
+def test_deviations_are_smaller_than_with_random_sines(name: str) -> None:
     """The geometric mean of the deviations is at most half of that of one random sine per joint (median of 20)."""
     arm = ARMS[name]
     of = problem(arm, LIMITS)

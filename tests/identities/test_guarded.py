@@ -112,7 +112,7 @@ def test_stop_holds_the_position_at_contact() -> None:
     assert np.abs(run.v[-1]).max() < 1e-6
 
 
-def test_float_compensates_gravity_alone() -> None:
+def test_float_compensates_only_gravity() -> None:
     arm = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], gravity=[0.0, -9.81])
     law = al.Guarded(held(arm), al.MomentumObserver(arm, 50.0, threshold=1.0), "float")
     run = al.simulate(al.RigidArm(arm), law, [0.2, 0.3], t_end=0.6, dt=2.5e-4, sample_time=1e-3, record_every=4, **PUSH)
@@ -238,7 +238,7 @@ def test_the_touched_link_of_a_tree() -> None:
         assert loaded[run.touched[-1]]
 
 
-def test_files_and_copies_keep_what_was_seen(tmp_path: Path) -> None:
+def test_files_and_copies_keep_residual_and_contact(tmp_path: Path) -> None:
     law = guarded(**STOP)
     run = al.simulate(al.RigidArm(TWO), law, TARGET, t_end=0.3, sample_time=1e-3, **PUSH)
     run.save(tmp_path / "run.npz")
@@ -255,7 +255,7 @@ def test_files_and_copies_keep_what_was_seen(tmp_path: Path) -> None:
     assert run.plot().size > 0
 
 
-def test_what_a_law_is_asked() -> None:
+def test_calls_and_terms_of_a_guarded_law() -> None:
     law = guarded(**STOP)
     np.testing.assert_allclose(law(0.0, [0.2, 0.1], [0.3, -0.2]), law.law(0.0, [0.2, 0.1], [0.3, -0.2]), atol=1e-12)
     assert law.terms(0.0, [0.2, 0.1], [0.3, -0.2])["reacting"] == 0.0

@@ -198,7 +198,7 @@ def test_deviations_are_those_of_repeated_records() -> None:
     np.testing.assert_allclose(found[0].residuals, noise, rtol=0.4)
 
 
-def test_a_poor_record_says_what_it_does_not_show() -> None:
+def test_a_poor_record_names_undetermined_parameters() -> None:
     arm = ARMS["six_axis"]
     q = np.zeros((300, arm.n))
     q[:, 1] = np.linspace(-1.0, 1.0, 300)

@@ -148,7 +148,7 @@ def test_a_law_in_python_is_the_law() -> None:
     np.testing.assert_allclose(native.q, python.q, rtol=0.0, atol=1e-14)
 
 
-def test_what_a_law_in_python_raises_comes_back() -> None:
+def test_an_exception_of_a_python_law_passes_unchanged() -> None:
     def broken(t: float, q: Array, v: Array) -> Array:
         raise KeyError("no such gain")
 
@@ -181,7 +181,7 @@ def test_steps_by_hand_are_the_run(method: str) -> None:
     np.testing.assert_allclose(by_hand.q, held.q[-1], rtol=0.0, atol=1e-14)
 
 
-def test_a_simulator_says_what_it_lacks() -> None:
+def test_missing_arguments_of_a_simulator_are_named() -> None:
     with pytest.raises(al.InputError, match="dt is missing"):
         al.Simulator(PLANT, None, [0.0, 0.0])
     with pytest.raises(al.InputError, match="method chooses its own steps"):
@@ -258,7 +258,7 @@ def test_walls_push_and_never_pull() -> None:
     assert np.max(np.abs(result.monitors["energy_balance"])) < 1e-5
 
 
-def test_friction_acts_where_it_is_asked_for() -> None:
+def test_friction_acts_only_if_the_plant_has_it() -> None:
     arm = al.load_urdf(al.example_urdf("six_axis"))
     assert np.any(arm.limits["damping"] > 0)
     q, v, tau = np.full(6, 0.3), np.linspace(0.5, 1.0, 6), np.ones(6)

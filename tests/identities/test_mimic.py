@@ -14,7 +14,7 @@ ARM = al.load_urdf(GRIPPER)
 Q0, V0 = [0.1, 0.2, 0.0], [0.5, -0.4, 0.6]
 
 
-def test_energy_is_kept_and_friction_takes_it() -> None:
+def test_energy_is_conserved_and_friction_dissipates_it() -> None:
     """`E(t) - E(0)` equals the work of input and friction. Without both it is zero, up to the error of the method."""
     law = al.PDGravity(ARM, Q0, 30.0, 4.0)
     for plant in (al.RigidArm(ARM), al.RigidArm(ARM, friction=True)):
@@ -118,7 +118,7 @@ def test_a_timed_path_keeps_the_limits_of_all_joints() -> None:
     assert (np.abs(rates) <= free.limits["v_max"] * (1.0 + 1e-6)).all()
 
 
-def test_a_touch_of_a_finger_is_seen_at_its_coordinate() -> None:
+def test_a_contact_of_a_finger_is_reported_at_its_coordinate() -> None:
     """A force on a knuckle is reported at the coordinate of the gripper, the outermost coordinate."""
     observer = al.MomentumObserver(ARM, 50.0, threshold=0.5)
     q, v = np.array(Q0), np.zeros(3)

@@ -71,7 +71,7 @@ def test_the_null_motion_comes_to_rest_and_the_tip_stays(name: str, axes: str) -
 
 @pytest.mark.parametrize("projection", ["consistent", "static"])
 @pytest.mark.parametrize("name", ARMS)
-def test_what_moves_the_tip_is_what_the_equation_says(name: str, projection: Any) -> None:
+def test_the_tip_acceleration_follows_the_equation(name: str, projection: Any) -> None:
     """`x'' = J M^-1 (J' F + N' tau_0 - C v) + J_dot v`: without compensated coupling `x'' = L^-1 F - (J M^-1 C v - J_dot v)`."""
     arm, frame = ARMS[name]
     posture = al.NullSpace(POSTURE.q_d, 30.0, 12.0, projection=projection)

@@ -80,7 +80,7 @@ def test_a_wrench_at_the_tip_is_found() -> None:
     np.testing.assert_allclose(observer.unexplained(q, frame, eps=1e-9), 0.0, atol=1e-9)
 
 
-def test_the_motors_of_elastic_joints_tell_their_friction() -> None:
+def test_the_residual_of_motors_is_their_friction() -> None:
     arm, stiffness, inertia = TWO, np.array([800.0, 600.0]), np.array([0.4, 0.3])
     plant = al.ElasticArm(arm, stiffness, inertia, motor_friction=[1.5, 0.8])
     sim = al.Simulator(plant, al.MotorPD(arm, [0.5, 0.2], 300.0, 40.0, stiffness), [0.0, 0.0], dt=2e-4, sample_time=2e-4)
@@ -114,7 +114,7 @@ def test_friction_of_the_model_is_taken_off() -> None:
     np.testing.assert_allclose(found[1], [-0.96], atol=1e-8)
 
 
-def test_the_touched_link_is_told() -> None:
+def test_the_touched_link_is_reported() -> None:
     """A force on link k loads only the joints up to k. On a tree with two arms, the touched link is on the correct arm."""
     q = np.full(TREE.n, 0.3)
     observer = al.MomentumObserver(TREE, 100.0, threshold=1e-3)
@@ -146,7 +146,7 @@ def test_rows_are_arms_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("back", [lambda x: pickle.loads(pickle.dumps(x)), copy.copy, copy.deepcopy])
-def test_a_copy_goes_on_where_the_observer_was(back: Any) -> None:
+def test_a_copy_continues_from_the_state_of_the_observer(back: Any) -> None:
     rng = np.random.default_rng(9)
     observer = al.MomentumObserver(TWO, [30.0, 40.0], friction=True)
     observer.calibrate(rng.normal(size=(10, 2)))

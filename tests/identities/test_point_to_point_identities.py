@@ -49,7 +49,7 @@ def test_closed_forms() -> None:
     assert al.point_to_point([0.0, 0.0], [1.0, -0.1], 1.0, 2.0, 10.0).duration == pytest.approx(alone, rel=1e-9)
 
 
-def test_no_way() -> None:
+def test_start_and_goal_are_equal() -> None:
     p = al.point_to_point([1.0, 2.0], [1.0, 2.0], 1.0, 1.0, 1.0)
     assert p.feasible and p.duration == 0.0
     np.testing.assert_array_equal(p(3.0), [[1.0, 2.0], [0.0, 0.0], [0.0, 0.0]])

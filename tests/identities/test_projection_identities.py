@@ -123,7 +123,7 @@ def test_rows_of_a_batch_are_the_single_runs() -> None:
         assert np.min(shares(batch.estimate[i], least[i])) > 0.5
 
 
-def test_every_kind_of_method_takes_it() -> None:
+def test_every_kind_of_method_integrates_the_projection() -> None:
     """The rate is Lipschitz-continuous, so adaptive, implicit (exact Jacobians by dual numbers) and sampled loops can integrate it."""
     arm = chain(np.random.default_rng(34), 2)
     least = SHARE * arm.parameters
@@ -156,7 +156,7 @@ def test_the_planar_pr_stays_positive_definite() -> None:
     assert np.max(np.abs(run.q[-1] - motion(20.0)[0])) < 1e-2
 
 
-def test_what_is_refused_and_what_is_kept() -> None:
+def test_invalid_projections_are_refused_and_valid_ones_stored() -> None:
     arm = chain(np.random.default_rng(35), 2)
 
     def law(projection: Any, **more: Any) -> al.Adaptive:

@@ -58,7 +58,7 @@ def test_a_pose_and_a_wrench_at_another_frame() -> None:
         holds(run)
 
 
-def test_the_monitors_are_what_they_say() -> None:
+def test_the_monitors_equal_their_definitions() -> None:
     """The monitors equal the equation with `S_x = J^-T C J^-1 - M_x J-dot J^-1`, `J` square, and `x''` from the plant's acceleration."""
     K_m, D_m, x_d, F = np.array([300.0, 200.0]), np.array([40.0, 30.0]), np.array([0.6, 0.4]), np.array([10.0, -15.0])
     law = al.CartesianImpedance(PLANAR, x_d, K_m, D_m, frame="link2", axes="xy")
@@ -77,7 +77,7 @@ def test_the_monitors_are_what_they_say() -> None:
         assert np.abs(terms[:4].sum(axis=0) - F).max() < 1e-11
 
 
-def test_a_wrong_model_shows() -> None:
+def test_a_wrong_model_gives_a_residual() -> None:
     """The law compensates the gravity of a lighter arm. So the residual of the target model is the missing force."""
     lighter = PLANAR.with_parameters(0.9 * PLANAR.parameters)
     law = al.CartesianImpedance(lighter, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy")
@@ -100,7 +100,7 @@ def test_more_rows_than_joints_have_no_model() -> None:
     assert not run.monitors["target"].any() and not run.monitors["target_balance"].any()
 
 
-def test_the_monitors_are_there_where_theory_promises_them() -> None:
+def test_runs_have_the_monitors_if_the_theory_is_valid() -> None:
     law = al.CartesianImpedance(PLANAR, [0.6, 0.4], 300.0, 40.0, frame="link2", axes="xy")
     wall = al.Wall("link2", point=[0.75, 0.0, 0.0], normal=[-1.0, 0.0, 0.0], stiffness=1e4, damping=50.0)
     plain = al.RigidArm(PLANAR)
@@ -171,7 +171,7 @@ def test_options_of_redundant_arms_keep_a_target_model(options: str, axes: str) 
             holds(run)
 
 
-def test_what_the_model_has_of_the_options() -> None:
+def test_terms_of_the_options_in_the_model() -> None:
     """The model is checked at one time with the law's terms and with `x''` from the acceleration of the plant."""
     for options in OPTIONS.values():
         law = redundant("xyz", options, moves=True)

@@ -155,7 +155,7 @@ def beyond(p: al.TimedPath, checker: Any, tau_max: np.ndarray, viscous: Any = 0.
     return timing.excess(tau, tau_max, rounding)
 
 
-def test_peaks_beside_grid_points_are_seen() -> None:
+def test_peaks_near_grid_points_are_detected() -> None:
     """Two difficult torques near grid points.
 
     One has its maximum 1 % of a segment before its end, where its curvature is large. The other has friction proportional to the square

@@ -126,7 +126,7 @@ def test_torque_rate_on_seven_axes() -> None:
     np.testing.assert_array_equal(again(0.3 * p.duration), p(0.3 * p.duration))
 
 
-def test_what_torque_rate_refuses() -> None:
+def test_options_that_torque_rate_excludes_are_refused() -> None:
     q = [[0.0, 0.0], [0.5, 0.2], [0.7, -0.3]]
     for other in ({"stops": [1]}, {"start_speed": 0.1}, {"end_speed": 0.1}):
         with pytest.raises(al.InputError, match="torque_rate is not offered here"):

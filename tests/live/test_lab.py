@@ -77,7 +77,7 @@ def test_a_lab_is_the_loop_itself() -> None:
 
 
 @pytest.mark.parametrize("k", range(8))
-def test_a_change_goes_on_from_the_state(k: int) -> None:
+def test_a_change_continues_from_the_state(k: int) -> None:
     """A loop that restarts in every frame, as under a pull, ends in the same state as a loop that never restarts."""
     free, touched = Lab([systems()[k]]), Lab([systems()[k]])
     for _ in range(150):
@@ -144,7 +144,7 @@ def test_divergence_is_a_state() -> None:
     assert lab.t > 0.4 and lab.message == ""
 
 
-def test_what_is_refused_leaves_the_loop_running() -> None:
+def test_a_refused_value_does_not_stop_the_loop() -> None:
     class Refusing(Elastic):
         def loop(self, values, targets, force, state):  # type: ignore[no-untyped-def]
             if values["stiffness"] > 500.0:
@@ -199,7 +199,7 @@ def test_pull_and_rest_of_the_elastic_arm() -> None:
     assert np.abs(tip(lab) - lab.targets["x_d"]).max() < 1e-7
 
 
-def test_a_pull_beside_the_frame_has_a_moment() -> None:
+def test_a_pull_away_from_the_frame_has_a_moment() -> None:
     """A pull at a point of the last link acts through the Jacobian of that point, not of the tip."""
     lab = Lab([Robot(al.example_urdf("planar_2r"), "planar_2r")])
     run(lab, 1.0)
@@ -286,7 +286,7 @@ def test_adaptive_learns_its_payload() -> None:
     assert wanted is not None and np.abs(tip(lab) - wanted).max() < 1e-3 and abs(wanted[0] - 0.5) < 1e-12
 
 
-def test_minimum_time_arrives_when_it_says() -> None:
+def test_minimum_time_arrives_at_the_planned_time() -> None:
     lab = Lab([MinimumTime()])
     optimum = al.torque_optimal_time(-np.pi / 2, np.pi / 2, TOTAL, MOMENT, 4.0)
     lab.advance()

@@ -78,7 +78,7 @@ def test_the_observer_feels_a_push() -> None:
     assert 1.0 <= touched_link <= 3.0
 
 
-def test_the_observer_takes_a_payload_for_a_push() -> None:
+def test_the_observer_reports_a_payload_as_a_push() -> None:
     lab = Lab([Observer()])
     lab.set("payload", 1.0)
     run(lab, 4.0)

@@ -52,7 +52,7 @@ def test_the_bristles_stay_bent_when_a_slider_moves() -> None:
     np.testing.assert_allclose(lab.q, at_rest, atol=2e-6)
 
 
-def test_the_integral_goes_on_when_a_slider_moves() -> None:
+def test_the_integral_continues_when_a_slider_moves() -> None:
     lab = Lab([Stiction()])
     lab.set("friction", "none")
     lab.set("ki", 30.0)

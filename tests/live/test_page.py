@@ -142,7 +142,7 @@ def test_the_tip_is_shown_first(server: Any) -> None:
     assert Robot(source, "r").frame == "tip"
 
 
-def test_names_are_names(server: Any) -> None:
+def test_a_slash_in_a_name_does_not_nest_links(server: Any) -> None:
     """A slash in a link name does not nest one node of the scene inside another."""
     source = al.example_urdf("planar_2r").replace('"link', '"base/link')
     page = ViewPage(server, al.load_urdf(source), source, "slashes")
@@ -269,7 +269,7 @@ def test_pages_of_other_sites_are_refused(server: Any) -> None:
     assert plain_server.serve.__module__ == "websockets.asyncio.server"
 
 
-def test_a_server_that_lets_strangers_in_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_server_that_accepts_other_sites_prints_a_warning(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A server that accepts pages of other sites prints a warning, as after a change in the way viser starts its server."""
     monkeypatch.setattr("armlet.live.server.own_pages_only", lambda host: nullcontext())
     open_page = open_server("view", "127.0.0.1", 0)

@@ -75,7 +75,7 @@ def test_plain_links_stand_for_the_rest(visual: str) -> None:
     assert shapes[0].size[1] == pytest.approx(0.4) and shapes[0].pose[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
 
 
-def test_what_it_collides_with_comes_second() -> None:
+def test_collision_shapes_are_used_if_visuals_are_missing() -> None:
     ball, mesh = '<sphere radius="0.07"/>', '<mesh filename="none.stl"/>'
     both = "<visual><geometry>{}</geometry></visual><collision><geometry>{}</geometry></collision>"
     (shape,) = of_arm(robot(both.format(mesh, ball)))

@@ -86,7 +86,7 @@ def without(name: str, groups: dict[str, list[str]]) -> dict[str, list[str]]:
         (changed("missing", lambda m: m | {"at_most": m["at_most"] + 1}), "missing: at_most is"),
     ],
 )
-def test_a_fault_of_the_table_is_seen(table: dict[str, Any], fault: str) -> None:
+def test_a_fault_of_the_table_is_detected(table: dict[str, Any], fault: str) -> None:
     assert any(found.startswith(fault) for found in faults(table, public()))
 
 

@@ -62,7 +62,7 @@ def test_the_limit_of_the_sampled_loop(ratio: float, part: float) -> None:
     assert settled == (part < 1.0)
 
 
-def test_what_it_says() -> None:
+def test_text_and_attributes() -> None:
     arm = al.planar_arm([0.5, 0.4])
     g = al.suggest_gains(arm, 20.0)
     assert g.limit is g.computed_torque_limit is g.sample_time is None

@@ -157,7 +157,7 @@ def test_bad_input() -> None:
         formulas.function("C")([0.0, 0.0], [0.0, 0.0, 0.0])
 
 
-def test_without_sympy_it_says_what_to_install() -> None:
+def test_without_sympy_the_error_names_the_package() -> None:
     code = """
 import sys
 sys.modules["sympy"] = None

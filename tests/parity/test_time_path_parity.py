@@ -128,7 +128,7 @@ def test_position_limits() -> None:
     assert ours == pytest.approx(theirs, rel=5e-4)
 
 
-def test_what_the_arm_cannot_hold_is_refused() -> None:
+def test_paths_that_the_arm_cannot_hold_are_infeasible() -> None:
     arms = al.planar_arm([0.5, 0.4]), reference.planar_arm([0.5, 0.4])
     path = [[-np.pi / 2, 0.0], [np.pi / 4, 0.0]]
     assert not al.time_path(arms[0], path, tau_max=[2.0, 8.0]).feasible

@@ -131,7 +131,7 @@ class TestMuJoCo:
     def model(self, constraints: str) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_string(GRIPPER.format(constraints))
 
-    def test_constraints_of_joints_join_them(self) -> None:
+    def test_linear_constraints_join_two_joints(self) -> None:
         model = self.model(TIED)
         arm = al.from_mujoco(model)
         assert arm.joint_names == ("turn", "left", "other") and "constraints between joints are rigid here; MuJoCo's are soft" in arm.report
@@ -148,7 +148,7 @@ class TestMuJoCo:
         mujoco.mj_forward(model, data)
         assert float(np.abs(data.efc_pos[: data.ne] - np.array([-0.01, 0.0])).max()) < 1e-12
 
-    def test_they_stay_apart_on_request(self) -> None:
+    def test_joints_stay_independent_on_request(self) -> None:
         model = self.model(TIED)
         arm = al.from_mujoco(model, mimic="independent")
         assert arm.n == 5 and "equality constraints dropped (2)" in arm.report
@@ -166,6 +166,6 @@ class TestMuJoCo:
             ('<weld body1="one" body2="two"/>', 5, 1),
         ],
     )
-    def test_what_is_not_linear_or_not_active_is_dropped(self, constraints: str, n: int, dropped: int) -> None:
+    def test_nonlinear_and_inactive_constraints_are_dropped(self, constraints: str, n: int, dropped: int) -> None:
         arm = al.from_mujoco(self.model(constraints))
         assert arm.n == n and f"equality constraints dropped ({dropped})" in arm.report

@@ -89,7 +89,7 @@ def test_urdfs_read_by_both(name: str) -> None:
     assert al.verify(al.from_mujoco(model), against=model, samples=3)
 
 
-def test_what_is_not_an_arm() -> None:
+def test_models_that_are_not_arms_are_refused() -> None:
     free = '<mujoco><worldbody><body name="b"><freejoint name="root"/><geom type="sphere" size="1"/></body></worldbody></mujoco>'
     with pytest.raises(al.InputError, match=r"expected hinge or slide, got free \(joint root\)"):
         al.from_mujoco(mujoco.MjModel.from_xml_string(free))
@@ -155,7 +155,7 @@ def test_defaults_of_classes_are_read() -> None:
     np.testing.assert_array_equal(arm.limits["q_max"], [1.0, np.inf])
 
 
-def test_what_is_dropped_is_told() -> None:
+def test_dropped_parts_are_reported() -> None:
     joints = '<joint joint="a" coef="1"/><joint joint="b" coef="-1"/>'
     for given, said in (
         ({"option": '<option density="1000"/>'}, "fluid forces dropped (1)"),
@@ -179,7 +179,7 @@ def test_a_world_without_joints_is_compared() -> None:
     np.testing.assert_array_equal(arm.position([], "b"), [1.0, 2.0, 3.0])
 
 
-def test_what_is_written_is_read_by_others() -> None:
+def test_mujoco_reads_the_written_urdf() -> None:
     """MuJoCo reads a URDF from `to_urdf` and ignores the extra attributes, which store exact parameters."""
     arm = al.load_urdf(al.example_urdf("six_axis")).with_frame("tool", "link6", rpy=[0.3, 0.4, 0.5])
     text = arm.with_payload("tool", 1.0, [0.1, 0.2, 0.3]).to_urdf()[0]

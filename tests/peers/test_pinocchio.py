@@ -186,7 +186,7 @@ def test_from_pinocchio_and_verify(pair: tuple[al.Arm, Peer]) -> None:
     assert all(row.agrees for row in report.rows if row.quantity in ("pose", "jacobian"))
 
 
-def test_conventions_are_told() -> None:
+def test_differences_of_convention_are_listed() -> None:
     text = str(path("baxter"))
     report = al.verify(al.load_urdf(text), against=pin.buildModelFromUrdf(text), samples=1)
     assert any("joint order" in line for line in report.conventions) and any("damping" in line for line in report.conventions)
@@ -198,7 +198,7 @@ def test_conventions_are_told() -> None:
     assert {row.quantity for row in report.rows if not row.agrees} == {"gravity", "inverse_dynamics", "gravity vector", "forward_dynamics"}
 
 
-def test_joints_that_are_held_and_joints_that_are_missing() -> None:
+def test_locked_joints_and_missing_joints() -> None:
     text = str(path("panda"))
     arm, model = al.load_urdf(text), pin.buildModelFromUrdf(text)
     fingers = {name: 0.0 for name in arm.joint_names if "finger" in name}
@@ -245,7 +245,7 @@ def made_of(*joints: Any) -> Any:
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_models_of_one_joint_and_of_none(count: int) -> None:
+def test_models_with_one_joint_and_without_joints(count: int) -> None:
     model = made_of(*[pin.JointModelRY()] * count)
     arm = al.from_pinocchio(model)
     report = al.verify(arm, against=model)
@@ -268,7 +268,7 @@ def test_a_joint_inside_another_keeps_its_place() -> None:
             al.from_pinocchio(made_of(pin.JointModelRZ(), joint))
 
 
-def test_a_turning_base_is_told() -> None:
+def test_angular_gravity_is_reported() -> None:
     model = made_of(pin.JointModelRX(), pin.JointModelRY())
     model.gravity = pin.Motion(np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.0, 0.0]))
     arm = al.from_pinocchio(model)
@@ -277,7 +277,7 @@ def test_a_turning_base_is_told() -> None:
 
 
 @pytest.mark.parametrize("name", ["six_axis", "two_arms"])
-def test_what_is_written_is_read_by_others(name: str) -> None:
+def test_pinocchio_reads_the_written_urdf(name: str) -> None:
     """Pinocchio reads a URDF from `to_urdf` and ignores the extra attributes, which store exact parameters."""
     arm = al.load_urdf(al.example_urdf(name))
     frame = arm.frame_names[-1]

@@ -65,7 +65,7 @@ def test_regressor_vectors(case: dict[str, Any]) -> None:
         np.testing.assert_allclose(value, floats(expected[key]), rtol=tolerance["rel"], atol=tolerance["abs"], err_msg=key)
 
 
-def test_vectors_tell_the_factorisations_apart() -> None:
+def test_vectors_distinguish_the_factorisations() -> None:
     apart = [np.abs(floats(c["expected"]["tau"]) - floats(c["expected"]["tau_non_christoffel_admissible"])).max() for c in STATIC]
     assert max(apart) > 1e-3
 

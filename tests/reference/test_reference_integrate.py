@@ -76,7 +76,7 @@ def test_evaluation_times_do_not_move_the_answer() -> None:
     assert np.array_equal(dense[0], exact(0.0))
 
 
-def test_what_cannot_go_on_ends_with_the_time() -> None:
+def test_a_run_that_cannot_continue_ends_with_the_time() -> None:
     with pytest.raises(integrate.IntegrationError, match="finite") as caught:
         integrate.gbs(lambda t, y: np.array([np.nan]), 0.0, np.zeros(1), [1.0])
     assert caught.value.t == 0.0

@@ -38,7 +38,7 @@ def test_a_sampled_loop_holds_its_input(method: str) -> None:
     assert np.abs(free["q"][-1] - by_hand[-1, :2]).max() > 1e-3
 
 
-def test_a_sampled_estimate_is_held_too() -> None:
+def test_a_sampled_estimate_has_a_constant_rate() -> None:
     arm = ref.planar_pr(2.0, 0.5, 0.5)
     law = ref.Adaptive(arm, ref.Quintic([0.0, 0.0], [1.0, 1.5], 3.0), [40.0, 20.0], [20.0, 10.0], 5.0)
     run = ref.simulate(ref.RigidArm(arm), law, [0.1, 0.0], t_end=0.04, dt=0.01, sample_time=0.02)
