@@ -38,11 +38,11 @@ print(samples)
 laws = {
     "friction not estimated": {},
     "friction estimated": viscous,
-    "and sigma = 0.01": {**viscous, "leakage": 0.01},
-    "and e-modification, 0.01": {**viscous, "leakage": 0.01, "leakage_form": "e"},
-    "and a dead zone of 0.02 rad/s": {**viscous, "dead_zone": 0.02},
-    "and composite, R = 2": {**viscous, "composite": 2.0, "composite_rate": 2.0},
-    "and concurrent learning, R = 1": {**viscous, "concurrent": samples, "concurrent_weight": 1.0},
+    "friction + leakage 0.01": {**viscous, "leakage": 0.01},
+    "friction + e-modification 0.01": {**viscous, "leakage": 0.01, "leakage_form": "e"},
+    "friction + dead zone 0.02 rad/s": {**viscous, "dead_zone": 0.02},
+    "friction + composite, R = 2": {**viscous, "composite": 2.0, "composite_rate": 2.0},
+    "friction + concurrent, R = 1": {**viscous, "concurrent": samples, "concurrent_weight": 1.0},
 }
 t_end = 40.0  # s
 
@@ -90,9 +90,9 @@ if len(sys.argv) > 1:
         for name, width in zip(laws, (1.2, 5.0, 1.2, 3.4, 2.0, 1.0, 1.2), strict=True):
             t, _, wrong = curves[name, motion_name]
             ax.semilogy(t, wrong, linewidth=width, solid_capstyle="butt", label=name)
-        ax.set_title(motion_name)
-        ax.set_xlabel("t (s)")
+        ax.set_title(f"motion: {motion_name}")
+        ax.set_xlabel("time (s)")
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel("error of the parameters (SI)")
+    axes[0].set_ylabel("norm of the parameter error (SI)")
     axes[1].legend(fontsize=8, loc="center right")
     figure.savefig(sys.argv[1], dpi=150)

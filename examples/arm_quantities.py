@@ -48,9 +48,9 @@ if len(sys.argv) > 1:
         drawn.plot(*(points[-1][:, None] + 0.25 * J[i] @ circle), color=colour, linewidth=1.0)
         weight.plot(np.degrees(phi), 1.0 / np.einsum("ik,ij,jk->k", circle, mobility[i], circle), color=colour, label=f"pose {i + 1}")
     drawn.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    drawn.set_title("Ellipses: tip velocities for joint rates of length 1, times 0.25 s", loc="left", fontsize=9)
-    weight.set(xlabel="direction of the push (deg)", ylabel="mass felt at the tip (kg)", xticks=np.arange(0, 361, 60), yscale="log")
-    weight.set_title("How heavy the tip feels", loc="left", fontsize=9)
+    drawn.set_title("Ellipses: tip velocities for $|v| = 1$ rad/s, times 0.25 s", loc="left", fontsize=9)
+    weight.set(xlabel="direction of the push (deg)", ylabel="effective mass at the tip (kg)", xticks=np.arange(0, 361, 60), yscale="log")
+    weight.set_title("Effective mass of the tip by direction", loc="left", fontsize=9)
     for ax in (drawn, weight):
         ax.grid(alpha=0.3)
         ax.legend(fontsize=8)

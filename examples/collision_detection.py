@@ -93,7 +93,7 @@ if len(sys.argv) > 1:
     for (gain, rows), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73"), strict=True):
         found = rows[:, 1] > 0.0
         ax.plot(100 * rows[found, 1], 1e3 * rows[found, 2], "o-", color=colour, markersize=4, label=f"gain {gain:g} 1/s, median")
-        ax.plot(100 * rows[found, 1], 1e3 * rows[found, 3], "--", color=colour, linewidth=1.0, label=f"gain {gain:g} 1/s, 99 % of the runs")
+        ax.plot(100 * rows[found, 1], 1e3 * rows[found, 3], "--", color=colour, linewidth=1.0, label=f"gain {gain:g} 1/s, 99th percentile")
     ax.set(xscale="log", xlabel="runs with a false alarm within 50 ms (%)", ylabel="delay of detection (ms)")
     ax.grid(alpha=0.3)
     ax.legend(fontsize=8)

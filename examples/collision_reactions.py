@@ -70,7 +70,7 @@ if len(sys.argv) > 1:
         axes[1, 0].axhline(height * observer.threshold[1], color="k", linestyle=":", linewidth=0.8, label=label)
     labels = ("force of the wall (N)", "tip beyond the wall (m)", "residual of joint 2 (N m)", "norm of the torque (N m)")
     for ax, label in zip(axes.flat, labels, strict=True):
-        ax.set(xlabel="t (s)", ylabel=label, xlim=(0.6, 1.4))
+        ax.set(xlabel="time (s)", ylabel=label, xlim=(0.6, 1.4))
         ax.grid(alpha=0.3)
     axes[0, 1].set_ylim(-0.13, 0.02)  # the start of the motion is left of the figure
     axes[0, 0].legend(fontsize=8)

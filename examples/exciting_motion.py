@@ -46,13 +46,13 @@ if len(sys.argv) > 1:
     one = t < duration
     for k, name in enumerate(drawn.joint_names):
         joints.plot(t[one], q[one, k], linewidth=1.2, label=name)
-    joints.set(xlabel="time (s)", ylabel="joint position (rad)", title="one period")
+    joints.set(xlabel="time (s)", ylabel="joint position (rad)", title="Exciting motion: one period")
     order = np.argsort(-np.abs(guess - true))
     k = np.arange(order.size)
-    values.plot(k, np.abs(guess - true)[order], "s", color="#D55E00", markersize=4, label="as drawn")
+    values.plot(k, np.abs(guess - true)[order], "s", color="#D55E00", markersize=4, label="nominal")
     values.plot(k, np.abs(found.values - true)[order], "o", color="#0072B2", markersize=4, label="identified")
     values.plot(k, found.deviations[order], color="0.4", drawstyle="steps-mid", linewidth=1.0, label="standard deviation")
-    values.set(yscale="log", xlabel="base parameter", ylabel="distance from the true value (SI)", title="twenty periods")
+    values.set(yscale="log", xlabel="base parameter, by nominal error", ylabel="error (SI)", title="Parameters after twenty periods")
     joints.legend(fontsize=8, ncols=6, loc="upper center", bbox_to_anchor=(0.5, -0.14), handlelength=1.0, columnspacing=1.0)
     values.legend(fontsize=8)
     for ax in (joints, values):

@@ -42,13 +42,13 @@ if len(sys.argv) > 1:
     figure = plt.figure(figsize=(9.0, 3.6), layout="constrained")
     errors, descent = figure.subplots(1, 2)
     before = al.simulate(plant, law(np.log([8.0, 6.0, 6.0, 4.0])), q0, t_end=2.0, dt=2e-3)
-    for each, label, style in ((before, "first gains", ":"), (run, "last gains", "-")):
+    for each, label, style in ((before, "initial gains", ":"), (run, "final gains", "-")):
         for k in range(2):
             color = ("#0072B2", "#D55E00")[k]
             errors.plot(each.t, target[k] - each.q[:, k], style, color=color, linewidth=1.4, label=f"joint {k + 1}, {label}")
-    errors.set(xlabel="time (s)", ylabel="error (rad)", title="error of the joints")
+    errors.set(xlabel="time (s)", ylabel="error (rad)", title="Joint errors before and after the search")
     descent.plot(np.arange(len(values)), values, "o-", color="#009E73", markersize=3)
-    descent.set(xlabel="iteration", ylabel="loss (rad\u00b2)", title="descent along the gradient")
+    descent.set(xlabel="iteration", ylabel="loss (rad\u00b2)", title="Gradient descent")
     errors.legend(fontsize=8)
     for ax in (errors, descent):
         ax.grid(alpha=0.3)

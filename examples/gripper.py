@@ -55,7 +55,7 @@ if len(sys.argv) > 1:
     figure, (angles, sides) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
     angles.plot(run.t, run.q[:, :2], label=arm.joint_names[:2])
     angles.set(xlabel="time (s)", ylabel="position (rad)", title="Arm")
-    sides.plot(run.t, 1e3 * fingers, label=["left", "right, which follows"])
+    sides.plot(run.t, 1e3 * fingers, label=["left", "right (mimic joint)"])
     sides.set(xlabel="time (s)", ylabel="position (mm)", title="Fingers")
     for axes in (angles, sides):
         axes.legend(frameon=False)

@@ -39,7 +39,7 @@ assert np.all(np.abs(found.values - true) < 4.5 * found.deviations)
 possible = drawn.with_parameters(drawn.project_parameters(found.arm.parameters))
 assert possible.check_parameters()
 residual = {}
-for name, arm in (("drawn", drawn), ("identified", found.arm), ("identified, possible", possible)):
+for name, arm in (("nominal", drawn), ("identified", found.arm), ("consistent", possible)):
     residual[name] = off = np.sqrt(np.mean((arm.inverse_dynamics(q, v, a) - tau) ** 2, axis=0))
     print(f"{name:>20}: torque off by " + ", ".join(f"{x:.2f}" for x in off) + " N m")
 
@@ -51,10 +51,10 @@ if len(sys.argv) > 1:
     order = np.argsort(-np.abs(true))
     guess = found.base.projection @ drawn.parameters
     k = np.arange(order.size)
-    values.plot(k, np.abs(guess - true)[order], "s", color="#D55E00", markersize=4, label="as drawn (zeros left out)")
+    values.plot(k, np.abs(guess - true)[order], "s", color="#D55E00", markersize=4, label="nominal (zeros not shown)")
     values.plot(k, np.abs(found.values - true)[order], "o", color="#0072B2", markersize=4, label="identified")
     values.plot(k, found.deviations[order], color="0.4", drawstyle="steps-mid", linewidth=1.0, label="standard deviation")
-    values.set(yscale="log", xlabel="base parameter, the largest first", ylabel="distance from the true value (SI)")
+    values.set(yscale="log", xlabel="base parameter, the largest first", ylabel="error of the parameter (SI)")
     for i, (name, off) in enumerate(residual.items()):
         style = {"color": ("#D55E00", "#0072B2", "#009E73")[i], "marker": "so^"[i], "markersize": 5, "linestyle": "none"}
         torques.plot(np.arange(1, 7) + 0.2 * (i - 1), off, label=name, **style)

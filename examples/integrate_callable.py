@@ -63,7 +63,7 @@ if len(sys.argv) > 1:
     for arc in arcs:
         at = np.linspace(arc.t[0], arc.ended, 100)
         ball.plot(at, arc.dense(at)[:, 0], color="#0072B2")
-    ball.plot(bounces, np.zeros(len(bounces)), "o", color="#D55E00", markersize=5, label="events")
+    ball.plot(bounces, np.zeros(len(bounces)), "o", color="#D55E00", markersize=5, label="located events")
     ball.set(xlabel="time (s)", ylabel="height (m)")
     ball.legend()
     for i, (scale, colour) in enumerate(((1.0, "#0072B2"), (1e4, "#D55E00"), (1.0, "#009E73"))):

@@ -65,9 +65,9 @@ if len(sys.argv) > 1:
         for k in range(2):
             color = ("#0072B2", "#D55E00")[k]
             left.plot(each.t, 1e3 * (each.q - desired)[:, k], styles[k], color=color, linewidth=1.4, label=f"joint {k + 1}, {label}")
-    left.set(xlabel="time (s)", ylabel="error (mrad)", title="error of the joints", ylim=(-125.0, 62.0))
+    left.set(xlabel="time (s)", ylabel="error (mrad)", title="Joint errors", ylim=(-125.0, 62.0))
     right.semilogy(np.arange(len(errors)), 1e3 * np.array(errors), "o-", color="#009E73", markersize=4)
-    right.set(xlabel="iteration", ylabel="rms error (mrad)", title="learning", xticks=range(len(errors)))
+    right.set(xlabel="iteration", ylabel="rms error (mrad)", title="Learning", xticks=range(len(errors)))
     left.legend(fontsize=8, loc="upper center", ncols=2)
     for ax in (left, right):
         ax.grid(alpha=0.3)

@@ -60,7 +60,7 @@ if len(sys.argv) > 1:
             evaluations, errors = np.array(points).T
             ax.loglog(evaluations, errors, line, marker=marker, markersize=4, color=colour, label=method)
     ax.set(xlabel="evaluations of the right-hand side", ylabel="largest error after 10 s (rad, rad/s)")
-    ax.set_title("A pendulum: fixed steps dashed, adaptive steps solid", loc="left", fontsize=10)
+    ax.set_title("Errors of eight methods for a pendulum (dashed: fixed steps)", loc="left", fontsize=10)
     ax.grid(alpha=0.3)
     ax.legend(fontsize=8, ncols=2)
     figure.savefig(sys.argv[1], dpi=150)

@@ -46,13 +46,13 @@ if len(sys.argv) > 1:
     fig, axes = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
     for i, color in enumerate(COLOURS[: arm.n]):
         axes[0].plot(times, runs["coupling compensated"].q[:, i], color=color, label=f"q{i + 1}")
-    axes[0].set(title="joints, coupling compensated", xlabel="time (s)", ylabel="angle (rad)")
+    axes[0].set(title="Joints (coupling compensated)", xlabel="time (s)", ylabel="angle (rad)")
     axes[0].legend(fontsize=8, ncols=4, loc="center", bbox_to_anchor=(0.5, 0.2))
     for name, color in zip(runs, COLOURS[:3], strict=True):
         axes[1].semilogy(times[1:], 1e3 * moved[name][1:], color=color, label=name)
         axes[2].semilogy(times[1:], kinetic[name][1:], color=color, label=name)
-    axes[1].set(title="distance of the tip from its target", xlabel="time (s)", ylabel="distance (mm)")
-    axes[2].set(title="kinetic energy", xlabel="time (s)", ylabel="energy (J)")
+    axes[1].set(title="Distance of the tip from its target", xlabel="time (s)", ylabel="distance (mm)")
+    axes[2].set(title="Kinetic energy", xlabel="time (s)", ylabel="energy (J)")
     for ax in axes[1:]:
         ax.legend(fontsize=8)
     fig.savefig(sys.argv[1], dpi=120)

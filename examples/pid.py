@@ -40,15 +40,15 @@ if len(sys.argv) > 1:
     fig, (above, below) = plt.subplots(2, 1, figsize=(7, 6), sharex=True, layout="constrained")
     for name, error in errors.items():
         above.semilogy(run.t, np.maximum(error, 1e-6), label=name)
-    above.set(title="error of the joint that is farthest off", ylabel="error (rad)")
+    above.set(title="Largest joint error", ylabel="error (rad)")
     above.legend()
     # The law subtracts its disturbance estimate. The torque of the tool has the opposite sign.
     terms = [law.terms(t, q, v, state=z) for t, q, v, z in zip(run.t, run.q, run.v, run.estimate, strict=True)]
     found = -np.array([each["disturbance"] for each in terms])
     weight = loaded.gravity(run.q) - arm.gravity(run.q)
     for joint, colour in enumerate(("C0", "C1")):
-        below.plot(run.t, weight[:, joint], color=colour, label=f"joint {joint + 1}: weight of the tool")
-        below.plot(run.t, found[:, joint], color=colour, linestyle="--", label=f"joint {joint + 1}: found")
-    below.set(title="torque of the tool", xlabel="time (s)", ylabel="torque (N m)")
+        below.plot(run.t, weight[:, joint], color=colour, label=f"joint {joint + 1}: gravity torque")
+        below.plot(run.t, found[:, joint], color=colour, linestyle="--", label=f"joint {joint + 1}: estimate of the observer")
+    below.set(title="Gravity torque of the unknown tool", xlabel="time (s)", ylabel="torque (N m)")
     below.legend(ncols=2)
     fig.savefig(sys.argv[1], dpi=120)

@@ -89,7 +89,7 @@ if len(sys.argv) > 1:
         ax.set(title=title, xlabel="q2 (rad)", ylabel="q4 (rad)")
     for method, run, color, line in zip(runs, runs.values(), COLOURS[:5], ("-", "-", "--", "-", ":"), strict=True):
         axes[1, 1].semilogy(run.t, np.linalg.norm(run.v, axis=1), line, color=color, label=method)
-    axes[1, 1].set(title="the five maps on one path", xlabel="time (s)", ylabel="joint speed |v| (rad/s)")
+    axes[1, 1].set(title="Joint speed of five methods along the path", xlabel="time (s)", ylabel="joint speed |v| (rad/s)")
     axes[1, 1].legend(loc="upper left", ncols=2, fontsize=8)
     axes[1, 1].set_ylim(top=1e5)
     fig.savefig(sys.argv[1], dpi=120)

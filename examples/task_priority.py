@@ -61,6 +61,6 @@ if len(sys.argv) > 1:
         # The line is thick, because the line of "sns" covers it.
         width = 4.0 if method == "chiaverini" else 1.5
         ax.semilogy(q4, np.linalg.norm(path.v, axis=1), line, color=color, linewidth=width, label=method)
-    ax.set(xlabel="q4 (rad)", ylabel="joint speed |v| (rad/s)", title="Five maps through an algorithmic singularity")
+    ax.set(xlabel="q4 (rad)", ylabel="joint speed |v| (rad/s)", title="Five methods near an algorithmic singularity")
     ax.legend()
     fig.savefig(sys.argv[1], dpi=150)

@@ -47,9 +47,9 @@ if len(sys.argv) > 1:
     for joint, color in enumerate(COLOURS[: arm.n]):
         above.plot(t, torque[:, joint], color=color, label=f"joint {joint + 1}")
         middle.plot(t, v[:, joint] / 2.2, color=color)
-    above.set(ylabel="torque over its limit")
+    above.set(ylabel="torque / torque limit")
     above.legend(ncols=4, fontsize=8, loc="lower center")
-    middle.set(ylabel="speed over its limit")
+    middle.set(ylabel="joint speed / limit")
     below.plot(p.t, p.s_dot, color=COLOURS[0])
     below.set(xlabel="time (s)", ylabel="path speed (1/s)", ylim=(0.0, None))
     for ax in (above, middle):

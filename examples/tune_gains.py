@@ -66,10 +66,10 @@ if len(sys.argv) > 1:
     tried = found.tried
     good = tried["cost"] < 10.0
     points = search.scatter(tried["law.kp[0]"][good], tried["law.kd[0]"][good], c=tried["cost"][good], s=6, cmap="viridis_r", vmax=3.0)
-    search.plot(tried["law.kp[0]"][~good], tried["law.kd[0]"][~good], "x", color="0.7", markersize=3, zorder=0, label="never settles")
-    search.plot(found.best["law.kp[0]"], found.best["law.kd[0]"], "*", color="#D55E00", markersize=14, label="best")
-    figure.colorbar(points, ax=search, label="worst cost of three masses (s)", extend="max")
+    search.plot(tried["law.kp[0]"][~good], tried["law.kd[0]"][~good], "x", color="0.7", markersize=3, zorder=0, label="no settling")
+    search.plot(found.best["law.kp[0]"], found.best["law.kd[0]"], "*", color="#D55E00", markersize=14, label="best candidate")
+    figure.colorbar(points, ax=search, label="largest cost of three payloads (s)", extend="max")
     search.set(xscale="log", yscale="log", xlabel="kp of joint 1 (N m/rad)", ylabel="kd of joint 1 (N m s/rad)")
-    search.set_title(f"{tried.rows} candidates", loc="left", fontsize=10)
+    search.set_title(f"Search: {tried.rows} candidates", loc="left", fontsize=10)
     search.legend(fontsize=7)
     figure.savefig(sys.argv[1], dpi=150)

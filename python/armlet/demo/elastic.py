@@ -325,7 +325,7 @@ def draw(
         path.axhline(X_D[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
     for stroke, name in (("--", "equilibrium $x_E$"), (":", "target $x_d$")):
         path.plot([], [], color="0.4", linestyle=stroke, linewidth=1.0, label=name)
-    path.set_title("The tip settles at $x_E = x_d + K_m^{-1} F$", loc="left", fontsize=10)
+    path.set_title("Tip position: converges to $x_E = x_d + K_m^{-1} F$", loc="left", fontsize=10)
     path.set_ylabel("tip position (m)")
     assert step.theta is not None and step.theta_dot is not None
     early = step.t <= 1.0
@@ -345,7 +345,7 @@ def draw(
     for k in range(2):
         torque.axhline((gravity + load)[k], color=COLOURS[k], linestyle=":", linewidth=1.0)
     torque.plot([], [], color="0.4", linestyle=":", linewidth=1.0, label="$J'F + g$, as in the exam")
-    torque.set_title("The joint torques settle at $g - J'F$, not at $J'F + g$ (erratum E10)", loc="left", fontsize=10)
+    torque.set_title("Joint torques: converge to $g - J'F$, not to $J'F + g$ (erratum E10)", loc="left", fontsize=10)
     torque.set_ylabel("torque (N m)")
     for k, (name, (times, q)) in enumerate(printed.items()):
         wrong.plot(
@@ -365,8 +365,8 @@ def draw(
     for k, (name, values) in enumerate(errors.items()):
         order.loglog(SHARES[: values.size], values, "o-", color=COLOURS[k], markersize=4, label=names[name])
     order.loglog(SHARES[-4:], 0.6 * errors["tied"][-1] * (SHARES[-4:] / SHARES[-1]) ** 0.5, color="0.5", linewidth=1.0, label="slope 1/2")
-    order.set_title("Deviation from rigid joints: falls with $B_0$ only if $D_0$ does (erratum E12)", loc="left", fontsize=10)
-    order.set_xlabel("reduced over true motor inertia, $B_0/B$")
+    order.set_title("Deviation from rigid joints: decreases with $B_0$ only if $D_0$ decreases (erratum E12)", loc="left", fontsize=10)
+    order.set_xlabel("reduced motor inertia / motor inertia, $B_0/B$")
     order.set_ylabel("largest deviation $|x - x_\\mathrm{rigid}|$ (m)")
     for ax in (path, torque, wrong):
         ax.set_xlabel("time (s)")

@@ -34,7 +34,7 @@ def pr_robot(ax: Any, q: tuple[float, float] = (0.9, 0.8), length: float = 0.7) 
     ax.set_ylim(-1.0, 0.5)
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
-    ax.set_title("The PR robot from above; the dot is the centre of mass of link 2", loc="left", fontsize=9)
+    ax.set_title("PR robot from above (dot: centre of mass of link 2)", loc="left", fontsize=9)
     ax.spines[["top", "right"]].set_visible(False)
 
 
@@ -68,8 +68,8 @@ def exam_figures(figure: Any, gravity_moment: float = 1.5) -> None:
                 ax.plot(times, values, color=COLOURS[k], linewidth=2.0, label=None if half else name)
     for limit in (-1.0, 1.0):
         torque.axhline(limit, color="0.4", linestyle="--", linewidth=1.0, label=r"$\pm\tau_{\max}$" if limit > 0 else None)
-    profile.set_title(f"Figure 2: the symmetric profile, T = {T:.3f} s", loc="left", fontsize=10)
-    torque.set_title(f"Figure 4: gravity opposes the inertial torque all the way, G = {gravity_moment:g} N m", loc="left", fontsize=10)
+    profile.set_title(f"Figure 2: symmetric profile, T = {T:.3f} s", loc="left", fontsize=10)
+    torque.set_title(f"Figure 4: gravity torque against inertial torque, G = {gravity_moment:g} N m", loc="left", fontsize=10)
     torque.set_xlabel("time (s)")
     torque.set_ylabel("torque (N m)")
     for ax in (profile, torque):

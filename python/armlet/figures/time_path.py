@@ -185,7 +185,7 @@ class PathTiming:
         ax.set_ylim(0.0, top)
         ax.set_xlabel("path position $s$")
         ax.set_ylabel(r"path speed $\dot s$ (1/s)")
-        ax.set_title("Phase plane: no motion passes the grey" if shut.any() else "Phase plane")
+        ax.set_title("Phase plane (grey: infeasible)" if shut.any() else "Phase plane")
         ax.legend(loc="best", handlelength=1.8)
 
     def _over_time(self, ax: Axes, t: Array, values: Array, limit: ArrayLike | None, what: tuple[str, str]) -> None:
