@@ -30,7 +30,7 @@ def adaptive(ax):
     e = np.array([motion(t)[0] for t in run.t]) - run.q
     ax.plot(run.t, e[:, 0], color=COLOURS[0], label="$e_1$ (m)")
     ax.plot(run.t, e[:, 1], color=COLOURS[1], label="$e_2$ (rad)")
-    ax.set(title="Adaptive tracking: unknown parameters", xlabel="time (s)", ylabel="tracking error (m, rad)")
+    ax.set(title="Adaptive tracking: parameters unknown", xlabel="time (s)", ylabel="tracking error (m, rad)")
     return f"adaptive: |e| = {np.abs(e[-1]).max():.1e} after 20 s"
 
 

@@ -50,11 +50,11 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="armlet", description="Robot-arm control loops closed natively.")
+    parser = argparse.ArgumentParser(prog="armlet", description="Simulate control loops of robot arms.")
     parser.add_argument("--version", action="version", version=f"armlet {_core.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="command", required=True)
 
-    demo = commands.add_parser("demo", help="run the demonstration: a table of checks, and figures")
+    demo = commands.add_parser("demo", help="run the four demonstration systems: print a table of checks, write a report and figures")
     demo.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="folder for the report and the figures (default: ./out)")
     demo.set_defaults(run=_demo)
 

@@ -216,7 +216,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     run = commands.add_parser("run", help="run a scenario file; print its metrics")
     run.add_argument("scenario", type=Path, metavar="FILE.toml")
     run.add_argument("--out", type=Path, metavar="DIR", help="folder for the run (npz), its table (csv) and its figure")
-    run.add_argument("--plot", action="store_true", help="write a figure, to DIR or the current folder")
+    run.add_argument("--plot", action="store_true", help="write a figure into DIR, or into the current folder")
     run.set_defaults(run=_run)
 
     check = commands.add_parser(
@@ -225,40 +225,50 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     check.add_argument("scenario", type=Path, metavar="FILE.toml|ROBOT.urdf")
     check.set_defaults(run=_check)
 
-    export = commands.add_parser("export", help="write the law of a scenario, or functions of its arm, as C")
+    export = commands.add_parser("export", help="write the law of a scenario, or functions of its arm, as C code")
     export.add_argument("scenario", type=Path, metavar="FILE.toml")
-    export.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the header, the source and CMakeLists.txt")
-    export.add_argument("--functions", metavar="NAME,NAME:FRAME", help="functions of the arm, not the law: mass_matrix,jacobian:flange")
+    export.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the header, the source file and CMakeLists.txt")
+    export.add_argument(
+        "--functions",
+        metavar="NAME,NAME:FRAME",
+        help="export these functions of the arm instead of the law, for example mass_matrix,jacobian:flange",
+    )
     export.add_argument("--prefix", metavar="NAME", help="prefix of all names in C (default: law, or arm)")
-    export.add_argument("--overwrite", action="store_true", help="overwrite files that armlet did not make")
+    export.add_argument("--overwrite", action="store_true", help="overwrite files that armlet did not write")
     export.set_defaults(run=_export)
 
-    new = commands.add_parser("new", help="print a commented scenario to start from")
+    new = commands.add_parser("new", help="print an example of a scenario file with comments")
     new.add_argument("template", choices=TEMPLATES)
     new.set_defaults(run=_new)
 
-    sweep = commands.add_parser("sweep", help="run a scenario once per cell of its [sweep]; resumes a stopped sweep")
+    sweep = commands.add_parser(
+        "sweep", help="run a scenario for each combination of values in its table [sweep]; continue an interrupted sweep"
+    )
     sweep.add_argument("scenario", type=Path, metavar="FILE.toml")
-    sweep.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder that collects the results")
-    sweep.add_argument("--plot", action="store_true", help="draw the first metric over the varied values, into DIR")
-    sweep.add_argument("--workers", type=_workers, metavar="N", help="number of processes (default: threads of this process)")
+    sweep.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    sweep.add_argument("--plot", action="store_true", help="write a figure of the first metric over the varied values into DIR")
+    sweep.add_argument(
+        "--workers", type=_workers, metavar="N", help="number of worker processes (default: none, the sweep uses threads of this process)"
+    )
     sweep.set_defaults(run=_sweep)
 
-    schema = commands.add_parser("schema", help="print the JSON schema of scenario files, for editors")
+    schema = commands.add_parser("schema", help="print the JSON schema of scenario files, which editors use to complete and check them")
     schema.set_defaults(run=_schema)
 
-    view = commands.add_parser("view", help="show a robot in the browser, with a slider per joint")
+    view = commands.add_parser("view", help="show a robot in the browser, with one slider per joint")
     view.add_argument("urdf", type=Path, metavar="ROBOT.urdf")
     view.set_defaults(run=_view)
 
-    lab = commands.add_parser("lab", help="run closed loops in the browser, with controls for gains, targets and forces")
-    lab.add_argument("--urdf", type=Path, metavar="ROBOT.urdf", help="add your robot to the systems")
-    lab.add_argument("--frame", metavar="NAME", help="frame of its tip (default: the moving frame with the longest path from the base)")
+    lab = commands.add_parser("lab", help="simulate control loops in the browser, with controls for gains, targets and forces")
+    lab.add_argument("--urdf", type=Path, metavar="ROBOT.urdf", help="robot file that is added to the list of systems")
+    lab.add_argument(
+        "--frame", metavar="NAME", help="frame of the robot's tip (default: the moving frame with the longest path from the base)"
+    )
     lab.set_defaults(run=_lab)
 
     for page in (view, lab):
         page.add_argument(
-            "--package", type=Path, action="append", default=[], metavar="DIR", help="another folder of meshes; may be repeated"
+            "--package", type=Path, action="append", default=[], metavar="DIR", help="another folder with meshes; may be repeated"
         )
         page.add_argument("--host", default="127.0.0.1", help="address of the server (default: 127.0.0.1, only this machine)")
-        page.add_argument("--port", type=int, default=8080, help="port of the server, 0 for any free one (default: 8080)")
+        page.add_argument("--port", type=int, default=8080, help="port of the server, 0 for a free port (default: 8080)")
