@@ -2,6 +2,7 @@
 
 use super::closed_loop::{ClosedLoop, Closing};
 use super::force::Wrench;
+use super::monitors;
 use super::problem::Problem;
 use super::sampler::Sampler;
 use super::sink::Sink;
@@ -168,6 +169,5 @@ pub fn start<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize) -> Vec<S>
     let laws: Vec<Vec<f64>> =
         (0..S::LANES).map(|lane| problem.law(run(lane)).start(&problem.x0[run(lane) * states..(run(lane) + 1) * states])).collect();
     let of_law = (0..p).map(|k| S::from_lanes(|lane| laws[lane][k]));
-    let quadratures = if problem.options.monitors { 2 } else { 0 };
-    of_plant.chain(of_law).chain((0..quadratures).map(|_| S::zero())).collect()
+    of_plant.chain(of_law).chain(monitors::integrals(problem).map(|_| S::zero())).collect()
 }

@@ -1,10 +1,8 @@
-//! The closed loop of any plant with any law, `x' = f(u, x)` with `x = [plant, law, quadratures]`: one call of the law, one of the plant.
-//!
-//! The two quadratures are integrals for the monitors: of the power that the law dissipates, and of the power supplied to the stored
-//! energy. A law with a storage function `E` replaces them by the integrals of `F.x_dot - E'` and of `E'`, where `F.x_dot` is the external
-//! power.
+//! The closed loop of any plant with any law, `x' = f(u, x)` with `x = [plant, law, integrals]`: one call of the law, one of the plant. The
+//! integrals are those of the monitors.
 
 use super::force::Wrench;
+use super::monitors::{self, Flow};
 use super::sampler::Sampler;
 use super::world::{Exogenous, World};
 use crate::integrate::{DualSystem, System};
@@ -132,9 +130,9 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// The size of the state with its quadratures.
+    /// The size of the state with its integrals.
     pub fn size(&self) -> usize {
-        self.states + self.p + if self.closing.monitored { 2 } else { 0 }
+        self.states + self.p + if self.closing.monitored { monitors::INTEGRALS.iter().map(|own| own.len()).sum() } else { 0 }
     }
 
     /// The number of leading components whose error is controlled.
@@ -222,12 +220,11 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         let p = self.p;
         dx[states..states + p].copy_from_slice(&self.dz[..p]);
         if self.closing.monitored {
-            (dx[states + p], dx[states + p + 1]) = if self.closing.storage {
-                let stored = self.law.storage_rate(&x[..self.seen], power.outside);
-                (power.outside - stored, stored)
-            } else {
-                (self.dz[p], power.input + power.outside)
-            };
+            let stored = self.closing.storage.then(|| self.law.storage_rate(&x[..self.seen], power.outside));
+            let dissipated = self.dz.get(p).copied().unwrap_or_else(S::zero);
+            let (dx, integrals) = dx.split_at_mut(states + p);
+            let flow = Flow { x: &x[..states], dx: &dx[..states], z: &x[states..states + p], tau: &self.tau, power, dissipated, stored };
+            monitors::rates(&flow, integrals);
         }
     }
 

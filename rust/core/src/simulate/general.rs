@@ -3,6 +3,7 @@
 use super::adaptive_steps::{self, Segments};
 use super::assembly::{Watched, close, twins};
 use super::fixed_steps::{self, Record};
+use super::monitors;
 use super::problem::{Division, Ended, Fixed, Problem};
 use super::rates_loop::{RatesLoop, Solved, Source};
 use super::rates_programs::Rates;
@@ -116,7 +117,7 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
         let mut i = 0;
-        let kept = size - if problem.options.monitors { 2 } else { 0 };
+        let kept = size - monitors::integrals(problem).count();
         let mut watch = Watching::new(problem.plant(first), observer, kept, method.x());
         let record = |t: f64, closed: &mut F, x: &Vec<S>| {
             let tau = closed.input_at(t, x);

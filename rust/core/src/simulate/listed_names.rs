@@ -1,6 +1,7 @@
 //! The names of the slots of a loop's programs: `q1`, `v1`, `q_d1`, `h`, `kp1`, ..
 
 use super::layout::{Layout, Slots};
+use super::monitors;
 use super::problem::Problem;
 use crate::trace::label::Label;
 use std::collections::HashSet;
@@ -110,8 +111,7 @@ fn states(problem: &Problem) -> Vec<String> {
     let plant = plant.kind().parts().iter().flat_map(|part| (1..=plant.n()).map(move |i| format!("{part}{i}")));
     let bristles = (1..=problem.plant(0).bristles()).map(|i| format!("bristle{i}"));
     let law = (1..=law.initial_state().len()).map(|k| format!("{own}{k}"));
-    let monitors: &[&str] = if problem.options.monitors { &["dissipated", "supplied"] } else { &[] };
-    plant.chain(bristles).chain(law).chain(monitors.iter().map(|&name| name.to_owned())).collect()
+    plant.chain(bristles).chain(law).chain(monitors::integrals(problem).map(str::to_owned)).collect()
 }
 
 /// Return the names of the desired motions and of the wrench at one instant. Motions of the joints are `q_d1, v_d1, a_d1`. Motion `k` of

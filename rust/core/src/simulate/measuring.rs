@@ -70,7 +70,7 @@ impl<'a> Measuring<'a> {
                 skewness: *skewness,
                 energy: *energy,
                 lyapunov: if plan.lyapunov { self.values[3] } else { 0.0 },
-                quadratures: [self.x[self.x.len() - 2], self.x[self.x.len() - 1]],
+                quadratures: std::array::from_fn(|k| self.x[self.columns.places(0).z.end + k]),
             },
             _ => Identities::default(),
         };

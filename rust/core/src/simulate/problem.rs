@@ -4,6 +4,7 @@ use super::adaptive_steps::{Clock, Outcome, Segments};
 use super::bound::Bound;
 use super::fixed_steps::Faults;
 use super::force::Force;
+use super::monitors;
 use super::sampling::Sampling;
 use super::schedule::{Schedule, Times};
 use crate::dynamics::Model;
@@ -120,9 +121,9 @@ impl<'a> Problem<'a> {
         self.laws[if self.laws.len() == 1 { 0 } else { run }]
     }
 
-    /// The number of states of a loop: plant, law and quadratures.
+    /// The number of states of a loop: plant, law and integrals.
     pub fn state_size(&self) -> usize {
-        self.plant(0).states() + self.law(0).initial_state().len() + if self.options.monitors { 2 } else { 0 }
+        self.plant(0).states() + self.law(0).initial_state().len() + monitors::integrals(self).count()
     }
 
     /// The external force of run `run`, if there is one.

@@ -3,7 +3,7 @@
 //!
 //! `M`, `a` and `E` are the quantities of the true plant. `dM/dt` comes from dual numbers, so that its formula is independent of `C`.
 
-use super::{Moment, Monitor, MonitorKind, Scope};
+use super::{Flow, Moment, Monitor, MonitorKind, Scope};
 use crate::dynamics::ArmAt;
 use crate::law::{LawSpec, Lyapunov, Storage};
 use crate::plant::{PlantSpec, Stored};
@@ -13,6 +13,8 @@ use crate::simulate::gauge::Identities;
 /// Computes the quantities of the identities, for one run or for several runs at the same time.
 pub struct Theory<S: Real> {
     states: usize,
+    /// Size of the law's state.
+    p: usize,
     pub arm: ArmAt<S>,
     /// The arm on dual numbers, for time derivatives.
     moving: ArmAt<Dual<S>>,
@@ -31,6 +33,7 @@ impl<S: Real> Theory<S> {
         let n = plant(0).n();
         Theory {
             states: plant(0).states(),
+            p: law(0).initial_state().len(),
             arm: ArmAt::of_lanes(|lane| plant(lane).model()),
             moving: ArmAt::of_lanes(|lane| plant(lane).model()),
             moving_q: vec![Dual::default(); n],
@@ -42,11 +45,12 @@ impl<S: Real> Theory<S> {
         }
     }
 
-    /// Compute the quantities at state `x = [plant, z, int s' Kd s, int P]`. The arm must already be at the position `q` of `x`.
+    /// Compute the quantities at state `x = [plant, z, integrals]`, whose first integrals are those of [`Exchange`]. The arm must already be at
+    /// the position `q` of `x`.
     pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
         let n = self.moving_q.len();
         let (plant, rest) = x.split_at(self.states);
-        let (z, quadratures) = rest.split_at(rest.len() - 2);
+        let (z, quadratures) = rest.split_at(self.p);
         let (q, v) = (&plant[..n], &plant[n..2 * n]);
         let energy = match &mut self.storage {
             Some(storage) => storage.energy(desired, &mut self.arm, &self.stored, plant),
@@ -78,6 +82,30 @@ impl<S: Real> Theory<S> {
             }
         }
         worst
+    }
+}
+
+/// The integrals for the balances: of the power that the law dissipates, and of the power supplied to the stored energy. A law with a storage
+/// function `E` replaces them by the integrals of `F.x_dot - E'` and of `E'`, where `F.x_dot` is the external power.
+pub struct Exchange;
+
+impl MonitorKind for Exchange {
+    const NAMES: &'static [&'static str] = &[];
+    const INTEGRALS: &'static [&'static str] = &["dissipated", "supplied"];
+
+    fn rates<S: Real>(flow: &Flow<S>, out: &mut [S]) {
+        (out[0], out[1]) = match flow.stored {
+            Some(stored) => (flow.power.outside - stored, stored),
+            None => (flow.dissipated, flow.power.input + flow.power.outside),
+        };
+    }
+
+    fn applies(_: &Scope) -> bool {
+        false
+    }
+
+    fn build<S: Real>(_: &Scope) -> Option<Box<dyn Monitor<S> + Send>> {
+        None
     }
 }
 

@@ -27,11 +27,12 @@ use super::problem::Problem;
 use crate::dynamics::ArmAt;
 use crate::law::{LawSpec, ProjectionLoss, Solve};
 use crate::motion::{Motion, sample_all};
-use crate::plant::PlantSpec;
+use crate::plant::{PlantSpec, Power};
 use crate::priority::PrioritySolver;
 use crate::scalar::Real;
 use identities::Theory;
 use level_norms::LevelNorms;
+use std::ops::Range;
 
 /// A run whose monitors are computed.
 pub struct Scope<'p, 'a> {
@@ -85,6 +86,23 @@ pub struct Moment<'a, S: Real> {
     pub first: [S; 2],
     /// The loss of the law's projector. `None` for a law without a projector.
     pub loss: Option<S>,
+    /// The monitor's own integrals, from the start to this record.
+    pub integrals: &'a [S],
+}
+
+/// The data of one evaluation of a loop's rates for an integral.
+#[allow(dead_code)] // The integrals of `Exchange` read the powers alone.
+pub struct Flow<'a, S> {
+    /// The plant's state and its rates, the law's state, and the input.
+    pub x: &'a [S],
+    pub dx: &'a [S],
+    pub z: &'a [S],
+    pub tau: &'a [S],
+    pub power: Power<S>,
+    /// The rate at which the law's Lyapunov function decreases.
+    pub dissipated: S,
+    /// The rate of the law's own storage function, if this is the monitored energy.
+    pub stored: Option<S>,
 }
 
 /// A monitor of one run, on plain numbers or on recorded values.
@@ -93,13 +111,19 @@ pub trait Monitor<S: Real> {
     fn evaluate(&mut self, at: &mut Moment<S>, out: &mut [S]);
 }
 
-/// The monitors of a run, each with the number of its series.
-type Series<S> = Vec<(usize, Box<dyn Monitor<S> + Send>)>;
+/// The monitors of a run, each with the number of its series and the places of its integrals.
+type Series<S> = Vec<(usize, Range<usize>, Box<dyn Monitor<S> + Send>)>;
 
 /// A kind of monitor.
 pub trait MonitorKind {
     /// The names of its series.
     const NAMES: &'static [&'static str];
+
+    /// The names of its integrals. Every monitored loop has them as states.
+    const INTEGRALS: &'static [&'static str] = &[];
+
+    /// Write the rates of its integrals.
+    fn rates<S: Real>(_: &Flow<S>, _: &mut [S]) {}
 
     /// Whether this monitor applies to a run.
     fn applies(scope: &Scope) -> bool;
@@ -122,16 +146,29 @@ macro_rules! monitors {
 
         /// Create the monitors of a run.
         fn build<S: Real>(scope: &Scope) -> Series<S> {
-            let mut all = Vec::new();
-            $(if <$kind>::applies(scope) {
-                all.extend(<$kind>::build::<S>(scope).map(|monitor| (<$kind>::NAMES.len(), monitor)));
+            let (mut all, mut end) = (Vec::new(), 0);
+            $(end += <$kind>::INTEGRALS.len();
+            if <$kind>::applies(scope) {
+                let integrals = end - <$kind>::INTEGRALS.len()..end;
+                all.extend(<$kind>::build::<S>(scope).map(|monitor| (<$kind>::NAMES.len(), integrals, monitor)));
             })*
             all
+        }
+
+        /// The integrals of all monitors, which are the last states of a monitored loop.
+        pub const INTEGRALS: &[&[&str]] = &[$(<$kind>::INTEGRALS),*];
+
+        /// The rates of the integrals of all monitors.
+        pub fn rates<S: Real>(flow: &Flow<S>, out: &mut [S]) {
+            $(let (own, out) = out.split_at_mut(<$kind>::INTEGRALS.len());
+            <$kind>::rates(flow, own);)*
+            debug_assert!(out.is_empty(), "the loop has a state for each integral");
         }
     };
 }
 
 monitors! {
+    identities::Exchange,
     identities::Skewness,
     identities::Energy,
     torque_error::InnerLoop,
@@ -139,6 +176,12 @@ monitors! {
     target_model::Target,
     projection_loss::Loss,
     identities::LyapunovBalance,
+}
+
+/// Return the names of the integrals of a problem's loops.
+pub fn integrals(problem: &Problem) -> impl Iterator<Item = &'static str> {
+    let all = if problem.options.monitors { INTEGRALS } else { &[] };
+    all.iter().copied().flatten().copied()
 }
 
 /// Return the names of the monitors of a problem's loops, in the order of [`Monitors::evaluate`].
@@ -159,9 +202,11 @@ pub struct Checks<P: Solve> {
     monitors: Series<P::Number>,
     levels: Option<LevelNorms<P>>,
     loss: Option<ProjectionLoss<P::Number>>,
-    /// The number of plant states that a law reads, the number of bristles after them, and the number of norms of levels.
+    /// The number of plant states that a law reads, and the number of bristles after them.
     states: usize,
     bristles: usize,
+    /// The number of states of the law, and the number of norms of levels.
+    p: usize,
     norms: usize,
 }
 
@@ -178,6 +223,7 @@ impl<P: Solve> Checks<P> {
             loss: if scope.monitored.loss { ProjectionLoss::new(law) } else { None },
             states: plant.seen(),
             bristles: plant.bristles(),
+            p: law.initial_state().len(),
         }
     }
 
@@ -193,7 +239,7 @@ impl<P: Solve> Checks<P> {
         self.levels.as_mut()?.evaluate(desired, arm.trig(), &x[..self.states], out)
     }
 
-    /// Compute the monitors at state `x = [plant, z, int s' Kd s, int P]` and input `tau`, and write them to `out`. `first` receives
+    /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. `first` receives
     /// `E - int P` and `V1 + int s' Kd s` of this record, and returns their values at the first record. The result is that of
     /// [`LevelNorms::evaluate`].
     pub fn evaluate(
@@ -213,9 +259,10 @@ impl<P: Solve> Checks<P> {
         let first = first([identities.energy - put_in, identities.lyapunov + dissipated]);
         let loss = self.loss.as_mut().map(|loss| loss.evaluate(&x[..tau.len()]));
         let (x, rest) = x.split_at(self.states);
-        let z = &rest[self.bristles..rest.len() - 2];
-        let mut at = Moment { desired, wrench, x, z, tau, arm: &mut self.theory.arm, identities, first, loss };
-        for (series, monitor) in &mut self.monitors {
+        let (z, all) = rest[self.bristles..].split_at(self.p);
+        let mut at = Moment { desired, wrench, x, z, tau, arm: &mut self.theory.arm, identities, first, loss, integrals: &[] };
+        for (series, integrals, monitor) in &mut self.monitors {
+            at.integrals = &all[integrals.clone()];
             let (own, rest) = out.split_at_mut(*series);
             monitor.evaluate(&mut at, own);
             out = rest;
