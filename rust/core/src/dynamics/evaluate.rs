@@ -16,7 +16,7 @@ const EAGER: usize = 1 << 20;
 
 /// The tree of an arm and the buffers, on one number type.
 #[derive(Clone, Debug)]
-pub(super) struct Engine<S: Real> {
+pub(super) struct BufferedTree<S: Real> {
     pub(super) tree: Tree<S>,
     pub(super) ws: Workspace<S>,
     pub(super) trig: Vec<(S, S)>,
@@ -43,7 +43,7 @@ macro_rules! with_quantity {
     };
 }
 
-impl<S: Real> Engine<S> {
+impl<S: Real> BufferedTree<S> {
     /// Create an engine. With `eager`, memory for every result is allocated if it has at most `EAGER` numbers. Otherwise the first query
     /// allocates it.
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
@@ -52,7 +52,7 @@ impl<S: Real> Engine<S> {
         let zeros = |k: usize| memory::copies(k, S::zero());
         let largest = (n * (PARAMETERS * tree.bodies.len() + 3 * n)).max(6 * n).max(16).max(16 * tree.bodies.len());
         let eager = eager && largest <= EAGER;
-        Engine {
+        BufferedTree {
             ws,
             trig: memory::copies(n, (S::zero(), S::zero())),
             inputs: std::array::from_fn(|_| zeros(n.max(6))),
@@ -123,7 +123,7 @@ impl<S: Real> Engine<S> {
 /// An evaluator of one configuration after another. It does not allocate for arms of up to two hundred joints.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
-    engine: Box<Engine<Float>>,
+    engine: Box<BufferedTree<Float>>,
     size: Size,
     frames: usize,
 }
@@ -142,7 +142,7 @@ impl Evaluator {
 
     /// Create an evaluator. With `eager`, memory for every result is allocated.
     pub(super) fn sized(arm: &Arm, eager: bool) -> Self {
-        Evaluator { engine: Box::new(Engine::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
+        Evaluator { engine: Box::new(BufferedTree::new(arm, eager)), size: arm.size(), frames: arm.frames.len() }
     }
 
     /// Number of joints `n`.

@@ -1,7 +1,7 @@
 //! The computation of each quantity of [`super::Evaluator`]: one type per quantity.
 
 use super::energy::{add_friction, add_wrench};
-use super::evaluate::Engine;
+use super::evaluate::BufferedTree;
 use super::joined::Joined;
 use super::{Dynamics, Quantity, Query, coriolis, crba, derivatives, regressor};
 use crate::arm::Tree;
@@ -15,9 +15,9 @@ use crate::spatial::{Lift, Matrix, Matrix3, PARAMETERS, Vector, Vector3, rotatio
 /// The computation of a quantity from the buffers of an engine. Sines and cosines must already be in the buffers.
 pub trait Compute {
     const QUANTITY: Quantity;
-    fn compute<S: Real>(engine: &mut Engine<S>, query: &Query);
+    fn compute<S: Real>(engine: &mut BufferedTree<S>, query: &Query);
     /// Compute the quantity, and write it to `out`. Return whether all numbers are finite.
-    fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
+    fn answer<S: Real>(engine: &mut BufferedTree<S>, query: &Query, out: &mut [f64]) -> bool {
         Self::compute(engine, query);
         write(&engine.out[..out.len()], out)
     }
@@ -65,8 +65,8 @@ macro_rules! quantity {
         impl Compute for $name {
             const QUANTITY: Quantity = Quantity::$name;
             #[allow(unused_variables)]
-            fn compute<S: Real>(engine: &mut Engine<S>, $query: &Query) {
-                let Engine { tree: $tree, ws: $ws, trig, inputs, out, square: $square, .. } = engine;
+            fn compute<S: Real>(engine: &mut BufferedTree<S>, $query: &Query) {
+                let BufferedTree { tree: $tree, ws: $ws, trig, inputs, out, square: $square, .. } = engine;
                 let $n = $tree.n();
                 let size = $tree.size();
                 let [q, v, x, $y] = inputs;
@@ -81,7 +81,7 @@ macro_rules! quantity {
 pub struct MassMatrix;
 impl Compute for MassMatrix {
     const QUANTITY: Quantity = Quantity::MassMatrix;
-    fn compute<S: Real>(engine: &mut Engine<S>, _: &Query) {
+    fn compute<S: Real>(engine: &mut BufferedTree<S>, _: &Query) {
         if let Some(joined) = Joined::of(&engine.tree) {
             let n = engine.tree.n();
             return joined.mass_matrix(&mut engine.ws, (&engine.trig, &engine.inputs[0]), &mut engine.out[..n * n]);
@@ -90,7 +90,7 @@ impl Compute for MassMatrix {
         crba::mass_matrix_on_zeros(&engine.tree, &mut engine.ws.mass, &engine.trig, &engine.inputs[0], &mut engine.out);
     }
     /// Write entry by entry. A read of four entries together would wait for the last single store.
-    fn answer<S: Real>(engine: &mut Engine<S>, query: &Query, out: &mut [f64]) -> bool {
+    fn answer<S: Real>(engine: &mut BufferedTree<S>, query: &Query, out: &mut [f64]) -> bool {
         let n = engine.tree.n();
         if engine.tree.joining.is_some() {
             Self::compute(engine, query);

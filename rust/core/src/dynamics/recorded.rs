@@ -3,7 +3,7 @@
 //! Arms with the same placements share a program, if their inertial parameters also have the same zeros and ones.
 
 use super::Query;
-use super::evaluate::Engine;
+use super::evaluate::BufferedTree;
 use crate::arm::Arm;
 use crate::error::Result;
 use crate::scalar::Real;
@@ -31,7 +31,7 @@ fn widths(query: &Query, n: usize) -> Vec<usize> {
 }
 
 /// Evaluate a query, which reads its inputs one after another and may fail.
-fn answer_of<S: Real>(mut engine: Engine<S>, mut inputs: &[S], query: &Query, widths: &[usize]) -> Result<Vec<S>> {
+fn answer_of<S: Real>(mut engine: BufferedTree<S>, mut inputs: &[S], query: &Query, widths: &[usize]) -> Result<Vec<S>> {
     for (input, &width) in engine.inputs.iter_mut().zip(widths) {
         let (own, rest) = inputs.split_at(width);
         input[..width].copy_from_slice(own);
@@ -57,16 +57,16 @@ fn recorded_by<T>(
     arm: &Arm,
     query: &Query,
     widths: &[usize],
-    record: impl FnOnce(usize, &dyn Fn() -> Engine<Sym>, &mut dyn FnMut(Engine<Sym>, &[Sym]) -> Vec<Sym>) -> Option<T>,
+    record: impl FnOnce(usize, &dyn Fn() -> BufferedTree<Sym>, &mut dyn FnMut(BufferedTree<Sym>, &[Sym]) -> Vec<Sym>) -> Option<T>,
 ) -> Result<T> {
     let mut answered = Ok(());
-    let mut answer = |engine: Engine<Sym>, inputs: &[Sym]| {
+    let mut answer = |engine: BufferedTree<Sym>, inputs: &[Sym]| {
         answer_of(engine, inputs, query, widths).unwrap_or_else(|error| {
             answered = Err(error);
             Vec::new()
         })
     };
-    let Some(made) = record(widths.iter().sum(), &|| Engine::new(arm, false), &mut answer) else {
+    let Some(made) = record(widths.iter().sum(), &|| BufferedTree::new(arm, false), &mut answer) else {
         unreachable!("the code of a quantity does not branch on data")
     };
     answered.map(|()| made)

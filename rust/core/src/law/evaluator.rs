@@ -12,18 +12,18 @@ use crate::trace::sym::Sym;
 const MOST_JOINTS: usize = 12;
 
 /// A law on one number type, with its buffers.
-struct Engine<S: Real> {
+struct BufferedLaw<S: Real> {
     law: Box<dyn Law<S> + Send>,
     trig: Vec<(S, S)>,
     tau: Vec<S>,
     dz: Vec<S>,
 }
 
-impl<S: Real> Engine<S> {
+impl<S: Real> BufferedLaw<S> {
     fn new(spec: &LawSpec) -> Self {
         let (n, zeros) = (spec.model().n(), |k: usize| vec![S::zero(); k]);
         let trig = vec![(S::zero(), S::zero()); n];
-        Engine { law: LawSpec::build(|_| spec), trig, tau: zeros(n), dz: zeros(spec.initial_state().len()) }
+        BufferedLaw { law: LawSpec::build(|_| spec), trig, tau: zeros(n), dz: zeros(spec.initial_state().len()) }
     }
 
     fn turn(&mut self, x: &[S]) {
@@ -55,7 +55,7 @@ impl<S: Real> Engine<S> {
 
 /// A law that is evaluated at single instants, with its buffers. A call allocates nothing.
 pub struct LawEvaluator {
-    direct: Engine<Float>,
+    direct: BufferedLaw<Float>,
     spec: LawSpec,
     calls: usize,
     program: Option<Evaluation>,
@@ -72,7 +72,7 @@ impl LawEvaluator {
         let desired = spec.motions().iter().map(|motion| 3 * motion.dof()).sum();
         let widths = [desired, spec.plant().states(spec.model().n()), spec.initial_state().len()];
         LawEvaluator {
-            direct: Engine::new(spec),
+            direct: BufferedLaw::new(spec),
             spec: spec.clone(),
             calls: 0,
             program: None,
@@ -121,7 +121,7 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
     let program = record(
         false,
         widths.iter().sum(),
-        || Engine::<Sym>::new(spec),
+        || BufferedLaw::<Sym>::new(spec),
         |mut law, inputs| {
             let tau = law.input_of(inputs, widths).to_vec();
             guarded = law.law.stands().is_some();
@@ -139,7 +139,7 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
     let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
     let set_up = || {
-        let mut engine = Engine::<Sym>::new(spec);
+        let mut engine = BufferedLaw::<Sym>::new(spec);
         engine.law.configure(period, &limits_of());
         engine
     };
@@ -160,10 +160,10 @@ pub(super) fn start_recording(spec: &LawSpec, states: usize) -> Option<Recorded>
     if !spec.restarts() {
         return None;
     }
-    let begin = |mut law: Engine<Sym>, x: &[Sym]| {
+    let begin = |mut law: BufferedLaw<Sym>, x: &[Sym]| {
         let mut z: Vec<Sym> = spec.initial_state().iter().map(|&z| Sym::splat(z)).collect();
         law.restart(x, &mut z);
         z
     };
-    function::recorded(states, || Engine::<Sym>::new(spec), begin)
+    function::recorded(states, || BufferedLaw::<Sym>::new(spec), begin)
 }

@@ -11,7 +11,7 @@ use crate::spatial::PARAMETERS;
 use crate::spatial::pseudo_inertia::divergence;
 
 /// The metric of the distance between an estimate and the true parameters.
-enum Metric<S> {
+enum EstimateMetric<S> {
     /// The diagonal of `Gamma`.
     Diagonal(Vec<S>),
     /// `Gamma^-1`.
@@ -23,7 +23,7 @@ enum Metric<S> {
 /// The Lyapunov functions of the laws in the lanes.
 pub struct Lyapunov<S: Real> {
     lambda: AnyGain<S>,
-    metric: Metric<S>,
+    metric: EstimateMetric<S>,
     /// The plant's values of the estimated parameters, `(p,)`.
     truth: Vec<S>,
     e: Vec<S>,
@@ -46,13 +46,13 @@ impl<S: Real> Lyapunov<S> {
             Adaptation::Euclidean(_) => {
                 let gammas: Vec<&Gain> = (0..S::LANES).filter_map(|lane| euclidean(law(lane))).collect();
                 if gammas.iter().all(|gamma| gamma.is_diagonal()) {
-                    Metric::Diagonal(each(&|lane| (0..gammas[lane].n()).map(|i| gammas[lane].at(i, i)).collect()))
+                    EstimateMetric::Diagonal(each(&|lane| (0..gammas[lane].n()).map(|i| gammas[lane].at(i, i)).collect()))
                 } else {
                     let inverses: Vec<Gain> = gammas.iter().map(|gamma| gamma.inverse()).collect();
-                    Metric::Full(AnyGain::from_lanes(|lane| &inverses[lane]))
+                    EstimateMetric::Full(AnyGain::from_lanes(|lane| &inverses[lane]))
                 }
             }
-            Adaptation::Natural(_) => Metric::Natural(each(&|lane| match &law(lane).adaptation {
+            Adaptation::Natural(_) => EstimateMetric::Natural(each(&|lane| match &law(lane).adaptation {
                 Adaptation::Natural(gamma) => gamma.clone(),
                 Adaptation::Euclidean(_) => Vec::new(),
             })),
@@ -95,15 +95,15 @@ impl<S: Real> Lyapunov<S> {
         }
         let half = S::splat(0.5);
         let rest = match &self.metric {
-            Metric::Diagonal(gamma) => {
+            EstimateMetric::Diagonal(gamma) => {
                 let mut sum = S::zero();
                 for (&error, &gamma) in self.error.iter().zip(gamma) {
                     sum = error.mul_add(error / gamma, sum);
                 }
                 half * sum
             }
-            Metric::Full(inverse) => half * inverse.quadratic(&self.error),
-            Metric::Natural(gamma) => natural(gamma, &self.truth, &self.error, estimate),
+            EstimateMetric::Full(inverse) => half * inverse.quadratic(&self.error),
+            EstimateMetric::Natural(gamma) => natural(gamma, &self.truth, &self.error, estimate),
         };
         half.mul_add(kinetic, rest)
     }

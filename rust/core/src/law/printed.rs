@@ -22,7 +22,7 @@ const MOST_STEPS: u32 = 10_000;
 const LONGEST: f64 = 600_000.0;
 
 /// The sizes of a printed law.
-struct Sizes {
+struct PrintedSizes {
     /// Number of joints.
     n: usize,
     /// Length of the law's state.
@@ -75,7 +75,7 @@ impl LawSpec {
             at += 3 * motion.dof();
         }
         let held: usize = motions.iter().map(|motion| if matches!(motion, Motion::Hold(_)) { 3 * motion.dof() } else { 0 }).sum();
-        let sizes = Sizes {
+        let sizes = PrintedSizes {
             n: self.model().n(),
             p: widths[2],
             moving: widths[0] - held,
@@ -118,7 +118,7 @@ impl LawSpec {
     }
 
     /// Print a function that sets the law's state at the first measurement. Return whether the law requires it.
-    fn print_start(&self, source: &mut CSource, sizes: &Sizes) -> bool {
+    fn print_start(&self, source: &mut CSource, sizes: &PrintedSizes) -> bool {
         let Some(recorded) = start_recording(self, sizes.states) else { return false };
         let given = given(&recorded);
         let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
@@ -146,7 +146,7 @@ double y[{p}]{work};\n    int sound = 1;\n{steps}    (void)sound;\n    memcpy(st
     }
 
     /// Write the declarations of the header.
-    fn declare(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
+    fn declare(&self, source: &mut CSource, sizes: &PrintedSizes, timing: &CLoop) {
         let (prefix, n, p) = (source.prefix().to_string(), sizes.n, sizes.p);
         source.define("N", n, "joints");
         source.define("STATES", p, "numbers of the law's own state");
@@ -180,7 +180,7 @@ On a status other than 0 tau is the last answer that was right. */\n{};\n",
     }
 
     /// Write `init`, and the function that advances the law's state by one step.
-    fn write_state(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop) {
+    fn write_state(&self, source: &mut CSource, sizes: &PrintedSizes, timing: &CLoop) {
         let (prefix, p) = (source.prefix().to_string(), sizes.p);
         let start = self.initial_state();
         let filled = p > 0 && start.iter().any(|&x| x != 0.0);
@@ -272,8 +272,14 @@ static void {prefix}_advance({prefix}_state *state, double t)
     }
 
     /// Write `step`.
-    fn write_step(&self, source: &mut CSource, sizes: &Sizes, timing: &CLoop, (motions, steps, slots, starts): (&str, &str, usize, bool)) {
-        let Sizes { n, p, moving, states, guarded } = *sizes;
+    fn write_step(
+        &self,
+        source: &mut CSource,
+        sizes: &PrintedSizes,
+        timing: &CLoop,
+        (motions, steps, slots, starts): (&str, &str, usize, bool),
+    ) {
+        let PrintedSizes { n, p, moving, states, guarded } = *sizes;
         let (prefix, upper) = (source.prefix().to_string(), source.upper().to_string());
         let parts = self.plant().parts();
         let copies: String = parts

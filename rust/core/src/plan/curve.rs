@@ -10,7 +10,7 @@
 //! the phases are integrated (`steps.rs`), and a push meets a brake where their speeds are equal. At equal angle and speed the push has the
 //! larger acceleration, so the two speed curves cross at most once.
 
-use super::steps::{Progress, Rough, Step, evaluate};
+use super::steps::{FrictionLink, Progress, Step, evaluate};
 use crate::interrupt::look;
 
 /// A phase from rest: its integration steps, until it covers the distance or the link stops.
@@ -37,7 +37,7 @@ const MAX_STEPS: usize = 2000;
 impl Curve {
     /// Integrate from rest at `x` under `torque` minus friction. The curve ends after `distance`, or where it is faster than the curve
     /// `against` from the other end.
-    pub fn new(x: f64, torque: f64, link: &Rough, distance: f64, against: Option<&Curve>) -> Self {
+    pub fn new(x: f64, torque: f64, link: &FrictionLink, distance: f64, against: Option<&Curve>) -> Self {
         let mut at = Progress::new(x, torque, link);
         let mut curve = Curve { steps: Vec::new(), unit: at.unit, reach: 0.0 };
         if at.net() <= 0.0 {

@@ -23,7 +23,7 @@ use super::link::{Link, check_ends};
 use super::phase::Phase;
 use super::report::MonotoneReason;
 use super::search::{BackSwings, FARTHEST, Swing, Window, fastest};
-use super::steps::{Progress, Rough};
+use super::steps::{FrictionLink, Progress};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 use super::windows::Windows;
 use crate::error::{Error, Result};
@@ -32,12 +32,12 @@ use crate::error::{Error, Result};
 const BESIDE: f64 = 1e-7;
 
 /// The search for the fastest back-swing from `x0` to `x1 > x0`.
-struct Search {
+struct FrictionSearch {
     x0: f64,
     x1: f64,
     up: f64,
     down: f64,
-    link: Rough,
+    link: FrictionLink,
     /// Whether the monotone motion is feasible.
     straight: bool,
     /// The first phase, which starts at rest at `x0`.
@@ -49,19 +49,20 @@ struct Search {
 }
 
 /// The two rest-to-rest parts of a swing. Each part is stored as the point where its two phases have equal speeds.
-struct Trial {
+struct FrictionTrial {
     turn: f64,
     away: Meeting,
     towards: Meeting,
 }
 
-impl Search {
+impl FrictionSearch {
     /// `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
-    fn new(x0: f64, x1: f64, up: f64, down: f64, link: Rough, straight: bool, bound: f64) -> Option<Self> {
-        let mut search = Search { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
+    fn new(x0: f64, x1: f64, up: f64, down: f64, link: FrictionLink, straight: bool, bound: f64) -> Option<Self> {
+        let mut search =
+            FrictionSearch { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
         let (distance, back) = (x1 - x0, link.backwards());
         // Integrate a little farther than the search, so that the end of an integration does not count as the edge of an interval.
-        let reach = |search: &Search| 1.01 * search.farthest(bound);
+        let reach = |search: &FrictionSearch| 1.01 * search.farthest(bound);
         search.arrives = Curve::new(-x1, down, &back, reach(&search) + distance, None);
         search.leaves = Curve::new(-x0, down, &link, reach(&search), None);
         search.most = search.leaves.reach.min(search.arrives.reach - distance);
@@ -69,7 +70,7 @@ impl Search {
     }
 
     /// The intervals of `e` from which the middle phase reaches `x`. It has the torque `up` and the friction of `link`.
-    fn windows_to(&self, x: f64, link: Rough) -> Vec<Window> {
+    fn windows_to(&self, x: f64, link: FrictionLink) -> Vec<Window> {
         let (push, from) = (self.up - link.coulomb, x - self.x0);
         if push.abs() >= link.g.abs() {
             return if push > 0.0 { vec![(0.0, self.most)] } else { Vec::new() };
@@ -94,12 +95,12 @@ impl Search {
         Leg { push: &from, brake: &self.arrives, distance }.meeting()
     }
 
-    fn trial(&self, e: f64) -> Option<Trial> {
-        Some(Trial { turn: self.x0 - e, away: self.away(e)?, towards: self.towards(e)? })
+    fn trial(&self, e: f64) -> Option<FrictionTrial> {
+        Some(FrictionTrial { turn: self.x0 - e, away: self.away(e)?, towards: self.towards(e)? })
     }
 }
 
-impl BackSwings for Search {
+impl BackSwings for FrictionSearch {
     fn slope(&self, e: f64, _fine: bool) -> Option<f64> {
         let trial = self.trial(e)?;
         let (first, second) = (trial.away.brake, trial.towards.push);
@@ -109,7 +110,7 @@ impl BackSwings for Search {
     }
 
     fn swing(&self, e: f64) -> Option<Swing> {
-        let Trial { turn, away, towards } = self.trial(e)?;
+        let FrictionTrial { turn, away, towards } = self.trial(e)?;
         let times = [away.push.time, away.brake.time, towards.push.time, towards.brake.time];
         Swing::new(turn, [self.x0 - away.at, turn + towards.at], times)
     }
@@ -176,7 +177,7 @@ pub fn torque_optimal_time_with_friction(
     let along = link.along(sign > 0.0);
     let (x0, x1, up, down) = (sign * theta0, sign * thetaf, along.tau_max, -along.tau_min);
     if x0 != x1 {
-        match (Straight { x0, x1, up, down, link: optimum.link }).solve() {
+        match (FrictionMonotone { x0, x1, up, down, link: optimum.link }).solve() {
             Ok(Meeting { at, push, brake }) => optimum.set_monotone(push.time + brake.time, sign * (x0 + at), push.time, sign * push.speed),
             Err(reason) => optimum.reason = reason.along(sign),
         }
@@ -192,7 +193,7 @@ pub fn torque_optimal_time_with_friction(
         [(Family::BackSwing, (x0, x1), (up, down), link), (Family::Overshoot, (-x1, -x0), (down, up), link.backwards())]
     {
         let bound = if optimum.best.t.is_nan() { f64::INFINITY } else { optimum.best.t };
-        let swing = Search::new(x0, x1, up, down, link, optimum.feasible, bound).and_then(|search| fastest(&search, bound));
+        let swing = FrictionSearch::new(x0, x1, up, down, link, optimum.feasible, bound).and_then(|search| fastest(&search, bound));
         if let Some(swing) = swing {
             let swing = if kind == Family::Overshoot { swing.reversed() } else { swing };
             optimum.best = Best::swing(kind, &swing, sign, 1.0);
@@ -202,15 +203,15 @@ pub fn torque_optimal_time_with_friction(
 }
 
 /// The monotone motion from `x0` to `x1 > x0`, rad, with the torques `up` of the push and `down` of the brake.
-struct Straight {
+struct FrictionMonotone {
     x0: f64,
     x1: f64,
     up: f64,
     down: f64,
-    link: Rough,
+    link: FrictionLink,
 }
 
-impl Straight {
+impl FrictionMonotone {
     /// The point of equal speeds of push and brake if both torques are larger by `more`, and the distances that push and brake cover.
     fn meeting(&self, more: f64) -> (Option<Meeting>, [f64; 2]) {
         let (distance, link) = (self.x1 - self.x0, self.link);
@@ -220,7 +221,7 @@ impl Straight {
     }
 
     fn solve(&self) -> std::result::Result<Meeting, MonotoneReason> {
-        let Straight { x0, x1, up, down, link } = *self;
+        let FrictionMonotone { x0, x1, up, down, link } = *self;
         let net = [Progress::new(x0, up, &link).net(), Progress::new(-x1, down, &link.backwards()).net()];
         if net[0] <= 0.0 {
             return Err(MonotoneReason::StartBlocked { missing: -net[0] });
@@ -258,9 +259,9 @@ mod tests {
                 [2.0, 3.0, 5.0, 7.0, 11.0, 13.0].map(|k: f64| (number as f64 * k.sqrt()).fract());
             let (x0, up, down) = (8.0 * x0 - 4.0, 0.05 + 1.5 * up, 0.05 + 1.5 * down);
             let g = if number % 2 == 0 { 1.0 } else { -1.0 };
-            let link = Rough { inertia: 1.0, g, viscous, coulomb: 0.6 * coulomb * up.min(down) };
+            let link = FrictionLink { inertia: 1.0, g, viscous, coulomb: 0.6 * coulomb * up.min(down) };
             for (way, link) in [link, link.backwards()].into_iter().enumerate() {
-                let Some(search) = Search::new(x0, x0 + 6.0 * distance, up, down, link, false, f64::INFINITY) else { continue };
+                let Some(search) = FrictionSearch::new(x0, x0 + 6.0 * distance, up, down, link, false, f64::INFINITY) else { continue };
                 let [within, without] = check_windows(&search, 1e-5, 1.0);
                 (inside[way], outside[way]) = (inside[way] + within, outside[way] + without);
             }

@@ -91,7 +91,7 @@ impl Monotone {
 
 /// The monotone motion from `x0` to `x1 > x0`, and quantities that its swings use.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Straight {
+pub(super) struct MonotoneMotion {
     pub monotone: Monotone,
     /// Sine and cosine of the middle of the motion.
     pub middle: (f64, f64),
@@ -99,13 +99,13 @@ pub(super) struct Straight {
     pub half: (f64, f64),
 }
 
-impl Straight {
+impl MonotoneMotion {
     /// `up` and `down` are the absolute values of the pushing and of the braking torque bound.
     #[inline]
     pub fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Self {
         let (middle, half) = (sin_cos(0.5 * x0 + 0.5 * x1), sin_cos(0.5 * (x1 - x0)));
         let monotone = Monotone::between(Phase::new(x0, up, g), Phase::new(-x1, down, g), drop(middle.0, half.0));
-        Straight { monotone, middle, half }
+        MonotoneMotion { monotone, middle, half }
     }
 
     pub fn distance(&self) -> f64 {
@@ -116,6 +116,6 @@ impl Straight {
     pub fn reversed(&self) -> Self {
         let Monotone { push, brake, push_length, brake_length } = self.monotone;
         let monotone = Monotone { push: brake, brake: push, push_length: brake_length, brake_length: push_length };
-        Straight { monotone, middle: (-self.middle.0, self.middle.1), half: self.half }
+        MonotoneMotion { monotone, middle: (-self.middle.0, self.middle.1), half: self.half }
     }
 }

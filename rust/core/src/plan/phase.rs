@@ -184,23 +184,23 @@ impl Phase {
         if length > TAU || least < enough || end < 0.01 * enough {
             self.time_gradient(length, 1e-3)
         } else {
-            run_lanes(Rough { phase: *self, length, gravity_crest })
+            run_lanes(FixedRule { phase: *self, length, gravity_crest })
         }
     }
 }
 
 /// `dF/dx` of a phase by a fixed quadrature rule.
-struct Rough {
+struct FixedRule {
     phase: Phase,
     length: f64,
     gravity_crest: Option<f64>,
 }
 
-impl GenericKernel for Rough {
+impl GenericKernel for FixedRule {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
-        let Rough { phase, length, gravity_crest } = self;
+        let FixedRule { phase, length, gravity_crest } = self;
         let f = &Integral::<true> { phase, length, accuracy: f64::NAN };
         // Place more nodes where `w` may be smallest.
         let parts = match gravity_crest.map(|y| (y / length).sqrt()) {

@@ -87,7 +87,7 @@ const FIRST: f64 = 0.2;
 /// The longest step of a sweep, rad.
 const LONGEST: f64 = 1.0;
 
-struct Search<'a, B> {
+struct TurnSearch<'a, B> {
     swings: &'a B,
     best: Option<Swing>,
     /// The duration that the next swing must beat.
@@ -96,7 +96,7 @@ struct Search<'a, B> {
     farthest: f64,
 }
 
-impl<B: BackSwings> Search<'_, B> {
+impl<B: BackSwings> TurnSearch<'_, B> {
     fn run(mut self) -> Option<Swing> {
         if self.swings.nearest().is_some_and(|nearest| nearest > self.farthest) {
             return None;
@@ -216,7 +216,7 @@ impl<B: BackSwings> Search<'_, B> {
 
 /// The fastest back-swing with a duration below `bound`.
 pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
-    Search { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
+    TurnSearch { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
 }
 
 /// Check that swings are feasible exactly within their intervals: `beside` each edge, and at evenly spaced turning points. Return the

@@ -31,16 +31,16 @@ const TAIL: f64 = 2e-14;
 /// Parameters of the link: inertia (kg m^2), gravity moment (N m), viscous (N m s) and Coulomb friction (N m). In a motion computed
 /// backwards both friction coefficients are negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rough {
+pub(super) struct FrictionLink {
     pub inertia: f64,
     pub g: f64,
     pub viscous: f64,
     pub coulomb: f64,
 }
 
-impl Rough {
+impl FrictionLink {
     pub fn backwards(self) -> Self {
-        Rough { viscous: -self.viscous, coulomb: -self.coulomb, ..self }
+        FrictionLink { viscous: -self.viscous, coulomb: -self.coulomb, ..self }
     }
 }
 
@@ -59,7 +59,7 @@ pub(super) struct Step {
 pub(super) struct Progress {
     x: f64,
     push: f64,
-    link: Rough,
+    link: FrictionLink,
     /// The unit of time, s.
     pub unit: f64,
     pub time: f64,
@@ -87,11 +87,11 @@ fn step_length(c: &Series, size: f64) -> f64 {
 }
 
 impl Progress {
-    pub fn new(x: f64, torque: f64, link: &Rough) -> Self {
+    pub fn new(x: f64, torque: f64, link: &FrictionLink) -> Self {
         let push = torque - link.coulomb;
-        let Rough { inertia, g, viscous, .. } = *link;
+        let FrictionLink { inertia, g, viscous, .. } = *link;
         let unit = (inertia / (push.abs() + g.abs())).sqrt().min((inertia / viscous).abs());
-        let link = Rough { inertia: inertia / unit / unit, viscous: viscous / unit, ..*link };
+        let link = FrictionLink { inertia: inertia / unit / unit, viscous: viscous / unit, ..*link };
         Progress { x, push, link, unit, time: 0.0, y: 0.0, v: 0.0, spread: (1.0, 0.0), slow: 0.0 }
     }
 
@@ -136,7 +136,7 @@ impl Progress {
 
     /// Taylor coefficients of the distance `y`, and of `cos(x + y)`.
     fn series(&self) -> [Series; 2] {
-        let Rough { inertia, g, viscous, .. } = self.link;
+        let FrictionLink { inertia, g, viscous, .. } = self.link;
         let (mut c, mut s, mut k) = ([0.0; ORDER + 1], [0.0; ORDER + 1], [0.0; ORDER + 1]);
         (c[0], c[1]) = (self.y, self.v);
         (s[0], k[0]) = sin_cos(self.x + self.y);
@@ -158,7 +158,7 @@ impl Progress {
 
     /// Taylor coefficients of the spread, from the coefficients of `cos(x + y)`.
     fn spread_series(&self, cos: &Series) -> Series {
-        let Rough { inertia, g, viscous, .. } = self.link;
+        let FrictionLink { inertia, g, viscous, .. } = self.link;
         let mut z = [0.0; ORDER + 1];
         (z[0], z[1]) = self.spread;
         for n in 0..ORDER - 1 {
@@ -213,7 +213,7 @@ struct Collocation {
 
 impl Collocation {
     fn new(phase: &Progress, length: f64) -> Self {
-        let Rough { inertia, g, viscous, .. } = phase.link;
+        let FrictionLink { inertia, g, viscous, .. } = phase.link;
         let [plain, once, twice] = &*POWERS;
         let (once, twice) = (once * length, twice * (length * length));
         let resisting = plain * inertia + once * viscous;

@@ -11,7 +11,7 @@
 //! the back-swing of the motion mirrored and run backwards in time.
 
 use super::detour::{Push, detour};
-use super::monotone::{Monotone, Straight, drop};
+use super::monotone::{Monotone, MonotoneMotion, drop};
 use super::phase::Phase;
 use super::search::{BackSwings, FARTHEST, Swing, Window, fastest};
 use super::sine::{gravity_range, sin_cos, sine};
@@ -23,9 +23,9 @@ use std::f64::consts::TAU;
 const FINE: f64 = 1e-6;
 
 /// The search for the fastest back-swing.
-struct Search {
+struct SwingSearch {
     /// The monotone motion. Its push, moved to the turn, is the middle phase. Its brake is the last phase.
-    straight: Straight,
+    straight: MonotoneMotion,
     /// The first phase, from `x0` to the first switch.
     leaves: Phase,
     /// The push of the monotone motion; `None` if that motion is not feasible.
@@ -42,15 +42,15 @@ fn back((sin, cos): (f64, f64), (less_sin, less_cos): (f64, f64)) -> (f64, f64) 
 }
 
 /// Two monotone motions that meet at the turning point.
-struct Trial {
+struct SwingTrial {
     away: Monotone,
     towards: Monotone,
     turn: f64,
 }
 
-impl Search {
+impl SwingSearch {
     /// `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
-    fn new(straight: &Straight) -> Option<Self> {
+    fn new(straight: &MonotoneMotion) -> Option<Self> {
         let monotone = &straight.monotone;
         let Monotone { push: turns, brake: arrives, .. } = monotone;
         let (x0, (sin, cos)) = (turns.x, turns.angle());
@@ -72,18 +72,18 @@ impl Search {
             let slow = 0.3 * energies.peak.min(energies.push_hump) / turns.net();
             constant.min(slow).max(1e-13 * x0.abs().max(1.0))
         });
-        Some(Search { straight: *straight, leaves, push, nearest, brake: OnceCell::new() })
+        Some(SwingSearch { straight: *straight, leaves, push, nearest, brake: OnceCell::new() })
     }
 
     #[inline]
-    fn trial(&self, e: f64) -> Trial {
-        let Straight { monotone: Monotone { push, brake, .. }, middle, half: way } = self.straight;
+    fn trial(&self, e: f64) -> SwingTrial {
+        let MonotoneMotion { monotone: Monotone { push, brake, .. }, middle, half: way } = self.straight;
         let (turn, half) = (push.x - e, sin_cos(0.5 * e));
         let between = back(push.angle(), half);
         let turns = push.moved(turn, back(between, half));
         let out = drop(-between.0, half.0);
         let into = drop(back(middle, half).0, way.0 * half.1 + way.1 * half.0);
-        Trial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
+        SwingTrial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
     }
 
     /// An upper bound of `e`, at most `most`. `bound` computes it from the largest net torques up and down within the distance `e`.
@@ -103,9 +103,9 @@ impl Search {
     }
 }
 
-impl BackSwings for Search {
+impl BackSwings for SwingSearch {
     fn slope(&self, e: f64, fine: bool) -> Option<f64> {
-        let Trial { away, towards, .. } = self.trial(e);
+        let SwingTrial { away, towards, .. } = self.trial(e);
         let turns = &towards.push;
         let rate = |length: f64| {
             let energy = turns.energy(length);
@@ -165,12 +165,12 @@ impl BackSwings for Search {
 }
 
 /// The fastest (-, +, -) motion with a time below `bound`. Times are in units of `sqrt(I/2)` seconds.
-pub(super) fn back_swing(straight: &Straight, bound: f64) -> Option<Swing> {
-    fastest(&Search::new(straight)?, bound)
+pub(super) fn back_swing(straight: &MonotoneMotion, bound: f64) -> Option<Swing> {
+    fastest(&SwingSearch::new(straight)?, bound)
 }
 
 /// The fastest (+, -, +) motion with a time below `bound`. Times are in units of `sqrt(I/2)` seconds.
-pub(super) fn overshoot(straight: &Straight, bound: f64) -> Option<Swing> {
+pub(super) fn overshoot(straight: &MonotoneMotion, bound: f64) -> Option<Swing> {
     back_swing(&straight.reversed(), bound).map(Swing::reversed)
 }
 
@@ -181,13 +181,13 @@ mod tests {
     use std::f64::consts::PI;
 
     /// The search problems for many pairs of start and end angles, and of upper and lower torque bounds.
-    fn searches() -> impl Iterator<Item = Search> {
+    fn searches() -> impl Iterator<Item = SwingSearch> {
         let bounds = [0.03, 0.3, 0.9, 1.0, 1.1, 4.0];
         let ends =
             (-4..4).flat_map(|k| [0.05, 0.7, 2.0, 1.75 * PI].map(|distance| (0.25 * PI * k as f64, 0.25 * PI * k as f64 + distance)));
         let limits = bounds.map(|up| bounds.map(|down| (up, down))).concat();
         ends.flat_map(move |(x0, x1)| {
-            limits.clone().into_iter().flat_map(move |(up, down)| Search::new(&Straight::new(x0, x1, 1.0, up, down)))
+            limits.clone().into_iter().flat_map(move |(up, down)| SwingSearch::new(&MonotoneMotion::new(x0, x1, 1.0, up, down)))
         })
     }
 
@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn a_minimum_beside_an_edge_is_found() {
         // The interval is 2e-3 rad wide, and its minimum is at 1e-7 of that from the edge. The next interval has a minimum time of 142.7.
-        let straight = Straight::new(6.2831853083864555, 6.28318550293321, -1.0, 1.2068690262570462e-9, 1.9572908712209023e-7);
+        let straight = MonotoneMotion::new(6.2831853083864555, 6.28318550293321, -1.0, 1.2068690262570462e-9, 1.9572908712209023e-7);
         let swing = overshoot(&straight, f64::INFINITY).unwrap();
         assert!((swing.time - 79.92567).abs() < 1e-4, "{}", swing.time);
     }

@@ -13,11 +13,11 @@
 //! overshoot (`swing.rs`).
 
 use super::link::{Link, check_ends};
-use super::monotone::Straight;
+use super::monotone::MonotoneMotion;
 use super::report::{Limit, MonotoneReason};
 use super::search::Swing;
 use super::sine::sin_cos;
-use super::steps::Rough;
+use super::steps::FrictionLink;
 use super::swing::{back_swing, overshoot};
 use crate::error::Result;
 use std::f64::consts::PI;
@@ -90,7 +90,7 @@ pub struct TorqueOptimum {
     pub(super) theta0: f64,
     pub(super) thetaf: f64,
     pub(super) limits: [f64; 2],
-    pub(super) link: Rough,
+    pub(super) link: FrictionLink,
 }
 
 /// Compute the fastest motion from rest at `theta0` to rest at `thetaf` (rad), under `tau_min <= tau <= tau_max` (N m).
@@ -131,7 +131,7 @@ pub fn torque_optimal_time(
         return Ok(optimum);
     }
     let unit = (0.5 * inertia).sqrt();
-    let straight = Straight::new(x0, x1, g, up, down);
+    let straight = MonotoneMotion::new(x0, x1, g, up, down);
     let monotone = &straight.monotone;
     if x0 != x1 {
         optimum.reason = monotone.reason().along(sign);
@@ -146,7 +146,7 @@ pub fn torque_optimal_time(
         }
     }
     let bound = |best: &Best| if best.t.is_nan() { f64::INFINITY } else { best.t / unit };
-    for (kind, search) in [(Family::BackSwing, back_swing as fn(&Straight, f64) -> Option<Swing>), (Family::Overshoot, overshoot)] {
+    for (kind, search) in [(Family::BackSwing, back_swing as fn(&MonotoneMotion, f64) -> Option<Swing>), (Family::Overshoot, overshoot)] {
         if let Some(swing) = search(&straight, bound(&optimum.best)) {
             optimum.best = Best::swing(kind, &swing, sign, unit);
         }
@@ -172,7 +172,7 @@ impl TorqueOptimum {
             theta0,
             thetaf,
             limits: [tau_min, tau_max],
-            link: Rough { inertia, g, viscous, coulomb },
+            link: FrictionLink { inertia, g, viscous, coulomb },
         }
     }
 

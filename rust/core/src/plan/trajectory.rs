@@ -4,7 +4,7 @@
 //! durations come from quadrature, an independent method. So the phases meet at the switch only if both methods are correct.
 
 use super::sine::sin_cos;
-use super::steps::{Progress, Rough, Step, evaluate};
+use super::steps::{FrictionLink, Progress, Step, evaluate};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 
 /// An upper bound of the steps of a phase. A phase of a hundred revolutions has fewer.
@@ -12,7 +12,7 @@ const MAX_STEPS: usize = 4000;
 
 /// A phase of constant torque that starts or ends at rest at the angle `theta`.
 #[derive(Debug, Clone, PartialEq)]
-struct Run {
+struct RestPhase {
     theta: f64,
     /// +1 or -1. The angle after the distance `y` is `q = theta + direction * y`.
     direction: f64,
@@ -44,15 +44,15 @@ pub struct Sample {
 /// A torque profile with its motion. The link is at rest before the start and after the end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueProfile {
-    link: Rough,
+    link: FrictionLink,
     theta0: f64,
     thetaf: f64,
     duration: f64,
-    runs: Vec<Run>,
+    runs: Vec<RestPhase>,
 }
 
-impl Run {
-    fn new(theta: f64, direction: f64, tau: f64, rest: f64, end: f64, sense: f64, link: &Rough, duration: f64) -> Self {
+impl RestPhase {
+    fn new(theta: f64, direction: f64, tau: f64, rest: f64, end: f64, sense: f64, link: &FrictionLink, duration: f64) -> Self {
         let along = if sense > 0.0 { *link } else { link.backwards() };
         let mut at = Progress::new(direction * theta, direction * tau, &along);
         let size = at.net().abs() / link.inertia * duration * duration;
@@ -67,10 +67,10 @@ impl Run {
             at.advance(&step);
             steps.push(step);
         }
-        Run { theta, direction, tau, rest, sense, end, steps, unit }
+        RestPhase { theta, direction, tau, rest, sense, end, steps, unit }
     }
 
-    fn sample(&self, t: f64, link: &Rough) -> Sample {
+    fn sample(&self, t: f64, link: &FrictionLink) -> Sample {
         let time = (self.sense * (t - self.rest)).max(0.0) / self.unit;
         let k = self.steps.partition_point(|s| s.time <= time).max(1) - 1;
         let (y, v) = evaluate(&self.steps[k].y, time - self.steps[k].time);
@@ -88,8 +88,8 @@ impl TorqueProfile {
         let mut leg = |from: f64, to: f64, t0: f64, ts: f64, t1: f64| {
             let direction = if to >= from { 1.0 } else { -1.0 };
             let (push, brake) = if direction > 0.0 { (limits[1], limits[0]) } else { (limits[0], limits[1]) };
-            runs.push(Run::new(from, direction, push, t0, ts, 1.0, &link, ts - t0));
-            runs.push(Run::new(to, -direction, brake, t1, t1, -1.0, &link, t1 - ts));
+            runs.push(RestPhase::new(from, direction, push, t0, ts, 1.0, &link, ts - t0));
+            runs.push(RestPhase::new(to, -direction, brake, t1, t1, -1.0, &link, t1 - ts));
         };
         match best.kind {
             Family::NoneFound => return None,

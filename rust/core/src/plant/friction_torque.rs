@@ -45,7 +45,7 @@ struct Sticking {
     a: Vec<f64>,
 }
 
-enum Kind<'a> {
+enum FrictionState<'a> {
     Bristles(Bristles<'a>),
     Sticking(Sticking),
 }
@@ -53,7 +53,7 @@ enum Kind<'a> {
 /// The computation of the friction torques of one plant.
 pub struct FrictionTorque<'a> {
     n: usize,
-    kind: Kind<'a>,
+    kind: FrictionState<'a>,
 }
 
 impl<'a> FrictionTorque<'a> {
@@ -62,7 +62,7 @@ impl<'a> FrictionTorque<'a> {
         let n = plant.n();
         plant.friction()?;
         let kind = match lane_bristles(|_| plant.friction()) {
-            None => Kind::Sticking(Sticking {
+            None => FrictionState::Sticking(Sticking {
                 plant: PlantSpec::build::<f64>(|_| plant, force_frame),
                 trig: vec![(0.0, 1.0); n],
                 x: Vec::with_capacity(plant.states()),
@@ -74,7 +74,7 @@ impl<'a> FrictionTorque<'a> {
                     damping: &elastic.joint_damping,
                     stretch: vec![0.0; n],
                 });
-                Kind::Bristles(Bristles { friction, joints, load: vec![0.0; n] })
+                FrictionState::Bristles(Bristles { friction, joints, load: vec![0.0; n] })
             }
         };
         Some(FrictionTorque { n, kind })
@@ -94,8 +94,8 @@ impl<'a> FrictionTorque<'a> {
                 tau: &records.tau[range(records.tau)],
             };
             match &mut self.kind {
-                Kind::Bristles(bristles) => bristles.evaluate(&at, out),
-                Kind::Sticking(sticking) => sticking.evaluate(&at, &wrench(k), out),
+                FrictionState::Bristles(bristles) => bristles.evaluate(&at, out),
+                FrictionState::Sticking(sticking) => sticking.evaluate(&at, &wrench(k), out),
             }
             // The sum with zero makes negative zeros positive.
             out.iter_mut().for_each(|torque| *torque += 0.0);

@@ -9,7 +9,7 @@ use crate::scalar::Real;
 /// The solver of single levels, with its memory.
 #[derive(Debug, Clone)]
 pub(super) struct Own<S> {
-    levels: Vec<Level<S>>,
+    levels: Vec<LevelFactor<S>>,
     r: Vec<S>,
     z: Vec<S>,
     /// The solution `J_i# v_i`, shape `(n,)`.
@@ -17,7 +17,7 @@ pub(super) struct Own<S> {
 }
 
 #[derive(Debug, Clone)]
-struct Level<S> {
+struct LevelFactor<S> {
     factor: Factor<S>,
     /// The rows of a level with more rows than joints. Empty for other levels.
     tall: Vec<S>,
@@ -29,8 +29,8 @@ impl<S: Real> Own<S> {
         let zeros = |k: usize| vec![S::zero(); k];
         let most = rows.iter().copied().max().unwrap_or(0).max(n);
         let level = |&m: &usize| match m <= n {
-            true => Level { factor: Factor::new(n, m), tall: Vec::new() },
-            false => Level { factor: Factor::new(n, 0), tall: zeros(m * n) },
+            true => LevelFactor { factor: Factor::new(n, m), tall: Vec::new() },
+            false => LevelFactor { factor: Factor::new(n, 0), tall: zeros(m * n) },
         };
         Own { levels: rows.iter().map(level).collect(), r: zeros(most), z: zeros(most), v: zeros(n) }
     }
@@ -38,7 +38,7 @@ impl<S: Real> Own<S> {
     /// Solve level `i`, and write the solution to `v`. Return `|J_i#|_F^2` and the square of the largest row norm.
     pub fn solve(&mut self, i: usize, jacobian: &[S], metric: Option<&Metric<S>>, command: &[S]) -> [S; 2] {
         let Own { levels, r, z, v } = self;
-        let Level { factor, tall: rows } = &mut levels[i];
+        let LevelFactor { factor, tall: rows } = &mut levels[i];
         factor.y.fill(S::zero());
         if rows.is_empty() {
             let [most2, _] = load(jacobian, metric, &mut factor.l, v.len());

@@ -28,7 +28,7 @@ const OFTEN: u64 = 16;
 
 /// The route for stacks of one size, with its memory.
 #[derive(Debug, Clone)]
-pub(super) struct Pairs<S> {
+pub(super) struct PairRoute<S> {
     n: usize,
     rows: Vec<usize>,
     damped: bool,
@@ -61,14 +61,14 @@ struct Direction<'a, S> {
     open: S,
 }
 
-impl<S: Real> Pairs<S> {
+impl<S: Real> PairRoute<S> {
     /// Return the route for levels of these sizes, thresholds and metric. The result is `None` if the closed form does not apply.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         if !method.damps() || rows.iter().any(|&m| m > 2) {
             return None;
         }
         let (zeros, total) = (|k: usize| vec![S::zero(); k], rows.iter().sum::<usize>());
-        Some(Pairs {
+        Some(PairRoute {
             n,
             rows: rows.to_vec(),
             damped: method == PriorityMethod::Damped,
@@ -94,7 +94,7 @@ impl<S: Real> Pairs<S> {
     /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. Return one if the route is valid, otherwise zero.
     pub fn solve(&mut self, jacobian: &[S], command: &[S]) -> S {
         let (zero, one) = (S::zero(), S::splat(1.0));
-        let Pairs { n, rows, j, projected, metric, y, eps2, threshold2: thresholds, .. } = self;
+        let PairRoute { n, rows, j, projected, metric, y, eps2, threshold2: thresholds, .. } = self;
         let (n, total) = (*n, j.len() / *n);
         y.fill(zero);
         let (mut at, mut stands) = (0, one);
@@ -125,7 +125,7 @@ impl<S: Real> Pairs<S> {
             used += self.ranks[i];
             at += m;
         }
-        let Pairs { v, y, metric, residual, .. } = self;
+        let PairRoute { v, y, metric, residual, .. } = self;
         v.copy_from_slice(y);
         if let Some(metric) = metric {
             metric.velocity(v);
@@ -140,7 +140,7 @@ impl<S: Real> Pairs<S> {
     /// Solve level `i`, whose rows begin at `at`, when `used` directions are already used. Return one if `P` is still a projector,
     /// otherwise zero.
     fn level(&mut self, i: usize, at: usize, command: &[S], used: S) -> S {
-        let Pairs { n, rows, j, projected, y, full, damped, threshold2, ranks, lost, .. } = self;
+        let PairRoute { n, rows, j, projected, y, full, damped, threshold2, ranks, lost, .. } = self;
         let (n, m, threshold2, zero, one) = (*n, rows[i], threshold2[i], S::zero(), S::splat(1.0));
         let (above, below) = projected.split_at_mut((at + m) * n);
         let mut rest = [zero; 2];
@@ -230,7 +230,7 @@ fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
 /// The route for single stacks.
 #[derive(Debug, Clone)]
 pub(super) struct SinglePairs {
-    direct: Pairs<Float>,
+    direct: PairRoute<Float>,
     /// The program of the route, after it has been made. It has the same bits as `direct`.
     program: Option<Evaluation>,
     solves: u64,
@@ -245,9 +245,9 @@ pub(super) struct Answer<'a> {
 }
 
 impl SinglePairs {
-    /// Create the route with [`Pairs::new`].
+    /// Create the route with [`PairRoute::new`].
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
-        Pairs::new(n, rows, method, eps, metric).map(|direct| SinglePairs { direct, program: None, solves: 0 })
+        PairRoute::new(n, rows, method, eps, metric).map(|direct| SinglePairs { direct, program: None, solves: 0 })
     }
 
     /// Set the thresholds, and discard the program, which contains the old ones.

@@ -5,7 +5,7 @@
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions, TAME};
 use super::metric::Metric;
-use super::pairs::{Answer, Pairs, SinglePairs};
+use super::pairs::{Answer, PairRoute, SinglePairs};
 use super::regular::Regular;
 use super::sns::Saturation;
 use super::workspace::Workspace;
@@ -129,8 +129,8 @@ impl PrioritySolver {
     }
 
     /// Return the route for levels of at most two rows, with another number type. The result is `None` if it does not apply.
-    pub(super) fn pairs<S: Real>(&self) -> Option<Pairs<S>> {
-        Pairs::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
+    pub(super) fn pairs<S: Real>(&self) -> Option<PairRoute<S>> {
+        PairRoute::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
     }
 
     /// Set the relative error of the entries of the next Jacobians. For the Jacobian of an arm it is `8 eps (1 + sum|q|)`.

@@ -19,18 +19,18 @@ const LARGE: usize = 3000;
 /// The program of an attempt, for loops of one structure.
 pub struct AttemptProgram {
     program: Program,
-    places: Layout,
+    places: AttemptLayout,
 }
 
 /// The slots of an attempt in its frame. First are the numbers of the set-up, then the exogenous inputs of the stages, then the quantities
 /// below.
-struct Layout {
+struct AttemptLayout {
     slots: Slots,
     stages: usize,
     estimates: usize,
 }
 
-impl Layout {
+impl AttemptLayout {
     fn state(&self) -> usize {
         self.slots.given + self.stages * (self.slots.desired + self.slots.wrench)
     }
@@ -106,7 +106,7 @@ impl AttemptProgram {
         if recording.failed {
             return None;
         }
-        let places = Layout { slots: slots.clone(), stages: C::STAGES, estimates: C::E.len() };
+        let places = AttemptLayout { slots: slots.clone(), stages: C::STAGES, estimates: C::E.len() };
         let results = y.iter().chain(slopes[1..].iter().flatten()).chain(estimates.iter().flatten());
         let outputs: Vec<(u32, u32)> = results.enumerate().map(|(k, value)| ((places.results() + k) as u32, value.index())).collect();
         let part = Part { ops: &recording.ops, start: 0, outputs: &outputs, places: &SlotTable::default() };

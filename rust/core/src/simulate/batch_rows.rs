@@ -61,12 +61,12 @@ pub struct BatchRuns {
 
 /// One result array: the range of its numbers in a record `[x, tau, monitors]`, and its rows for the group, shape
 /// `(runs, records, numbers)`.
-struct Series<'a> {
+struct ArrayRows<'a> {
     numbers: Range<usize>,
     rows: &'a mut [f64],
 }
 
-impl Series<'_> {
+impl ArrayRows<'_> {
     /// The range of the records `records` of run `run` in `rows`. A run has `all` records.
     fn place(&self, run: usize, all: usize, records: &Range<usize>) -> Range<usize> {
         let width = self.numbers.len();
@@ -79,7 +79,7 @@ pub struct GroupRecorder<'a> {
     problem: &'a Problem<'a>,
     records: usize,
     /// All series, one after another. The last ones are the series of the monitors.
-    series: Vec<Series<'a>>,
+    series: Vec<ArrayRows<'a>>,
     monitors: usize,
     /// The torques of friction, shape `(runs, records, n)`, or empty.
     friction: &'a mut [f64],
@@ -175,10 +175,10 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let ended = out.ended.chunks_mut(lanes);
     let mut balances = out.balances.each_mut().map(|numbers| numbers.chunks_mut(lanes));
     // Each group also has many small vectors, for its series and metrics.
-    let parts = arrays.len() * size_of::<Series>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
+    let parts = arrays.len() * size_of::<ArrayRows>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
     memory::require(ended.len() * (size_of::<GroupRecorder>() + parts + 32))?;
     let mut series = || {
-        let of = |(rows, numbers): (&mut ChunksMut<'a, f64>, &Range<usize>)| Series {
+        let of = |(rows, numbers): (&mut ChunksMut<'a, f64>, &Range<usize>)| ArrayRows {
             numbers: numbers.clone(),
             rows: rows.next().unwrap_or_default(),
         };

@@ -8,13 +8,13 @@
 //! The maximum in `settle max |e|` includes only the records so far. This does not change the last record outside of the band. The record
 //! of the final maximum is outside. From this record on, the maximum so far is the final maximum.
 
-use super::measures::{Plan, Wanted};
+use super::measures::{ErrorReference, Plan};
 use crate::dynamics::{ArmAt, Model};
 use crate::scalar::Real;
 use crate::spatial::Vector;
 
 /// The quantities of one record from which metrics are computed.
-pub struct Seen<'a, S> {
+pub struct MetricInput<'a, S> {
     /// The law's desired motions, one after another.
     pub desired: &'a [S],
     pub q: &'a [S],
@@ -60,7 +60,7 @@ impl<S: Real> Gauge<S> {
         let plan = of(0).clone();
         let numbers =
             |get: &dyn Fn(&'a Plan) -> &'a [f64]| (0..get(of(0)).len()).map(|i| S::from_lanes(|lane| get(of(lane))[i])).collect::<Vec<S>>();
-        let target = numbers(&|plan| if let Wanted::Target(target) = &plan.wanted { target } else { &[] });
+        let target = numbers(&|plan| if let ErrorReference::Target(target) = &plan.wanted { target } else { &[] });
         let band = numbers(&|plan| plan.band.as_deref().unwrap_or_default());
         let arms = if plan.frame.is_some() { 2 } else { usize::from(!plan.aims.is_empty()) };
         Gauge {
@@ -75,7 +75,7 @@ impl<S: Real> Gauge<S> {
     }
 
     /// Update the stored numbers `kept` with one record. `h` is the time to the next record, s, and zero at the last record.
-    pub fn add(&mut self, seen: &Seen<S>, h: S, start: Start, kept: &mut [S]) {
+    pub fn add(&mut self, seen: &MetricInput<S>, h: S, start: Start, kept: &mut [S]) {
         let weight = kept[self.plan.places.since] + h;
         let count = kept[self.plan.places.count];
         self.add_errors(seen, weight, count, kept);
@@ -88,12 +88,12 @@ impl<S: Real> Gauge<S> {
         kept[self.plan.places.count] = count + S::splat(1.0);
     }
 
-    fn add_errors(&self, seen: &Seen<S>, weight: S, count: S, kept: &mut [S]) {
+    fn add_errors(&self, seen: &MetricInput<S>, weight: S, count: S, kept: &mut [S]) {
         let (plan, places) = (&self.plan, &self.plan.places);
         let wanted = match plan.wanted {
-            Wanted::Nothing => return,
-            Wanted::Motion => &seen.desired[..plan.n],
-            Wanted::Target(_) => self.target.as_slice(),
+            ErrorReference::Nothing => return,
+            ErrorReference::Motion => &seen.desired[..plan.n],
+            ErrorReference::Target(_) => self.target.as_slice(),
         };
         for i in 0..plan.n {
             let (q, q_d) = (seen.q[i], wanted[i]);
@@ -125,7 +125,7 @@ impl<S: Real> Gauge<S> {
         kept[places.outside] = last;
     }
 
-    fn add_distances(&mut self, seen: &Seen<S>, weight: S, kept: &mut [S]) {
+    fn add_distances(&mut self, seen: &MetricInput<S>, weight: S, kept: &mut [S]) {
         let (plan, places) = (&self.plan, &self.plan.places);
         if plan.distances() == 0 {
             return;
@@ -141,7 +141,7 @@ impl<S: Real> Gauge<S> {
             self.distances[k] = sum;
         }
         if let Some(frame) = plan.frame {
-            let wanted = if plan.wanted == Wanted::Motion { &seen.desired[..plan.n] } else { self.target.as_slice() };
+            let wanted = if plan.wanted == ErrorReference::Motion { &seen.desired[..plan.n] } else { self.target.as_slice() };
             self.arms[1].move_to(wanted);
             let (p, p_d) = (self.arms[0].position(frame), self.arms[1].position(frame));
             let apart = p_d - p;
@@ -155,7 +155,7 @@ impl<S: Real> Gauge<S> {
         }
     }
 
-    fn add_effort(&self, seen: &Seen<S>, weight: S, kept: &mut [S]) {
+    fn add_effort(&self, seen: &MetricInput<S>, weight: S, kept: &mut [S]) {
         let (plan, places) = (&self.plan, &self.plan.places);
         for (i, &tau) in seen.tau.iter().enumerate() {
             let (sum, peak) = (places.tau.start + i, places.tau_peak.start + i);

@@ -27,7 +27,7 @@ pub struct General<'a> {
 }
 
 /// Passes records to the sink, lane by lane. Negative zeros become zeros, because programs and direct evaluation may differ only there.
-struct Recorder<'a> {
+struct RunRecorder<'a> {
     sink: &'a mut dyn Sink,
     /// Returns the time of each step.
     time: &'a dyn Fn(usize) -> f64,
@@ -37,7 +37,7 @@ struct Recorder<'a> {
     tau: Vec<f64>,
 }
 
-impl Recorder<'_> {
+impl RunRecorder<'_> {
     #[inline(never)]
     fn write<S: Real>(&mut self, i: usize, t: f64, x: &[S], tau: &[S]) {
         for lane in 0..S::LANES {
@@ -56,7 +56,7 @@ impl Recorder<'_> {
     }
 }
 
-impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
+impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for RunRecorder<'_> {
     fn record(&mut self, i: usize, t: f64, closed: &mut F, x: &Vec<S>) {
         let tau = closed.input_at(t, x);
         self.write(i, t, x, tau);
@@ -68,8 +68,8 @@ impl<S: Real, F: Watched<S>> Record<F, Vec<S>> for Recorder<'_> {
 
 impl<'a> General<'a> {
     /// Return a recorder for states with `all` numbers.
-    fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> Recorder<'b> {
-        Recorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
+    fn recorder<'b>(problem: &Problem, sink: &'b mut dyn Sink, time: &'b dyn Fn(usize) -> f64, all: usize) -> RunRecorder<'b> {
+        RunRecorder { sink, time, size: problem.state_size(), x: vec![0.0; all], tau: vec![0.0; problem.plant(0).n()] }
     }
 
     /// Run `closed` with fixed steps of `method`.

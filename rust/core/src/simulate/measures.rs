@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// The reference of the joints from which errors are measured.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Wanted {
+pub enum ErrorReference {
     Nothing,
     /// The law's desired joint motion, which is the first of its desired motions.
     Motion,
@@ -67,7 +67,7 @@ pub struct MeasureLayout {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub n: usize,
-    pub wanted: Wanted,
+    pub wanted: ErrorReference,
     pub aims: Vec<Aim>,
     /// The frame whose distance from its position at the joints' reference is measured.
     pub frame: Option<usize>,
@@ -114,14 +114,14 @@ impl Plan {
         finite("settle", &[measures.settle])?;
         finite("tolerance", &[measures.tolerance])?;
         let wanted = match (&measures.reference, law.joint_reference()) {
-            (Some(reference), _) => Wanted::Target(reference.clone()),
-            (None, Some(JointReference::Motion)) => Wanted::Motion,
-            (None, Some(JointReference::Target(target))) => Wanted::Target(target),
-            (None, None) => Wanted::Nothing,
+            (Some(reference), _) => ErrorReference::Target(reference.clone()),
+            (None, Some(JointReference::Motion)) => ErrorReference::Motion,
+            (None, Some(JointReference::Target(target))) => ErrorReference::Target(target),
+            (None, None) => ErrorReference::Nothing,
         };
         let frame = match &measures.frame {
             None => None,
-            Some(_) if wanted == Wanted::Nothing => {
+            Some(_) if wanted == ErrorReference::Nothing => {
                 return Err(Error::input("frame", "is given for a run with no reference of joints: expected None"));
             }
             Some(name) => Some(plant.model().tree("frame")?.frame_index(name)?),
@@ -162,7 +162,7 @@ impl Plan {
             at += count;
             at - count..at
         };
-        let n = if self.wanted == Wanted::Nothing { 0 } else { self.n };
+        let n = if self.wanted == ErrorReference::Nothing { 0 } else { self.n };
         let (energy, lyapunov) = (usize::from(self.energy), usize::from(self.lyapunov));
         let mut places = MeasureLayout {
             since: next(1).start,

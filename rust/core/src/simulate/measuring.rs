@@ -4,7 +4,7 @@
 //! themselves, and pass the stored numbers to this sink.
 
 use super::columns::Columns;
-use super::gauge::{Gauge, Identities, Seen, Start};
+use super::gauge::{Gauge, Identities, MetricInput, Start};
 use super::measures::Plan;
 use super::monitors::Monitors;
 use super::problem::Problem;
@@ -75,7 +75,7 @@ impl<'a> Measuring<'a> {
             _ => Identities::default(),
         };
         let parts = self.columns.split(&self.x, &self.tau);
-        let seen = Seen { desired: &self.desired, q: parts.q, v: parts.v, tau: &self.tau, identities };
+        let seen = MetricInput { desired: &self.desired, q: parts.q, v: parts.v, tau: &self.tau, identities };
         let outside = plan.places.outside;
         self.gauge.add(&seen, t - self.t, Start::Asked, &mut self.kept);
         if self.count == 1 {

@@ -62,7 +62,7 @@ pub struct RatesPrograms {
 
 /// The derivatives that a method requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
+pub enum RequiredDerivatives {
     Rates,
     /// Derivatives along the states.
     States,
@@ -70,15 +70,15 @@ pub enum Wanted {
     Time,
 }
 
-impl Wanted {
+impl RequiredDerivatives {
     fn of(problem: &Problem, run: usize) -> Self {
         let moves = |force: &&Force| matches!(force, Force::Signal(_));
         let still = problem.options.sampling.is_some() || problem.law(run).motions().iter().all(|motion| matches!(motion, Motion::Hold(_)));
         let method = problem.options.method;
         match (method.is_implicit(), method.is_rosenbrock()) {
-            (false, _) => Wanted::Rates,
-            (true, true) if !still || problem.forces.iter().any(moves) => Wanted::Time,
-            (true, _) => Wanted::States,
+            (false, _) => RequiredDerivatives::Rates,
+            (true, true) if !still || problem.forces.iter().any(moves) => RequiredDerivatives::Time,
+            (true, _) => RequiredDerivatives::States,
         }
     }
 }
@@ -90,7 +90,7 @@ pub struct RecordedRates {
 }
 
 /// A known recording of rates. Its tag contains whether the input is held, and the derivatives.
-type SeenRates = Seen<RecordedRates, (bool, Wanted)>;
+type SeenRates = Seen<RecordedRates, (bool, RequiredDerivatives)>;
 
 static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
 
@@ -118,7 +118,7 @@ pub fn record_both(problem: &Problem) -> [Option<RatesOfRun>; 2] {
 
 /// Return the rates of run `run`. `held`: whether the input is held. The result is `None` if the code branches on data.
 fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
-    let (parameters, wanted) = (recorded::loop_parameters(problem, run, common), Wanted::of(problem, run));
+    let (parameters, wanted) = (recorded::loop_parameters(problem, run, common), RequiredDerivatives::of(problem, run));
     let record = || record(problem, run, (common, held, wanted), true, &mut |_, _, _, _, _| ());
     let seen = Seen::of_run(&KNOWN, (problem, run, common), &parameters, (held, wanted), record);
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
@@ -126,7 +126,7 @@ fn of_run(problem: &Problem, run: usize, common: Common, held: bool) -> Option<R
 
 /// Return the rates of [`of_run`] if they are already recorded, otherwise `None`.
 fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<RatesOfRun> {
-    let (parameters, tag) = (recorded::loop_parameters(problem, run, common), (held, Wanted::of(problem, run)));
+    let (parameters, tag) = (recorded::loop_parameters(problem, run, common), (held, RequiredDerivatives::of(problem, run)));
     let seen = Seen::known(&KNOWN, (problem, run, common), &parameters, &tag)?;
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
@@ -134,7 +134,8 @@ fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<Ra
 /// Record the rates of run `run` for a listing, with the derivatives that the method uses. If `folds` is false, every operation of the
 /// source is recorded, without derivatives.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> Option<RecordedRates> {
-    let (held, wanted) = (problem.options.sampling.is_some(), if folds { Wanted::of(problem, run) } else { Wanted::Rates });
+    let (held, wanted) =
+        (problem.options.sampling.is_some(), if folds { RequiredDerivatives::of(problem, run) } else { RequiredDerivatives::Rates });
     record(problem, run, (common, held, wanted), folds, watch)
 }
 
@@ -142,7 +143,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool
 fn record(
     problem: &Problem,
     run: usize,
-    (common, held, wanted): (Common, bool, Wanted),
+    (common, held, wanted): (Common, bool, RequiredDerivatives),
     folds: bool,
     watch: Watch,
 ) -> Option<RecordedRates> {
@@ -183,7 +184,7 @@ fn to(first: usize, entries: &[u32]) -> Vec<(u32, u32)> {
     entries.iter().enumerate().map(|(k, &entry)| ((first + k) as u32, entry)).collect()
 }
 
-fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: Wanted, watch: Watch) -> RatesPrograms {
+fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: RequiredDerivatives, watch: Watch) -> RatesPrograms {
     let none = SlotTable::default();
     let part = Part { ops: &ops, start: 0, outputs: &to(slots.rates(), rates), places: &none };
     let reach = slots.reach();
@@ -193,7 +194,8 @@ fn make(ops: Vec<Op>, rates: &[u32], slots: &Slots, wanted: Wanted, watch: Watch
     RatesPrograms {
         rates: program,
         attempt: None,
-        derivatives: (wanted != Wanted::Rates).then(|| differentiate(ops, rates, slots, wanted == Wanted::Time, watch)),
+        derivatives: (wanted != RequiredDerivatives::Rates)
+            .then(|| differentiate(ops, rates, slots, wanted == RequiredDerivatives::Time, watch)),
     }
 }
 

@@ -52,11 +52,11 @@ impl<'a> WithExplicitSteps<Float, ClosedLoop<'a, Float>> for Redone<'a> {
     ) -> Box<dyn Direct + 'a> {
         let monitor = self.norms.then(|| Monitors::new(self.problem, self.run));
         let (tau, dz) = (closed.tau.clone(), closed.law_rate().to_vec());
-        Box::new(Steps { monitor, closed, method, x, tau, dz })
+        Box::new(DirectSteps { monitor, closed, method, x, tau, dz })
     }
 }
 
-struct Steps<'a, S: Real, M> {
+struct DirectSteps<'a, S: Real, M> {
     monitor: Option<Monitors<'a>>,
     closed: ClosedLoop<'a, S>,
     method: M,
@@ -73,7 +73,7 @@ fn store<S: Real>(to: &mut [f64], from: &[S]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = from.lane(0));
 }
 
-impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for Steps<'a, S, M> {
+impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for DirectSteps<'a, S, M> {
     fn answer(&mut self, t: f64, x: &[f64], tau: &mut [f64], dz: &mut [f64]) {
         load(&mut self.x, x);
         self.closed.observe(t, &self.x);

@@ -9,7 +9,7 @@ const KEPT: usize = 64;
 
 /// One sample: the measurement and the output of the law.
 #[derive(Clone, Debug)]
-struct Entry<S> {
+struct StoredSample<S> {
     index: u64,
     measured: Vec<S>,
     sensed: Sensed<S>,
@@ -24,7 +24,7 @@ pub struct Sampler<S> {
     seeds: Vec<u64>,
     /// The step size of a fixed-step method, to which sample times are rounded, s. It is 0 for an adaptive method.
     grid: f64,
-    ring: Vec<Entry<S>>,
+    ring: Vec<StoredSample<S>>,
     delayed: u64,
     sensing: Option<TorqueSensing<S>>,
 }
@@ -41,7 +41,7 @@ impl<S: Real> Sampler<S> {
         let kept = KEPT + delayed as usize + sampling.sensor_delay;
         let zeros = |k: usize| vec![S::zero(); k];
         let sensed = Sensed::new(if sensing.is_some() { n } else { 0 });
-        let entry = Entry { index: u64::MAX, measured: zeros(states), sensed, tau: zeros(n), dz: zeros(p) };
+        let entry = StoredSample { index: u64::MAX, measured: zeros(states), sensed, tau: zeros(n), dz: zeros(p) };
         Sampler { ring: vec![entry; kept], sampling, seeds, grid, delayed, sensing }
     }
 
@@ -59,7 +59,7 @@ impl<S: Real> Sampler<S> {
         // At an instant with both a record and the start of a step, the law is evaluated only once.
         if let Some(k) = self.sampling.due(self.seeds[0], self.grid, t).filter(|&k| self.ring[self.slot(k)].index != k) {
             let slot = self.slot(k);
-            let empty = Entry { index: k, measured: Vec::new(), sensed: Sensed::new(0), tau: Vec::new(), dz: Vec::new() };
+            let empty = StoredSample { index: k, measured: Vec::new(), sensed: Sensed::new(0), tau: Vec::new(), dz: Vec::new() };
             let mut entry = std::mem::replace(&mut self.ring[slot], empty);
             entry.index = k;
             self.measure(k, x, n, &mut entry.measured);
@@ -99,7 +99,7 @@ impl<S: Real> Sampler<S> {
     }
 
     /// Compute the reading of the torque sensors. Their filters continue from the previous sample.
-    fn sense(&mut self, k: u64, x: &[S], entry: &mut Entry<S>) {
+    fn sense(&mut self, k: u64, x: &[S], entry: &mut StoredSample<S>) {
         let Some(mut sensing) = self.sensing.take() else { return };
         let before = k.checked_sub(1).map(|k| (k, &self.ring[self.slot(k)])).filter(|(k, entry)| entry.index == *k);
         let before = before.map(|(before, entry)| (&entry.sensed, self.instant(k) - self.instant(before)));

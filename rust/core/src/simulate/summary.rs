@@ -1,6 +1,6 @@
 //! The summary of a run: its metrics as final numbers, from the stored numbers of a [`Gauge`](super::gauge::Gauge).
 
-use super::measures::{Plan, Wanted};
+use super::measures::{ErrorReference, Plan};
 use std::ops::Range;
 
 /// If the reference moves by less than this, rad or m, overshoot is not computed. The same limit, per second, applies to its speed at the
@@ -45,7 +45,7 @@ impl Plan {
         let alone = t1 == t0;
         let rms = |sum: f64, only: f64| if alone { only } else { (sum / (2.0 * (t1 - t0))).sqrt() };
         let mut all = Vec::with_capacity(6 * self.n + 3 * self.distances() + 7);
-        if self.wanted == Wanted::Nothing {
+        if self.wanted == ErrorReference::Nothing {
             all.extend(std::iter::repeat_n(f64::NAN, 4 * self.n));
         } else {
             all.extend(of(&places.error).zip(of(&places.error_final)).map(|(sum, only)| rms(sum, only)));
@@ -56,7 +56,7 @@ impl Plan {
         all.extend(of(&places.tau_peak));
         all.extend(of(&places.distance).zip(of(&places.distance_final)).map(|(sum, only)| rms(sum, only.sqrt())));
         all.extend(of(&places.distance_peak).chain(of(&places.distance_final)).map(f64::sqrt));
-        let settling = if self.wanted == Wanted::Nothing { None } else { ends.settled.map(|t| t - t0) };
+        let settling = if self.wanted == ErrorReference::Nothing { None } else { ends.settled.map(|t| t - t0) };
         all.push(settling.unwrap_or(f64::NAN));
         all.push(if self.bounds.is_some() { 0.5 * kept[places.beyond] } else { f64::NAN });
         all.push(if self.energy { kept[places.violations] } else { 0.0 });
@@ -73,7 +73,7 @@ impl Plan {
     fn overshoot(&self, kept: &[f64], ends: &Ends, i: usize) -> f64 {
         let places = &self.places;
         let (end, speed) = match &self.wanted {
-            Wanted::Target(target) => (target[i], 0.0),
+            ErrorReference::Target(target) => (target[i], 0.0),
             _ => (ends.desired[i], ends.desired[self.n + i]),
         };
         let travel = end - ends.q[i];

@@ -1,7 +1,7 @@
 //! Updates of metrics as recorded operations on the state at a record.
 
 use super::columns::Columns;
-use super::gauge::{Gauge, Identities, Seen, Start};
+use super::gauge::{Gauge, Identities, MetricInput, Start};
 use super::measures::Plan;
 use super::monitors::identities::Theory;
 use super::problem::Problem;
@@ -45,6 +45,6 @@ impl<S: Real> Sums<S> {
             theory.arm.move_to(parts.q);
             theory.identities(desired, x)
         });
-        self.gauge.add(&Seen { desired, q: parts.q, v: parts.v, tau, identities }, h, start, kept);
+        self.gauge.add(&MetricInput { desired, q: parts.q, v: parts.v, tau, identities }, h, start, kept);
     }
 }

@@ -88,7 +88,7 @@ impl RunObserver {
 
 /// The last evaluation of an event function.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct LastValue {
     /// The last sign that is not zero. It is zero before the first evaluation.
     sign: f64,
     value: f64,
@@ -99,7 +99,7 @@ pub struct Watching<'a, S> {
     switching: Option<Switching>,
     probe: Probe,
     observer: Option<&'a mut RunObserver>,
-    events: Vec<Seen>,
+    events: Vec<LastValue>,
     /// The crossings in the last step: time, s, and index of the event.
     crossed: Vec<(f64, usize)>,
     /// The last values of the guards of contacts, then of those of joints that stick and slip. Below, the number of the latter guards.
@@ -124,7 +124,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let contacts = switching.as_ref().map_or(0, Switching::guards);
         let sticking = if plant.sticks() { plant.n() } else { 0 };
         Watching {
-            events: vec![Seen::default(); observer.as_ref().map_or(0, |observer| observer.events.len())],
+            events: vec![LastValue::default(); observer.as_ref().map_or(0, |observer| observer.events.len())],
             crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| LOOKS * observer.events.len())),
             switching,
             probe: Probe::new(plant),

@@ -21,21 +21,21 @@ pub const CALLS: usize = 16;
 const KEPT_OPERATIONS: usize = 1 << 20;
 
 /// A function, shared by all recordings of the same structure.
-struct Function {
+struct StoredFunction {
     ops: Vec<Op>,
     answer: Vec<u32>,
     program: Program,
-    layout: Layout,
+    layout: FunctionLayout,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-struct Layout {
+struct FunctionLayout {
     given: usize,
     inputs: usize,
     lanes: bool,
 }
 
-impl Layout {
+impl FunctionLayout {
     fn reach(self) -> usize {
         self.given + self.inputs
     }
@@ -47,7 +47,7 @@ impl Layout {
 /// A function with the numbers of its set-up and a separate frame. It computes one run, or one run per lane.
 #[derive(Clone)]
 pub struct Evaluation {
-    function: Arc<Function>,
+    function: Arc<StoredFunction>,
     frame: Frame,
 }
 
@@ -86,14 +86,14 @@ impl Recorded {
     /// Make the program of this function, for one run or for lanes.
     pub fn program(self, lanes: bool) -> Evaluation {
         let Recorded { ops, values, inputs, answer } = self;
-        let layout = Layout { given: values.len(), inputs, lanes };
-        Evaluation::new(Function::of(ops, answer, layout), &values)
+        let layout = FunctionLayout { given: values.len(), inputs, lanes };
+        Evaluation::new(StoredFunction::of(ops, answer, layout), &values)
     }
 }
 
 impl Evaluation {
-    fn new(function: Arc<Function>, given: &[f64]) -> Self {
-        let Function { ops, answer, program, layout } = &*function;
+    fn new(function: Arc<StoredFunction>, given: &[f64]) -> Self {
+        let StoredFunction { ops, answer, program, layout } = &*function;
         let mut frame = Frame::new(program.slots().max(layout.answer() + answer.len()), form(layout.lanes).lanes());
         program.prepare(&mut frame);
         for (slot, &x) in given.iter().enumerate() {
@@ -180,28 +180,29 @@ impl Evaluation {
     }
 }
 
-static KNOWN: Cache<Arc<Function>> = Cache::new();
+static KNOWN: Cache<Arc<StoredFunction>> = Cache::new();
 
-impl Function {
+impl StoredFunction {
     /// Return the function of a recording: a stored function, or else a new one. The cache stores the functions that were used last.
-    fn of(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Arc<Function> {
+    fn of(ops: Vec<Op>, answer: Vec<u32>, layout: FunctionLayout) -> Arc<StoredFunction> {
         if let Some(found) = KNOWN.find(|known| known.layout == layout && known.answer == answer && known.ops == ops) {
             return found;
         }
-        let function = Arc::new(Function::new(ops, answer, layout));
-        let fits = |known: &VecDeque<Arc<Function>>| known.iter().map(|function| function.ops.len()).sum::<usize>() <= KEPT_OPERATIONS;
+        let function = Arc::new(StoredFunction::new(ops, answer, layout));
+        let fits =
+            |known: &VecDeque<Arc<StoredFunction>>| known.iter().map(|function| function.ops.len()).sum::<usize>() <= KEPT_OPERATIONS;
         KNOWN.keep(function.clone(), fits);
         function
     }
 
-    fn new(ops: Vec<Op>, answer: Vec<u32>, layout: Layout) -> Self {
+    fn new(ops: Vec<Op>, answer: Vec<u32>, layout: FunctionLayout) -> Self {
         let is_known = |entry: u32| matches!(ops[entry as usize], Op::Const(_));
         let slots = (layout.answer() as u32..).zip(answer.iter().copied());
         let outputs: Vec<(u32, u32)> = slots.filter(|&(_, entry)| !is_known(entry)).collect();
         let part = Part { ops: &ops, start: 0, outputs: &outputs, places: &SlotTable::default() };
         let scratch = Scratch { reach: layout.reach() as u32, free: layout.answer() + answer.len() };
         let program = Program::new(part, None, scratch, form(layout.lanes), engine());
-        Function { program, ops, answer, layout }
+        StoredFunction { program, ops, answer, layout }
     }
 }
 

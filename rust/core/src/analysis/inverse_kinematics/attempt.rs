@@ -6,7 +6,7 @@ pub(super) const CENTRING: f64 = 0.2;
 
 /// The result of the search from one start.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Attempt {
+pub(super) struct StartResult {
     /// Joint positions, `(n,)`, rad or m.
     pub q: Vec<f64>,
     /// Largest error of each task, m or rad; zero where the task is reached.
@@ -15,7 +15,7 @@ pub(super) struct Attempt {
     pub resting: bool,
 }
 
-impl Attempt {
+impl StartResult {
     /// Whether every task is reached.
     pub fn reached(&self) -> bool {
         self.misses.iter().all(|miss| *miss == 0.0)

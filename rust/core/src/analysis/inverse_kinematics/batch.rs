@@ -34,7 +34,7 @@ pub struct IkRows {
 }
 
 /// The rows of one thread.
-struct Part<'a> {
+struct ThreadRows<'a> {
     first: usize,
     q: &'a mut [f64],
     errors: &'a mut [f64],
@@ -104,7 +104,7 @@ pub fn inverse_kinematics_batch(
     let (mut iterations, mut restarts, mut status) = (&mut rows.iterations[..], &mut rows.restarts[..], &mut rows.status[..]);
     for first in (0..count).step_by(CHUNK) {
         let (size, slots) = (CHUNK.min(count - first), CHUNK.min(count - first) * solutions);
-        parts.push(Part {
+        parts.push(ThreadRows {
             first,
             q: cut(&mut q, slots * n),
             errors: cut(&mut errors, slots * total),
@@ -132,7 +132,7 @@ struct Given<'a> {
     n: usize,
 }
 
-fn solve_part(solver: &mut IkSolver, given: &Given, part: Part, solutions: usize) {
+fn solve_part(solver: &mut IkSolver, given: &Given, part: ThreadRows, solutions: usize) {
     let (n, levels, total) = (given.n, given.widths.len(), part.errors.len() / part.status.len());
     let mut targets: Vec<&[f64]> = Vec::with_capacity(levels);
     for i in 0..part.iterations.len() {

@@ -7,7 +7,7 @@
 //! step approaches a Newton step. No singular values are computed. With more rows than joints, the same step is computed from `J' J`.
 
 use super::super::uniform::{mirror, within};
-use super::attempt::{Attempt, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
+use super::attempt::{StartResult, advance, aim_at_middle, better, blocked, clip, largest, misses_of};
 use crate::arm::Arm;
 use crate::interrupt::look;
 use crate::kinematics::{TaskFunction, TaskStack};
@@ -92,7 +92,7 @@ impl Damped {
 
     /// Take steps from `q`, within the limits, until all tasks are reached, until progress ends, or up to the largest number of steps. The
     /// best result is written to `found`. Return whether the steps ended without progress.
-    pub fn descend(&mut self, q: &mut [f64], desired: &[Vec<f64>], reach: &Reach, found: &mut Attempt, iterations: &mut usize) -> bool {
+    pub fn descend(&mut self, q: &mut [f64], desired: &[Vec<f64>], reach: &Reach, found: &mut StartResult, iterations: &mut usize) -> bool {
         let (mut mark, mut since) = (f64::INFINITY, 0);
         clip(q, reach.bounds);
         for _ in 0..reach.max_iterations.max(1) {
@@ -121,7 +121,7 @@ impl Damped {
     }
 
     /// Compute the errors at `q` and the misses, and keep the best result in `found`.
-    fn look_at(&mut self, q: &[f64], desired: &[Vec<f64>], tolerance: f64, found: &mut Attempt) {
+    fn look_at(&mut self, q: &[f64], desired: &[Vec<f64>], tolerance: f64, found: &mut StartResult) {
         self.stack.place(q);
         let mut at = 0;
         for (k, desired) in desired.iter().enumerate() {
@@ -252,7 +252,7 @@ mod tests {
             let mut damped = Damped::new(&arm, functions, &bounds, &[true; 3]);
             let mut q = vec![0.3, 0.4, 0.5];
             let reach = Reach { bounds: &bounds, tolerance: 1e-9, step_max: 10.0, max_iterations: 1 };
-            let mut found = Attempt { q: q.clone(), misses: vec![f64::INFINITY; functions.len()], resting: false };
+            let mut found = StartResult { q: q.clone(), misses: vec![f64::INFINITY; functions.len()], resting: false };
             damped.descend(&mut q, desired, &reach, &mut found, &mut 0);
             q
         };

@@ -22,8 +22,8 @@ use crate::error::{Error, Result, finite, positive};
 use crate::kinematics::TaskFunction;
 use crate::priority::PriorityMethod;
 use crate::status::Status;
-use attempt::{Attempt, better};
-use newton::Newton;
+use attempt::{StartResult, better};
+use newton::NewtonSearch;
 
 /// Options of a search.
 #[derive(Clone, Debug)]
@@ -135,18 +135,18 @@ impl IkOptions {
 /// The search for one target after another, with its buffers.
 #[derive(Clone)]
 struct IkSolver {
-    newton: Newton,
+    newton: NewtonSearch,
     search: IkOptions,
     start: Vec<f64>,
     /// The best attempts of the last target, the best first.
-    found: Vec<Attempt>,
+    found: Vec<StartResult>,
     iterations: usize,
     restarts: usize,
 }
 
 impl IkSolver {
     fn new(arm: &Arm, functions: &[TaskFunction], search: &IkOptions) -> Result<Self> {
-        let newton = Newton::new(arm, functions, search)?;
+        let newton = NewtonSearch::new(arm, functions, search)?;
         Ok(IkSolver { newton, search: search.clone(), start: vec![0.0; arm.n()], found: Vec::new(), iterations: 0, restarts: 0 })
     }
 
@@ -162,7 +162,7 @@ impl IkSolver {
         loop {
             self.newton.descend(&self.start, &mut self.iterations)?;
             self.rank(q0, solutions);
-            let done = self.found.len() >= solutions && self.found.iter().all(Attempt::reached);
+            let done = self.found.len() >= solutions && self.found.iter().all(StartResult::reached);
             if done || self.restarts == self.search.restarts {
                 break;
             }
@@ -188,7 +188,7 @@ impl IkSolver {
             }
             found.remove(same);
         }
-        let before = |old: &Attempt| match (old.misses == new.misses, new.reached()) {
+        let before = |old: &StartResult| match (old.misses == new.misses, new.reached()) {
             (false, _) => better(&old.misses, &new.misses),
             (true, true) => distance(&old.q, q0) <= distance(&new.q, q0),
             (true, false) => true,
@@ -202,7 +202,7 @@ impl IkSolver {
 
     /// Solution `i` of the last target.
     fn solution(&mut self, i: usize) -> IkSolution {
-        let Attempt { q, misses, .. } = &self.found[i];
+        let StartResult { q, misses, .. } = &self.found[i];
         let errors = self.newton.errors(q).to_vec();
         let reached = misses.iter().map(|miss| *miss == 0.0).collect();
         let (iterations, restarts, status) = (self.iterations, self.restarts, self.found[i].status());
@@ -210,7 +210,7 @@ impl IkSolver {
     }
 }
 
-impl Attempt {
+impl StartResult {
     fn status(&self) -> Status {
         match (self.reached(), self.misses[0] == 0.0, self.resting) {
             (true, ..) => Status::Success,

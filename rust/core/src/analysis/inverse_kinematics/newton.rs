@@ -2,7 +2,7 @@
 //! so a search allocates nothing after its construction.
 
 use super::super::uniform::within;
-use super::attempt::{Attempt, CENTRING, advance, better, blocked, clip, largest, misses_of};
+use super::attempt::{CENTRING, StartResult, advance, better, blocked, clip, largest, misses_of};
 use super::damped::{Damped, Reach};
 use super::{IkOptions, limits};
 use crate::arm::Arm;
@@ -26,7 +26,7 @@ const SMALLEST_EPS: f64 = 1e-9;
 
 /// The steps of one arm and its tasks, for one target after another.
 #[derive(Clone)]
-pub(super) struct Newton {
+pub(super) struct NewtonSearch {
     solver: ArmSolver,
     /// `[x_d, 0, 0]` of each task: its target, with zero rate and acceleration.
     pub desired: Vec<Vec<f64>>,
@@ -47,10 +47,10 @@ pub(super) struct Newton {
     /// Steps for all tasks together, if the options have neither a map nor thresholds.
     damped: Option<Damped>,
     /// The result of the last start.
-    pub found: Attempt,
+    pub found: StartResult,
 }
 
-impl Newton {
+impl NewtonSearch {
     pub fn new(arm: &Arm, functions: &[TaskFunction], search: &IkOptions) -> Result<Self> {
         let (n, levels) = (arm.n(), functions.len());
         let bounds = limits(arm, search.limits)?;
@@ -59,7 +59,7 @@ impl Newton {
         let total = functions.iter().map(TaskFunction::rows).sum();
         let angles: Vec<bool> = arm.independent().map(|joint| joint.kind.is_angle()).collect();
         let damped = (search.method.is_none() && search.eps.is_none()).then(|| Damped::new(arm, functions, &bounds, &angles));
-        Ok(Newton {
+        Ok(NewtonSearch {
             desired: functions.iter().map(|function| vec![0.0; 3 * function.target_size()]).collect(),
             bounds,
             angles,
@@ -73,7 +73,7 @@ impl Newton {
             q: vec![0.0; n],
             misses: vec![0.0; levels],
             mark: vec![0.0; levels],
-            found: Attempt { q: vec![0.0; n], misses: vec![0.0; levels], resting: false },
+            found: StartResult { q: vec![0.0; n], misses: vec![0.0; levels], resting: false },
             solver,
         })
     }
@@ -123,7 +123,7 @@ impl Newton {
         Ok(())
     }
 
-    /// Whether the search from a start may end before the error of the single task is smallest. [`Newton::settle`] then takes the last
+    /// Whether the search from a start may end before the error of the single task is smallest. [`NewtonSearch::settle`] then takes the last
     /// steps.
     pub fn is_coarse(&self) -> bool {
         self.damped.is_some() && self.desired.len() == 1

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::memory;
 
 /// A recorded function with its tangent.
-struct Tangent {
+struct TangentCall {
     call: Call,
     /// The number of varying inputs: all of them, then those of the set-up, then those of the exogenous input.
     moving: usize,
@@ -21,7 +21,7 @@ struct Tangent {
     answers: usize,
 }
 
-impl Tangent {
+impl TangentCall {
     /// Set the tangents of the set-up for the directions from `first` on.
     fn set_up(&mut self, prepared: &Prepared, first: usize, groups: usize) {
         let (lanes, directions) = (self.call.lanes(), &prepared.directions);
@@ -56,8 +56,8 @@ struct Forward<'a> {
     prepared: &'a Prepared<'a>,
     walker: Walker<'a>,
     /// For each contact mode, the state rates with their tangents.
-    rates: Vec<Tangent>,
-    law: Tangent,
+    rates: Vec<TangentCall>,
+    law: TangentCall,
     lanes: usize,
     /// The number of groups in a block, and the first direction of the block.
     groups: usize,
@@ -95,14 +95,14 @@ pub fn run(prepared: &Prepared, series: &mut Series) -> Result<()> {
 impl<'a> Forward<'a> {
     fn new(prepared: &'a Prepared<'a>, groups: usize) -> Result<Self> {
         let (functions, sizes) = (&prepared.functions, &prepared.functions.sizes);
-        let tangent = |function: &super::functions::Function| Tangent {
+        let tangent = |function: &super::functions::Function| TangentCall {
             call: function.tangent(),
             moving: function.moving(),
             moved: sizes.moved,
             driven: sizes.driven(),
             answers: function.answers(),
         };
-        let (rates, law): (Vec<Tangent>, _) = (functions.rates.iter().map(tangent).collect(), tangent(&functions.law));
+        let (rates, law): (Vec<TangentCall>, _) = (functions.rates.iter().map(tangent).collect(), tangent(&functions.law));
         let (lanes, walker, stages) = (law.call.lanes(), Walker::new(prepared), prepared.tableau.b.len());
         let size = walker.places.size();
         Ok(Forward {

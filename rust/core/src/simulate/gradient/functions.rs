@@ -103,7 +103,7 @@ impl LoopFunctions {
         let sizes = Sizes::of(problem, directions);
         let branches = || Error::input("law", format!("has no derivatives of runs: {} branches on its numbers", problem.law(0).name()));
         let all = |run: usize| {
-            let of = Recorder { problem, run, directions, sizes: &sizes };
+            let of = LoopRecorder { problem, run, directions, sizes: &sizes };
             let rates: Option<Vec<Function>> = contacts.modes.iter().map(|mode| of.rates(mode)).collect();
             let guards: Option<Vec<Function>> = contacts.guards.iter().map(|&guard| of.guard(guard)).collect();
             Some((rates?, of.law()?, guards?))
@@ -122,20 +122,20 @@ impl LoopFunctions {
 }
 
 /// Records functions of the loop of one run.
-struct Recorder<'a> {
+struct LoopRecorder<'a> {
     problem: &'a Problem<'a>,
     run: usize,
     directions: &'a Directions<'a>,
     sizes: &'a Sizes,
 }
 
-impl Recorder<'_> {
+impl LoopRecorder<'_> {
     fn record(
         &self,
         held: bool,
         body: impl FnOnce(&mut ClosedLoop<Sym>, crate::simulate::Exogenous<Sym>, Vec<Sym>, Vec<Sym>) -> Vec<Sym>,
     ) -> Option<Function> {
-        let Recorder { problem, run, directions, sizes } = *self;
+        let LoopRecorder { problem, run, directions, sizes } = *self;
         sym::begin_moving(Moving::These(directions.moving.clone()));
         let mut closed: ClosedLoop<Sym> = assemble(problem, |_| run, false);
         let given = sym::end_set_up() as u32;

@@ -70,7 +70,7 @@ pub struct Timeline {
 }
 
 /// Builds the operations of a run one after another.
-struct Listing<'a> {
+struct TimelineBuilder<'a> {
     timeline: Timeline,
     breaks: &'a [f64],
     sampled: Option<u64>,
@@ -95,7 +95,7 @@ impl Timeline {
         let o = &problem.options;
         let contacts = Contacts { modes: Vec::new(), guards: Vec::new(), switches: Vec::new() };
         let timeline = Timeline { contacts, operations: Vec::new(), sampling: o.sampling.clone(), grid: o.grid(), records: 0 };
-        let list = |breaks| Listing { timeline, breaks, sampled: None, acting: None, mode: 0 };
+        let list = |breaks| TimelineBuilder { timeline, breaks, sampled: None, acting: None, mode: 0 };
         match problem.validate()? {
             Division::Fixed(fixed) => {
                 let mut listing = list(&fixed.schedule.breaks);
@@ -118,7 +118,7 @@ impl Timeline {
     }
 }
 
-impl Listing<'_> {
+impl TimelineBuilder<'_> {
     fn push(&mut self, operation: Operation) -> Result<()> {
         append(&mut self.timeline.operations, &[operation])
     }

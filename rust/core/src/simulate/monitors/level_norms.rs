@@ -33,11 +33,11 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
 
 /// Computes the norms: on plain numbers with all routes of the solver, or on recorded values with the regular route.
 pub struct LevelNorms<P: Solve> {
-    law: Engine<P>,
+    law: PriorityLaw<P>,
     u: Vec<P::Number>,
 }
 
-enum Engine<P: Solve> {
+enum PriorityLaw<P: Solve> {
     Velocity(Box<PriorityVelocity<P>>),
     Acceleration(Box<PriorityAcceleration<P>>),
 }
@@ -46,8 +46,8 @@ impl<P: Solve> LevelNorms<P> {
     /// Return the norms of a law. The result is `None` without levels, or if its solver does not have this route.
     pub fn of(law: &LawSpec) -> Option<Self> {
         let engine = match law {
-            LawSpec::PriorityVelocity(spec) => Engine::Velocity(Box::new(spec.engine()?)),
-            LawSpec::PriorityAcceleration(spec) => Engine::Acceleration(Box::new(spec.engine()?)),
+            LawSpec::PriorityVelocity(spec) => PriorityLaw::Velocity(Box::new(spec.engine()?)),
+            LawSpec::PriorityAcceleration(spec) => PriorityLaw::Acceleration(Box::new(spec.engine()?)),
             _ => return None,
         };
         Some(LevelNorms { law: engine, u: vec![P::Number::zero(); law.model().n()] })
@@ -64,12 +64,12 @@ impl<P: Solve> LevelNorms<P> {
     ) -> Option<P::Number> {
         let LevelNorms { law, u } = self;
         match law {
-            Engine::Velocity(law) => {
+            PriorityLaw::Velocity(law) => {
                 law.evaluate(desired, trig, x, &[], u, &mut []);
                 law.norms(out);
                 law.stands()
             }
-            Engine::Acceleration(law) => {
+            PriorityLaw::Acceleration(law) => {
                 law.evaluate(desired, trig, x, &[], u, &mut []);
                 law.norms(out);
                 law.stands()
