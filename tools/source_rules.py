@@ -24,7 +24,7 @@ ASIDE = re.compile(r"""//[^\n]*|/\*.*?\*/|r(#*)".*?"\1|"(?:\\.|[^"\\])*"|'(?:\\.
 
 
 def sources(*tops: Path) -> list[Path]:
-    """All source files in these folders."""
+    """All Rust and Python files in the folders `tops`."""
     found = [path for top in tops for path in sorted(top.rglob("*")) if path.suffix in SUFFIXES and "target" not in path.parts]
     return [path for path in found if path.is_file()]
 

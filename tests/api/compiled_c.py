@@ -71,7 +71,7 @@ class Controller:
         self.begin(pointer(self.memory))
 
     def resume(self, t: float, state: Array) -> None:
-        """Set the state as after a call at time `t` that found the rate zero. So filters do not restart."""
+        """Store the state, a rate of zero and the time `t`, as an earlier call would. So the law does not restart its filters."""
         self.memory[self.n : self.n + self.p] = state
         self.memory[self.n + self.p : self.n + 2 * self.p] = 0.0
         self.memory[self.n + 2 * self.p] = t

@@ -363,7 +363,7 @@ def test_names_that_no_file_can_hold_are_refused(name: str) -> None:
     for make in (lambda: arm.with_frame(name, "link2"), lambda: al.Arm.from_chain([joint])):
         with pytest.raises(al.InputError, match=r"name.* holds (a control character|the character NUL)"):
             make()
-    # A frame with such a name is reported as unknown, or its name as one that contains NUL.
+    # The error reports the frame as unknown, or its name as one that contains NUL.
     for ask in (lambda: arm.position([0.0, 0.0], name), lambda: al.RigidArm(arm, wall=al.Wall(name, [0, 0, 0], [1, 0, 0], stiffness=1.0))):
         with pytest.raises(al.InputError, match=r"NUL|unknown"):
             ask()

@@ -222,7 +222,7 @@ def test_a_row_that_diverges_ends_without_changing_the_others() -> None:
 
 
 def test_a_controller_is_paid() -> None:
-    """Computed torque as the agent tracks up to the error of holding a torque for a period. Its reward is nearly 1 per step."""
+    """With computed torque as the agent, the only error is that of a torque held for one period. The reward is nearly 1 per step."""
     env = ArmEnv(ARM, Track(MOTION), tau_max=10.0, period=4e-3, horizon=2.0)
     observation, _ = env.reset(seed=1)
     law = al.ComputedTorque(ARM, MOTION, kp=100.0, kd=20.0)

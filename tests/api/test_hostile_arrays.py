@@ -188,7 +188,7 @@ HOSTILE: dict[str, Callable[[], Any]] = {
     "bytes": lambda: b"ab",
 }
 
-# These arguments accept the object, so the test is skipped for them.
+# Pairs (kind of array, argument) that armlet accepts. The test skips them.
 MEANT = {
     # These functions accept arrays of any shape, as many problems or many times.
     *(

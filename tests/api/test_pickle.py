@@ -184,7 +184,7 @@ def test_a_pickle_of_many_links_is_as_few_objects_as_one_of_few() -> None:
         counts.append(sum(1 for _ in pickletools.genops(payload[32:])))
         back = pickle.loads(pickle.dumps(arm))
         assert back == arm and repr(back) == repr(arm) and back.frame_names == arm.frame_names and back.report == arm.report
-    # At most one more frame of the pickle protocol.
+    # The larger pickle may have one more frame of the pickle protocol.
     assert counts[1] <= counts[0] + 1
 
 

@@ -184,7 +184,7 @@ def test_every_class_that_pickles_is_here() -> None:
     assert classes - listed == {"Law", "Motion", "Plant", "Stepper", "_BatchStepper"}
     public = {name for name in al.__all__ if isinstance(getattr(al, name), type) and getattr(al, name).__module__ != "armlet._core"}
     listed = {type(thing).__name__ for thing in EVERY.values()}
-    # Errors consist of texts, and a status is a number.
+    # The other classes have no payload: errors consist of texts, and a status is a number.
     assert {name for name in public - listed if not issubclass(getattr(al, name), Exception)} == {"Law", "Motion", "Plant", "Status"}
 
 

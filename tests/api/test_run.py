@@ -141,7 +141,7 @@ def test_any_damage_is_noticed(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "x.armlet"
     run.save(path)
     whole = path.read_bytes()
-    # All bytes of the archive's directory, which is at the end and has the most kinds of faults; and some other bytes.
+    # Some bytes of the file, and each of the last 2,000, which contain the archive's directory.
     for position in [*range(0, len(whole) - 2000, 499), *range(len(whole) - 2000, len(whole))]:
         for damaged in (whole[:position], whole[:position] + bytes([whole[position] ^ 0x04]) + whole[position + 1 :]):
             # Each damaged file is a new file, because some disks are slow when a file is overwritten.

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 STRATA = ("nominal", "tiny", "limits", "on the edge", "turns")
 SIZE = 1000
 RULES = [np.polynomial.legendre.leggauss(k) for k in (32, 64)]
-#: Number of random swings per problem, none of which may be faster. In the first, the turning angle is one where a swing is possible, if
-#: any is.
+#: Number of random swings per problem, none of which may be faster. The first turns at an angle where a swing is possible, if there is
+#: one.
 SWINGS = 2
 #: Number of angles, from 2 pi behind the start to the end, at which the test checks whether a swing can turn.
 SAMPLES = 1000
@@ -43,7 +43,7 @@ def problems(stratum: str, rng: np.random.Generator) -> Array:
         G *= 10.0 ** rng.uniform(-3.0, 8.0, SIZE)
         inertia *= 10.0 ** rng.uniform(-3.0, 3.0, SIZE)
     if stratum == "on the edge":
-        # Limit cases that the torque can just hold, or not: ends at multiples of pi/4, limits equal to the gravity moment.
+        # Border cases, in which the torque can just hold the link or just not: ends at multiples of pi/4, limits equal to gravity.
         theta0, thetaf = (rng.integers(-4, 5, SIZE) * np.pi / 4 for _ in range(2))
         G = rng.choice([-1.0, 0.0, 1.0], SIZE)
         high, low = (1.0 + rng.choice([-1.0, 0.0, 1.0], SIZE) * 10.0 ** rng.uniform(-15.0, -1.0, SIZE) for _ in range(2))

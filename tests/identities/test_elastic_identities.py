@@ -199,9 +199,9 @@ def test_regulation(name: str) -> None:
 
 
 def test_error_to_the_rigid_target() -> None:
-    """The error is O(sqrt(B0)) if D0 depends on B0.
+    """The deviation from the motion of the rigid arm is O(sqrt(B0)) if D0 decreases with B0.
 
-    It does not converge if D0 is fixed. With damping of theta_dot - v it is ten times smaller.
+    It does not converge to zero if D0 is fixed. With damping of theta_dot - v it is ten times smaller.
     """
     times = np.linspace(0.0, 0.5, 501)
     options: dict[str, Any] = {"t_end": 0.5, "t_eval": times, "force": [10.0, -15.0], "method": "dop853", "rtol": 1e-9, "atol": 1e-11}

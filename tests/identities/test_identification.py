@@ -106,7 +106,7 @@ def test_impossible_bodies_are_named_and_moved(name: str) -> None:
         other = moved + rng.normal(size=moved.size) * np.repeat(rng.choice([1e-6, 1e-4, 1e-2]), moved.size)
         if arm.check_parameters(other):
             tried += 1
-            # The floor is 1e-6 of the largest eigenvalue above the border of the cone.
+            # The projection keeps a margin of 1e-6 of the largest eigenvalue, so its distance is not exactly the smallest.
             assert np.linalg.norm(weigh(other) - weigh(wrong)) >= distance * (1.0 - 1e-4)
 
 

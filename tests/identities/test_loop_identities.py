@@ -100,7 +100,7 @@ def test_the_rate_of_the_input_is_limited() -> None:
 
 
 def test_a_limited_rate_holds_under_delay_jitter_and_saturation() -> None:
-    """The reference is a controller of ten lines: the law's output is saturated, then approached as far as the rate limit allows."""
+    """A short controller in Python gives the same run. It saturates the law's output, then changes the input at most by the rate limit."""
     period, rate, limit, dt = 1e-2, 50.0, 2.0, 1e-3
     asked: list[float] = []
 

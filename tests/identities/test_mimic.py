@@ -93,7 +93,7 @@ def test_linear_models_are_slopes_of_the_dynamics() -> None:
 
 
 def test_tasks_see_the_joints_that_follow() -> None:
-    """For a frame on a mimic finger: inverse kinematics reaches it, a priority law moves it to its target, and also the centre of mass."""
+    """Inverse kinematics finds targets of a frame on a mimic finger. A priority law moves the frame and the centre of mass to theirs."""
     goal = np.array([0.3, -0.2, 0.1])
     task = al.Task("k2", "xyz", ARM.position(goal, "k2"))
     found = al.inverse_kinematics(ARM, [task], Q0)

@@ -159,7 +159,7 @@ def redundant(axes: str, options: dict[str, Any], *, moves: bool, eps: float | N
 def test_options_of_redundant_arms_keep_a_target_model(options: str, axes: str) -> None:
     """The target model includes the wrenches of the options in `F`.
 
-    With compensated coupling it is `M_x (x'' - x_d'')` without `S_x x'`.
+    With compensated coupling its inertial term is `M_x (x'' - x_d'')`, and it has no term `S_x x'`.
     """
     plant = al.RigidArm(SEVEN)
     own: dict[str, Any] = {"force": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3][: 3 if axes == "xyz" else 6]}

@@ -90,7 +90,7 @@ def test_every_kind_of_task_is_reached(method: str) -> None:
         run = al.simulate(al.VelocityArm(SEVEN), law, HOME, t_end=6.0, dt=0.02)
         for level in range(len(tasks)):
             errors = run.monitors[f"error_{level + 1}"]
-            # The errors have decayed by exp(-24). chiaverini guarantees this only for the first level, and no growth of other levels.
+            # The errors have decayed by exp(-24). For lower levels "chiaverini" guarantees only that they do not grow.
             bound = max(errors[0], 1e-6) if method == "chiaverini" and level else 1e-8 + 1e-6 * level
             assert errors[-1] <= bound, (method, level)
 

@@ -69,7 +69,7 @@ def judge(arm: Any, p: al.TimedPath, spline: Any, limits: dict[str, Any], rng: A
     low, high = p.s[:-1].copy(), p.s[1:].copy()
     h = 1e-3 * np.diff(p.t)
     later, sooner = p(middle + h), p(middle - h)
-    # Central differences have an error of h^2 third derivatives, which the grid resolves, and rounding of 1e-16/1e-3.
+    # Central differences err by h^2 times the third derivative, which is small on this grid, plus rounding of q divided by h.
     speed = np.abs(v).max()
     least = 1e-5 * speed + 1e-15 * np.abs(q).max() / h.min()
     np.testing.assert_allclose((later[0] - sooner[0]) / (2 * h[:, None]), v, rtol=0.0, atol=least)

@@ -245,7 +245,7 @@ def test_a_velocity_arm_is_not_pulled() -> None:
 def test_priority_gives_up_the_second() -> None:
     """The first task has priority over the second.
 
-    Both errors vanish while the tasks agree. When the target of the elbow is out of reach, only the first error vanishes.
+    Both errors vanish if the two targets are feasible together. Otherwise only the error of the first task vanishes.
     """
     lab = Lab([Priority()])
     run(lab, 5.0)

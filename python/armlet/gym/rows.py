@@ -106,7 +106,7 @@ class Rows:
         self._errors: Array | None = None
 
     def reset(self, rows: NDArray[np.int64], rngs: list[np.random.Generator]) -> None:
-        """Start new runs in these rows. Each row has a separate random generator."""
+        """Start new runs in the rows `rows`. Each row has a separate random generator."""
         if not len(rows):
             return
         q0, v0, goal = self.task._draws([rngs[row] for row in rows])
