@@ -127,7 +127,7 @@ impl Seeded {
     }
 }
 
-/// Compute the base parameters of `arm` under its own gravity. `armature` and `friction` add the parameters of joints.
+/// Compute the base parameters of `arm` under the gravity of the model. `armature` and `friction` add the parameters of joints.
 pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<BaseParameters> {
     let n = arm.n();
     let query = Query { armature, friction, ..Quantity::Regressor.into() };

@@ -72,7 +72,7 @@ pub fn smallest_reduced_inertia(inertia: f64, stiffness: f64, sample_time: f64, 
 pub fn stiffness_scale(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<f64> {
     const GROWTH: f64 = 1.05;
     const CAP: f64 = 1e6;
-    // Without a force the equilibrium is the target for every stiffness. With a force it depends on kappa.
+    // Without a force, the equilibrium is the target for every stiffness. With a force, the equilibrium depends on `kappa`.
     let mut q = q0.to_vec();
     let mut stable = |kappa: f64| -> Result<bool> {
         let Some(scaled) = law.with_stiffness(kappa) else {

@@ -49,7 +49,8 @@ pub struct Equilibrium {
 
 /// The balance of wrenches at `q`, for a law with the integral wrench `w` under the wrench `push`.
 struct Balance {
-    /// `p = K_m e + F_ff + w + F`, with the terms of the law within its limits.
+    /// The total wrench `p = K_m e + F_ff + w + F`, `(m,)`, N and N m. The wrench of the law, which is `p` without `F`, is within its
+    /// limits.
     p: Vec<f64>,
     x: Vec<f64>,
     /// Whether the arm is away from `x_E`, because a limit of the law or a contact holds it.
@@ -186,8 +187,8 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
     })
 }
 
-/// Compute the equilibrium that is reached from `q0`, `(n,)`, rad or m, under a constant wrench `[f; m]`, N and N m, world axes. It acts at
-/// `force_frame`; with `None` no wrench acts.
+/// Compute the equilibrium that is reached from `q0`, `(n,)`, rad or m, under a constant wrench `[f; m]`, N and N m, world axes. The wrench
+/// acts at `force_frame`; with `None` no wrench acts.
 ///
 /// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` if the search does not converge.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {

@@ -40,7 +40,8 @@ pub struct Identification {
     pub singular_values: Vec<f64>,
     /// Root mean square of `tau - W_b beta` for each joint, `(n,)`, N m or N.
     pub residuals: Vec<f64>,
-    /// All parameters, `(p,)`, in SI units. Of all vectors with these base parameters, this is the nearest one to the arm's parameters.
+    /// All parameters, `(p,)`, in SI units. Many parameter vectors have the identified base parameters. This vector is the one nearest to
+    /// the arm's parameters.
     pub parameters: Vec<f64>,
 }
 
@@ -60,7 +61,7 @@ pub struct Options<'a> {
 /// The triangle `[R z]`, `(b + 1, b + 1)`, and the rows of the next block.
 struct Triangle {
     width: usize,
-    /// One array per column, `width + BLOCK n` rows.
+    /// One array per column, with `width + BLOCK n` rows.
     columns: Vec<Vec<f64>>,
 }
 
@@ -69,7 +70,7 @@ impl Triangle {
         Triangle { width, columns: vec![vec![0.0; width + rows]; width] }
     }
 
-    /// Update the triangle with the rows of the block below it.
+    /// Update the triangle with the rows of the block, which are stored below the triangle.
     fn fold(&mut self) {
         for j in 0..self.width {
             let (head, tail) = self.columns.split_at_mut(j + 1);

@@ -225,7 +225,7 @@ impl<'a, S: Real> Forces<'a, S> {
         push
     }
 
-    /// Write the residual of the unknowns `y` to `r`.
+    /// Write the residual `r` of the unknowns `y` to the argument `r`.
     fn residual(&mut self, y: &[S], r: &mut [S]) {
         let n = self.load.len();
         let (q, theta) = y.split_at(n);
@@ -253,7 +253,7 @@ impl<'a, S: Real> Forces<'a, S> {
     }
 }
 
-/// Call `put(i, j, dr_i/dy_j)` for all entries, column by column.
+/// Call `put(i, j, dr_i/dy_j)` for all entries of the derivative of the residual `r(y)`, column by column.
 fn slopes(forces: &mut Forces<Dual>, y: &[f64], mut put: impl FnMut(usize, usize, f64)) {
     let mut moving: Vec<Dual> = y.iter().map(|&y| Dual::splat(y)).collect();
     let mut r = vec![Dual::default(); y.len()];
@@ -266,7 +266,7 @@ fn slopes(forces: &mut Forces<Dual>, y: &[f64], mut put: impl FnMut(usize, usize
     }
 }
 
-/// The symmetric part of `-dr/dy`, `(n, n)`.
+/// The symmetric part of `-dr/dy`, `(n, n)`, with the residual `r` and the unknowns `y`.
 fn hessian(forces: &mut Forces<Dual>, y: &[f64]) -> Vec<f64> {
     let n = y.len();
     let mut h = vec![0.0; n * n];

@@ -107,7 +107,8 @@ pub fn suggest_gains(model: &Model, bandwidth: f64, damping_ratio: f64, sample_t
     Ok(gains)
 }
 
-/// Compute `m`, and the smallest eigenvalue of `diag(m)^-1 M` at samples within the joint limits.
+/// Compute the inertia `m` of each joint, `(n,)`, kg m^2 or kg, and the smallest eigenvalue of `diag(m)^-1 M`, at sampled configurations
+/// within the joint limits.
 fn spread(model: &Model) -> Result<(Vec<f64>, f64)> {
     let n = model.n();
     let bounds = match model {

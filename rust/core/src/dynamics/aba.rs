@@ -56,7 +56,7 @@ fn place<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], bodies: &mut [Articulat
         let zero = S::zero();
         out.handle = Handle {
             mass: Sym3([m, zero, m, zero, zero, m]),
-            // wd x h = -[h]x wd, by columns.
+            // The columns of the matrix `-[h]x`, because the angular acceleration `wd` contributes `wd x h = -[h]x wd`.
             h: Matrix3::from_columns(&[
                 Vector3::from([zero, -h[2], h[1]]),
                 Vector3::from([h[2], zero, -h[0]]),
@@ -142,13 +142,13 @@ fn accelerate<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], bodies: &mut [Articula
 fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3<S>) -> (Matrix3<S>, Sym3<S>) {
     let [x, y, z] = p.array();
     let (m0, m1, m2) = (mass.column(0), mass.column(1), mass.column(2));
-    // Column k of M [p]x is M (p x e_k).
+    // Column `k` of `M [p]x` is `M (p x e_k)`.
     let moved = Matrix3::from_columns(&[
         m1.scale_sub(z, m2.scale_add(y, h.axis(0))),
         m2.scale_sub(x, m0.scale_add(z, h.axis(1))),
         m0.scale_sub(y, m1.scale_add(x, h.axis(2))),
     ]);
-    // H' [p]x, with H transposed: entry (i, k) is column i of H times p x e_k.
+    // The matrix `H' [p]x`, with the transpose `H'` of `H`: entry `(i, k)` is the dot product of column `i` of `H` with `p x e_k`.
     let first = |i: usize, k: usize, from: S| {
         let c = h.axis(i);
         match k {
@@ -157,7 +157,7 @@ fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3
             _ => c[0].neg_mul_add(y, c[1].mul_add(x, from)),
         }
     };
-    // [p]x H_new: entry (i, k) is component i of p x (column k).
+    // The matrix `[p]x H_new`: entry `(i, k)` is component `i` of `p x (column k of H_new)`.
     let second = |i: usize, k: usize, from: S| {
         let c = moved.axis(k);
         match i {

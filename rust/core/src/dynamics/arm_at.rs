@@ -1,5 +1,5 @@
 //! An arm at one configuration `q`, with the intermediate results of its algorithms. It is used for occasional evaluations: terms of a law,
-//! monitors, equilibria. In loops, plant and law share the sines of a stage instead.
+//! monitors, equilibria. A control loop does not use it, because there the plant and the law share the sines of each integration stage.
 
 use super::{AnyArm, Dynamics, Model, Workspace};
 use crate::kinematics::Coordinates;

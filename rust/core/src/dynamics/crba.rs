@@ -28,7 +28,7 @@ impl<S: Real> Moments<S> {
     fn plus(&self, b: &Self) -> Self {
         Moments { mass: self.mass + b.mass, first: self.first + b.first, second: self.second.plus(&b.second) }
     }
-    /// The moments about a new point. `p` is the old point relative to the new one.
+    /// The moments about a new point. `p` is the old point relative to the new point.
     fn shifted(&self, p: Vector3<S>) -> Self {
         let (h, moved) = (self.first, p.scale_add(self.mass, self.first));
         let [xx, xy, yy, xz, yz, zz] = self.second.0;
@@ -66,7 +66,8 @@ pub fn mass_matrix<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig
     mass_matrix_on_zeros(tree, composites, trig, q, m);
 }
 
-/// Compute [`mass_matrix`] if `m` has zeros or an earlier `M` of this tree. Entries that are not written are zero at every state.
+/// Compute [`mass_matrix`], but write only the entries that can differ from zero. Before the call, `m` contains zeros, or an earlier `M` of
+/// this tree.
 pub fn mass_matrix_on_zeros<S: Real>(tree: &Tree<S>, composites: &mut Composites<S>, trig: &[(S, S)], q: &[S], m: &mut [S]) {
     let n = tree.bodies.len();
     let m = &mut m[..n * n];
@@ -122,7 +123,7 @@ pub(super) fn mass_matrix_entries<S: Real>(
             rotations[i] = rotation(body, trig[i]);
         }
         let (e, turn) = (&rotations[i], trig[i]);
-        // The branch is outside the loop over columns.
+        // This macro repeats the loop over columns for each kind of quarter turn, so that the loop itself has no branch.
         macro_rules! carry {
             ($($quarter:pat => $known:expr),+) => {
                 match body.quarter {

@@ -23,7 +23,8 @@ pub(super) struct BufferedTree<S: Real> {
     pub(super) inputs: [Vec<S>; 4],
     pub(super) out: Vec<S>,
     pub(super) square: Vec<S>,
-    /// The query whose result is in `out`. Its zeros are zero at every state, so the same query needs no zeroing.
+    /// The query whose result is in `out`. Entries that the query does not write are zero at every state. So the same query need not set
+    /// `out` to zero again.
     answered: Option<Query>,
 }
 
@@ -110,7 +111,7 @@ impl<S: Real> BufferedTree<S> {
         with_quantity!(query, Q => self.one::<Q>(query, inputs, out))
     }
 
-    /// Compute the result for the inputs in the buffers.
+    /// Compute the result of `query` for the inputs in the buffers.
     pub(super) fn answer(&mut self, query: &Query) -> Result<&[S]> {
         self.grow(query)?;
         self.make_room_for(query);

@@ -9,7 +9,7 @@ use super::{crba, newton_euler};
 use crate::arm::{BASE, Tree};
 use crate::scalar::Real;
 
-/// Compute `a = M^-1 (tau - C v - g)`, `(n,)`. `ws.factors` is memory.
+/// Compute `a = M^-1 (tau - C v - g)`, `(n,)`. `ws.factors` is memory for the factors `L` and `D`.
 pub fn forward_dynamics<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]) {
     let n = tree.bodies.len();
     let Factors { matrix, inverse } = &mut ws.factors;
@@ -86,7 +86,7 @@ mod tests {
             let (q, v, tau) = (wave(0.4, 1.5), wave(1.0, 2.0), wave(2.0, 30.0));
             let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
             let (mut a, mut other) = (vec![0.0; n], vec![0.0; n]);
-            // Twice, because the buffers must not keep values of the first evaluation.
+            // Evaluate twice: the second evaluation shows whether the buffers keep values of the first one.
             for _ in 0..2 {
                 forward_dynamics(&tree, &mut ws, &trig, &q, &v, &tau, &mut a);
             }

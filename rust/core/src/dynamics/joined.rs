@@ -14,11 +14,11 @@ use crate::spatial::PARAMETERS;
 /// The projection of a result. The projected result is added to the caller's array.
 #[derive(Clone, Copy)]
 enum Form {
-    /// `G' x`.
+    /// A vector `x` over all joints becomes `G' x`.
     Vector,
-    /// `G' X G`.
+    /// A square matrix `X` becomes `G' X G`.
     Square,
-    /// `G' X`. The two numbers are the row lengths of `X` and of the result.
+    /// A matrix `X` becomes `G' X`. The two numbers are the row lengths of `X` and of the result.
     Rows(usize, usize),
     /// No projection: the result does not depend on the coordinates.
     Scalar,

@@ -78,7 +78,7 @@ pub(crate) fn outwards<S: Real, const POLAR: bool>(
             wr = w;
         }
     }
-    // ((w x z) vr + (wr x z) v) / 2, and the acceleration along the joint.
+    // `((w x z) vr + (wr x z) v) / 2` is `(cx, -cy, 0)`, because `z` is the third axis.
     let (cx, cy) = if POLAR { (half * w[1].mul_add(vr, wr[1] * v), half * w[0].mul_add(vr, wr[0] * v)) } else { (w[1] * v, w[0] * v) };
     if body.revolute {
         wd[0] += cx;

@@ -41,12 +41,13 @@ pub enum Quantity {
     Com,
     /// Jacobian of the centre of mass: `q -> (3, n)`.
     ComJacobian,
-    /// Derivatives of inverse dynamics: `q, v, a -> (3 n, n)`, with `d tau / d q` over `d tau / d v` over `d tau / d a = M`.
+    /// Derivatives of inverse dynamics: `q, v, a -> (3 n, n)`. The three stacked blocks are `d tau / d q`, `d tau / d v` and `d tau / d a =
+    /// M`.
     InverseDynamicsDerivatives,
     /// Dynamics along a path of slope `v` and curvature `a`: `q, v, a -> (3, n)`, with the rows `M v`, `M a + C v` and `g`. The first two
     /// exclude gravity, because a short move needs torques far below the weight of the arm.
     PathDynamics,
-    /// Derivatives of forward dynamics: `q, v, tau -> (3 n, n)`, with `d a / d q` over `d a / d v` over `d a / d tau`.
+    /// Derivatives of forward dynamics: `q, v, tau -> (3 n, n)`. The three stacked blocks are `d a / d q`, `d a / d v` and `d a / d tau`.
     ForwardDynamicsDerivatives,
 }
 
@@ -84,10 +85,10 @@ pub struct Query {
     pub frame: usize,
     /// Index of the frame of the wrench `[f; n]` (world axes, at the frame origin) in inverse and forward dynamics.
     pub wrench: Option<usize>,
-    /// Whether joint friction acts. It is added to bias and inverse dynamics, and subtracted from the torque in forward dynamics. The
-    /// regressor gets the columns `diag(v_r)` and `diag(sign v)`.
+    /// Whether joint friction acts. Friction is added to bias and inverse dynamics, and subtracted from the torque in forward dynamics.
+    /// With friction, the regressor has the additional columns `diag(v_r)` and `diag(sign v)`.
     pub friction: bool,
-    /// Whether the regressor gets the columns `diag(a_r)`, before the columns of friction.
+    /// Whether the regressor has the additional columns `diag(a_r)` for rotor inertias, before the columns of friction.
     pub armature: bool,
 }
 

@@ -111,8 +111,8 @@ impl ArmFunction {
         Ok(ArmFunction { others: Mutex::new(vec![first.clone()]), first, widths: widths(query, arm.n()), length: query.length(arm.size()) })
     }
 
-    /// Compute all configurations of the inputs of the query. `direct` computes a row if an angle is outside the range of the program's
-    /// sine, or if the result is not finite.
+    /// Run the program for all rows of the inputs. `direct` computes a row without the program if an angle is outside the range of the
+    /// program's sine, or if the result is not finite.
     pub fn rows(&self, inputs: &[&[f64]], out: &mut [f64], mut direct: impl FnMut(usize, &mut [f64]) -> Result<()>) -> Result<()> {
         let mut evaluation = free(&self.others).and_then(|mut others| others.pop()).unwrap_or_else(|| self.first.clone());
         let (lanes, length) = (evaluation.lanes(), self.length);

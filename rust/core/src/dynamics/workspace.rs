@@ -108,7 +108,8 @@ pub struct Slope<S: Real> {
     pub v: Vector3<S>,
     pub a: Vector3<S>,
     pub wd: Vector3<S>,
-    /// `phi` at the joint. At the world origin its linear part is `phi_v + o x phi_w`.
+    /// Linear and angular part of the acceleration `phi = A_p x S + V_p x psi` (see `derivatives`), about the joint origin `o`. About the
+    /// world origin, the linear part is `phi_v + o x phi_w`.
     pub phi_v: Vector3<S>,
     pub phi_w: Vector3<S>,
     pub psi_w: Vector3<S>,

@@ -34,7 +34,8 @@ pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)],
     jacobian_on_zeros(tree, poses, trig, q, frame, j)
 }
 
-/// Compute [`jacobian`] if `j` has zeros or an earlier Jacobian of this frame. Entries that are not written are zero at every state.
+/// Compute [`jacobian`], but write only the entries that can differ from zero. Before the call, `j` contains zeros, or an earlier Jacobian
+/// of this frame.
 pub fn jacobian_on_zeros<S: Real>(
     tree: &Tree<S>,
     poses: &mut [Pose<S>],
@@ -57,7 +58,8 @@ pub fn jacobian_on_zeros<S: Real>(
     p
 }
 
-/// Write the column of a body to `j`, which has zeros there, or the columns of other joints of the same coordinate.
+/// Write the column of a body to the column of its coordinate in `j`. If joints follow others, add it instead; then this column of `j` must
+/// first contain zeros.
 fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, angular: Vector3<S>) {
     let (n, (i, multiplier)) = (tree.n(), tree.mover(body));
     for k in 0..3 {

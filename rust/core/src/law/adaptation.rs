@@ -30,8 +30,8 @@ pub enum Adaptation {
 }
 
 impl Adaptation {
-    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` of the parameters
-    /// belong to joint columns.
+    /// Refuse a gain of the wrong size, and an estimate for which the natural metric is not defined. The last `beside` parameters belong to
+    /// joint columns.
     pub(super) fn validate(&self, estimate: &[f64], beside: usize) -> Result<()> {
         match self {
             Adaptation::Euclidean(gamma) => require_size("gamma", gamma, estimate.len()),
@@ -113,7 +113,7 @@ pub struct AnyAdaptive<S: Real> {
     /// Known rotor inertias, `(n,)`; empty if there are none.
     armature: Vec<S>,
     columns: Vec<usize>,
-    /// `gamma` of each body, then of each joint column; empty in the Euclidean metric.
+    /// The gain `gamma` of each body, then of each joint column; empty in the Euclidean metric.
     natural: Vec<S>,
     /// All parameters, if a base set is estimated; else empty.
     full: Vec<S>,
@@ -132,7 +132,7 @@ struct More<S> {
     concurrent: Option<LaneConcurrent<S>>,
     /// The entries of the joint columns of `Y`.
     entries: Vec<S>,
-    /// `y = Y' s`, `(p,)`.
+    /// The product `y = Y' s` of the transposed regressor and the sliding variable, `(p,)`.
     y: Vec<S>,
     /// The vector `w` that `Gamma` multiplies, `(p,)`; empty without restraint and without additional adaptation.
     w: Vec<S>,

@@ -75,7 +75,7 @@ pub struct AdaptiveSpec {
 }
 
 impl AdaptiveSpec {
-    /// Create the law. `kp` and `kd` have the units of their fields.
+    /// Create the law. `kp` is in N m/rad or N/m, `kd` in N m s/rad or N s/m.
     ///
     /// `estimate`, `(p,)`, is the initial estimate. `None` starts from zero, without prior knowledge of the parameters.
     pub fn new(
@@ -297,7 +297,7 @@ where
     B: Clone + AsRef<[S]> + AsMut<[S]>,
     P: AsRef<[S]> + AsMut<[S]>,
 {
-    /// Compute `tau` for the parameters `pi`. The law stores `s`, `a_r` and `Y' s`.
+    /// Compute the torque `tau` for the parameters `pi`. The law stores the sliding variable `s`, `a_r` and `Y' s`.
     pub(super) fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], pi: &[S], tau: &mut [S]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);
@@ -308,7 +308,7 @@ where
             e_dot[i] = desired[n + i] - v[i];
             (s[i], v_r[i], a_r[i]) = (e_dot[i], desired[n + i], desired[2 * n + i]);
         }
-        // Compute `Lambda e` twice, fused with its two sums. This is no more work than one product and two additions.
+        // Compute `Lambda e` twice, and each time fuse it with a sum. This takes as many operations as one product and two additions.
         self.lambda.add_to(e, s);
         self.lambda.add_to(e, v_r);
         self.lambda.add_to(e_dot, a_r);

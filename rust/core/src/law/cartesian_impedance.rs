@@ -208,13 +208,13 @@ pub struct CartesianImpedance<S: Real> {
     /// Jacobian of the rows, `(m, n)`.
     pub(super) jacobian: Vec<S>,
     pub(super) e: Vec<S>,
-    /// Velocity error `x_d' - x'`, `(m,)`.
+    /// Velocity error `x_d' - x'`, `(m,)`, m/s and rad/s.
     pub(super) slip: Vec<S>,
-    /// Spring wrench `K_m e`, `(m,)`.
+    /// Spring wrench `K_m e`, `(m,)`, N and N m.
     spring: Vec<S>,
-    /// Wrench `F`: `K_m e + D_m (x_d' - x')` and the terms of the options.
+    /// Wrench `F`, `(m,)`, N and N m: `K_m e + D_m (x_d' - x')` and the terms of the options.
     force: Vec<S>,
-    /// Acceleration of the target, `x_d''`.
+    /// Acceleration `x_d''` of the target, `(m,)`, m/s^2 and rad/s^2.
     acceleration: Vec<S>,
     turns_target: bool,
     null_space: Option<NullSpace<S>>,

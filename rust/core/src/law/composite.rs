@@ -81,7 +81,8 @@ impl AdaptiveSpec {
         }
     }
 
-    /// `W`, `(n, p)`, and `tau_W` and `e_W`, `(n,)` each, at a state; `None` without composite adaptation.
+    /// Compute the filtered regressor `W`, `(n, p)`, the filtered torque `tau_W`, `(n,)`, and the error `e_W = tau_W - W a_hat`, `(n,)`;
+    /// `None` without composite adaptation.
     pub(super) fn filtered(&self, trig: &[(f64, f64)], x: &[f64], z: &[f64]) -> Option<[Vec<f64>; 3]> {
         self.composite.as_ref()?;
         let (n, p) = (self.model.n(), self.estimate.len());
@@ -109,7 +110,7 @@ pub(super) struct LaneComposite<S> {
     rotors: usize,
     /// Known rotor inertias, `(n,)`; zeros if they are estimated.
     armature: Vec<S>,
-    /// Whether each entry of `W` of the bodies can differ from zero.
+    /// Whether each entry of the filtered regressor `W` of the bodies can differ from zero.
     present: Vec<bool>,
     /// `Y(q, 0, 0, v)` for all parameters.
     momentum: Vec<S>,
@@ -123,15 +124,15 @@ pub(super) struct LaneComposite<S> {
     y_d: Vec<S>,
     /// The entries of the joint columns of `Y`.
     entries: Vec<S>,
-    /// `W` of the bodies, `(n, bodies)`.
+    /// The filtered regressor `W` of the bodies, `(n, bodies)`.
     w: Vec<S>,
-    /// The entries of the joint columns of `W`.
+    /// The entries of the joint columns of the filtered regressor `W`.
     beside: Vec<S>,
-    /// `tau_W`, `(n,)`.
+    /// The filtered torque `tau_W`, `(n,)`.
     tau: Vec<S>,
-    /// `e_W`, `(n,)`.
+    /// The error `e_W = tau_W - W a_hat` of the filtered dynamics, `(n,)`.
     error: Vec<S>,
-    /// `R e_W`, `(n,)`.
+    /// The weighted error `R e_W`, `(n,)`.
     push: Vec<S>,
     zeros: Vec<S>,
     nothing: Vec<S>,
@@ -222,7 +223,7 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// Compute `W`, `tau_W` and `e_W` from the estimate and the filters `x`.
+    /// Compute the filtered regressor `W`, the filtered torque `tau_W` and the error `e_W`, from the estimate and the filters `x`.
     fn compare(&mut self, v: &[S], estimate: &[S], x: &[S]) {
         let (n, bodies) = (self.zeros.len(), self.bodies);
         let (of_bodies, rest) = x.split_at(self.y_m.len());
@@ -245,7 +246,7 @@ impl<S: Real> LaneComposite<S> {
     }
 
     /// Add `W' R e_W` to `w`, and subtract it from `back`. Write the rate of the filters under the torque `tau` to `dx`. Call
-    /// [`Self::look`] before.
+    /// [`Self::look`] first, at the same state.
     pub fn push(&mut self, v: &[S], tau: &[S], [estimate, x]: [&[S]; 2], [w, back, dx]: [&mut [S]; 3]) {
         let (n, bodies) = (self.zeros.len(), self.bodies);
         self.compare(v, estimate, x);

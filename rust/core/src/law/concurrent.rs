@@ -23,13 +23,13 @@ use crate::scalar::Real;
 /// Stored samples, and their weighted sums.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Concurrent {
-    /// `W_j` of all samples, `(N, n, p)`.
+    /// Regressors `W_j` of all samples, `(N, n, p)`.
     rows: Vec<f64>,
-    /// `tau_j` of all samples, `(N, n)`.
+    /// Torques `tau_j` of all samples, `(N, n)`, N m or N; with windows, their integrals.
     torques: Vec<f64>,
-    /// `sum W_j' R W_j`, `(p, p)`.
+    /// The sum over the samples of `W_j' R W_j`, `(p, p)`.
     gram: Vec<f64>,
-    /// `sum W_j' R tau_j`, `(p,)`.
+    /// The sum over the samples of `W_j' R tau_j`, `(p,)`.
     moment: Vec<f64>,
 }
 
@@ -79,9 +79,9 @@ impl Windows {
 /// `N` samples for concurrent learning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredRows {
-    /// `W`, `(N, n, p)`, row-major.
+    /// Regressors `W` of the samples, `(N, n, p)`, row-major.
     pub rows: Vec<f64>,
-    /// `tau`, `(N, n)`, N m or N; with windows, their integrals.
+    /// Torques `tau` of the samples, `(N, n)`, N m or N; with windows, their integrals over time.
     pub torques: Vec<f64>,
 }
 
@@ -184,7 +184,8 @@ impl AdaptiveSpec {
                 let trig: Vec<(f64, f64)> = x[..n].iter().map(|q| q.sin_cos()).collect();
                 lanes.look(&arm, &mut workspace, &joints, &trig, &x);
                 let end = if k == first { -1.0 } else { f64::from(u8::from(k == last)) };
-                // Simpson's rule for `Y_D` and a measured torque, the left rectangle rule for a held torque.
+                // Simpson's rule integrates `Y_D` and a measured torque. The left rectangle rule integrates a torque that is constant
+                // between instants.
                 let part = if k == first || k == last { 1.0 } else { 2.0 + 2.0 * ((k - first) % 2) as f64 };
                 let (weight, held) = (part * windows.step / 3.0, if k == last { 0.0 } else { windows.step });
                 for (sum, (y_m, y_d)) in inertial.iter_mut().zip(lanes.momentum_and_drift()) {

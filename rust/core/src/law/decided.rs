@@ -12,7 +12,7 @@ use std::any::Any;
 pub trait Solve {
     type Number: Real;
 
-    /// Create a solver with the sizes and options of `solver`; `None` if this kind does not support its method.
+    /// Create a solver with the sizes and options of `solver`; `None` if this kind of solver does not support the method of `solver`.
     fn of(solver: PrioritySolver) -> Option<Self>
     where
         Self: Sized;
@@ -20,7 +20,7 @@ pub trait Solve {
     fn inputs(&mut self) -> (&mut [Self::Number], &mut [Self::Number]);
     /// Solve for the present Jacobians, whose entries have the relative error `rounding`. `bounds` sets the bounds, if the method has any.
     fn solve(&mut self, rounding: Self::Number, bounds: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()>;
-    /// The computed joint velocities, `(n,)`.
+    /// The computed joint velocities, `(n,)`, rad/s or m/s.
     fn v(&self) -> &[Self::Number];
     /// The residuals of each level's task velocities, stacked.
     fn residuals(&self) -> &[Self::Number];
@@ -76,7 +76,8 @@ impl Solve for RecordedSolver {
         (&mut self.jacobian, &mut self.command)
     }
     fn solve(&mut self, rounding: Sym, _: impl FnOnce(&mut PrioritySolver) -> Result<()>) -> Result<()> {
-        // The solver is rounded like a single solve, even if the other operations are recorded with the rounding of plain numbers.
+        // Record the solver with fused products, as in a call of the solver alone. The other operations of the law may be recorded without
+        // fused products.
         self.stands = sym::fused(|| self.route.solve(rounding, &self.jacobian, &self.command));
         Ok(())
     }

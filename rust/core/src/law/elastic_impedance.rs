@@ -112,7 +112,7 @@ impl ElasticImpedanceSpec {
         }
         let jacobian = &outer.jacobian;
         let nan = || vec![f64::NAN; m * m];
-        // `spread` has the rows of J M^-1.
+        // `spread` is `J M^-1`, `(m, n)`; `None` if `M` is not positive definite.
         let spread = cholesky::factor(n, &mass).map(|l| {
             let mut rows = jacobian.clone();
             rows.chunks_exact_mut(n).for_each(|row| cholesky::solve(n, &l, row));
@@ -153,9 +153,9 @@ pub struct ElasticImpedance<S: Real> {
     inner: Reduction<S>,
     /// Limits of the motor torque, `(n,)`, N m; `None` without limits.
     limits: Option<Vec<S>>,
-    /// `J_k' w_k'` of one row `k` of the integral wrench, `(n,)`.
+    /// The effect of the rate of entry `k` of the integral wrench on the joint torques: row `k` of `J` times this rate, `(n,)`.
     column: Vec<S>,
-    /// The contribution of `column` to the motor torque, `(n,)`.
+    /// The effect of `column` on the motor torque, `(n,)`.
     push: Vec<S>,
 }
 

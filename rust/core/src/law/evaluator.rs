@@ -62,7 +62,7 @@ pub struct LawEvaluator {
     motions: Vec<Motion>,
     /// The desired motion, the plant's state and the law's state, one after another.
     inputs: Vec<f64>,
-    /// The lengths of these three parts of `inputs`.
+    /// The lengths of the three parts of `inputs`.
     widths: [usize; 3],
 }
 

@@ -78,13 +78,13 @@ impl Build for GuardedSpec {
 /// A guarded law in a loop.
 pub struct Guarded<S: Real> {
     inner: Box<dyn Law<S> + Send>,
-    /// Length of the inner law's state.
+    /// Length of the state of the inner law.
     own: usize,
     arm: AnyArm<S>,
     workspace: Workspace<S>,
-    /// Observer gain `K`, or `K_T` in a sampled loop.
+    /// Observer gain, 1/s: `K` in a continuous loop, `K_T = K (I + K T)^-1` in a sampled loop with the sample time `T`.
     gain: AnyGain<S>,
-    /// `K` of each lane, from which `gain` is computed.
+    /// Observer gain `K` of each lane, from which `gain` is computed.
     gains: Vec<Gain>,
     viscous: Vec<S>,
     coulomb: Vec<S>,
@@ -94,7 +94,7 @@ pub struct Guarded<S: Real> {
     thresholds: Vec<S>,
     stiffness: Option<AnyGain<S>>,
     damping: Option<AnyGain<S>>,
-    /// Speed `V` and duration of a retreat.
+    /// Speed `V` (rad/s or m/s) and duration (s) of a retreat.
     retreat: Option<[S; 2]>,
     /// Limits of the plant's input; empty without limits.
     limits: Vec<S>,
@@ -103,12 +103,12 @@ pub struct Guarded<S: Real> {
     pub(super) momentum: Vec<S>,
     gravity: Vec<S>,
     pub(super) residual: Vec<S>,
-    /// The torque that the observer uses as `tau`.
+    /// The torque that the observer uses as `tau`, `(n,)`, N m or N.
     observed: Vec<S>,
     work: Vec<S>,
     push: Vec<S>,
     reaction: Vec<S>,
-    /// 1 from contact on, else 0.
+    /// 1 from the sample of contact on, else 0.
     pub(super) reacting: S,
 }
 
@@ -124,7 +124,8 @@ impl<S: Real> Guarded<S> {
         self.arm.gravity(&mut self.workspace, trig, q, &mut self.gravity);
     }
 
-    /// Detect contact, and compute the torque of the reaction. `z` and `dz` start at the state `c`.
+    /// Detect contact, and compute the torque of the reaction. `z` and `dz` are the part of the law's state that starts with `c`, and its
+    /// rate.
     fn react(&mut self, x: &[S], z: &[S], tau: &mut [S], dz: &mut [S]) {
         let n = tau.len();
         let at = if self.springs.is_some() { 2 * n } else { 0 };

@@ -1,4 +1,4 @@
-//! Isolation of the touched link from the external torque: a force on a link does not load the joints beyond that link.
+//! Find the touched link from the external torque. A force on a link does not load the joints beyond that link.
 
 use crate::dynamics::Model;
 
@@ -10,13 +10,13 @@ pub fn parents(model: &Model) -> Vec<Option<usize>> {
     }
 }
 
-/// The outermost joint with `|r_i|` above its threshold; `None` if there is none. Among several branches, the joint with the largest ratio
-/// of `|r_i|` to its threshold counts.
+/// The outermost joint whose `|r_i|` exceeds its threshold; `None` if no joint exceeds its threshold. With several branches, the joint with
+/// the largest ratio of `|r_i|` to its threshold is returned.
 pub fn touched(model: &Model, thresholds: &[f64], r: &[f64]) -> Option<usize> {
     let n = r.len();
     let parents = parents(model);
     let above = |i: usize| r[i].abs() > thresholds[i];
-    // Joints from here to the base carry the same force.
+    // A force on a link also loads all joints between that link and the base, so these joints are not outermost.
     let mut inner = vec![false; n];
     for i in (0..n).filter(|&i| above(i)) {
         let mut next = parents[i];

@@ -45,7 +45,7 @@ impl JointColumn {
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct JointColumns {
     kinds: Vec<JointColumn>,
-    /// `v_s`, `(n,)`, rad/s or m/s.
+    /// The speed `v_s` that smooths Coulomb friction, `(n,)`, rad/s or m/s.
     speeds: Vec<f64>,
 }
 

@@ -12,11 +12,11 @@ use crate::spatial::pseudo_inertia::divergence;
 
 /// The metric of the distance between an estimate and the true parameters.
 enum EstimateMetric<S> {
-    /// The diagonal of `Gamma`.
+    /// The diagonal of the gain `Gamma`.
     Diagonal(Vec<S>),
-    /// `Gamma^-1`.
+    /// The inverse gain `Gamma^-1`.
     Full(AnyGain<S>),
-    /// `gamma` of each body, then of each joint column.
+    /// The gain `gamma` of each body, then of each joint column.
     Natural(Vec<S>),
 }
 
@@ -109,7 +109,7 @@ impl<S: Real> Lyapunov<S> {
     }
 }
 
-/// `Gamma`; `None` in the natural metric.
+/// The gain `Gamma` of the law; `None` in the natural metric.
 fn euclidean(law: &AdaptiveSpec) -> Option<&Gain> {
     if let Adaptation::Euclidean(gamma) = &law.adaptation { Some(gamma) } else { None }
 }

@@ -173,7 +173,7 @@ macro_rules! laws {
                 Self::of_lanes(&of)
             }
 
-            /// The closure is a reference, so that this is compiled once per number type, not once per caller.
+            /// The argument `of` is a reference to a closure. So this function is compiled once per number type, not once per caller.
             fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a LawSpec) -> Box<dyn Law<S> + Send> {
                 match of(0) {
                     $(LawSpec::$law(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {

@@ -118,7 +118,7 @@ impl<const TORQUE: bool> Definition for MotorRegulationSpec<TORQUE> {
     fn joint_stiffness(&self) -> Option<&Gain> {
         Some(&self.joint_stiffness)
     }
-    /// `(I + Kt)^-1`; the identity without torque feedback.
+    /// The matrix `(I + Kt)^-1`; the identity without torque feedback.
     fn torque_share(&self) -> Option<Gain> {
         let n = self.model.n();
         let fed = |k: usize| if TORQUE { self.kt.at(k / n, k % n) } else { 0.0 };

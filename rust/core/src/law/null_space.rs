@@ -70,7 +70,7 @@ impl NullSpaceSpec {
 pub(super) struct NullSpace<S: Real> {
     posture: Option<(AnyGain<S>, AnyGain<S>, NullProjection)>,
     coupling: bool,
-    /// `eps^2`.
+    /// The square `eps^2` of the clamp.
     floor: S,
     /// The mass matrix `M`, `(n, n)`.
     mass: Vec<S>,
@@ -80,14 +80,14 @@ pub(super) struct NullSpace<S: Real> {
     fixed: Projector<S>,
     rate: Vec<S>,
     full: Vec<S>,
-    /// A wrench, `(m,)`.
+    /// Memory for a wrench, `(m,)`.
     wrench: Vec<S>,
     work: Vec<S>,
-    /// `tau_0`, `(n,)`.
+    /// The torque `tau_0` of spring and damper before the projection, `(n,)`, N m or N.
     tau_0: Vec<S>,
-    /// `N' tau_0`, `(n,)`.
+    /// The projected torque `N' tau_0`, `(n,)`, N m or N.
     projected: Vec<S>,
-    /// The added torque `N' tau_0 + C v`, `(n,)`.
+    /// The added torque `N' tau_0 + C v`, `(n,)`, N m or N.
     pub torque: Vec<S>,
 }
 
@@ -104,14 +104,14 @@ impl NullSpace<f64> {
     }
 }
 
-/// `L`, computed from the rows of `J W^-1/2`.
+/// The clamped inverse `L = (J W^-1 J')^-1`, computed from the matrix `J W^-1/2` with the metric `W`.
 pub(super) struct Projector<S: Real> {
     inverse: ClampedInverse<S>,
-    /// The rows of `J W^-1/2`, `(m, n)`.
+    /// The matrix `J W^-1/2`, `(m, n)`, which the caller writes.
     pub spread: Vec<S>,
-    /// `J W^-1 J'`, `(m, m)`.
+    /// The product `J W^-1 J'`, `(m, m)`.
     square: Vec<S>,
-    /// `L`, `(m, m)`.
+    /// The clamped inverse `L`, `(m, m)`.
     l: Vec<S>,
     scales: Vec<S>,
     /// The loss `1 - min(1, (sigma/eps)^2)` for the smallest singular value `sigma`.
@@ -131,7 +131,7 @@ impl<S: Real> Projector<S> {
         }
     }
 
-    /// Compute `L` from the rows in `spread`. `rows` are their indices in a pose, and `floor` is `eps^2`.
+    /// Compute the clamped inverse `L` from `spread`. `rows` are the indices of the controlled rows in a pose, and `floor` is `eps^2`.
     pub fn prepare(&mut self, rows: &[usize], floor: S) {
         let (m, one, zero) = (rows.len(), S::splat(1.0), S::zero());
         let n = self.spread.len() / m;
@@ -165,7 +165,7 @@ impl<S: Real> Projector<S> {
         self.loss = one - (least.max(zero) / floor).min(one);
     }
 
-    /// Write `L x` to `out`.
+    /// Write the product `L x` to `out`.
     fn apply(&self, x: &[S], out: &mut [S]) {
         for (row, out) in self.l.chunks_exact(x.len()).zip(out) {
             *out = row.iter().zip(x).fold(S::zero(), |sum, (&l, &x)| l.mul_add(x, sum));

@@ -44,9 +44,10 @@ pub struct PidSpec {
 pub struct PidOptions {
     /// The largest torques, N m or N; infinity means no limit.
     pub tau_max: Option<Vec<f64>>,
-    /// `N` of the velocity filter, 1/s. The law then uses the filtered derivative of the position as velocity.
+    /// Bandwidth `N` of the velocity filter, 1/s. The law then uses the filtered derivative of the position as velocity.
     pub derivative_filter: Option<Vec<f64>>,
-    /// `v_s`, rad/s or m/s. The law then adds the model's friction at the desired velocity.
+    /// The speed `v_s` of the feed-forward of friction, `damping v_d + friction tanh(v_d / v_s)`, rad/s or m/s. With `None`, the law does
+    /// not feed friction forward.
     pub friction_speed: Option<Vec<f64>>,
     /// Bandwidth `h` of the disturbance observer, 1/s.
     pub observer_bandwidth: Option<Vec<f64>>,
@@ -124,7 +125,8 @@ impl Definition for PidSpec {
         Some(if self.moves() { JointReference::Motion } else { JointReference::held(&self.motion) })
     }
 
-    /// The terms: desired motion, error, gravity, terms of the options, integral torque and its rate, torque before and after its limits.
+    /// The terms of the law: desired motion, error, gravity, terms of the options, integral torque and its rate. The last two terms are the
+    /// torque before and after its limits.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = Self::build::<f64>(|_| self);
@@ -208,29 +210,29 @@ pub struct Pid<S: Real> {
     /// Whether the desired motion moves.
     moves: bool,
     limits: Option<Vec<S>>,
-    /// `N` of the velocity filter, 1/s.
+    /// Bandwidth `N` of the velocity filter, `(n,)`, 1/s.
     filter: Option<Vec<S>>,
-    /// Viscous friction, Coulomb friction and `v_s`.
+    /// Viscous friction, Coulomb friction and the speed `v_s`, `(n,)` each.
     friction: Option<[Vec<S>; 3]>,
-    /// `h` and `m` of the disturbance observer.
+    /// Bandwidth `h`, 1/s, and nominal inertia `m`, kg m^2 or kg, of the disturbance observer, `(n,)` each.
     observer: Option<(Vec<S>, Vec<S>)>,
-    /// Position error `q_d - q`.
+    /// Position error `q_d - q`, `(n,)`, rad or m.
     e: Vec<S>,
-    /// Velocity `v_f`.
+    /// Filtered velocity `v_f`, `(n,)`, rad/s or m/s.
     speed: Vec<S>,
-    /// Feed-forward of friction, `f(v_d)`.
+    /// Feed-forward torque of friction, `f(v_d)`, `(n,)`, N m or N.
     drag: Vec<S>,
-    /// Disturbance torque `d` that the observer estimates.
+    /// Disturbance torque `d` that the observer estimates, `(n,)`, N m or N.
     disturbance: Vec<S>,
-    /// `g + f`: the part of the torque that does not accelerate the nominal joints.
+    /// The torque `g + f`, which does not accelerate the nominal joints, `(n,)`, N m or N.
     nominal: Vec<S>,
     work: Vec<S>,
-    /// Torque `u` before its limits.
+    /// Torque `u` before its limits, `(n,)`, N m or N.
     free: Vec<S>,
 }
 
 impl<S: Real> Law<S> for Pid<S> {
-    /// Set the states of filter and observer so that `v_f` of the filter and `d` start at zero.
+    /// Set the states of the velocity filter and the observer, so that the filtered velocity `v_f` and the disturbance `d` start at zero.
     fn restart(&mut self, _: &[(S, S)], x: &[S], z: &mut [S]) {
         let n = self.e.len();
         if self.filter.is_some() {

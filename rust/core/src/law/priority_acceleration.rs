@@ -110,7 +110,7 @@ impl Definition for PriorityAccelerationSpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// The terms of the velocity law, with `e_dot`, `J_dot` and the acceleration. Residuals are accelerations.
+    /// The terms of the velocity law in priority, then `e_dot`, `J_dot` and the acceleration. Residuals are accelerations.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();

@@ -132,7 +132,8 @@ fn negative_part<S: Real>(a: &Pseudo<S>) -> Pseudo<S> {
         for j in 0..i {
             let (low, high) = (a[i][i].min(a[j][j]), a[i][i].max(a[j][j]));
             let (some, both) = (low.lt(zero), high.lt(zero));
-            // For eigenvalues of equal sign, the divided difference is 1 or 0, at every distance.
+            // If both eigenvalues are negative, the divided difference is 1. If both are positive, it is 0. This is true for every distance
+            // between them.
             let apart = S::select(both, one, S::select(some, low - high, one));
             let share = S::select(both, one, S::select(some, low / apart, zero));
             g[i][j] = share * a[i][j];
@@ -171,7 +172,7 @@ impl Projection {
         Self::new(p, &least)
     }
 
-    /// Move an estimate to the nearest one with `P >= P_min`, in the metric of `P_min`. Bodies within the bounds do not change.
+    /// Replace an estimate by the nearest estimate with `P >= P_min`, in the metric of `P_min`. Bodies within the bounds do not change.
     pub(super) fn start(&self, estimate: &mut [f64]) {
         for (l, pi) in self.factors.iter().zip(estimate.chunks_exact_mut(self.width)) {
             let p = matrix_of(pi, 2.0);

@@ -1,8 +1,8 @@
-//! The loss due to the clamp of `L = (J W^-1 J')^-1` along a run of an impedance law ([`super::NullSpaceSpec`]):
+//! The projection loss of an impedance law ([`super::NullSpaceSpec`]): the error of `L = (J W^-1 J')^-1` near singularities, because small
+//! singular values are clamped.
 //!
-//! `loss = 1 - min(1, (sigma / eps)^2)`, where `sigma` is the smallest singular value of `S J W^-1/2`, with the row scales `S`. If null
-//! space and coupling have two projectors, the larger loss counts. The loss is zero where projector and coupling are exact, and one at a
-//! singularity.
+//! `loss = 1 - min(1, (sigma / eps)^2)`, where `sigma` is the smallest singular value of `S J W^-1/2`, with the row scales `S`. A law with
+//! two metrics `W` has two losses, and the larger one counts. The loss is zero where `L` is exact, and one at a singularity.
 
 use super::null_space::{NullProjection, Projector};
 use super::{CartesianImpedanceSpec, LawSpec};
@@ -11,7 +11,7 @@ use crate::kinematics::Coordinates;
 use crate::linalg::cholesky;
 use crate::scalar::Real;
 
-/// The loss of one law at the records of a run.
+/// The projection loss of one law at the records of a run.
 pub struct ProjectionLoss<S: Real> {
     coordinates: Coordinates,
     /// The arm of the law's model.

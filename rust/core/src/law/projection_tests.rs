@@ -22,7 +22,8 @@ fn square(pi: &[f64]) -> f64 {
 
 #[test]
 fn negative_parts_of_matrices() {
-    // Zero, negative and indefinite matrices. The matrix minus its negative part is positive, and orthogonal to the negative part.
+    // The test uses zero, negative and indefinite matrices. A matrix minus its negative part is positive, and orthogonal to the negative
+    // part.
     let full = [[1.0, 2.0, 0.5, -1.0], [2.0, -1.0, 0.3, 0.2], [0.5, 0.3, 0.1, 4.0], [-1.0, 0.2, 4.0, 1e-3]];
     let zero = [[0.0; 4]; 4];
     let minus = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { -2.0 } else { 0.0 }));

@@ -16,9 +16,9 @@ use crate::scalar::Real;
 /// The factor of `sigma` in the leakage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeakageForm {
-    /// A constant: sigma modification.
+    /// The factor is one: sigma modification.
     Sigma,
-    /// `|s|`: e-modification.
+    /// The factor is `|s|`: e-modification.
     Error,
 }
 
@@ -36,7 +36,7 @@ pub struct Restraint {
 }
 
 impl Restraint {
-    /// No restraint.
+    /// Create a restraint without leakage and without a dead zone.
     pub fn none() -> Self {
         Restraint { leakage: 0.0, form: LeakageForm::Sigma, centre: Vec::new(), dead_zone: 0.0 }
     }

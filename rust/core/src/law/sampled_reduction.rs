@@ -27,9 +27,9 @@ struct Group {
     /// Viscous friction of the motors and joints, `(n,)`, N m s/rad.
     friction: Vec<f64>,
     model_stiffness: Vec<f64>,
-    /// Inertia ratio `B B0^-1`.
+    /// Inertia ratio `B B0^-1`, `(n, n)`.
     ratio: Vec<f64>,
-    /// Damping gain `B B0^-1 D0`.
+    /// Damping gain `B B0^-1 D0`, `(n, n)`, N m s/rad.
     damping: Vec<f64>,
     /// Bandwidth of the torque sensor, rad/s; infinite without a sensor.
     bandwidth: f64,
@@ -93,7 +93,7 @@ impl LockedMotors {
         self.groups.iter().map(Group::largest_sample_time).fold(f64::INFINITY, f64::min)
     }
 
-    /// [`LockedMotors::largest_sample_time`] if it is at most `until`, s; else infinite.
+    /// The result of [`LockedMotors::largest_sample_time`] if it is at most `until`, s; else infinite.
     pub fn unstable_up_to(&self, until: f64) -> f64 {
         self.groups.iter().map(|group| group.first_instability(group.short, until)).fold(f64::INFINITY, f64::min)
     }
@@ -179,7 +179,8 @@ impl Group {
         self.first_instability(self.short, CAP * self.short)
     }
 
-    /// The first unstable sample time from `from` to `until`: zero if it is `from`, infinite if there is none.
+    /// The first unstable sample time from `from` to `until`, s. It is zero if the loop is unstable at `from`, and infinite if the loop is
+    /// stable up to `until`.
     fn first_instability(&self, from: f64, until: f64) -> f64 {
         const GROWTH: f64 = 1.02;
         let mut low = from;
@@ -218,7 +219,7 @@ mod tests {
             let omega = f64::sqrt(k / b0);
             let limit = omega * LockedMotors::single(b, k, b0, 2.0 * zeta * (b0 * k).sqrt(), f64::INFINITY).largest_sample_time();
             let rule = (4.0 * zeta).min(1.0 / zeta);
-            // The relative error of the rule is of the order of B0/B = 1e-6.
+            // The relative error of the rule `omega_n dt < min(4 zeta, 1/zeta)` is of the order of B0/B = 1e-6.
             assert!((limit / rule - 1.0).abs() < 1e-5, "zeta {zeta}: {limit} {rule}");
         }
         // At B0 = B the rule is too large by 8 to 27 %, from critical damping down to half of it.

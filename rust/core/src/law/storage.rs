@@ -37,7 +37,8 @@ impl<S: Real> Storage<S> {
         })
     }
 
-    /// Compute `E`, J, for the desired motions at the plant's state `x`. The arm `links` must already be at its `q`.
+    /// Compute the storage function `E`, J, for the desired motions at the plant's state `x`. The arm `links` must already be at the joint
+    /// positions of `x`.
     pub fn energy(&mut self, desired: &[S], links: &mut ArmAt<S>, plant: &Stored<S>, x: &[S]) -> S {
         let n = self.stretch.len();
         let target = &desired[..self.error.len()];

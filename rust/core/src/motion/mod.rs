@@ -57,7 +57,7 @@ impl Motion {
         }
     }
 
-    /// Approximate number of numbers that the motion stores.
+    /// Approximate number of `f64` values that the motion stores.
     pub fn numbers(&self) -> usize {
         match self {
             Motion::Table(table) => table.numbers(),

@@ -26,11 +26,11 @@ pub struct TimedPath {
     x: Arc<Vec<f64>>,
     /// `(N + 1,)`: times of the grid points, s.
     t: Arc<Vec<f64>>,
-    /// `(N,)`: the slope `b` of `u` in each segment.
+    /// `(N,)`: the slope `b = du/ds` of the path acceleration `u` in each segment.
     u_slope: Arc<Vec<f64>>,
-    /// `(N,)`: the index of the piece that contains each segment; empty if it is searched at each sample.
+    /// `(N,)`: the index of the piece that contains each segment; empty if each sample searches the piece.
     piece: Arc<Vec<usize>>,
-    /// `(N + 1,)`: the path acceleration `u` at the points if it is linear in time; otherwise empty.
+    /// `(N + 1,)`: the path acceleration `u` at the grid points if `u` is linear in time; otherwise empty.
     u: Arc<Vec<f64>>,
 }
 
@@ -102,8 +102,8 @@ impl TimedPath {
         Ok(TimedPath { path, s: s.into(), x: x.into(), t: t.into(), u_slope: u_slope.into(), piece: piece.into(), u: Arc::default() })
     }
 
-    /// Create a timed path whose `u` is linear in time between the times `t`, s. `s`, the squared speeds `x` and `u` at these times are `(N
-    /// + 1,)`.
+    /// Create a timed path whose path acceleration `u = d^2 s/dt^2` is linear in time between the times `t`, s. At these times, `s` has the
+    /// path positions, `x` the squared path speeds `(ds/dt)^2`, and `u` the path accelerations, `(N + 1,)` each.
     pub fn cubic(path: Arc<Path>, t: Vec<f64>, s: Vec<f64>, x: Vec<f64>, u: Vec<f64>) -> Result<Self> {
         for (name, values) in [("t", &t), ("s", &s), ("x", &x), ("u", &u)] {
             finite(name, values)?;
@@ -230,17 +230,17 @@ impl TimedPath {
         std::iter::once(0.0).chain(inner).chain([self.t[last]]).filter(|t| t.is_finite()).collect()
     }
 
-    /// The slope `b` of `u` in each segment, `(N,)`.
+    /// The slope `b = du/ds` of the path acceleration `u` in each segment, `(N,)`.
     pub fn acceleration_slopes(&self) -> &[f64] {
         &self.u_slope
     }
 
-    /// The index of the piece that contains each segment; empty if it is searched at each sample.
+    /// The index of the piece that contains each segment; empty if each sample searches the piece.
     pub(super) fn pieces(&self) -> &[usize] {
         &self.piece
     }
 
-    /// The path acceleration `u` at the points if it is linear in time, `(N + 1,)`; otherwise empty.
+    /// The path acceleration `u` at the grid points, `(N + 1,)`, if `u` is linear in time; otherwise empty.
     pub fn node_accelerations(&self) -> &[f64] {
         &self.u
     }

@@ -40,7 +40,7 @@ pub struct BangBangReport {
     link: Link,
 }
 
-/// Bounds of `a` from each phase: `[phase 1, phase 2]`.
+/// Upper and lower bounds of `a = inertia * acceleration`, N m, one from each of the two phases.
 struct Bounds<S> {
     upper: [S; 2],
     lower: [S; 2],
@@ -55,7 +55,7 @@ fn bounds<S: Real>([g, tau_min, tau_max]: [S; 3], [s0, sm, s1]: &[Sine<S>; 3]) -
 
 /// The results of one problem per SIMD lane. Flags are 1 or 0.
 struct Answers<S> {
-    /// `t_min`, `t_max`, `a_min`, `a_max`.
+    /// `t_min` and `t_max`, s, then `a_min` and `a_max`, N m.
     numbers: [S; 4],
     /// `feasible`, `hold_start`, `hold_end`.
     flags: [S; 3],
@@ -92,13 +92,13 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
     let sines = [sine(x0), sine(half * x0 + half * x1), sine(x1)];
     let b = bounds([g, low, high], &sines);
     let a_max = b.upper[0].min(b.upper[1]);
-    // `abs` makes a zero positive, because `a_min` is a divisor.
+    // `abs` replaces -0 by +0. Otherwise a division by `a_min` could give minus infinity.
     let a_min = b.lower[0].max(b.lower[1]).max(zero).abs();
     let slack = S::splat(SLACK) * tau_max.max(-tau_min);
     let (hold_start, hold_end) =
         (between(g * sines[0].sin, low - slack, high + slack), between(g * sines[2].sin, low - slack, high + slack));
     let moves = zero.lt(distance);
-    // If `a_max` is below `a_min` by at most the slack, the interval is one duration.
+    // If `a_max` is below `a_min` by at most the tolerance `slack`, exactly one duration is feasible.
     let some = S::select(zero.lt(a_max), S::select(a_max.lt(a_min - slack), zero, one), zero);
     let feasible = S::select(moves, some, hold_start);
     let t_min = S::select(moves, two * (inertia * distance / a_max).sqrt(), zero);
@@ -192,7 +192,7 @@ impl BangBangReport {
         self.thetaf >= self.theta0
     }
 
-    /// Start, switch and end along the motion.
+    /// The angles along the motion, rad, of the start, the switch and the end.
     fn ends(&self) -> [f64; 3] {
         let sign = if self.forward() { 1.0 } else { -1.0 };
         [sign * self.theta0, sign * (0.5 * self.theta0 + 0.5 * self.thetaf), sign * self.thetaf]
@@ -216,7 +216,7 @@ impl BangBangReport {
         let gap = if upper { b.upper[1] - b.upper[0] } else { b.lower[0] - b.lower[1] };
         let tie = self.link.slack();
         let second = gap < -tie;
-        // If a is too large, phase 1 exceeds its upper torque bound, and phase 2 its lower one.
+        // If `a` is too large, the torque exceeds its upper bound in phase 1, and its lower bound in phase 2.
         let top = upper != second;
         let (from, to) = if second { (1, 2) } else { (0, 1) };
         let crest = top == (along.gravity_moment >= 0.0);
@@ -230,7 +230,7 @@ impl BangBangReport {
         } else if value(end) >= extreme {
             (if second { Place::End } else { Place::Start }, x[end])
         } else {
-            // The first extreme after `from`, clamped because the constant pi is rounded.
+            // The first extreme of the sine after `x[from]`. The clamp is necessary because the constant pi is rounded.
             let turns = ((x[from] - sign * FRAC_PI_2) / TAU).ceil();
             (Place::Interior, (sign * FRAC_PI_2 + turns * TAU).clamp(x[from], x[to]))
         };

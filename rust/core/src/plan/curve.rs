@@ -17,7 +17,7 @@ use crate::interrupt::look;
 #[derive(Default)]
 pub(super) struct Curve {
     steps: Vec<Step>,
-    /// The unit of time of the steps, s.
+    /// Duration of one unit of time of `steps`, s.
     unit: f64,
     /// The distance that the phase covers while it moves forward, rad.
     pub reach: f64,
@@ -35,8 +35,8 @@ pub(super) struct Moment {
 const MAX_STEPS: usize = 2000;
 
 impl Curve {
-    /// Integrate from rest at `x` under `torque` minus friction. The curve ends after `distance`, or where it is faster than the curve
-    /// `against` from the other end.
+    /// Integrate from rest at `x` under `torque` minus friction. The curve ends after `distance`, or where its speed exceeds the speed of
+    /// the curve `against`, which comes from the other end.
     pub fn new(x: f64, torque: f64, link: &FrictionLink, distance: f64, against: Option<&Curve>) -> Self {
         let mut at = Progress::new(x, torque, link);
         let mut curve = Curve { steps: Vec::new(), unit: at.unit, reach: 0.0 };
@@ -50,7 +50,7 @@ impl Curve {
                 break;
             }
             for _ in 0..60 {
-                // Shorten a step that passes the goal: the curve beyond the goal is not required, and may not be finite.
+                // Shorten a step that ends far beyond `distance`. The curve beyond `distance` is not required, and may not be finite.
                 let (next, _) = evaluate(&step.y, step.length);
                 if next.is_finite() && next <= 2.0 * distance {
                     break;
@@ -76,7 +76,7 @@ impl Curve {
         curve
     }
 
-    /// Time, speed and spread at the distance `y <= reach`.
+    /// Time since rest (s), speed (rad/s) and spread at the distance `y <= reach`, rad.
     pub fn at(&self, y: f64) -> Moment {
         let k = self.steps.partition_point(|s| s.y[0] <= y).max(1) - 1;
         let Step { time, length, y: c, spread } = &self.steps[k];
@@ -119,7 +119,7 @@ fn stall(step: &Step) -> Option<f64> {
 
 /// The point where a push and the brake after it have equal speeds.
 pub(super) struct Meeting {
-    /// The distance from the start, rad.
+    /// The distance of this point from the start of the push, rad.
     pub at: f64,
     pub push: Moment,
     pub brake: Moment,
@@ -144,7 +144,7 @@ impl Leg<'_> {
         self.push.at(y).speed.powi(2) - self.brake.at(self.distance - y).speed.powi(2)
     }
 
-    /// The point of equal speeds, if it exists, by regula falsi in the Illinois variant.
+    /// Find the point where push and brake have equal speeds, by regula falsi in the Illinois variant; `None` if no such point exists.
     pub fn meeting(&self) -> Option<Meeting> {
         let [a, b] = self.overlap()?;
         let (mut low, mut high) = ((a, self.lead(a)), (b, self.lead(b)));

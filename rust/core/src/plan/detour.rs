@@ -3,8 +3,9 @@
 use super::monotone::{Energies, Monotone};
 use super::sine::{gravity_range, sine};
 
-/// A lower bound of the time from `x0` to the turn and back, divided by `2 sqrt(e)`. `up` and `down` are the largest net torques `p_+` and
-/// `p_-`. The part to the turn is `sqrt((p_+ + p_-)/(p_+ p_-))`, the part back is `sqrt(1/p_+)`.
+/// A lower bound of the time from `x0` to the turn and back to `x0`, in units of `sqrt(I/2)` seconds, divided by `2 sqrt(e)`. `up` and
+/// `down` are the largest net torques `p_+` and `p_-`, N m. The part to the turn is `sqrt((p_+ + p_-)/(p_+ p_-))`, the part back to `x0` is
+/// `sqrt(1/p_+)`.
 pub(super) fn detour(up: f64, down: f64) -> f64 {
     (((up + down) / down).sqrt() + 1.0) / up.sqrt()
 }
@@ -12,7 +13,7 @@ pub(super) fn detour(up: f64, down: f64) -> f64 {
 /// The push of a monotone motion.
 pub(super) struct Push {
     length: f64,
-    /// A lower bound of the mean net torque from the start of the push to any of its points.
+    /// A lower bound of the mean net torque from the start of the push to any of its points, N m.
     mean: f64,
 }
 
@@ -22,15 +23,15 @@ impl Push {
         let mean = if push.push >= push.g.abs() {
             push.push - gravity_range(push.g, &sine(push.x), &sine(push.x + length)).1
         } else {
-            // Before the maximum of gravity, the net torque rises, falls, or first rises and then falls. After it, the energy does not
-            // decrease.
+            // Before the maximum of gravity, the net torque rises, falls, or first rises and then falls. After the maximum, the kinetic
+            // energy does not decrease. So the mean torque is smallest at the start of the push, or at the lowest energy.
             push.net().min(energies.peak.min(energies.push_hump) / length)
         };
         Push { length, mean }
     }
 
-    /// The distance `e` beyond which the detour of a swing costs more time than it gains. The push of the swing then starts with the energy
-    /// `K0 < p_+ e` instead of at rest:
+    /// The distance `e` beyond which the detour of a swing costs more time than the swing gains, rad. In a swing, the push starts with the
+    /// kinetic energy `K0 < p_+ e` instead of at rest:
     ///
     /// ```text
     /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]

@@ -69,7 +69,7 @@ impl FrictionSearch {
         (search.most > 0.0).then_some(search)
     }
 
-    /// The intervals of `e` from which the middle phase reaches `x`. It has the torque `up` and the friction of `link`.
+    /// The intervals of `e` from which the middle phase reaches `x`. The middle phase has the torque `up` and the friction of `link`.
     fn windows_to(&self, x: f64, link: FrictionLink) -> Vec<Window> {
         let (push, from) = (self.up - link.coulomb, x - self.x0);
         if push.abs() >= link.g.abs() {
@@ -82,13 +82,13 @@ impl FrictionSearch {
         Windows::new(low - from, crest - from, self.most, || recovery(-angle - BESIDE) + BESIDE).collect()
     }
 
-    /// The point of equal speeds of the two phases before the turn. The second phase is computed backwards.
+    /// Find the point where the two phases before the turn have equal speeds. The second of these phases is computed backwards.
     fn away(&self, e: f64) -> Option<Meeting> {
         let to = Curve::new(self.x0 - e, self.up, &self.link.backwards(), e, Some(&self.leaves));
         Leg { push: &self.leaves, brake: &to, distance: e }.meeting()
     }
 
-    /// The point of equal speeds of the two phases after the turn. The second phase is computed backwards.
+    /// Find the point where the two phases after the turn have equal speeds. The second of these phases is computed backwards.
     fn towards(&self, e: f64) -> Option<Meeting> {
         let distance = e + self.x1 - self.x0;
         let from = Curve::new(self.x0 - e, self.up, &self.link, distance, Some(&self.arrives));
@@ -116,8 +116,9 @@ impl BackSwings for FrictionSearch {
     }
 
     fn windows(&self, _farthest: f64) -> impl Iterator<Item = Window> {
-        // With friction, the phases after the turn are longer, so they decide whether a swing is feasible. In a problem run backwards, with
-        // negative coefficients, the phases before the turn may decide too.
+        // With friction, the phases after the turn are longer than the phases before the turn. So the phases after the turn decide whether
+        // a swing is feasible. In a problem run backwards, the friction coefficients are negative, and the phases before the turn may
+        // decide too.
         let mut windows = self.windows_to(self.x1, self.link);
         if self.link.viscous < 0.0 || self.link.coulomb < 0.0 {
             let out = self.windows_to(self.x0, self.link.backwards());
@@ -131,12 +132,13 @@ impl BackSwings for FrictionSearch {
         self.straight.then(|| (1e-3 * (self.x1 - self.x0).min(1.0)).max(1e-6))
     }
 
-    /// The largest `e` of a swing that can be faster than `limit`, from a lower bound of the duration: `T > k sqrt(2 I e / p) +
-    /// T_brake(D)`.
+    /// The largest `e` of a swing that can be faster than `limit`, s. It follows from a lower bound of the duration: `T > k sqrt(2 I e / p)
+    /// + T_brake(D)`.
     ///
-    /// The first term is the time of `k` parts that start at rest under the full torque and gravity, `p`. Then the motion is never faster
-    /// than the last brake. `k = 2` counts the part to the turn and the part back to `x0`. With negative friction only the first part
-    /// starts at rest, so `k = 1`.
+    /// The first term is the time of `k` parts of length `e`. Each part starts at rest, and its net torque is at most `p`, the largest
+    /// torque plus the gravity moment. The second term is the time of the last brake over the distance `D` from `x0` to `x1`. With `k = 2`,
+    /// one part leads to the turn, and the other part back to `x0`. With negative friction only the part to the turn starts at rest, so `k
+    /// = 1`.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;
@@ -212,7 +214,8 @@ struct FrictionMonotone {
 }
 
 impl FrictionMonotone {
-    /// The point of equal speeds of push and brake if both torques are larger by `more`, and the distances that push and brake cover.
+    /// Find the point where push and brake have equal speeds if both torques are larger by `more`, N m. Also return the distances that push
+    /// and brake cover, rad.
     fn meeting(&self, more: f64) -> (Option<Meeting>, [f64; 2]) {
         let (distance, link) = (self.x1 - self.x0, self.link);
         let push = Curve::new(self.x0, self.up + more, &link, distance, None);
@@ -233,8 +236,8 @@ impl FrictionMonotone {
         meeting.ok_or_else(|| MonotoneReason::Apart { push: x0 + push, brake: x1 - brake, missing: self.missing() })
     }
 
-    /// The missing amount of both torques, to six digits, by bisection. The search ends at gravity moment plus Coulomb friction: with so
-    /// much more torque, the motion is feasible.
+    /// The amount by which both torques must be larger for a feasible motion, N m, to six digits. Bisection starts from the upper bound
+    /// gravity moment plus Coulomb friction, with which the motion is always feasible.
     fn missing(&self) -> f64 {
         let (mut less, mut more) = (0.0, self.link.g.abs() + self.link.coulomb);
         while more - less > 1e-6 * more && more > 1e-12 * self.up.max(self.down) {

@@ -46,7 +46,8 @@ impl Link {
         SLACK * self.tau_max.max(-self.tau_min)
     }
 
-    /// The link in the coordinate along the motion, `x = direction theta`. The sine is odd, so only the torque bounds are exchanged.
+    /// The link in the coordinate along the motion, `x = direction theta`. For a negative direction, the two torque bounds are exchanged
+    /// and change their signs. The gravity torque keeps its form, because the sine is odd.
     #[inline(always)]
     pub(super) fn along(&self, forward: bool) -> Self {
         let back = u64::from(!forward);

@@ -27,8 +27,8 @@ pub(super) fn drop(sum: f64, difference: f64) -> f64 {
 }
 
 impl Monotone {
-    /// The motion from the rest point of `push` to the rest point of `brake`, which is computed backwards in the mirrored coordinate.
-    /// `drop` is `cos x0 - cos x1`.
+    /// Create the motion from the rest point of `push` to the rest point of `brake`. The brake is computed backwards in the mirrored
+    /// coordinate. `drop` is `cos x0 - cos x1`.
     #[inline]
     pub fn between(push: Phase, brake: Phase, drop: f64) -> Self {
         let (up, down) = (push.push, brake.push);
@@ -100,7 +100,7 @@ pub(super) struct MonotoneMotion {
 }
 
 impl MonotoneMotion {
-    /// `up` and `down` are the absolute values of the pushing and of the braking torque bound.
+    /// Create the motion from `x0` to `x1`. `up` and `down` are the absolute values of the pushing and of the braking torque bound, N m.
     #[inline]
     pub fn new(x0: f64, x1: f64, g: f64, up: f64, down: f64) -> Self {
         let (middle, half) = (sin_cos(0.5 * x0 + 0.5 * x1), sin_cos(0.5 * (x1 - x0)));

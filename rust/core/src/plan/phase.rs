@@ -17,10 +17,11 @@ use super::sine::{sin_cos, sinc_cos_small};
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{PI, TAU};
 
-/// The mean net torque, as a fraction of the sum of torque and gravity moment, below which the fixed rule is not sufficient.
+/// A limit of the mean net torque, as a fraction of the sum of torque and gravity moment. Below this limit the fixed quadrature rule is not
+/// accurate enough.
 const LEAN: f64 = 1e-3;
-/// Relative accuracy of each panel of a duration. With 1e-12, both rules agreed by chance for one of some million links, although the
-/// duration was wrong by 1e-10.
+/// Relative accuracy of each panel of a duration. With an accuracy of 1e-12, one of some million links had a duration with an error of
+/// 1e-10, because both quadrature rules agreed by chance.
 const ACCURACY: f64 = 3e-14;
 
 /// A phase from rest at the angle `x` under the constant torque `push`, against the gravity torque `g sin`. A negative `push` pulls back.
@@ -116,13 +117,14 @@ impl Phase {
         if self.descent_length() >= least || self.energy(least) > 0.0 { f64::INFINITY } else { self.zero(least) }
     }
 
-    /// For a torque that pulls back: the interval of distances in which the energy first falls from zero to a minimum.
+    /// For a negative torque: the interval of distances in which the energy first falls from zero to a minimum.
     pub fn descent(&self) -> (f64, f64) {
         let least = self.first_least();
         (if self.descent_length() < least { self.zero(least) } else { 0.0 }, least)
     }
 
-    /// For a torque that pulls back: the distance from a minimum of the energy to the next point with the same energy; else infinite.
+    /// For a negative torque: the distance from a minimum of the energy to the next point with the same energy. For other torques:
+    /// infinite.
     pub fn recovery(&self) -> f64 {
         if self.push < 0.0 { Phase::new(self.least, self.push, self.g).zero(TAU) } else { f64::INFINITY }
     }
@@ -130,7 +132,7 @@ impl Phase {
     /// The angle and the distance of the first minimum of the energy after the distance `from`. At `from` the energy must not fall.
     pub fn least_after(&self, from: f64) -> (f64, f64) {
         let least = self.first_least();
-        // At a minimum, rounding may put the next minimum one revolution ahead.
+        // If `from` is at a minimum, a rounding error may lead to the next minimum, one revolution ahead.
         let least = if from == 0.0 && self.descent_length() < least { 0.0 } else { least };
         (self.least, least + TAU * ((from - least) / TAU).ceil().max(0.0))
     }
@@ -154,7 +156,7 @@ impl Phase {
                 break;
             }
             y = (y - step).clamp(0.0, least);
-            // The error after this step is of third order in the step.
+            // The error after this step is proportional to the cube of the step, so a small step is the last one.
             if step.abs() <= 1e-6 * y && step.abs() <= 1e-3 * last {
                 break;
             }
@@ -168,7 +170,7 @@ impl Phase {
         2.0 * length.sqrt() * run_lanes(Integral::<false> { phase: *self, length, accuracy: ACCURACY })
     }
 
-    /// `dF/dx` at fixed length, to the relative `accuracy`.
+    /// `dF/dx` at fixed length, with the relative error `accuracy`.
     pub fn time_gradient(&self, length: f64, accuracy: f64) -> f64 {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
@@ -179,8 +181,9 @@ impl Phase {
         let gravity_crest = self.gravity_crest(length);
         let least = gravity_crest.map_or(f64::INFINITY, |y| self.energy(y) / y).min(self.net());
         let (enough, end) = (LEAN * (self.push + self.g.abs()), energy / length);
-        // A phase longer than one revolution passes several minima of the energy. A minimum near zero makes a narrow peak of the integrand.
-        // At the end of the phase the fixed rule is accurate.
+        // The fixed rule is not accurate in two cases. A phase longer than one revolution passes several minima of the energy, and a
+        // minimum near zero makes a narrow peak of the integrand. A small energy at the end of the phase is less critical: the fixed rule
+        // is accurate there.
         if length > TAU || least < enough || end < 0.01 * enough {
             self.time_gradient(length, 1e-3)
         } else {

@@ -88,7 +88,7 @@ impl LinkMotion {
         (low, high)
     }
 
-    /// The report from the bounds of `k`. `hold`: whether gravity alone is within the torque bounds where `s'' = 0`.
+    /// Create the report from the bounds of `k`. `hold` states whether gravity alone is within the torque bounds where `s'' = 0`.
     fn report(&self, lower: At, upper: At, hold: bool, missing: f64) -> ProfileReport {
         let (k_min, k_max, slack) = (lower.0.max(0.0), upper.0, self.link.slack());
         let (hold_start, hold_end) = (self.holds(self.x0), self.holds(self.x1));
@@ -109,7 +109,7 @@ impl LinkMotion {
             theta_lower: if lower.0 > 0.0 { self.sign * lower.1 } else { f64::NAN },
             hold_start,
             hold_end,
-            // At an exact tie the missing torque is zero.
+            // If the bounds of `k` are equal, `missing` may be a negative rounding error.
             missing: if feasible { 0.0 } else { missing.max(0.0) },
         }
     }
@@ -159,7 +159,7 @@ pub fn trapezoid_time(
 }
 
 fn quintic(u: f64) -> (f64, f64) {
-    // `w` is measured from the nearer end, so that no digits are lost at either end.
+    // `w` is the time fraction from the nearer end, so that no digits are lost near either end.
     let w = u.min(1.0 - u);
     let s = w * w * w * (10.0 - w * (15.0 - 6.0 * w));
     let second = 60.0 * w * (1.0 - w) * (1.0 - 2.0 * w);
@@ -247,7 +247,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
     Ok(m.report((lower.0, m.quintic_angle(lower.1)), (upper.0, m.quintic_angle(upper.1)), hold, missing))
 }
 
-/// The minimum of a function with one local minimum on `[a, b]`, and its place, by `steps` steps of golden section (Kiefer 1953).
+/// The minimum on `[a, b]` of a function with one local minimum, and its argument, by `steps` steps of golden section (Kiefer 1953).
 fn golden(f: impl Fn(f64) -> f64, mut a: f64, mut b: f64, steps: usize) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
     let (mut c, mut d) = (b - GOLDEN * (b - a), a + GOLDEN * (b - a));

@@ -6,9 +6,9 @@ use std::fmt;
 /// A torque limit of the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limit {
-    /// The lower limit.
+    /// The lower torque limit `tau_min`.
     TauMin,
-    /// The upper limit.
+    /// The upper torque limit `tau_max`.
     TauMax,
 }
 
@@ -24,13 +24,13 @@ impl fmt::Display for Limit {
 /// The place in a phase of the motion where a limit binds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// The first instant.
+    /// The first instant of the phase.
     Start,
     /// Strictly inside the phase, where the gravity torque has an extreme.
     Interior,
     /// The boundary between this phase and the next or the previous one.
     Switch,
-    /// The last instant.
+    /// The last instant of the phase.
     End,
 }
 
@@ -133,7 +133,7 @@ pub enum MonotoneReason {
     CannotHold {
         /// The torque limit.
         limit: Limit,
-        /// The angle, rad.
+        /// Angle of the link, rad.
         theta: f64,
         /// The missing torque, N m.
         missing: f64,

@@ -66,12 +66,12 @@ pub(super) trait BackSwings {
     fn farthest(&self, limit: f64) -> f64;
 }
 
-/// A turning point `e`, and the scaled derivative there. At the edges of an interval the derivative is its limit.
+/// A turning point `e`, rad, and the scaled derivative at `e`. At an edge of an interval, the second number is the limit of the derivative.
 type Point = (f64, f64);
 
 /// The search ends when the last step of `e` times the scaled derivative is below this fraction of `e`. The error of T is then far smaller.
 const FLAT: f64 = 1e-10;
-/// A search with few digits ends when its step is below this fraction of the distance to an edge.
+/// A search with coarse derivatives ends when its step is below this fraction of the distance to an edge.
 const NEAR: f64 = 2e-3;
 /// The largest scaled derivative at which a search may end.
 const LEVEL: f64 = 0.3;
@@ -79,10 +79,11 @@ const LEVEL: f64 = 0.3;
 const ROUGH: f64 = 0.02;
 /// The farthest turning point, rad. Beyond two revolutions, only a sequence of swings could be faster.
 pub(super) const FARTHEST: f64 = 4.0 * std::f64::consts::PI;
-/// The largest length of an interval with a maximum of gravity, rad. A longer interval has none, and may have a minimum of T in every
-/// revolution. Such an interval begins next to `e = 0`, and the monotone motion is feasible, unless the torque equals gravity at the start.
+/// The largest length of an interval with a maximum of gravity, rad. A longer interval has no maximum of gravity, and T may have a minimum
+/// in every revolution. Such an interval begins next to `e = 0`, and the monotone motion is feasible, unless the torque equals gravity at
+/// the start.
 const ONE_TURN: f64 = 6.5;
-/// The first step of a sweep through such an interval, rad.
+/// The first step of a sweep through an interval longer than `ONE_TURN`, rad.
 const FIRST: f64 = 0.2;
 /// The longest step of a sweep, rad.
 const LONGEST: f64 = 1.0;
@@ -90,7 +91,7 @@ const LONGEST: f64 = 1.0;
 struct TurnSearch<'a, B> {
     swings: &'a B,
     best: Option<Swing>,
-    /// The duration that the next swing must beat.
+    /// The duration that the next swing must beat, in the unit of the times of the swings.
     limit: f64,
     /// The turning point beyond which no swing is faster than `limit`, rad.
     farthest: f64,
@@ -131,7 +132,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
     /// Search an interval in which T falls, has one minimum and rises.
     fn dip(&mut self, window: Window) {
         let (low, high) = window;
-        // Without any motion so far, every swing is an improvement: search the whole interval.
+        // If no motion is known yet, every swing is an improvement. Then search the whole interval.
         let within = self.farthest < high && self.limit < f64::INFINITY;
         let end = if within { self.point(self.farthest, window, false) } else { (high, 1.0) };
         if end.1 >= 0.0 {
@@ -206,7 +207,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
             let step = (e - a.0).abs();
             let near = if fine { step * a.1.abs() <= FLAT * e } else { step <= NEAR * (e - low.0).min(high.0 - e) };
             if a.1.abs() < LEVEL && near || width.abs() <= 1e-15 * e {
-                // After a bisection, the middle is no better than the last point.
+                // After a bisection, the middle of the bracket is not better than its last point.
                 return (if smooth { e } else { a.0 }, rate);
             }
         }

@@ -163,7 +163,8 @@ mod tests {
                 let (s, c) = sin_cos(x);
                 assert!((s - x.sin()).abs() < 4.5e-16 && (c - x.cos()).abs() < 4.5e-16, "{x}: {s} {c}");
                 assert_eq!(sine(x).sin, s);
-                // At a multiple of pi/2 the product is rounded to the integer. The standard library's sine there shows on which side x is.
+                // At a multiple of pi/2 the product is rounded to the integer. The sign of the standard library's sine shows whether `x` is
+                // above or below this multiple.
                 let n = (x * FRAC_2_PI).round();
                 let beyond = [x.sin(), -x.cos(), -x.sin(), x.cos()][(n as i64).rem_euclid(4) as usize];
                 assert_eq!(sine(x).quarter, if beyond < 0.0 { n - 1.0 } else { n }, "{x}");

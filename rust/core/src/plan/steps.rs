@@ -25,7 +25,7 @@ pub(super) type Series = [f64; ORDER + 1];
 const POINTS: usize = 12;
 /// Number of friction time constants after which collocation is used: exp(-40) is below rounding.
 const SETTLED: f64 = 40.0;
-/// The largest last term of the speed in a collocation step, relative to the speed.
+/// The largest last Chebyshev coefficient of the speed in a collocation step, relative to the speed.
 const TAIL: f64 = 2e-14;
 
 /// Parameters of the link: inertia (kg m^2), gravity moment (N m), viscous (N m s) and Coulomb friction (N m). In a motion computed
@@ -60,13 +60,13 @@ pub(super) struct Progress {
     x: f64,
     push: f64,
     link: FrictionLink,
-    /// The unit of time, s.
+    /// Duration of one unit of time of the phase, s.
     pub unit: f64,
     pub time: f64,
     pub y: f64,
     pub v: f64,
     spread: (f64, f64),
-    /// The length to try for the next collocation step.
+    /// Length of the next collocation step to try, in units of `unit`; zero before the first collocation step.
     slow: f64,
 }
 
@@ -80,8 +80,8 @@ pub(super) fn evaluate(c: &Series, h: f64) -> (f64, f64) {
     (y, v)
 }
 
-/// The length of a step whose dropped terms are below 1e-17 of `size`. It uses the last six terms. From rest, and at a maximum of the sine,
-/// only every fourth term is not zero.
+/// The length of a step whose dropped terms are below 1e-17 of `size`. The estimate uses the last six coefficients, because from rest, and
+/// at a maximum of the sine, only every fourth coefficient is not zero.
 fn step_length(c: &Series, size: f64) -> f64 {
     (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
 }
@@ -95,7 +95,7 @@ impl Progress {
         Progress { x, push, link, unit, time: 0.0, y: 0.0, v: 0.0, spread: (1.0, 0.0), slow: 0.0 }
     }
 
-    /// Net torque at rest.
+    /// Net torque at rest, N m.
     pub fn net(&self) -> f64 {
         self.push - self.link.g * sin_cos(self.x).0
     }
@@ -110,7 +110,7 @@ impl Progress {
         self.link.viscous > 0.0 && self.time > 0.0 && self.link.viscous * self.v <= 10.0 * self.noise()
     }
 
-    /// Compute the next step. Its error is a rounding error of a motion of `size`.
+    /// Compute the next step. Its error is as small as the rounding error of a motion over the distance `size`, rad.
     pub fn step(&mut self, size: f64) -> Step {
         let settles = self.link.inertia / self.link.viscous;
         if self.time > SETTLED * settles
@@ -134,7 +134,7 @@ impl Progress {
         self.time = step.time + step.length;
     }
 
-    /// Taylor coefficients of the distance `y`, and of `cos(x + y)`.
+    /// Taylor coefficients of the distance `y(t)`, and of `cos(x + y(t))`, with respect to time.
     fn series(&self) -> [Series; 2] {
         let FrictionLink { inertia, g, viscous, .. } = self.link;
         let (mut c, mut s, mut k) = ([0.0; ORDER + 1], [0.0; ORDER + 1], [0.0; ORDER + 1]);
@@ -156,7 +156,7 @@ impl Progress {
         [c, k]
     }
 
-    /// Taylor coefficients of the spread, from the coefficients of `cos(x + y)`.
+    /// Taylor coefficients of the spread with respect to time, from the coefficients of `cos(x + y)`.
     fn spread_series(&self, cos: &Series) -> Series {
         let FrictionLink { inertia, g, viscous, .. } = self.link;
         let mut z = [0.0; ORDER + 1];

@@ -19,7 +19,7 @@ use super::windows::Windows;
 use std::cell::OnceCell;
 use std::f64::consts::TAU;
 
-/// Relative accuracy of the last derivatives.
+/// Relative accuracy of the accurate derivatives, which the search uses for its last steps.
 const FINE: f64 = 1e-6;
 
 /// The search for the fastest back-swing.
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn a_minimum_beside_an_edge_is_found() {
-        // The interval is 2e-3 rad wide, and its minimum is at 1e-7 of that from the edge. The next interval has a minimum time of 142.7.
+        // The interval is 2e-3 rad wide, and its minimum is 2e-10 rad from its edge. The minimum time in the next interval is 142.7.
         let straight = MonotoneMotion::new(6.2831853083864555, 6.28318550293321, -1.0, 1.2068690262570462e-9, 1.9572908712209023e-7);
         let swing = overshoot(&straight, f64::INFINITY).unwrap();
         assert!((swing.time - 79.92567).abs() < 1e-4, "{}", swing.time);

@@ -155,7 +155,7 @@ pub fn torque_optimal_time(
 }
 
 impl TorqueOptimum {
-    /// A result without a motion.
+    /// Create a result without a motion.
     #[inline]
     pub(super) fn new(theta0: f64, thetaf: f64, link: &Link, [viscous, coulomb]: [f64; 2]) -> Self {
         let Link { inertia, gravity_moment: g, tau_min, tau_max } = *link;
@@ -209,7 +209,7 @@ impl Best {
         t_turn: f64::NAN,
     };
 
-    /// The result for a swing in the coordinate `sign theta`, with times in units of `unit` seconds.
+    /// Create the result for a swing in the coordinate `sign theta`. The times of the swing are in units of `unit` seconds.
     pub(super) fn swing(kind: Family, swing: &Swing, sign: f64, unit: f64) -> Self {
         Best {
             kind,

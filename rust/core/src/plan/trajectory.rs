@@ -24,7 +24,7 @@ struct RestPhase {
     /// The time at which the phase ends, s.
     end: f64,
     steps: Vec<Step>,
-    /// The unit of time of the steps, s.
+    /// Duration of one unit of time of the steps, s.
     unit: f64,
 }
 

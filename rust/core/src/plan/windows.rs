@@ -48,7 +48,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
         windows
     }
 
-    /// The distance from a maximum to the first maximum beyond `recovery`.
+    /// The distance from a maximum of `W` to the first maximum beyond `recovery`, a whole number of revolutions, rad.
     fn turn(&self) -> f64 {
         TAU * ((*self.recovery / TAU).floor() + 1.0)
     }
@@ -58,7 +58,8 @@ impl<F: FnOnce() -> f64> Windows<F> {
         let last = self.crest;
         self.low = last + if last < self.most { *self.recovery } else { 0.0 };
         self.crest += if self.low < self.most { self.turn() } else { 0.0 };
-        // If `crest` does not grow, it was the last maximum, or a revolution is smaller than the rounding error of `crest`.
+        // If `crest` does not grow, there are two cases. Either it was the last maximum, or a revolution is smaller than the rounding error
+        // of `crest`.
         if !(self.crest > last) {
             self.low = f64::INFINITY;
         }

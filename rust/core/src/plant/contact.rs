@@ -68,12 +68,12 @@ impl<S: Real> LaneWall<S> {
         stored(self.stiffness, self.normal.dot(self.point - p))
     }
 
-    /// Depth and its rate, with the frame at `p` and its velocity `p_dot`.
+    /// The depth `d`, m, and its rate `d_dot`, m/s, for the frame at `p` with the velocity `p_dot`.
     fn depth(&self, p: Vector3<S>, p_dot: Vector3<S>) -> (S, S) {
         (self.normal.dot(self.point - p), -self.normal.dot(p_dot))
     }
 
-    /// Depth and push `k d + c d_dot`, with the frame at `p` and its velocity `p_dot`.
+    /// The depth `d`, m, and the push `k d + c d_dot`, N, for the frame at `p` with the velocity `p_dot`.
     pub fn contact(&self, p: Vector3<S>, p_dot: Vector3<S>) -> [S; 2] {
         let (depth, rate) = self.depth(p, p_dot);
         [depth, pressing(self.stiffness, self.damping, depth, rate)]

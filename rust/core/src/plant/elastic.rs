@@ -1,9 +1,9 @@
 //! An arm with elastic joints (Spong 1987). Springs couple links and motors:
 //!
-//! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`,
-//! `tau_J = K (theta - q) + D (theta_dot - v)`.
+//! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`, `tau_J = K (theta - q) + D (theta_dot - v)`.
 //!
-//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. Its load is `L = tau_J`.
+//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. The load `L` of this friction is the
+//! joint torque `tau_J`.
 
 use super::definition::fields;
 use super::lugre::LaneLuGre;
@@ -39,7 +39,7 @@ pub struct ElasticSpec {
 }
 
 impl ElasticSpec {
-    /// Create an arm with these links, joint stiffness and motor inertia. Without damping or friction, these are zero.
+    /// Create an arm with these links, joint stiffness and motor inertia. If damping or friction is `None`, it is zero.
     pub fn new(
         model: Model,
         stiffness: Gain,

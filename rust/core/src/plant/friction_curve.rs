@@ -82,9 +82,9 @@ impl FrictionCurve {
 /// The friction curves in the lanes.
 pub(super) struct LaneCurve<S> {
     coulomb: Vec<S>,
-    /// `F_s - F_c`.
+    /// The difference `F_s - F_c` of static and Coulomb friction, N m or N.
     excess: Vec<S>,
-    /// `1 / v_s`.
+    /// The reciprocal `1 / v_s` of the Stribeck speed, s/rad or s/m.
     per_speed: Vec<S>,
     pub viscous: Vec<S>,
     pub load_ratio: Vec<S>,
@@ -106,13 +106,13 @@ impl<S: Real> LaneCurve<S> {
         }
     }
 
-    /// `h(v, 0)` of joint `i`.
+    /// The friction `h(v, 0)` of joint `i` without a load, N m or N.
     pub fn unloaded(&self, i: usize, v: S) -> S {
         let r = v * self.per_speed[i];
         self.excess[i].mul_add(decay(r * r), self.coulomb[i])
     }
 
-    /// `h(v, L)` of joint `i`.
+    /// The friction `h(v, L)` of joint `i` with the load `L`, N m or N.
     pub fn level(&self, i: usize, v: S, load: S) -> S {
         self.load_ratio[i].mul_add(load.abs(), self.unloaded(i, v))
     }

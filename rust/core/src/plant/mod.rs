@@ -56,7 +56,8 @@ pub trait Plant<S: Real> {
     /// Hold every contact in a mode, independent of the state: first the wall, then the stops.
     fn hold(&mut self, _contacts: &[Touch]) {}
 
-    /// Depth and push `k d + c d_dot` of contact `i`. The other arguments are those of [`Plant::rates`].
+    /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments have the meaning of the arguments of
+    /// [`Plant::rates`].
     fn contact(&mut self, _i: usize, _trig: &[(S, S)], _x: &[S]) -> [S; 2] {
         [S::zero(); 2]
     }
@@ -66,8 +67,8 @@ pub trait Plant<S: Real> {
         None
     }
 
-    /// Write the torques on the joints or motors, except their friction, into [`Plant::stick_slip`]. The arguments are those of
-    /// [`Plant::rates`].
+    /// Write the torques on the joints or motors, except their friction, into [`Plant::stick_slip`]. The arguments have the meaning of the
+    /// arguments of [`Plant::rates`].
     fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
 }
 
@@ -132,7 +133,7 @@ macro_rules! plants {
                 Self::of_lanes(&of, force_frame)
             }
 
-            /// The closure is a reference, so that this is compiled once per number type, not once per caller.
+            /// The argument `of` is a reference to a closure. So this function is compiled once per number type, not once per caller.
             fn of_lanes<'a, S: Real>(of: &dyn Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
                 match of(0) {
                     $(PlantSpec::$kind(_) => Box::new(<$definition>::build::<S>(|lane| match of(lane) {

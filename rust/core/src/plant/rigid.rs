@@ -1,6 +1,6 @@
 //! A rigid arm driven by joint torques: `M(q) a + C(q, v) v + g(q) + friction = tau + J' W`.
 //!
-//! The state is `x = [q, v]`, then the bristles `z` of LuGre friction. Its load is `L = tau - sigma_0 z`.
+//! The state is `x = [q, v]`, then the bristles `z` of LuGre friction. The load `L` of this friction is `tau - sigma_0 z`.
 
 use super::contact::LaneWall;
 use super::definition::fields;
@@ -144,7 +144,7 @@ impl<S: Real> Links<S> {
         self.held.extend_from_slice(contacts);
     }
 
-    /// Depth and push `k d + c d_dot` of contact `i`, the wall first, then the stops.
+    /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The wall has index 0 if it exists, and the stops follow.
     pub fn contact(&mut self, i: usize, trig: &[(S, S)], q: &[S], v: &[S]) -> [S; 2] {
         match (&self.wall, &self.stops) {
             (Some(wall), _) if i == 0 => {
@@ -214,7 +214,8 @@ fn moving_frame<S: Real>(
     (p, p_dot)
 }
 
-/// Write to the stick-slip friction under the input `tau`: `A = M`, `b = effort - (C v + g)`, and the loads.
+/// Set the inputs of the stick-slip friction under the plant's input `tau`: the matrix `A = M`, the torques `b = effort - (C v + g)`, and
+/// the loads.
 fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[(S, S)], (q, v): (&[S], &[S]), tau: &[S]) {
     links.arm.mass_matrix(&mut links.ws, trig, q, &mut sticking.matrix);
     links.arm.bias(&mut links.ws, trig, q, v, &mut sticking.drive);

@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn the_filter_is_exact_on_ramps_and_at_its_ends() {
         let sensor = |bandwidth| TorqueSensor::new(0.0, vec![], 0.0, bandwidth).expect("valid");
-        // Many small steps and one step must have the same result.
+        // Many small steps must have the same result as one long step.
         let (slope, dt, steps) = (30.0, 2e-3, 1000);
         let at = |k: usize| 5.0 + slope * dt * k as f64 / steps as f64;
         let fine = (0..steps).fold(1.0, |y, k| sensor(900.0).filtered(y, at(k), at(k + 1), dt / steps as f64));

@@ -100,7 +100,7 @@ impl<S: Real> LaneStickSlip<S> {
         let (side, ratio) = (S::splat(f64::from(side)), self.curve.load_ratio[i]);
         match self.loads[i] {
             Load::Known(load) => side.mul_add(ratio.mul_add(load.abs(), unloaded), viscous),
-            // L = r - s mu |L| with r = tau - s h(v, 0) - sigma_2 v, so r has the sign of L.
+            // With `r = tau - s h(v, 0) - sigma_2 v`, the load obeys `L = r - s mu |L|`. So `r` has the sign of `L`.
             Load::Driven(tau) => {
                 let rest = tau - side.mul_add(unloaded, viscous);
                 let against = S::select(rest.lt(S::zero()), -(side * ratio), side * ratio);
@@ -150,8 +150,8 @@ impl<S: Real> LaneStickSlip<S> {
 
     /// Compute one number per joint, which becomes negative where the joint's mode ends.
     ///
-    /// For a stuck joint it is the distance of the torque from its limits. For a sliding joint it is the speed in its direction. `A`, `b`
-    /// and the loads must be those at `v`.
+    /// For a stuck joint the number is the distance of the torque from its limits. For a sliding joint it is the speed in the direction of
+    /// sliding. Before the call, set `A`, `b` and the loads for the speeds `v`.
     pub fn margins(&mut self, v: &[S], out: &mut [f64]) {
         if self.holds() {
             self.slide(v);

@@ -93,15 +93,15 @@ impl<S: Real> LaneStops<S> {
         self.stops.iter().map(of).fold(S::zero(), |sum, part| sum + part)
     }
 
-    /// Depth and push `k d + c d_dot` of stop `k`.
+    /// The depth `d` and the push `k d + c d_dot` of stop `k`.
     pub fn contact(&self, k: usize, q: &[S], v: &[S]) -> [S; 2] {
         let (stop, limit, stiffness, damping) = self.stops[k];
         let (depth, rate) = stop.depth(limit, q[stop.joint], v[stop.joint]);
         [depth, pressing(stiffness, damping, depth, rate)]
     }
 
-    /// Add the torques of the stops to `effort`, and return the lost power. `held` has the mode of each stop; with `None` they follow the
-    /// state.
+    /// Add the torques of the stops to `effort`, and return the lost power, W. `held` has the mode of each stop. With `None`, the modes
+    /// follow from the state.
     pub fn add(&self, q: &[S], v: &[S], held: Option<&[Touch]>, effort: &mut [S]) -> S {
         let mut lost = S::zero();
         for (k, &(stop, limit, stiffness, damping)) in self.stops.iter().enumerate() {

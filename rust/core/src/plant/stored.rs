@@ -47,7 +47,7 @@ impl<S: Real> Stored<S> {
         }
     }
 
-    /// Compute the energy, J, at the plant's state `x`. The arm `links` must already be at its `q`.
+    /// Compute the energy, J, at the plant's state `x`. The arm `links` must already be at the joint positions of `x`.
     pub fn energy(&mut self, links: &mut ArmAt<S>, x: &[S]) -> S {
         let n = self.n;
         let (kinetic, potential) = links.energy(&x[n..2 * n]);

@@ -9,12 +9,12 @@ use crate::scalar::Real;
 /// The mode of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Touch {
-    /// Outside, without a force.
+    /// The frame or joint is outside, without a force.
     #[default]
     Apart,
-    /// Inside, with a pushing force.
+    /// The frame or joint is inside, with a pushing force.
     Pressed,
-    /// Inside, without a force: the frame leaves so fast that spring and damper would pull.
+    /// The frame or joint is inside, without a force. It leaves so fast that spring and damper would pull.
     Slack,
 }
 
@@ -55,8 +55,8 @@ pub fn pressing<S: Real>(stiffness: S, damping: S, depth: S, rate: S) -> S {
     damping.mul_add(rate, stiffness * depth)
 }
 
-/// The force at the depth `depth` with the rate `rate`, and the lost power. `held` is the mode of the contact; with `None` it follows the
-/// state.
+/// The force at the depth `depth` with the rate `rate`, and the lost power. `held` is the mode of the contact. With `None`, the mode
+/// follows from the state.
 pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<Touch>) -> (S, S) {
     let spring = stiffness * depth;
     let force = pressing(stiffness, damping, depth, rate);

@@ -1,4 +1,4 @@
-//! The result of a start, and the functions that the steps for all tasks together and those in priority share.
+//! The result of the search from one start, and functions for two kinds of steps: steps for all tasks together, and steps in priority.
 
 /// In one step, a joint moves by this fraction of the distance to the middle of its range, for errors of order one. The fraction decreases
 /// with the errors, so that the last steps are Newton steps.
@@ -22,7 +22,7 @@ impl StartResult {
     }
 }
 
-/// Whether the misses `a` are smaller than `b` at the first task in which they differ.
+/// Whether the task errors `a` are smaller than `b` at the first task in which they differ.
 pub(super) fn better(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).find(|(a, b)| a != b).is_some_and(|(a, b)| a < b)
 }

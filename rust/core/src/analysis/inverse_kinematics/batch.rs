@@ -157,7 +157,7 @@ fn solve_part(solver: &mut IkSolver, given: &Given, part: ThreadRows, solutions:
     }
 }
 
-/// Row `i` of values with `width` numbers per row, or their only row.
+/// Row `i` of `values` with `width` numbers per row, or the only row of `values`.
 fn row(values: &[f64], width: usize, i: usize) -> &[f64] {
     let i = if values.len() == width { 0 } else { i };
     &values[i * width..(i + 1) * width]

@@ -37,7 +37,7 @@ pub(super) struct Damped {
     /// The matrix of the step, `(k, k)`, and later its Cholesky factor; `k` is the smaller of rows and joints.
     gram: Vec<f64>,
     y: Vec<f64>,
-    /// `e - J z`, `(rows,)`.
+    /// The error without the part that the centring motion `z` changes, `e - J z`, `(rows,)`.
     rest: Vec<f64>,
     z: Vec<f64>,
     dq: Vec<f64>,
@@ -120,7 +120,7 @@ impl Damped {
         false
     }
 
-    /// Compute the errors at `q` and the misses, and keep the best result in `found`.
+    /// Compute the errors at `q` and the largest error of each task, and keep the best result in `found`.
     fn look_at(&mut self, q: &[f64], desired: &[Vec<f64>], tolerance: f64, found: &mut StartResult) {
         self.stack.place(q);
         let mut at = 0;

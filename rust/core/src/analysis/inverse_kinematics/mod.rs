@@ -177,8 +177,9 @@ impl IkSolver {
         Ok(())
     }
 
-    /// Insert the result of the last start in order. The order is by the error of the first task with different errors. Results that reach
-    /// every task are ordered by their distance from `q0`, then by time. Among equal postures the better one is kept.
+    /// Insert the result of the last start into the sorted results. The order is by the error of the first task with different errors.
+    /// Results that reach every task are ordered by their distance from `q0`, and with equal distances by their start. Among equal postures
+    /// only the better one is kept.
     fn rank(&mut self, q0: &[f64], most: usize) {
         let IkSolver { newton, found, .. } = self;
         let new = &newton.found;

@@ -123,8 +123,8 @@ impl NewtonSearch {
         Ok(())
     }
 
-    /// Whether the search from a start may end before the error of the single task is smallest. [`NewtonSearch::settle`] then takes the last
-    /// steps.
+    /// Whether the search from a start may end before the error is smallest. This is the case for damped steps with a single task.
+    /// [`NewtonSearch::settle`] then takes the last steps.
     pub fn is_coarse(&self) -> bool {
         self.damped.is_some() && self.desired.len() == 1
     }

@@ -42,7 +42,7 @@ impl ObserverState {
         Ok(ObserverState { residual: zeros(size)?, momentum: zeros(size)?, drift: zeros(size)? })
     }
 
-    /// The first index with a number that is not finite.
+    /// The index of the first number in the state that is not finite; `None` if all numbers are finite.
     fn bad(&self) -> Option<usize> {
         let sound = |i: &usize| self.residual[*i].is_finite() && self.momentum[*i].is_finite() && self.drift[*i].is_finite();
         (0..self.residual.len()).find(|i| !sound(i))
@@ -62,7 +62,7 @@ pub struct MomentumObserver {
     thresholds: Option<Vec<f64>>,
     sample: Momentum<f64>,
     state: ObserverState,
-    /// Memory for the state after a sample. It replaces `state` if it is finite.
+    /// Memory for the state after a sample. If all its numbers are finite, it replaces `state`.
     next: ObserverState,
     /// The `dt` for which `factor` was computed, s.
     dt: f64,
@@ -232,7 +232,7 @@ impl MomentumObserver {
                 for (at, (sum, k)) in self.sum.iter_mut().zip(k).enumerate() {
                     *sum = k.mul_add(dt, if at / n == at % n { 1.0 } else { 0.0 });
                 }
-                // The result is the smallest pivot. A sum with the identity has positive pivots, except with overflow.
+                // `factor_into` returns one if `I + K dt` is positive definite, else zero. It is zero only after an overflow.
                 factor_into(n, &self.sum, &mut self.factor) > 0.0
             }
         };
@@ -243,7 +243,7 @@ impl MomentumObserver {
         Ok(())
     }
 
-    /// Write `p` and `C' v - g - tau_f` of this row to the state.
+    /// Write the momentum `p` and the drift `C' v - g - tau_f` of one arm to its entries `row` in the state.
     fn look(&mut self, state: &mut ObserverState, q: &[f64], v: &[f64], row: Range<usize>) {
         let (momentum, drift) = (&mut state.momentum[row.clone()], &mut state.drift[row.clone()]);
         self.sample.look(&q[row.clone()], &v[row], momentum, drift);

@@ -193,7 +193,7 @@ impl MomentumObserver {
         }
     }
 
-    /// Record `p` and `C' v - g - tau_f` as functions of `q` and `v`.
+    /// Record the momentum `p` and the drift `C' v - g - tau_f` as functions of `q` and `v`.
     fn recorded_look(&self) -> Option<Recorded> {
         let n = self.n();
         let made = || sym::unfused(|| Momentum::<Sym>::new(&self.model, self.motors.as_ref(), &self.friction));
@@ -207,8 +207,9 @@ impl MomentumObserver {
 
     /// Record the correction of the residual.
     ///
-    /// The inputs are the residual, `p` and the drift of the last sample, the torque, `p` now, `dt`, and `I + K dt`. For a full gain the
-    /// result has one more number after the residual: one if `I + K dt` is positive definite.
+    /// The inputs are: the residual, the momentum and the drift `C' v - g - tau_f` at the last sample, the torque, the momentum now, `dt`,
+    /// and `I + K dt`. For a full gain the result has one more number after the residual: one if `I + K dt` is positive definite, else
+    /// zero.
     fn recorded_correction(&self) -> Option<Recorded> {
         let n = self.n();
         let sums = if self.given.is_diagonal() { n } else { n * n };

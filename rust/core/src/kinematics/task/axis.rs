@@ -87,7 +87,7 @@ fn three<S: Real>(x: &[S]) -> Vector3<S> {
 /// A unit vector along `x`.
 fn direction(argument: &str, x: [f64; 3]) -> Result<Vector3<f64>> {
     finite(argument, &x)?;
-    // Scaled first, because squares of extreme entries would overflow or vanish.
+    // Scale `x` before computing its norm, because squares of extreme entries would overflow or vanish.
     let most = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
     if most == 0.0 {
         return Err(Error::input(argument, "has no direction: expected a vector of length > 0, got zeros"));

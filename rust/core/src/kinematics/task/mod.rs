@@ -62,7 +62,7 @@ pub trait TaskKind {
         }
     }
 
-    /// Write the Jacobian, `(rows, n)`, row-major, to `j`, which has zeros. With `rate`, write its rate `dJ/dt` instead.
+    /// Write the Jacobian, `(rows, n)`, row-major, to `j`, which contains zeros. With `rate`, write its rate `dJ/dt` instead.
     fn jacobian<S: Real>(&self, at: &mut Bodies<S>, rate: bool, j: &mut [S]);
 }
 

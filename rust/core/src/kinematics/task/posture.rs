@@ -46,7 +46,7 @@ impl TaskKind for Posture {
     }
 }
 
-/// Write the rows of the identity, `(n, n)`, of these joints to `j`, which has zeros.
+/// Write the rows of the identity, `(n, n)`, of these joints to `j`, which contains zeros.
 pub(super) fn identity_rows<S: Real>(joints: &[usize], n: usize, j: &mut [S]) {
     joints.iter().enumerate().for_each(|(row, &joint)| j[row * n + joint] = S::splat(1.0));
 }

@@ -54,7 +54,8 @@ impl PathProblem<'_> {
             let cap = self.widest[i].1;
             let mut narrow = cap / (1.0 + self.cap_tight[i]);
             for (at, x) in [(0, self.rows.x_start), (points - 1, self.rows.x_end)] {
-                // A relative error of 4e-10 of the speed is 8e-10 of its square.
+                // The planner accepts a prescribed speed that exceeds its limit by a relative 4e-10. That is a relative 8e-10 of the
+                // squared speed.
                 if i == at && x <= cap * (1.0 + 8e-10) {
                     narrow = narrow.max(x);
                 }

@@ -37,7 +37,7 @@ pub(super) struct Limits {
     /// The scales of relative excesses of the lower and upper limits: the limit, or the opposite limit if the limit is zero.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
-    /// The reciprocals of the scales.
+    /// The reciprocals `1 / scale_lo` and `1 / scale_hi`.
     pub by_lo: Vec<f64>,
     pub by_hi: Vec<f64>,
 }
@@ -84,16 +84,17 @@ pub(super) struct Course<'a> {
     pub along: &'a Along,
     /// The frame whose origin is limited. Its rows are computed by the dynamics, not interpolated.
     pub tip: Option<usize>,
-    /// The index of the first speed row.
+    /// The index in `limits` of the first row that limits a joint's speed; `None` without speed limits.
     pub speeds: Option<usize>,
-    /// The index of the first of two rows: the norms of the frame's acceleration and speed.
+    /// The index in `limits` of the norm of the frame's acceleration. The norm of the frame's speed is the next row. `None` without tip
+    /// limits.
     pub norms: Option<usize>,
     pub limits: &'a Limits,
     pub stencil: &'a Stencil<WINDOW>,
 }
 
 impl Course<'_> {
-    /// Numbers per sample that the dynamics computes.
+    /// Number of values per sample that the dynamics computes.
     pub fn measured(&self) -> usize {
         3 * self.n + if self.tip.is_some() { TIP } else { 0 }
     }

@@ -158,7 +158,7 @@ impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
         values
     }
 
-    /// Copy the samples that the dynamics computed for one segment. `order` is the index of the segment among those.
+    /// Copy the samples that the dynamics computed for one segment. `order` is the index of this segment in the list of such segments.
     #[inline(always)]
     fn copy(&self, order: usize, values: &mut [f64]) {
         let Examine { course, samples: Samples { values: measured, .. }, .. } = self;

@@ -79,7 +79,8 @@ const SETTLED: f64 = 1e-4;
 pub(crate) const FIRST_GRID: usize = 201;
 /// A relative excess between grid points above which a segment is halved, because corrections would take longer.
 const COARSE: f64 = 1e-3;
-/// The largest loss of time on one segment, as a fraction of the duration, divided by the tolerance `fine` of the excess.
+/// A segment is halved if its loss of time exceeds this number times `fine`, as a fraction of the duration. `fine` is the relative excess
+/// above which a segment is halved.
 const LOST: f64 = 0.02;
 /// The first reduction of a limit, divided by its excess. Each further reduction is twice as large.
 const BEYOND: f64 = 1.2;
@@ -112,8 +113,8 @@ fn change(new: &[f64], old: &[f64]) -> f64 {
     new.iter().zip(old).map(|(new, old)| (new - old).abs() / new.max(*old).max(f64::MIN_POSITIVE)).fold(0.0, f64::max)
 }
 
-/// Compute the profile with viscous friction, on the present rows. Chords come first, because low speeds remain feasible under a chord.
-/// When the profile changes little, tangents follow. The error of a tangent is of second order in the change.
+/// Compute the profile with viscous friction. Chords come first, because low speeds remain feasible under a chord. When the profile changes
+/// little, tangents follow. The error of a tangent is proportional to the square of the change.
 fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() {
         return Ok(());
@@ -157,7 +158,7 @@ fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Re
     Ok(())
 }
 
-/// Compute the profile again, after limits were reduced.
+/// Compute the profile again, after limits were reduced. Viscous friction is replaced by its tangents.
 fn again(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     if problem.friction.is_none() { solve(&problem.rows, profile) } else { tangents(problem, profile) }
 }
@@ -214,7 +215,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
                     narrowed.push(at);
                 }
             } else {
-                // The cap bounds the squared speed. So the relative excess of the speed is doubled.
+                // The cap bounds the squared speed. So the relative excess of the speed counts twice.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
                 // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the
                 // third correction on, reduce both. A peak of the speed next to the smaller cap decreases only with the square of the first

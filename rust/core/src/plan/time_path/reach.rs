@@ -150,7 +150,7 @@ pub(super) fn solve(rows: &LimitRows, profile: &mut Profile) -> Result<(), Stuck
     run_lanes(Solve(rows, profile))
 }
 
-/// The upper and the lower bound of `u` at grid point `i` if `x` there is `at`.
+/// The upper and the lower bound of `u` at grid point `i` for `x = at`.
 #[inline(always)]
 fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     let w = rows.width;
@@ -195,7 +195,7 @@ impl GenericKernel for Bends<'_> {
                 let least = if side == 0 { from.min(to) } else { from.max(to) };
                 let near = 1e-3 * rise.abs() + 1e-5 * u.abs();
                 let follows = (u - least).abs() <= near || (u - mean).abs() <= near + 0.1 * rise.abs();
-                // With this condition `x` remains well above zero within the segment.
+                // If this condition is true, `x` remains well above zero within the segment.
                 let sound = x0.min(x1) + h * u.abs() >= 2.0 * h * rise.abs();
                 if follows && sound && rise.abs() <= 0.2 * distance {
                     u_slope = rise / h;
@@ -259,7 +259,7 @@ impl GenericKernel for Widened<'_> {
     }
 }
 
-/// `K_i` when every limit is wider by `widen` times its scale. `next` is the interval `K_(i+1)`.
+/// Compute the interval `K_i` for limits that are wider by `widen` times their scales. `next` is the interval `K_(i+1)`.
 pub(super) fn widened(rows: &LimitRows, i: usize, widen: f64, next: [f64; 2]) -> Option<(f64, f64)> {
     run_lanes(Widened(rows, i, widen, next))
 }

@@ -125,7 +125,7 @@ pub(super) enum Request<'a> {
 const LOOK: usize = 64;
 
 impl Points<'_> {
-    // Long: one pass over blocks of points, whose parts share the arrays of a block.
+    // This function is long, because all its parts share the arrays of one block of points.
     pub fn run(self) {
         let Points { mover, path, at, count, stride, out, mut request, tip } = self;
         let n = mover.dof();
@@ -135,7 +135,7 @@ impl Points<'_> {
         };
         let query = Query::from(quantity);
         if let (Mover::Tree(functions), true) = (mover, needed) {
-            // Without a recorded program, the functions are evaluated directly.
+            // The result is ignored: if no program can be recorded, the functions are evaluated directly.
             let _ = functions.prepare(&query, count);
         }
         let length = if quantity == Quantity::PathDynamics { 3 * n } else { n };

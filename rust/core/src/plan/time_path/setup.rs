@@ -37,9 +37,10 @@ pub(super) struct PathProblem<'a> {
     pub friction: Option<Friction>,
     pub along: Along,
     pub tip: Option<Tip>,
-    /// The index in `limits` of the first speed row.
+    /// The index in `limits` of the first row that limits a joint's speed; `None` without speed limits.
     pub speeds: Option<usize>,
-    /// The index in `limits` of the first of two rows: the norms of the frame's acceleration and speed.
+    /// The index in `limits` of the norm of the frame's acceleration. The norm of the frame's speed is the next row. `None` without tip
+    /// limits.
     pub norms: Option<usize>,
     /// `(N,)`: the index of the piece of each segment.
     pub pieces: Vec<usize>,
@@ -61,7 +62,8 @@ impl<'a> PathProblem<'a> {
         let Checked { lo, hi, along, tip } = checked(mover, &path, given, options)?;
         let stops = options.stops.iter().map(|&k| path.knots()[k]).collect();
         let (s, pieces) = grid(&path, options.points());
-        // Numbers per point and row: rows of both kinds and of the speeds, and the lines. The caps and profiles are counted separately.
+        // Stored numbers per grid point and row: the coefficients of the rows, and the lines. The term 64 counts caps, profiles and other
+        // numbers per grid point.
         const ROWS: usize = 12;
         memory::require((s.len() * 8).saturating_mul(ROWS * (3 * n).next_multiple_of(BLOCK) + 64))?;
         let rows = LimitRows {

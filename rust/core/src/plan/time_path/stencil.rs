@@ -8,7 +8,7 @@
 
 /// The weights `w_k` for every offset `o` of a segment and every place in the segment.
 pub(super) struct Stencil<const NODES: usize> {
-    /// For each offset: one array of weights per place.
+    /// `weights[o][k]`: the `NODES` weights for the offset `o` of a segment and the place with index `k`.
     weights: Vec<Vec<[f64; NODES]>>,
 }
 
@@ -20,8 +20,8 @@ impl<const NODES: usize> Stencil<NODES> {
         Stencil { weights: (0..NODES - 1).map(|o| places.iter().map(|z| weight(o as f64 + z)).collect()).collect() }
     }
 
-    /// The first grid point for the interpolation in segment `i`, and the weights, one array per place. The run of equal segments is
-    /// `first..last`. `None` if it has fewer than `NODES` points.
+    /// Return the first grid point of the interpolation in segment `i`, and the weights, one array per place. Segments `first..last` have
+    /// equal lengths. `None` if these segments have fewer than `NODES` grid points.
     #[inline(always)]
     pub fn of(&self, i: usize, first: usize, last: usize) -> Option<(usize, &[[f64; NODES]])> {
         if last - first + 1 < NODES {

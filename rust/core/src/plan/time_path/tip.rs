@@ -56,7 +56,7 @@ pub(super) struct Ball {
     across: [Vector3<f64>; 2],
     /// The limit `A` of the acceleration's norm.
     radius: f64,
-    /// `1 / |a|`; zero if `u` does not accelerate the frame's origin.
+    /// `1 / |a|`; zero if `a = 0`, so that `u` does not accelerate the frame's origin.
     by: f64,
 }
 
