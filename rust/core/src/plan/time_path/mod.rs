@@ -199,8 +199,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
         let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let (width, count) = (problem.rows.width, problem.pieces.len());
-        // With large friction, a smaller limit on one segment moves the excess to the next segment. So the limits of neighbours are reduced
-        // too.
+        // With large friction, a smaller limit on one segment moves the excess to the next one. So neighbours are reduced too.
         let spread = if problem.friction.is_some() && k >= SPREAD { 1_usize << (k - SPREAD) } else { 0 };
         let mut caps = std::mem::take(&mut problem.cap_tight);
         narrowed.clear();
@@ -218,8 +217,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
                 // The cap bounds the squared speed. So the relative excess of the speed counts twice.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
                 // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the
-                // third correction on, reduce both. A peak of the speed next to the smaller cap decreases only with the square of the first
-                // reduction.
+                // third correction on, reduce both: a peak next to the smaller cap decreases only with the square of the first reduction.
                 let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
                 for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
                     if here * 1.2 >= other || k >= 2 {
