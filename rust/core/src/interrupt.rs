@@ -26,7 +26,7 @@ pub enum Watch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 
-/// The present source of requests, and the time of its next check.
+/// The source of stop requests of this thread, and the time of the next poll.
 struct Watched {
     watch: Watch,
     next: Instant,

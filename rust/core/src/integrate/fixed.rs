@@ -30,7 +30,7 @@ pub struct Steps<M, B, U> {
     input_end: f64,
     dense: bool,
     work: Work,
-    /// The work of one step.
+    /// The numbers of evaluations and factorisations of one step.
     each: Work,
 }
 

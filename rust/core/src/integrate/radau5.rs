@@ -58,7 +58,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     h_factored: f64,
     /// Whether the Jacobian is evaluated at the present state.
     current: bool,
-    /// Whether a last step exists that can be extrapolated.
+    /// Whether the last step can be extrapolated as the first guess of the next stages.
     warm: bool,
     /// For the last accepted step, its first proposed size and its error.
     last: Option<(f64, f64)>,

@@ -106,8 +106,8 @@ impl Svd {
             }
             self.triangle(k, m);
         }
-        // For a wide matrix, row i of the work array is row i of L, and row j of g is column j of L. For a tall one, row i is column i of
-        // R.
+        // Copy the triangle to `g`, and clear its other half. For a wide matrix, row i of `work` is row i of `L`, and row j of `g` is
+        // column j of `L`. For a tall matrix, row i of `work` is column i of `R`.
         let stride = if m <= k { k } else { m };
         for i in 0..p {
             for j in 0..i {

@@ -52,7 +52,7 @@ impl<S: Real> Factor<S> {
             let negative = x0.lt(S::zero());
             w[0] = S::select(negative, -reach, reach);
             let minus_alpha = S::select(negative, -norm, norm);
-            // A row of zeros gives NaN, and the route then declines.
+            // A row of zeros gives NaN. The caller then finds that this algorithm is not valid.
             beta[at] = S::splat(1.0) / (norm * reach);
             // This is 1/alpha, computed without a second division.
             let size = beta[at] * reach;

@@ -20,7 +20,7 @@ use crate::trace::function::Evaluation;
 /// by the threshold is at most 1e-13.
 const LEAST: f64 = 1e-6;
 
-/// A singular value below the threshold multiplied by the root of this number does not use its direction.
+/// The square of a ratio. If a singular value is below this ratio times the threshold, its direction is not used.
 const UNUSED: f64 = 1e-16;
 
 /// The number of direct solves after which a program is made.

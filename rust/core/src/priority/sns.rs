@@ -59,7 +59,7 @@ impl Workspace {
             let cut = self.rounding * self.spectral_norm(i)? * above;
             self.ranks[i] = rank;
             self.lost[i] = rank < self.rows[i].min(k);
-            // `consume` writes the rotated free basis to t. This level changes that copy, and the next level uses the basis.
+            // After `consume`, the array `t` contains the rotated free basis. This level modifies `t`, and the next level reads the basis.
             self.consume(spent);
             self.task_scale[i] = self.saturate(i, k, rank, cut, sat)?;
         }

@@ -63,7 +63,8 @@ pub trait Real:
     fn parameter(f: impl FnMut(usize) -> f64) -> Self {
         Self::from_lanes(f)
     }
-    /// Return a number of the set-up. It is a constant of recordings, unless its derivative is required.
+    /// Return a set-up parameter: a number that is constant in a run, such as a mass. It is a constant of recordings, unless its derivative
+    /// is required.
     #[inline(always)]
     fn fixed(x: f64) -> Self {
         Self::splat(x)

@@ -8,7 +8,7 @@ use crate::integrate::{Adaptive, Buffer, System, Work};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// A time is taken as a sample if its distance to the sample, divided by the period, is below this limit.
+/// A time `t` counts as a sample time if `|t - sample time| / period` is below this limit, dimensionless.
 const ON_SAMPLE: f64 = 1e-9;
 
 /// The segments and records of an adaptive run, prepared before the run.
@@ -45,7 +45,7 @@ impl Segments {
         Ok(Segments { t_end, times, breaks, clock, bound })
     }
 
-    /// Return the segments with the additional breaks `more`.
+    /// Return a copy of these segments that also ends segments at the times `more`, s.
     pub fn with_breaks(&self, more: &[f64]) -> Self {
         let mut all = self.clone();
         if !more.is_empty() {
@@ -95,17 +95,17 @@ pub enum Cut {
 pub trait Watcher<F, B, M> {
     /// Whether the observer must be called.
     fn active(&self) -> bool;
-    /// Is called at the start of the run, with time `t` and state `x`.
+    /// Start the observation at time `t`, s, and state `x`. [`run`] calls this function once, before the first step.
     fn begin(&mut self, system: &mut F, t: f64, x: &B) -> Result<(), Status>;
     /// Check the step that `method` has just accepted. The result is the time at which the step must be shortened, if any.
     fn look(&mut self, system: &mut F, method: &mut M) -> Result<Option<Cut>, Status>;
-    /// Is called when the last step of `method` is part of the run up to `t`.
+    /// Process the last step of `method` up to time `t`, s. [`run`] calls this function when this part of the step belongs to the run.
     fn keep(&mut self, system: &mut F, method: &mut M, t: f64);
-    /// Is called when the system switches at time `t` and state `x`. The observer may move `x` exactly to the switch.
+    /// Process a switch of the system at time `t`, s, and state `x`. The observer may move `x` exactly to the switch.
     fn switch(&mut self, system: &mut F, t: f64, x: &mut B);
 }
 
-/// The end of a run: its status, its time and its work.
+/// The end of a run: its status, its end time, s, and the counts of its evaluations and steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
     pub status: Status,
@@ -124,10 +124,10 @@ struct Step {
     sample: Option<f64>,
 }
 
-/// The records that are still due.
+/// The records that the run must still write.
 struct Due<'a> {
     times: &'a Times,
-    /// The number of records already taken at requested times.
+    /// The number of requested times that already have a record.
     wanted: usize,
     /// The number of accepted steps.
     accepted: usize,
@@ -141,7 +141,7 @@ impl Due<'_> {
         self.wanted == 1
     }
 
-    /// Record the states of a step that are due. `at` is memory for an interpolated state.
+    /// Record the states at all record times within a step. `at` is memory for an interpolated state.
     fn record<S, F, B, M>(&mut self, system: &mut F, method: &mut M, step: &Step, at: &mut B, record: &mut impl FnMut(f64, &mut F, &B))
     where
         S: Real,
@@ -171,7 +171,7 @@ impl Due<'_> {
                     let t = t_eval[self.wanted];
                     method.interpolate(system, t, at);
                     system.still(at.as_mut());
-                    // At a sample, the recorded input is the one after the sample.
+                    // A record at a sample time contains the input that acts after the sample.
                     if step.sample == Some(t) {
                         system.sample(t, at.as_ref());
                     }
@@ -183,8 +183,8 @@ impl Due<'_> {
     }
 }
 
-/// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record.
-// Long: one loop, whose branches share its state.
+/// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record. This function
+/// is long, because all branches of its loop use the same variables.
 pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,
@@ -203,7 +203,7 @@ where
     let (mut t, mut sample) = (0.0, 0u64);
     let mut due = Due { times: &segments.times, wanted: 0, accepted: 0 };
     let mut at = method.x().clone();
-    // The state at the start of a step that the watcher checks.
+    // A copy of the state at the start of a step. The observer may move the run back to this state.
     let mut start = at.clone();
     let mut started = false;
     let outcome = |status, t, method: &M| Outcome { status, t, work: method.work() };

@@ -18,8 +18,8 @@ use std::borrow::Cow;
 pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     /// Return the plant's input at time `t` and state `x`.
     fn input_at(&mut self, t: f64, x: &[S]) -> &[S];
-    /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes it, and it is held if `held` is
-    /// true.
+    /// Use `tau` as the plant's input instead of the law's output. If `tau` is `None`, the law computes the input, and `held` selects
+    /// whether this input is held.
     fn drive(&mut self, tau: Option<&[S]>, held: bool);
     /// Restart at `t = 0`.
     fn rewind(&mut self);
@@ -66,7 +66,7 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
     }
 }
 
-/// A loop on plain numbers, with the same loop on dual numbers.
+/// A loop of plain numbers, and the same loop of dual numbers, from which the Jacobian is computed.
 pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8, Vec<Dual8>, Exogenous<Dual8>>;
 
 impl Watched<f64> for Twins<'_> {
@@ -121,7 +121,7 @@ pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
     (Linearised::new(closed, twin, moving, input), x)
 }
 
-/// Return the loop of the runs from `first` on, and the initial state.
+/// Return the loop of the runs from `first` on, one run per lane, and the initial state.
 #[inline(never)]
 pub fn close<'a, S: Real>(problem: &'a Problem, first: usize) -> (ClosedLoop<'a, S>, Vec<S>) {
     let last = problem.runs() - 1;
@@ -134,7 +134,7 @@ pub fn world<'a>(problem: &'a Problem, lanes: usize, run: impl Fn(usize) -> usiz
     World::new(lanes, |lane| problem.law(run(lane)).motions(), |lane| problem.force(run(lane)))
 }
 
-/// Return the loop of the runs `run(lane)`. `storage`: see [`Problem::watches_storage`].
+/// Return the loop of the runs `run(lane)`. `storage`: whether the monitored energy is the law's storage function.
 pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize + Copy, storage: bool) -> ClosedLoop<'a, S> {
     let o = &problem.options;
     let plant = PlantSpec::build::<S>(|lane| problem.plant(run(lane)), problem.force_frame());
@@ -148,7 +148,7 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).asked_every(period)
 }
 
-/// Return the clock of the controllers of the runs `run(lane)`. `None` for an ideal controller.
+/// Return the clock of the controllers of the runs `run(lane)`. The result is `None` for an ideal controller.
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
     // A law of the user may have a memory. It is called once per sample, even if the sample is used several times.

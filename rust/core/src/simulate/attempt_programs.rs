@@ -1,4 +1,7 @@
-//! Programs of whole attempts of adaptive explicit methods. Such a program computes all stages of a small loop.
+//! Programs of attempts of adaptive explicit methods. An *attempt* is one trial of a step, which the step-size controller accepts or
+//! rejects.
+//!
+//! The program of an attempt computes all stages of a small loop.
 
 use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
@@ -22,8 +25,8 @@ pub struct AttemptProgram {
     places: AttemptLayout,
 }
 
-/// The slots of an attempt in its frame. First are the numbers of the set-up, then the exogenous inputs of the stages, then the quantities
-/// below.
+/// The slots of an attempt in its frame. First are the loop parameters, then the exogenous inputs of the stages, then the quantities of the
+/// functions below.
 struct AttemptLayout {
     slots: Slots,
     stages: usize,
@@ -114,7 +117,7 @@ impl AttemptProgram {
         Some(AttemptProgram { program: Program::new(part, None, scratch, form(false), engine()), places })
     }
 
-    /// Return a frame of the program for a run whose set-up has the numbers `values`.
+    /// Return a frame of the program for a run with the loop parameters `values`.
     pub fn frame(&self, values: &[f64]) -> Frame {
         let mut frame = Frame::new(self.program.slots(), 1);
         self.program.prepare(&mut frame);

@@ -25,7 +25,7 @@ pub fn open<'a>(series: impl Fn(&str) -> Option<&'a [f64]>) -> [f64; 4] {
     }
     if let (Some(value @ [first, ..]), Some(balance)) = (series("lyapunov"), series("lyapunov_balance")) {
         let most = largest(value.len(), |i| value[i]);
-        // If the function starts at zero, its growth as a factor is not defined.
+        // If the Lyapunov function starts at zero, its relative growth is not defined.
         found[2] = if *first > 0.0 { most / first } else { 0.0 };
         found[3] = largest(balance.len(), |i| balance[i].abs()) / most;
     }

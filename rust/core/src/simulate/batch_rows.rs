@@ -18,7 +18,7 @@ use crate::status::Status;
 use std::ops::Range;
 use std::slice::ChunksMut;
 
-/// A quantity of a summary: its name, the count of its numbers per run if this is not one, and its numbers, row-major.
+/// A quantity of a summary: its name, the number of its values per run (`None` for one value), and the values of all runs, row-major.
 pub type Metric = (&'static str, Option<usize>, Vec<f64>);
 
 /// The records of a batch of `B` runs with `K` records. Arrays are row-major. After an interruption, the content of the arrays is
@@ -67,7 +67,7 @@ struct ArrayRows<'a> {
 }
 
 impl ArrayRows<'_> {
-    /// The range of the records `records` of run `run` in `rows`. A run has `all` records.
+    /// Return the range in `rows` that contains the records `records` of run `run`. Every run has `all` records.
     fn place(&self, run: usize, all: usize, records: &Range<usize>) -> Range<usize> {
         let width = self.numbers.len();
         (run * all + records.start) * width..(run * all + records.end) * width
@@ -97,7 +97,7 @@ pub struct GroupRecorder<'a> {
     written: Vec<usize>,
     /// For each run, the time at which a monitor was not finite.
     faults: Vec<f64>,
-    /// The metrics of each run during the run, and the rows to which they are written.
+    /// For each run, its metrics in progress, and the row to which the final metrics are written.
     summed: Vec<Measuring<'a>>,
     metrics: Vec<&'a mut [f64]>,
 }
@@ -113,7 +113,7 @@ impl Sink for GroupRecorder<'_> {
             return;
         }
         if i == 0 {
-            // The run starts or restarts.
+            // Record 0 means that the run starts or restarts.
             (self.faults[lane], self.written[lane]) = (f64::INFINITY, 0);
         }
         if self.faults[lane].is_finite() {

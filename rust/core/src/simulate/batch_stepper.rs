@@ -24,7 +24,7 @@ pub struct BatchStepper {
     plant: PlantSpec,
     law: LawSpec,
     options: Options,
-    /// The program of a step with the numbers of its set-up. `None` means that the step cannot be recorded.
+    /// The program of a step, and the loop parameters, which are its first inputs. `None` means that the step cannot be recorded.
     recorded: Option<(Arc<Recorded>, Vec<f64>)>,
     lanes: usize,
 }

@@ -39,9 +39,11 @@ pub struct ClosedLoop<'a, S: Real> {
     limits: Vec<S>,
     /// The clock of a controller with delay, jitter, noise or resolution. `None` for an ideal controller.
     sampler: Option<Sampler<S>>,
-    /// The size of the plant's state, the size of its part that the law reads, and for each joint whether it is an angle.
+    /// The size of the plant's state.
     states: usize,
+    /// The size of the part of the plant's state that the law reads.
     seen: usize,
+    /// For each joint, whether its position is an angle.
     angles: Vec<bool>,
     trig: Vec<(S, S)>,
     /// The plant's input from the last evaluation of the law.
@@ -173,7 +175,8 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Use `tau` as input from now on, with a constant law state. If `tau` is `None`, the law computes the input again.
+    /// Use `tau` as input from now on, and keep the law's state constant. If `tau` is `None`, the law computes the input, and `held`
+    /// selects whether this input is held.
     pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
         self.closing.held = held || tau.is_some();
         if let Some(tau) = tau {
@@ -204,7 +207,8 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Compute the law's input and rate at state `x`. Requires [`ClosedLoop::turn_to`] at this state.
+    /// Compute the law's results at state `x`: the plant's input, and the rate of the law's state. Requires [`ClosedLoop::turn_to`] at this
+    /// state.
     pub fn answer(&mut self, u: &Exogenous<S>, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.control(&u.desired, measured, &z[..self.p]);

@@ -37,7 +37,7 @@ pub enum EventFunction {
         /// Normal of the plane, in world axes.
         normal: [f64; 3],
     },
-    /// A function of the user.
+    /// A function `g(t, x)` that the user supplies.
     Function(Signal),
 }
 

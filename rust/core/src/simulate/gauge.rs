@@ -36,9 +36,9 @@ pub struct Identities<S> {
 /// Whether the stored numbers already contain the values of the first record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// Yes, because this is a later record.
+    /// The stored numbers contain the first record, because this is a later record.
     Known,
-    /// The number of records decides this at run time.
+    /// The program decides this at run time, from the number of records so far.
     Asked,
 }
 

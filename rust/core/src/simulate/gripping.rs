@@ -8,7 +8,7 @@ use super::closed_loop::ClosedLoop;
 use crate::scalar::Real;
 
 impl<S: Real> ClosedLoop<'_, S> {
-    /// Write the loads at time `t` and state `x` into the plant's friction model.
+    /// Compute the loads of the joints at time `t` and state `x`, and write them to the plant's friction model.
     fn load_friction(&mut self, t: f64, x: &[S]) {
         if self.is_held() {
             self.look(t, x);

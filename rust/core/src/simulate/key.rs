@@ -11,7 +11,7 @@ use crate::plant::PlantSpec;
 /// The largest number of stored values of motions in all keys together: 32 MB.
 pub const MOST_NUMBERS: usize = 1 << 22;
 
-/// The key of a recorded loop: all its data except the numbers of the set-up.
+/// The key of a recorded loop: all data of the loop except the values of the loop parameters.
 pub struct Key {
     plant: PlantSpec,
     law: LawSpec,
@@ -19,7 +19,7 @@ pub struct Key {
     held: bool,
     monitors: bool,
     tau_max: Option<Vec<f64>>,
-    /// The frame at which forces act, and the frame given as an argument.
+    /// The frame at which forces act, and the argument `force_frame` of the problem.
     force_frames: [Option<usize>; 2],
     /// The metrics that the programs compute.
     plan: Option<Plan>,
@@ -92,7 +92,7 @@ impl Key {
             }
     }
 
-    /// The number of values of the motions, which remain in memory.
+    /// Return the number of values of the desired motions in this key. The cache stores them with the key.
     pub fn numbers(&self) -> usize {
         self.law.motions().iter().map(|motion| motion.numbers()).sum()
     }

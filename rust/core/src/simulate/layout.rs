@@ -3,25 +3,27 @@
 /// The positions and sizes of a recorded loop, in slots.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
-    /// The number of set-up numbers, which are first.
+    /// The number of loop parameters. Their slots are first.
     pub given: usize,
-    /// The sizes of the desired motions and of the wrench at one instant. The wrench follows the motions. Its size is zero without a force.
+    /// The size of the desired motions at one instant.
     pub desired: usize,
+    /// The size of the wrench at one instant. The wrench follows the motions. Its size is zero without a force.
     pub wrench: usize,
     /// The instants in a step at which the exogenous input is evaluated, as fractions of the step.
     pub instants: &'static [f64],
     pub states: usize,
-    /// The number of stored numbers of the metrics, and how many of them every step updates.
+    /// The number of stored numbers of the metrics.
     pub kept: usize,
+    /// The number of stored numbers of the metrics that every step updates.
     pub lasting: usize,
     pub inputs: usize,
     /// The number of results of the law in addition to the plant's input.
     pub answer: usize,
     /// One if the law reports whether its result is valid, otherwise zero.
     pub guards: usize,
-    /// The number of reference values of the monitors from the first record, and the size of a record without the state. Both are zero
-    /// without records.
+    /// The number of reference values of the monitors, which are computed at the first record. It is zero without records.
     pub firsts: usize,
+    /// The size of a record without the state. It is zero without records.
     pub noted: usize,
     /// The number of norms of levels. The norms are the last numbers of a record.
     pub norms: usize,
@@ -69,7 +71,7 @@ impl Layout {
     pub fn stage_input(&self) -> usize {
         self.stage() + self.states
     }
-    /// The first slot of the rates, which the program of the rates writes. Copies for all stages follow.
+    /// The first slot of the rates of one stage, to which the program of the rates writes. The rates of all stages follow.
     pub fn rates(&self) -> usize {
         self.stage_input() + self.exogenous()
     }
@@ -81,11 +83,11 @@ impl Layout {
     pub fn exogenous(&self) -> usize {
         self.desired + self.wrench
     }
-    /// The number of instants of a step that the previous step does not have.
+    /// The number of instants of a step that are not also instants of the previous step.
     pub fn new_instants(&self) -> usize {
         self.instants.len() - usize::from(self.ends_at_last())
     }
-    /// Whether the last instant of a step is the first one of the next step.
+    /// Whether the last instant of a step is the first instant of the next step.
     pub fn ends_at_last(&self) -> bool {
         self.instants.len() > 1 && self.instants.last() == Some(&1.0)
     }
@@ -105,20 +107,23 @@ impl Layout {
     }
 }
 
-/// The slots of a loop's quantities in a frame. The numbers of the set-up are first. The quantities below follow in the order of the
-/// functions.
+/// The slots of a loop's quantities in a frame. The loop parameters are first. The other quantities follow in the order of the functions
+/// below.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slots {
     pub given: usize,
-    /// The sizes of the desired motions and of the wrench. The size of the wrench is zero without a force.
+    /// The size of the desired motions.
     pub desired: usize,
+    /// The size of the wrench. It is zero without a force.
     pub wrench: usize,
-    /// The numbers of states of the plant and of the law, then the number of quadratures.
+    /// The number of states of the plant.
     pub plant: usize,
+    /// The number of states of the law.
     pub law: usize,
     pub quadratures: usize,
-    /// The number of the plant's inputs, and the number of the law's other results.
+    /// The number of the plant's inputs.
     pub inputs: usize,
+    /// The number of the law's results without the plant's input.
     pub answer: usize,
 }
 

@@ -31,7 +31,7 @@ pub struct Listed {
     pub lanes: usize,
     /// The size of the machine code in bytes, and the number of spilled values. `None` on processors without an emitter.
     pub size: Option<(usize, usize)>,
-    /// The inputs of the program at any stage. Inputs from the set-up have a value.
+    /// The inputs of the program at any stage. An input that is a loop parameter has a value.
     pub inputs: Vec<(Named, Option<f64>)>,
     /// The stages "recorded" (if available), "simplified", "lowered" and "machine", each with its listing.
     pub stages: Vec<(&'static str, Listing)>,
@@ -93,8 +93,8 @@ pub fn list_loop(problem: &Problem, batch: bool, part: Option<&str>) -> Result<L
     Ok(Listed { part: chosen.to_owned(), parts, engine: engine().name(), set, lanes: chosen_form.lanes(), size, inputs, stages })
 }
 
-/// Pass each program of the loop of run 0 to `watch`. The problem has fixed steps. Return the numbers of the set-up, which are the first
-/// slots of a frame, and the slot of the step size. The result is `None` if the loop branches on data.
+/// Pass each program of the loop of run 0 to `watch`. The problem has fixed steps. Return the loop parameters, which are the first slots of
+/// a frame, and the slot of the step size. The result is `None` if the loop branches on data.
 pub fn watch_steps(problem: &Problem, batch: bool, watch: Watch) -> Option<(Vec<f64>, usize)> {
     let common = Common::of(problem, batch);
     let recorded = recorded::record_watched(problem, 0, common, None, watch)?;
@@ -117,7 +117,8 @@ impl SlotMap {
     }
 }
 
-/// Record the loop. `plain`: if it is not `None`, every operation is kept, and its value selects whether the step is divided into parts.
+/// Record the loop. `plain`: `None` records simplified operations. `Some(in_parts)` keeps every operation, and `in_parts` selects whether
+/// the step is divided into parts.
 fn record(problem: &Problem, common: Common, fixed: bool, plain: Option<bool>, watch: Watch) -> Option<SlotMap> {
     if fixed {
         return recorded::record_watched(problem, 0, common, plain, watch).map(|recorded| SlotMap::Fixed(recorded.layout));

@@ -13,8 +13,8 @@ pub type Named = (String, &'static str);
 pub struct SlotNames(Vec<Named>);
 
 impl SlotNames {
-    /// Name the numbers of the set-up, which are the first slots, by their labels. Slot 17 without a label is `c17`. An underscore is added
-    /// to a repeated label.
+    /// Name the loop parameters, which are the first slots, by their labels. Slot 17 without a label is `c17`. An underscore is added to a
+    /// repeated label.
     fn of(labels: &[Label]) -> Self {
         let mut seen = HashSet::new();
         let mut unique = |(slot, &label): (usize, &Label)| {

@@ -16,8 +16,9 @@ const ROOM: usize = 40;
 pub struct Log {
     /// The number of steps between two records.
     pub every: usize,
-    /// The index of the first stored record, and the number of stored records.
+    /// The index of the first stored record.
     first: usize,
+    /// The number of stored records.
     count: usize,
     /// For each frame, its records one after another. A record is the state, then its other numbers, with all lanes of each number.
     frames: Vec<Vec<f64>>,
@@ -47,7 +48,8 @@ impl Log {
         self.state.len() + self.noted.len()
     }
 
-    /// Return the memory of record `i` of a frame. Records arrive in order. After a repeated step, they restart from an earlier one.
+    /// Return the memory of record `i` of a frame. Records arrive in order. If steps are repeated, an earlier record arrives again, and
+    /// replaces the records from its index on.
     fn row(&mut self, i: usize, frame: usize) -> &mut [f64] {
         if self.count == 0 {
             self.first = i;
@@ -84,8 +86,9 @@ impl Log {
 pub struct Block<'a> {
     log: &'a Log,
     time: &'a dyn Fn(usize) -> f64,
-    /// The index of the first record, and the number of records.
+    /// The index of the first record.
     pub first: usize,
+    /// The number of records.
     pub count: usize,
     /// The run of each lane, or `None` for a lane without records.
     pub lanes: [Option<usize>; MOST_LANES],

@@ -6,9 +6,9 @@ use crate::trace::{Cut, Engine, Frame, Part, Program, Scratch, SlotTable, Stream
 
 /// The entries of a recording that are results of programs.
 pub struct Tracing {
-    /// The law's input and rate, then a flag whether they are valid.
+    /// The results of the law: the plant's input, the rate of the law's state, and a flag that is one if the results are valid.
     pub law: Vec<u32>,
-    /// The rates of a stage and the law's input in this stage, if the rates are a separate program.
+    /// The rates and the plant's input in a stage, if the rates are a separate program.
     pub rates: Option<(Vec<u32>, Vec<u32>)>,
     /// The cuts that divide a step before each stage.
     pub cuts: Vec<Cut>,
@@ -49,7 +49,7 @@ pub type Watch<'a> = &'a mut dyn FnMut(String, Part, Option<Stream>, Scratch, bo
 
 /// The programs of all loops of one structure.
 pub struct Programs {
-    /// Computes the law's input and rate from the state and the exogenous input at the first instant.
+    /// Computes the plant's input and the rate of the law's state, from the state and the exogenous input at the first instant.
     law: Program,
     step: Step,
     /// Updates the metrics from the state, the first instant, the input and the step size.
@@ -70,8 +70,9 @@ enum Step {
     Stages {
         segments: Vec<Program>,
         rates: Program,
-        /// The first slot of the rates of a stage, and the number of rates. The stored rates of every stage follow.
+        /// The first slot of the rates of a stage. The stored rates of every stage follow.
         first: usize,
+        /// The number of rates.
         count: usize,
     },
 }
@@ -100,7 +101,7 @@ impl Programs {
         self.law.engine()
     }
 
-    /// Compute the law's input and rate at the state and the exogenous input of the frame.
+    /// Compute the plant's input and the rate of the law's state, from the state and the exogenous input of the frame.
     pub fn answer(&self, frame: &mut Frame) {
         self.law.run(frame);
     }
@@ -112,7 +113,7 @@ impl Programs {
         }
     }
 
-    /// Update the metrics with a record after the first one, between the first stage and the rest of a step in parts.
+    /// Update the metrics with a record after the first one. In a step in parts, this program runs after the first stage.
     pub fn sum_up_later(&self, frame: &mut Frame) {
         if let Some(along) = &self.along {
             along.run(frame);
@@ -144,8 +145,8 @@ impl Programs {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// Compute one step in parts, from the state, inputs and step size in the frame. `first_stage` is called after the first stage has
-    /// written the law's input to the frame.
+    /// Compute one step in parts, from the state, inputs and step size in the frame. The first stage writes the plant's input to the frame.
+    /// Then `first_stage` is called.
     pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();
@@ -211,7 +212,7 @@ pub fn make(ops: &[Op], layout: &Layout, tracing: Tracing, lanes: bool, watch: W
         let kept = |entries: &[u32]| to(layout.kept(), &entries[..layout.lasting]);
         along = Some(match step {
             Step::Whole(_) => program("summed_step".into(), 0, &[whole.clone(), kept(&summing.along)].concat(), &none, Some(stream)),
-            // In a step in parts, the first stage writes the law's input to the frame before this program runs.
+            // In a step in parts, the first stage writes the plant's input to the frame before this program runs.
             Step::Stages { .. } => program("later_sums".into(), 0, &kept(&summing.stage), &none, None),
         });
     }

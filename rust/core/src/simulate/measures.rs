@@ -27,28 +27,35 @@ pub struct Bounds {
 /// The indices of the numbers that metrics store between records. The last indices are quantities of the last record.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeasureLayout {
-    /// The time between the last two records, and the number of records.
+    /// The time between the last two records, s.
     pub since: usize,
+    /// The number of records.
     pub count: usize,
-    /// The error: twice the integral of its square and its peak, then the maxima and minima of position and reference.
+    /// Twice the integral of the squared error of each joint, rad^2 s or m^2 s.
     pub error: Range<usize>,
+    /// The largest absolute error of each joint, rad or m.
     pub error_peak: Range<usize>,
+    /// The largest and, below, the smallest position of each joint, rad or m.
     pub upper: Range<usize>,
     pub lower: Range<usize>,
+    /// The largest and, below, the smallest reference position of each joint, rad or m.
     pub wanted_upper: Range<usize>,
     pub wanted_lower: Range<usize>,
-    /// The index of the last record outside of the settling band, and the largest error of each unit.
+    /// The index of the last record outside of the settling band.
     pub outside: usize,
+    /// The largest error of all joints with the same unit: rad, then m.
     pub unit_peak: Range<usize>,
-    /// Twice the integral of the squared distance of each frame, and its peak. The ranges of `tau` below have the same content for the
-    /// input.
+    /// Twice the integral of the squared distance of each frame, m^2 s.
     pub distance: Range<usize>,
+    /// The largest distance of each frame, m.
     pub distance_peak: Range<usize>,
+    /// Twice the integral of the squared input of each joint.
     pub tau: Range<usize>,
+    /// The largest absolute input of each joint, N m or N.
     pub tau_peak: Range<usize>,
     /// Twice the time outside of the limits, s.
     pub beyond: usize,
-    /// The energy minus the supplied energy at the first record, then maxima: of the energy, the supplied energy and the balance.
+    /// Four numbers: the energy minus the supplied energy at the first record; the largest energy, supplied energy and balance, J.
     pub energy: Range<usize>,
     /// Four numbers: the Lyapunov function plus the dissipation integral at the first record; the largest and the last Lyapunov function;
     /// the largest balance.
@@ -58,8 +65,9 @@ pub struct MeasureLayout {
     pub sum: usize,
     pub error_final: Range<usize>,
     pub distance_final: Range<usize>,
-    /// The number of stored numbers, and how many of them are updated at every record. The other numbers describe only the last record.
+    /// The number of stored numbers.
     pub all: usize,
+    /// The number of stored numbers that every record updates. The other numbers describe only the last record.
     pub lasting: usize,
 }
 
@@ -69,7 +77,8 @@ pub struct Plan {
     pub n: usize,
     pub wanted: ErrorReference,
     pub aims: Vec<Aim>,
-    /// The frame whose distance from its position at the joints' reference is measured.
+    /// The frame whose position error is measured. This error is the distance between the frame's position and its position at the
+    /// reference of the joints.
     pub frame: Option<usize>,
     /// The joints of each unit: rad or m.
     pub units: Vec<Vec<usize>>,
@@ -77,8 +86,9 @@ pub struct Plan {
     pub settle: f64,
     pub tolerance: f64,
     pub bounds: Option<Bounds>,
-    /// Whether energy and skewness are monitored, and whether the Lyapunov function is.
+    /// Whether energy and skewness are monitored.
     pub energy: bool,
+    /// Whether the Lyapunov function is monitored.
     pub lyapunov: bool,
     /// Whether the input is a velocity.
     pub velocity: bool,
@@ -137,7 +147,7 @@ impl Plan {
             aims,
             frame,
             units,
-            // A band that is NaN contains no error. A negative band has the same effect.
+            // Each comparison with a NaN is false, so that no error is within a band that is NaN. A negative band has the same effect.
             band: measures.band.as_ref().map(|band| band.iter().map(|&band| if band >= 0.0 { band } else { -1.0 }).collect()),
             settle: measures.settle,
             tolerance: measures.tolerance,

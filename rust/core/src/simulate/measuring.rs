@@ -33,7 +33,7 @@ pub struct Measuring<'a> {
     settled: Option<f64>,
     /// The time at which a monitor was not finite.
     pub fault: f64,
-    /// Whether a program passed the stored numbers.
+    /// Whether a program has computed the stored numbers.
     given: bool,
 }
 

@@ -9,15 +9,15 @@ use super::world::Exogenous;
 use crate::law::RecordedSolver;
 use crate::trace::{Sym, sym};
 
-/// The number of values of the first record that monitors refer to.
+/// The number of reference values: values of the first record that monitors read at later records.
 pub const FIRSTS: usize = 2;
 
 /// The entries of a recording that contain the numbers of a record.
 pub struct Noted {
     pub numbers: Vec<Sym>,
-    /// The reference values of the monitors, if this is the first record.
+    /// The reference values of the monitors, computed if this is the first record.
     pub firsts: Vec<Sym>,
-    /// One if the norms of levels are valid, zero if another route of the solver is required. `None` without levels.
+    /// One if the norms of levels are valid, zero if the solver requires another algorithm. `None` without levels.
     pub stands: Option<Sym>,
 }
 

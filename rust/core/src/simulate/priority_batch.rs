@@ -1,4 +1,5 @@
-//! Prioritised velocities for many rows, on several threads. A row has the same bits as a single solve. They do not depend on other rows.
+//! Prioritised velocities for many rows, on several threads. A row has the same bits as a single solve. The bits of a row do not depend on
+//! other rows.
 
 use crate::interrupt::{Watch, interruptible};
 use crate::law::{ArmBatch, ArmSolver};
@@ -7,7 +8,8 @@ use crate::priority::{PrioritySolver, StackAnswers, StackBatch, StackRows};
 use crate::status::Status;
 use std::sync::atomic::Ordering;
 
-/// The number of rows between two checks for a stop. All numbers of lanes divide it, so that groups of lanes do not depend on it.
+/// The number of rows between two checks for a stop. It is a multiple of every number of lanes, so that it does not change the groups of
+/// lanes.
 const CHUNK: usize = 1024;
 
 /// Fewer rows than this number are solved on one thread.

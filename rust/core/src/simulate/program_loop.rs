@@ -34,14 +34,14 @@ pub struct ProgramLoop<'a, S: Real> {
     seen: Vec<S>,
     /// The exogenous inputs of all whole steps from the first one on, if they were evaluated before the run.
     pub(super) table: Option<&'a [f64]>,
-    /// Repeats the steps that the programs decline.
+    /// Repeats the declined steps. A program declines a step if its results are not valid.
     pub(super) redo: Redo<'a, S>,
     /// The log of records within steps. `None` if records are not computed within steps.
     pub(super) log: Option<Log>,
 }
 
 impl<'a, S: Real> ProgramLoop<'a, S> {
-    /// Create the loop of runs whose set-ups have the numbers `given(lane)`.
+    /// Create the loop of several runs, one per lane. `given(lane)` are the loop parameters of a lane.
     pub fn new<'b>(
         recorded: Arc<Recorded>,
         world: World<'a>,
@@ -175,7 +175,7 @@ fn read<S: Real>(frames: &[Frame], first: usize, values: &mut [S]) {
 }
 
 impl<S: Real> ProgramLoop<'_, S> {
-    /// Advance the state `x` by some steps of size `h`. `run(frame, k)` advances frame `k`.
+    /// Advance the state `x` by some steps of size `h`, s. `run(frame, k)` runs a program in frame `k`.
     pub(super) fn advance(&mut self, h: f64, x: &mut [S], mut run: impl FnMut(&mut Frame, usize)) {
         let (state, step) = (self.recorded.layout.state(), self.recorded.layout.step());
         write(&mut self.frames, state, x);

@@ -31,11 +31,13 @@ pub struct ProgramStep<S> {
     streams: Vec<Frame>,
     /// Memory for the inputs of one lane, if lanes have different inputs.
     lane: Vec<f64>,
-    /// A table of a desired motion. If its knots are the instants, its rows are used as the stream. `at` is the first of these numbers.
+    /// The table of a desired motion. If the knots of the table are the instants, its rows are used as the stream.
     table: Option<Table>,
+    /// The index of the first number of the table that is used as the stream.
     at: Option<usize>,
-    /// Whether all inputs are constant, and for how many instants the streams are then filled.
+    /// Whether all inputs are constant.
     still: bool,
+    /// The number of instants for which the streams are filled, if all inputs are constant.
     filled: usize,
     lanes: PhantomData<S>,
 }
@@ -184,8 +186,8 @@ fn run_noting(
     }
 }
 
-/// Evaluate the exogenous inputs of `steps` whole steps of size `h`, if all runs share them. The result is `None` if they do not, or if
-/// they are too many.
+/// Evaluate the exogenous inputs of `steps` whole steps of size `h`, s. The result is `None` if runs have different inputs, or if the table
+/// would be too large.
 pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Option<Vec<f64>> {
     let layout = &recorded.layout;
     let (width, new) = (layout.exogenous(), layout.new_instants());

@@ -31,7 +31,7 @@ pub type Lanes = Array8;
 pub struct Structures {
     /// The structures recorded so far.
     seen: Mutex<Vec<Arc<SeenLoop>>>,
-    /// The numbers of the set-up, if they are equal in all runs.
+    /// The loop parameters, if they are equal in all runs.
     shared: Option<Vec<f64>>,
     /// The exogenous inputs of all steps, if all runs of a batch share them.
     table: Option<Vec<f64>>,
@@ -44,9 +44,10 @@ impl Structures {
     /// lanes.
     pub fn of(problem: &Problem, division: &Division, lanes: bool) -> Option<Self> {
         let Division::Fixed(fixed) = division else { return None };
-        // In a group, all lanes have the same sample times. Random jitter requires different ones.
+        // Programs require the same sample times in all lanes. With random jitter, each lane has different sample times.
         let late = problem.options.sampling.as_ref().is_some_and(|sampling| sampling.jitter != 0.0);
-        // A guarded law decides ranks, and its two routes round differently. All other laws have the same bits without programs.
+        // A guarded law decides ranks. Its program and its direct evaluation use different algorithms, which round differently. So short
+        // runs of this law use programs, too.
         let short = !lanes && fixed.schedule.steps < SHORT && problem.law(0).route() != Route::Guarded;
         if short || late || !recorded::is_recordable(problem) {
             return None;
@@ -67,7 +68,7 @@ impl Structures {
         self.engine
     }
 
-    /// Return the structure of run `run` and the numbers of its set-up. The result is `None` if the code branches on data.
+    /// Return the structure and the loop parameters of run `run`. The result is `None` if the code branches on data.
     fn of_run(&self, problem: &Problem, run: usize) -> Option<(Arc<Recorded>, Vec<f64>)> {
         let seen = || self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(values) = &self.shared {
@@ -128,8 +129,8 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
         let same = |lane: usize| rows[lane].as_ref().filter(|(other, _)| Arc::ptr_eq(other, recorded));
         let mut lanes = vec![None; S::LANES];
         left.iter().filter(|&&lane| same(lane).is_some()).for_each(|&lane| lanes[lane] = Some(lane));
-        // Lanes with another structure compute the run of lane `lead`, and their results are ignored. Their motions could have another
-        // size.
+        // Lanes of runs with another structure compute the run of lane `lead`, because their motions could have another size. The results
+        // of these lanes are ignored.
         let row = |lane: usize| at(if same(lane).is_some() { lane } else { lead });
         let given = |lane: usize| same(lane).map_or(own.as_slice(), |(_, values)| values.as_slice());
         let held = problem.options.sampling.is_some();

@@ -66,7 +66,7 @@ impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
         }
     }
 
-    /// Use known programs, or make programs after the waiting time.
+    /// Use known programs. If no programs are known, make them after `wait` evaluations.
     fn take(&mut self) {
         let worth = self.work >= self.wait;
         if !worth && self.work > 0 {

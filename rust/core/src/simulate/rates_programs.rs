@@ -28,13 +28,15 @@ use std::sync::{Arc, OnceLock};
 pub struct Derivatives {
     /// Computes the rates, and the values that the derivatives read.
     pub values: Program,
-    /// The derivatives along the plant's states and the exogenous input, then the derivatives along the law's states.
+    /// Computes the derivatives along the plant's states and the exogenous input.
     pub plant: Program,
+    /// Computes the derivatives along the law's states.
     pub law: Option<Program>,
-    /// The first slots of the directions of the two programs. Below, the slots of the results.
+    /// The first slot of the direction along which the program `plant` differentiates.
     pub along_plant: usize,
+    /// The first slot of the direction along which the program `law` differentiates.
     pub along_law: usize,
-    /// Whether the exogenous input varies. The rates of the input then follow those of the plant's states.
+    /// Whether the exogenous input varies. In this case, the rates of the input follow the rates of the plant's states.
     pub moves: bool,
     pub rates: usize,
     pub derivatives: usize,
@@ -97,7 +99,8 @@ static KNOWN: Cache<Arc<SeenRates>> = Cache::new();
 /// Whether the rates of a problem's loops can be recorded.
 pub fn is_recordable(problem: &Problem) -> bool {
     let method = problem.options.method;
-    // An adaptive method holds the mode of every contact within a step. The program would have to change with the mode.
+    // An adaptive method keeps the mode of every contact during a step, and a program cannot change its mode. So only plants without
+    // contacts are recorded.
     let free = |plant: &&PlantSpec| match method {
         _ if method.is_adaptive() => plant.is_free(),
         _ if method.is_implicit() => plant.wall().is_none(),
@@ -106,7 +109,7 @@ pub fn is_recordable(problem: &Problem) -> bool {
     problem.plants.iter().all(|plant| free(plant) && !plant.sticks()) && !problem.law(0).route().is_scalar()
 }
 
-/// The rates of a run as programs, and the numbers of the run's set-up.
+/// The rates of a run as programs, and the loop parameters of the run.
 pub type RatesOfRun = (Arc<RecordedRates>, Vec<f64>);
 
 /// Record the rates of the one run of a problem, with the output of an unsampled law and with a held input.
@@ -131,8 +134,8 @@ fn known(problem: &Problem, run: usize, common: Common, held: bool) -> Option<Ra
     seen.recorded.clone().map(|recorded| (recorded, parameters.values))
 }
 
-/// Record the rates of run `run` for a listing, with the derivatives that the method uses. If `folds` is false, every operation of the
-/// source is recorded, without derivatives.
+/// Record the rates of run `run` for a listing, with the derivatives that the method requires. If `folds` is false, every operation of the
+/// source is recorded, and no derivative.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, folds: bool, watch: Watch) -> Option<RecordedRates> {
     let (held, wanted) =
         (problem.options.sampling.is_some(), if folds { RequiredDerivatives::of(problem, run) } else { RequiredDerivatives::Rates });

@@ -1,7 +1,7 @@
 //! Recorded closed loops. For each structure, the programs of a step of its method, of its rates and of its law are made once.
 //!
 //! A frame of these programs has the following slots in order:
-//! - the numbers of the run's set-up (parameters, gains, targets, limits);
+//! - the loop parameters (masses, gains, targets, limits);
 //! - the exogenous input at each instant of the step;
 //! - the state and the stored numbers of the metrics, which a step updates, and the step size `h`;
 //! - the input and the rate of the law, and the values that one part of a step passes to a later part;
@@ -47,7 +47,7 @@ pub struct Recorded {
     ops: Vec<Op>,
 }
 
-/// The numbers of a run's set-up, and the entries that identify the run's structure.
+/// The loop parameters of a run, and the entries that identify the run's structure.
 pub struct LoopParameters {
     pub values: Vec<f64>,
     pub structure: Vec<u32>,
@@ -74,7 +74,7 @@ pub fn is_recordable(problem: &Problem) -> bool {
         && !problem.forces.iter().any(|force| matches!(force, Force::Signal(_)))
 }
 
-/// Return the numbers of the set-up of run `run`.
+/// Return the loop parameters of run `run`.
 pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopParameters {
     sym::begin();
     drop(set_up(problem, run, common));
@@ -96,18 +96,18 @@ fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'
     (closed, Beside { sums, notes })
 }
 
-/// A known structure and its recording. `tag` distinguishes several recordings of one loop.
+/// The recording of loops with one structure, as an entry of a cache. `tag` distinguishes several recordings of one loop.
 pub struct Seen<R, T> {
     key: Key,
     tag: T,
-    /// The entries of the loop's set-up.
+    /// The entry of each loop parameter in the recording.
     structure: Vec<u32>,
     /// The recording. `None` means that the code branches on data.
     pub recorded: Option<Arc<R>>,
 }
 
 impl<R, T: PartialEq> Seen<R, T> {
-    /// Whether run `run` of a problem has this structure. `parameters` are the numbers of its set-up.
+    /// Whether run `run` of a problem has this structure. `parameters` are its loop parameters.
     pub fn fits(&self, problem: &Problem, run: usize, common: Common, parameters: &LoopParameters) -> bool {
         self.structure == parameters.structure && self.key.is_of(problem, run, common)
     }
@@ -163,8 +163,8 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
     record_watched(problem, run, common, None, &mut |_, _, _, _, _| ())
 }
 
-/// Record the loop of run `run` for a listing. `plain`: if it is not `None`, every operation of the source is recorded, and its value
-/// selects whether the step is divided into parts.
+/// Record the loop of run `run` for a listing. `plain`: `None` records simplified operations. `Some(in_parts)` keeps every operation, and
+/// `in_parts` selects whether the step is divided into parts.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
     sym::begin_that(plain.is_none());
     let (closed, beside) = set_up(problem, run, common);

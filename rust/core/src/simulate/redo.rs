@@ -1,7 +1,8 @@
-//! Steps that a program declines are computed again without the program.
+//! A program declines a step if its results are not valid. Such a step is computed again without the program.
 //!
-//! Programs of a law that decides ranks contain only the route for regular stacks of tasks. This route reports where it is not valid. The
-//! step of such a run is repeated with all routes, from the state before it. So the bits of a run depend only on this run.
+//! Programs of a law that decides ranks contain only the algorithm for regular stacks of tasks. This algorithm reports whether its result
+//! is valid. A declined step is repeated with all algorithms of the solver, from the state before the step. So the bits of a run depend
+//! only on this run.
 
 use super::assembly::assemble;
 use super::closed_loop::ClosedLoop;
@@ -15,7 +16,7 @@ use crate::scalar::{Float, Real};
 
 /// One run on plain numbers, without programs.
 pub trait Direct {
-    /// Compute the law's input and rate at time `t` and state `x`.
+    /// Compute the law's results at time `t`, s, and state `x`: the plant's input `tau`, and the rate `dz` of the law's state.
     fn answer(&mut self, t: f64, x: &[f64], tau: &mut [f64], dz: &mut [f64]);
     /// Advance `x` by the step `[t, end]` of size `h`. `held`: the held input and rate of the law, if the law is sampled.
     fn step(&mut self, t: f64, h: f64, end: f64, held: Option<(&[f64], &[f64])>, x: &mut [f64]);
@@ -102,14 +103,14 @@ impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for DirectSte
     }
 }
 
-/// The loops without programs and the memory with which a loop of programs repeats steps.
+/// The loops without programs that repeat declined steps, with their memory.
 pub struct Redo<'a, S> {
     /// One loop for each lane. The list is empty if the programs decline no step.
     direct: Vec<Box<dyn Direct + 'a>>,
     /// The state and the largest angles before a step that may be declined.
     before: Vec<S>,
     reach: [f64; MOST_LANES],
-    /// Memory for the state, input and rate of one lane.
+    /// Memory for one lane: the state, the plant's input, and the rate of the law's state.
     row: (Vec<f64>, Vec<f64>, Vec<f64>),
     /// Memory for the norms of levels of one lane.
     norms: Vec<f64>,
@@ -162,7 +163,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
             && self.redo.before.iter().all(|x| x.lane(lane).is_finite())
     }
 
-    /// Restore the lane's state before the step, and its largest angle.
+    /// Restore two quantities of the lane from before the step: its state, and the largest angle of its run.
     pub(super) fn back(&mut self, lane: usize) {
         self.redo.row.0.iter_mut().zip(&self.redo.before).for_each(|(to, from)| *to = from.lane(lane));
         self.set_number(self.recorded.layout.reach(), lane, self.redo.reach[lane]);
@@ -203,7 +204,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Evaluate the law again in the lanes in which it was declined.
+    /// Evaluate the law again in the lanes in which the program declined its result.
     pub(super) fn answer_again(&mut self, t: f64) {
         let (first, rate) = (self.recorded.layout.tau(), self.recorded.layout.law_rate());
         for lane in 0..S::LANES {

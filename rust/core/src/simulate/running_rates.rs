@@ -18,12 +18,12 @@ pub struct Running<S> {
     lanes: Option<Frame>,
     /// The exogenous input and its time derivative at the state of the linearisation.
     instants: [Exogenous<S>; 2],
-    /// The derivative of the rates with respect to time at this state.
+    /// The derivative of the rates with respect to time, at the state of the linearisation.
     dft: Vec<S>,
 }
 
 impl<S: Real> Running<S> {
-    /// Create the frames for a run whose set-up has the numbers `values`.
+    /// Create the frames for a run with the loop parameters `values`.
     pub fn new(recorded: Arc<RecordedRates>, values: &[f64]) -> Self {
         let (slots, programs) = (&recorded.slots, &recorded.programs);
         let frame = |slots: usize, lanes: usize, programs: &mut dyn Iterator<Item = &Program>| {
@@ -51,8 +51,8 @@ impl<S: Real> Running<S> {
         }
     }
 
-    /// Compute a whole attempt, and return whether it is valid. The result is `None` if no program exists. `input(t, u)` writes the
-    /// exogenous input.
+    /// Compute an attempt, which is one trial of a step with all its stages. Return whether the result is valid, or `None` if no program
+    /// exists. `input(t, u)` writes the exogenous input.
     pub fn attempt<B: Buffer<S>>(&mut self, attempt: &mut Attempt<S, B>, input: impl FnMut(f64, &mut Exogenous<S>)) -> Option<bool> {
         let (Some(program), Some(frame)) = (&self.recorded.programs.attempt, &mut self.attempt) else { return None };
         Some(program.run(frame, attempt, (&mut self.instants[0], input)))
@@ -81,8 +81,8 @@ impl<S: Real> Running<S> {
         &mut self.instants
     }
 
-    /// Write the rates of state `x` to `dx`, and their derivatives along the state to `j`, shape `(n, n)`. [`Running::time_derivative`]
-    /// then has the derivative with respect to time. Return whether the results are valid.
+    /// Write the rates of state `x` to `dx`, and their derivatives along the state to `j`, shape `(n, n)`. Afterwards,
+    /// [`Running::time_derivative`] returns the derivative with respect to time. Return whether the results are valid.
     pub fn linearise(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S], j: &mut [S]) -> bool {
         let RecordedRates { slots, programs, .. } = &*self.recorded;
         let (RatesPrograms { derivatives: Some(all), .. }, Some(frame)) = (programs, &mut self.lanes) else { return false };

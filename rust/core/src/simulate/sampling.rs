@@ -3,7 +3,7 @@
 //! Sample `k` is taken at `t_k = k T + j_k`, where the jitter `j_k` is uniform in [0, jitter]. The law receives the measurement that is
 //! `sensor_delay` samples old. The measurement has noise and the resolution of the encoders. The law's output acts from `t_k + delay` on,
 //! with a limited rate of change. Every random number is a function of seed, sample and channel (splitmix64; Steele, Lea and Flood 2014).
-//! So a repeated run has the same bits. A run that continues from the middle also has them.
+//! So a repeated run has the same bits. A run that continues from an intermediate state also has the same bits.
 
 use super::schedule::require_memory;
 use crate::error::{Error, Result, positive};
@@ -14,7 +14,7 @@ const MOST_LATE: f64 = 1e5;
 /// More samples than this limit in one run also indicate an error.
 const MOST_SAMPLES: f64 = 1e12;
 
-/// A time is taken as an instant if their difference, divided by the period, is below this limit.
+/// A time counts as an instant if their difference, divided by the period, is below this limit, dimensionless.
 pub(super) const ON_TIME: f64 = 1e-9;
 
 /// The measured quantities of a plant, in the order of its state.

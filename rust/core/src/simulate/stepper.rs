@@ -49,7 +49,7 @@ struct Stepper<S, F, M> {
     plain: bool,
     simple: bool,
     steps: u64,
-    /// The state at the start of the last step, and the input of the step before.
+    /// The state at the start of the last step, and the input of the previous step.
     before: (Vec<S>, Vec<S>),
     bound: Bound,
     status: Status,

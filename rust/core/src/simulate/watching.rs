@@ -102,23 +102,25 @@ pub struct Watching<'a, S> {
     events: Vec<LastValue>,
     /// The crossings in the last step: time, s, and index of the event.
     crossed: Vec<(f64, usize)>,
-    /// The last values of the guards of contacts, then of those of joints that stick and slip. Below, the number of the latter guards.
+    /// The last values of the guards: first of the contacts, then of the joints that stick and slip.
     guards: Vec<f64>,
+    /// The number of guards of joints that stick and slip.
     sticking: usize,
     now: Vec<f64>,
     trial: Vec<f64>,
     /// The guard that changes the next mode.
     switches: usize,
     stuck: usize,
-    /// The number of states of the plant, and that of plant and law.
+    /// The number of states of the plant.
     states: usize,
+    /// The number of states of plant and law together.
     width: usize,
     at: Vec<S>,
     x: Vec<f64>,
 }
 
 impl<'a, S: Real> Watching<'a, S> {
-    /// Create the observer. The first `width` numbers of a state like `x` are the states of plant and law.
+    /// Create the observer. `x` is a state of the loop. Its first `width` numbers are the states of plant and law.
     pub fn new(plant: &PlantSpec, observer: Option<&'a mut RunObserver>, width: usize, x: &[S]) -> Self {
         let switching = Switching::of(plant);
         let contacts = switching.as_ref().map_or(0, Switching::guards);

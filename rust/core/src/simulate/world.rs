@@ -19,7 +19,8 @@ pub struct Exogenous<S> {
     pub wrench: [S; 6],
 }
 
-/// The sources of exogenous inputs. Each desired motion is one for all lanes, or one per lane. The same rule applies to forces.
+/// The sources of exogenous inputs. A desired motion applies to all lanes, or each lane has a separate motion. The same rule applies to
+/// forces.
 pub struct World<'a> {
     motions: Vec<Vec<Cow<'a, Motion>>>,
     forces: Vec<Cow<'a, Force>>,

@@ -28,7 +28,7 @@ const FSUB: [u32; 2] = [0x4EE0_D400, 0x1E60_3800];
 const FMUL: [u32; 2] = [0x6E60_DC00, 0x1E60_0800];
 const FDIV: [u32; 2] = [0x6E60_FC00, 0x1E60_1800];
 const FSQRT: [u32; 2] = [0x6EE1_F800, 0x1E61_C000];
-/// `n > m`: all bits set where it is true, otherwise none.
+/// `n > m`: all bits of a lane are set where the comparison is true, otherwise none.
 const FCMGT: [u32; 2] = [0x6EE0_E400, 0x7EE0_E400];
 
 // Packed form only: `-n`, `d + n m`, `d - n m`.
@@ -42,8 +42,8 @@ const FMSUB: u32 = 0x1F40_8000;
 const FNMADD: u32 = 0x1F60_0000;
 const FNMSUB: u32 = 0x1F60_8000;
 
-// Instructions on all bits of a register. BIC is `n & !m`. BSL copies the bits of `n` where `d` is one, and those of `m` where `d` is zero.
-// BIT copies the bits of `n` to `d` where `m` is one, and BIF where `m` is zero. All other bits of `d` remain unchanged.
+// Instructions on all bits of a register. BIC is `n & !m`. BSL copies the bits of `n` where `d` is one, and the bits of `m` where `d` is
+// zero. BIT copies the bits of `n` to `d` where `m` is one, and BIF where `m` is zero. All other bits of `d` remain unchanged.
 const AND: u32 = 0x4E20_1C00;
 const BIC: u32 = 0x4E60_1C00;
 const ORR: u32 = 0x4EA0_1C00;
@@ -125,7 +125,7 @@ impl Assemble for Assembler {
             Product::NegAdd => (FMLS, false),
             Product::NegSub => (FMLS, true),
         };
-        // The sum is computed in `dst`, unless `dst` is also a factor. The sum would overwrite this factor.
+        // The sum is computed in `dst`, unless `dst` is also a factor, because the sum would overwrite this factor.
         let sum = match z {
             _ if dst == z && !(negative && (dst == x || dst == y)) => dst,
             FETCHED => FETCHED,

@@ -48,7 +48,7 @@ fn both(ops: &[Op], outputs: &[u32], x: &[f64], x_dot: &[f64]) -> Vec<(f64, Dual
     outputs.iter().zip(rates).map(|(&y, rate)| (got[rate as usize], expected[y as usize])).collect()
 }
 
-/// Return both derivatives of a recorded function of two numbers at `x` along `x_dot`.
+/// Return two derivatives of a function of two numbers, at `x` along `x_dot`: computed from the recording, and with dual numbers.
 fn pair(f: impl Fn(Sym, Sym) -> Sym, x: [f64; 2], x_dot: [f64; 2]) -> (f64, f64) {
     sym::begin();
     sym::end_set_up();
@@ -98,7 +98,7 @@ fn corners_are_those_of_dual_numbers() {
     assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [0.0, 1.0]), 0.0, "the root of zero does not move along nothing");
     assert_eq!(same(|a, _| a.sqrt(), [0.0, 0.0], [1.0, 0.0]), f64::INFINITY);
     assert_eq!(same(|a, _| a.abs(), [0.0, 0.0], [1.0, 0.0]), 1.0);
-    // If both are equal, the derivative is the one of the first argument.
+    // If both arguments are equal, `max` has the derivative of its first argument.
     assert_eq!(same(|a, b| a.max(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
     assert_eq!(same(|a, b| a.min(b), [1.0, 1.0], [2.0, 3.0]), 2.0);
     assert_eq!(same(|a, b| Sym::select(a.lt(b), a, b), [1.0, 1.0], [2.0, 3.0]), 3.0);
@@ -203,7 +203,7 @@ fn what_does_not_move_costs_nothing() {
     assert_eq!(differentiation.length() as usize, ops.len() + 2);
 }
 
-/// Return the derivative of `outputs` at `x` along `x_dot`, weighted by `y_bar`: once with the adjoint, once with differentiation.
+/// Return the derivative of `outputs` at `x` along `x_dot`, weighted by `y_bar`: first from the adjoint, then from forward differentiation.
 fn weighed(ops: &[Op], outputs: &[u32], (x, x_dot, y_bar): (&[f64], &[f64], &[f64])) -> (f64, f64) {
     let moving: Vec<u32> = (0..x.len() as u32).collect();
     let (all, bars) = adjoint(ops.to_vec(), x.len(), outputs, &moving);

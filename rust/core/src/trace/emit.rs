@@ -173,7 +173,8 @@ impl<A: Assemble> Emitter<'_, A> {
         let (mut furthest, mut best) = (0, 0);
         for (register, holder) in self.holder.iter().enumerate() {
             let Some(value) = holder.filter(|value| !keep.contains(value)) else { continue };
-            // Of two values with the same next read, prefer the one that is already in memory.
+            // The value with the highest score is moved out of its register. Of two values with the same next read, prefer the value that
+            // is already in memory.
             let in_memory = self.spill[value as usize].is_some() || self.program.instructions[value as usize].is_leaf();
             let score = 2 * u64::from(self.lifetimes.next_read(value, self.at)) + u64::from(in_memory) + 1;
             if score > furthest {

@@ -1,7 +1,7 @@
 //! Recorded functions of numbers. The program of a function is made once per structure and stored for later recordings.
 //!
-//! A frame has these slots in order: the numbers of the set-up, the inputs, the largest angle of the run, and the results. The program
-//! rounds like direct evaluation, so that both give the same bits.
+//! A *set-up parameter* is a number that is constant in a run. A frame has these slots in order: the set-up parameters, the inputs, the
+//! largest angle of the run, and the results. The program rounds like direct evaluation, so that both give the same bits.
 
 use super::cache::Cache;
 use super::frame::Frame;
@@ -44,7 +44,7 @@ impl FunctionLayout {
     }
 }
 
-/// A function with the numbers of its set-up and a separate frame. It computes one run, or one run per lane.
+/// A function with its set-up parameters and a separate frame. It computes one run, or one run per lane.
 #[derive(Clone)]
 pub struct Evaluation {
     function: Arc<StoredFunction>,
@@ -57,8 +57,8 @@ impl std::fmt::Debug for Evaluation {
     }
 }
 
-/// A recorded function. `values` are the numbers of the set-up, which are the first inputs. `inputs` is the number of other inputs.
-/// `answer` has the entries of the results.
+/// A recorded function. `values` are the set-up parameters, which are the first inputs. `inputs` is the number of other inputs. `answer`
+/// has the entries of the results.
 pub struct Recorded {
     pub ops: Vec<Op>,
     pub values: Vec<f64>,
@@ -66,7 +66,7 @@ pub struct Recorded {
     pub answer: Vec<u32>,
 }
 
-/// Record `answer` as a function of the set-up and of `inputs` inputs. The result is `None` if the code branches on data.
+/// Record `answer` as a function of the set-up parameters and of `inputs` inputs. The result is `None` if the code branches on data.
 pub fn recorded<T>(inputs: usize, set_up: impl FnOnce() -> T, answer: impl FnOnce(T, &[Sym]) -> Vec<Sym>) -> Option<Recorded> {
     sym::begin();
     let made = set_up();
@@ -212,7 +212,7 @@ mod tests {
     use super::*;
     use crate::scalar::Real;
 
-    /// Record `[sin(k x) y, 3, x]`, where `k` is a number of the set-up.
+    /// Record `[sin(k x) y, 3, x]`, where `k` is a set-up parameter.
     fn function(k: f64, lanes: bool) -> Option<Evaluation> {
         record(lanes, 2, || Sym::from_lanes(|_| k), |k, xy| vec![(k * xy[0]).sin_cos().0 * xy[1], Sym::splat(3.0), xy[0]])
     }

@@ -1,9 +1,9 @@
-//! Names of the numbers of a set-up. A label is the name of a scope and an index in this scope.
+//! Names of set-up parameters. A label is the name of a scope and an index in this scope.
 
-/// A name with an index. A number without a label has an empty name. A label without an index has index 0.
+/// A name with an index. A parameter without a label has an empty name. A label without an index has index 0.
 pub type Label = (&'static str, u32);
 
-/// The labels of all inputs of a set-up, and the label of the next input.
+/// The labels of all set-up parameters, and the label of the next parameter.
 #[derive(Default)]
 pub(super) struct Labels {
     pub all: Vec<Label>,
@@ -11,7 +11,7 @@ pub(super) struct Labels {
 }
 
 impl Labels {
-    /// Label the next numbers with `name` and indices from `first` on. Return the previous label.
+    /// Label the next parameters with `name` and indices from `first` on. Return the previous label.
     pub fn begin(&mut self, name: &'static str, first: u32) -> Label {
         std::mem::replace(&mut self.scope, (name, first))
     }
@@ -21,7 +21,7 @@ impl Labels {
         self.scope = before;
     }
 
-    /// Return the label of the next number of the set-up.
+    /// Return the label of the next set-up parameter.
     pub fn next(&mut self) -> Label {
         let label = self.scope;
         self.scope.1 += 1;

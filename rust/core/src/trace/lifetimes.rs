@@ -1,4 +1,4 @@
-//! The positions at which a program reads each value, and those at which it stores its outputs.
+//! The positions at which a program reads each value, and the positions at which it stores its outputs.
 
 use super::straight::{Instruction, Straight};
 use std::collections::HashSet;
@@ -12,7 +12,8 @@ pub(super) struct Lifetimes {
     reads: Vec<Vec<u32>>,
     /// Outputs that are stored immediately after their computation: `(position in order, slot)`, by increasing position.
     pub early: Vec<(u32, u32)>,
-    /// Outputs that are stored at the end: `(slot, value)`, leaves first. The slot is also an input, or the value is a leaf.
+    /// Outputs that are stored at the end: `(slot, value)`, leaves first. The slot of such an output is also an input, or its value is a
+    /// leaf.
     pub late: Vec<(u32, u32)>,
 }
 

@@ -9,7 +9,8 @@ use super::tape::Op;
 pub struct Cut {
     /// The number of entries before the end of the segment.
     pub end: u32,
-    /// The values that later segments read: `(slot, entry)`.
+    /// The values that later segments read, as pairs `(slot, entry)`: the slot that stores the value, and the index of its recorded
+    /// operation.
     pub outputs: Vec<(u32, u32)>,
 }
 

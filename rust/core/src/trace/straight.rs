@@ -33,11 +33,12 @@ pub enum Instruction {
     Sqrt(u32),
     /// All bits set if `a < b`, otherwise none.
     Less(u32, u32),
-    /// All bits set if the sign bit is set, otherwise none. Where the sign bit selects lanes, the result may be the operand unchanged.
+    /// A mask: all bits are set if the sign bit of the operand is set, otherwise none. If only the sign bit of the mask is read, the mask
+    /// may be the operand unchanged.
     Signs(u32),
     /// `Select(mask, yes, no)`: `yes` if the sign bit of `mask` is set, otherwise `no`.
     Select(u32, u32, u32),
-    /// The bits, shifted left by a number of places.
+    /// The bits of the operand, shifted left by this number of places.
     Shift(u32, u8),
 }
 
@@ -103,8 +104,9 @@ pub struct Straight {
 /// Inputs in a separate array. In each iteration, the position in this array advances by `advance` slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
-    /// The index of the first input of the stream, and the number of its inputs per iteration.
+    /// The index of the first input of the stream.
     pub first: u32,
+    /// The number of inputs per iteration.
     pub count: u32,
     pub advance: u32,
     /// Whether the array has one number for all lanes, instead of one per lane.

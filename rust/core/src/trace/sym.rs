@@ -1,8 +1,8 @@
 //! The number type for recording: an implementation of [`Real`] that records the operations on it.
 //!
-//! A recording has two phases. In the *set-up*, plants, laws and arms are built. Numbers that may differ between runs are created by
-//! [`Real::from_lanes`] and become inputs. The numbers 0, 1 and -1 are constants instead, and are folded. In the *evaluation*, [`input`]
-//! declares the inputs, and [`Real::splat`] creates constants.
+//! A recording has two phases. In the *set-up*, plants, laws and arms are built. Numbers that may differ between runs are *set-up
+//! parameters*: [`Real::from_lanes`] creates them, and they become inputs. The numbers 0, 1 and -1 are constants instead, and are folded.
+//! In the *evaluation*, [`input`] declares the inputs, and [`Real::splat`] creates constants.
 //!
 //! `Sym` reports two lanes. Code for one lane may branch on its value, and is therefore not selected. If code nevertheless reads the value
 //! of a lane, the recording fails ([`Recording::failed`]).
@@ -28,17 +28,17 @@ pub struct Sym(u32);
 /// The result of one recording.
 pub struct Recording {
     pub ops: Vec<Op>,
-    /// The values of the inputs that the set-up declared. They are the first inputs.
+    /// The values of the set-up parameters that became inputs. They are the first inputs.
     pub values: Vec<f64>,
-    /// The labels of the inputs that the set-up declared.
+    /// The labels of the set-up parameters that became inputs.
     pub labels: Vec<Label>,
-    /// The entries of all numbers of the set-up. Two runs share a program if these entries and all data except numbers are equal.
+    /// The entries of all set-up parameters. Two runs share a program if these entries and all data except numbers are equal.
     pub structure: Vec<u32>,
     /// Whether the code read a value or branched on it. Then the recording is not valid.
     pub failed: bool,
 }
 
-/// Start a new recording on this thread. It begins with its set-up.
+/// Start a new recording on this thread. The recording is then in its set-up phase.
 pub fn begin() {
     begin_that(true);
 }
@@ -48,13 +48,14 @@ pub fn begin_that(folds: bool) {
     on_tape(|tape| *tape = Tape::that(folds));
 }
 
-/// Start a new recording. In its set-up, the numbers `moving` are separate inputs, even if other numbers have the same value.
+/// Start a new recording. Each set-up parameter that `moving` selects becomes a separate input, even if another parameter has the same
+/// value.
 pub fn begin_moving(moving: Moving) {
     begin();
     on_tape(|tape| tape.moving = moving);
 }
 
-/// End the set-up, and return the number of inputs that it declared.
+/// End the set-up phase, and return the number of set-up parameters that became inputs.
 pub fn end_set_up() -> usize {
     on_tape(|tape| {
         tape.set_up = false;

@@ -1,7 +1,7 @@
 //! A recorded computation with its derivatives along several directions (forward mode, Griewank and Walther 2008, section 3.1).
 //!
-//! For `y = f(x)` and directions `x_dot` of the inputs, the result is `y` and `f'(x) x_dot`. The derivatives of each operation follow it
-//! immediately, so that its value need not be stored for them. All directions use the same values.
+//! For `y = f(x)` and directions `x_dot` of the inputs, the result is `y` and `f'(x) x_dot`. The derivatives of each operation follow the
+//! operation immediately. So its value need not be stored until the program computes them. All directions use the same values.
 
 use super::differentiate::{needed, rate};
 use super::tape::{Op, Tape};

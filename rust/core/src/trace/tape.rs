@@ -78,12 +78,12 @@ impl Op {
     }
 }
 
-/// Selects the numbers of a set-up that vary. Each of them is a separate input, even if other numbers have the same value.
+/// Selects the set-up parameters that vary. Each of them is a separate input, even if other parameters have the same value.
 #[derive(Clone, Debug)]
 pub enum Moving {
     Nothing,
     All,
-    /// The numbers whose element is true, in the order of their declaration.
+    /// The set-up parameters whose element in this list is true, in the order of their declaration.
     These(Vec<bool>),
 }
 
@@ -91,12 +91,12 @@ pub enum Moving {
 pub(super) struct Tape {
     pub ops: Vec<Op>,
     memo: Memo<Op>,
-    /// The shared inputs of the set-up, by the bits of their values.
+    /// The inputs that several set-up parameters of equal value share, by the bits of this value.
     by_value: Memo<u64>,
     pub values: Vec<f64>,
-    /// The labels of the inputs that the set-up declared.
+    /// The labels of the set-up parameters that became inputs.
     pub labels: Labels,
-    /// The entry of each number of the set-up. Recordings with different structures have different lists.
+    /// The entry of each set-up parameter. Recordings with different structures have different lists.
     pub structure: Vec<u32>,
     pub inputs: u32,
     pub set_up: bool,
@@ -108,8 +108,8 @@ pub(super) struct Tape {
 }
 
 impl Tape {
-    /// Return a tape with the constants 0, 1 and -1 as entries 0 to 2. A number of the set-up with such a value refers to these entries and
-    /// not to an input.
+    /// Return a tape with the constants 0, 1 and -1 as entries 0 to 2. A set-up parameter with such a value refers to these entries and not
+    /// to an input.
     pub fn new() -> Self {
         Tape::that(true)
     }
@@ -136,7 +136,7 @@ impl Tape {
         tape
     }
 
-    /// Return a tape that continues the operations `ops` of a recording whose set-up has ended.
+    /// Return a tape that continues the operations `ops` of a recording whose set-up phase has ended.
     pub fn resume(ops: Vec<Op>, inputs: u32) -> Self {
         let memo = ops.iter().enumerate().map(|(i, &op)| (op, i as u32)).collect();
         Tape { ops, memo, inputs, set_up: false, ..Tape::new() }
@@ -164,7 +164,7 @@ impl Tape {
         self.push(Op::Input(self.inputs - 1))
     }
 
-    /// Whether the next number of the set-up varies.
+    /// Whether the next set-up parameter varies.
     fn next_moves(&self) -> bool {
         match &self.moving {
             Moving::Nothing => false,
@@ -173,7 +173,7 @@ impl Tape {
         }
     }
 
-    /// Record a number of the set-up as an input. The values 0, 1 and -1 become constants instead, unless the number varies.
+    /// Record a set-up parameter as an input. The values 0, 1 and -1 become constants instead, unless the parameter varies.
     pub fn given(&mut self, x: f64) -> u32 {
         let label = self.labels.next();
         let entry = if (x == 0.0 || x.abs() == 1.0) && !self.next_moves() {
@@ -187,7 +187,7 @@ impl Tape {
         entry
     }
 
-    /// Record a number of the set-up. Numbers of equal value that are recorded with this function share one input, unless they vary.
+    /// Record a set-up parameter. Parameters of equal value that are recorded with this function share one input, unless they vary.
     pub fn shared(&mut self, x: f64) -> u32 {
         if self.next_moves() {
             return self.given(x);
@@ -202,8 +202,8 @@ impl Tape {
         new
     }
 
-    /// Record a number of the set-up that becomes a constant unless it varies. The list `structure` contains it only in a recording with
-    /// varying numbers.
+    /// Record a set-up parameter that becomes a constant unless it varies. The list `structure` contains it only in a recording with
+    /// varying parameters.
     pub fn fixed(&mut self, x: f64) -> u32 {
         if self.set_up && self.next_moves() {
             return self.given(x);
@@ -279,7 +279,7 @@ impl Tape {
         self.push(Op::Sub(a, b))
     }
 
-    /// Return the product without a new multiplication: if a factor is 0, 1 or -1, or if both factors are constants.
+    /// Return the product if it requires no new multiplication: a factor is 0, 1 or -1, or both factors are constants.
     fn trivial_product(&mut self, a: u32, b: u32) -> Option<u32> {
         match (self.known(a), self.known(b)) {
             (Some(x), Some(y)) => Some(self.constant(x * y)),

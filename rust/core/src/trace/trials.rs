@@ -5,7 +5,8 @@ use super::instruction::{Assemble, Base, Convention, Form, Set, Source};
 
 /// The number of slots that operations use, in the frame and in the constants.
 pub const SLOTS: usize = 32;
-/// The size of a memory in numbers. Its three parts are the slots of operations, the registers after the operations, and those before them.
+/// The size of a memory in numbers. Its three parts are the slots of operations, the registers after the operations, and the registers
+/// before the operations.
 pub const SIZE: usize = 3 * PART;
 const PART: usize = 8 * SLOTS;
 

@@ -125,7 +125,8 @@ impl Assemble for Assembler {
     }
 
     fn less(&mut self, dst: u8, a: u8, b: Source) {
-        // SSE2 has only the signalling comparison. It differs from the quiet one in an exception flag, which no code reads.
+        // SSE2 has only the signalling comparison. The signalling and the quiet comparison set different exception flags, and no code reads
+        // these flags.
         let compare = opcode(self.number(), Map::M0F, 0xC2).with(if self.form.set == Set::Sse2 { 0x01 } else { 0x11 });
         let registers = [dst, a, if let Source::Register(b) = b { b } else { 0 }];
         if self.form.set < Set::Avx512 || !self.form.packed && registers.iter().all(|&r| r < 16) {

@@ -73,7 +73,8 @@ fn exact_is_equation_5() {
                 compared += 1;
             }
         }
-        // If small angles are set to the singular angle, the ranks must be those of the class.
+        // Near a singularity, replace each small angle by the nearest multiple of pi. The ranks must then be the ranks of this singular
+        // configuration.
         let tolerance = number(&input["angle_tol"]);
         let pi = std::f64::consts::PI;
         let q: Vec<f64> = q.iter().map(|q| if q.sin().abs() <= tolerance { (q / pi).round() * pi } else { *q }).collect();

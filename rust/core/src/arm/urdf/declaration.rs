@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-/// Return the text with a late XML declaration replaced by blanks. Lines and columns do not change.
+/// Return the text. If an XML declaration follows blanks or comments, replace it by blanks. Lines and columns do not change.
 pub fn forgiven(text: &str) -> Cow<'_, str> {
     let Some(start) = late(text) else { return Cow::Borrowed(text) };
     let Some(length) = text[start..].find("?>") else { return Cow::Borrowed(text) };

@@ -160,8 +160,9 @@ impl Reader<'_> {
         Ok(placement)
     }
 
-    /// Read exact numbers, which the writer adds because standard numbers are rounded. They are used if they agree with the rounded
-    /// numbers, relative to `scales`. The tolerance is the rounding error of the angles of a rotation at a pitch of 90 degrees.
+    /// Read the exact numbers that armlet's writer adds to a file, because the standard numbers of URDF are rounded. The exact numbers are
+    /// used if they agree with the rounded numbers, relative to `scales`. The tolerance is the rounding error of the angles of a rotation
+    /// at a pitch of 90 degrees.
     fn exact<const N: usize>(
         &mut self,
         node: Node,

@@ -32,14 +32,15 @@ struct Backward<'a> {
     /// The weights of the present state.
     bar: Vec<f64>,
     aside: Vec<f64>,
-    /// The weights of the varying numbers of the set-up.
+    /// The weights of the varying loop parameters.
     set_up: Vec<f64>,
     gradient: Vec<f64>,
     u: Vec<f64>,
     looked: f64,
     scratch: Vec<f64>,
-    /// The weights of the results of a function, then the weights of the slopes of a step.
+    /// The weights of the results of a function.
     answer: Vec<f64>,
+    /// The weights of the slopes of a step.
     slopes: Vec<f64>,
     /// The weights of the state and of the held input that the last call of `pass` computed.
     passed: Vec<f64>,
@@ -169,8 +170,8 @@ impl<'a> Backward<'a> {
         Ok(())
     }
 
-    /// Compute the weights of the state and of the held input from the weights of a function's results. Add the weights of the set-up to
-    /// `set_up`, and those of the exogenous input to `gradient`.
+    /// Compute the weights of the state and of the held input from the weights of a function's results. Add the weights of the loop
+    /// parameters to `set_up`, and the weights of the exogenous input to `gradient`.
     fn pass(&mut self, of: Of, t: f64, [x, held]: [&[f64]; 2]) -> Result<()> {
         let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
         if t != self.looked {
@@ -216,7 +217,7 @@ impl<'a> Backward<'a> {
         let from = places.measured(seen(&self.prepared.timeline, k));
         self.bar[from].iter_mut().zip(plant).for_each(|(bar, weight)| *bar += weight);
         self.bar[places.z()].iter_mut().zip(law).for_each(|(bar, weight)| *bar += weight);
-        // Noise and quantisation do not change tangents, so that the weight of a measurement is added to the state.
+        // Noise and quantisation do not change tangents. So the weight of a measurement is added to the weight of the measured state.
         let own = places.measured(k);
         for i in 0..own.len() {
             self.bar[i] += std::mem::take(&mut self.bar[own.start + i]);

@@ -4,7 +4,7 @@ use crate::integrate::Tableau;
 use crate::scalar::Kernel;
 use crate::scalar::lanes::vectorised;
 
-/// The operation `y += factor x`, to be compiled for vectors.
+/// The operation `y += factor x`, in a form that is compiled for SIMD registers.
 struct Add<'a> {
     y: &'a mut [f64],
     factor: f64,

@@ -1,4 +1,4 @@
-//! The tangents of the quantities that parameters change: numbers of the set-up, the initial state, and desired motions.
+//! The tangents of the quantities that parameters change: loop parameters, the initial state, and desired motions.
 
 use super::Parameters;
 use super::shared::{entangled, is_shared};
@@ -18,29 +18,32 @@ struct Drive<'a> {
     worlds: Vec<(World<'a>, f64)>,
 }
 
-/// The tangents of the set-up and of the exogenous input along all parameters. [`start_rates`] returns the tangents of the initial state.
+/// The tangents of the loop parameters and of the exogenous input along all parameters. [`start_rates`] returns the tangents of the initial
+/// state.
 pub struct Directions<'a> {
     pub count: usize,
-    /// For each number of the set-up, whether it varies. `moved` is the count of varying numbers.
+    /// For each loop parameter, whether it varies.
     pub moving: Vec<bool>,
+    /// The number of varying loop parameters.
     pub moved: usize,
-    /// The tangents of the varying numbers of the set-up, shape `(moved, count)`.
+    /// The tangents of the varying loop parameters, shape `(moved, count)`.
     pub set_up: Vec<f64>,
-    /// The runs whose recorded functions are compared with those of run 0: `(parameter, run)`.
+    /// Pairs `(parameter, run)`. The recorded functions of these runs are compared with the recorded functions of run 0.
     pub runs: Vec<(usize, usize)>,
     base: World<'a>,
     drives: Vec<Drive<'a>>,
     width: usize,
 }
 
-/// Pass `sum_i w_i (f_i - f_0)` of each number to `put`. The result is exactly zero where the runs do not differ.
+/// Compute the tangent `sum_i w_i (f_i - f_0)` of each number, and pass it to `put(index, tangent)`. The tangent is exactly zero where the
+/// runs do not differ.
 fn combined(base: &[f64], others: &[(&[f64], f64)], mut put: impl FnMut(usize, f64)) {
     for (k, &of) in base.iter().enumerate() {
         put(k, others.iter().map(|(other, weight)| weight * (other[k] - of)).sum());
     }
 }
 
-/// Return all numbers of the set-up of run `run`.
+/// Return all loop parameters of run `run`.
 fn numbers(problem: &Problem, run: usize) -> Vec<f64> {
     look();
     sym::begin_moving(Moving::All);
@@ -150,7 +153,8 @@ impl<'a> Directions<'a> {
     }
 }
 
-/// The error that the parameter with index `parameter` has no derivative. The binding adds its name.
+/// Return the error that parameter number `parameter` has no derivative, for the reason `why`. The Python binding adds the name of the
+/// parameter.
 pub fn refused(parameter: usize, why: &str) -> Error {
     Error::input("sensitivity", format!("has no derivative: it {why}")).at([parameter])
 }

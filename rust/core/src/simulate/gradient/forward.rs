@@ -14,15 +14,17 @@ use crate::memory;
 /// A recorded function with its tangent.
 struct TangentCall {
     call: Call,
-    /// The number of varying inputs: all of them, then those of the set-up, then those of the exogenous input.
+    /// The number of varying inputs: loop parameters, exogenous input, state and held input.
     moving: usize,
+    /// The number of varying loop parameters.
     moved: usize,
+    /// The number of varying exogenous inputs.
     driven: usize,
     answers: usize,
 }
 
 impl TangentCall {
-    /// Set the tangents of the set-up for the directions from `first` on.
+    /// Set the tangents of the loop parameters for the directions from `first` on.
     fn set_up(&mut self, prepared: &Prepared, first: usize, groups: usize) {
         let (lanes, directions) = (self.call.lanes(), &prepared.directions);
         for g in 0..groups {
@@ -59,16 +61,18 @@ struct Forward<'a> {
     rates: Vec<TangentCall>,
     law: TangentCall,
     lanes: usize,
-    /// The number of groups in a block, and the first direction of the block.
+    /// The number of groups in a block.
     groups: usize,
+    /// The first direction of the block.
     first: usize,
     state: Vec<f64>,
     /// The tangents of the state, group after group. A group has one row per number of the state, and the row has one entry per lane.
     tangent: Vec<f64>,
     left: (Vec<f64>, Vec<f64>),
-    /// The exogenous input, the time of this input, and its tangents for all groups.
+    /// The exogenous input at time `looked`, s.
     u: Vec<f64>,
     looked: f64,
+    /// The tangents of the exogenous input for all groups.
     u_rates: Vec<f64>,
     scratch: Vec<f64>,
     point: Vec<f64>,
@@ -151,7 +155,7 @@ impl<'a> Forward<'a> {
 
     fn run(&mut self, series: &mut Series) -> Result<()> {
         let timeline = &self.prepared.timeline;
-        // A record whose input the first stage of the next step computes.
+        // A record that is not yet complete. The first stage of the next step computes its input.
         let mut open = None;
         for (k, &operation) in timeline.operations.iter().enumerate() {
             match operation {

@@ -20,19 +20,21 @@ use crate::trace::tape::{Moving, Op};
 use crate::trace::{Evaluation, form};
 use std::sync::OnceLock;
 
-/// The number of registers of directions in one block. All of them use the same values of the function.
+/// The number of groups in one block. A group is the directions in the lanes of one register. The function is evaluated once for all
+/// groups.
 const TOGETHER: usize = 2;
 
 /// Sizes of the arguments and results of a loop's functions.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
-    /// The size of the desired motion, and the size of the exogenous input, at one instant. The exogenous input starts with the desired
-    /// motion.
+    /// The size of the desired motion at one instant.
     pub desired: usize,
+    /// The size of the exogenous input at one instant. The exogenous input starts with the desired motion.
     pub width: usize,
     pub n: usize,
-    /// The number of states of the plant, then that of the plant and the law together.
+    /// The number of states of the plant.
     pub plant: usize,
+    /// The number of states of plant and law together.
     pub states: usize,
     /// The number of the law's results: the plant's input and the rate of the law's state.
     pub answer: usize,
@@ -41,8 +43,9 @@ pub struct Sizes {
     guards: usize,
     /// The number of groups of directions in a block. A group has one direction per lane.
     pub groups: usize,
-    /// The number of varying numbers of the set-up, and whether the exogenous input varies.
+    /// The number of varying loop parameters.
     pub moved: usize,
+    /// Whether the exogenous input varies.
     pub drives: bool,
 }
 
@@ -79,7 +82,7 @@ pub struct Function {
     answer: Vec<u32>,
     /// The number of validity flags after the results. A flag is positive if the results are valid.
     guards: usize,
-    /// The inputs that vary: numbers of the set-up, the exogenous input, the state, the held input.
+    /// The inputs that vary: loop parameters, the exogenous input, the state, the held input.
     moving: Vec<u32>,
     groups: usize,
     /// The compiled function, its tangent and its adjoint.
@@ -268,7 +271,7 @@ impl Call {
         self.evaluation.lanes()
     }
 
-    /// Set the arguments `u`, `x` and held input, with equal values in every lane.
+    /// Write the arguments `parts`, which are `u`, `x` and the held input. All lanes receive the same values.
     pub fn give(&mut self, parts: [&[f64]; 3]) {
         let (lanes, count) = (self.lanes(), self.read.iter().sum());
         let numbers = self.evaluation.inputs(0, count);
@@ -280,13 +283,14 @@ impl Call {
         }
     }
 
-    /// The memory of `count` tangents or weights after the arguments, from number `first` on, with all lanes.
+    /// Return the memory of `count` further arguments, from the further argument `first` on, with all lanes. The further arguments are
+    /// tangents or weights.
     pub fn more(&mut self, first: usize, count: usize) -> &mut [f64] {
         let read: usize = self.read.iter().sum();
         self.evaluation.inputs(read + first, count)
     }
 
-    /// Evaluate the function. Return an error if an angle passes the range of programs, or if the results are not valid.
+    /// Evaluate the function. Return an error if an angle exceeds the range of the programs' sines, or if the results are not valid.
     pub fn run(&mut self, t: f64) -> Result<()> {
         use crate::status::Status;
         self.evaluation.run();
@@ -300,12 +304,12 @@ impl Call {
         Ok(())
     }
 
-    /// The results, with all lanes.
+    /// The outputs of the function at the last evaluation, with all lanes.
     pub fn answers(&self) -> &[f64] {
         self.evaluation.outputs(0, self.answers)
     }
 
-    /// The `count` tangents or weights after the results, from number `first` on, with all lanes.
+    /// Return `count` further results, from the further result `first` on, with all lanes. The further results are tangents or weights.
     pub fn behind(&self, first: usize, count: usize) -> &[f64] {
         self.evaluation.outputs(self.answers + self.guards + first, count)
     }

@@ -6,12 +6,12 @@
 //! as programs. Adaptive methods repeat the steps of the run, so that step sizes have no derivative. Where a contact changes, the tangents
 //! jump.
 //!
-//! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i F_i`. Here `F` is a
-//! number of the set-up. Results of runs are never differenced.
+//! A parameter `p` is given by runs of the problem that differ in this parameter, and by weights: `dF/dp = sum w_i F_i`. Here `F` is a loop
+//! parameter. Results of runs are never differenced.
 //!
 //! Terms of this directory:
 //!
-//! - The set-up is the constant part of a loop: parameters, gains, targets, limits. A number of the set-up varies if a parameter changes
+//! - A loop parameter is a number that is constant in a run, such as a mass, a gain, a target or a limit. It varies if a parameter `p` changes
 //!   it.
 //! - The exogenous input `u` is the desired motion and the external force.
 //! - The held input is the output of a sampled law between two samples.
@@ -46,7 +46,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 use timeline::{Contacts, Timeline};
 
-/// One parameter, as pairs `(run, weight)`. The derivative of a number `F` of the set-up is `sum weight F(run)`.
+/// One parameter, as pairs `(run, weight)`. The derivative of a loop parameter `F` is `sum weight F(run)`.
 pub type Parameter = Vec<(usize, f64)>;
 
 /// The parameters of a run, listed name by name, with the number of parameters of each name.
@@ -86,7 +86,7 @@ struct Prepared<'a> {
 struct Loop<'a> {
     tableau: Tableau,
     directions: Arc<Directions<'a>>,
-    /// The recorded functions for each list of contact modes and guards.
+    /// The recorded functions of the loop, for each list of contact modes that occurred.
     known: Mutex<Vec<(Contacts, Arc<LoopFunctions>)>>,
 }
 

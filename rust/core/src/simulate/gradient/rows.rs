@@ -17,14 +17,14 @@ pub struct Rows<'a> {
     sizes: &'a [usize],
 }
 
-/// The `each` elements of a list that belong to row `row`. A list with one element applies to all rows.
+/// Return the `each` elements of the list `all` for row `row`. A list with one element applies to all rows.
 fn part<T: Clone>(all: &[T], row: usize, each: usize) -> Vec<T> {
     if all.len() == 1 { all.to_vec() } else { all.get(row * each..(row + 1) * each).unwrap_or(&[]).to_vec() }
 }
 
 impl<'a> Rows<'a> {
-    /// Divide a problem into rows of equally many runs. The problem has one plant, or one per run. The same rule applies to laws. It has no
-    /// force, one force, or one per row. `sizes` lists the number of parameters of each name.
+    /// Divide a problem into rows with the same number of runs. The problem has one plant or one per run, and one law or one per run. It
+    /// has no force, one force, or one per row. `sizes` lists the number of parameters of each name.
     pub fn of(problem: &Problem<'a>, parameters: &'a [Vec<Parameter>], sizes: &'a [usize]) -> Result<Self> {
         let (rows, runs) = (parameters.len(), problem.runs());
         let width = runs.checked_div(rows).unwrap_or(0);

@@ -10,8 +10,8 @@ pub struct Series {
     parameters: usize,
 }
 
-/// Copy the first `M` numbers of each row of `from` to the start of a row of `to`. Rows of `from` have `lanes` numbers, and those of `to`
-/// have `width`.
+/// Copy the first `M` numbers of each row of `from` to the start of a row of `to`. Rows of `from` have `lanes` numbers, and rows of `to`
+/// have `width` numbers.
 fn columns<const M: usize>(from: &[f64], lanes: usize, to: &mut [f64], width: usize) {
     for (from, to) in from.chunks_exact(lanes).zip(to.chunks_mut(width)) {
         if let (Some(from), Some(to)) = (from.first_chunk::<M>(), to.first_chunk_mut::<M>()) {

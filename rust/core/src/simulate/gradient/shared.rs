@@ -26,14 +26,14 @@ pub fn is_shared(shared: &[Shared], p: usize) -> bool {
     shared.iter().any(|group| (group.first..group.first + group.codes.len()).contains(&p))
 }
 
-/// The error that an input depends on several parameters of one group. The binding then varies each parameter in separate runs.
+/// Return the error that an input depends on several parameters of one group. The binding then varies each parameter in separate runs.
 pub fn entangled() -> Error {
     Error::input("shared", "has numbers that act together: expected parameters that move in different runs")
 }
 
 impl Shared {
-    /// Pass the tangent of each varying number to `put(number, parameter, tangent)`. `base` are the numbers of run 0, and `of(run)` those
-    /// of another run.
+    /// Pass the tangent of each varying loop parameter to `put(number, parameter, tangent)`. `base`: the loop parameters of run 0.
+    /// `of(run)`: the loop parameters of another run.
     pub fn rates(
         &self,
         base: &[f64],

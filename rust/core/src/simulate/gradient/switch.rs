@@ -15,7 +15,7 @@ const SAME: f64 = 1e-12;
 /// derivative.
 const GRAZING: f64 = 1e-9;
 
-/// The jump of a tangent `S` is `along (of_state S + of_set_up p_dot)`.
+/// The jump of a tangent `S` is `along (of_state S + of_set_up p_dot)`, where `p_dot` are the tangents of the loop parameters.
 pub struct Jump {
     pub along: Vec<f64>,
     pub of_state: Vec<f64>,

@@ -12,7 +12,7 @@ use crate::simulate::stop::Stop;
 use crate::simulate::watching::{Guard, RunObserver, Switched};
 use crate::status::Status;
 
-/// A time is taken as the end of a step if their difference, divided by the step size, is below this limit.
+/// A time counts as the end of a step if their difference, divided by the step size, is below this limit, dimensionless.
 const ON_STEP: f64 = 1e-9;
 
 /// One operation on the state of a run.
@@ -52,7 +52,7 @@ pub struct Contacts {
     pub switches: Vec<Switch>,
 }
 
-/// The index of an element in `all`. An element that is missing is appended.
+/// Return the index of `element` in `all`. A missing element is appended.
 fn place<T: PartialEq>(all: &mut Vec<T>, element: T) -> usize {
     all.iter().position(|known| *known == element).unwrap_or_else(|| {
         all.push(element);
@@ -60,7 +60,7 @@ fn place<T: PartialEq>(all: &mut Vec<T>, element: T) -> usize {
     })
 }
 
-/// The operations of a run, and the clock of its controller.
+/// The operations of a run, and the settings of its sampled controller.
 pub struct Timeline {
     pub contacts: Contacts,
     pub operations: Vec<Operation>,
@@ -129,7 +129,7 @@ impl TimelineBuilder<'_> {
         self.push(Operation::Record { i, t })
     }
 
-    /// List the samples and outputs of the controller at `t`.
+    /// Append the operations of the controller at time `t`: samples, and changes of the held input.
     fn sample(&mut self, t: f64) -> Result<()> {
         let Some(sampling) = &self.timeline.sampling else { return Ok(()) };
         let (seed, grid) = (sampling.seed, self.timeline.grid);
@@ -145,7 +145,7 @@ impl TimelineBuilder<'_> {
         Ok(())
     }
 
-    /// List the steps from `t` to `end`. A step of size `h` is divided where the input jumps.
+    /// Append the steps from `t` to `end` to the operations. A step of size `h` is divided where the input jumps.
     fn step(&mut self, mut t: f64, mut h: f64, end: f64) -> Result<()> {
         let close = ON_STEP * h;
         let first = self.breaks.partition_point(|&jump| jump <= t + close);
@@ -161,7 +161,7 @@ impl TimelineBuilder<'_> {
         self.push(Operation::Step { t, h, end, mode: self.mode })
     }
 
-    /// List a record at `t` between two steps: a step from `from` to `t` that does not belong to the run.
+    /// Append a record at `t` between two steps. A step from `from` to `t` computes its state, and does not belong to the run.
     fn aside(&mut self, from: f64, t: f64) -> Result<()> {
         self.push(Operation::Leave)?;
         self.step(from, t - from, t)?;
@@ -187,7 +187,7 @@ impl TimelineBuilder<'_> {
         Ok(self.timeline)
     }
 
-    /// List the contact change at `t`.
+    /// Append the contact change at `t` to the operations.
     fn switch(&mut self, t: f64, Switched { by, touches, .. }: Switched) -> Result<()> {
         let (before, contacts) = (self.mode, &mut self.timeline.contacts);
         self.mode = place(&mut contacts.modes, touches);

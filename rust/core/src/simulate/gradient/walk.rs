@@ -19,8 +19,9 @@ pub struct Places {
     states: usize,
     plant: usize,
     answer: usize,
-    /// The numbers of outputs and of measurements that the ring buffers store.
+    /// The number of outputs of the law that the state stores, as a ring buffer.
     answers: usize,
+    /// The number of measurements that the state stores, as a ring buffer.
     measurements: usize,
 }
 
@@ -56,7 +57,7 @@ impl Places {
     }
 }
 
-/// The sample whose measurement the law receives at sample `k`. A sensor delay makes it an earlier sample.
+/// Return the sample whose measurement the law receives at sample `k`. With a sensor delay, this is an earlier sample.
 pub fn seen(timeline: &Timeline, k: u64) -> u64 {
     k.saturating_sub(timeline.sampling.as_ref().map_or(0, |sampling| sampling.sensor_delay as u64))
 }

@@ -31,7 +31,8 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
     }
 }
 
-/// Computes the norms: on plain numbers with all routes of the solver, or on recorded values with the regular route.
+/// Computes the norms. With plain numbers, the solver has all its algorithms. With recorded values, it has only the algorithm for regular
+/// stacks.
 pub struct LevelNorms<P: Solve> {
     law: PriorityLaw<P>,
     u: Vec<P::Number>,
@@ -43,7 +44,7 @@ enum PriorityLaw<P: Solve> {
 }
 
 impl<P: Solve> LevelNorms<P> {
-    /// Return the norms of a law. The result is `None` without levels, or if its solver does not have this route.
+    /// Return the norms of a law. The result is `None` without levels, or if the solver of type `P` does not exist for this law.
     pub fn of(law: &LawSpec) -> Option<Self> {
         let engine = match law {
             LawSpec::PriorityVelocity(spec) => PriorityLaw::Velocity(Box::new(spec.engine()?)),
@@ -53,8 +54,8 @@ impl<P: Solve> LevelNorms<P> {
         Some(LevelNorms { law: engine, u: vec![P::Number::zero(); law.model().n()] })
     }
 
-    /// Compute as many norms as `out` has elements, at plant state `x` with the sines and cosines `trig`. Return one if the norms are
-    /// valid, and zero if another route is required. The result is `None` if they are always valid.
+    /// Compute as many norms as `out` has elements, at plant state `x` with the sines and cosines `trig`. The result is one if the norms
+    /// are valid, and zero if the solver requires another algorithm. It is `None` if the norms are always valid.
     pub fn evaluate(
         &mut self,
         desired: &[P::Number],

@@ -71,12 +71,15 @@ impl<'a> Scope<'_, 'a> {
 
 /// The quantities of one record from which monitors are computed.
 pub struct Moment<'a, S: Real> {
-    /// The law's desired motions, one after another, and the wrench at the frame of the force.
+    /// The law's desired motions, one after another.
     pub desired: &'a [S],
+    /// The wrench at the frame of the force, N and N m.
     pub wrench: &'a [S; 6],
-    /// The states of the plant and of the law, and the input of the plant.
+    /// The state of the plant.
     pub x: &'a [S],
+    /// The state of the law.
     pub z: &'a [S],
+    /// The input of the plant.
     pub tau: &'a [S],
     /// The plant's arm at the position of the record.
     pub arm: &'a mut ArmAt<S>,
@@ -116,7 +119,7 @@ type Series<S> = Vec<(usize, Range<usize>, Box<dyn Monitor<S> + Send>)>;
 
 /// A kind of monitor.
 pub trait MonitorKind {
-    /// The names of its series.
+    /// The names of the series of this monitor.
     const NAMES: &'static [&'static str];
 
     /// The names of its integrals. Every monitored loop has them as states.
@@ -195,18 +198,20 @@ pub fn names(problem: &Problem) -> Vec<&'static str> {
     all
 }
 
-/// The monitors of one run. On plain numbers, the solver of a law that decides ranks has all routes. On recorded values, it has the regular
-/// route.
+/// The monitors of one run. With plain numbers, the priority solver has all its algorithms. With recorded values, it has only the algorithm
+/// for regular stacks.
 pub struct Checks<P: Solve> {
     theory: Theory<P::Number>,
     monitors: Series<P::Number>,
     levels: Option<LevelNorms<P>>,
     loss: Option<ProjectionLoss<P::Number>>,
-    /// The number of plant states that a law reads, and the number of bristles after them.
+    /// The number of plant states that a law reads.
     states: usize,
+    /// The number of bristles, which follow these states.
     bristles: usize,
-    /// The number of states of the law, and the number of norms of levels.
+    /// The number of states of the law.
     p: usize,
+    /// The number of norms of levels.
     norms: usize,
 }
 
@@ -240,8 +245,8 @@ impl<P: Solve> Checks<P> {
     }
 
     /// Compute the monitors at state `x = [plant, z, integrals]` and input `tau`, and write them to `out`. `first` receives
-    /// `E - int P` and `V1 + int s' Kd s` of this record, and returns their values at the first record. The result is that of
-    /// [`LevelNorms::evaluate`].
+    /// `E - int P` and `V1 + int s' Kd s` of this record, and returns their values at the first record. The result is the flag that
+    /// [`LevelNorms::evaluate`] returns.
     pub fn evaluate(
         &mut self,
         (desired, wrench): (&[P::Number], &[P::Number; 6]),

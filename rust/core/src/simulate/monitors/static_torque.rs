@@ -1,7 +1,7 @@
-//! The torque of a static null space, by another method than the law's. It factors `J J'`, and has no clamp:
+//! The torque of a static null space, computed with another method than in the law: `J J'` is factored without a clamp of singular values.
 //!
-//! `N' tau_0 = tau_0 - J' (J J')^-1 J tau_0`, `tau_0 = K_n (q_n - q) + D_n (q_n' - v)`. This torque accelerates the frame by
-//! `J M^-1 N' tau_0`.
+//! `N' tau_0 = tau_0 - J' (J J')^-1 J tau_0`, `tau_0 = K_n (q_n - q) + D_n (q_n' - v)`. This torque accelerates the frame by `J M^-1 N'
+//! tau_0`.
 
 use crate::law::{CartesianImpedanceSpec, NullProjection};
 use crate::linalg::cholesky;

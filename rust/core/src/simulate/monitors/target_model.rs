@@ -45,7 +45,7 @@ pub struct TargetModel<S: Real> {
     /// A matrix and its factor, shape `(m, m)` each.
     square: Vec<S>,
     square_factor: Vec<S>,
-    /// `x_d - x`, `x' - x_d'`, and the terms of the model, shape `(m,)` each.
+    /// Vectors of shape `(m,)`: `x_d - x`, `x' - x_d'`, and the terms of the model.
     e: Vec<S>,
     slip: Vec<S>,
     terms: [Vec<S>; 5],

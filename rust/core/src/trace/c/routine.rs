@@ -45,7 +45,7 @@ struct Statement {
     reads: Vec<u32>,
 }
 
-/// The number of the function that computes an entry, and that of the last function that reads it.
+/// The number of the function that computes an entry, and the number of the last function that reads it.
 #[derive(Clone, Copy)]
 struct Life {
     part: usize,

@@ -154,7 +154,8 @@ pub fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-/// Fail if an entry differs by more than `tolerance`, relative to the largest entry of `want` or to `floor`.
+/// Fail if an entry of `got` differs from `want` by more than `tolerance`, relative to the largest entry of `want` or to `floor`. The
+/// larger of the two is used.
 #[track_caller]
 pub fn close(what: &str, got: &[f64], want: &[f64], tolerance: f64, floor: f64) {
     assert_eq!(got.len(), want.len(), "{what}");
