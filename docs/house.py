@@ -25,7 +25,8 @@ def links(app: object, name: str, source: list[str]) -> None:
     if name.startswith(("auto_examples", "api/")):
         return
     pieces = FENCE.split(source[0])
-    pieces[::2] = [piece.replace("(../benches/README.md", "(benchmarks.md") for piece in pieces[::2]]  # copied in by tools/docs.sh
+    # tools/docs.sh copies the benchmarks to the pages: docs/ links to them as ../benches, docs/adr as ../../benches.
+    pieces[::2] = [re.sub(r"\(((?:\.\./)*)\.\./benches/README\.md", r"(\1benchmarks.md", piece) for piece in pieces[::2]]
     pieces[::2] = [CITATION.sub(cited("{cite}"), piece) for piece in pieces[::2]]
     source[0] = "".join(pieces)
     if name == "index":
@@ -87,14 +88,16 @@ def colons_of_attributes(app: object, what: str, name: str, thing: object, optio
 
 def code_in_docstrings(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
     """Backticks of a docstring hold code; bars and stars are arithmetic, never markup."""
-    lines[:] = [line.replace(COLON, ":") for line in lines]
-    for i, line in enumerate(lines):
-        if not line.lstrip().startswith((">>>", "...")):
-            pieces = re.split(r"(:[\w ]*:`[^`]+`|``[^`]+``|`[^`]+`)", line)
-            pieces[::2] = [re.sub(r"(?<!\\)([*|])", r"\\\1", piece) for piece in pieces[::2]]
-            pieces[::2] = [CITATION.sub(cited(":cite:"), piece) for piece in pieces[::2]]
-            pieces[1::2] = [f"`{piece}`" if re.match("`[^`]", piece) else piece for piece in pieces[1::2]]
-            lines[i] = "".join(pieces)
+    text = "\n".join(lines).replace(COLON, ":")
+    # Code may go on in the next line; a paragraph or an example ends it.
+    paragraphs = re.split(r"(\n\s*\n|^\s*(?:>>>|\.\.\.).*$)", text, flags=re.MULTILINE)
+    for i, paragraph in enumerate(paragraphs[::2]):
+        pieces = re.split(r"(:[\w ]*:`[^`]+`|``[^`]+``|`[^`]+`)", paragraph)
+        pieces[::2] = [re.sub(r"(?<!\\)([*|])", r"\\\1", piece) for piece in pieces[::2]]
+        pieces[::2] = [CITATION.sub(cited(":cite:"), piece) for piece in pieces[::2]]
+        pieces[1::2] = [f"`{piece}`" if re.match("`[^`]", piece) else piece for piece in pieces[1::2]]
+        paragraphs[2 * i] = "".join(pieces)
+    lines[:] = "".join(paragraphs).split("\n")
 
 
 def executed(examples: Path) -> str:
