@@ -125,7 +125,7 @@ pub(super) enum Request<'a> {
 const LOOK: usize = 64;
 
 impl Points<'_> {
-    // This function is long, because all its parts share the arrays of one block of points.
+    // Long: all its parts share the arrays of one block of points.
     pub fn run(self) {
         let Points { mover, path, at, count, stride, out, mut request, tip } = self;
         let n = mover.dof();
