@@ -183,8 +183,8 @@ impl Due<'_> {
     }
 }
 
-/// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record. This function
-/// is long, because all branches of its loop use the same variables.
+/// Run `system` from the state of `method`. `watch` checks every step, and `record(t, system, x)` is called for every record.
+// Long: all branches of its loop use the same variables.
 pub fn run<S, F, B, M, W>(
     system: &mut F,
     method: &mut M,

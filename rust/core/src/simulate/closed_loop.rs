@@ -175,8 +175,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Use `tau` as input from now on, and keep the law's state constant. If `tau` is `None`, the law computes the input, and `held`
-    /// selects whether this input is held.
+    /// Use `tau` as input from now on, and keep the law's state constant. `None`: the law computes the input, which is held if `held`.
     pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
         self.closing.held = held || tau.is_some();
         if let Some(tau) = tau {
@@ -207,8 +206,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Compute the law's results at state `x`: the plant's input, and the rate of the law's state. Requires [`ClosedLoop::turn_to`] at this
-    /// state.
+    /// Compute the law's results at state `x`: the plant's input and the rate of the law's state. Requires [`ClosedLoop::turn_to`].
     pub fn answer(&mut self, u: &Exogenous<S>, x: &[S]) {
         let (measured, z) = x.split_at(self.states);
         self.control(&u.desired, measured, &z[..self.p]);
