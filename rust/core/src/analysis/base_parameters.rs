@@ -31,7 +31,7 @@ const BLOCK: usize = 16;
 pub struct Independent {
     /// Indices of the independent columns, ascending.
     pub columns: Vec<usize>,
-    /// The projection `P`, `(b, p)`, row-major, with `W = W_b P`.
+    /// The projection `P`, `(b, p)`, row-major: the matrix is `W = W_b P`, where `W_b` has the independent columns of `W`.
     pub projection: Vec<f64>,
     /// The smallest relative distance of an independent column from the span of the earlier columns.
     pub smallest_kept: f64,
@@ -78,7 +78,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
     let b = out.columns.len();
     out.projection = vec![0.0; b * p];
     for (j, coefficients) in r.iter().enumerate() {
-        // Solve R_b x = column j of R, where R_b is the triangle of the independent columns.
+        // Solve `R_b x = column j of R`, where `R_b` is the triangle of the independent columns.
         let mut x = coefficients.clone();
         x.resize(b, 0.0);
         for k in (0..b).rev() {

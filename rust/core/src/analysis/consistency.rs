@@ -1,5 +1,5 @@
 //! Physical consistency of inertial parameters: the pseudo-inertia `P` of every body must be positive definite (`wensing2018linear`). For
-//! other parameters, the nearest consistent ones are computed.
+//! inconsistent parameters, the nearest consistent parameters are computed.
 //!
 //! The distance is the Frobenius norm of `D P D`, with `D = diag(1/l, 1/l, 1/l, 1)`. The length `l` makes second moment, first moment and
 //! mass comparable, in kg. The nearest matrix above a floor has the same eigenvectors. Its eigenvalues are raised to the floor

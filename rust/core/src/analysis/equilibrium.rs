@@ -34,8 +34,8 @@ pub struct Equilibrium {
     pub integral: Vec<f64>,
     /// Whether the pose `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached. A wall, a stop or a limit of the law may prevent this.
     pub reachable: bool,
-    /// Whether the spring is unbalanced at this equilibrium. For a law of motors: whether it is away from its target without an external
-    /// force.
+    /// Whether the spring is unbalanced at this equilibrium. For a law of motors: whether the arm is away from its target without an
+    /// external force.
     pub spurious: bool,
     /// Force of the wall on its frame, `(3,)`, N, world axes.
     pub wall_force: [f64; 3],
@@ -103,7 +103,7 @@ impl<'a> TargetError<'a> {
         TargetError { law, arm: law.model.at(&vec![0.0; law.model.n()]), target: target(law) }
     }
 
-    /// Compute `e`, `(m,)`, and `J`, `(m, n)`, at `q`.
+    /// Compute the task error `e`, `(m,)`, and the Jacobian `J`, `(m, n)`, at `q`.
     fn at(&mut self, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let m = self.target.len();
         let (mut e, mut j) = (vec![0.0; m], vec![0.0; m * q.len()]);
@@ -238,7 +238,7 @@ pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_fr
     state.resize(plant.states(), 0.0);
     let (mut reachable, mut spurious, mut x) = (!pressed, false, q.clone());
     if let LawSpec::CartesianImpedance(task) = &held {
-        // The force on the law's spring, if it acts at the law's frame.
+        // The external force on the law's spring. It acts on the spring only at the law's frame.
         let same = force_frame.is_none_or(|frame| frame == task.coordinates.frame);
         let push: Vec<f64> = task.coordinates.rows.iter().map(|&row| if same { wrench[row] } else { 0.0 }).collect();
         let Balance { mut p, x: position, short, rounding } = Balance::of(task, &push, &integral, &q);

@@ -58,7 +58,7 @@ pub struct Options<'a> {
     pub cutoff: f64,
 }
 
-/// The triangle `[R z]`, `(b + 1, b + 1)`, and the rows of the next block.
+/// The upper triangle `[R z]` of the least-squares problem, `(b + 1, b + 1)`, and the rows of the next block.
 struct Triangle {
     width: usize,
     /// One array per column, with `width + BLOCK n` rows.

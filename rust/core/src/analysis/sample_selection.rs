@@ -48,13 +48,13 @@ impl Candidates {
         self.z.len() / (self.n * self.r)
     }
 
-    /// The sum of `|Z_j u|^2` over the rows `u` of `directions`.
+    /// The effect of sample `j` on the directions: the sum of `|Z_j u|^2` over the rows `u` of `directions`.
     fn gain(&self, j: usize, directions: &[f64]) -> f64 {
         let square = |u: &[f64]| self.of(j).chunks_exact(self.r).map(|row| dot(row, u).powi(2)).sum::<f64>();
         directions.chunks_exact(self.r).map(square).sum()
     }
 
-    /// Add `sign Z_j' Z_j` to `gram`, `(r, r)`.
+    /// Add `sign Z_j' Z_j`, for sample `j`, to `gram`, `(r, r)`.
     fn add(&self, j: usize, sign: f64, gram: &mut [f64]) {
         for row in self.of(j).chunks_exact(self.r) {
             for (x, sums) in row.iter().zip(gram.chunks_exact_mut(self.r)) {

@@ -31,7 +31,7 @@ pub struct SuggestedGains {
     pub damping_ratio: f64,
     /// Sample time of a sampled law, s; `None` for a continuous law.
     pub sample_time: Option<f64>,
-    /// Inertia `m`, `(n,)`, kg m^2 or kg.
+    /// Inertia `m` of each joint in the gains `kp = m w^2`, `(n,)`, kg m^2 or kg.
     pub inertia: Vec<f64>,
     /// The smallest `l` of all samples, in (0, 1]: the inertia of the lightest direction relative to `m`.
     pub lightest: f64,

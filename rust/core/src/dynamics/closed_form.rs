@@ -1,5 +1,5 @@
-//! The quantities of the planar PR arm in closed form, as [`super::Evaluator`] computes them for trees. Also the regressors of both kinds
-//! of arms.
+//! The quantities of the planar PR arm in closed form, as [`super::Evaluator`] computes them for trees, and the regressors of both kinds of
+//! arms.
 
 use super::{Dynamics, Model, PlanarPr, Quantity, Query};
 use crate::error::{Error, Result};

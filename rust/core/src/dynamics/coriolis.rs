@@ -87,7 +87,8 @@ pub fn coriolis_matrix<S: Real>(
         let origin = poses[j].origin;
         let z = poses[j].z();
         let tr = trace(&k);
-        // Column j is the force (f, about_joint) on the subtree. Row j has the coefficients of (alpha, angular, gamma) of another joint.
+        // Column `j` of `C` needs the force `(f, about_joint)` on the subtree of joint `j`. Row `j` needs the coefficients that multiply
+        // the fields `alpha`, `angular` and `gamma` of an ancestor joint.
         let (f, about_joint, by_alpha, by_angular, by_gamma) = if body.revolute {
             let f = me.alpha.cross_add(moment, z.cross(momentum));
             let about_joint = inertia.apply_add(me.alpha, z.scale(tr) - k.apply(z));

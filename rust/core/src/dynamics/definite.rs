@@ -17,7 +17,7 @@ const WORK: usize = 20_000;
 /// A `D_i` below this fraction of its scale counts as zero.
 const ROUNDING: f64 = 1e-12;
 
-/// The line about the mass matrix in the arm's report; `None` if it is positive definite at the sampled configurations.
+/// The warning in the arm's report about the mass matrix; `None` if the mass matrix is positive definite at the sampled configurations.
 pub fn indefinite(arm: &Arm) -> Option<String> {
     let tree = Tree::<f64>::new(arm);
     let mut ws = Workspace::new(&tree);

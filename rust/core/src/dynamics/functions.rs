@@ -115,7 +115,7 @@ impl Functions {
     pub fn one(&self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         match free(&self.single) {
             Some(mut single) => single.one(&self.arm, query, inputs, out),
-            // Another thread uses the buffers, so this call makes new ones.
+            // Another thread uses the buffers, so this call creates new buffers.
             None => Evaluator::large(&self.arm)?.one(query, inputs, out),
         }
     }

@@ -5,7 +5,7 @@ use crate::arm::Body;
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, QuarterTurn, Sym3, Vector, Vector3};
 
-/// The rotation `R_0 Rz(q)` of a joint whose placement is not a quarter turn. For other joints it is not used.
+/// The rotation `R_0 Rz(q)` of a joint whose placement is not a quarter turn. Joints with a quarter turn do not use it.
 pub(crate) fn rotation<S: Real>(body: &Body<S>, trig: (S, S)) -> Matrix3<S> {
     if body.revolute { body.rotation.lift::<S>().rotate_z(trig) } else { body.rotation.lift() }
 }
@@ -21,7 +21,7 @@ pub(crate) fn to_parent<S: Real, const K: usize>(body: &Body<S>, e: &Matrix3<S>,
     over(body.quarter, body.revolute, e, trig, v)
 }
 
-/// [`to_parent`] with the quarter turn as an argument, for a loop that selects it before it begins.
+/// Transform as [`to_parent`] does. The quarter turn is an argument, so that a loop can select it before the loop begins.
 pub(crate) fn over<S: Real, const K: usize>(
     quarter: Option<QuarterTurn>,
     revolute: bool,

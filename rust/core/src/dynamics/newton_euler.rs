@@ -17,7 +17,7 @@ use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, Sym3, Vector, Vector3};
 
-/// The matrix `U = [wd]x + ([w]x [wr]x + [wr]x [w]x) / 2`.
+/// The matrix `U = [wd]x + ([w]x [wr]x + [wr]x [w]x) / 2` of a body's acceleration field.
 pub(crate) fn acceleration_matrix<S: Real, const POLAR: bool>(w: Vector3<S>, wr: Vector3<S>, wd: Vector3<S>) -> Matrix3<S> {
     let half = S::splat(0.5);
     let product = |i: usize, j: usize| if POLAR { half * w[i].mul_add(wr[j], w[j] * wr[i]) } else { w[i] * w[j] };
@@ -118,7 +118,7 @@ pub(crate) fn inwards<S: Real>(tree: &Tree<S>, links: &mut [Link<S>], trig: &[(S
     }
 }
 
-/// Compute `tau` for `(v, vr, ar)`. With `POLAR = false`, `vr` equals `v` and is not read.
+/// Compute the joint torques `tau = M ar + C(q, v) vr + g`. With `POLAR = false`, `vr` equals `v` and is not read.
 pub fn newton_euler<S: Real, const POLAR: bool>(
     tree: &Tree<S>,
     links: &mut [Link<S>],

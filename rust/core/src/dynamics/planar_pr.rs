@@ -14,7 +14,7 @@ pub struct PlanarPr<S> {
     a: S,
     b: S,
     c: S,
-    /// `A C`, the first term of the determinant `A C - (B cos q2)^2`.
+    /// The product `A C`, the first term of the determinant `A C - (B cos q2)^2`.
     ac: S,
 }
 

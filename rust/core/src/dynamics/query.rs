@@ -192,7 +192,7 @@ impl Query {
         times * (bodies * (joint + bodies * pair) + n * n * n * solved + joined)
     }
 
-    /// Approximate time for one of many configurations on this machine, ns. It serves to choose how to run them.
+    /// Approximate time for one of many configurations on this machine, ns. It determines how a query is run.
     pub fn nanoseconds(&self, size: Size) -> f64 {
         let slower = match isa() {
             Isa::Baseline => 4.0,

@@ -37,7 +37,7 @@ pub struct Composite<S: Real> {
     pub inertia: Inertia<S>,
     /// Linear momentum relative to the joint origin.
     pub momentum: Vector3<S>,
-    /// `integral of u r' dm`, with the velocity `u` relative to the joint origin.
+    /// The matrix `K = integral of u r' dm`, with the velocity `u` relative to the joint origin.
     pub k: Matrix3<S>,
 }
 

@@ -1,4 +1,4 @@
-//! The bodies of an arm at one state, or at one state per lane. Tasks read them.
+//! The bodies of an arm at one state, or at one state per lane. Tasks read the bodies.
 //!
 //! The Jacobian column of a revolute joint is `[z x (p - o); z]`. Its rate is `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`.
 

@@ -80,7 +80,7 @@ impl Coordinates {
         self.rows.iter().any(|&row| row > 2)
     }
 
-    /// Compute the coordinates `x`, `(m,)`: rows of `p_WF` and of `log R_WF`.
+    /// Compute the coordinates `x`, `(m,)`: rows of the position `p_WF`, m, and of the rotation vector `log R_WF`, rad.
     pub fn position<S: Real>(&self, tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], x: &mut [S]) {
         let (r, p) = frame_pose(tree, poses, trig, q, self.frame);
         let turn = if self.turns() { rotation_log(&r) } else { Vector3::zero() };

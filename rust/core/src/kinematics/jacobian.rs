@@ -28,7 +28,7 @@ pub fn frame_pose<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)
     of_frame(tree, poses, frame)
 }
 
-/// Compute the geometric Jacobian, `(6, n)`, and return `p_WF`.
+/// Compute the geometric Jacobian, `(6, n)`, and return the position `p_WF` of the frame.
 pub fn jacobian<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize, j: &mut [S]) -> Vector3<S> {
     j.fill(S::zero());
     jacobian_on_zeros(tree, poses, trig, q, frame, j)
@@ -68,7 +68,7 @@ fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, 
     }
 }
 
-/// Write an entry of a column. If joints follow others, add it.
+/// Write an entry of a column. If joints follow others, add the value to the entry instead.
 #[inline]
 pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value: S) {
     *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };

@@ -24,9 +24,9 @@ use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 /// The pose of a body's compiled frame in the world.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pose<S: Real> {
-    /// Rotation `R_WB`.
+    /// Rotation `R_WB` from the body's axes to the world axes.
     pub rotation: Matrix3<S>,
-    /// Origin `p_WB`, m.
+    /// Origin `p_WB` of the body's frame in the world, m.
     pub origin: Vector3<S>,
 }
 

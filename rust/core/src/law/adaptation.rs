@@ -117,7 +117,7 @@ pub struct AnyAdaptive<S: Real> {
     natural: Vec<S>,
     /// All parameters, if a base set is estimated; else empty.
     full: Vec<S>,
-    /// The entries of `Y' s` for the base set.
+    /// The entries of `Y' s` that belong to the base set.
     kept: Vec<S>,
     projector: Option<Projector<S>>,
     /// The buffers of joint columns, restraint and additional adaptation; `None` for the plain adaptation.
@@ -130,13 +130,13 @@ struct More<S> {
     restraint: LaneRestraint<S>,
     composite: Option<LaneComposite<S>>,
     concurrent: Option<LaneConcurrent<S>>,
-    /// The entries of the joint columns of `Y`.
+    /// The entries of the joint columns of the regressor `Y`.
     entries: Vec<S>,
     /// The product `y = Y' s` of the transposed regressor and the sliding variable, `(p,)`.
     y: Vec<S>,
     /// The vector `w` that `Gamma` multiplies, `(p,)`; empty without restraint and without additional adaptation.
     w: Vec<S>,
-    /// The difference `y - w`, `(p,)`; empty if `w` is empty.
+    /// The difference `y - w` of the plain adaptation `y` and the adaptation `w`, `(p,)`; empty if `w` is empty.
     back: Vec<S>,
 }
 

@@ -51,7 +51,7 @@ pub struct AdaptiveSpec {
     pub motion: Motion,
     /// Position gain `Kp = Kd Lambda`, of size `n`, N m/rad or N/m.
     pub kp: Gain,
-    /// Gain `Kd` of `s`, of size `n`, N m s/rad or N s/m.
+    /// Gain `Kd` of the sliding variable `s`, of size `n`, N m s/rad or N s/m.
     pub kd: Gain,
     /// `Lambda = Kd^-1 Kp`, of size `n`, 1/s.
     pub lambda: Gain,
@@ -157,7 +157,7 @@ impl AdaptiveSpec {
         (self.model.n(), self.estimate.len())
     }
 
-    /// The entries of the joint columns of `Y`.
+    /// The entries of the joint columns of the regressor `Y`.
     fn joint_entries(&self, v_r: &[f64], a_r: &[f64]) -> Vec<f64> {
         let mut entries = vec![0.0; self.columns.count()];
         LaneColumns::from_lanes(|_| &self.columns).fill(v_r, a_r, &mut entries);

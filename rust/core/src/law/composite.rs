@@ -103,7 +103,7 @@ impl AdaptiveSpec {
 pub(super) struct LaneComposite<S> {
     rate: S,
     weight: AnyGain<S>,
-    /// Indices of the estimated columns of `Y`.
+    /// Indices of the estimated columns of the regressor `Y`.
     columns: Vec<usize>,
     bodies: usize,
     /// The number of joint columns of armature, which are part of `Y_M`.
@@ -112,17 +112,17 @@ pub(super) struct LaneComposite<S> {
     armature: Vec<S>,
     /// Whether each entry of the filtered regressor `W` of the bodies can differ from zero.
     present: Vec<bool>,
-    /// `Y(q, 0, 0, v)` for all parameters.
+    /// The regressor `Y(q, 0, 0, v)` for all parameters.
     momentum: Vec<S>,
-    /// `Y_g` for all parameters.
+    /// The regressor `Y(q, 0, 0, 0)` of the gravity torque for all parameters.
     gravity: Vec<S>,
-    /// `Y(q, v, e_i, 0)' v` for all parameters, for one joint `i`.
+    /// The product `Y(q, v, e_i, 0)' v` for all parameters, with the unit vector `e_i` of one joint.
     row: Vec<S>,
-    /// `Y_M` of the estimated columns, `(n, bodies)`.
+    /// The estimated columns of the regressor `Y_M` of the momentum `M v`, `(n, bodies)`.
     y_m: Vec<S>,
-    /// `Y_D` of the estimated columns, `(n, bodies)`.
+    /// The estimated columns of the regressor `Y_D` of the drift `g - C' v`, `(n, bodies)`.
     y_d: Vec<S>,
-    /// The entries of the joint columns of `Y`.
+    /// The entries of the joint columns of the regressor `Y`.
     entries: Vec<S>,
     /// The filtered regressor `W` of the bodies, `(n, bodies)`.
     w: Vec<S>,
@@ -175,7 +175,7 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// Compute `Y_M`, `Y_D` and the entries of the joint columns at the plant's state `x`.
+    /// Compute `Y_M`, `Y_D` and the entries of the joint columns of `Y` at the plant's state `x`.
     pub fn look<D: Dynamics<S>>(&mut self, arm: &D, ws: &mut D::Workspace, joints: &LaneColumns<S>, trig: &[(S, S)], x: &[S]) {
         let (n, all) = (self.zeros.len(), self.nothing.len());
         let (q, v, zero) = (&x[..n], &x[n..2 * n], &self.zeros);
@@ -198,12 +198,12 @@ impl<S: Real> LaneComposite<S> {
         joints.fill(v, v, &mut self.entries);
     }
 
-    /// The entries of `Y_M` and `Y_D` of the bodies, in pairs.
+    /// The pairs of entries of the bodies in the regressors `Y_M` of the momentum and `Y_D` of the drift.
     pub fn momentum_and_drift(&self) -> impl Iterator<Item = (S, S)> {
         self.y_m.iter().copied().zip(self.y_d.iter().copied())
     }
 
-    /// The entries of the joint columns of `Y`.
+    /// The entries of the joint columns of the regressor `Y`.
     pub fn entries(&self) -> &[S] {
         &self.entries
     }

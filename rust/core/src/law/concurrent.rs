@@ -86,7 +86,7 @@ pub struct StoredRows {
 }
 
 impl AdaptiveSpec {
-    /// Add learning from stored samples. `weight` is `R`, of size `n`.
+    /// Add learning from stored samples. `weight` is the weight `R` of the torque errors of the samples, of size `n`.
     pub fn concurrent(mut self, stored: StoredRows, weight: &Gain) -> Result<Self> {
         let (n, p, StoredRows { rows, torques }) = (self.model.n(), self.estimate.len(), stored);
         require_size("concurrent_weight", weight, n)?;
@@ -238,7 +238,8 @@ impl<S: Real> LaneConcurrent<S> {
         Some(LaneConcurrent { gram: each(&|own| &own.gram), moment: each(&|own| &own.moment) })
     }
 
-    /// Add `sum W_j' R e_j` to `w`, and subtract it from `back`.
+    /// Add the adaptation from stored samples, `sum W_j' R e_j`, to `w`, and subtract it from `back`. `e_j` are the torque errors of the
+    /// samples.
     pub fn push(&self, estimate: &[S], w: &mut [S], back: &mut [S]) {
         for ((row, &moment), (w, back)) in self.gram.chunks_exact(estimate.len()).zip(&self.moment).zip(w.iter_mut().zip(back)) {
             let push = row.iter().zip(estimate).fold(moment, |left, (&g, &a)| g.neg_mul_add(a, left));

@@ -45,7 +45,7 @@ impl<S: Real> BufferedLaw<S> {
         &self.tau
     }
 
-    /// The plant's input from one array: the desired motion, the plant's state and the law's state, of these widths.
+    /// The plant's input from one array: the desired motion, the plant's state and the law's state, with the lengths `widths`.
     fn input_of(&mut self, inputs: &[S], widths: [usize; 3]) -> &[S] {
         let (desired, state) = inputs.split_at(widths[0]);
         let (x, z) = state.split_at(widths[1]);
@@ -154,8 +154,8 @@ pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>,
     })
 }
 
-/// Record the law's state at the start of a run, as operations on the plant's state of this length. `None` if it does not depend on that
-/// state.
+/// Record the law's state at the start of a run, as operations on the plant's state. `states` is the length of the plant's state. The
+/// result is `None` if the law's state does not depend on the plant's state.
 pub(super) fn start_recording(spec: &LawSpec, states: usize) -> Option<Recorded> {
     if !spec.restarts() {
         return None;

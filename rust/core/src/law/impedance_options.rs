@@ -141,7 +141,8 @@ impl<S: Real> Extras<S> {
         }
     }
 
-    /// Add `F_ff` and `w` to the wrench `force`, limit it, and compute the rate `dz` of `w` from the error `e`.
+    /// Add the feed-forward wrench and the integral wrench `w` to the wrench `force`, and limit `force`. Compute the rate `dz` of `w` from
+    /// the error `e`.
     pub fn add(&self, e: &[S], z: &[S], force: &mut [S], dz: &mut [S]) {
         if let Some(feedforward) = &self.feedforward {
             force.iter_mut().zip(feedforward).for_each(|(force, &added)| *force += added);

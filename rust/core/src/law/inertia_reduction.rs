@@ -137,11 +137,11 @@ pub struct Reduction<S: Real> {
     ratio: AnyGain<S>,
     /// 1 with relative damping, else 0.
     relative: S,
-    /// The output `u` of the outer loop at the last evaluation.
+    /// The output `u` of the outer loop at the last evaluation, `(n,)`, N m.
     pub u: Vec<S>,
-    /// Joint torque `tau_J`.
+    /// Joint torque `tau_J`, `(n,)`, N m.
     pub spring: Vec<S>,
-    /// Damping torque `D0 w`.
+    /// Damping torque `D0 w`, `(n,)`, N m.
     damped: Vec<S>,
     work: Vec<S>,
 }

@@ -63,7 +63,7 @@ pub struct JointLimits {
 }
 
 impl JointLimits {
-    /// Combine the limits in `given` with the limits of the arm for missing ones.
+    /// Create the limits: `given` where it has a limit, otherwise the arm's limit.
     ///
     /// Errors: wrong lengths, NaN, limits out of order, an `a_max` that is not positive, or no finite limit at all.
     pub fn new(model: &Model, given: &LimitOverrides) -> Result<Self> {

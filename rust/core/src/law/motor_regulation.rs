@@ -50,7 +50,7 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     joint_stiffness: Gain,
     /// Whether gravity is computed from the motor positions, instead of at the target.
     online: bool,
-    /// Gravity torque `g(q_d)`, `(n,)`.
+    /// Gravity torque `g(q_d)` at the target, `(n,)`, N m.
     load: Vec<f64>,
     /// Deflection of the joints at rest, `K_J^-1 g(q_d)`, `(n,)`.
     sag: Vec<f64>,

@@ -179,9 +179,9 @@ pub(super) struct Place<'a, S> {
     pub q: &'a [S],
     pub v: &'a [S],
     pub jacobian: &'a [S],
-    /// Desired acceleration `x_d''`, `(m,)`.
+    /// Desired acceleration `x_d''` of the rows, `(m,)`, m/s^2 and rad/s^2.
     pub acceleration: &'a [S],
-    /// Desired posture `q_n` and its rate `q_n'`; empty without a null space.
+    /// Desired posture `q_n`, then its rate `q_n'`, `(n,)` each; empty without a null space.
     pub posture: &'a [S],
     /// Gravity torque `g(q)`, `(n,)`.
     pub gravity: &'a [S],
@@ -264,7 +264,7 @@ impl<S: Real> NullSpace<S> {
         force.iter_mut().zip(&self.work).for_each(|(force, &added)| *force += added);
     }
 
-    /// Compute `N' tau_0`, and add it to the torque.
+    /// Compute the projected torque `N' tau_0`, and add it to `self.torque`.
     fn project(&mut self, rows: &[usize], at: &Place<S>) {
         let (n, m) = (at.q.len(), self.wrench.len());
         let Some((stiffness, damping, projection)) = &self.posture else { return };

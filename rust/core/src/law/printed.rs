@@ -179,7 +179,7 @@ On a status other than 0 tau is the last answer that was right. */\n{};\n",
         ));
     }
 
-    /// Write `init`, and the function that advances the law's state by one step.
+    /// Write the C function `init`, and the C function that advances the law's state by one step.
     fn write_state(&self, source: &mut CSource, sizes: &PrintedSizes, timing: &CLoop) {
         let (prefix, p) = (source.prefix().to_string(), sizes.p);
         let start = self.initial_state();
@@ -271,7 +271,7 @@ static void {prefix}_advance({prefix}_state *state, double t)
         ));
     }
 
-    /// Write `step`.
+    /// Write the C function `step`.
     fn write_step(
         &self,
         source: &mut CSource,

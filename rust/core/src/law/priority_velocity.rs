@@ -34,7 +34,7 @@ pub struct PriorityVelocitySpec {
 }
 
 impl PriorityVelocitySpec {
-    /// Create the law. For the map `sns`, the arm's limits replace those missing in `limits`, and `options` must have no bounds.
+    /// Create the law. For the map `sns`, each limit that `limits` does not contain is the arm's limit, and `options` must have no bounds.
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;

@@ -193,7 +193,7 @@ impl Projection {
 /// The projection in a loop, with its buffers.
 pub struct Projector<S> {
     width: usize,
-    /// `L^-1` of each body.
+    /// The inverse factor `L^-1` of the lower bound of each body's pseudo-inertia.
     inverses: Vec<Pseudo<S>>,
     gradient: Vec<S>,
     weighted: Vec<S>,

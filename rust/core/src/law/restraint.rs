@@ -65,7 +65,7 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// Stop the adaptation while `|s| < s_0`, rad/s.
+    /// Stop the adaptation while the norm of the sliding variable `s` is below `s_0`, rad/s.
     pub fn resting_below(mut self, s_0: f64) -> Result<Self> {
         not_negative("dead_zone", s_0)?;
         self.restraint.dead_zone = s_0;

@@ -48,7 +48,7 @@ pub struct Path {
     n: usize,
     /// Path positions of the knots, `(P + 1,)`, increasing.
     knots: Vec<f64>,
-    /// Coefficients `c_k` of the pieces, `(P, TERMS, n)`.
+    /// Coefficients `c_k` of the polynomials `q(x) = sum c_k x^k`, `(P, TERMS, n)`.
     coefficients: Vec<f64>,
     /// Start and end of the path, `(n,)` each, without rounding errors.
     ends: [Vec<f64>; 2],
@@ -266,7 +266,7 @@ impl Path {
         &self.knots
     }
 
-    /// Coefficients of the pieces, `(P, TERMS, n)`, row-major.
+    /// Coefficients of the polynomials of the pieces, `(P, TERMS, n)`, row-major.
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }

@@ -44,7 +44,7 @@ impl Timing for QuinticTiming {
         } else {
             let x = t * rate;
             let y = 1.0 - x;
-            // s' = 30 x^2 (1-x)^2 and s'' = 60 x (1-x)(1-2x). In this factored form they vanish exactly at the ends.
+            // The derivatives are s' = 30 x^2 (1-x)^2 and s'' = 60 x (1-x)(1-2x). In this factored form they vanish exactly at the ends.
             [x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * (x * y) * (x * y) * rate, 60.0 * x * y * (y - x) * rate * rate]
         }
     }

@@ -6,11 +6,11 @@ use nalgebra::DVector;
 /// Position, velocity and acceleration of a motion at one time, `(n,)` each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionSample {
-    /// `q_d`, rad or m.
+    /// Position `q_d`, `(n,)`, rad or m.
     pub q: DVector<f64>,
-    /// `v_d`, rad/s or m/s.
+    /// Velocity `v_d`, `(n,)`, rad/s or m/s.
     pub v: DVector<f64>,
-    /// `a_d`, rad/s^2 or m/s^2.
+    /// Acceleration `a_d`, `(n,)`, rad/s^2 or m/s^2.
     pub a: DVector<f64>,
 }
 

@@ -77,7 +77,7 @@ fn bad_motions_are_refused() {
 
 #[test]
 fn many_instants_have_the_bits_of_single_ones() {
-    // The times are inside, at both ends and outside, on knots and between them.
+    // The times are inside the motion, at both ends and outside, on knots and between knots.
     let times: Vec<f64> = (0..45).map(|k| 0.1 * f64::from(k) - 0.2).chain([0.77, 1e7, -1e7, 3.0, 1.5]).collect();
     for m in motions() {
         for count in [1, 2, 7, 8, 9, 50] {

@@ -124,7 +124,7 @@ pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f6
 
 /// The output arrays of many problems, `(count,)` each: `t_min, t_max, a_min, a_max`, and `feasible, hold_start, hold_end`.
 pub struct BangBangTimes<'a> {
-    /// Durations and accelerations: `t_min`, `t_max`, `a_min`, `a_max`.
+    /// Durations `t_min` and `t_max`, s, then `a_min` and `a_max`, N m.
     pub numbers: [&'a mut [f64]; 4],
     /// Flags: `feasible`, `hold_start` and `hold_end`.
     pub flags: [&'a mut [bool]; 3],

@@ -165,25 +165,26 @@ impl Phase {
         y
     }
 
-    /// `F(x, length)`: the duration of the phase divided by `sqrt(I/2)`.
+    /// The time factor `F(x, length)`: the duration of the phase divided by `sqrt(I/2)`.
     pub fn time_factor(&self, length: f64) -> f64 {
         2.0 * length.sqrt() * run_lanes(Integral::<false> { phase: *self, length, accuracy: ACCURACY })
     }
 
-    /// `dF/dx` at fixed length, with the relative error `accuracy`.
+    /// The derivative `dF/dx` of the time factor at fixed length, with the relative error `accuracy`.
     pub fn time_gradient(&self, length: f64, accuracy: f64) -> f64 {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
 
-    /// `dF/dx` at fixed length, with at least three correct digits. `energy` is the kinetic energy at the end.
+    /// The derivative `dF/dx` of the time factor at fixed length, with at least three correct digits. `energy` is the kinetic energy at the
+    /// end.
     #[inline]
     pub fn rough_gradient(&self, length: f64, energy: f64) -> f64 {
         let gravity_crest = self.gravity_crest(length);
         let least = gravity_crest.map_or(f64::INFINITY, |y| self.energy(y) / y).min(self.net());
         let (enough, end) = (LEAN * (self.push + self.g.abs()), energy / length);
-        // The fixed rule is not accurate in two cases. A phase longer than one revolution passes several minima of the energy, and a
-        // minimum near zero makes a narrow peak of the integrand. A small energy at the end of the phase is less critical: the fixed rule
-        // is accurate there.
+        // The fixed rule is not accurate for a phase longer than one revolution, which passes several minima of the energy. It is also not
+        // accurate if the mean net torque comes near zero, because the integrand then has a narrow peak. At the end of the phase the limit
+        // may be a hundred times smaller, because the fixed rule is more accurate there.
         if length > TAU || least < enough || end < 0.01 * enough {
             self.time_gradient(length, 1e-3)
         } else {
@@ -192,7 +193,7 @@ impl Phase {
     }
 }
 
-/// `dF/dx` of a phase by a fixed quadrature rule.
+/// The derivative `dF/dx` of the time factor of a phase by a fixed quadrature rule.
 struct FixedRule {
     phase: Phase,
     length: f64,

@@ -50,7 +50,8 @@ impl fmt::Display for Place {
 pub struct Bind {
     /// The torque limit.
     pub limit: Limit,
-    /// Number of the phase. With two phases, 1 accelerates and 2 brakes. With three phases, they are 1, 2 and 3.
+    /// Number of the phase. In a motion with two phases, phase 1 accelerates and phase 2 brakes. In a motion with three phases, the number
+    /// is 1, 2 or 3.
     pub phase: u8,
     /// The place in the phase where the limit binds.
     pub place: Place,

@@ -220,8 +220,8 @@ pub(super) fn fastest(swings: &impl BackSwings, bound: f64) -> Option<Swing> {
     TurnSearch { swings, best: None, limit: bound, farthest: swings.farthest(bound) }.run()
 }
 
-/// Check that swings are feasible exactly within their intervals: `beside` each edge, and at evenly spaced turning points. Return the
-/// numbers of feasible and of infeasible swings.
+/// Check that swings are feasible exactly within their intervals. Check at the distance `beside` on both sides of each edge, and at
+/// multiples of `spacing`. Return the numbers of feasible and of infeasible swings.
 #[cfg(test)]
 pub(super) fn check_windows(swings: &impl BackSwings, beside: f64, spacing: f64) -> [usize; 2] {
     let windows: Vec<_> = swings.windows(FARTHEST).take_while(|&(low, _)| low < FARTHEST).collect();

@@ -55,7 +55,7 @@ fn kernels<S: Real>(r: S) -> (S, S) {
     (r + r * z * (k(-1.0 / 6.0) + z * s), k(1.0) - (k(0.5) * z - z * z * (k(1.0 / 24.0) + z * c)))
 }
 
-/// `sin r / r` and `cos r` for `|r| <= pi/4`.
+/// Compute `sin r / r` and `cos r` for `|r| <= pi/4`.
 #[inline(always)]
 pub(super) fn sinc_cos_small<S: Real>(r: S) -> (S, S) {
     let k = S::splat;
@@ -68,7 +68,7 @@ pub(super) fn sinc_cos_small<S: Real>(r: S) -> (S, S) {
     (k(1.0) + z * (k(-1.0 / 6.0) + z * s), k(1.0) - (k(0.5) * z - z * z * (k(1.0 / 24.0) + z * c)))
 }
 
-/// `r` and `n` of `x = n pi/2 + r`, for `|x| <= REDUCTION_LIMIT`.
+/// Reduce the angle `x = n pi/2 + r` to `r` and `n`, for `|x| <= REDUCTION_LIMIT`.
 #[inline(always)]
 fn reduce(x: f64) -> (f64, i64) {
     let shifted = x * FRAC_2_PI + ROUND;
@@ -179,7 +179,8 @@ mod tests {
 
     #[test]
     fn extremes_inside_are_counted() {
-        // Intervals of half a turn on either side of the maximum at pi/2 + 2 pi k, and of the minimum opposite to it, for both signs of k.
+        // The intervals span half a turn on each side of the maximum at pi/2 + 2 pi k, or of the minimum opposite to it, for both signs of
+        // k.
         for k in -5..5 {
             let crest = PI / 2.0 + 2.0 * PI * k as f64;
             let (a, b, c, d) = (sine(crest - 3.0), sine(crest - 1e-6), sine(crest + 1e-6), sine(crest + 3.2));

@@ -177,7 +177,7 @@ impl TorqueOptimum {
     }
 
     /// For equal ends: set a motion of zero duration if the torque and Coulomb friction can hold the pose, else set the reason. Return
-    /// whether they can hold it.
+    /// whether they can hold the pose.
     pub(super) fn set_still(&mut self, link: &Link) -> bool {
         let (theta, load) = (self.theta0, link.gravity_moment * sin_cos(self.theta0).0);
         let missing = [link.tau_min - load, load - link.tau_max].map(|missing| missing - self.link.coulomb);

@@ -40,11 +40,11 @@ pub struct LaneStickSlip<S> {
     /// The mode of each joint: 0 is stuck. 1 or -1 slides, or is about to slide, in the positive or negative direction.
     sides: Vec<i8>,
     before: Vec<i8>,
-    /// The matrix `A`, `(n, n)`, which the plant writes.
+    /// The mass matrix `A` of the joints, or of the motors, `(n, n)`, which the plant writes.
     pub(super) matrix: Vec<S>,
     kept: Vec<S>,
     factor: Vec<S>,
-    /// The torques `b`, `(n,)`, which the plant writes.
+    /// The sum `b` of all torques except friction, `(n,)`, N m or N, which the plant writes.
     pub(super) drive: Vec<S>,
     /// The load of each joint.
     pub(super) loads: Vec<Load<S>>,

@@ -68,7 +68,7 @@ impl Stops {
 
 /// The stops in the lanes.
 pub(super) struct LaneStops<S> {
-    /// Each stop, with its limit, `k` and `c` in each lane.
+    /// Each stop, with its limit, stiffness `k` and damping `c` in each lane.
     stops: Vec<(Stop, S, S, S)>,
 }
 

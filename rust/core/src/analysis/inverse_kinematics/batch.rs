@@ -11,8 +11,8 @@ use crate::memory;
 use crate::parallel;
 use crate::status::Status;
 
-/// Number of targets in one piece of work of a thread. A piece takes a hundred microseconds for near targets, and a second for unreachable
-/// ones.
+/// Number of targets that a thread processes in one piece of work. A piece takes a hundred microseconds for near targets, and a second for
+/// unreachable targets.
 const CHUNK: usize = 32;
 
 /// The results for `count` targets, with `k` solutions each.

@@ -141,7 +141,7 @@ impl NewtonSearch {
         Ok(())
     }
 
-    /// Take steps in priority from `q`. Return whether they ended without progress, or reached the tasks of the last steps.
+    /// Take steps in priority from `q`. Return whether the steps ended without progress, or reached the tasks of the last steps.
     fn in_priority(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         let resting = self.descend_from(q, iterations)?;
         Ok(self.without_lower_tasks(q, iterations)? || resting)
@@ -174,7 +174,7 @@ impl NewtonSearch {
         Ok(false)
     }
 
-    /// Take steps from `q`. Return whether they ended without progress.
+    /// Take steps from `q`. Return whether the steps ended without progress.
     fn descend_from(&mut self, q: &mut [f64], iterations: &mut usize) -> Result<bool> {
         clip(q, &self.bounds);
         self.mark.fill(f64::INFINITY);
@@ -281,7 +281,7 @@ impl NewtonSearch {
     }
 }
 
-/// A solver for the tasks. Below them, it has a task for the positions of the joints that have a range.
+/// Create a solver for the tasks. Below the tasks, it has a task for the positions of the joints that have a range.
 fn with_centring(arm: &Arm, tasks: &[TaskFunction], bounds: &[(f64, f64)], mut options: PriorityOptions) -> Result<ArmSolver> {
     let mut functions = tasks.to_vec();
     let joints: Vec<usize> = (0..bounds.len()).filter(|&i| (bounds[i].1 - bounds[i].0).is_finite()).collect();

@@ -66,7 +66,7 @@ pub struct MomentumObserver {
     next: ObserverState,
     /// The `dt` for which `factor` was computed, s.
     dt: f64,
-    /// The diagonal of `I + K dt`, or its Cholesky factor.
+    /// The diagonal of `I + K dt` for a diagonal gain, or its Cholesky factor for a full gain.
     factor: Vec<f64>,
     sum: Vec<f64>,
     work: Vec<f64>,

@@ -62,11 +62,11 @@ impl<S: Real> Momentum<S> {
 
 /// The momentum and the drift at the last sample, and the momentum at this sample.
 pub struct Gained<'a, S> {
-    /// Momentum `p` at the last sample.
+    /// Momentum `p` at the last sample, `(n,)`, kg m^2/s or kg m/s.
     pub momentum: &'a [S],
-    /// Drift `C' v - g - tau_f` at the last sample.
+    /// Drift `C' v - g - tau_f` at the last sample, `(n,)`, N m or N.
     pub drift: &'a [S],
-    /// Momentum `p` at this sample.
+    /// Momentum `p` at this sample, `(n,)`, kg m^2/s or kg m/s.
     pub now: &'a [S],
 }
 

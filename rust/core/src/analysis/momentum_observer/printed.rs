@@ -64,7 +64,7 @@ $gain    double next[2 * $joints], x[5 * $joints + 1 + $factor], y[$answers];
 }
 ";
 
-/// The function `contact`. The tokens `$threshold` and `$parent` are tables.
+/// The C function `contact`. The tokens `$threshold` and `$parent` are replaced by tables.
 const CONTACT: &str = "
 int $prefix_contact(const $prefix_state *state)
 {
@@ -104,7 +104,7 @@ void $prefix_init($prefix_state *state);
 int $prefix_update($prefix_state *state, const double q[$joints], const double v[$joints], const double tau[$joints], double dt, double residual[$joints]);
 ";
 
-/// The declaration of `contact`.
+/// The declaration of the C function `contact`.
 const CONTACT_HEADER: &str = "
 /* The joint of the link that is touched, from 0, or -1: the outermost joint whose residual exceeds its threshold. */
 int $prefix_contact(const $prefix_state *state);

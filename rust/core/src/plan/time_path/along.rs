@@ -19,14 +19,14 @@ impl Along {
         self.limits.iter().any(|limits| !limits.is_empty())
     }
 
-    /// The limit of `joint` at `s` in piece `p`; one if it is constant. `kind` is 0 for torque, 1 for acceleration, 2 for speed.
+    /// The limit of `joint` at `s` in piece `p`; one if the limit is constant. `kind` is 0 for torque, 1 for acceleration, 2 for speed.
     #[inline]
     pub fn limit(&self, path: &Path, kind: usize, joint: usize, p: usize, s: f64) -> f64 {
         let limits = &self.limits[kind];
         if limits.is_empty() { 1.0 } else { between(path, p, s, limits[p * self.n + joint], limits[(p + 1) * self.n + joint]) }
     }
 
-    /// The limits of a frame's acceleration and speed at `s` in piece `p`; one if they are constant.
+    /// The limits of a frame's acceleration and speed at `s` in piece `p`; one if the limits are constant.
     #[inline]
     pub fn of_tip(&self, path: &Path, p: usize, s: f64) -> [f64; 2] {
         self.tip.each_ref().map(|limits| if limits.is_empty() { 1.0 } else { between(path, p, s, limits[p], limits[p + 1]) })

@@ -37,9 +37,9 @@ pub(super) const BLOCK: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub(super) struct LimitRows {
     pub width: usize,
-    /// `(N + 1, 3 width)`: `A, B, g` of the rows at the grid points.
+    /// `(N + 1, 3 width)`: the coefficients `A, B, g` of the rows `A u + B x + g` at the grid points.
     pub coefficients: Vec<f64>,
-    /// `(N, 3 width)`: `A, B, g` of the rows half way between grid points.
+    /// `(N, 3 width)`: the coefficients `A, B, g` of the rows `A u + B x + g` half way between grid points.
     pub middles: Vec<f64>,
     /// The part of `g` that vanishes at rest, from tangents of friction: `(N + 1, width)` at grid points, `(N, width)` half way; else
     /// empty.
@@ -107,7 +107,8 @@ struct Gap {
     upper_at: usize,
     lower: f64,
     lower_at: usize,
-    /// If `BALL` is active: its tangent, as value at `x = 0` and slope.
+    /// The tangent of the limit of the frame's acceleration where this limit is the upper bound of `u`: the value at `x = 0`, and the
+    /// slope. `lower_tangent` is the corresponding tangent of the lower bound.
     upper_tangent: (f64, f64),
     lower_tangent: (f64, f64),
 }

@@ -36,7 +36,7 @@ const NODES: (usize, usize) = (200, 4000);
 const ROUGH: usize = 4;
 /// Samples between two nodes in the final check.
 const FINEST: usize = 20;
-/// The largest factor `k`.
+/// The largest factor `k` by which the motion is slowed down.
 const SLOWEST: f64 = 1e6;
 /// Number of node intervals between two checks for an interrupt.
 const LOOK: usize = 64;

@@ -32,7 +32,7 @@ pub(super) enum Stuck {
     End(f64),
 }
 
-/// The intervals `K_i`, from `low` to `high`, and the profile `x`, `(N + 1,)` each.
+/// The intervals `K_i` of feasible `x`, from `low` to `high`, and the profile `x`, `(N + 1,)` each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Profile {
     pub low: Vec<f64>,

@@ -46,7 +46,7 @@ pub(super) struct PathProblem<'a> {
     pub pieces: Vec<usize>,
     /// `(N + 1, stride)`: `q'` at the grid points, and `|p'|` of the frame's origin.
     pub slopes: Vec<f64>,
-    /// `(N + 1, 2 n)`: `B` and `g` of the torques without friction.
+    /// `(N + 1, 2 n)`: `B` and `g` of the torques `A u + B x + g` without friction.
     pub bare: Vec<f64>,
     /// `(N + 1,)`: the relative reduction of the caps.
     pub cap_tight: Vec<f64>,

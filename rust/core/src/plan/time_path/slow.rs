@@ -17,9 +17,9 @@ use super::setup::PathProblem;
 use crate::error::Result;
 use crate::motion::TimedPath;
 
-/// The smallest factor `c`.
+/// The smallest factor `c` by which the squared path speed is multiplied.
 const SLOWEST: f64 = 1e-12;
-/// The relative accuracy of the factor `c`.
+/// The relative accuracy of the factor `c` that multiplies the squared path speed.
 const SHARE: f64 = 1e-6;
 
 /// Return the faster one of `best` and a slowed timing, computed from the profile that exceeded its limits least. Slowing has no effect

@@ -50,7 +50,7 @@ const STEEP: f64 = 1e-14;
 /// The interval of `u` that satisfies the limit of acceleration at one point of a segment.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ball {
-    /// The coefficients of the `u` with the smallest acceleration: `middle[0] + middle[1] x`.
+    /// The path acceleration `u` with the smallest acceleration of the frame is `middle[0] + middle[1] x`.
     middle: [f64; 2],
     /// The vectors `c` and `d`, the parts of `b` and `m` perpendicular to `a`.
     across: [Vector3<f64>; 2],
