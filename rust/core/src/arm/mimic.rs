@@ -65,7 +65,7 @@ pub fn resolved(given: &[Option<Follows>]) -> std::result::Result<Vec<Option<Fol
     Ok(out)
 }
 
-/// The limits and the drive of a joint.
+/// The limits and the drive of a joint. The drive is rotor inertia, viscous friction and Coulomb friction.
 #[derive(Clone, Copy, Debug)]
 pub struct Moved {
     pub limits: Limits,
@@ -75,8 +75,8 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// Return the leader combined with a follower. The flag is true if the follower's limits allow no motion of the leader. They are then
-    /// ignored.
+    /// Return the limits and the drive of the leader, combined with the limits and the drive of a follower. The flag is true if the
+    /// follower's limits allow no motion of the leader. These limits are then ignored.
     pub fn with(&self, follower: &Moved, multiplier: f64, offset: f64) -> (Moved, bool) {
         let own = self.limits;
         let size = multiplier.abs();
@@ -110,12 +110,12 @@ impl Moved {
 }
 
 impl Joint {
-    /// The limits and drive of the joint.
+    /// The limits and the drive (rotor inertia and friction) of the joint.
     pub(super) fn moved(&self) -> Moved {
         Moved { limits: self.limits, armature: self.armature, damping: self.damping, friction: self.friction }
     }
 
-    /// Remove the drive of the joint, after it has been added to the leader's drive.
+    /// Remove the drive (rotor inertia and friction) of the joint, after it has been added to the leader's drive.
     pub(super) fn undriven(&mut self) {
         (self.armature, self.damping, self.friction) = (0.0, 0.0, 0.0);
     }
@@ -126,7 +126,7 @@ impl Joint {
     }
 }
 
-/// Return a line for the report: the limits of the follower allow no motion.
+/// Return a line for the report: the limits of `follower` allow no motion.
 pub fn no_room(follower: &str, leader: &str) -> String {
     format!("limits of {follower}, which follows {leader}, leave {leader} no range: left out")
 }

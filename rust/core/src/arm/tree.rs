@@ -70,7 +70,7 @@ pub struct Tree<S: Real> {
 /// The limit for the mean number of joints on the path to a body. Up to it, forward dynamics with the mass matrix is faster
 /// (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
-/// The relative cost of a joint whose placement is not a quarter turn.
+/// The relative computing time of a joint whose placement is not a quarter turn. The unit is the time of a joint with a quarter turn.
 const GENERAL: f64 = 1.25;
 /// The number of joints up to which a workspace has memory for the mass matrix: 0.5 MB.
 const MOST_JOINTS: usize = 256;
@@ -220,8 +220,8 @@ impl<S: Real> Tree<S> {
         }
     }
 
-    /// Write the inertial parameters, shape `(10 bodies,)`, in the layout of [`Tree::set_parameters`]. They equal the set ones up to
-    /// rounding.
+    /// Write the inertial parameters, shape `(10 bodies,)`, in the layout of [`Tree::set_parameters`]. Up to rounding, they equal the
+    /// parameters that were set.
     pub fn write_parameters(&self, pi: &mut [S]) {
         for (body, p) in self.bodies.iter().zip(pi.chunks_exact_mut(PARAMETERS)) {
             let inertia = match body.turn {
@@ -250,7 +250,7 @@ impl<S: Real> Tree<S> {
         &self.bodies[self.joining.as_ref().map_or(coordinate, |joining| joining.leaders[coordinate])]
     }
 
-    /// The sine, cosine and position of a body's joint, from those of the coordinates.
+    /// The sine, the cosine and the position of a body's joint, computed from the sines, cosines and positions of the coordinates.
     #[inline]
     pub fn position(&self, body: usize, trig: &[(S, S)], q: &[S]) -> ((S, S), S) {
         let Some(joining) = &self.joining else { return (trig[body], q[body]) };
@@ -271,8 +271,8 @@ impl<S: Real> Tree<S> {
     }
 }
 
-/// Return axes with z along `axis`. If possible, the rotation from them through `before` to the parent's axes is a quarter turn. If z of
-/// the model is already along the joint axis, the axes of the model do not change.
+/// Return the axes of a body's compiled frame, as the columns of a rotation matrix `turn`. Its z axis is `axis`. If possible, `before turn`
+/// is a quarter turn. If `axis` is the z axis of the model, the result is the identity.
 fn compiled_axes(before: &Matrix3<f64>, axis: Vector3<f64>) -> Matrix3<f64> {
     let mut turn = Matrix3::taking_z_to(axis);
     let first = turn;

@@ -12,7 +12,7 @@ use crate::status::Status;
 /// The number of accepted and rejected steps after which a run ends.
 pub const MAX_STEPS: u64 = 10_000_000;
 
-/// The work of an adaptive method since the start of the run.
+/// The numbers of evaluations, steps and decompositions of an adaptive method since the start of the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
     /// The number of evaluations of the right-hand side.
@@ -106,7 +106,7 @@ pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     fn x(&self) -> &B;
     /// The state, which the caller sets before `begin`.
     fn x_mut(&mut self) -> &mut B;
-    /// The work done since the start of the run.
+    /// The numbers of evaluations, steps and decompositions since the start of the run.
     fn work(&self) -> Work;
     /// Set the largest step size from now on, s. It is infinite at first.
     fn limit_step(&mut self, h_max: f64);

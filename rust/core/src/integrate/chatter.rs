@@ -20,7 +20,8 @@ const MOVES: f64 = 1e3;
 const NOTICED: f64 = 0.1;
 /// The number of bisections. A change of the slope within `2^-30` of the interval counts as a jump.
 const HALVINGS: usize = 30;
-/// A jump requires that each bisection keeps at least this fraction of the first change of the slope. Two jumps in one interval pass, too.
+/// A jump requires that each bisection keeps at least this fraction of the first change of the slope. A slope with two jumps in one
+/// interval also satisfies this condition.
 const REMAINS: f64 = 0.25;
 /// A jump of the slope is at least this many times larger than the effect of rounding errors on the slope.
 const NOISE: f64 = 10.0;
@@ -28,8 +29,9 @@ const NOISE: f64 = 10.0;
 /// The state of the chattering detection.
 #[derive(Clone, Debug)]
 pub(super) struct Chatter<B> {
-    /// The number of attempts at which the next check is due, and the number of attempts spent at jumps.
+    /// The number of attempts at which the next check is due.
     look_at: u64,
+    /// The number of attempts spent at jumps.
     spent: u64,
     slope: B,
     low: B,

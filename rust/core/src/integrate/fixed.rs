@@ -10,7 +10,7 @@ use super::{Buffer, FixedStep, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// A fraction of the time span, or of a step. A smaller remainder of the span is a rounding error, and needs no separate step.
+/// If the remainder of the time span is below this fraction of a step, the last step includes it.
 const SLIVER: f64 = 1e-9;
 
 /// A method of fixed step size `h` as an adaptive method.
@@ -35,8 +35,8 @@ pub struct Steps<M, B, U> {
 }
 
 impl<M, B: Clone, U: Clone> Steps<M, B, U> {
-    /// Return a method with steps of size `h > 0`, s. `each` is the work of one step. The sizes of `state` and `input` determine the
-    /// memory.
+    /// Return a method with steps of size `h > 0`, s. `each`: the numbers of evaluations and decompositions of one step. The sizes of
+    /// `state` and `input` determine the memory.
     pub fn new(method: M, h: f64, each: Work, state: B, input: U) -> Self {
         let (x_old, f_old, f) = (state.clone(), state.clone(), state.clone());
         Steps {

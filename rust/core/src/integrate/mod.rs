@@ -131,7 +131,8 @@ pub struct Attempt<'a, S, B> {
 pub trait Differentiable<S: Real>: System<S> {
     /// Write the slope `f(u, x)` to `dx`, shape `(n,)`, and `df/dx` to `j`, shape `(n, n)`, row-major. `u` is the input at time `t`.
     fn linearise(&mut self, t: f64, u: &Self::Input, x: &[S], dx: &mut [S], j: &mut [S]);
-    /// Write `df/dt` at constant `x` to `dft`, shape `(n,)`. The change of the input with time causes it. `u` is the input at time `t`.
+    /// Write `df/dt` at constant `x` to `dft`, shape `(n,)`. This derivative is not zero if the input changes with time. `u` is the input
+    /// at time `t`.
     fn time_derivative(&mut self, t: f64, u: &Self::Input, x: &[S], dft: &mut [S]);
     /// Whether the input is constant. Then `df/dt` is zero and is not computed.
     fn autonomous(&self) -> bool {

@@ -32,14 +32,14 @@ pub struct Request<'a> {
     pub events: &'a [Event],
 }
 
-/// The end of a run: its status, its time and its work.
+/// The end of a run: its status, its time, and the numbers of its evaluations and steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOutcome {
     /// The reason of the end.
     pub status: Status,
     /// The time at the end, s.
     pub t: f64,
-    /// The work of the run.
+    /// The numbers of evaluations, steps and decompositions of the run.
     pub work: Work,
 }
 

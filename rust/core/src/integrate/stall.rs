@@ -15,8 +15,9 @@ const SLOW: u32 = 10;
 /// The progress of a run through its windows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StallDetector {
-    /// The number of attempts at which the next check is due, and the time of the last check, s.
+    /// The number of attempts at which the next check is due.
     look_at: u64,
+    /// The time of the last check, s.
     t: f64,
     slow: u32,
 }

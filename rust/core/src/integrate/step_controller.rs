@@ -30,13 +30,14 @@ pub struct StepController<T> {
     pub tolerance: T,
     pub t: f64,
     pub t_old: f64,
-    /// The end of the segment, and the latest time at which its input is evaluated.
+    /// The end of the segment, s.
     pub t_end: f64,
+    /// The latest time at which the input of the segment is evaluated, s.
     pub input_end: f64,
-    /// The size of the next attempt.
+    /// The size of the next attempt, s.
     pub h: f64,
     pub h_max: f64,
-    /// The first step size, if the caller chose one, otherwise zero.
+    /// The first step size, s, if the caller chose one, otherwise zero.
     pub h_first: f64,
     pub work: Work,
     stall: StallDetector,
@@ -70,7 +71,7 @@ impl<T: Accuracy> StepController<T> {
         self.stall.begin(&self.work, t);
     }
 
-    /// Return `t`, but at most the latest time of the input.
+    /// Return the smaller of `t` and the latest time at which the input is evaluated, s.
     pub fn input_time(&self, t: f64) -> f64 {
         t.min(self.input_end)
     }
@@ -110,7 +111,7 @@ impl<T: Accuracy> StepController<T> {
         }
         let span = self.t_end - self.t;
         let (x, k) = (x.as_ref(), k.as_ref());
-        // A very steep slope has a square that overflows.
+        // The square of a very large component overflows. Then the norm is infinite, and the largest finite number replaces it.
         let d0 = self.norm(x, x, |i| x[i]).min(f64::MAX);
         let d1 = self.norm(x, x, |i| k[i]).min(f64::MAX);
         let h0 = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(span);

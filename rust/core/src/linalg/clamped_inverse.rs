@@ -13,7 +13,7 @@ use super::jacobi_rotation::{JacobiRotation, least_to_turn};
 use crate::scalar::Real;
 
 /// For each number of rows, the number of sweeps after which off-diagonal entries are below 1e-7 of the largest eigenvalue. The error of
-/// the result is of second order in them.
+/// the result is proportional to the squares of these entries.
 const SWEEPS: [usize; 7] = [0, 0, 1, 4, 5, 6, 7];
 
 /// The clamped inverse of matrices of one size, with its memory.

@@ -4,7 +4,7 @@
 
 use crate::scalar::Real;
 
-/// If eigenvalues differ by a smaller fraction of the matrix norm, they are taken as equal, and the axes are not rotated. The rounding
+/// If two eigenvalues differ by less than this fraction of the matrix norm, they count as equal, and the axes are not rotated. The rounding
 /// error of rates is 1e-16 divided by this number.
 const SAME: f64 = 1e-7;
 

@@ -151,7 +151,8 @@ impl Svd {
     /// Rotate pairs of rows of `g` in sweeps until all pairs are orthogonal, and apply the rotations to the rows of `vt`.
     fn rotate(&mut self) -> Result<()> {
         let (p, k) = (self.p, self.k);
-        // The computed product of two vectors of length p has an error of p ulp of their norms.
+        // The computed product of two vectors of length `p` has a rounding error of `p` units in the last place of the product of their
+        // norms.
         let tol = f64::EPSILON * (p.max(4) as f64);
         for _ in 0..MAX_SWEEPS {
             let mut quiet = true;

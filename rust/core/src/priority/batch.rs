@@ -1,5 +1,6 @@
-//! Batches of stacks with equal sizes. A program of the route `regular` solves Equation (5), one stack per lane. If this route declines a
-//! stack, another route solves it alone. So every row has the bits, ranks and status of a single solve, and does not depend on other rows.
+//! Batches of stacks with equal sizes. A program of the algorithm `regular` solves Equation (5), one stack per lane. The program reports
+//! the stacks for which its result is not valid. Another algorithm solves each of these stacks alone. So every row has the bits, ranks and
+//! status of a single solve, and does not depend on other rows.
 
 use super::method::PriorityMethod;
 use super::regular::regular_ranks;
@@ -18,9 +19,9 @@ const MOST: usize = 12_000;
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
-    /// Record the route `regular` as a program, for one row or for lanes. `stack` computes rounding, Jacobians and command from `inputs`
-    /// numbers. The results are a flag, then `v` and, if requested, the residuals. The flag is one if the route is valid, and zero if it
-    /// declines. The return value is `None` if the program would be too long.
+    /// Record the algorithm `regular` as a program, for one row or for lanes. `stack` computes rounding, Jacobians and command from
+    /// `inputs` numbers. The results are a flag, then `v` and, if requested, the residuals. The flag is one if the results are valid,
+    /// otherwise zero. The return value is `None` if the program would be too long.
     pub fn recorded<T>(
         &self,
         lanes: bool,
@@ -62,8 +63,8 @@ impl PrioritySolver {
 }
 
 impl PrioritySolver {
-    /// Record the route `regular` for stacks of plain matrices. The arguments are Jacobians, command and rounding. The results are the flag
-    /// of validity, `v` and the residuals.
+    /// Record the algorithm `regular` for stacks of plain matrices. The arguments are Jacobians, command and rounding. The results are the
+    /// flag of validity, `v` and the residuals.
     pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
         let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
         let stack = |(), inputs: &[Sym]| {
@@ -176,7 +177,7 @@ impl StackBatch {
         }
     }
 
-    /// Solve all stacks with the program, and list those that it declines.
+    /// Solve all stacks with the program. List the stacks for which the result of the program is not valid.
     fn run(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
         let StackBatch { program, single, declined, .. } = self;
         let Some(program) = program else { return };
@@ -203,7 +204,8 @@ impl StackBatch {
     }
 }
 
-/// Solve stack `i` of the batch alone. `declined`: whether the regular route has already declined it.
+/// Solve stack `i` of the batch alone. `declined`: whether the algorithm `regular` has already reported that it is not valid for this
+/// stack.
 fn solve_one(solver: &mut PrioritySolver, given: &StackRows, i: usize, declined: bool) -> Result<Status> {
     let (n, levels) = (solver.n(), solver.rows().len());
     let (mut at, mut to) = (0, 0);

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::linalg::svd::Svd;
 use crate::linalg::{axpy, dot};
 
-/// The lost part of a command is taken as rounding error if it is below this multiple of `rounding c (|v_i| + |J_i| |v|)`.
+/// The lost part of a command counts as rounding error if it is below this multiple of `rounding c (|v_i| + |J_i| |v|)`.
 const COMPATIBLE: f64 = 1e3;
 
 /// The kind of singularity of the stack.

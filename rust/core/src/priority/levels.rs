@@ -105,10 +105,11 @@ impl Workspace {
         Ok(())
     }
 
-    /// Return `(counted, spent)`, two numbers of singular directions of level `i` after `project`. `condition` is updated.
+    /// Return `(counted, spent)` for level `i` after `project`. Of the first `spent` singular directions, which no lower level may use,
+    /// this level commands the first `counted`. Update `condition`.
     ///
-    /// Some directions are between the rounding error and the cut-off of the rule. They are spent but not counted. They may be noise, so
-    /// that this level must not command them. They may also be real, so that motion of a lower level along them would disturb this level.
+    /// A singular value between the rounding error and the cut-off of the rank rule is spent but not counted. Such a direction may be
+    /// noise, so that this level must not command it. It may also be real, so that a lower level along it would disturb this level.
     pub(super) fn consume_exact_rank(&mut self, i: usize, condition: &mut f64) -> Result<(usize, usize)> {
         let norm = self.spectral_norm(i)?;
         let rank = self.svd.rank(self.rounding * norm * *condition);

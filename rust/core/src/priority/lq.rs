@@ -1,4 +1,4 @@
-//! LQ and QR factorisations for the route `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
+//! LQ and QR factorisations for the algorithm `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
 //!
 //! Contents: `J_E = L Q` by Householder reflections of rows, least squares for a level with more rows than free directions, and `|T^-1|_F`.
 
@@ -43,7 +43,7 @@ impl<S: Real> Factor<S> {
             // The reflector is `w = x - alpha e1` with `alpha = -sign(x0) |x|`.
             let w = &mut w[at * n + at..(at + 1) * n];
             w.copy_from_slice(&row[at..]);
-            // w'y = x'y - alpha y1, so that these products need not wait for the norm.
+            // The relation `w'y = x'y - alpha y1` is used. So these products can be computed before the norm is known.
             for (product_of, row) in products.iter_mut().zip(below.chunks_exact(n)) {
                 *product_of = product(w, &row[at..]);
             }

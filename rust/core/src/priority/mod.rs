@@ -6,10 +6,10 @@
 //! *stack* is the list of all levels. Five methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can
 //! be commanded, and why others cannot. The page `docs/priority.md` has the derivation, the limits and a table of the methods.
 //!
-//! A *route* is one way to compute the solution. `regular` uses LQ factorisations. It requires a proof that every singular value is large
-//! and that no bound is met. `pairs` solves levels of one or two rows in closed form, also at singularities. `levels` is the general
-//! recursion with singular values, and `sns` adds bounds. `batch` solves many stacks with a program that is recorded from `regular`.
-//! `solver` owns the memory and selects the route.
+//! A *route* is one algorithm that computes the solution. The route `regular` uses LQ factorisations. It requires a proof that every
+//! singular value is large and that no bound is met. `pairs` solves levels of one or two rows in closed form, also at singularities.
+//! `levels` is the general recursion with singular values, and `sns` adds bounds. `batch` solves many stacks with a program that is
+//! recorded from `regular`. `solver` owns the memory and selects the route.
 
 #[doc(hidden)]
 mod batch;

@@ -3,9 +3,9 @@
 //!
 //! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`.
 //!
-//! For `clamp`, `h = q`. For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals that of `levels` if `P` is a projector before every
-//! level that has a following level. So only the last two levels may use a direction partially. Otherwise the route declines. It also
-//! declines if a threshold is so small that one rotation is not accurate enough.
+//! For `clamp`, `h = q`. For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals the result of `levels` if `P` is a projector before
+//! every level that has a following level. So only the last two levels may use a direction partially. Otherwise the algorithm reports that
+//! its result is not valid. It also reports this if a threshold is so small that one rotation is not accurate enough.
 //!
 //! The code does not branch on numbers, so that a recorded program and a direct solve have the same bits.
 
@@ -16,8 +16,8 @@ use super::regular::threshold2;
 use crate::scalar::{Float, Real};
 use crate::trace::function::Evaluation;
 
-/// If the square of a threshold is below this fraction of the square of a level, the route declines. Otherwise the rounding error divided
-/// by the threshold is at most 1e-13.
+/// If the square of a threshold is below this fraction of the square of a level, the algorithm is not valid. Above this limit, the rounding
+/// error divided by the threshold is at most 1e-13.
 const LEAST: f64 = 1e-6;
 
 /// The square of a ratio. If a singular value is below this ratio times the threshold, its direction is not used.
@@ -26,7 +26,7 @@ const UNUSED: f64 = 1e-16;
 /// The number of direct solves after which a program is made.
 const OFTEN: u64 = 16;
 
-/// The route for stacks of one size, with its memory.
+/// The closed-form algorithm for stacks of one size, with its memory.
 #[derive(Debug, Clone)]
 pub(super) struct PairRoute<S> {
     n: usize,
@@ -35,23 +35,26 @@ pub(super) struct PairRoute<S> {
     /// The squares of the thresholds in the options.
     eps2: Option<Vec<S>>,
     metric: Option<Metric<S>>,
-    /// The stack in the coordinates of the metric, and its rows multiplied with the projectors of the levels above.
+    /// The stack in the coordinates of the metric.
     j: Vec<S>,
+    /// The rows of the stack multiplied with the projectors of the levels above.
     projected: Vec<S>,
     y: Vec<S>,
     /// For each rotated row, `1 / s^2` if the row uses its direction completely, otherwise zero.
     full: Vec<S>,
     /// The squares of the present thresholds.
     threshold2: Vec<S>,
-    /// The results: joint velocities `(n,)`, residuals `(sum rows,)`, and for each level the number of realised directions and whether one
-    /// is lost.
+    /// The joint velocities, shape `(n,)`, rad/s or m/s.
     pub v: Vec<S>,
+    /// The residuals, shape `(sum rows,)`, in the units of the tasks.
     pub residual: Vec<S>,
+    /// The number of realised directions of each level.
     pub ranks: Vec<S>,
+    /// For each level, one if a direction is lost, otherwise zero.
     pub lost: Vec<S>,
 }
 
-/// One direction of a level: its row `g`, its command, and its use.
+/// One direction of a level: its row `g`, its command, and whether it is used.
 struct Direction<'a, S> {
     g: &'a [S],
     /// The square of the singular value, `s^2 = g g'`.
@@ -62,7 +65,7 @@ struct Direction<'a, S> {
 }
 
 impl<S: Real> PairRoute<S> {
-    /// Return the route for levels of these sizes, thresholds and metric. The result is `None` if the closed form does not apply.
+    /// Return the closed-form algorithm for levels of these sizes, thresholds and metric. The result is `None` if it does not apply.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         if !method.damps() || rows.iter().any(|&m| m > 2) {
             return None;
@@ -91,7 +94,7 @@ impl<S: Real> PairRoute<S> {
         own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
     }
 
-    /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. Return one if the route is valid, otherwise zero.
+    /// Solve the stack `jacobian`, shape `(sum rows, n)`, for the command `command`. Return one if the result is valid, otherwise zero.
     pub fn solve(&mut self, jacobian: &[S], command: &[S]) -> S {
         let (zero, one) = (S::zero(), S::splat(1.0));
         let PairRoute { n, rows, j, projected, metric, y, eps2, threshold2: thresholds, .. } = self;
@@ -227,11 +230,11 @@ fn lambda2<S: Real>(directions: &[Direction<S>], threshold2: S) -> S {
     threshold2 * left * left
 }
 
-/// The route for single stacks.
+/// The closed-form algorithm for single stacks.
 #[derive(Debug, Clone)]
 pub(super) struct SinglePairs {
     direct: PairRoute<Float>,
-    /// The program of the route, after it has been made. It has the same bits as `direct`.
+    /// The program of the algorithm, after it has been made. It has the same bits as `direct`.
     program: Option<Evaluation>,
     solves: u64,
 }
@@ -245,12 +248,12 @@ pub(super) struct Answer<'a> {
 }
 
 impl SinglePairs {
-    /// Create the route with [`PairRoute::new`].
+    /// Create the algorithm with [`PairRoute::new`].
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         PairRoute::new(n, rows, method, eps, metric).map(|direct| SinglePairs { direct, program: None, solves: 0 })
     }
 
-    /// Set the thresholds, and discard the program, which contains the old ones.
+    /// Set the thresholds, and discard the program, which contains the old thresholds.
     pub fn set_eps(&mut self, eps: &[f64]) {
         (self.program, self.solves) = (None, 0);
         self.direct.set_eps(eps);
@@ -261,13 +264,13 @@ impl SinglePairs {
         self.program.is_none() && self.solves == OFTEN
     }
 
-    /// Use this program from `PrioritySolver::of_pairs` from now on.
+    /// From now on, use a program made with `PrioritySolver::of_pairs`.
     pub fn take(&mut self, program: Option<Evaluation>) {
         self.solves += 1;
         self.program = program;
     }
 
-    /// Solve a stack. Return false if the route declines.
+    /// Solve a stack. Return false if the result is not valid.
     pub fn solve(&mut self, jacobian: &[f64], command: &[f64], answer: Answer) -> bool {
         let Answer { v, residual, ranks, lost } = answer;
         let (n, total, levels) = (v.len(), residual.len(), ranks.len());

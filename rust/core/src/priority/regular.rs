@@ -2,13 +2,13 @@
 //! The prioritised solution is `v = Q' y`, where forward substitution solves `L y = [v1; v2; ..]`. The reason: the diagonal block `T_i` of
 //! `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
 //!
-//! The route is valid only if it provably gives the result of the recursion in `levels`. The number `1/|T_i^-1|_F` is a lower bound of the
-//! smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For `exact`, it must satisfy the rank rule
-//! with a margin of six digits. Otherwise the route declines, and `levels` solves the stack.
+//! The result is valid only if it provably equals the result of the recursion in `levels`. The number `1/|T_i^-1|_F` is a lower bound of
+//! the smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For `exact`, it must satisfy the rank
+//! rule with a margin of six digits. Otherwise the result is not valid, and `levels` solves the stack.
 //!
-//! For `sns`, the solution is that of `exact` if zero and the solutions of levels 1 to `i`, for every `i`, are within the bounds. For
-//! `chiaverini`, it is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}` removes the coordinates of the levels above, and
-//! `1/|J_i#|_F` must reach `eps_i`.
+//! For `sns`, the result is valid if zero velocity is within the bounds, and also the solution of levels 1 to `i` for every `i`. It then
+//! equals the solution of `exact`. For `chiaverini`, it is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}` removes the
+//! coordinates of the levels above, and `1/|J_i#|_F` must reach `eps_i`.
 //!
 //! Direct solves and recordings use the same code, which never branches on numbers. So a program and a direct solve with the same
 //! instruction set have the same bits.
@@ -20,10 +20,11 @@ use super::own::Own;
 use crate::scalar::{Float, Real};
 use crate::trace::Evaluation;
 
-/// `exact` uses this route only for relative singular values above this limit. Forward substitution then loses no significant digits.
+/// The method `exact` uses this algorithm only for relative singular values above this limit. Forward substitution then loses no
+/// significant digits.
 const EXACT_FLOOR: f64 = 1e-6;
 
-/// The route for stacks of one size, with its memory.
+/// The algorithm `regular` (Equation (5) by an LQ factorisation) for stacks of one size, with its memory.
 #[derive(Debug, Clone)]
 pub struct Regular<S> {
     n: usize,
@@ -41,18 +42,20 @@ pub struct Regular<S> {
     factor: Factor<S>,
     /// The rows of the first level with more rows than free directions.
     tall: Vec<S>,
-    /// For each level, the square of its largest row norm and of its Frobenius norm.
+    /// For each level, the square of its largest row norm.
     most2: Vec<S>,
+    /// For each level, the square of its Frobenius norm.
     norm2: Vec<S>,
     r: Vec<S>,
     z: Vec<S>,
-    /// The results: joint velocities, shape `(n,)`, rad/s or m/s, and residuals, shape `(sum rows,)`, in the units of the tasks.
+    /// The joint velocities, shape `(n,)`, rad/s or m/s.
     pub v: Vec<S>,
+    /// The residuals, shape `(sum rows,)`, in the units of the tasks.
     pub residual: Vec<S>,
 }
 
 impl<S: Real> Regular<S> {
-    /// Create the route for levels of these sizes, thresholds and metric. The bounds of `sns` are set later.
+    /// Create the algorithm for levels of these sizes, thresholds and metric. The bounds of `sns` are set later.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Self {
         let (mut fit, mut fitting) = (0, 0);
         while fitting < rows.len() && fit + rows[fitting] <= n {
@@ -94,12 +97,12 @@ impl<S: Real> Regular<S> {
     }
 
     pub fn set_eps(&mut self, eps: &[f64]) {
-        // Some searches set thresholds in every step, so that existing memory is reused.
+        // The existing memory is reused, because some searches set thresholds in every step.
         let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
         own.iter_mut().zip(eps).for_each(|(own, eps)| *own = S::from_lanes(|_| eps * eps));
     }
 
-    /// Solve the stack `jacobian`, shape `(sum rows, n)`, and write the results to `v` and `residual`. Return one if the route is valid.
+    /// Solve the stack `jacobian`, shape `(sum rows, n)`, and write the results to `v` and `residual`. Return one if the result is valid.
     /// Return zero if a level is not provably regular, or if a number is extreme.
     pub fn solve(&mut self, rounding: S, jacobian: &[S], command: &[S]) -> S {
         self.load(jacobian);
@@ -116,7 +119,7 @@ impl<S: Real> Regular<S> {
         }
         self.joint_velocities(self.n);
         let Regular { n, v, residual, .. } = self;
-        // Comparisons with NaN are false.
+        // Each comparison with NaN is false, so that NaN makes the result invalid.
         let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
         residual.iter_mut().zip(jacobian.chunks_exact(*n)).zip(command).fold(stands, |stands, ((residual, row), &command)| {
             *residual = command - product(row, v);
@@ -161,7 +164,7 @@ impl<S: Real> Regular<S> {
         let (Some(own), mut start) = (own, 0) else { return S::zero() };
         factor.y.fill(S::zero());
         for (i, &m) in rows.iter().enumerate().filter(|(_, m)| **m > 0) {
-            // A level without free directions has no effect in this method either.
+            // A level without free directions has no effect in the method `chiaverini` either.
             if start >= *n {
                 break;
             }
@@ -191,7 +194,8 @@ impl<S: Real> Regular<S> {
         }
     }
 
-    /// Return one if every level is regular, otherwise zero. This also computes the coordinates of the level that does not fit.
+    /// Return one if every level is regular, otherwise zero. Also compute the coordinates of the first level that has more rows than free
+    /// directions.
     fn judge(&mut self, rounding: S, command: &[S]) -> S {
         let Regular { n, rows, fitting, method, eps2, factor, tall: behind, most2, norm2, r, z, .. } = self;
         let (one, zero) = (S::splat(1.0), S::zero());
@@ -219,7 +223,7 @@ impl<S: Real> Regular<S> {
             } else {
                 inverse2 * threshold2(eps2.as_deref(), i, most2[i])
             };
-            // NaN fails every comparison, so that the route declines.
+            // A comparison with NaN is false, so that NaN makes the result invalid.
             stands = S::select(one.lt(excess), zero, S::select(excess.lt(S::splat(2.0)), stands, zero));
         }
         stands
@@ -231,7 +235,7 @@ pub(super) fn threshold2<S: Real>(eps2: Option<&[S]>, i: usize, most2: S) -> S {
     eps2.map_or(S::splat(DEFAULT_EPS * DEFAULT_EPS) * most2, |eps2| eps2[i])
 }
 
-/// Return the number of realised directions of every level, for a stack that this route solves.
+/// Return the number of realised directions of every level, for a stack that the algorithm `regular` solves.
 pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = usize> {
     rows.iter().scan(n, |free, &m| {
         let p = m.min(*free);
@@ -240,38 +244,38 @@ pub(super) fn regular_ranks(n: usize, rows: &[usize]) -> impl Iterator<Item = us
     })
 }
 
-/// The route for single stacks.
+/// The algorithm `regular` for single stacks.
 #[derive(Debug, Clone)]
 pub(super) struct Single {
     direct: Regular<Float>,
-    /// The program of the route, after it has been made. It has the same bits as `direct`.
+    /// The program of the algorithm, after it has been made. It has the same bits as `direct`.
     program: Option<Evaluation>,
 }
 
 impl Single {
-    /// Create the route with [`Regular::new`].
+    /// Create the algorithm with [`Regular::new`].
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Self {
         Single { direct: Regular::new(n, rows, method, eps, metric), program: None }
     }
 
-    /// Use this program from [`PrioritySolver::of_stacks`](super::PrioritySolver) from now on.
+    /// From now on, use a program made with [`PrioritySolver::of_stacks`](super::PrioritySolver).
     pub fn take(&mut self, program: Option<Evaluation>) {
         self.program = program;
     }
 
-    /// Set the thresholds, and discard the program, which contains the old ones.
+    /// Set the thresholds, and discard the program, which contains the old thresholds.
     pub fn set_eps(&mut self, eps: &[f64]) {
         self.program = None;
         self.direct.set_eps(eps);
     }
 
-    /// Set the bounds, and discard the program, which contains the old ones.
+    /// Set the bounds, and discard the program, which contains the old bounds.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) {
         self.program = None;
         self.direct.set_bounds(v_min, v_max);
     }
 
-    /// Solve a stack, and write the results to `v` and `residual`. Return false if the route declines.
+    /// Solve a stack, and write the results to `v` and `residual`. Return false if the result is not valid.
     pub fn solve(&mut self, rounding: f64, jacobian: &[f64], command: &[f64], v: &mut [f64], residual: &mut [f64]) -> bool {
         if let Some(program) = &mut self.program {
             let (given, rest) = program.inputs(0, jacobian.len() + command.len() + 1).split_at_mut(jacobian.len());

@@ -4,7 +4,7 @@
 //!
 //! The solution `v(s) = s a + b` is affine in `s`. As long as `s = 1` violates a bound, the joint that limits `s` most is fixed at its
 //! bound. Its direction is removed from `N`, and the other joints take over. The search keeps the largest feasible scale. A level without a
-//! feasible scale (only `s < 0`) does not change `v_above`. Ranks are those of `exact`, so that higher levels are never disturbed.
+//! feasible scale (only `s < 0`) does not change `v_above`. Ranks equal the ranks of `exact`, so that higher levels are never disturbed.
 
 use super::workspace::Workspace;
 use crate::error::Result;
@@ -15,22 +15,23 @@ use crate::linalg::{axpy, dot};
 const MOBILE: f64 = 1e-10;
 
 /// The rounding error of `v(s)`, divided by its largest parts, which cancel near singularities. A smaller distance of a joint from its
-/// bound is taken as zero. The same limit applies to the rate of a joint.
+/// bound counts as zero. The same limit applies to the rate of a joint.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// An excess over a bound is removed if it is rounding noise: at most these fractions of the velocity of the fastest joint.
 const MOST_EDGE: f64 = 1e-11;
 const LEAST_EDGE: f64 = 1e-13;
 
-/// Scales whose relative difference is below this limit are taken as equal.
+/// Scales whose relative difference is below this limit count as equal.
 const ALIKE: f64 = 1e-9;
 
 /// Memory of the method, shape `(n,)` each.
 #[derive(Debug, Clone)]
 pub(super) struct Saturation {
-    /// The coefficients of `v(s) = s a + b`: `a` and `b` in metric coordinates, `va` and `vb` in joint velocities.
+    /// The coefficients `a` and `b` of `v(s) = s a + b`, in metric coordinates.
     a: Vec<f64>,
     b: Vec<f64>,
+    /// The coefficients `a` and `b` as joint velocities, rad/s or m/s.
     va: Vec<f64>,
     vb: Vec<f64>,
     base: Vec<f64>,

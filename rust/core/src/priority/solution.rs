@@ -12,7 +12,7 @@ pub struct Solution {
     /// Residuals `v_i - J_i v` of each level, shape `(rows_i,)`, in the unit of the task.
     pub residuals: Vec<Vec<f64>>,
     /// The number of realised directions of each level. For `exact`, `chiaverini` and `sns`, the rank rule counts them. For `clamp` and
-    /// `damped`, they are those with `s >= eps`.
+    /// `damped`, the directions with `s >= eps` count.
     pub ranks: Vec<usize>,
     /// The scale of each level's command. It is 1 except for `sns`.
     pub scales: Vec<f64>,

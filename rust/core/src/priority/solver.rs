@@ -1,7 +1,7 @@
 //! The solver of stacks. Its construction allocates all memory, and solves do not allocate.
 //!
 //! It maps levels `(J_i, v_i)` to joint velocities `v`, with residuals `v_i - J_i v`, ranks and a status. The solver checks its inputs. So
-//! all routes receive only finite numbers of moderate magnitude.
+//! all algorithms receive only finite numbers of moderate magnitude.
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions, TAME};
 use super::metric::Metric;
@@ -34,7 +34,7 @@ pub struct PrioritySolver {
     method: PriorityMethod,
     work: Workspace,
     saturation: Option<Saturation>,
-    /// The route for levels of at most two rows in closed form, if it applies.
+    /// The closed-form algorithm for levels of at most two rows, if it applies.
     pairs: Option<SinglePairs>,
     status: Status,
     uses: u64,
@@ -54,7 +54,7 @@ impl PrioritySolver {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
         }
         let levels = rows.len();
-        // The memory contains the Jacobians twice, two decompositions with their bases, and the regular route.
+        // The memory contains the Jacobians twice, two decompositions with their bases, and the memory of the algorithm `regular`.
         let (total, most) = rows.iter().fold((0, n), |(total, most): (usize, usize), &m| (total.saturating_add(m), most.max(m)));
         memory::require((16_usize.saturating_mul(most)).saturating_add(8_usize.saturating_mul(total)).saturating_mul(8 * most))?;
         let eps = match options.eps.as_deref() {
@@ -79,7 +79,7 @@ impl PrioritySolver {
             }
             (None, None) => {}
             (lower, upper) => {
-                // A bound that is not given is the negative of the other bound.
+                // If only one bound exists, its negative is the other bound.
                 let mirror = |x: &Vec<f64>| x.iter().map(|b| -b).collect::<Vec<f64>>();
                 let low = lower.clone().unwrap_or_else(|| mirror(upper.as_ref().unwrap_or(&Vec::new())));
                 let high = upper.clone().unwrap_or_else(|| mirror(lower.as_ref().unwrap_or(&Vec::new())));
@@ -119,7 +119,7 @@ impl PrioritySolver {
         self.work.bounds.as_ref()
     }
 
-    /// Return the route for stacks away from singularities, with another number type. Its code does not branch on numbers.
+    /// Return the algorithm for stacks away from singularities, with another number type. Its code does not branch on numbers.
     pub fn regular<S: Real>(&self) -> Regular<S> {
         let mut route = Regular::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref());
         if let Some((v_min, v_max)) = self.bounds() {
@@ -128,7 +128,8 @@ impl PrioritySolver {
         route
     }
 
-    /// Return the route for levels of at most two rows, with another number type. The result is `None` if it does not apply.
+    /// Return the closed-form algorithm for levels of at most two rows, with another number type. The result is `None` if it does not
+    /// apply.
     pub(super) fn pairs<S: Real>(&self) -> Option<PairRoute<S>> {
         PairRoute::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
     }
@@ -254,7 +255,7 @@ impl PrioritySolver {
         self.run_declined()
     }
 
-    /// Solve a stack that the regular route has declined.
+    /// Solve a stack for which the result of the algorithm `regular` is not valid.
     pub fn run_declined(&mut self) -> Result<Status> {
         let PrioritySolver { work: w, pairs, .. } = self;
         let Workspace { jacobian, command, v, residual, ranks, lost, .. } = w;
@@ -268,7 +269,7 @@ impl PrioritySolver {
         self.run_singular()
     }
 
-    /// Solve only with the routes that use singular values.
+    /// Solve only with the algorithms that use singular values.
     pub fn run_singular(&mut self) -> Result<Status> {
         self.prepare()?;
         let w = &mut self.work;

@@ -21,8 +21,8 @@ pub(super) struct Workspace {
     pub exponent: Vec<i32>,
     /// The present threshold of each level.
     pub threshold: Vec<f64>,
-    /// The rows are an orthonormal basis of joint space. Higher levels use the rows before `free`. The other rows have the factors `scale`,
-    /// which are the fractions that clamped levels leave free.
+    /// The rows are an orthonormal basis of joint space. Higher levels have used the rows before `free`. The rows from `free` on are still
+    /// free, to the fractions `scale` that clamped levels leave.
     pub basis: Vec<f64>,
     /// Whether the basis is still the identity, because no level has rotated it.
     pub identity: bool,
@@ -34,7 +34,7 @@ pub(super) struct Workspace {
     pub r: Vec<f64>,
     pub t: Vec<f64>,
     pub z: Vec<f64>,
-    /// The route `regular`.
+    /// The algorithm `regular`.
     pub regular: Single,
     /// The result in metric coordinates.
     pub y: Vec<f64>,
@@ -91,7 +91,7 @@ impl Workspace {
         }
     }
 
-    /// Solve with the route `regular`, and write `v`, `residual` and `ranks`. Return false if the route declines.
+    /// Solve with the algorithm `regular`, and write `v`, `residual` and `ranks`. Return false if the result is not valid.
     pub fn solve_regular(&mut self) -> bool {
         let Workspace { n, rows, regular, jacobian, command, rounding, v, residual, ranks, task_scale, .. } = self;
         let stands = regular.solve(*rounding, jacobian, command, v, residual);

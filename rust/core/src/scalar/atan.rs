@@ -53,7 +53,7 @@ pub(super) fn atan2<S: Real>(y: S, x: S) -> S {
     let (small, large) = (small * scale, large * scale);
     let (low, middle) = (small.lt(k(0.4375) * large), small.lt(k(0.6875) * large));
     let choose = |a: S, b: S, c: S| S::select(low, a, S::select(middle, b, c));
-    // These differences are exact.
+    // The differences in `numerator` have no rounding error.
     let numerator = choose(small, k(2.0).mul_add(small, -large), small - large);
     let denominator = choose(large, k(2.0).mul_add(large, small), small + large);
     let t = numerator / denominator;

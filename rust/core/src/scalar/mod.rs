@@ -182,7 +182,7 @@ fn on<S: Real, T: GenericKernel>(task: T) -> T::Output {
     S::enter(On::<S, T>(task, std::marker::PhantomData))
 }
 
-/// Run `task` on the lane type that suits this processor: one register of lanes, or two where registers are short.
+/// Run `task` on the lane type that is fastest on this processor: one register with AVX-512, otherwise two registers.
 #[cfg(target_arch = "x86_64")]
 pub fn run_lanes<T: GenericKernel>(task: T) -> T::Output {
     match isa() {

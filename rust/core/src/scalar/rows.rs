@@ -1,4 +1,4 @@
-//! Copies of one row of numbers into and out of an engine, with a check for finite numbers.
+//! Copies between a row of `f64` numbers and an array of numbers with one lane, with a check for finite numbers.
 
 use crate::scalar::Real;
 
@@ -11,7 +11,7 @@ fn infinite(x: f64) -> u64 {
     u64::from(x.to_bits() & INFINITE == INFINITE)
 }
 
-/// Read one row into numbers of one lane. Return whether all are finite. Blocks of four are sufficient, because rows are short.
+/// Copy a row to numbers with one lane. Return whether all numbers are finite. The loop has blocks of four numbers, because rows are short.
 #[inline(always)]
 pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (given.as_chunks::<4>(), to.as_chunks_mut::<4>());
@@ -29,8 +29,8 @@ pub fn read_one<S: Real>(given: &[f64], to: &mut [S]) -> bool {
     bad == [0; 4]
 }
 
-/// Write numbers of one lane as one row. Return whether all are finite. Negative zeros become positive, because programs do not keep their
-/// signs.
+/// Copy numbers with one lane to a row. Return whether all numbers are finite. Negative zeros become positive, because programs do not keep
+/// their signs.
 #[inline(always)]
 pub fn write_one<S: Real>(values: &[S], out: &mut [f64]) -> bool {
     let ((fours, rest), (to_fours, to_rest)) = (values.as_chunks::<4>(), out.as_chunks_mut::<4>());

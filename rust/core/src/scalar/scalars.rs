@@ -5,7 +5,7 @@ use super::lanes::fuses;
 use super::{Kernel, Real, trig};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The `f64` of direct evaluation. It fuses multiply-add operations where programs do, see [`fuses`].
+/// The number type of direct evaluation: an `f64`. Like programs, it fuses multiply-add operations if [`fuses`] is true.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[repr(transparent)]
 pub struct Float(pub f64);

@@ -40,7 +40,7 @@ impl GenericKernel for SinCos {
             let (s, c) = lanes.sin_cos();
             let alone = S::splat(x).sin_cos();
             for (lane, single, want) in [(s, alone.0, x.sin()), (c, alone.1, x.cos())] {
-                // The polynomials have an error of 1 ulp, and the last rounding of the reduction half an ulp.
+                // The polynomials have an error of 1 unit in the last place. The last rounding of the reduction adds half a unit.
                 assert!(ulps_apart(lane.lane(0), want) <= 1.5, "{x}: {} {want}", lane.lane(0));
                 assert_eq!(lane.lane(0).to_bits() & !(1 << 63), single.lane(0).to_bits() & !(1 << 63), "{x}");
             }

@@ -55,7 +55,8 @@ fn differ(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0f64, |most, (x, y)| most.max((x - y).abs() / size))
 }
 
-/// Return the rounding error of a monitor. Torques: 1e-10 of positions, multiplied with 1e5 N m/rad. Energies of 20 J: 1e-8 J.
+/// Return the rounding error of a monitor: 1e-5 N m for torques, and 1e-8 J for energies. A position error of 1e-10 rad and a stiffness of
+/// 1e5 N m/rad cause the torque error. The energies are about 20 J.
 fn rounding(monitor: &str) -> f64 {
     if monitor == "torque_error" { 1e-5 } else { 1e-8 }
 }

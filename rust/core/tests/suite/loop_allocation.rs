@@ -88,7 +88,7 @@ fn steps_allocate_nothing() {
     let impedance = CartesianImpedanceSpec::new(two.clone(), target, gain(2, 200.0), gain(2, 30.0), &frame, "xy").unwrap();
     let impedance = LawSpec::CartesianImpedance(impedance);
     let push = Force::steps(vec![0.01], vec![[5.0, 0.0, 0.0, 0.0, 0.0, 0.0]]).unwrap();
-    // Both methods of the solver occur, because the target of the second level is at a singularity of the arm.
+    // The solver uses both its regular and its singular algorithm, because the target of the second level is at a singularity of the arm.
     let arm = six.tree("arm").unwrap();
     let names: Vec<&str> = arm.frame_names().collect();
     let level = |function: TaskFunction, target: Vec<f64>| {
@@ -120,18 +120,18 @@ fn steps_allocate_nothing() {
         ("impedance under a force", rigid(&two), impedance, Some(&push)),
     ];
     for (what, plant, law, force) in &cases {
-        // Unreachable targets make these laws switch between solutions. An adaptive method would locate every switch.
+        // Unreachable targets make these laws switch between solutions. An adaptive method would locate every switch, and is not used.
         let methods: &[Method] = if what.ends_with("in priority") { &[Method::Rk4] } else { &[Method::Rk4, Method::Dop853] };
         for &method in methods {
-            // Records of accepted steps enlarge their arrays. They are therefore excluded.
+            // Records at all accepted steps are excluded, because they enlarge their arrays.
             let ways: &[_] = if method == Method::Rk4 {
                 &[(None, false), (None, true), (Some(0.002), false), (Some(0.002), true)]
             } else {
                 &[(None, false), (Some(0.002), false)]
             };
             for &(sample, every) in ways {
-                // With an unreachable target, accelerations that are held for 2 ms make the arm diverge. The time depends on rounding, so
-                // that the runs are short.
+                // With an unreachable target, accelerations that are held for 2 ms make the arm diverge. The time of divergence depends on
+                // rounding. So the runs are short.
                 let steps = match method {
                     _ if *what == "accelerations in priority" && sample.is_some() => [20, 60],
                     // Both runs are long enough to use programs.

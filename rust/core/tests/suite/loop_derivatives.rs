@@ -19,13 +19,14 @@ const N: usize = 6;
 const FRAME: &str = "flange";
 /// The time at which derivatives are computed, s.
 const T: f64 = 0.3;
-/// The step of differences in a state or in time. The truncation error is about 1e-17 of a seventh derivative. The rounding error is 2e-16
-/// / H.
+/// The step of differences in a state or in time. The truncation error is about 1e-17 times the seventh derivative. The rounding error is
+/// 2e-16 / H.
 const H: f64 = 2e-3;
-/// The step in a parameter. The rate of an estimate has a kink at a boundary, which a larger step may cross. It is a polynomial of low
-/// degree.
+/// The step of differences in an estimated parameter. The rate of the estimate has a kink at a boundary, which a larger step may cross. The
+/// rate is a polynomial of low degree, so that the truncation error is small.
 const H_PARAMETER: f64 = 1e-5;
-/// The step in a parameter below the smallest bodies. The smallest has 1e-5 kg m^2. The rounding error is then 2e-16 / H of a row.
+/// The step of differences in an estimated parameter below the parameters of the smallest body (1e-5 kg m^2). The rounding error is 2e-16 /
+/// H of a row.
 const H_BELOW: f64 = 1e-8;
 
 fn six_axis() -> Model {
@@ -132,8 +133,8 @@ fn cases(at: &[f64]) -> Vec<Case> {
     ] {
         all.push(case(name, rigid(), LawSpec::from(law)));
     }
-    // The filtered velocity is 10 rad/s here. Differences with the step `H` then do not cross a limit of the torque. At the initial state
-    // they would.
+    // The filtered velocity at this state is 10 rad/s. So differences with the step `H` do not cross a limit of the torque. At the initial
+    // state, they would cross a limit.
     let behind = at.iter().map(|q| q - 10.0 / 150.0);
     let state = [0.0; N].into_iter().chain(behind).chain([0.0; N]).collect();
     let law = LawSpec::from(pid(moving(q_d.clone()), true, all_of_it()));
@@ -213,8 +214,8 @@ fn cases(at: &[f64]) -> Vec<Case> {
     all.push(case("JointImpedance", PlantSpec::Elastic(elastic()), LawSpec::JointImpedance(joint)));
     for online in [false, true] {
         let law = MotorPdSpec::new(model.clone(), &q_d, full(N, 500.0), gain(N, 20.0), spring(), online).unwrap();
-        // The friction does not depend on the load here. Otherwise differences could change the sign of the spring torque. Its magnitude
-        // has no derivative at zero.
+        // This plant has friction that does not depend on the load. With load-dependent friction, differences could change the sign of the
+        // spring torque, whose magnitude has no derivative at zero.
         let rubbing = elastic().with_friction(lugre(None)).unwrap();
         all.push(case(&format!("MotorPD, LuGre friction, {online}"), PlantSpec::Elastic(rubbing), LawSpec::MotorPd(law.clone())));
         all.push(case(&format!("MotorPD, {online}"), PlantSpec::Elastic(elastic()), LawSpec::MotorPd(law)));

@@ -12,7 +12,7 @@ fn without_viscous_friction_the_bounds_are_shifted() {
         let p = Problem::nominal(&mut random);
         let c = if k % 2 == 0 { 0.0 } else { random.range(0.0, 0.9) * p.tau_max.min(-p.tau_min) };
         let f = torque_optimal_time_with_friction(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min, p.tau_max, 0.0, c).unwrap();
-        // Friction opposes the acceleration and supports the brake. So both limits move against the motion.
+        // Coulomb friction reduces the accelerating torque, and adds to the braking torque. So both torque limits shift against the motion.
         let shift = if p.thetaf > p.theta0 { -c } else { c };
         let o = torque_optimal_time(p.theta0, p.thetaf, p.inertia, p.gravity, p.tau_min + shift, p.tau_max + shift).unwrap();
         assert_eq!(f.feasible, o.feasible, "{p:?} {c} {f:?} {o:?}");
@@ -54,7 +54,7 @@ fn with_viscous_friction_the_motion_arrives_at_rest() {
                 v += h / 6.0 * (l1 + 2.0 * l2 + 2.0 * l3 + l4);
             }
         }
-        // Runge-Kutta of order 4 with 2000 steps per phase. Errors grow by up to exp(6).
+        // The checker uses Runge-Kutta of order 4 with 2000 steps per phase. Errors grow by up to exp(6).
         assert!((q - p.thetaf).abs() < 1e-8 && v.abs() < 1e-7, "{p:?} {d} {c} {o:?} {q} {v}");
     }
     assert!(arrived > 100, "{arrived}");
@@ -73,7 +73,8 @@ fn swings_without_friction_are_the_exact_ones() {
         assert_eq!(f.best.kind, o.best.kind, "{p:?} {f:?} {o:?}");
         if f.best.switches == 2 {
             swings += 1;
-            // Near a maximum of gravity, both errors grow with exp(t sqrt(|G|/I)). The time T is stationary at the turning point.
+            // Near a maximum of gravity, both errors grow with exp(t sqrt(|G|/I)). An error of the turning point has only a second-order
+            // effect on the time.
             let growth = (o.best.t * (p.gravity.abs() / p.inertia).sqrt()).exp();
             assert!(near(f.best.t, o.best.t, 1e-13 * growth + 1e-11), "{p:?} {f:?} {o:?}");
         }
@@ -127,7 +128,7 @@ fn swings_with_viscous_friction_arrive_at_rest() {
         if best.switches < 2 || best.t * (p.gravity.abs() / p.inertia).sqrt() > 8.0 {
             continue;
         }
-        // The torque switches at the first and third of these times, and the Coulomb friction at the second.
+        // The torque switches at the first and the third of these times. The sign of the Coulomb friction changes at the second.
         let first = if (p.thetaf > p.theta0) == (best.kind == Family::Overshoot) { 1.0 } else { -1.0 };
         let times = [best.t_switches[0], best.t_turn, best.t_switches[1], best.t];
         let (mut q, mut v, mut t) = (p.theta0, 0.0, 0.0);
@@ -145,7 +146,8 @@ fn swings_with_viscous_friction_arrive_at_rest() {
             }
             t = times[k];
             if k == 1 {
-                // The velocity is zero at the turning point. Runge-Kutta of order 4 with 2000 steps. Errors grow by up to exp(8).
+                // The velocity is zero at the turning point. The checker uses Runge-Kutta of order 4 with 2000 steps. Errors grow by up to
+                // exp(8).
                 assert!((q - best.theta_turn).abs() < 1e-7 && v.abs() < 1e-6, "{p:?} {d} {c} {o:?} {q} {v}");
             }
         }
@@ -156,8 +158,8 @@ fn swings_with_viscous_friction_arrive_at_rest() {
 
 #[test]
 fn friction_that_settles_leaves_the_slow_motion() {
-    // Up to I|G|/d^2, v = N/d, where N is the net torque. So T = d int dx/N (here with Simpson's rule) plus some time constants at the
-    // ends.
+    // With large friction, v = N/d up to I|G|/d^2, where N is the net torque. So the time is T = d int dx/N (computed with Simpson's rule),
+    // plus some time constants at the ends.
     let (mut random, mut settled) = (Random::new(131), 0);
     for _ in 0..300 {
         let p = Problem::nominal(&mut random);
@@ -177,7 +179,8 @@ fn friction_that_settles_leaves_the_slow_motion() {
         let slow = d * (x1 - x0) / 6000.0 * (0..=2000).map(|k| weight(k) / net(k)).sum::<f64>();
         let most = p.inertia / (d * d) * (push.max(brake) + p.gravity.abs());
         assert!(o.feasible && o.certified_global && o.best.kind == Family::Monotone, "{p:?} {d} {c} {o:?}");
-        // Simpson's rule has an error of 1e-8 where N is a thousandth of the push. It omits a few time constants at the ends.
+        // Simpson's rule has an error of 1e-8 where the net torque N is a thousandth of the accelerating torque. The formula omits a few
+        // time constants at the ends.
         assert!(near(o.t, slow, 1e-7 + 30.0 * most / (least / push * (x1 - x0).min(1.0))), "{p:?} {d} {c} {} {slow}", o.t);
     }
     assert!(settled > 50, "{settled}");
@@ -219,8 +222,8 @@ fn profiles_with_friction_meet_where_the_torque_switches() {
 fn a_motion_that_friction_stalls_says_what_is_missing() {
     let o = torque_optimal_time_with_friction(0.1, 3.0, 1.0, 1.0, -0.9, 0.9, 30.0, 0.0).unwrap();
     let MonotoneReason::Apart { push, missing, .. } = o.reason else { panic!("{:?}", o.reason) };
-    // The motion is overdamped. The push moves slowly to the angle at which gravity equals the push. The missing torque is the rest of
-    // gravity's maximum.
+    // The motion is overdamped. The accelerating torque moves the link slowly to the angle at which gravity equals this torque. The missing
+    // torque is the difference to the maximum of gravity.
     assert!((push - 0.9f64.asin()).abs() < 1e-6 && (missing - 0.1).abs() < 1e-6 && o.best.kind == Family::NoneFound, "{o:?}");
 }
 

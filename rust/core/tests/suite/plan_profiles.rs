@@ -66,7 +66,8 @@ fn random_problems_against_a_sampling_checker() {
             counts[j][usize::from(r.feasible)] += 1;
             if r.feasible {
                 assert!(r.t_min.is_finite() && r.t_min > 0.0 && r.t_max >= r.t_min && r.missing == 0.0, "{p:?} {r:?}");
-                // In the checker, polynomials have a rounding error of 1e-16 of their largest term, and T^2 has one of 1e-16 of the torque.
+                // In the checker, polynomials have a rounding error of 1e-16 of their largest term. The rounding error of T^2 changes the
+                // torque by 1e-16 of its value.
                 assert!(excess(&p, r.t_min, ramp, shape) <= 1e-9 * scale, "{j} {p:?} {r:?} {}", excess(&p, r.t_min, ramp, shape));
                 assert!(r.t_max.is_infinite() || excess(&p, r.t_max, ramp, shape) <= 1e-9 * scale, "{j} {p:?} {r:?}");
                 // The duration must be minimal: a slightly faster motion must violate a limit. If gravity equals the torque, k is a

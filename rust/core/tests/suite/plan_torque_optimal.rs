@@ -58,7 +58,7 @@ fn ratio_table() {
 
 #[test]
 fn a_swing_can_win_and_can_make_feasible() {
-    // The known case: from pi/2 to 3 with tau_max = 1.02 G.
+    // This case has a known result: the motion from pi/2 to 3 rad with tau_max = 1.02 G.
     let o = torque_optimal_time(FRAC_PI_2, 3.0, 1.0, 1.0, -1.02, 1.02).unwrap();
     assert!((o.t - 8.419).abs() < 5e-4 && (o.best.t - 5.702).abs() < 5e-4 && o.best.kind == Family::BackSwing, "{o:?}");
     // The same motion reversed in time moves from pi - 3 beyond the goal and back.
@@ -115,8 +115,8 @@ fn narrow_minima_are_found() {
     }
 }
 
-/// Return displacement and speed at the end of the torque sequence, with the classical Runge-Kutta method and without formulas of the
-/// planner. The integrated variable is the displacement instead of the angle, so that tiny motions keep their digits.
+/// Return displacement and speed at the end of the torque sequence, computed with the classical Runge-Kutta method and without formulas of
+/// the planner. The integrated variable is the displacement instead of the angle, so that tiny motions keep their digits.
 fn drive(p: &Problem, o: &TorqueOptimum, steps: usize) -> (f64, f64) {
     let b = &o.best;
     let first_up = (p.thetaf >= p.theta0) == (b.kind != Family::BackSwing);
@@ -244,7 +244,7 @@ fn profiles_are_continuous_and_obey_the_dynamics() {
             let time = t * random.unit();
             let s = profile.at(time);
             assert!(s.tau == p.tau_max || s.tau == p.tau_min, "{p:?} {s:?}");
-            // The energy v^2/2 is the work since the last rest. It is the integral of the dynamics.
+            // The torque of a sample must satisfy the dynamics I a + G sin q = tau.
             assert!((p.inertia * s.a + p.gravity * s.q.sin() - s.tau).abs() <= 1e-12 * (s.tau.abs() + p.gravity.abs()), "{j}");
             // The speed is the derivative of the angle. It is compared with a central difference, away from the switches.
             let h = 1e-5 * t;

@@ -20,7 +20,8 @@ fn solves_do_not_allocate() {
                 let mut eye = vec![0.0; 16];
                 (0..4).for_each(|i| eye[5 * i] = 1.0);
                 let command = random.normals(8);
-                // The units are normal in the first trial, and require scaling in the second.
+                // The second task has normal units in the first trial. In the second trial its units are so small that the solver scales
+                // the level.
                 for unit in [1.0, 1e-150] {
                     let j2: Vec<f64> = j2.iter().map(|x| x * unit).collect();
                     let c2 = [command[2] * unit, command[3] * unit];

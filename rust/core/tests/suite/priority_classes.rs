@@ -73,7 +73,7 @@ fn residuals_of_the_table() {
         .unwrap();
         let loss = d.compatibility.as_ref().unwrap();
         for i in 0..2 {
-            // Both equal v_i - J_i v, up to the rounding of velocities of order 10.
+            // Both the diagnosed loss and the residual equal `v_i - J_i v`, up to the rounding error of velocities of order 10.
             assert!(priority_support::apart(&loss[i].loss, &solution.residuals[i]) < 1e-13, "{d}");
             assert_eq!(loss[i].compatible, norm(&solution.residuals[i]) < 1e-12, "{d}");
         }

@@ -144,7 +144,8 @@ fn weighted_metric_minimises_its_norm() {
 
 #[test]
 fn sns_saturates_before_it_scales() {
-    // Both joints move the task. The first joint can do a quarter of the pseudo-inverse's command, and the second joint adds the rest.
+    // Both joints move the task. The bound of the first joint is a quarter of its velocity without bounds, and the second joint moves more
+    // instead.
     let bounded = |upper: [f64; 2], c: f64| {
         let o = PriorityOptions { v_max: Some(upper.to_vec()), ..PriorityOptions::new(PriorityMethod::Sns) };
         solve_priority(2, &[&[1.0, 1.0]], &[&[c]], &o).unwrap()

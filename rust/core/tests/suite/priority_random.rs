@@ -134,7 +134,7 @@ fn check(s: &Stack, method: PriorityMethod) {
         if matches!(method, PriorityMethod::Clamp | PriorityMethod::Damped) {
             let before = if i == 0 { vec![0.0; s.n] } else { prefixes[i - 1].v.clone() };
             let rest = norm(&difference(&s.velocities[i], &times(&s.jacobians[i], &before)));
-            // The gain of damping by manipulability has the maximum 1.21/eps, the maximum of x/(x^2 + (1-x)^2) divided by eps.
+            // With damping by manipulability, the largest gain is 1.21/eps. The factor 1.21 is the maximum of x/(x^2 + (1-x)^2).
             let peak = if method == PriorityMethod::Clamp { 1.0 } else { 1.2072 };
             let step = norm(&difference(&prefixes[i].v, &before));
             let e = eps(s, i);

@@ -84,8 +84,8 @@ fn a_stop_is_met_and_left_when_it_should_be() {
         let mut observer = RunObserver { events, polynomials: Some(Polynomials::default()), ..RunObserver::default() };
         let run = thrown(0.0, method, Some(&mut observer));
         assert_eq!(run.status, Status::Success, "{method:?}");
-        // With v0 = 2 and sqrt(k/I) = 20, the contact begins at 1/2. The reversal is a quarter period later, and the separation half a
-        // period later.
+        // With the speed 2 rad/s and sqrt(k/I) = 20 rad/s, the contact begins at 1/2 s. The reversal is a quarter period later, and the
+        // separation half a period later.
         let expected = [0.5, 0.5 + PI / 40.0, 0.5 + PI / 20.0];
         assert_eq!(observer.crossings.index, [0, 1, 0], "{method:?}");
         for (t, want) in observer.crossings.t.iter().zip(expected) {
@@ -105,7 +105,7 @@ fn the_balance_holds_through_a_damped_stop() {
         let run = thrown(8.0, method, None);
         let (_, balance) = run.monitors.iter().find(|(name, _)| *name == "energy_balance").unwrap();
         let worst = balance.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-        // 2 J are exchanged. The quadratures use the steps without a separate error control.
+        // The link exchanges 2 J with the stop. The quadratures use the steps of the state, without error control for the quadratures.
         assert!(worst < 2e-8, "{method:?}: {worst}");
         assert!(run.v.last().unwrap() < &-1.0 && run.v.last().unwrap() > &-1.9, "the damper took its part: {:?}", run.v.last());
     }

@@ -23,8 +23,8 @@ pub fn arm(source: &Source, mut robot: Robot, options: &UrdfOptions) -> Result<A
         Arm { name: robot.name.clone(), joints: Vec::new(), mimics: Vec::new(), frames: Vec::new(), gravity, report: robot.report.clone() };
     let mut index = vec![None; robot.joints.len()];
     let (mut cut, mut on_base) = (Vec::new(), Vec::new());
-    // Four values: a link, the joint that leads to it, the moving joint whose body contains this joint, and a placement. It is the
-    // placement of the parent link in this body.
+    // Each entry has a link, the joint that leads to it, the moving joint whose body contains this joint, and the placement of the parent
+    // link in this body.
     let mut stack: Vec<(usize, Option<usize>, Option<usize>, Placement)> = vec![(base, None, None, Placement::IDENTITY)];
     while let Some((link, through, carrier, parent)) = stack.pop() {
         look();
@@ -92,8 +92,9 @@ struct LinkTree<'r> {
     children: Vec<Vec<usize>>,
     /// The joint that leads to each link.
     joint_of: Vec<Option<usize>>,
-    /// For each joint, the link that it leads to, and the link at which it starts.
+    /// For each joint, the link that it moves.
     child: Vec<usize>,
+    /// For each joint, the link at which it starts.
     parent: Vec<usize>,
 }
 

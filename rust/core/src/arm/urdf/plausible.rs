@@ -3,9 +3,9 @@
 
 use crate::spatial::{Sym3, Vector, Vector3};
 
-/// A negative principal moment is taken as a rounding error down to this fraction of the largest entry.
+/// A negative principal moment counts as a rounding error down to this fraction of the largest entry.
 const NEGATIVE: f64 = 1e-9;
-/// A negative principal moment down to this value, kg m^2, is also taken as a rounding error, because files print seven or eight decimals.
+/// A negative principal moment down to this value, kg m^2, also counts as a rounding error, because files print seven or eight decimals.
 /// (An antenna of one milligram in a public robot has -3.5e-8.) Smaller violations cause a warning about the triangle inequality.
 const DIGITS: f64 = 1e-7;
 

@@ -69,7 +69,7 @@ impl Array8 {
 }
 
 impl Real for Array8 {
-    /// All bits of a lane are set where it is true. So a selection consists of bit operations, which vectorise.
+    /// All bits of a lane are set where the condition is true. So a selection consists of bit operations, which the compiler vectorises.
     type Mask = [u64; 8];
     type One = f64;
     const LANES: usize = 8;
