@@ -102,6 +102,6 @@ pub trait Dynamics<S: Real> {
         y_pi: &mut [S],
         yt_s: &mut [S],
     );
-    /// Kinetic and potential energy, J.
+    /// Compute the kinetic and the potential energy, J.
     fn energy(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S]) -> (S, S);
 }

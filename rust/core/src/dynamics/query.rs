@@ -4,7 +4,7 @@ use crate::arm::{Arm, Tree};
 use crate::scalar::{Isa, Real, isa};
 use crate::spatial::PARAMETERS;
 
-/// A quantity of an arm. Its inputs have this order and are `(n,)` each, except a wrench, `(6,)`.
+/// A quantity of an arm. Each variant lists the inputs in their order. An input is `(n,)`, except a wrench, `(6,)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Mass matrix: `q -> (n, n)`.

@@ -150,7 +150,7 @@ pub fn regressor<S: Real>(
     }
 }
 
-/// Add `Y pi` to `y_pi`, and write `Y' s` to `yt_s`, for any `pi`, in O(n).
+/// Add `Y pi` to `y_pi`, and write `Y' s` to `yt_s`, in O(n). `Y` is the regressor, `pi` any parameters, and `s` any joint rates.
 pub fn regressor_products<S: Real>(
     tree: &Tree<S>,
     links: &mut [Link<S>],
@@ -176,7 +176,7 @@ pub fn regressor_products<S: Real>(
         let h = given.moment;
         let f = field.u.apply_add(h, field.a.scale(given.mass));
         let moment = moment_of(field.u, &second_moment(&given.inertia), h.cross(field.a));
-        // The motion of this body under joint rates s.
+        // The motion of this body under the joint rates `s`.
         let mut twist = if body.parent == BASE { Spatial::zero() } else { carried(body, &links[i], trig[i], links[body.parent].twist) };
         if body.revolute {
             twist.angular[2] += s[i];

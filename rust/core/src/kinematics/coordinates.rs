@@ -65,7 +65,7 @@ pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
 }
 
 impl Coordinates {
-    /// Create coordinates with the rows `axes` of the frame with this name, for example `"xy"` or `"xyz rx ry rz"`.
+    /// Create coordinates with the rows `axes` of the frame named `frame`. `axes` is, for example, `"xy"` or `"xyz rx ry rz"`.
     pub fn new(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(Coordinates { frame: arm.frame_index(frame)?, rows: parse_axes(axes)? })
     }

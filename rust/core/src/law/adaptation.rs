@@ -117,7 +117,7 @@ pub struct AnyAdaptive<S: Real> {
     natural: Vec<S>,
     /// All parameters, if a base set is estimated; else empty.
     full: Vec<S>,
-    /// The entries of `Y' s` that belong to the base set.
+    /// The entries of the base set in `Y' s`, the product of the transposed regressor and the sliding variable.
     kept: Vec<S>,
     projector: Option<Projector<S>>,
     /// The buffers of joint columns, restraint and additional adaptation; `None` for the plain adaptation.
@@ -205,7 +205,8 @@ impl<S: Real> AnyAdaptive<S> {
         }
     }
 
-    /// Compute the torque for the estimate `z` of the bodies, plus the torque of known rotors. The law stores `Y' s`.
+    /// Compute the torque for the estimate `z` of the bodies, plus the torque of known rotors. The law stores `Y' s`, the product of the
+    /// transposed regressor and the sliding variable.
     fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], z: &[S], tau: &mut [S]) {
         if self.columns.is_empty() {
             self.law.torque(desired, trig, x, z, tau);

@@ -297,7 +297,8 @@ where
     B: Clone + AsRef<[S]> + AsMut<[S]>,
     P: AsRef<[S]> + AsMut<[S]>,
 {
-    /// Compute the torque `tau` for the parameters `pi`. The law stores the sliding variable `s`, `a_r` and `Y' s`.
+    /// Compute the torque `tau` for the parameters `pi`. The law stores the sliding variable `s`, the reference acceleration `a_r`, and the
+    /// product `Y' s` with the regressor `Y`.
     pub(super) fn torque(&mut self, desired: &[S], trig: &[(S, S)], x: &[S], pi: &[S], tau: &mut [S]) {
         let n = tau.len();
         let (q, v) = (&x[..n], &x[n..2 * n]);

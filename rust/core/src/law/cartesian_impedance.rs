@@ -47,7 +47,7 @@ pub struct CartesianImpedanceSpec {
     pub model: Model,
     /// The controlled rows: the frame and its `m` axes.
     pub coordinates: Coordinates,
-    /// Target motion of the rows, `(m,)`, m and rad. A fixed pose is a motion that holds.
+    /// Target motion of the rows, `(m,)`, m and rad. For a fixed pose, use a motion with constant position.
     pub target: Motion,
     /// Stiffness `K_m`, of size `m`, N/m and N m/rad.
     pub stiffness: Gain,

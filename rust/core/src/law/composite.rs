@@ -245,8 +245,8 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// Add `W' R e_W` to `w`, and subtract it from `back`. Write the rate of the filters under the torque `tau` to `dx`. Call
-    /// [`Self::look`] first, at the same state.
+    /// Add the adaptation from the filtered dynamics, `W' R e_W`, to `w`, and subtract it from `back`. Write the rate of the filters under
+    /// the torque `tau` to `dx`. Call [`Self::look`] first, at the same state.
     pub fn push(&mut self, v: &[S], tau: &[S], [estimate, x]: [&[S]; 2], [w, back, dx]: [&mut [S]; 3]) {
         let (n, bodies) = (self.zeros.len(), self.bodies);
         self.compare(v, estimate, x);

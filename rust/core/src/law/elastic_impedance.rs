@@ -29,7 +29,7 @@ pub struct ElasticImpedanceSpec {
 }
 
 impl ElasticImpedanceSpec {
-    /// Whether `E`, plus the energy of wall and stops, is a storage function on this plant.
+    /// Whether the energy `E`, plus the energy of wall and stops, is a storage function on this plant.
     ///
     /// The plant must agree with the law's model and have no losses. The motor torque must have no limit. Rows of orientation are excluded,
     /// because there the rate of `e` is not `-J v`.

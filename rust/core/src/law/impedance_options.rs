@@ -104,7 +104,7 @@ impl ImpedanceOptions {
         self.null_space.is_none() && self.integral_gain.is_none() && self.wrench_max.is_none() && self.tau_max.is_none()
     }
 
-    /// Whether the loops of both options have the same shape.
+    /// Whether both options have the same terms, so that their loops can run in lanes of one register.
     pub(super) fn same_shape(&self, other: &Self) -> bool {
         let shape = |o: &Self| {
             let projection = o.null_space.as_ref().map(|null_space| null_space.projection);

@@ -50,7 +50,8 @@ pub struct JointColumns {
 }
 
 impl JointColumns {
-    /// Create columns of these kinds for `n` joints, each once, in the order of [`JointColumn`]. `speed` is `v_s` of each joint, > 0.
+    /// Create the columns `kinds` for `n` joints, each kind once, in the order of [`JointColumn`]. `speed` is the smoothing speed `v_s` of
+    /// each joint, > 0, rad/s or m/s.
     pub fn new(n: usize, kinds: &[JointColumn], speed: Vec<f64>) -> Result<Self> {
         if speed.len() != n {
             return Err(Error::wrong_shape("friction_speed", &[n], &[speed.len()]));
@@ -90,7 +91,7 @@ impl JointColumns {
         self.kinds.iter().flat_map(|kind| joints.iter().map(move |joint| format!("{}[{joint}]", kind.name()))).collect()
     }
 
-    /// The true parameters of the plant with this model. `friction` states whether the plant's friction acts.
+    /// The true parameters of the model `plant`, in the order of the columns. `friction` states whether the plant's friction acts.
     pub(super) fn truth(&self, plant: &Model, friction: bool) -> Vec<f64> {
         let n = plant.n();
         let [damping, coulomb] = plant.friction(friction);

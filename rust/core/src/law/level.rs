@@ -74,7 +74,7 @@ impl Level {
     }
 }
 
-/// The tasks of these levels, placed on an arm.
+/// Create the tasks of `levels` for the arm.
 pub(crate) fn stack<S: Real>(arm: &Arm, levels: &[Level]) -> TaskStack<S> {
     TaskStack::new(arm, levels.iter().map(|level| level.function.clone()).collect())
 }

@@ -33,7 +33,7 @@ pub enum NullProjection {
 }
 
 impl NullProjection {
-    /// The projection with this name, `consistent` or `static`.
+    /// Return the projection with the name `consistent` or `static`.
     pub fn of_name(name: &str) -> Result<Self> {
         match name {
             "consistent" => Ok(NullProjection::Consistent),
@@ -46,7 +46,7 @@ impl NullProjection {
 /// A spring and a damper of the joints in the null space of an impedance law, validated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NullSpaceSpec {
-    /// Desired posture `q_n`, `(n,)`, rad or m. A fixed posture is a motion that holds.
+    /// Desired posture `q_n`, `(n,)`, rad or m. For a fixed posture, use a motion with constant position.
     pub posture: Motion,
     /// Stiffness `K_n`, of size `n`, N m/rad or N/m.
     pub stiffness: Gain,

@@ -103,7 +103,7 @@ impl<S: Real> LaneRestraint<S> {
         self.leakage.is_none() && self.dead_zone.is_none()
     }
 
-    /// Compute `w` outside of the dead zone from `y` and the estimate, and write `y - w` to `back`.
+    /// Compute the adaptation `w` outside of the dead zone from `y = Y' s` and the estimate, and write `y - w` to `back`.
     pub fn leak(&self, s: &[S], estimate: &[S], y: &[S], w: &mut [S], back: &mut [S]) {
         let Some((sigma, form, centre)) = &self.leakage else {
             back.fill(S::zero());
@@ -119,7 +119,7 @@ impl<S: Real> LaneRestraint<S> {
         }
     }
 
-    /// Within the dead zone, set the rate `dz` to zero, and `back` to `y`.
+    /// Within the dead zone, set the rate `dz` of the estimate to zero, and `back` to `y = Y' s`.
     pub fn rest(&self, s: &[S], y: &[S], dz: &mut [S], back: &mut [S]) {
         let Some(zone) = self.dead_zone else { return };
         let inside = square(s).lt(zone * zone);

@@ -48,7 +48,7 @@ impl Motion {
         Ok(Motion::Hold(q))
     }
 
-    /// Whether both are certainly the same motion. Motions with many numbers are compared by address.
+    /// Whether both motions are certainly equal. Motions with many numbers are compared by address.
     pub fn is_same(&self, other: &Motion) -> bool {
         match (self, other) {
             (Motion::Table(a), Motion::Table(b)) => a.is_same(b),

@@ -170,7 +170,8 @@ impl TimedPath {
         (mean - turn, mean + turn)
     }
 
-    /// The state at time `t`: index of the segment, path position, path speed and path acceleration; `None` if the motion holds an end.
+    /// The state at time `t`: index of the segment, path position, path speed and path acceleration; `None` before the start, after the
+    /// end, and for a motion of duration zero.
     pub fn phase(&self, t: f64) -> Option<(usize, f64, f64, f64)> {
         let last = self.s.len() - 1;
         if !(t >= 0.0 && t <= self.t[last]) || self.t[last] == 0.0 {

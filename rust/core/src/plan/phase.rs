@@ -112,7 +112,8 @@ impl Phase {
         if self.least.is_nan() {
             return f64::INFINITY;
         }
-        // The energy first rises to a maximum, and then falls to a minimum. Rounding errors may hide this if both are at the same place.
+        // The energy first rises to a maximum, and then falls to a minimum. If both are at the same distance, rounding errors may hide the
+        // minimum.
         let least = self.first_least();
         if self.descent_length() >= least || self.energy(least) > 0.0 { f64::INFINITY } else { self.zero(least) }
     }

@@ -74,7 +74,8 @@ impl fmt::Display for Bind {
 pub enum Reason {
     /// The profile is possible.
     Feasible,
-    /// The motion has equal ends, and the torque cannot hold the link there. `missing`: the torque by which the limit must be wider, N m.
+    /// The motion has equal ends, and the torque cannot hold the link at this angle. `missing` is the torque by which the limit must be
+    /// wider, N m.
     CannotHold {
         /// The torque limit.
         limit: Limit,
@@ -130,7 +131,7 @@ impl fmt::Display for Reason {
 pub enum MonotoneReason {
     /// The motion is possible.
     Feasible,
-    /// The motion has equal ends, and this limit cannot hold the link there.
+    /// The motion has equal ends, and the torque limit cannot hold the link at this angle.
     CannotHold {
         /// The torque limit.
         limit: Limit,

@@ -184,8 +184,8 @@ impl<B: BackSwings> TurnSearch<'_, B> {
         }
     }
 
-    /// The approximate root of the scaled derivative between `low` and `high`, and the rate of change there, by Chandrupatla's method:
-    /// inverse quadratic interpolation or bisection.
+    /// The approximate root of the scaled derivative between `low` and `high`, and the rate of change at this root, by Chandrupatla's
+    /// method: inverse quadratic interpolation or bisection.
     fn root(&self, low: Point, high: Point, window: Window, fine: bool) -> (f64, f64) {
         // `a` is the last point, `b` a point on the other side of the root, and `c` the point before `a`.
         let (mut a, mut b) = (low, high);

@@ -24,7 +24,7 @@ pub struct FrictionCurve {
     pub load_ratio: Vec<f64>,
 }
 
-/// Refuse `values` if `holds` is false for one of them. The error names the first such value.
+/// Refuse `values` if `holds` is false for any value. The error names the first refused value.
 pub(super) fn require(name: &str, values: &[f64], expected: &str, holds: impl Fn(usize, f64) -> bool) -> Result<()> {
     finite(name, values)?;
     match values.iter().enumerate().find(|&(i, &x)| !holds(i, x)) {

@@ -17,7 +17,7 @@ pub struct Stops {
     pub damping: Vec<f64>,
 }
 
-/// One stop: its joint and its end.
+/// One joint stop: the index of its joint, and the end of the joint's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stop {
     /// Index of the joint.
@@ -27,7 +27,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// Depth beyond the limit, and the rate of the depth.
+    /// Return the depth beyond the limit, rad or m, and the rate of the depth, rad/s or m/s.
     pub fn depth<S: Real>(self, limit: S, q: S, v: S) -> (S, S) {
         if self.upper { (q - limit, v) } else { (limit - q, -v) }
     }

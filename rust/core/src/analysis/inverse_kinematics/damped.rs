@@ -145,7 +145,7 @@ impl Damped {
         }
         aim_at_middle(q, reach.bounds, far, &mut self.z);
         self.held.fill(false);
-        // Every pass holds one more joint, so there are at most n + 1 passes.
+        // Every pass holds one more joint, so at most n + 1 passes are necessary.
         loop {
             self.solve(size);
             if !blocked(q, &self.dq, reach.bounds, &mut self.held) {
@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    /// With fewer rows than joints, equal numbers, and more rows, the matrix of rows and the matrix of joints give the same step.
+    /// The matrix of rows and the matrix of joints give the same step. The test has fewer rows than joints, equal numbers, and more rows.
     #[test]
     fn both_matrices_have_the_same_step() {
         let arm = Arm::planar(&[0.5, 0.4, 0.3], None, None, None, [0.0, -9.81]).unwrap();

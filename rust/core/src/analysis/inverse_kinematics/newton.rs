@@ -247,7 +247,7 @@ impl NewtonSearch {
     fn step(&mut self, q: &mut [f64], centring: f64) -> Result<f64> {
         let n = q.len();
         self.held.fill(false);
-        // Every pass holds one more joint, so there are at most n + 1 passes.
+        // Every pass holds one more joint, so at most n + 1 passes are necessary.
         loop {
             let (jacobian, command) = self.solver.solver_mut().inputs();
             let (tasks, rest) = command.split_at_mut(self.e.len());

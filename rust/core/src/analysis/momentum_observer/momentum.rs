@@ -60,13 +60,13 @@ impl<S: Real> Momentum<S> {
     }
 }
 
-/// The momentum and the drift at the last sample, and the momentum at this sample.
+/// The momentum and the drift at the last sample, and the momentum at the present sample.
 pub struct Gained<'a, S> {
     /// Momentum `p` at the last sample, `(n,)`, kg m^2/s or kg m/s.
     pub momentum: &'a [S],
     /// Drift `C' v - g - tau_f` at the last sample, `(n,)`, N m or N.
     pub drift: &'a [S],
-    /// Momentum `p` at this sample, `(n,)`, kg m^2/s or kg m/s.
+    /// Momentum `p` at the present sample, `(n,)`, kg m^2/s or kg m/s.
     pub now: &'a [S],
 }
 

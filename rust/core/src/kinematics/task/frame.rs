@@ -41,7 +41,7 @@ impl TaskKind for Coordinates {
     }
 }
 
-/// Compute the error of the pose `(r, p)` to a target with these rows.
+/// Compute the error of the pose `(r, p)` to a target with the rows `rows`.
 pub(super) fn pose_error<S: Real>(rows: &[usize], r: Matrix3<S>, p: Vector3<S>, target: &[S], e: &mut [S]) {
     let turns = rows.iter().any(|&row| row > 2);
     let turn = if turns { rotation_log(&desired_rotation(rows, target).times(r.transpose())) } else { Vector3::zero() };
@@ -50,7 +50,7 @@ pub(super) fn pose_error<S: Real>(rows: &[usize], r: Matrix3<S>, p: Vector3<S>, 
     }
 }
 
-/// The rotation whose rotation vector has the target's components in these rows, and zeros in the others.
+/// The rotation whose rotation vector has the target's components in `rows`, and zero for each missing component.
 fn desired_rotation<S: Real>(rows: &[usize], target: &[S]) -> Matrix3<S> {
     let mut vector = [S::zero(); 3];
     for (&row, &x) in rows.iter().zip(target) {

@@ -63,12 +63,13 @@ pub(super) struct LimitRows {
     /// The prescribed squared path speeds `(ds/dt)^2` at the start and at the end.
     pub x_start: f64,
     pub x_end: f64,
-    /// If a frame's acceleration is limited: the first of its three rows, and the limit of its norm.
+    /// The index of the first of three rows with the frame's acceleration, and the limit of the norm of the acceleration; `None` without
+    /// this limit.
     pub ball: Option<(usize, f64)>,
 }
 
 impl LimitRows {
-    /// Set `A` to zero where it is only a rounding error. This happens where the path turns back. A division by such an `A` would make `u`
+    /// Set `A` to zero where `A` is only a rounding error. This happens where the path turns back. A division by this error would make `u`
     /// depend on the last digit of `B x`.
     pub fn drop_rounding(&mut self) {
         let width = self.width;

@@ -131,7 +131,7 @@ fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::resul
                     break;
                 }
             }
-            // No profile is feasible with this chord: try the chord at a quarter of `x`.
+            // No profile is feasible with this chord. Try the chord at a quarter of `x`.
             Err(_) => start.iter_mut().for_each(|x| *x *= 0.25),
         }
     }
@@ -146,7 +146,7 @@ fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Re
         problem.linearise_friction(&x, Line::Tangent);
         profile.forget();
         if solve(&problem.rows, profile).is_err() {
-            // With this tangent no speed is feasible: return to the chord.
+            // With this tangent no speed is feasible. Return to the chord.
             problem.linearise_friction(&x, Line::Chord);
             profile.forget();
             return solve(&problem.rows, profile);

@@ -41,7 +41,7 @@ const SLOWEST: f64 = 1e6;
 /// Number of node intervals between two checks for an interrupt.
 const LOOK: usize = 64;
 
-/// Nodes of a timing: times, and the path position `s`, path speed `r` and path acceleration `u` at these times.
+/// Nodes of a timing: times, s, and the path position `s`, path speed `r` and path acceleration `u` at these times.
 struct Nodes {
     t: Vec<f64>,
     s: Vec<f64>,

@@ -24,7 +24,7 @@ const LOOK: usize = 1 << 12;
 /// The reason why no profile is feasible on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Stuck {
-    /// No path speed at the start of this segment obeys the limits and reaches the next segment.
+    /// At the start of this segment, no path speed obeys the limits and allows the motion to continue to the next segment.
     Empty(usize),
     /// The start speed is infeasible. The fields are the smallest and the largest feasible `x` at the start.
     Start(f64, f64),
@@ -86,7 +86,7 @@ impl Profile {
     }
 }
 
-/// The condition that the next `x` is in `K_(i+1)`: `1 / (2 h)`, and the two ends of that interval.
+/// Three numbers of the condition that the next `x` is in `K_(i+1)`: `1 / (2 h)`, and the two ends of the interval `K_(i+1)`.
 #[inline(always)]
 fn target(rows: &LimitRows, i: usize, low: f64, high: f64) -> [f64; 3] {
     [0.5 / (rows.s[i + 1] - rows.s[i]), low, high]

@@ -271,7 +271,7 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// The result for a path that is one point: zero duration if the torque limits allow the arm to be held there.
+    /// The result for a path that is one point. The duration is zero if the torque limits allow the arm to be held at this point.
     pub fn hold(&self) -> Result<TimePath> {
         let (row, upper, beyond) = self.tightest(0, 0.0, 0.0);
         if beyond > TOLERANCE {

@@ -54,13 +54,13 @@ pub(super) struct Ball {
     middle: [f64; 2],
     /// The vectors `c` and `d`, the parts of `b` and `m` perpendicular to `a`.
     across: [Vector3<f64>; 2],
-    /// The limit `A` of the acceleration's norm.
+    /// The limit `A` of the norm of the frame's acceleration, m/s^2; one if the limit varies along the path.
     radius: f64,
     /// `1 / |a|`; zero if `a = 0`, so that `u` does not accelerate the frame's origin.
     by: f64,
 }
 
-/// A bound of `u`: its value at one `x`, and its tangent there, `rest + slope x`.
+/// A bound of `u`: its value at one `x`, and its tangent `rest + slope x` at this `x`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tangent {
     pub value: f64,
