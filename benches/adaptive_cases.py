@@ -75,7 +75,7 @@ def calls(count: int) -> list[tuple[str, Callable[[], None]]]:
         return loop
 
     return [
-        ("np.negative(q), for scale", repeat(np.negative, q)),
+        ("np.negative(q), for comparison", repeat(np.negative, q)),
         ("arm.mass_matrix(q), PR", repeat(pr.mass_matrix, q)),
         ("arm.inverse_dynamics(q, v, a), PR", repeat(pr.inverse_dynamics, q, v, a)),
         ("law(t, q, v), Adaptive, PR", repeat(law, 0.5, q, v)),

@@ -83,7 +83,7 @@ class Suite:
         add("armlet, record_every=1", cases.single(table, record_every=1), check=exact, against=ONE)
         add("armlet, monitors", cases.single(table, monitors=True), check=exact, against=ONE)
         everything = cases.single(wave, full=True, record_every=1, monitors=True)
-        add("armlet, all four at once", everything, check=(self.full, TRUNCATION), against=ONE)
+        add("armlet, all four options together", everything, check=(self.full, TRUNCATION), against=ONE)
         if numba:
             inputs = (np.array(peers.PLANT), peers.start(), self.motion, peers.STEPS, peers.H)
             add(NUMBA, lambda: numba["scalars"](*inputs), check=exact, against=ONE)
@@ -154,7 +154,7 @@ class Suite:
         for name, loop in cases.rows_of_calls(ROWS):
             self.add("One Python call: ns", name, loop, ROWS)
         self.add(
-            "Import beyond numpy's: ms",
+            "Import time minus the import time of numpy: ms",
             "import armlet",
             cases.import_seconds,
             1.0,
@@ -204,19 +204,19 @@ def targets(found: list[Case], busy: bool) -> list[tuple[str, str, str, bool]]:
 
     ratio("one run / C by hand", ONE, C, 1.4)
     ratio("one run / C by hand (aim)", ONE, C, 1.15)
-    ratio("one run / numba scalars: ahead", ONE, NUMBA, 1.0)
+    ratio("one run / numba scalars", ONE, NUMBA, 1.0)
     ratio("batch, AVX2 + FMA / C with AVX-512", "avx2, batch", C_BATCH, 2.0)
     ratio("batch, AVX-512 / C with AVX-512", "avx512, batch", C_BATCH, 1.3)
     ratio("batch, AVX-512 / C with AVX-512 (aim)", "avx512, batch", C_BATCH, 1.15)
     ratio("dop853 / numbalsoda's", DOP853, NUMBALSODA, 1.0)
     ratio("batch: two threads over one", BATCH2, BATCH, 1.8, at_least=True)
-    ceiling("mass_matrix over its arithmetic", "arm.mass_matrix(q), PR", 250, "ns", "mass_matrix per row of a batch, PR")
+    ceiling("mass_matrix: call minus computing time", "arm.mass_matrix(q), PR", 250, "ns", "mass_matrix per row of a batch, PR")
     arithmetic = "inverse_dynamics per row of a batch, PR"
-    ceiling("inverse_dynamics over its arithmetic", "arm.inverse_dynamics(q, v, a), PR", 250, "ns", arithmetic)
+    ceiling("inverse_dynamics: call minus computing time", "arm.inverse_dynamics(q, v, a), PR", 250, "ns", arithmetic)
     # One stage of the loop evaluates the motion, the law and the plant. A quarter of an RK4 step is therefore slightly more than the law's
     # computing time.
-    ceiling("law over its arithmetic", "law(t, q, v), Adaptive, PR", 250, "ns", "armlet, Sinusoid in the loop", 0.25)
-    ceiling("import armlet beyond numpy's", "import armlet", 150, "ms")
+    ceiling("law: call minus computing time", "law(t, q, v), Adaptive, PR", 250, "ns", "armlet, Sinusoid in the loop", 0.25)
+    ceiling("import armlet minus import numpy", "import armlet", 150, "ms")
     return lines
 
 

@@ -252,12 +252,12 @@ def suite(core: int) -> tuple[list[timing.Case], list[Route]]:
     for isa in ISAS[: ISAS.index(str(al.build_info()["best_instruction_set"])) + 1]:
         route = Route(isa)
         routes.append(route)
-        group = f"Batches of {ROWS:,}, one thread, {isa}: ns per configuration, answer written to an array of the caller's"
+        group = f"Batches of {ROWS:,}, one thread, {isa}: ns per configuration, results written to an array of the caller"
         for name in singles:
             want = np.concatenate([np.asarray(ours(arm, *(x[i] for x in rows))[name]()).ravel() for i in range(9)])
             close(f"{isa}, {name}", np.array(route.ask(f"answer:{name}", core)), want, 1e-11)
             cases.append(timing.Case(group, f"{isa}, {name}", functools.partial(route.ask, name, core), ROWS * BATCHES, timed=True))
-    group = "What memory allows: ns per configuration"
+    group = "Time to fill the memory of the results: ns per configuration"
     fill = functools.partial(routes[-1].ask, "fill", core)
     cases.append(timing.Case(group, "numpy fill of the regressor's array", fill, ROWS * BATCHES, timed=True))
     return cases, routes
@@ -278,7 +278,7 @@ def targets(cases: list[timing.Case]) -> list[tuple[str, str, str, bool]]:
         if peers:
             fastest = min(peers, key=lambda case: case.median)
             value = by_name[f"armlet, {name}"].median / fastest.median
-            lines.append((f"one {name}: ahead of the fastest peer", "< 1", f"{value:.2f} of {fastest.name.split(',')[0]}", value < 1.0))
+            lines.append((f"one {name}: ratio to the fastest peer", "< 1", f"{value:.2f} of {fastest.name.split(',')[0]}", value < 1.0))
     for name, limit in BATCH.items():
         ceiling(f"batch {name}, AVX-512", f"avx512, {name}", limit)
         ceiling(f"batch {name}, AVX2", f"avx2, {name}", WIDER * limit)

@@ -80,7 +80,7 @@ def main() -> None:
     text = [head, "", *reporting.target_table(verdicts(rows)), "", *generated.loop_table(rows)]
     if any(generated.TWO in row.pairs for row in rows):
         text += ["", "**Two threads: ns per run and step**", "", *generated.threads_table(rows)]
-    text += ["", "**Options of plants and laws beside the loop without them, one run: ns per step**", ""]
+    text += ["", "**Loops with and without an option of the plant or law, one run: ns per step**", ""]
     text += ["| arm | option | with it | without it | ratio |", "|---|---|---:|---:|---:|"]
     for name, option, ours, theirs in options_of:
         text.append(f"| {name} | {option} | {ours.median:,.0f} | {theirs.median:,.0f} | {timing.ratio(ours, theirs):.2f} |")

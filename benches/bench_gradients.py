@@ -53,7 +53,7 @@ def main() -> None:
         "adjoint, 70 parameters (estimate)": lambda: al.gradient("error_rms", PLANT, LAW, Q0, "law.estimate", **OPTIONS),
         "adjoint, 70 parameters, 1 MiB": lambda: al.gradient("error_rms", PLANT, LAW, Q0, "law.estimate", memory=1 << 20, **OPTIONS),
     }
-    lines = ["| what | time | runs |", "|---|---:|---:|", f"| run of 2000 steps | {1e3 * run:.1f} ms | 1 |"]
+    lines = ["| computation | time | time / run |", "|---|---:|---:|", f"| run of 2000 steps | {1e3 * run:.1f} ms | 1 |"]
     for name, work in cases.items():
         took = seconds(work)
         lines.append(f"| {name} | {1e3 * took:.1f} ms | {took / run:.1f} |")

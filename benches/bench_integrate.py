@@ -169,7 +169,7 @@ def table(rows: list[tuple[str, float, str, float, float]]) -> str:
         "the time of the right-hand side. For Arenstorf's orbit, which computes with numpy scalars, the right-hand side takes most of "
         "armlet's time. It also does for the Pleiades, which compute with arrays of 7 x 7.",
         "",
-        "| problem | tolerance | case | ms | error | scipy's time over it |",
+        "| problem | tolerance | case | ms | error | scipy's time / time |",
         "|---|---:|---|---:|---:|---:|",
     ]
     for problem, tol, name, seconds, error in rows:

@@ -55,12 +55,12 @@ def main() -> None:
     # One evaluation of the gradient method is a run and its adjoint. `each` is its time, in multiples of the time of a run.
     each = short / found.runs / run
     rows = [
-        ("the scenario's own numbers", 1, found.tried["cost"][0], run),
+        ("gains of the scenario", 1, found.tried["cost"][0], run),
         (f"differential evolution, {CANDIDATES} candidates", evolved.runs, evolved.cost, long),
-        ("gradient, until as good", enough, found.tried["cost"][:enough].min(), short * enough / found.runs),
-        ("gradient, to its end", found.runs, found.cost, short),
+        ("gradients, until the loss is equal", enough, found.tried["cost"][:enough].min(), short * enough / found.runs),
+        ("gradients, complete search", found.runs, found.cost, short),
     ]
-    lines = ["| what | evaluations | loss (rad^2) | time |", "|---|---:|---:|---:|"]
+    lines = ["| search | evaluations | loss (rad^2) | time |", "|---|---:|---:|---:|"]
     lines += [f"| {name} | {count} | {value:.4g} | {took:.2f} s |" for name, count, value, took in rows]
     part = evolved.runs / (enough * each)
     lines += [

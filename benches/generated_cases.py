@@ -171,9 +171,9 @@ def alone(name: str, laws: Laws, law: str, steps: int) -> list[Case]:
     ours, runs, count = Ours(laws, law), BATCHES[0], batch_steps(steps)
     label = f"armlet, {name}, {law}"
     return [
-        Case("One run without its C: ns per step", label, partial(ours.one, steps), steps),
+        Case("One run, armlet only: ns per step", label, partial(ours.one, steps), steps),
         Case(
-            f"Batch of {runs} without its C: ns per run and step", f"{label}, {runs} runs", partial(ours.batch, runs, count), runs * count
+            f"Batch of {runs}, armlet only: ns per run and step", f"{label}, {runs} runs", partial(ours.batch, runs, count), runs * count
         ),
     ]
 

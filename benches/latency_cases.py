@@ -27,7 +27,7 @@ def chain(links):
 
 # Each entry is name: (setup, call).
 CASES: dict[str, tuple[str, str]] = {
-    "time.sleep (no armlet: what the machine adds)": ("import time", "time.sleep(0.2)"),
+    "time.sleep, without armlet: latency of machine": ("import time", "time.sleep(0.2)"),
     # Functions of an arm.
     "mass_matrix, 1e6 rows": ("q = rows(size(1e6))", "arm.mass_matrix(q)"),
     "forward_dynamics, 1e6 rows": ("q, v, tau = rows(size(1e6)), rows(size(1e6)), rows(size(1e6))", "arm.forward_dynamics(q, v, tau)"),
@@ -82,7 +82,7 @@ CASES: dict[str, tuple[str, str]] = {
     "torque_optimal_time, friction, ends 3e5 rad apart": ("", "al.torque_optimal_time(0.0, 3e5, 1.0, 1.0, 1.5, viscous=1e-3, coulomb=0.1)"),
     "torque_optimal_time, ends 1e9 rad apart": ("", "al.torque_optimal_time(0.0, 1e9, 1.0, 1.0, 1.001)"),
     "bang_bang_time, 3e6 problems": ("goal = rng.uniform(0.1, 3.0, size(3e6))", "al.bang_bang_time(0.0, goal, 1.0, 1.0, 3.0)"),
-    "bang_bang_time, 1e7 problems of one": ("goal = np.broadcast_to(1.0, size(1e7))", "al.bang_bang_time(0.0, goal, 1.0, 1.0, 3.0)"),
+    "bang_bang_time, 1e7 equal problems": ("goal = np.broadcast_to(1.0, size(1e7))", "al.bang_bang_time(0.0, goal, 1.0, 1.0, 3.0)"),
     "pickle of a BangBangBatch of 3e6": (
         "batch = al.bang_bang_time(0.0, rng.uniform(0.1, 3.0, size(3e6)), 1.0, 1.0, 3.0)",
         "pickle.loads(pickle.dumps(batch))",
