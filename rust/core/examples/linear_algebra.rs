@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use std::hint::black_box;
 use std::time::Instant;
 
-/// The number of rounds. The printed time is that of the fastest round.
+/// The number of rounds. The printed time is the time of the fastest round.
 const ROUNDS: usize = 15;
 
 /// Return `count` reproducible numbers between -1 and 1, the entries of a row-major matrix.

@@ -186,7 +186,7 @@ fn of_kind(kind: &str) -> String {
 /// The maximum number of names of a list that a message shows.
 const NAMES_SHOWN: usize = 20;
 
-/// Return the first names of a list, and the number of the others.
+/// Return the first names of a list, and the number of the remaining names.
 pub(crate) fn listed<T: AsRef<str>>(names: &[T]) -> String {
     let shown = names.iter().take(NAMES_SHOWN).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
     if names.len() > NAMES_SHOWN { format!("{shown} and {} more", names.len() - NAMES_SHOWN) } else { shown }

@@ -1,10 +1,10 @@
 //! Mimic joints, `q_follower = multiplier q_leader + offset`. A *follower* is a mimic joint. It has one degree of freedom together with its
 //! *leader*.
 //!
-//! A follower has its own body. Its drive and its limits are combined with those of the leader: `tau = G' tau_joints` with
-//! `q_joints = G q + c`. The follower's rotor inertia and viscous friction are added to the leader's, multiplied with `multiplier^2`. Its
-//! Coulomb friction is added, multiplied with `|multiplier|`. The leader's position range is restricted by the follower's limits. The
-//! effort limit is the leader's, because its motor moves all joints.
+//! A follower has its own body. Its drive and its limits are combined with the drive and the limits of the leader: `tau = G' tau_joints`
+//! with `q_joints = G q + c`. The rotor inertia and the viscous friction of the follower, multiplied with `multiplier^2`, are added to the
+//! leader. The Coulomb friction of the follower, multiplied with `|multiplier|`, is added too. The follower's limits restrict the position
+//! range of the leader. The effort limit of the follower is ignored, because the motor of the leader moves all joints.
 
 use super::{Arm, Joint, Limits};
 use crate::error::{Error, Result, finite, listed};

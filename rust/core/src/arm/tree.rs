@@ -24,8 +24,8 @@ pub const BASE: usize = usize::MAX;
 pub struct Body<S: Real> {
     /// The index of the parent body, or [`BASE`]. Parents precede children.
     pub parent: usize,
-    /// The index after the last body that this body moves. It moves the bodies from the next one to `end`, because the order is depth
-    /// first.
+    /// The index after the last body that this body moves. This body moves the bodies from the next index up to `end`, because the order is
+    /// depth first.
     pub end: usize,
     /// Whether a body other than the next one is a child of this body. Its values must then be stored.
     pub forks: bool,

@@ -119,7 +119,7 @@ pub struct Attempt<'a, S, B> {
     pub times: &'a [f64],
     /// The state at the start of the step, one entry per state.
     pub x: &'a [S],
-    /// The slopes of all stages, one buffer per stage. The first is an argument, the others are results.
+    /// The slopes of all stages, one buffer per stage. The first slope is an argument, and the other slopes are results.
     pub slopes: &'a mut [B],
     /// The new state, a result, one entry per state.
     pub y: &'a mut [S],

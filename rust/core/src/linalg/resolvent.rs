@@ -70,7 +70,8 @@ impl Pairs {
         lu::decompose(m, lu, &mut pivots[..m], stopped)
     }
 
-    /// Solve `(s I - j) u = b` with this decomposition. `b` is replaced by `u`. `work` is memory for `n` numbers.
+    /// Solve `(s I - j) u = b` with the decomposition `lu` and its row exchanges `pivots`. `b` is replaced by `u`. `work` is memory for `n`
+    /// numbers.
     #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();

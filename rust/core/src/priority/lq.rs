@@ -82,7 +82,7 @@ impl<S: Real> Factor<S> {
         self.turn_back_first(self.n, v);
     }
 
-    /// Compute `v = Q' y` from the first `used` coordinates of `y`. The other coordinates are taken as zero.
+    /// Compute `v = Q' y` from the first `used` coordinates of `y`. The other coordinates count as zero.
     pub fn turn_back_first(&self, used: usize, v: &mut [S]) {
         let (first, rest) = v.split_at_mut(used);
         first.copy_from_slice(&self.y[..used]);

@@ -193,8 +193,8 @@ impl Workspace {
         true
     }
 
-    /// Fix a joint's velocity at `bound`, and remove the direction that moves the joint from the `k` rows of `t`. Return false if no
-    /// direction moves it.
+    /// Fix the velocity of `joint` at `bound`. Of the `k` free directions in the rows of `t`, remove the direction that moves this joint.
+    /// Return false if no direction moves the joint.
     fn fix(&mut self, joint: usize, bound: f64, k: usize, sat: &mut Saturation) -> bool {
         let n = self.n;
         sat.row.fill(0.0);

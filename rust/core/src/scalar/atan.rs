@@ -1,7 +1,7 @@
 //! The angle of a point, without a library call and without a branch. Lanes and recordings use it, with the same bits on every machine.
 //!
 //! The quotient `t = min(|x|, |y|) / max(|x|, |y|)` is reduced below 7/16 by `atan t = atan c + atan((t - c) / (1 + c t))`. `c` is 0, 1/2
-//! or 1, and one division serves all three. Then fdlibm's polynomial is evaluated.
+//! or 1. The three cases share one division. Then fdlibm's polynomial is evaluated.
 
 use super::Real;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};

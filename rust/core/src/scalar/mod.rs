@@ -120,7 +120,7 @@ pub trait Real:
 
     /// Return `self < other` for each lane. The result is false if one number is NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// Return `yes` in lanes where `mask` is true, and `no` in the others.
+    /// Return `yes` in lanes where `mask` is true, and `no` in the other lanes.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// Return whether any lane is true.
     fn any(mask: Self::Mask) -> bool;

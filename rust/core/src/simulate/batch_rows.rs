@@ -78,7 +78,7 @@ impl ArrayRows<'_> {
 pub struct GroupRecorder<'a> {
     problem: &'a Problem<'a>,
     records: usize,
-    /// All series, one after another. The last ones are the series of the monitors.
+    /// All series, one after another. The series of the monitors are last.
     series: Vec<ArrayRows<'a>>,
     monitors: usize,
     /// The torques of friction, shape `(runs, records, n)`, or empty.

@@ -1,4 +1,5 @@
-//! The limit of a state: `|q_i|, |v_i| <= limit` for the positions and velocities of the plant, including those of motors.
+//! The limit of a state: `|q_i|, |v_i| <= limit` for the positions and velocities of the plant, including positions and velocities of
+//! motors.
 //!
 //! In a stiff loop with large steps, a state becomes meaningless long before it stops being finite. The limit detects this early.
 

@@ -55,7 +55,7 @@ pub struct ClosedLoop<'a, S: Real> {
     /// One if all results of the law since the last reset are valid, otherwise zero.
     pub stands: S,
     now: Exogenous<S>,
-    /// Memory for the acting output while the next one is computed.
+    /// Memory for the acting output while the next output is computed.
     acting: (Vec<S>, Vec<S>),
     /// The plants that determine the dissipation in the Lyapunov balance. `None` if the law alone determines it.
     truth: Option<Truth<S>>,

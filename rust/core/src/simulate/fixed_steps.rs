@@ -23,7 +23,8 @@ pub struct Faults {
 /// Receives the records of a run of fixed steps.
 pub trait Record<F, B> {
     fn record(&mut self, i: usize, t: f64, system: &mut F, x: &B);
-    /// Is called when all steps so far are valid, and with them the records that the system stored within these steps.
+    /// Accept all steps so far, and the records that the system stored within these steps. [`run`] calls this function after each
+    /// successful check.
     fn accept(&mut self, system: &mut F);
 }
 

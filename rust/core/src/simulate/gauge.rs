@@ -6,7 +6,7 @@
 //! outside of limits, `max |E|`, and the number of violations such as `|E(t) - E(0) - int P dt| > tolerance max |E|`.
 //!
 //! The maximum in `settle max |e|` includes only the records so far. This does not change the last record outside of the band. The record
-//! of the final maximum is outside. From this record on, the maximum so far is the final maximum.
+//! with the final maximum is outside of the band. From this record on, the maximum so far equals the final maximum.
 
 use super::measures::{ErrorReference, Plan};
 use crate::dynamics::{ArmAt, Model};

@@ -26,7 +26,8 @@ pub struct General<'a> {
     pub rates: Option<&'a Rates>,
 }
 
-/// Passes records to the sink, lane by lane. Negative zeros become zeros, because programs and direct evaluation may differ only there.
+/// Passes records to the sink, lane by lane. Negative zeros become zeros, because signs of zeros may differ between programs and direct
+/// evaluation.
 struct RunRecorder<'a> {
     sink: &'a mut dyn Sink,
     /// Returns the time of each step.
@@ -103,7 +104,7 @@ impl<S: Real, F: Watched<S>> WithSteps<S, F> for FixedRun<'_, '_> {
 struct AdaptiveRun<'a, 'b> {
     general: General<'a>,
     segments: &'b Segments,
-    /// The times of the samples and of the actions of their outputs, s.
+    /// The times of the samples, and the times at which their outputs begin to act, s.
     instants: Vec<f64>,
 }
 

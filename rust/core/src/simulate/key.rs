@@ -1,5 +1,5 @@
 //! Keys of recorded loops, which identify a known structure without a recording. Two loops have the same structure if their plants and laws
-//! have the same shape. The zeros and ones among their numbers must also be at the same positions.
+//! have the same shape. The zeros and ones among their loop parameters must also be at the same positions.
 
 use super::measures::{Plan, same_aims};
 use super::monitors::Monitored;

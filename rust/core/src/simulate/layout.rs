@@ -23,7 +23,7 @@ pub struct Layout {
     pub guards: usize,
     /// The number of reference values of the monitors, which are computed at the first record. It is zero without records.
     pub firsts: usize,
-    /// The size of a record without the state. It is zero without records.
+    /// The size of the part of a record that follows the state. It is zero without records.
     pub noted: usize,
     /// The number of norms of levels. The norms are the last numbers of a record.
     pub norms: usize,
@@ -91,7 +91,7 @@ impl Layout {
     pub fn ends_at_last(&self) -> bool {
         self.instants.len() > 1 && self.instants.last() == Some(&1.0)
     }
-    /// The first slot of a record without its state. At the first record, the reference values of the monitors follow.
+    /// The first slot of the part of a record that follows the state. At the first record, the reference values of the monitors follow.
     pub fn noted(&self) -> usize {
         self.reach() + 1
     }

@@ -35,7 +35,7 @@ impl SlotNames {
         self.0.extend(names.into_iter().map(|name| (name, kind)));
     }
 
-    /// Return the names for a loop of fixed steps, as its program `part` uses them.
+    /// Return the names of the slots that program `part` of a loop of fixed steps uses.
     pub fn fixed(problem: &Problem, layout: &Layout, labels: &[Label], part: &str) -> Self {
         let mut all = SlotNames::of(labels);
         let (states, exogenous) = (states(problem), exogenous(problem, layout.desired, layout.wrench));
@@ -63,7 +63,7 @@ impl SlotNames {
         all
     }
 
-    /// Return the names for the rates of a loop, as its program `part` uses them.
+    /// Return the names of the slots that program `part` of the rates of a loop uses.
     pub fn rates(problem: &Problem, slots: &Slots, labels: &[Label], moves: bool, part: &str) -> Self {
         let mut all = SlotNames::of(labels);
         let (states, exogenous) = (states(problem), exogenous(problem, slots.desired, slots.wrench));

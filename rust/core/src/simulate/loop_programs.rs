@@ -20,7 +20,7 @@ pub struct Tracing {
     pub notes: Option<Noting>,
 }
 
-/// The results of a record without its state.
+/// The results that form a record together with the state: the input and the monitors.
 pub struct Noting {
     /// The results for an input that is stored in the frame.
     pub alone: Vec<u32>,
@@ -57,7 +57,7 @@ pub struct Programs {
     /// Updates the metrics at records after the first one. It is a whole step that begins with this update, or a program that runs after
     /// the first stage of a step in parts.
     along: Option<Program>,
-    /// Computes a record without its state, from the state, the first instant and the input.
+    /// Computes the input and the monitors of a record, from the state, the first instant and the input.
     notes: Option<Program>,
     /// Computes a whole step that begins with a record.
     noted_step: Option<Program>,
@@ -120,7 +120,7 @@ impl Programs {
         }
     }
 
-    /// Compute a record without its state, from the state, the first instant and the input of the frame.
+    /// Compute the input and the monitors of a record, from the state, the first instant and the input of the frame.
     pub fn note(&self, frame: &mut Frame) {
         if let Some(notes) = &self.notes {
             notes.run(frame);

@@ -21,7 +21,7 @@ pub struct Noted {
     pub stands: Option<Sym>,
 }
 
-/// The recorded operations that compute a record without its state.
+/// The recorded operations that compute the part of a record that follows the state: the input and the monitors.
 pub struct Notes {
     checks: Option<Checks<RecordedSolver>>,
     monitors: usize,

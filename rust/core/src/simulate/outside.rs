@@ -1,5 +1,5 @@
-//! Positions of a problem that are outside of joint limits. Initial positions have the limits of the plant's arm, and targets those of the
-//! law's arm.
+//! Positions of a problem that are outside of joint limits. Initial positions have the limits of the plant's arm, and targets have the
+//! limits of the law's arm.
 
 use super::problem::Problem;
 use crate::arm::{Arm, Outside};

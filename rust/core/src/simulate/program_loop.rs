@@ -28,11 +28,11 @@ pub struct ProgramLoop<'a, S: Real> {
     sampler: Option<Sampler<S>>,
     pub(super) tau: Vec<S>,
     pub(super) dz: Vec<S>,
-    /// Memory for the acting input while the next one is computed.
+    /// Memory for the acting input while the next input is computed.
     acting: (Vec<S>, Vec<S>),
     /// The state that the controller measures.
     seen: Vec<S>,
-    /// The exogenous inputs of all whole steps from the first one on, if they were evaluated before the run.
+    /// The exogenous inputs of all whole steps from step 0 on, if they were evaluated before the run.
     pub(super) table: Option<&'a [f64]>,
     /// Repeats the declined steps. A program declines a step if its results are not valid.
     pub(super) redo: Redo<'a, S>,

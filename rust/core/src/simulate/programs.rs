@@ -1,7 +1,7 @@
 //! Runs of loops as programs. This file finds the structure of each run, and groups runs with one structure.
 //!
-//! All lanes of a program have the same structure. So the program of a run, and with it the bits, depends only on this run. A run whose
-//! angles exceed the range of the programs' sines is repeated without programs.
+//! All lanes of a program have the same structure. So the program and the bits of a run depend only on this run. A run whose angles exceed
+//! the range of the programs' sines is repeated without programs.
 
 use super::assembly::{sampler, start, world};
 use super::fixed_steps::Faults;

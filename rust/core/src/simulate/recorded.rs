@@ -5,7 +5,7 @@
 //! - the exogenous input at each instant of the step;
 //! - the state and the stored numbers of the metrics, which a step updates, and the step size `h`;
 //! - the input and the rate of the law, and the values that one part of a step passes to a later part;
-//! - the largest angle so far, and the numbers of a record without the state.
+//! - the largest angle so far, and the part of a record that follows the state.
 //!
 //! Runs share programs if they have the same structure: zeros and ones at the same positions among their numbers.
 //!
@@ -271,7 +271,7 @@ fn trace(
     let first = u[0].clone();
     let (next, cuts) = method.apply(closed, x, first, OneStep { u, h }).ok()?;
     let rates = cuts.is_some().then(|| (entries(rates), stage_tau));
-    // If a record is not valid, the step that begins with the record is declined.
+    // If the results of a record are not valid, the program also declines the step that begins with this record.
     let notes = notes.map(|[along, alone]| Noting {
         next: entries(next[layout.states..].iter().map(|&stands| along.stands.map_or(stands, |noted| stands.min(noted))).collect()),
         along: entries(along.numbers),

@@ -95,7 +95,7 @@ impl Sampling {
             let least = t_end / MOST_SAMPLES;
             return Err(Error::input("sample_time", format!("is too small for the run: expected at least {least}, got {}", self.period)));
         }
-        // A separate clock stores all its instants.
+        // A controller with jitter, delay, noise or resolution stores all its instants in advance.
         if self.is_plain() { Ok(()) } else { require_memory((t_end / self.period) as u128) }
     }
 

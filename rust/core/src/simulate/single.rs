@@ -53,8 +53,8 @@ pub struct Run {
     pub rejections: u64,
     /// The kind of evaluation: "machine" or "portable" code of programs, or "direct" without programs.
     pub engine: &'static str,
-    /// The residuals of the balances of the run, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the others are
-    /// dimensionless.
+    /// The residuals of the balances of the run, shape `(4,)`, see [`super::BALANCES`]. `energy_missing` is in J, the other three residuals
+    /// are dimensionless.
     pub balances: [f64; 4],
     /// The factor that makes the tolerances feasible, dimensionless, see [`crate::integrate::Work::coarsen`].
     pub coarsen: f64,

@@ -27,7 +27,7 @@ pub trait Stepping: Send {
     fn put(&mut self, x: &[f64]);
     /// The status: `Success`, or `Diverged`.
     fn status(&self) -> Status;
-    /// The number of steps so far.
+    /// The number of steps since the start.
     fn steps(&self) -> u64;
     /// Whether [`Stepping::resume`] can reproduce the bits of the next steps. Between two samples, state and input are not sufficient.
     fn resumable(&self) -> bool;

@@ -1,9 +1,9 @@
 //! Joint torque sensors in a sampled loop. With the torque `tau_J = K (theta - q)` of the plant's springs at sample `k`,
 //!
-//! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`,
-//! `q = theta - K_law^-1 reading`.
+//! `tau_f' = w_c (tau_J - tau_f)` over the time since sample `k - 1`, `reading = round((tau_f + bias + noise)/step) step`, `q = theta -
+//! K_law^-1 reading`.
 //!
-//! This `q` replaces the measured one, so that `K_law (theta - q)` in the law is the reading. The filters start at rest.
+//! This `q` replaces the measured link position, so that `K_law (theta - q)` in the law is the reading. The filters start at rest.
 
 use super::problem::Problem;
 use super::sampling::{Sampling, gaussian};

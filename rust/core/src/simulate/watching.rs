@@ -32,7 +32,7 @@ pub struct Polynomials {
     pub degree: usize,
     /// The end of each step, s.
     pub ends: Vec<f64>,
-    /// The values, shape `(steps, degree + 1, states)`. The states are those of plant and law.
+    /// The values, shape `(steps, degree + 1, states)`. The states are the states of plant and law.
     pub nodes: Vec<f64>,
 }
 

@@ -2,8 +2,8 @@
 //!
 //! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`, where `a` is the acceleration of the origin.
 //!
-//! If the reference point moves by `-p`, the old origin is at `p` relative to the new one. Then `h_new = h + m p` and
-//! `I_new = I + (h.p + p.h_new) 1 - (p h_new' + h p')`, where the prime is the transpose (Huygens-Steiner).
+//! If the reference point moves by `-p`, the old origin is at `p` relative to the new origin. Then `h_new = h + m p` and `I_new = I + (h.p
+//! + p.h_new) 1 - (p h_new' + h p')`, where the prime is the transpose (Huygens-Steiner).
 
 use super::{Matrix, Matrix3, Placement, Sym3, Vector, Vector3};
 use crate::scalar::Real;
@@ -51,7 +51,7 @@ impl<S: Real> Inertia<S> {
     pub fn rotated(&self, r: Matrix3<S>) -> Inertia<S> {
         Inertia { mass: self.mass, moment: r.apply(self.moment), inertia: self.inertia.rotated(r) }
     }
-    /// Return the inertia of the body about a new point. `p` is the old origin relative to the new one, m.
+    /// Return the inertia of the body about a new point. `p` is the old origin relative to the new point, m.
     #[inline]
     pub fn shifted(&self, p: Vector3<S>) -> Inertia<S> {
         let h = self.moment;

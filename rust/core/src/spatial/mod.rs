@@ -50,7 +50,7 @@ impl Placement {
         Placement { rotation: Matrix3::from_rpy(rpy), translation: Vector3::from(xyz) }
     }
 
-    /// Return the placement of C in A. `self` is the placement of B in A, and `other` that of C in B.
+    /// Return the placement of C in A. `self` is the placement of B in A, and `other` is the placement of C in B.
     pub fn then(&self, other: &Placement) -> Placement {
         Placement { rotation: self.rotation.times(other.rotation), translation: self.rotation.apply(other.translation) + self.translation }
     }

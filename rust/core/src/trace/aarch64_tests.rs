@@ -5,7 +5,7 @@ use super::super::harness;
 use super::super::trials::trials;
 use super::*;
 
-/// Offsets near the limits of the addressing forms: nine signed bits, 4095 operands of 8 and 16 bytes, 16 and 32 bits.
+/// Offsets, in bytes, near the limits of the addressing forms: nine signed bits, 4095 operands of 8 or 16 bytes, 16 bits, and 32 bits.
 const OFFSETS: [i32; 22] = [
     0,
     8,

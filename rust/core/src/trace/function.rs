@@ -183,7 +183,8 @@ impl Evaluation {
 static KNOWN: Cache<Arc<StoredFunction>> = Cache::new();
 
 impl StoredFunction {
-    /// Return the function of a recording: a stored function, or else a new one. The cache stores the functions that were used last.
+    /// Return the function of a recording. If no stored function matches, make a new function. The cache stores the functions that were
+    /// used last.
     fn of(ops: Vec<Op>, answer: Vec<u32>, layout: FunctionLayout) -> Arc<StoredFunction> {
         if let Some(found) = KNOWN.find(|known| known.layout == layout && known.answer == answer && known.ops == ops) {
             return found;

@@ -175,8 +175,8 @@ pub trait Assemble {
     /// `dst == a`.
     fn less(&mut self, dst: u8, a: u8, b: Source);
 
-    /// Write `yes` to `dst` in lanes where the sign bit of `mask` is set, and `no` to the others. SSE2 and NEON require full masks: all
-    /// bits set or all clear.
+    /// Write `yes` to `dst` in lanes where the sign bit of `mask` is set, and `no` to the other lanes. SSE2 and NEON require full masks:
+    /// all bits set or all clear.
     fn select(&mut self, dst: u8, mask: u8, yes: u8, no: u8);
 
     /// Write a mask for [`select`](Self::select) to `dst`. It is set in lanes where the sign bit of `a` is set.

@@ -2,8 +2,8 @@
 //!
 //! Lowering removes entries without an effect on an output. It expands sine and cosine into the polynomials of `scalar::trig`, and replaces
 //! negation and absolute value by bit operations. A fused multiply-add is one instruction if the instruction set has it, otherwise a
-//! product and a sum. Lowering fuses and reorders nothing else. So the bits are those of direct evaluation on the same instruction set,
-//! except for the signs of zeros.
+//! product and a sum. Lowering fuses and reorders nothing else. So the results have the bits of direct evaluation on the same instruction
+//! set, except for the signs of zeros.
 
 use super::memo::Memo;
 use super::straight::{Instruction, Part, Straight};

@@ -1,8 +1,8 @@
 //! A program without machine code: a loop over its instructions. Each instruction computes all lanes of the frame.
 //!
-//! The bits equal those of the emitted code of the same instruction set. Tests compare the two. The portable program runs where the system
-//! refuses executable memory. Computed values are in slots after the slots of the program. After the last read of a value, its slot is
-//! reused.
+//! The results have the same bits as the emitted code of the same instruction set. Tests compare both results. The portable program runs
+//! where the system refuses executable memory. Computed values are in slots after the slots of the program. After the last read of a value,
+//! its slot is reused.
 
 use super::frame::Frame;
 use super::lifetimes::{Lifetimes, NEVER};

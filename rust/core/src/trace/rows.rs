@@ -61,8 +61,8 @@ pub struct Series<'a> {
 }
 
 impl Series<'_> {
-    /// Copy the numbers `which` of every record to one row of `out` for each lane from `lane` on. Return whether all numbers are finite.
-    /// Negative zeros become positive.
+    /// Copy the numbers with the indices `which` of every record to one row of `out` for each lane from `lane` on. Return whether all
+    /// numbers are finite. Negative zeros become positive.
     pub fn write(&self, which: Range<usize>, lane: usize, out: &mut [&mut [f64]]) -> bool {
         let Series { numbers, lanes, record, count } = *self;
         let length = which.len() * count;

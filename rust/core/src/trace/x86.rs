@@ -9,7 +9,7 @@ use super::opcode::{Map, Opcode, Operand, Prefix, opcode};
 
 pub use super::instruction::{Assemble, Base, Binary, Convention, Form, Order, Product, Set, Source};
 
-/// An encoder with the machine code so far.
+/// An encoder. It stores the machine code that it has already encoded.
 pub struct Assembler {
     form: Form,
     bytes: Vec<u8>,

@@ -48,7 +48,7 @@ fn simulated_operations_agree_with_rust() {
     forms().for_each(|form| agrees_with_rust(form, |code, frame, constants| simulate(code, frame, constants, &[], 1)));
 }
 
-/// Long sequences of operations have equal bits, including those of NaN.
+/// Long sequences of operations have equal bits, including the bits of NaN.
 #[test]
 fn simulator_agrees_with_this_processor() {
     let mut random = Random(2);

@@ -1,4 +1,4 @@
-//! Joint placements that are quarter turns have special code. Its results must equal those of the full products.
+//! Joint placements that are quarter turns have special code. Its results must equal the results of the full products.
 
 use crate::arm_common::{Rng, close, lift, on_every_number, random_tree, sin_cos};
 use armlet_core::arm::{Arm, ChainJoint, JointKind, JointType, Tree};
@@ -7,7 +7,7 @@ use armlet_core::kinematics;
 use armlet_core::scalar::{GenericKernel, Real};
 use armlet_core::spatial::QuarterTurn;
 
-/// Compute the results of every algorithm that transforms over joints, one after the other.
+/// Compute the results of every algorithm that transforms over joints, and append them to one list.
 fn answers<S: Real>(tree: &Tree<S>, [q, v, x, a]: &[Vec<S>; 4]) -> Vec<f64> {
     let n = tree.n();
     let (ws, trig, mut all) = (&mut Workspace::new(tree), sin_cos(q), Vec::new());

@@ -246,8 +246,8 @@ fn events_stop_and_runs_go_on_after_jumps() {
             assert!((hit - expected).abs() < 1e-12 * (k + 1) as f64, "{name} {k}: {:e}", hit - expected);
             method.interpolate(&mut system, hit, &mut at);
             assert!(at[0] <= 0.0 && at[0] > -1e-13, "{name}: {:e}", at[0]);
-            // Rounding may leave the state below the floor. So the event detection stores no sign, or the old one, until the height is
-            // positive.
+            // Rounding may leave the state below the floor. Until the height is positive, the event detection stores no sign or the sign
+            // from before the bounce.
             method.x_mut().copy_from_slice(&[0.0, -at[1]]);
             t = hit;
         }

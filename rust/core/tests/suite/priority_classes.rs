@@ -46,7 +46,7 @@ fn all_sign_patterns() {
             assert_eq!(d.levels[1].algorithmic, matches!(kind, Kind::Algorithmic | Kind::Both));
             assert_eq!((d.levels[0].kinematic, d.levels[1].kinematic), (ranks[0] < 2, ranks[1] < 2));
             assert_eq!(d.levels[1].lost.len(), 2 - ranks[3]);
-            // The ranks of the solver must equal those of the diagnosis.
+            // The ranks of the solver must equal the ranks of the diagnosis.
             let options = PriorityOptions { rounding: Some(rounding), ..PriorityOptions::new(PriorityMethod::Exact) };
             let solution = solve_priority(4, &[&j1, &j2], &[&[1.0, 0.5], &[-0.3, 0.7]], &options).unwrap();
             assert_eq!(solution.ranks, d.projected_ranks());

@@ -8,7 +8,7 @@ fn transpose(a: &[f64], m: usize, k: usize) -> Vec<f64> {
     (0..k).flat_map(|c| (0..m).map(move |r| r * k + c)).map(|at| a[at]).collect()
 }
 
-/// Return a matrix of random size and rank. Rows beyond the rank are combinations of the first ones.
+/// Return a matrix of random size and rank. Rows beyond the rank are combinations of the previous rows.
 fn matrix(random: &mut Random) -> (Vec<f64>, usize, usize, usize) {
     let (m, k) = (1 + random.below(9), 1 + random.below(9));
     let rank = random.below(m.min(k) + 1);

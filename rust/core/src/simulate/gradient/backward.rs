@@ -242,7 +242,7 @@ impl<'a> Backward<'a> {
                 self.bar[rate] += h * self.bar[position];
             }
         }
-        // First compute the weights of the slopes, then those of the stage states.
+        // First compute the weights of the slopes, then the weights of the stage states.
         for (slopes, b) in self.slopes.chunks_exact_mut(size).zip(&tableau.b) {
             slopes.fill(0.0);
             add(slopes, h * b, &self.bar[..size]);

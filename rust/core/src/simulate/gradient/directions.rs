@@ -69,8 +69,8 @@ pub fn start_rates(problem: &Problem, parameters: Parameters) -> Result<Vec<f64>
 }
 
 impl<'a> Directions<'a> {
-    /// Compute the tangents. All parameters of a name enter a program in the same form, so that only the first and the last one are
-    /// compared.
+    /// Compute the tangents. All parameters of a name enter a program in the same form. So only the first and the last parameter of a name
+    /// are compared.
     pub fn of(problem: &'a Problem<'a>, Parameters { all: parameters, sizes, shared }: Parameters) -> Result<Self> {
         let base = numbers(problem, 0);
         let count = parameters.len();

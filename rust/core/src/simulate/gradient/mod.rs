@@ -11,8 +11,8 @@
 //!
 //! Terms of this directory:
 //!
-//! - A loop parameter is a number that is constant in a run, such as a mass, a gain, a target or a limit. It varies if a parameter `p` changes
-//!   it.
+//! - A loop parameter is a number that is constant in a run, such as a mass, a gain, a target or a limit. It varies if a parameter `p`
+//!   changes it.
 //! - The exogenous input `u` is the desired motion and the external force.
 //! - The held input is the output of a sampled law between two samples.
 //! - A mode of the contacts lists for each contact whether it is apart, pressed or slack ([`Touch`](crate::plant::Touch)).

@@ -1,5 +1,5 @@
-//! Derivatives of the runs of a batch. A *row* is one run of the batch. Threads compute different rows. The bits of a row equal those of a
-//! single run.
+//! Derivatives of the runs of a batch. A *row* is one run of the batch. Threads compute different rows. A row has the same bits as a single
+//! run.
 
 use super::{Loop, Parameter, Parameters, backward, forward, record_parts};
 use crate::error::{Error, Result};

@@ -45,8 +45,8 @@ impl<S: Real> Theory<S> {
         }
     }
 
-    /// Compute the quantities at state `x = [plant, z, integrals]`, whose first integrals are those of [`Exchange`]. The arm must already be at
-    /// the position `q` of `x`.
+    /// Compute the quantities at state `x = [plant, z, integrals]`, whose first integrals are the integrals of [`Exchange`]. The arm must
+    /// already be at the position `q` of `x`.
     pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
         let n = self.moving_q.len();
         let (plant, rest) = x.split_at(self.states);
@@ -85,8 +85,9 @@ impl<S: Real> Theory<S> {
     }
 }
 
-/// The integrals for the balances: of the power that the law dissipates, and of the power supplied to the stored energy. A law with a storage
-/// function `E` replaces them by the integrals of `F.x_dot - E'` and of `E'`, where `F.x_dot` is the external power.
+/// The integrals that the balances require: the integral of the power that the law dissipates, and the integral of the power supplied to
+/// the stored energy. A law with a storage function `E` replaces them by the integrals of `F.x_dot - E'` and of `E'`, where `F.x_dot` is
+/// the external power.
 pub struct Exchange;
 
 impl MonitorKind for Exchange {

@@ -15,7 +15,7 @@ pub struct TorqueError<S: Real> {
 }
 
 impl<S: Real> TorqueError<S> {
-    /// Create the monitor for an elastic plant and a law with an inner loop. The motions of this law are those of its outer loop.
+    /// Create the monitor for an elastic plant and a law with an inner loop. The motions of this law are the motions of its outer loop.
     fn new(scope: &Scope) -> Option<Self> {
         let (outer, stiffness) = (scope.law().outer()?, &scope.plant().elastic()?.stiffness);
         let n = scope.plant().n();

@@ -1,4 +1,4 @@
-//! The sine and cosine of the engine as C code. The operations and their order are those of `scalar::trig`.
+//! The sine and cosine of the engine as C code. The code has the operations of `scalar::trig`, in the same order.
 
 use crate::scalar::hex::hex;
 use crate::scalar::trig::{COS, PIO2, ROUND, SIN, TWO_OVER_PI};
