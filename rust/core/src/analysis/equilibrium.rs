@@ -43,7 +43,7 @@ pub struct Equilibrium {
     pub stable: bool,
     /// The number of free motions, which no torque opposes, such as null motions of a redundant arm without a posture.
     pub free_motions: usize,
-    /// Eigenvalues of the linearised closed loop as `(real, imaginary)`, 1/s, by real part; zeros for free motions.
+    /// Eigenvalues of the linearised closed loop as `(real, imaginary)`, 1/s, by ascending real part; zeros for free motions.
     pub eigenvalues: Vec<(f64, f64)>,
 }
 
@@ -130,7 +130,7 @@ pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f6
     }
 }
 
-/// The part of `p` in the null space of `J'`. It loads no joint.
+/// The part of the wrench `p` in the null space of `J'`. This part loads no joint.
 fn unfelt(law: &CartesianImpedanceSpec, q: &[f64], p: &[f64]) -> Result<Vec<f64>> {
     /// Squared singular values below this fraction of the largest count as zero, because the equilibrium is known to 1e-9.
     const SINGULAR: f64 = 1e-12;

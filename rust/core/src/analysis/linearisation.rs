@@ -5,7 +5,8 @@
 use crate::interrupt::look_at_row;
 use crate::memory;
 
-/// Write `A`, `(2 n, 2 n)`, and `B`, `(2 n, n)`, row-major. `slopes`, `(3 n, n)`, has the rows of `Quantity::ForwardDynamicsDerivatives`.
+/// Write the state matrix `A`, `(2 n, 2 n)`, and the input matrix `B`, `(2 n, n)`, row-major. `slopes`, `(3 n, n)`, has the rows of
+/// `Quantity::ForwardDynamicsDerivatives`.
 pub fn state_matrices(n: usize, slopes: &[f64], a: &mut [f64], b: &mut [f64]) {
     memory::set(a, 0.0);
     memory::set(b, 0.0);

@@ -9,7 +9,7 @@ use crate::linalg::svd::Svd;
 use crate::plant::PlantSpec;
 use crate::scalar::{Dual, Real};
 
-/// Compute `A`, `(s, s)`, row-major, at time `t` (s), the plant's state `x` and the law's state `z`.
+/// Compute the matrix `A` of the linearised loop, `(s, s)`, row-major, at time `t` (s), the plant's state `x` and the law's state `z`.
 ///
 /// The `wrench` `[f; m]`, N and N m, world axes, acts at the frame `force_frame`.
 pub fn loop_slope(
@@ -48,7 +48,7 @@ pub fn loop_slope(
 pub struct Modes {
     /// The number of free motions: directions with `A d x = 0`, along which the loop has no restoring torque.
     pub free: usize,
-    /// Eigenvalues of `A` as `(real, imaginary)`, 1/s, by ascending real part. Free motions have zeros.
+    /// Eigenvalues of the matrix `A` of the linearised loop, as `(real, imaginary)`, 1/s, by ascending real part. Free motions have zeros.
     pub eigenvalues: Vec<(f64, f64)>,
     /// Whether all eigenvalues, except those of free motions, have negative real parts, up to rounding.
     pub stable: bool,

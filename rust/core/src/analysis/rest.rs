@@ -139,8 +139,8 @@ impl Rest<'_> {
                     trial[i] = y[i] + size * step[i];
                 }
                 here.residual(&trial, &mut ahead);
-                // The work of `r` along the step, by the trapezoidal rule. `r` decreases towards the equilibrium, and changes its sign
-                // beyond it. So a step with negative work is too long.
+                // The work of the residual `r` along the step, by the trapezoidal rule. `r` decreases towards the equilibrium, and changes
+                // its sign beyond the equilibrium. So a step with negative work is too long.
                 let work: f64 = (0..n).map(|i| step[i] * (r[i] + ahead[i])).sum();
                 if work >= 0.0 || size < 1e-12 || longest < 1e-7 * close {
                     break;

@@ -69,7 +69,7 @@ impl Candidates {
     }
 }
 
-/// Choose `count` of `K` samples. `rows`, `(K, n, p)`, has the matrix `W` of each sample.
+/// Choose `count` of `K` samples. `rows`, `(K, n, p)`, has the regressor `W` of each sample.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = rows.len() / (n * p);
     finite("samples", rows)?;
@@ -116,7 +116,7 @@ fn shown(rows: &[f64], n: usize, p: usize) -> Result<Candidates> {
         return Err(Error::input("samples", "show nothing: expected a record of motion, got zeros"));
     }
     // Let D be the column lengths. The null space of W is D^-1 times the null space of the scaled W. The determined directions are
-    // orthogonal to it: they are D times the range of the scaled W.
+    // orthogonal to the null space of W. So they are D times the range of the scaled W.
     let range: Vec<Vec<f64>> =
         vectors.chunks_exact(p).rev().take(kept).map(|u| u.iter().zip(&lengths).map(|(u, d)| u * d).collect()).collect();
     let spread: Vec<f64> = (0..p * p).map(|k| range.iter().map(|u| u[k / p] * u[k % p]).sum()).collect();

@@ -148,7 +148,7 @@ fn shifted<S: Real>(mass: &Sym3<S>, h: Matrix3<S>, inertia: &Sym3<S>, p: Vector3
         m2.scale_sub(x, m0.scale_add(z, h.axis(1))),
         m0.scale_sub(y, m1.scale_add(x, h.axis(2))),
     ]);
-    // The matrix `H' [p]x`, with the transpose `H'` of `H`: entry `(i, k)` is the dot product of column `i` of `H` with `p x e_k`.
+    // The matrix `H' [p]x`, where `H'` is the transpose of `H`: entry `(i, k)` is the dot product of column `i` of `H` with `p x e_k`.
     let first = |i: usize, k: usize, from: S| {
         let c = h.axis(i);
         match k {

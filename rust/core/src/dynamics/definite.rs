@@ -59,7 +59,7 @@ fn free_joints(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool
     free
 }
 
-/// For arms with mimic joints: for each coordinate, whether the elimination of `M` has no positive pivot.
+/// For an arm with mimic joints, and for each coordinate: whether the elimination of the mass matrix has no positive pivot.
 fn free_coordinates(tree: &Tree<f64>, ws: &mut Workspace<f64>, q: &[f64]) -> Vec<bool> {
     let n = tree.n();
     let trig: Vec<(f64, f64)> = q.iter().map(|q| q.sin_cos()).collect();
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn some_configurations_can_be_worse_than_others() {
-        // A point mass on the x axis of j2. At j2 = 90 degrees it is on the axis of j1. No sample has exactly this angle.
+        // A point mass on the x axis of j2. At j2 = 90 degrees the point mass is on the axis of j1. No sample has exactly this angle.
         let arm = two(["0 0 1", "0 1 0"], "1", "0", "0");
         let tree = Tree::<f64>::new(&arm);
         let mut ws = Workspace::new(&tree);

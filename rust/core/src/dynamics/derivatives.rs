@@ -33,7 +33,7 @@ pub fn inverse_dynamics_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, tri
     }
 }
 
-/// Pass outwards: compute poses, velocities and accelerations, and `phi` and `psi` of each joint.
+/// Pass outwards: compute poses, velocities and accelerations, and the vectors `phi` and `psi` of each joint.
 fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S, S)], &[S]), v: &[S], a: &[S]) {
     let Workspace { poses, composites, slopes, .. } = ws;
     let ground = Slope { a: -tree.gravity.lift::<S>(), ..Slope::default() };

@@ -45,8 +45,8 @@ macro_rules! with_quantity {
 }
 
 impl<S: Real> BufferedTree<S> {
-    /// Create an engine. With `eager`, memory for every result is allocated if it has at most `EAGER` numbers. Otherwise the first query
-    /// allocates it.
+    /// Create the buffers. With `eager`, allocate memory for every result that has at most `EAGER` numbers. Otherwise the first query
+    /// allocates the memory.
     pub(super) fn new(arm: &Arm, eager: bool) -> Self {
         let tree = Tree::new(arm);
         let (n, ws) = (tree.n(), Workspace::new(&tree));

@@ -14,13 +14,13 @@ use std::sync::{Arc, Mutex};
 /// Number of rows of a query after which its program is made.
 const WORTH: usize = 256;
 
-/// Largest number of operations of a program for single calls. Beyond it, making the program would take more than 1 ms.
+/// Largest number of operations of a program for single calls. A longer program would take more than 1 ms to make.
 const SHORT: f64 = 3_000.0;
 
 /// Number of queries of one arm whose programs are kept.
 const KEPT: usize = 64;
 
-/// Largest number of operations of a program. Beyond it, making the program would take more than a second.
+/// Largest number of operations of a program. A longer program would take more than a second to make.
 const LONG: f64 = 600_000.0;
 
 /// A query, and its function for many rows.

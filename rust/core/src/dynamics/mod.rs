@@ -88,7 +88,8 @@ pub trait Dynamics<S: Real> {
     fn forward_dynamics(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], tau: &[S], a: &mut [S]);
     /// Compute the Slotine-Li regressor, `(n, p)`: `Y(q, v, v_r, a_r) pi = M a_r + C(q, v) v_r + g`.
     fn regressor(&self, ws: &mut Self::Workspace, trig: &[(S, S)], q: &[S], v: &[S], v_r: &[S], a_r: &[S], y: &mut [S]);
-    /// Add `Y pi`, `(n,)`, to `y_pi`, and write `Y^T s`, `(p,)`, to `yt_s`, for any parameters `pi`. `Y` is not formed.
+    /// Add `Y pi`, `(n,)`, to `y_pi`, and write `Y^T s`, `(p,)`, to `yt_s`, for the regressor `Y` and any parameters `pi`. The matrix `Y`
+    /// is not formed.
     fn regressor_products(
         &self,
         ws: &mut Self::Workspace,

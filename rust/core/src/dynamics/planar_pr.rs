@@ -58,7 +58,8 @@ impl PlanarPr<f64> {
         out.copy_from_slice([by_q, by_v, [self.a, bc, bc, self.c]].as_flattened());
     }
 
-    /// Compute `[d a/d q; d a/d v; M^-1]`, `(6, 2)`, of `a = M^-1 (tau - C v)`. The first two are `-M^-1` times the slopes of `tau` at `a`.
+    /// Compute `[d a/d q; d a/d v; M^-1]`, `(6, 2)`, of the acceleration `a = M^-1 (tau - C v)`. The first two blocks are `-M^-1` times the
+    /// derivatives of `tau` at `a`.
     pub fn forward_dynamics_slopes(&self, trig: (f64, f64), v: &[f64], a: &[f64], out: &mut [f64]) {
         self.inverse_dynamics_slopes(trig, v, a, out);
         let bc = self.b * trig.1;

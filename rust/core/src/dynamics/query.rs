@@ -45,7 +45,7 @@ pub enum Quantity {
     /// M`.
     InverseDynamicsDerivatives,
     /// Dynamics along a path of slope `v` and curvature `a`: `q, v, a -> (3, n)`, with the rows `M v`, `M a + C v` and `g`. The first two
-    /// exclude gravity, because a short move needs torques far below the weight of the arm.
+    /// rows exclude gravity, because a short move needs torques far below the weight of the arm.
     PathDynamics,
     /// Derivatives of forward dynamics: `q, v, tau -> (3 n, n)`. The three stacked blocks are `d a / d q`, `d a / d v` and `d a / d tau`.
     ForwardDynamicsDerivatives,

@@ -84,7 +84,8 @@ fn carried<S: Real>(body: &Body<S>, link: &Link<S>, trig: (S, S), t: Spatial<S>)
     Spatial { linear, angular }
 }
 
-/// Write `Y`, `(n, width)`, row-major, with `width >= 10 n`, to `y`, which has zeros or an earlier `Y` of this tree.
+/// Write the regressor `Y`, `(n, width)`, row-major, with `width >= 10 n`, to `y`. Before the call, `y` contains zeros, or an earlier `Y`
+/// of this tree.
 ///
 /// Entries that are not written are zero at every state. Columns after the inertial parameters do not change. The outer loop is over
 /// joints, and the inner loop over the bodies outwards from the joint.

@@ -130,7 +130,7 @@ pub struct Spread<S: Real> {
     pub answer: Vec<S>,
     /// The mass matrix `M` in coordinates, `(n, n)`.
     pub mass: Vec<S>,
-    /// The Cholesky factor of `M`, `(n, n)`.
+    /// The Cholesky factor of the mass matrix `M` in coordinates, `(n, n)`.
     pub factor: Vec<S>,
 }
 

@@ -53,7 +53,7 @@ pub struct AdaptiveSpec {
     pub kp: Gain,
     /// Gain `Kd` of the sliding variable `s`, of size `n`, N m s/rad or N s/m.
     pub kd: Gain,
-    /// `Lambda = Kd^-1 Kp`, of size `n`, 1/s.
+    /// Matrix `Lambda = Kd^-1 Kp` of the sliding variable, of size `n`, 1/s.
     pub lambda: Gain,
     /// The adaptation law of the estimate, with its gain.
     pub adaptation: Adaptation,
@@ -179,7 +179,8 @@ impl Definition for AdaptiveSpec {
         self.composite.is_some()
     }
 
-    /// The terms `Y`, `s`, `v_r`, `a_r`, `e`, `e_dot`, the torque and the rate of the estimate.
+    /// The terms of the law: regressor `Y`, sliding variable `s`, references `v_r` and `a_r`, and errors `e` and `e_dot`. The torque and
+    /// the rate of the estimate follow.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let (p, z) = (self.estimate.len(), at.z);

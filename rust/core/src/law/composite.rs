@@ -37,7 +37,7 @@ pub struct Composite {
     pub rate: f64,
     /// Weight `R` of the error, of size `n`, 1/(N m s^3) for revolute joints.
     pub weight: Gain,
-    /// `(n, bodies)`: whether each entry of `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
+    /// `(n, bodies)`: whether each entry of the regressors `Y_M` or `Y_D` can differ from zero. The geometry of the arm determines this.
     present: Vec<bool>,
 }
 
@@ -51,8 +51,8 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// Find the entries of `Y_M` and `Y_D` that can differ from zero. Both are analytic, so an entry that is zero at generic states is zero
-    /// at every state.
+    /// Find the entries of the regressors `Y_M` and `Y_D` that can differ from zero. Both regressors are analytic. So an entry that is zero
+    /// at generic states is zero at every state.
     fn present(&self) -> Vec<bool> {
         const STATES: u32 = 3;
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -106,7 +106,7 @@ pub(super) struct LaneComposite<S> {
     /// Indices of the estimated columns of the regressor `Y`.
     columns: Vec<usize>,
     bodies: usize,
-    /// The number of joint columns of armature, which are part of `Y_M`.
+    /// The number of joint columns of armature, which are part of the regressor `Y_M` of the momentum.
     rotors: usize,
     /// Known rotor inertias, `(n,)`; zeros if they are estimated.
     armature: Vec<S>,

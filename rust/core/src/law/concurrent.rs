@@ -214,7 +214,7 @@ fn rows_of(record: Record, k: usize, n: usize) -> Vec<f64> {
     [&record.q[k * n..(k + 1) * n], &record.v[k * n..(k + 1) * n]].concat()
 }
 
-/// Write `W`, `(n, p)`, from the entries of the bodies and of the joint columns.
+/// Write the regressor `W` of one sample, `(n, p)`, from the entries of the bodies and of the joint columns.
 fn place(w: &mut [f64], p: usize, of_bodies: impl Fn(usize, usize) -> f64, bodies: usize, entries: &[f64]) {
     let n = w.len() / p;
     for (i, row) in w.chunks_exact_mut(p).enumerate() {

@@ -133,9 +133,9 @@ fn recorded(spec: &LawSpec, widths: [usize; 3]) -> Option<Evaluation> {
 
 /// Record the law as operations; `None` if the code branches on data.
 ///
-/// The inputs are the desired motion, the plant's state and the law's state, of these widths. The results are the plant's input and the
-/// rate of the law's state, then whether both are valid, if the law reports this. `period` is the time between two calls, s, if it is
-/// known. `limits` are the limits of the plant's input, `(n,)` or empty.
+/// The inputs are the desired motion, the plant's state and the law's state, with the lengths `widths`. The results are the plant's input
+/// and the rate of the law's state, then whether both are valid, if the law reports this. `period` is the time between two calls, s, if it
+/// is known. `limits` are the limits of the plant's input, `(n,)` or empty.
 pub(super) fn recording(spec: &LawSpec, widths: [usize; 3], period: Option<f64>, limits: &[f64]) -> Option<Recorded> {
     let limits_of = || limits.iter().map(|&limit| Sym::splat(limit)).collect::<Vec<Sym>>();
     let set_up = || {

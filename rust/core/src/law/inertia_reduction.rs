@@ -130,7 +130,7 @@ impl ReductionSpec {
     }
 }
 
-/// The inner loop: the reduction in a loop.
+/// The motor-inertia reduction in a loop.
 pub struct Reduction<S: Real> {
     joint_stiffness: AnyGain<S>,
     motor_damping: AnyGain<S>,
@@ -167,7 +167,7 @@ impl<S: Real> Reduction<S> {
         self.ratio.add_to(&self.work, tau);
     }
 
-    /// Compute the contribution of a part of `u` to the motor torque, `B B0^-1 u`.
+    /// Compute the contribution of a part of the outer loop's output `u` to the motor torque, `B B0^-1 u`.
     pub fn spread(&self, u: &[S], out: &mut [S]) {
         self.ratio.multiply(u, out);
     }

@@ -89,7 +89,7 @@ pub(crate) fn require_levels(levels: &[Level]) -> Result<()> {
     if levels.is_empty() { Err(Error::input("tasks", "is empty: expected at least one task, got 0")) } else { Ok(()) }
 }
 
-/// Write two norms per level, of `e` and of `residuals`, until `out` is full. `rows` has the number of rows of each level.
+/// Write two norms per level, of the errors `e` and of the residuals, until `out` is full. `rows` has the number of rows of each level.
 pub(super) fn norms<S: Real>(rows: &[usize], e: &[S], residuals: &[S], out: &mut [S]) {
     let mut at = 0;
     for (pair, m) in out.chunks_exact_mut(2).zip(rows) {

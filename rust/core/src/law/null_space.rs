@@ -74,7 +74,7 @@ pub(super) struct NullSpace<S: Real> {
     floor: S,
     /// The mass matrix `M`, `(n, n)`.
     mass: Vec<S>,
-    /// The Cholesky factor of `M`, `(n, n)`.
+    /// The Cholesky factor of the mass matrix `M`, `(n, n)`.
     factor: Vec<S>,
     consistent: Projector<S>,
     fixed: Projector<S>,
@@ -228,7 +228,8 @@ impl<S: Real> NullSpace<S> {
         }
     }
 
-    /// Write the torque that is added to `J' F + g` to `self.torque`. Add the wrench that compensates the coupling to `force`.
+    /// Compute the torque of null space and coupling, and write it to `self.torque`. The law adds it to `J' F + g`. Add the wrench that
+    /// compensates the coupling to `force`.
     pub fn evaluate(&mut self, arm: &AnyArm<S>, ws: &mut Workspace<S>, coordinates: &Coordinates, at: &Place<S>, force: &mut [S]) {
         let n = at.q.len();
         let consistent = matches!(self.posture, Some((_, _, NullProjection::Consistent)));

@@ -51,7 +51,8 @@ pub struct PidOptions {
     pub friction_speed: Option<Vec<f64>>,
     /// Bandwidth `h` of the disturbance observer, 1/s.
     pub observer_bandwidth: Option<Vec<f64>>,
-    /// Nominal inertia `m` of the disturbance observer, kg m^2 or kg. `None` uses the diagonal of `M` at the first desired position.
+    /// Nominal inertia `m` of the disturbance observer, kg m^2 or kg. `None` uses the diagonal of the mass matrix at the first desired
+    /// position.
     pub nominal_inertia: Option<Vec<f64>>,
 }
 
@@ -102,7 +103,7 @@ fn positive_rows(name: &'static str, numbers: Option<&[f64]>, n: usize, most: f6
     }
 }
 
-/// The diagonal of `M` at the start of the desired motion.
+/// The diagonal of the mass matrix at the start of the desired motion.
 fn first_inertia(model: &Model, motion: &Motion) -> Vec<f64> {
     let n = model.n();
     let (mut desired, mut m) = (vec![0.0; 3 * n], vec![0.0; n * n]);

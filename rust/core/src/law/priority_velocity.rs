@@ -106,8 +106,8 @@ impl Definition for PriorityVelocitySpec {
         self.levels.iter().map(|level| &level.target).collect()
     }
 
-    /// The terms `e`, `J` and the residuals of all levels, one level after another. `rows` has the number of rows of each level. The ranks
-    /// and the joint velocity follow.
+    /// The terms of the law: errors `e`, Jacobians `J` and residuals of all levels, one level after another. `rows` has the number of rows
+    /// of each level. The ranks and the joint velocity follow.
     fn terms(&self, at: &Instant) -> Vec<Term> {
         let n = self.model.n();
         let mut law = self.plain();

@@ -172,7 +172,8 @@ impl Projection {
         Self::new(p, &least)
     }
 
-    /// Replace an estimate by the nearest estimate with `P >= P_min`, in the metric of `P_min`. Bodies within the bounds do not change.
+    /// Replace an estimate by the nearest estimate whose pseudo-inertias are at least the lower bounds `P_min`, in the metric of `P_min`.
+    /// Bodies within the bounds do not change.
     pub(super) fn start(&self, estimate: &mut [f64]) {
         for (l, pi) in self.factors.iter().zip(estimate.chunks_exact_mut(self.width)) {
             let p = matrix_of(pi, 2.0);

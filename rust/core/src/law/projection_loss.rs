@@ -21,7 +21,7 @@ pub struct ProjectionLoss<S: Real> {
     fixed: Option<Projector<S>>,
     /// The mass matrix `M`, `(n, n)`.
     mass: Vec<S>,
-    /// The Cholesky factor of `M`, `(n, n)`.
+    /// The Cholesky factor of the mass matrix `M`, `(n, n)`.
     factor: Vec<S>,
     /// Target and error of the rows, `(m,)`, and their Jacobian, `(m, n)`.
     target: Vec<S>,

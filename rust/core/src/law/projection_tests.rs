@@ -142,7 +142,7 @@ fn starts_are_moved_inside_and_no_further() {
     p.start(&mut pi);
     assert_eq!(pi[10..], BODY, "what is inside keeps its bits");
     let z = relative(&inverse(&p.factors[0]), &matrix_of(&pi[..10], 2.0));
-    // The estimate is on the boundary, up to rounding errors: entries of `Z` are up to a hundred.
+    // The estimate is on the boundary, up to rounding errors. The tolerance is larger because entries of `Z` are up to a hundred.
     assert!(negative_part(&z).as_flattened().iter().all(|x| x.abs() < 1e-11));
     assert!(least_pivot(&z).abs() < 1e-9, "{}", least_pivot(&z));
     let mut nothing = vec![0.0; 20];

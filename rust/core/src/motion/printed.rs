@@ -53,7 +53,7 @@ impl Motion {
     }
 }
 
-/// C code that computes the result from `s`, `ds` and `dds`.
+/// C code that computes the result from `s`, its rate `ds` and its acceleration `dds`.
 const ALONG: &str = "    for (i = 0; i < N; i++) {
         const double d = q1[i] - q0[i];
         out[i] = s == 1.0 ? q1[i] : q0[i] + d * s;

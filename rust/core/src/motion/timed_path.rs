@@ -83,8 +83,8 @@ impl TimedPath {
         10 * self.x.len()
     }
 
-    /// Create a timed path from squared speeds `x = (ds/dt)^2` at the path positions `s`, `(N + 1,)` each, and the slopes `b` of `u`,
-    /// `(N,)`.
+    /// Create a timed path from the squared speeds `x = (ds/dt)^2` at the path positions `s`, `(N + 1,)` each. `u_slope`, `(N,)`, has the
+    /// slopes `b = du/ds` of the path acceleration `u`.
     ///
     /// Every knot of the path must be one of the positions.
     pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, u_slope: Vec<f64>) -> Result<Self> {
@@ -170,8 +170,8 @@ impl TimedPath {
         (mean - turn, mean + turn)
     }
 
-    /// The state at time `t`: index of the segment, path position, path speed and path acceleration; `None` before the start, after the
-    /// end, and for a motion of duration zero.
+    /// The state at time `t`: index of the segment, path position, path speed and path acceleration. The result is `None` before the start,
+    /// after the end, and for a motion of duration zero.
     pub fn phase(&self, t: f64) -> Option<(usize, f64, f64, f64)> {
         let last = self.s.len() - 1;
         if !(t >= 0.0 && t <= self.t[last]) || self.t[last] == 0.0 {

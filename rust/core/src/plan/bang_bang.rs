@@ -55,9 +55,9 @@ fn bounds<S: Real>([g, tau_min, tau_max]: [S; 3], [s0, sm, s1]: &[Sine<S>; 3]) -
 
 /// The results of one problem per SIMD lane. Flags are 1 or 0.
 struct Answers<S> {
-    /// `t_min` and `t_max`, s, then `a_min` and `a_max`, N m.
+    /// Durations `t_min` and `t_max`, s, then `a_min` and `a_max`, N m.
     numbers: [S; 4],
-    /// `feasible`, `hold_start`, `hold_end`.
+    /// The flags `feasible`, `hold_start` and `hold_end`.
     flags: [S; 3],
     /// 1 if the problem is valid: see [`Link::new`] and [`check_ends`].
     valid: S,

@@ -103,7 +103,7 @@ impl Curve {
     }
 }
 
-/// The time after the start of this step at which forward motion ends; `None` if it continues beyond the step.
+/// The time after the start of this step at which forward motion ends; `None` if forward motion continues beyond the step.
 fn stall(step: &Step) -> Option<f64> {
     let forward = |h: f64| evaluate(&step.y, h).1 > 0.0;
     let parts = [0.25, 0.5, 0.75, 1.0].map(|part| part * step.length);

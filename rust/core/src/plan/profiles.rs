@@ -41,7 +41,7 @@ pub struct ProfileReport {
     pub missing: f64,
 }
 
-/// A bound of `k`, and the angle along the motion at which it is reached.
+/// A bound of `k`, N m, and the angle along the motion at which the bound is reached, rad.
 type At = (f64, f64);
 
 /// Link, ends and direction of a motion.
@@ -173,7 +173,7 @@ impl LinkMotion {
         if u <= 0.5 { self.x0 + s } else { self.x1 - s }
     }
 
-    /// The bounds of `k` at the time fraction `u`: `(lower, upper)`.
+    /// Lower and upper bound of `k = I D / T^2` at the time fraction `u`, N m.
     fn quintic_bounds(&self, u: f64) -> (f64, f64) {
         let second = quintic(u).1;
         let gravity = self.gravity(self.quintic_angle(u));

@@ -123,7 +123,8 @@ impl<B: BackSwings> TurnSearch<'_, B> {
         }
     }
 
-    /// The scaled derivative at `e` within an interval. Near an edge, where rounding errors may dominate, it is the limit at this edge.
+    /// The scaled derivative at `e` within an interval. If rounding errors dominate near an edge, the result is the limit of the derivative
+    /// at this edge.
     fn point(&self, e: f64, (low, high): Window, fine: bool) -> Point {
         look();
         (e, self.swings.slope(e, fine).unwrap_or(if e - low < high - e { -1.0 } else { 1.0 }))

@@ -18,10 +18,11 @@ const PART_2: f64 = 6.077_100_506_303_965_976_6e-11;
 const PART_3: f64 = 2.022_266_248_795_950_6e-21;
 /// The largest angle for the reduction in three parts. Beyond it the parts lose digits, and the standard library computes the sine.
 const REDUCTION_LIMIT: f64 = 8.0e5;
-/// 1.5 * 2^52. Adding it rounds to the nearest integer, which is then in the low bits. Subtracting it again returns the integer.
+/// The number 1.5 * 2^52. Adding it to a number rounds this number to the nearest integer, which is then in the low bits. Subtracting it
+/// again returns the integer.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// Return `a` if `flag` is 1 and `b` if it is 0, without a branch. A branch could not be predicted for random angles.
+/// Return `a` if `flag` is 1 and `b` if `flag` is 0, without a branch. A branch could not be predicted for random angles.
 #[inline(always)]
 pub(super) fn select(flag: u64, a: f64, b: f64) -> f64 {
     let mask = flag.wrapping_neg();

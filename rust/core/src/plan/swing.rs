@@ -86,7 +86,8 @@ impl SwingSearch {
         SwingTrial { away: Monotone::between(self.leaves, turns, out), towards: Monotone::between(turns, brake, into), turn }
     }
 
-    /// An upper bound of `e`, at most `most`. `bound` computes it from the largest net torques up and down within the distance `e`.
+    /// An upper bound of `e`, at most `most`. `bound` computes an upper bound from the largest net torques up and down within the distance
+    /// `e`.
     fn within(&self, mut most: f64, bound: impl Fn(f64, f64) -> f64) -> f64 {
         let turns = &self.straight.monotone.push;
         let start = sine(turns.x);

@@ -13,7 +13,7 @@ use crate::interrupt::look;
 use crate::kinematics::{TaskFunction, TaskStack};
 use crate::linalg::dot;
 
-/// The damping divided by the squared error. Half of it requires more random starts, and three times as much requires more steps.
+/// The damping divided by the squared error. Half of this value requires more random starts. Three times this value requires more steps.
 const DAMPING: f64 = 0.3;
 /// The smallest damping, divided by the largest diagonal entry. It prevents a singular matrix for linearly dependent rows.
 const FLOOR: f64 = 1e-12;
@@ -159,7 +159,7 @@ impl Damped {
         advance(q, &self.dq, reach.bounds, reach.step_max)
     }
 
-    /// Compute `dq` from the weighted Jacobian, the weighted error and `z`.
+    /// Compute the step `dq` from the weighted Jacobian, the weighted error and the centring motion `z`.
     fn solve(&mut self, size: f64) {
         let Damped { j, gram, y, rest, z, dq, e, .. } = self;
         let n = dq.len();

@@ -75,8 +75,8 @@ pub struct MomentumObserver {
 }
 
 impl MomentumObserver {
-    /// Create the observer of `model` with the gain `K`, of size `n`, 1/s. `friction`: whether the model's viscous and Coulomb friction is
-    /// known.
+    /// Create the observer of `model` with the gain `K`, of size `n`, 1/s. `friction` states whether the model's viscous and Coulomb
+    /// friction is known.
     pub fn new(model: Model, gain: Gain, friction: bool) -> Result<Self> {
         let n = model.n();
         if gain.n() != n {

@@ -143,7 +143,8 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     stack.error(0, &desired, &mut e, &mut v, Some(&mut a));
     let TaskFunction::Axis(Axis { frame, across, .. }) = stack.functions()[0].clone() else { panic!("an axis") };
     let r = arm_pose(&arm, &q, frame);
-    // The angular velocity of `d` is the part of `w` perpendicular to `d`. Its rate is `-(w.d) w x d`.
+    // The angular velocity of the direction `d` is `w - (w.d) d`, the part of `w` perpendicular to `d`. The rate of this angular velocity
+    // is `-(w.d) w x d`.
     let spin_dot = turn.scale(-w.dot(d));
     for k in 0..2 {
         let b = r.apply(across[k]);

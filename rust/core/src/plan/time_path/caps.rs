@@ -86,8 +86,8 @@ impl PathProblem<'_> {
         slopes
     }
 
-    /// The cap half way between points `i` and `i + 1` from the speed limit with the index `row`; NaN if there are too few grid points to
-    /// interpolate.
+    /// The cap half way between points `i` and `i + 1`, from the speed limit with the index `row`. The cap is NaN if there are too few grid
+    /// points to interpolate.
     fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
         let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };
         let (joint, limit) = match self.norms {

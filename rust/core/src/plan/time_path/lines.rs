@@ -54,7 +54,7 @@ pub(super) struct LimitRows {
     /// `(N, width)`: how much the lower limit of each row is raised on each segment, and how much the upper limit is lowered.
     pub tight_lo: Vec<f64>,
     pub tight_hi: Vec<f64>,
-    /// `(N,)`: the slope `du/ds` within each segment. It does not change the mean of `u` over the segment.
+    /// `(N,)`: the slope `du/ds` within each segment. The slope does not change the mean of `u` over the segment.
     pub u_slope: Vec<f64>,
     /// `(N + 1,)`: the caps, upper bounds of `x`.
     pub cap: Vec<f64>,
@@ -282,8 +282,8 @@ impl Lines {
         self.ball_tangents(i, x).map_or(least, |[upper, _]| least.min(upper.value))
     }
 
-    /// `U` and `L` of segment `i` at `x`. They include the condition that the next `x` is between `low` and `high`. `inverse` is `1 / (2
-    /// h)`.
+    /// The bounds `U` and `L` of `u` on segment `i` at `x`. They include the condition that the next `x` is between `low` and `high`.
+    /// `inverse` is `1 / (2 h)`.
     #[inline(always)]
     fn gap<S: Real>(&self, i: usize, x: f64, [inverse, low, high]: [f64; 3]) -> Gap {
         let first = i * self.width;
@@ -323,7 +323,8 @@ impl Lines {
         Gap { upper: up, upper_at, lower: down, lower_at, upper_tangent, lower_tangent }
     }
 
-    /// Search one end of `K_i` from `from`, never beyond `limit`. With `away` = 1 this is the upper end, with -1 the lower end.
+    /// Search one end of the interval `K_i`, starting at `from`, never beyond `limit`. `away` = 1 searches the upper end, `away` = -1 the
+    /// lower end.
     #[inline(always)]
     fn end<S: Real>(&self, i: usize, from: f64, limit: f64, away: f64, target: [f64; 3]) -> Option<f64> {
         let [inverse, low, high] = target;
@@ -356,7 +357,8 @@ impl Lines {
         None
     }
 
-    /// `K_i`: the interval of `x` at the start of segment `i` from which the motion can continue, below `cap`; `None` if it is empty.
+    /// Compute the interval `K_i`: the `x` at the start of segment `i`, below `cap`, from which the motion can continue. The result is
+    /// `None` if the interval is empty.
     #[inline(always)]
     pub fn controllable<S: Real>(&self, i: usize, cap: f64, target: [f64; 3]) -> Option<(f64, f64)> {
         let (low, high) = (self.low[i], self.high[i].min(cap));

@@ -184,7 +184,7 @@ impl<'a> PathProblem<'a> {
         self.set_caps();
     }
 
-    /// The varying limit of `joint` at grid point `i`; one if it is constant.
+    /// The varying limit of `joint` at grid point `i`; one if the limit is constant.
     pub fn along_at(&self, kind: usize, i: usize, joint: usize) -> f64 {
         self.along.limit(&self.path, kind, joint, self.pieces[i.min(self.pieces.len() - 1)], self.rows.s[i])
     }

@@ -22,7 +22,7 @@ const SLOWEST: f64 = 1e-12;
 /// The relative accuracy of the factor `c` that multiplies the squared path speed.
 const SHARE: f64 = 1e-6;
 
-/// Return the faster one of `best` and a slowed timing, computed from the profile that exceeded its limits least. Slowing has no effect
+/// Slow down the profile that exceeded its limits least, and return this timing or `best`, whichever is faster. Slowing has no effect
 /// without friction or with end speeds above zero. It fails if the limits do not allow the arm to be held at rest.
 pub(super) fn slowed(
     problem: &mut PathProblem,
@@ -35,8 +35,8 @@ pub(super) fn slowed(
         return Ok(best);
     }
     let (kept, u_slope) = (profile.kept.clone(), rows.u_slope.clone());
-    // First try the slopes of `u` of the faster profile, then zero slopes. With the former, a slower motion may turn back between two
-    // points.
+    // First try the slopes of `u` of the faster profile, then zero slopes. With the slopes of the faster profile, a slower motion may turn
+    // back between two points.
     for u_slope in [u_slope, vec![0.0; kept.len() - 1]] {
         let Some(found) = slowed_with(problem, samples, profile, (&kept, &u_slope))? else { continue };
         let duration = found.motion.duration();

@@ -52,7 +52,7 @@ const STEEP: f64 = 1e-14;
 pub(super) struct Ball {
     /// The path acceleration `u` with the smallest acceleration of the frame is `middle[0] + middle[1] x`.
     middle: [f64; 2],
-    /// The vectors `c` and `d`, the parts of `b` and `m` perpendicular to `a`.
+    /// The vectors `c` and `d`: the parts of `b` and `m` perpendicular to `a`, in the acceleration `a u + b x + m`.
     across: [Vector3<f64>; 2],
     /// The limit `A` of the norm of the frame's acceleration, m/s^2; one if the limit varies along the path.
     radius: f64,
