@@ -27,9 +27,11 @@ from .words import Words
 __all__ = ["LabPage", "lab"]
 
 DRAW_EVERY, PLOT_EVERY, TEXT_EVERY = 2, 16, 16  # periods, in frames, of drawing, curves and text
-# The charts show the last WINDOW seconds. Zero is always in view, so rounding errors of a constant curve are not magnified.
-SOFT = {"pad": 0.1, "soft": 1e-2, "mode": 1}
-SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": SOFT | {"soft": -1e-2}, "max": SOFT}}}
+# The charts show the last WINDOW seconds. Zero is always in view, so rounding errors of a constant curve are not magnified. The range
+# ends beyond the mark at 0.01, whose text would be cut off at the edge.
+EDGE = 1.2e-2
+SOFT = {"pad": 0.1, "soft": EDGE, "mode": 1}
+SCALES = {"x": {"time": False, "range": (-WINDOW, 0.0)}, "y": {"range": {"min": SOFT | {"soft": -EDGE}, "max": SOFT}}}
 AXES = ({"label": "t - now (s)", "size": 36, "labelSize": 18}, {"size": 56})
 
 
