@@ -134,7 +134,7 @@ pub fn base_parameters(arm: &Model, armature: bool, friction: bool) -> Result<Ba
     let names = arm.column_names(armature, friction);
     let p = names.len();
     let states = if n == 0 { 0 } else { (ROWS * p).div_ceil(n) };
-    // Memory for the columns, their triangle with its projection, and a block of the regressor.
+    // Require memory for the columns, their triangle with its projection, and a block of the regressor.
     memory::require(8 * p.saturating_mul(states * n + 3 * p + BLOCK * n))?;
     let mut columns: Vec<Vec<f64>> = (0..p).map(|_| memory::reserved(states * n)).collect::<Result<_>>()?;
     let mut seeded = Seeded(2022);

@@ -53,9 +53,9 @@ struct Balance {
     /// limits.
     p: Vec<f64>,
     x: Vec<f64>,
-    /// Whether the arm is away from `x_E`, because a limit of the law or a contact holds it.
+    /// Whether the arm is away from the pose `x_E` of a balanced spring, because a limit of the law or a contact holds it.
     short: bool,
-    /// The largest absolute value of an entry of `p` that counts as a rounding error.
+    /// The largest absolute value of an entry of the total wrench `p` that counts as a rounding error.
     rounding: f64,
 }
 
@@ -113,7 +113,8 @@ impl<'a> TargetError<'a> {
     }
 }
 
-/// For each joint: the diagonals of `M`, of `J' K_m J` and of `J' D_m J` at `q`. For a law of joints, the diagonals of its gains.
+/// For each joint: the diagonals of `M`, of `J' K_m J` and of `J' D_m J` at `q`. For a law of joints, the last two are the diagonals of its
+/// gains.
 pub(super) fn joint_view(plant: &PlantSpec, law: &LawSpec, q: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let n = q.len();
     let mut m = vec![0.0; n * n];

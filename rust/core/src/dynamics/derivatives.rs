@@ -45,7 +45,7 @@ fn place_slopes<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, (trig, q): (&[(S
         let (p, z) = (pose.origin - parent.origin, pose.z());
         let (w_p, wd_p) = (up.w, up.wd);
         let swept = w_p.cross_add(p, up.v);
-        // The acceleration of the point of the parent body at the joint.
+        // The acceleration of the parent body's point at the joint.
         let point = w_p.cross_add(w_p.cross(p), wd_p.cross_add(p, up.a));
         let wz = w_p.cross(z);
         let mut me = Slope { w: w_p, v: swept, a: point, wd: wd_p, ..Slope::default() };
@@ -92,7 +92,7 @@ pub(super) fn bodies_by_q<S: Real>(tree: &Tree<S>, ws: &mut Workspace<S>, trig: 
         let mut f = me.phi_w.cross_add(moment, two_psi.cross_add(momentum, me.phi_v.scale(mass)));
         let turned = inertia.apply_add(me.phi_w, two_psi.scale(tr) - k.apply(two_psi));
         let mut about_joint = moment.cross_add(me.phi_v, turned);
-        // Momentum of the subtree per unit rate, and the effect of `psi` of an ancestor on this joint.
+        // The momentum of the subtree per unit rate of this joint, and the coefficients of an ancestor's `psi` in the torque of this joint.
         let (unit_f, unit_n, by_psi) = if body.revolute {
             f = z.cross_add(me.f, f);
             about_joint = z.cross_add(me.n, about_joint);

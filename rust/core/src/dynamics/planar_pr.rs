@@ -151,7 +151,7 @@ impl<S: Real> Dynamics<S> for PlanarPr<S> {
         yt_s: &mut [S],
     ) {
         let (y12, y22) = columns(trig[1], v, v_r, a_r);
-        // In these sums the latest values are used last. This shortens the longest chain of dependent operations.
+        // In these sums the values that are computed last are added last. This shortens the longest chain of dependent operations.
         y_pi[0] = y12.mul_add(pi[1], a_r[0].mul_add(pi[0], y_pi[0]));
         y_pi[1] = y22.mul_add(pi[1], a_r[1].mul_add(pi[2], y_pi[1]));
         yt_s[0] = a_r[0] * s[0];

@@ -169,7 +169,7 @@ impl Query {
         fits && (!self.is_framed() || self.frame < frames) && self.wrench.is_none_or(|frame| frame < frames)
     }
 
-    /// Approximate number of operations for one configuration. It ignores vanishing and common terms.
+    /// Approximate number of operations for one configuration. The estimate does not account for vanishing terms and common terms.
     pub(crate) fn operations(&self, Size { n, bodies }: Size) -> f64 {
         use Quantity::*;
         let (joint, pair) = match self.quantity {
@@ -184,7 +184,7 @@ impl Query {
             Jacobian | JacobianDot | Com | ComJacobian => (130.0, 0.0),
         };
         let solved = if self.quantity == ForwardDynamicsDerivatives { 3.5 } else { 0.0 };
-        // Christoffel symbols require one Coriolis matrix per joint.
+        // The Christoffel symbols require one Coriolis matrix per joint.
         let times = if self.quantity == Christoffel { n as f64 } else { 1.0 };
         let (n, bodies) = (n as f64, bodies as f64);
         // A projected mass matrix has no vanishing entries.

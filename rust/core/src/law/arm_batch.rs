@@ -15,8 +15,8 @@ pub struct ArmBatch {
     declined: Vec<usize>,
 }
 
-/// Return the program that the solver has already made, or make a new one. This never waits for the lock. Another thread may hold the lock
-/// while the process is forked. The forked process would then wait without end.
+/// Return the program that the solver has already made, or make a new one. This function never waits for the lock. If the process is forked
+/// while another thread holds the lock, a waiting call in the forked process would never end.
 fn program(solver: &ArmSolver) -> Option<Evaluation> {
     let (eps, bounds) = (solver.solver().eps(), solver.solver().bounds());
     let mut kept = solver.kept().try_lock().ok();

@@ -42,7 +42,8 @@ pub struct Composite {
 }
 
 impl AdaptiveSpec {
-    /// Add adaptation from the filtered dynamics. `rate` is `lambda`, 1/s, and `weight` is `R`, of size `n`.
+    /// Add adaptation from the filtered dynamics. `rate` is the rate `lambda` of the filter, 1/s, and `weight` is the weight `R` of the
+    /// error, of size `n`.
     pub fn composite(mut self, rate: f64, weight: Gain) -> Result<Self> {
         positive("composite_rate", rate)?;
         require_size("composite", &weight, self.model.n())?;

@@ -61,17 +61,17 @@ pub trait Definition {
         &[]
     }
 
-    /// The adaptive law, if this law is one or contains one.
+    /// The adaptive law that this law is or contains; `None` for other laws.
     fn adaptive(&self) -> Option<&AdaptiveSpec> {
         None
     }
 
-    /// The Cartesian impedance law of a rigid arm, if this law is one.
+    /// This law, if it is the Cartesian impedance law of a rigid arm; `None` for other laws.
     fn impedance(&self) -> Option<&CartesianImpedanceSpec> {
         None
     }
 
-    /// The impedance law of an elastic arm, which has a storage function, if this law is one.
+    /// This law, if it is the impedance law of an elastic arm, which has a storage function; `None` for other laws.
     fn storage(&self) -> Option<&ElasticImpedanceSpec> {
         None
     }
@@ -81,22 +81,24 @@ pub trait Definition {
         None
     }
 
-    /// The joint stiffness in the law's model, if the law reads joint torques.
+    /// The joint stiffness in the law's model, if the law reads joint torques; `None` for other laws.
     fn joint_stiffness(&self) -> Option<&Gain> {
         self.reduction().map(|reduction| &reduction.joint_stiffness)
     }
 
-    /// `(I + Kt)^-1`, if this is a law of motors. This matrix times the output at rest is the derivative of a potential.
+    /// The matrix `(I + Kt)^-1` of a law of motors; `None` for other laws. This matrix times the output at rest is the derivative of a
+    /// potential.
     fn torque_share(&self) -> Option<Gain> {
         None
     }
 
-    /// The target positions of the links, `(n,)`, if this is a law of motors.
+    /// The target positions of the links for a law of motors, `(n,)`; `None` for other laws.
     fn link_target(&self) -> Option<Vec<f64>> {
         None
     }
 
-    /// The law that commands the joint torque: the outer loop of an elastic arm, or a law of a rigid arm with a spring.
+    /// The law that commands the joint torque; `None` for other laws. It is the outer loop of an elastic arm, or a law of a rigid arm with
+    /// a spring.
     fn outer(&self) -> Option<LawSpec> {
         None
     }
@@ -145,13 +147,13 @@ pub trait Build: Definition {
 /// How a law can be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// The same operations for every state. Such a law can be recorded, and has derivatives.
+    /// The law executes the same operations for every state. Such a law can be recorded, and has derivatives.
     Straight,
-    /// Branches on plain numbers. The recorded law has no branch, and reports where it is not valid.
+    /// The law branches on plain numbers. The recorded law has no branch, and reports where it is not valid.
     Guarded,
-    /// Branches on plain numbers. Such a law cannot be recorded.
+    /// The law branches on plain numbers. Such a law cannot be recorded.
     Deciding,
-    /// A function of the caller, evaluated only at samples.
+    /// The law is a function of the caller, evaluated only at samples.
     Outside,
 }
 

@@ -46,7 +46,7 @@ fn norm(n: usize, a: &[f64]) -> f64 {
 }
 
 impl LockedMotors {
-    /// The motors of `plant` with the inner loop `law`. `bandwidth` is the bandwidth of the torque sensor, rad/s; infinite without a
+    /// Create the motors of `plant` with the inner loop `law`. `bandwidth` is the bandwidth of the torque sensor, rad/s; infinite without a
     /// sensor.
     pub fn new(plant: &ElasticSpec, law: &ReductionSpec, bandwidth: f64) -> Self {
         let n = law.reduced_inertia.n();
@@ -72,7 +72,7 @@ impl LockedMotors {
         LockedMotors { n, groups }
     }
 
-    /// One motor. Inertias are in kg m^2, `stiffness` in N m/rad, `motor_damping` in N m s/rad, and `bandwidth` in rad/s.
+    /// Create one motor. Inertias are in kg m^2, `stiffness` in N m/rad, `motor_damping` in N m s/rad, and `bandwidth` in rad/s.
     pub fn single(inertia: f64, stiffness: f64, reduced_inertia: f64, motor_damping: f64, bandwidth: f64) -> Self {
         let gains = [stiffness, inertia, stiffness, inertia, reduced_inertia, motor_damping].map(|x| Gain::unchecked(1, vec![x]));
         LockedMotors { n: 1, groups: vec![Group::new(gains, vec![0.0], bandwidth)] }
@@ -149,7 +149,7 @@ impl Group {
                 a[(2 * n + i) * size + 2 * n + i] = -dt * self.bandwidth;
             }
         }
-        // For larger entries, the tenth power of nalgebra's norms is infinite, and its halvings do not end.
+        // For larger entries, nalgebra's matrix exponential does not end, because the tenth power of a norm is infinite.
         const MOST: f64 = 1e30;
         let e = if largest(&a) < MOST { DMatrix::from_row_slice(size, size, &a).exp() } else { DMatrix::repeat(size, size, f64::NAN) };
         // tau = (I - R) tau_J - R D0 theta_dot with R = B B0^-1; tau_J is modelled or measured.

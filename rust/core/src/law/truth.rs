@@ -44,7 +44,7 @@ impl<S: Real> Truth<S> {
         let own = of(0).adaptive().filter(|law| !law.is_plain())?;
         let truths: Vec<Vec<f64>> = (0..S::LANES).map(|lane| of(lane).adaptive().unwrap_or(own).truth(plant(lane))).collect();
         let parameters = S::labelled("plant", 1, || (0..truths[0].len()).map(|k| S::from_lanes(|lane| truths[lane][k])).collect());
-        // The other numbers are equal in all lanes, because all lanes share the geometry of the arm.
+        // Friction and rotor inertias are equal in all lanes, because all lanes share the geometry of the arm.
         let (model, n) = (plant(0).model(), plant(0).n());
         let fixed = |values: Vec<f64>| values.into_iter().map(S::splat).collect::<Vec<S>>();
         let [viscous, coulomb] = model.friction(plant(0).has_friction()).map(fixed);

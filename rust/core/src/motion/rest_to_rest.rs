@@ -10,7 +10,7 @@ use std::marker::PhantomData;
 
 /// A timing `s(t)` from 0 to 1.
 pub trait Timing {
-    /// `s`, its rate and its acceleration at time `t`, for a motion that takes `duration`, s.
+    /// Return `s`, its rate and its acceleration at time `t`, for a motion that takes `duration`, s.
     fn at(t: f64, duration: f64) -> [f64; 3];
 }
 

@@ -56,7 +56,7 @@ struct FrictionTrial {
 }
 
 impl FrictionSearch {
-    /// `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
+    /// Create the search. The result is `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
     fn new(x0: f64, x1: f64, up: f64, down: f64, link: FrictionLink, straight: bool, bound: f64) -> Option<Self> {
         let mut search =
             FrictionSearch { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };

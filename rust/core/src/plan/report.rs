@@ -91,7 +91,8 @@ pub enum Reason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// One limit requires a slower motion, the other one a faster motion. `missing`: the torque by which both limits must be wider, N m.
+    /// One limit requires a slower motion, the other limit a faster motion. `missing` is the torque by which both limits must be wider, N
+    /// m.
     Conflict {
         /// The place where the upper limit binds.
         upper: Bind,

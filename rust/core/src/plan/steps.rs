@@ -174,10 +174,10 @@ impl Progress {
         loop {
             let tried = Collocation::new(self, length);
             let tail = tried.tail(self);
-            // The last term is proportional to the length to the power `POINTS`.
+            // The last Chebyshev coefficient is proportional to the length of the step to the power `POINTS`.
             let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
             if tail <= 1.0 {
-                // The last term may be a rounding error, so the next step always tries a longer length.
+                // The last coefficient may be a rounding error, so the next step always tries a longer length.
                 let longer = if tail < 0.1 { 8.0 } else { 2.0 } * length;
                 self.slow = if shortened { longest } else { longer };
                 let [y, spread] = tried.polynomials(self);
@@ -250,7 +250,7 @@ impl Collocation {
         let motion = &self.accelerations[0];
         let term = |k: usize| (motion[k] * self.length / (k + 1) as f64).abs() / f64::powi(2.0, 2 * k as i32 + 1);
         let tail = term(POINTS - 1).max(term(POINTS - 2));
-        // A rounding error of the initial speed appears about twelve times as large in the last term.
+        // A rounding error of the initial speed appears about twelve times as large in the last coefficient.
         let ratio = tail / (TAIL * phase.v + 12.0 * phase.noise() / phase.link.viscous);
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }

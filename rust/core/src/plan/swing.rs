@@ -49,7 +49,7 @@ struct SwingTrial {
 }
 
 impl SwingSearch {
-    /// `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
+    /// Create the search. The result is `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
     fn new(straight: &MonotoneMotion) -> Option<Self> {
         let monotone = &straight.monotone;
         let Monotone { push: turns, brake: arrives, .. } = monotone;

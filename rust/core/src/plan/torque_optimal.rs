@@ -81,7 +81,8 @@ pub struct TorqueOptimum {
     pub v_peak: f64,
     /// Whether the monotone motion is proven to be the fastest of all motions.
     pub certified_global: bool,
-    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s. Without Coulomb friction, an optimal motion shorter than this has at most one switch.
+    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s, with gravity moment `G`, inertia `I` and viscous friction `d`. Without Coulomb friction, an
+    /// optimal motion shorter than this time has at most one switch.
     pub sturm_bound: f64,
     /// Whether the monotone motion exists, or the reason why not.
     pub reason: MonotoneReason,

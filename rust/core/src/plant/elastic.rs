@@ -138,7 +138,7 @@ impl Build for ElasticSpec {
     }
 }
 
-/// Set the matrix `A` of the stick-slip friction to `B`, which is constant.
+/// Set the matrix `A` of the stick-slip friction to the motor inertia `B`, which is constant.
 fn with_inertia<'a, S: Real>(mut sticking: LaneStickSlip<S>, of: impl Fn(usize) -> &'a Gain) -> LaneStickSlip<S> {
     let n = of(0).n();
     for (k, entry) in sticking.matrix.iter_mut().enumerate() {

@@ -6,7 +6,8 @@ use super::{Plant, PlantSpec};
 use crate::linalg::gain::{AnyGain, Multiply};
 use crate::scalar::Real;
 
-/// States of a plant and its input at `K` records, `(K, n)` each. Motors and bristles are empty for a plant without them.
+/// States of a plant and its input at `K` records, `(K, n)` each. `theta` and `theta_dot` are empty for a plant without motors, and
+/// `bristles` is empty for a plant without bristles.
 #[derive(Clone, Copy, Debug)]
 pub struct Rubbed<'a> {
     /// Positions of the links, rad or m.

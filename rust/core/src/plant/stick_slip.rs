@@ -126,7 +126,8 @@ impl<S: Real> LaneStickSlip<S> {
         }
     }
 
-    /// Compute the accelerations `a` and the torques of stuck joints from `A`, `b` and the torques of sliding joints.
+    /// Compute the accelerations `a` and the torques of stuck joints from the mass matrix `A`, the torques `b` and the torques of sliding
+    /// joints.
     pub(super) fn hold(&mut self, a: &mut [S]) {
         let n = a.len();
         for i in 0..n {

@@ -266,7 +266,8 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
     }
 }
 
-/// The number of halvings of a segment whose error is `over` times too large. The error is of second order in the length.
+/// The number of halvings of a segment whose error is `over` times too large. The error is proportional to the square of the segment's
+/// length.
 fn halvings(over: f64) -> u32 {
     if over > 1.0 { (0.5 * over.log2()).ceil().min(9.0) as u32 } else { 0 }
 }

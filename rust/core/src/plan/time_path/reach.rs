@@ -201,7 +201,8 @@ impl GenericKernel for Bends<'_> {
                     u_slope = rise / h;
                 }
             }
-            // Where `x` follows a cap, `u` may have the slope of the cap, if `u` is then within its bounds at both ends.
+            // Where `x` follows a cap, `u` may have the slope of the cap. The condition is that `u` is then within its bounds at both ends
+            // of the segment.
             let half = 0.5 * h * caps[i];
             let inside = |at: f64, [most, least]: [f64; 2]| least <= at && at <= most;
             if inside(u - half, before) && inside(u + half, after) && x0.min(x1) + h * u.abs() >= 4.0 * h * half.abs() {
