@@ -105,7 +105,7 @@ impl<B: Buffer<f64>> Watch<B> {
         let mut end = None;
         for k in 0..self.crossings.len() {
             let crossing = &mut self.crossings[k];
-            // A crossing at exactly the end counts, whatever its place in the list.
+            // A crossing at exactly the end counts, independent of its position in the list.
             if end.is_some_and(|end| crossing.t > end) {
                 self.crossings.truncate(k);
                 break;

@@ -75,7 +75,7 @@ impl Pairs {
     #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
-        // The inverse is negative, so that every sum is a difference.
+        // `inverse` is `-1/s`. With this sign, every sum below is a difference.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
         self.positions_each(|_, column| b[column] = b[column].times(inverse));
         self.kept(n, |r, row| {

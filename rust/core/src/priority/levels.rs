@@ -220,7 +220,7 @@ impl Workspace {
             let k = self.project(i)?;
             let (rank, spent) = self.consume_exact_rank(i, &mut condition)?;
             self.ranks[i] = rank;
-            // A level without free directions loses none.
+            // A level without free directions cannot lose a direction.
             self.lost[i] = kinematic && k > 0 || rank < m.min(k);
             if self.is_followed(i) {
                 self.consume(spent);

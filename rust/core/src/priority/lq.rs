@@ -72,7 +72,7 @@ impl<S: Real> Factor<S> {
         }
     }
 
-    /// Transform a row that is not reduced to the coordinates of `L`.
+    /// Transform a row to the coordinates of `L`. No reflection was computed from this row.
     pub fn turn(&self, row: &mut [S]) {
         (0..self.fit()).for_each(|at| self.reflect(at, row));
     }

@@ -16,8 +16,8 @@ use super::regular::threshold2;
 use crate::scalar::{Float, Real};
 use crate::trace::function::Evaluation;
 
-/// If the square of a threshold is below this fraction of the square of a level, the algorithm is not valid. Above this limit, the rounding
-/// error divided by the threshold is at most 1e-13.
+/// The algorithm is valid only if the square of the threshold exceeds this fraction of the squared Frobenius norm of the level. The
+/// rounding error divided by the threshold is then at most 1e-13.
 const LEAST: f64 = 1e-6;
 
 /// The square of a ratio. If a singular value is below this ratio times the threshold, its direction is not used.

@@ -174,7 +174,7 @@ pub fn split<'a>(problem: &'a Problem, out: &'a mut BatchRuns, lanes: usize) -> 
     let mut metrics: Vec<_> = out.metrics.iter_mut().map(|(_, width, numbers)| numbers.chunks_mut(lanes * width.unwrap_or(1))).collect();
     let ended = out.ended.chunks_mut(lanes);
     let mut balances = out.balances.each_mut().map(|numbers| numbers.chunks_mut(lanes));
-    // Each group also has many small vectors, for its series and metrics.
+    // The required memory includes many small vectors of each group, for its series and metrics.
     let parts = arrays.len() * size_of::<ArrayRows>() + metrics.len() * size_of::<&mut [f64]>() + 8 * width;
     memory::require(ended.len() * (size_of::<GroupRecorder>() + parts + 32))?;
     let mut series = || {

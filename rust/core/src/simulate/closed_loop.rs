@@ -1,5 +1,5 @@
-//! The closed loop of any plant with any law, `x' = f(u, x)` with `x = [plant, law, integrals]`: one call of the law, one of the plant. The
-//! integrals are those of the monitors.
+//! The closed loop of any plant with any law, `x' = f(u, x)` with `x = [plant, law, integrals]`: one call of the law and one call of the
+//! plant. The integrals are those of the monitors.
 
 use super::force::Wrench;
 use super::monitors::{self, Flow};

@@ -51,7 +51,7 @@ where
     }
     let (mut step, mut i, mut next_break) = (0, 0, 0);
     let mut next = schedule.record(0);
-    // The state of the run, while `x` is at a record between two steps.
+    // A copy of the run's state. The run continues from this copy after `x` was advanced to a record between two steps.
     let (mut start, mut first_break, mut ahead) = (x.clone(), 0, false);
     loop {
         let here = next.filter(|record| record.step == step);
@@ -172,13 +172,13 @@ fn block(step: usize, hold: usize) -> usize {
     if inside > 0 { (hold - inside).min(BLOCK) } else { BLOCK / hold.min(BLOCK) * hold.min(BLOCK) }
 }
 
-/// Return the number of equal steps from `step` to at most `to`. No sample and no jump of the input is between them.
+/// Return the number of equal steps from `step` to at most `to`. No sample and no jump of the input occurs between these steps.
 fn smooth_steps(schedule: &Schedule, step: usize, to: usize, hold: usize, next_break: usize) -> usize {
     // Metrics or records within steps require a separate first step.
     if schedule.within != Within::Nothing && step == 0 {
         return 0;
     }
-    // The last step may be shorter. A step contains a jump at its end.
+    // The last step may be shorter, so that it is not one of the equal steps. A jump at the end of a step belongs to this step.
     let mut end = to.min(schedule.steps - 1);
     if hold != 0 {
         end = end.min(step - step % hold + hold);

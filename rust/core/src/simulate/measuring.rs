@@ -88,7 +88,7 @@ impl<'a> Measuring<'a> {
 
     pub fn record(&mut self, i: usize, t: f64, x: &[f64], tau: &[f64]) {
         if i == 0 {
-            // The run starts or restarts.
+            // Record 0 means that the run starts or restarts.
             self.kept = self.gauge.plan.start();
             (self.count, self.fault, self.given) = (0, f64::INFINITY, false);
             self.first_time = t;

@@ -54,7 +54,7 @@ pub fn solve_stacks(
     solve_stacks_by(&StackBatch::new(solver, answers.status.len()), given, answers, threads, poll)
 }
 
-/// Solve a batch like [`solve_stacks`], with copies of the solver `batch`. Callers with several parts of a batch reuse it.
+/// Solve a batch like [`solve_stacks`], with copies of the solver `batch`. Callers that solve a batch in several parts reuse `batch`.
 pub fn solve_stacks_by(
     batch: &StackBatch,
     given: &StackRows,

@@ -270,7 +270,8 @@ impl<'a> Problem<'a> {
 
     /// Refuse arms that are too large for the memory, before the workspaces of `at_once` runs are allocated.
     pub fn require_memory(&self, at_once: usize) -> Result<()> {
-        // The number of matrices for the dynamics and the law, of Jacobians with their decompositions, and of vectors.
+        // Estimates of the memory of one run: the number of matrices of the dynamics and the law, of Jacobians with their decompositions,
+        // and of vectors.
         const MATRICES: usize = 6;
         const JACOBIANS: usize = 8;
         const VECTORS: usize = 64;

@@ -99,7 +99,7 @@ impl<'a, S: Real> ProgramLoop<'a, S> {
         }
     }
 
-    /// Compute the input at time `t` and state `x` in the frames. A held input is copied.
+    /// Write the exogenous input at time `t`, s, and the state `x` to the frames. Unless the input is held, also evaluate the law.
     fn answer_in_frames(&mut self, t: f64, x: &[S]) {
         if !self.held {
             return self.observe(t, x);

@@ -27,7 +27,7 @@ const LARGEST_TABLE: usize = 1 << 20;
 pub struct ProgramStep<S> {
     /// The instants of some steps, one after another.
     times: Vec<f64>,
-    /// The exogenous inputs at these instants: one stream for all frames, or one stream per frame.
+    /// The exogenous inputs at the instants in `times`: one stream for all frames, or one stream per frame.
     streams: Vec<Frame>,
     /// Memory for the inputs of one lane, if lanes have different inputs.
     lane: Vec<f64>,
@@ -78,7 +78,7 @@ impl<S: Real> ProgramStep<S> {
         }
     }
 
-    /// Evaluate the exogenous inputs of these steps and write them to the streams. `steps` yields start, size and end.
+    /// Evaluate the exogenous inputs of several steps, and write them to the streams. `steps` yields start, size and end.
     fn sample(&mut self, layout: &Layout, world: &World, steps: impl ExactSizeIterator<Item = [f64; 3]>) {
         let (count, width) = (layout.new_instants() * steps.len() + usize::from(layout.ends_at_last()), layout.exogenous());
         if width == 0 || self.still && count <= self.filled {
@@ -243,7 +243,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
             });
             system.log = log;
             if (0..S::LANES).any(|lane| system.declined(lane)) {
-                // Compute these steps again, one by one. The lanes that did not decline repeat the same operations.
+                // Compute the steps of this block again, one by one. Lanes whose steps were valid repeat the same operations.
                 (0..S::LANES).for_each(|lane| system.back(lane));
                 x.copy_from_slice(system.redo.before());
                 for step in from..from + turns {

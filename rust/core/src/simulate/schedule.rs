@@ -12,7 +12,7 @@ const MAX_STEPS: f64 = 1e12;
 /// The smallest memory of one record, in bytes: its place in the schedule, time, state, input and monitors for a small arm.
 const BYTES_PER_RECORD: u128 = 160;
 
-/// The number of records that are placed between two checks for a stop.
+/// The number of records whose times are computed between two checks for a stop.
 const LOOK: usize = 1 << 12;
 
 /// The times of the records of a run.

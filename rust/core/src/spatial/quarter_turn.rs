@@ -25,7 +25,7 @@ impl QuarterTurn {
         QuarterTurn::ALL.into_iter().find(|turn| turn.after(Matrix3::IDENTITY) == *r)
     }
 
-    /// Return `m R`.
+    /// Return `m R`, where `R` is the matrix of this rotation.
     #[inline]
     pub fn after<S: Real>(self, m: Matrix3<S>) -> Matrix3<S> {
         let [x, y, z] = m.axes();
@@ -39,7 +39,7 @@ impl QuarterTurn {
         }
     }
 
-    /// Return `R v` for each vector `v`.
+    /// Return `R v` for each vector `v`, where `R` is the matrix of this rotation.
     #[inline]
     pub fn apply<S: Real, const K: usize>(self, mut v: [Vector3<S>; K]) -> [Vector3<S>; K] {
         macro_rules! each {
@@ -61,7 +61,7 @@ impl QuarterTurn {
         v
     }
 
-    /// Return `R' v` for each vector `v`.
+    /// Return `R' v` for each vector `v`, where `R` is the matrix of this rotation.
     #[inline]
     pub fn apply_transposed<S: Real, const K: usize>(self, v: [Vector3<S>; K]) -> [Vector3<S>; K] {
         let inverse = match self {
@@ -74,7 +74,7 @@ impl QuarterTurn {
         inverse.apply(v)
     }
 
-    /// Return `R p R'`.
+    /// Return `R p R'`, where `R` is the matrix of this rotation.
     #[inline]
     pub fn congruence<S: Real>(self, p: Sym3<S>) -> Sym3<S> {
         let [xx, xy, yy, xz, yz, zz] = p.0;

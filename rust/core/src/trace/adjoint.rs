@@ -2,7 +2,7 @@
 //!
 //! For `y = f(x)` and weights `y_bar` of the outputs, the adjoint computes `x_bar = f'(x)' y_bar`. Its operations follow the operations of
 //! `y`. An *entry* is one recorded operation. An entry adds no operation if it has no effect on an output, or if it does not depend on a
-//! varying input. At a corner (such as `|x|` at zero), the derivative is the one of the selected branch. The other branch has the weight
+//! varying input. At a corner (such as `|x|` at zero), the result is the derivative of the selected branch. The other branch has the weight
 //! zero. The numbers of this branch may be infinite, and zero times infinity is NaN. Its products are therefore computed only where the
 //! weight is not zero.
 

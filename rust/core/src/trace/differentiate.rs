@@ -2,7 +2,7 @@
 //!
 //! For `y = f(x)` and a direction `x_dot` of the inputs, the tangent is `y_dot = f'(x) x_dot`. Its operations follow the operations of `y`.
 //! An *entry* is one recorded operation. An entry that does not depend on a varying input has the derivative zero, and folding removes all
-//! operations on this zero. At a corner (such as `|x|` at zero), the derivative is the one of the selected branch, as in `scalar::Dual`.
+//! operations on this zero. At a corner (such as `|x|` at zero), the result is the derivative of the selected branch, as in `scalar::Dual`.
 
 use super::tape::{Op, Tape};
 

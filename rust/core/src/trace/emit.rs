@@ -69,7 +69,7 @@ struct Emitter<'a, A> {
     leaving: Vec<u32>,
     slots: u32,
     spilled: usize,
-    /// For each value that is a used constant, its index in `constants`.
+    /// For each value, its index in `constants` if it is a constant that the code reads from memory.
     constant: Vec<Option<u32>>,
     constants: Vec<f64>,
     /// The position of the present instruction in program order.

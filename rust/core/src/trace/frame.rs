@@ -22,7 +22,7 @@ impl Frame {
         self.lanes
     }
 
-    /// All numbers. Slot `s` begins at index `s lanes`.
+    /// All numbers of the frame. Slot `s` begins at index `s lanes`.
     pub fn numbers(&self) -> &[f64] {
         // SAFETY: a line is eight numbers without padding.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), 8 * self.lines.len()) }

@@ -20,7 +20,7 @@ struct Step {
 #[derive(Clone, Debug)]
 pub struct Portable {
     steps: Vec<Step>,
-    /// The copies at the end of a run, in order: `(from, to)`.
+    /// The copies between slots at the end of a run, in order, as pairs `(from, to)`.
     copies: Vec<(u32, u32)>,
     /// The constants: `(slot, number)`.
     constants: Vec<(u32, f64)>,

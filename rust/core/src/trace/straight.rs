@@ -101,7 +101,7 @@ pub struct Straight {
     pub stream: Option<Stream>,
 }
 
-/// Inputs in a separate array. In each iteration, the position in this array advances by `advance` slots.
+/// A stream: inputs in an array outside of the frame. In each iteration, the position in this array advances by `advance` slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
     /// The index of the first input of the stream.

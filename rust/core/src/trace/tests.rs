@@ -10,7 +10,7 @@ use super::sym::{self, Sym};
 use crate::scalar::lanes::{Isa, isa};
 use crate::scalar::{Float, Real};
 
-/// A small generator (xorshift, Marsaglia 2003).
+/// A small random generator (xorshift, Marsaglia 2003).
 pub struct Random(pub u64);
 
 impl Random {

@@ -103,7 +103,7 @@ fn check(form: Form, fill: impl FnOnce(&mut Assembler), expected: &[String]) {
     assert_eq!(encoder.take_buffer(), code, "{form:?} {expected:?}");
 }
 
-/// The names of operands in a form of code.
+/// Writes the operands of an instruction as assembler text, for one form of code.
 struct Names(Form);
 
 impl Names {

@@ -47,7 +47,7 @@ fn lt(a: __m256d, b: __m256d) -> __m256d {
     unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(a, b) }
 }
 
-/// Select by the sign bit of each lane of the mask.
+/// Copy each lane from `yes` if the sign bit of the mask's lane is set, otherwise from `no`.
 #[inline(always)]
 fn select(mask: __m256d, yes: __m256d, no: __m256d) -> __m256d {
     unsafe { _mm256_blendv_pd(no, yes, mask) }

@@ -46,7 +46,7 @@ fn lt(a: __m128d, b: __m128d) -> __m128d {
     unsafe { _mm_cmplt_pd(a, b) }
 }
 
-/// Select by all bits of the mask.
+/// Copy each bit from `yes` where the bit of the mask is one, otherwise from `no`.
 #[inline(always)]
 fn select(mask: __m128d, yes: __m128d, no: __m128d) -> __m128d {
     unsafe { _mm_or_pd(_mm_and_pd(mask, yes), _mm_andnot_pd(mask, no)) }

@@ -53,7 +53,7 @@ pub struct Monitored {
 }
 
 impl Monitored {
-    /// Determine these properties for a problem.
+    /// Return the properties of the monitors of `problem`.
     pub fn of(problem: &Problem) -> Self {
         Monitored { storage: problem.watches_storage(), target: problem.watches_target(), loss: problem.watches_loss() }
     }
@@ -122,10 +122,10 @@ pub trait MonitorKind {
     /// The names of the series of this monitor.
     const NAMES: &'static [&'static str];
 
-    /// The names of its integrals. Every monitored loop has them as states.
+    /// The names of the integrals that this monitor requires. These integrals are states of every monitored loop.
     const INTEGRALS: &'static [&'static str] = &[];
 
-    /// Write the rates of its integrals.
+    /// Write the rates of the integrals of this monitor.
     fn rates<S: Real>(_: &Flow<S>, _: &mut [S]) {}
 
     /// Whether this monitor applies to a run.
@@ -282,7 +282,7 @@ pub struct Monitors<'a> {
     force: Option<&'a Force>,
     checks: Checks<PrioritySolver>,
     desired: Vec<f64>,
-    /// `E` and `V1` at the first record, each combined with its integral.
+    /// `E - int P` and `V1 + int s' Kd s` at the first record. `None` before the first record.
     first: Option<[f64; 2]>,
 }
 
