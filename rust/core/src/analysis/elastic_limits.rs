@@ -22,8 +22,8 @@ pub fn stiffness_limit(mass: f64, joint_stiffness: f64, reduced_inertia: f64, da
     joint_stiffness * (1.0 + damping / motor_damping) * (1.0 - damping * reduced_inertia / (motor_damping * mass))
 }
 
-/// Compute the smallest `B0 <= B`, kg m^2, whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` and locked links is stable. NaN if `B0
-/// = B` is unstable.
+/// Compute the smallest motor inertia `B0 <= B`, kg m^2, whose sampled motor loop with `D0 = 2 zeta sqrt(B0 K_J)` and locked links is
+/// stable. The result is NaN if `B0 = B` is unstable.
 ///
 /// `inertia` is `B`, kg m^2, `stiffness` is `K_J`, N m/rad, and `sample_time` is in s. `bandwidth` of the torque sensor is in rad/s,
 /// infinite without a sensor.

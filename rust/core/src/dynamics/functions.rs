@@ -45,7 +45,7 @@ const FEW_JOINTS: usize = 1024;
 
 /// The evaluator and the programs for single calls.
 struct Single {
-    /// `None` for a very large arm before its first call.
+    /// The evaluator; `None` for a very large arm before its first call.
     evaluator: Option<Evaluator>,
     cached: Vec<CachedQuery>,
 }

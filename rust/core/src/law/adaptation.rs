@@ -107,7 +107,7 @@ impl Base {
 /// The adaptive law on vectors of any size.
 type OnHeap<S> = Adaptive<S, AnyArm<S>, AnyGain<S>, AnyGain<S>, Vec<S>, Vec<S>>;
 
-/// The adaptive law in a loop, for any arm.
+/// The adaptive law in a control loop, for any arm.
 pub struct AnyAdaptive<S: Real> {
     law: OnHeap<S>,
     /// Known rotor inertias, `(n,)`; empty if there are none.

@@ -20,7 +20,7 @@ use crate::linalg::gain::{Gain, Multiply};
 use crate::motion::Motion;
 use crate::scalar::Real;
 
-/// The adaptive law of an arm, validated.
+/// The adaptive law of an arm, with validated parameters.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -263,7 +263,7 @@ impl Build for AdaptiveSpec {
     }
 }
 
-/// The law in a loop. `B` is the type of joint vectors, `P` the type of parameter vectors.
+/// The law in a control loop. `B` is the type of joint vectors, `P` the type of parameter vectors.
 pub struct Adaptive<S, D: Dynamics<S>, J, G, B, P>
 where
     S: Real,

@@ -1,4 +1,5 @@
-//! The maps of `priority` on an arm, for many rows of joint angles. One program has kinematics and solution, with one row per SIMD lane.
+//! Joint velocities for tasks in priority, for many rows of joint angles. One program contains the kinematics and the solution, and
+//! computes one row per SIMD lane.
 
 use super::ArmSolver;
 use crate::interrupt::look;

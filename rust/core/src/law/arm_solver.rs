@@ -1,4 +1,5 @@
-//! The maps of `priority` for the tasks of an arm: `v` solves `J_i(q) v = v_i`. Kinematics are included.
+//! Joint velocities `v` for the tasks of an arm in priority: `v` solves `J_i(q) v = v_i` by a map of `priority`. The kinematics are
+//! included.
 
 use crate::arm::Arm;
 use crate::error::{Error, Result, finite};

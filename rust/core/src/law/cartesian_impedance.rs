@@ -18,7 +18,7 @@ use crate::plant::PlantKind;
 use crate::scalar::Real;
 use crate::spatial::{Vector3, rotation_rate};
 
-/// The Cartesian impedance law of an arm, validated.
+/// The Cartesian impedance law of an arm, with validated parameters.
 ///
 /// ```
 /// use armlet_core::analysis::equilibrium::equilibrium;

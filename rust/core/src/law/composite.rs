@@ -100,7 +100,7 @@ impl AdaptiveSpec {
     }
 }
 
-/// Composite adaptation in a loop.
+/// Composite adaptation in a control loop.
 pub(super) struct LaneComposite<S> {
     rate: S,
     weight: AnyGain<S>,

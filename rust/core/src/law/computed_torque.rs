@@ -11,7 +11,7 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
 use crate::scalar::Real;
 
-/// The computed-torque law of an arm, validated.
+/// The computed-torque law of an arm, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComputedTorqueSpec {
     pub(crate) model: Model,
@@ -76,7 +76,7 @@ impl Build for ComputedTorqueSpec {
     }
 }
 
-/// The computed-torque law in a loop.
+/// The computed-torque law in a control loop.
 pub struct ComputedTorque<S: Real, D: Dynamics<S>, J, B> {
     arm: D,
     workspace: D::Workspace,

@@ -223,7 +223,7 @@ fn place(w: &mut [f64], p: usize, of_bodies: impl Fn(usize, usize) -> f64, bodie
     }
 }
 
-/// The sums over the stored samples in a loop.
+/// The sums over the stored samples in a control loop.
 pub(super) struct LaneConcurrent<S> {
     gram: Vec<S>,
     moment: Vec<S>,

@@ -24,7 +24,7 @@ pub trait Solve {
     fn v(&self) -> &[Self::Number];
     /// The residuals of each level's task velocities, stacked.
     fn residuals(&self) -> &[Self::Number];
-    /// 1 if the results are valid, 0 if another algorithm is required; `None` if they are always valid.
+    /// Return 1 if the results are valid, and 0 if another algorithm is required; `None` if the results are always valid.
     fn stands(&self) -> Option<Self::Number>;
 }
 

@@ -19,7 +19,7 @@ use crate::linalg::cholesky;
 use crate::plant::PlantSpec;
 use crate::scalar::Real;
 
-/// Cartesian impedance of an arm with elastic joints, validated.
+/// Cartesian impedance of an arm with elastic joints, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticImpedanceSpec {
     /// The outer loop: the impedance law of the links.
@@ -147,7 +147,7 @@ impl ElasticImpedanceSpec {
     }
 }
 
-/// Cartesian impedance through elastic joints in a loop.
+/// Cartesian impedance through elastic joints in a control loop.
 pub struct ElasticImpedance<S: Real> {
     outer: CartesianImpedance<S>,
     inner: Reduction<S>,

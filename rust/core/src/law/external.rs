@@ -78,7 +78,7 @@ impl Build for ExternalSpec {
     }
 }
 
-/// The law in a loop of one run.
+/// The law in a control loop of one run.
 pub struct External {
     call: Call,
     t: f64,

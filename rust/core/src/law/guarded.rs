@@ -48,7 +48,7 @@ impl Reaction {
     }
 }
 
-/// A law with its observer, validated.
+/// A law with its observer, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GuardedSpec {
     /// The law before contact.

@@ -75,7 +75,7 @@ impl Build for GuardedSpec {
     }
 }
 
-/// A guarded law in a loop.
+/// A guarded law in a control loop.
 pub struct Guarded<S: Real> {
     inner: Box<dyn Law<S> + Send>,
     /// Length of the state of the inner law.

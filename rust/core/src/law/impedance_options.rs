@@ -115,7 +115,7 @@ impl ImpedanceOptions {
     }
 }
 
-/// The feed-forward wrench, the integral and the limits in a loop.
+/// The feed-forward wrench, the integral and the limits in a control loop.
 pub(super) struct Extras<S> {
     feedforward: Option<Vec<S>>,
     integral_gain: Option<AnyGain<S>>,

@@ -38,7 +38,7 @@ macro_rules! reduced_facts {
 }
 pub(super) use reduced_facts;
 
-/// Torque feedback that reduces the apparent motor inertia, validated.
+/// Torque feedback that reduces the apparent motor inertia, with validated parameters.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -130,7 +130,7 @@ impl ReductionSpec {
     }
 }
 
-/// The motor-inertia reduction in a loop.
+/// The motor-inertia reduction in a control loop.
 pub struct Reduction<S: Real> {
     joint_stiffness: AnyGain<S>,
     motor_damping: AnyGain<S>,

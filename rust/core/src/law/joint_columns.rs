@@ -105,7 +105,7 @@ impl JointColumns {
     }
 }
 
-/// The joint columns in a loop.
+/// The joint columns in a control loop.
 pub(super) struct LaneColumns<S> {
     kinds: Vec<JointColumn>,
     speeds: Vec<S>,

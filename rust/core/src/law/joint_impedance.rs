@@ -6,7 +6,7 @@ use super::pd_gravity::{PdGravity, PdGravitySpec};
 use super::{Build, Definition, Instant, JointReference, Law, LawSpec, Term};
 use crate::scalar::Real;
 
-/// Joint impedance of an arm with elastic joints, validated.
+/// Joint impedance of an arm with elastic joints, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointImpedanceSpec {
     /// The outer loop: the impedance law of the links.
@@ -46,7 +46,7 @@ impl Build for JointImpedanceSpec {
     }
 }
 
-/// Joint impedance in a loop.
+/// Joint impedance in a control loop.
 pub struct JointImpedance<S: Real> {
     outer: PdGravity<S>,
     inner: Reduction<S>,

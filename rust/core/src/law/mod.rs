@@ -113,7 +113,7 @@ pub trait Law<S: Real> {
     /// Set the sample period of the loop, s, and the limits of the plant's input, `(n,)` or empty.
     fn configure(&mut self, _period: Option<f64>, _limits: &[S]) {}
 
-    /// 1 if the last evaluation is valid, 0 if it must be repeated directly; `None` for a law that is always valid.
+    /// Return 1 if the last evaluation is valid, and 0 if it must be repeated directly; `None` for a law that is always valid.
     fn stands(&self) -> Option<S> {
         None
     }

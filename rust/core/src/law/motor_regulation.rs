@@ -12,7 +12,7 @@ use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::motion::Motion;
 use crate::scalar::Real;
 
-/// Regulation by feedback of the motors, validated. With `TORQUE`, the joint torque and its rate are fed back too.
+/// Regulation by feedback of the motors, with validated parameters. With `TORQUE`, the joint torque and its rate are fed back too.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -162,7 +162,7 @@ impl<const TORQUE: bool> Build for MotorRegulationSpec<TORQUE> {
     }
 }
 
-/// Regulation by feedback of the motors in a loop.
+/// Regulation by feedback of the motors in a control loop.
 pub struct MotorRegulation<S: Real, const TORQUE: bool> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,

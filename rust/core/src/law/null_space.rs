@@ -43,7 +43,7 @@ impl NullProjection {
     }
 }
 
-/// A spring and a damper of the joints in the null space of an impedance law, validated.
+/// A spring and a damper of the joints in the null space of an impedance law, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NullSpaceSpec {
     /// Desired posture `q_n`, `(n,)`, rad or m. For a fixed posture, use a motion with constant position.
@@ -66,7 +66,7 @@ impl NullSpaceSpec {
     }
 }
 
-/// Null space and compensated coupling of a law in a loop.
+/// Null space and compensated coupling of a law in a control loop.
 pub(super) struct NullSpace<S: Real> {
     posture: Option<(AnyGain<S>, AnyGain<S>, NullProjection)>,
     coupling: bool,

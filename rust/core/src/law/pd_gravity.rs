@@ -9,7 +9,7 @@ use crate::motion::Motion;
 use crate::scalar::Real;
 use nalgebra::DVector;
 
-/// PD control with gravity compensation, validated.
+/// PD control with gravity compensation, with validated parameters.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -90,7 +90,7 @@ impl Build for PdGravitySpec {
     }
 }
 
-/// PD control with gravity compensation in a loop.
+/// PD control with gravity compensation in a control loop.
 pub struct PdGravity<S: Real> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,

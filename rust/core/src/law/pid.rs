@@ -24,7 +24,7 @@ use crate::motion::Motion;
 use crate::scalar::Real;
 use crate::scalar::hyperbolic::tanh;
 
-/// PID control with gravity compensation, validated.
+/// PID control with gravity compensation, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PidSpec {
     model: Model,
@@ -201,7 +201,7 @@ impl Build for PidSpec {
     }
 }
 
-/// PID control with gravity compensation in a loop.
+/// PID control with gravity compensation in a control loop.
 pub struct Pid<S: Real> {
     arm: AnyArm<S>,
     workspace: Workspace<S>,

@@ -18,7 +18,7 @@ use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
-/// Accelerations of tasks in priority, validated.
+/// Accelerations of tasks in priority, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityAccelerationSpec {
     model: Model,
@@ -156,7 +156,7 @@ impl Build for PriorityAccelerationSpec {
     }
 }
 
-/// The law in a loop. Its buffers are kept between calls.
+/// The law in a control loop. Its buffers are kept between calls.
 pub struct PriorityAcceleration<P: Solve = PrioritySolver> {
     stack: TaskStack<P::Number>,
     solver: P,

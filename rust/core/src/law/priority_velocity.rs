@@ -21,7 +21,7 @@ use crate::plant::PlantKind;
 use crate::priority::{PriorityMethod, PriorityOptions, PrioritySolver};
 use crate::scalar::Real;
 
-/// Velocities of tasks in priority, validated.
+/// Velocities of tasks in priority, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorityVelocitySpec {
     model: Model,
@@ -149,7 +149,7 @@ impl Build for PriorityVelocitySpec {
     }
 }
 
-/// The law in a loop. Its buffers are kept between calls.
+/// The law in a control loop. Its buffers are kept between calls.
 pub struct PriorityVelocity<P: Solve = PrioritySolver> {
     stack: TaskStack<P::Number>,
     solver: P,

@@ -191,7 +191,7 @@ impl Projection {
     }
 }
 
-/// The projection in a loop, with its buffers.
+/// The projection in a control loop, with its buffers.
 pub struct Projector<S> {
     width: usize,
     /// The inverse factor `L^-1` of the lower bound of each body's pseudo-inertia.

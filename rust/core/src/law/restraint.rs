@@ -80,7 +80,7 @@ fn not_negative(argument: &str, x: f64) -> Result<()> {
     Err(Error::input(argument, format!("is negative or not finite: expected a finite number >= 0, got {x}")))
 }
 
-/// Leakage and dead zone in a loop.
+/// Leakage and dead zone in a control loop.
 pub(super) struct LaneRestraint<S> {
     leakage: Option<(S, LeakageForm, Vec<S>)>,
     dead_zone: Option<S>,

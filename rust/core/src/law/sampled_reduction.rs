@@ -152,7 +152,7 @@ impl Group {
         // For larger entries, nalgebra's matrix exponential does not end, because the tenth power of a norm is infinite.
         const MOST: f64 = 1e30;
         let e = if largest(&a) < MOST { DMatrix::from_row_slice(size, size, &a).exp() } else { DMatrix::repeat(size, size, f64::NAN) };
-        // tau = (I - R) tau_J - R D0 theta_dot with R = B B0^-1; tau_J is modelled or measured.
+        // The torque is `tau = (I - R) tau_J - R D0 theta_dot` with `R = B B0^-1`, where `tau_J` is modelled or measured.
         let share = |i: usize, j: usize| f64::from(u8::from(i == j)) - self.ratio[i * n + j];
         let mut f = vec![0.0; n * s];
         for i in 0..n {

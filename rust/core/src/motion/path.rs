@@ -261,7 +261,7 @@ impl Path {
         self.n
     }
 
-    /// Path positions of the knots, `(P + 1,)`, ends included.
+    /// Path positions of the knots, `(P + 1,)`, including both ends of the path.
     pub fn knots(&self) -> &[f64] {
         &self.knots
     }

@@ -219,7 +219,7 @@ impl TimedPath {
         }
     }
 
-    /// Times at which the acceleration jumps by more than a hundredth of its largest value, s, ends included.
+    /// Times at which the acceleration jumps by more than a hundredth of its largest value, s. The start and the end are included.
     pub fn breaks(&self) -> Vec<f64> {
         let last = self.s.len() - 1;
         if !self.u.is_empty() {

@@ -59,17 +59,17 @@ struct Answers<S> {
     numbers: [S; 4],
     /// The flags `feasible`, `hold_start` and `hold_end`.
     flags: [S; 3],
-    /// 1 if the problem is valid: see [`Link::new`] and [`check_ends`].
+    /// 1 if the problem is valid, else 0: see [`Link::new`] and [`check_ends`].
     valid: S,
 }
 
-/// 1 in the lanes where both masks are true, else 0.
+/// Return 1 in the lanes where both masks are true, else 0.
 #[inline(always)]
 fn both<S: Real>(a: S::Mask, b: S::Mask) -> S {
     S::select(a, S::select(b, S::splat(1.0), S::zero()), S::zero())
 }
 
-/// 1 where `x` is neither below `low` nor above `high`, else 0.
+/// Return 1 in the lanes where `x` is neither below `low` nor above `high`, else 0.
 #[inline(always)]
 fn between<S: Real>(x: S, low: S, high: S) -> S {
     S::select(x.lt(low), S::zero(), S::select(high.lt(x), S::zero(), S::splat(1.0)))

@@ -58,7 +58,7 @@ pub(super) trait BackSwings {
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
     /// The swing at `e`; `None` if it is not feasible.
     fn swing(&self, e: f64) -> Option<Swing>;
-    /// The intervals of feasible swings, the nearest first. The last one begins before `farthest`, or beyond.
+    /// The intervals of feasible swings, the nearest interval first. The last interval begins before `farthest`, or beyond.
     fn windows(&self, farthest: f64) -> impl Iterator<Item = Window>;
     /// If the monotone motion is feasible, the smallest `e` with a possible gain; else `None`.
     fn nearest(&self) -> Option<f64>;

@@ -12,7 +12,7 @@
 use crate::scalar::Real;
 use std::f64::consts::FRAC_2_PI;
 
-// pi/2 in three parts. The first two have 33 significant bits, so n times each of them is exact for |n| < 2^20.
+// The number pi/2 in three parts. The first two parts have 33 significant bits, so n times each of them is exact for |n| < 2^20.
 const PART_1: f64 = 1.570_796_326_734_125_6;
 const PART_2: f64 = 6.077_100_506_303_965_976_6e-11;
 const PART_3: f64 = 2.022_266_248_795_950_6e-21;

@@ -44,8 +44,8 @@ impl FrictionLink {
     }
 }
 
-/// A step that starts at `time` of its phase and has the duration `length`, both in the unit of time of the phase. `y` is the distance,
-/// `spread` is `z`.
+/// A step that starts at `time` of its phase and has the duration `length`, both in the unit of time of the phase. `y` has the coefficients
+/// of the distance, and `spread` the coefficients of the spread.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
     pub time: f64,

@@ -16,7 +16,7 @@ use crate::error::{Error, Result, finite};
 use crate::linalg::gain::{AnyGain, Gain, Multiply};
 use crate::scalar::Real;
 
-/// An arm with elastic joints, validated.
+/// An arm with elastic joints, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticSpec {
     /// The model of the links.
@@ -107,7 +107,7 @@ impl Definition for ElasticSpec {
     }
 }
 
-/// An arm with elastic joints in a loop.
+/// An arm with elastic joints in a control loop.
 pub struct Elastic<S: Real> {
     links: Links<S>,
     stiffness: AnyGain<S>,

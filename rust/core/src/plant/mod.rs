@@ -45,7 +45,7 @@ pub struct Power<S> {
     pub outside: S,
 }
 
-/// A plant in a loop.
+/// A plant in a control loop.
 pub trait Plant<S: Real> {
     /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
     /// plant.

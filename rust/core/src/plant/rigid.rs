@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::scalar::Real;
 use crate::spatial::Vector3;
 
-/// A rigid arm, validated.
+/// A rigid arm, with validated parameters.
 ///
 /// ```
 /// use armlet_core::arm::Arm;
@@ -225,7 +225,7 @@ fn load<S: Real>(links: &mut Links<S>, sticking: &mut LaneStickSlip<S>, trig: &[
     }
 }
 
-/// A rigid arm in a loop.
+/// A rigid arm in a control loop.
 pub struct Rigid<S: Real> {
     links: Links<S>,
     friction: bool,

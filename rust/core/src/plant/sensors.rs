@@ -44,7 +44,7 @@ impl TorqueSensor {
         if turn == 0.0 {
             return state;
         }
-        // y(dt) = e y(0) + now - e before - (now - before) (1 - e)/turn, with e = exp(-turn).
+        // The exact solution is `y(dt) = e y(0) + now - e before - (now - before) (1 - e)/turn`, with `e = exp(-turn)`.
         let decay = (-turn).exp();
         let share = -(-turn).exp_m1() / turn;
         decay * (state - before) + now - (now - before) * share

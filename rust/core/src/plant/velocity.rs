@@ -4,7 +4,7 @@ use super::{Build, Definition, Plant, Power};
 use crate::dynamics::Model;
 use crate::scalar::Real;
 
-/// A velocity-controlled arm, validated.
+/// A velocity-controlled arm, with validated parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VelocitySpec {
     /// The model of the arm.
@@ -29,7 +29,7 @@ impl Build for VelocitySpec {
     }
 }
 
-/// A velocity-controlled arm in a loop.
+/// A velocity-controlled arm in a control loop.
 pub struct Velocity {
     /// Number of joints.
     pub n: usize,

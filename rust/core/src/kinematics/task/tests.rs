@@ -130,7 +130,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     let last = arm.frame_names().last().unwrap().to_string();
     let mut stack = TaskStack::new(&arm, vec![TaskFunction::axis(&arm, &last, [0.0, 0.0, 1.0]).unwrap()]);
     let mut desired = targets_at(&arm, &mut stack, &q).remove(0);
-    // d(t) = (2 + t) exp(t [w]) d, whose length has no effect. Its derivatives at t = 0 follow.
+    // The target is `d(t) = (2 + t) exp(t [w]) d`, whose length has no effect. Its derivatives at `t = 0` follow.
     let (d, w) = (crate::spatial::Vector3::from([desired[0], desired[1], desired[2]]), crate::spatial::Vector3::from([0.3, -0.7, 0.2]));
     let (turn, twice) = (w.cross(d), w.cross(w.cross(d)));
     for k in 0..3 {
