@@ -133,7 +133,8 @@ impl Error {
         self
     }
 
-    /// The message between the name of the argument and its index. The result is `None` for other errors.
+    /// The part of the message between the name of the argument and its index. The result is `None` for errors that are not about an
+    /// argument.
     pub fn problem(&self) -> Option<String> {
         let text = self.to_string();
         let end = text.len() - at_index(self.index()).len();

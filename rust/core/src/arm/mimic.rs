@@ -144,7 +144,8 @@ impl Arm {
         (0..self.joints.len()).filter(|i| followers.next_if_eq(i).is_none()).collect()
     }
 
-    /// For each coordinate, whether one revolution returns all bodies to their places. This requires integer multipliers of followers.
+    /// For each coordinate, whether one revolution returns all bodies to their places. The multipliers of its followers must then be
+    /// integers.
     pub fn turns(&self) -> Vec<bool> {
         let mut turns: Vec<bool> = self.joints.iter().map(|joint| joint.kind.is_angle()).collect();
         for mimic in &self.mimics {

@@ -70,7 +70,7 @@ pub struct Arm {
 }
 
 impl Clone for Arm {
-    /// Clones the arm. This takes long for a large arm, and therefore calls [`look`].
+    /// Clone the arm. The copy of a large arm takes long, and calls [`look`].
     fn clone(&self) -> Self {
         Arm {
             name: self.name.clone(),

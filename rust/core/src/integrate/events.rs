@@ -2,9 +2,9 @@
 //!
 //! An event is a change of the sign of `g` between two accepted steps. At a rising crossing, `g` was negative before, and is now zero or
 //! positive. At a falling crossing, it was positive and is now zero or negative. A `g` that starts at zero has no sign until it differs
-//! from zero. Two changes within one step cancel and are missed. A smaller step limit avoids this. The root is bracketed until no number
-//! lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic interpolation where it is safe, otherwise bisection.
-//! The event is at the later end, so that a run that starts there begins after the change of sign.
+//! from zero. Two changes within one step cancel and are missed. A smaller step limit detects both changes. The root is bracketed until no
+//! number lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic interpolation where it is safe, otherwise
+//! bisection. The event is at the later end, so that a run that starts there begins after the change of sign.
 
 use super::{Adaptive, Buffer, System};
 use crate::scalar::sign;

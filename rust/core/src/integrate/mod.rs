@@ -77,7 +77,8 @@ pub trait System<S: Real> {
     fn enter_step(&mut self, _t: f64, _x: &[S]) -> bool {
         false
     }
-    /// Update the switches of the system at state `x`, where a fixed step ends. This may move `x` to the switch. Return whether `x` moved.
+    /// Update the switches of the system at state `x`, where a fixed step ends. The function may move `x` to the switch. Return whether `x`
+    /// moved.
     fn leave_step(&mut self, _x: &mut [S]) -> bool {
         false
     }
@@ -97,7 +98,7 @@ pub trait System<S: Real> {
         None
     }
     /// The index of the component that is the rate of component `i`: `x_i' = x_k` gives `Some(k)`. Methods that treat positions and
-    /// velocities differently require this. `None` means that no component is this rate.
+    /// velocities differently require this index. `None` means that no component is this rate.
     fn rate_of(&self, i: usize) -> Option<usize> {
         self.pairs().rate_of(i)
     }

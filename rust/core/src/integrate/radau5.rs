@@ -299,7 +299,7 @@ where
             if !renew && factor < WORTHWHILE {
                 factor = 1.0;
             }
-            // Store the first proposed step size. After rejections, this limits the growth for one more step.
+            // Store the first proposed step size. After rejections, this size limits the growth for one more step.
             self.last = Some((h_begun, error));
             self.controller.accept(t_new, h * factor);
             std::mem::swap(&mut self.x_old, &mut self.x);

@@ -15,8 +15,9 @@ use super::{Buffer, System};
 use crate::scalar::Real;
 use crate::status::Status;
 
-/// The counter of rejections: a rejected attempt adds `REJECTED`, and an accepted attempt subtracts one. At `MOST` the rounding error is
-/// measured. This happens after five rejections in a row, or after 30 attempts of which a third are rejected.
+/// The counter of rejections: a rejected attempt adds `REJECTED`, and an accepted attempt subtracts one. When the counter reaches `MOST`,
+/// the rounding error is measured. The counter reaches `MOST` after five rejections in a row, or after 30 attempts of which a third are
+/// rejected.
 const REJECTED: u32 = 4;
 const MOST: u32 = 20;
 /// The smallest relevant rounding error, as a fraction of the method's resolution.

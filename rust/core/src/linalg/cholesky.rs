@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
-/// A relative asymmetry up to this limit is accepted as a rounding error.
+/// A relative asymmetry up to this limit counts as a rounding error.
 const SYMMETRY: f64 = 1e-12;
 
 /// Return the lower factor `L` of the matrix `a`, shape `(n, n)`, with zeros above the diagonal. The result is `None` if `a` is not

@@ -29,7 +29,7 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
         return Some(pool.clone());
     }
     if pools.len() >= KEPT_POOLS {
-        // If a pool is in use, another reference to it exists, and it is not removed.
+        // A pool in use has another reference, so that it is not removed.
         pools.retain(|_, pool| Arc::strong_count(pool) > 1);
     }
     let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("armlet-{i}")).build().ok()?;

@@ -54,7 +54,7 @@ impl<S: Real> Factor<S> {
             let minus_alpha = S::select(negative, -norm, norm);
             // A row of zeros gives NaN. The caller then finds that this algorithm is not valid.
             beta[at] = S::splat(1.0) / (norm * reach);
-            // This is 1/alpha, computed without a second division.
+            // `size` is `1/|alpha|`, computed without a second division.
             let size = beta[at] * reach;
             inverse[at] = S::select(negative, size, -size);
             for (&product_of, row) in products.iter().zip(below.chunks_exact_mut(n)) {

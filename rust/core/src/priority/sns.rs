@@ -18,7 +18,8 @@ const MOBILE: f64 = 1e-10;
 /// bound counts as zero. The same limit applies to the rate of a joint.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
-/// An excess over a bound is removed if it is rounding noise: at most these fractions of the velocity of the fastest joint.
+/// An excess over a bound counts as rounding noise up to an edge, and is removed. The edge is at least `LEAST_EDGE` and at most
+/// `MOST_EDGE`, as fractions of the velocity of the fastest joint.
 const MOST_EDGE: f64 = 1e-11;
 const LEAST_EDGE: f64 = 1e-13;
 

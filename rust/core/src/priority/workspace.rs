@@ -8,14 +8,17 @@ use crate::linalg::svd::Svd;
 #[derive(Debug, Clone)]
 pub(super) struct Workspace {
     pub n: usize,
-    /// For each level, its number of rows and the index of its first row in the stack.
+    /// The number of rows of each level.
     pub rows: Vec<usize>,
+    /// The index of the first row of each level in the stack.
     pub start: Vec<usize>,
-    /// The original stack: Jacobians, shape `(sum rows, n)`, and task velocities.
+    /// The Jacobians of the original stack, shape `(sum rows, n)`.
     pub jacobian: Vec<f64>,
+    /// The task velocities of the original stack, shape `(sum rows,)`.
     pub command: Vec<f64>,
-    /// The stack in the coordinates of the metric. Levels with extreme entries are scaled by a power of two.
+    /// The Jacobians in the coordinates of the metric. Levels with extreme entries are scaled by a power of two.
     pub j: Vec<f64>,
+    /// The task velocities, scaled like the levels of `j`.
     pub c: Vec<f64>,
     /// For each level, the exponent of the power of two by which it is scaled.
     pub exponent: Vec<i32>,

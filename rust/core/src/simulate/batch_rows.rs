@@ -97,8 +97,9 @@ pub struct GroupRecorder<'a> {
     written: Vec<usize>,
     /// For each run, the time at which a monitor was not finite.
     faults: Vec<f64>,
-    /// For each run, its metrics in progress, and the row to which the final metrics are written.
+    /// For each run, its metrics in progress.
     summed: Vec<Measuring<'a>>,
+    /// For each run, the row to which its final metrics are written.
     metrics: Vec<&'a mut [f64]>,
 }
 

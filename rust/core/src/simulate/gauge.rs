@@ -5,8 +5,9 @@
 //! `sum w e^2`, `max |e|`, `max q`, the last record with `|e| > settle max |e|`, `sum w |x_d - p|^2`, `sum w tau^2`, `max |tau|`, the time
 //! outside of limits, `max |E|`, and the number of violations such as `|E(t) - E(0) - int P dt| > tolerance max |E|`.
 //!
-//! The maximum in `settle max |e|` includes only the records so far. This does not change the last record outside of the band. The record
-//! with the final maximum is outside of the band. From this record on, the maximum so far equals the final maximum.
+//! The maximum in `settle max |e|` includes only the records so far. This maximum selects the same last record outside of the band as the
+//! maximum of the whole run. The record with the final maximum is outside of the band. From this record on, the maximum so far equals the
+//! final maximum.
 
 use super::measures::{ErrorReference, Plan};
 use crate::dynamics::{ArmAt, Model};
@@ -38,7 +39,7 @@ pub struct Identities<S> {
 pub enum Start {
     /// The stored numbers contain the first record, because this is a later record.
     Known,
-    /// The program decides this at run time, from the number of records so far.
+    /// The program decides at run time whether the record is the first one, from the number of records.
     Asked,
 }
 

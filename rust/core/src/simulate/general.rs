@@ -86,7 +86,7 @@ impl<'a> General<'a> {
     }
 }
 
-/// A run of fixed steps, as a task for any method.
+/// A run of fixed steps, as a task for any method of fixed steps.
 struct FixedRun<'a, 'b> {
     general: General<'a>,
     fixed: &'b Fixed,
@@ -100,7 +100,7 @@ impl<S: Real, F: Watched<S>> WithSteps<S, F> for FixedRun<'_, '_> {
     }
 }
 
-/// A run of an adaptive method, as a task for any method.
+/// A run of adaptive steps, as a task for any adaptive method.
 struct AdaptiveRun<'a, 'b> {
     general: General<'a>,
     segments: &'b Segments,

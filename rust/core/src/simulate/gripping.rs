@@ -1,8 +1,8 @@
 //! Stick-slip friction in a loop: the changes between sticking and sliding.
 //!
 //! Adaptive methods locate two kinds of instants: the torque of a stuck joint leaves its limits, or a sliding joint comes to rest. At this
-//! instant the velocity is set to zero, and the equations at rest decide which joints stick. Methods of fixed steps do this at the start
-//! and end of steps.
+//! instant the velocity is set to zero, and the equations at rest decide which joints stick. Methods of fixed steps make this decision at
+//! the start and end of steps.
 
 use super::closed_loop::ClosedLoop;
 use crate::scalar::Real;

@@ -35,8 +35,9 @@ pub struct Common {
     pub shared: bool,
     /// The monitored quantities.
     pub monitored: Monitored,
-    /// Whether the programs compute metrics, and whether these include positions of frames.
+    /// Whether the programs compute metrics.
     pub sums: bool,
+    /// Whether these metrics include positions of frames.
     pub aims: bool,
     /// The number of monitors, if the programs compute records.
     pub notes: Option<usize>,

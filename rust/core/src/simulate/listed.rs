@@ -26,8 +26,9 @@ pub struct Listed {
     pub parts: Vec<(String, usize)>,
     /// The name of the engine, as runs report it.
     pub engine: &'static str,
-    /// The name of the instruction set, and the number of lanes of a register.
+    /// The name of the instruction set.
     pub set: &'static str,
+    /// The number of lanes of a register.
     pub lanes: usize,
     /// The size of the machine code in bytes, and the number of spilled values. `None` on processors without an emitter.
     pub size: Option<(usize, usize)>,

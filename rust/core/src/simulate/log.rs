@@ -23,8 +23,9 @@ pub struct Log {
     /// For each frame, its records one after another. A record is the state, then its other numbers, with all lanes of each number.
     frames: Vec<Vec<f64>>,
     lanes: usize,
-    /// The slots of the state and of the other numbers in a frame.
+    /// The slots of the state in a frame.
     state: Range<usize>,
+    /// The slots of the other numbers of a record in a frame.
     noted: Range<usize>,
 }
 

@@ -35,11 +35,13 @@ pub struct MeasureLayout {
     pub error: Range<usize>,
     /// The largest absolute error of each joint, rad or m.
     pub error_peak: Range<usize>,
-    /// The largest and, below, the smallest position of each joint, rad or m.
+    /// The largest position of each joint, rad or m.
     pub upper: Range<usize>,
+    /// The smallest position of each joint, rad or m.
     pub lower: Range<usize>,
-    /// The largest and, below, the smallest reference position of each joint, rad or m.
+    /// The largest reference position of each joint, rad or m.
     pub wanted_upper: Range<usize>,
+    /// The smallest reference position of each joint, rad or m.
     pub wanted_lower: Range<usize>,
     /// The index of the last record outside of the settling band.
     pub outside: usize,

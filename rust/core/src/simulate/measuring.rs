@@ -23,10 +23,13 @@ pub struct Measuring<'a> {
     pub values: Vec<f64>,
     desired: Vec<f64>,
     kept: Vec<f64>,
-    /// The last record: its index, time, state and input.
+    /// The index of the last record.
     count: usize,
+    /// The time of the last record, s.
     pub t: f64,
+    /// The state of the loop at the last record.
     pub x: Vec<f64>,
+    /// The input of the plant at the last record.
     pub tau: Vec<f64>,
     first_time: f64,
     first: Vec<f64>,

@@ -66,7 +66,7 @@ impl Recorded {
     }
 }
 
-/// Whether the loops of a problem can be programs. This requires fixed explicit steps and a law that does not branch on data.
+/// Whether the loops of a problem can be programs. Programs require fixed explicit steps and a law that does not branch on data.
 pub fn is_recordable(problem: &Problem) -> bool {
     matches!(problem.options.method.kind(), Kind::ExplicitSteps(_))
         && problem.law(0).route().is_recordable()

@@ -107,8 +107,9 @@ impl<'a, S: Real, M: Advance<S, ClosedLoop<'a, S>, Vec<S>>> Direct for DirectSte
 pub struct Redo<'a, S> {
     /// One loop for each lane. The list is empty if the programs decline no step.
     direct: Vec<Box<dyn Direct + 'a>>,
-    /// The state and the largest angles before a step that may be declined.
+    /// The state before a step that may be declined.
     before: Vec<S>,
+    /// The largest angle of each lane before this step, rad.
     reach: [f64; MOST_LANES],
     /// Memory for one lane: the state, the plant's input, and the rate of the law's state.
     row: (Vec<f64>, Vec<f64>, Vec<f64>),

@@ -14,7 +14,7 @@ const MOST_LATE: f64 = 1e5;
 /// More samples than this limit in one run also indicate an error.
 const MOST_SAMPLES: f64 = 1e12;
 
-/// A time counts as an instant if their difference, divided by the period, is below this limit, dimensionless.
+/// A time `t` counts as an instant of the controller if `|t - instant| / period` is below this limit, dimensionless.
 pub(super) const ON_TIME: f64 = 1e-9;
 
 /// The measured quantities of a plant, in the order of its state.

@@ -5,7 +5,7 @@ use crate::error::{Error, Result, finite, positive};
 use crate::interrupt::look;
 use crate::memory;
 
-/// A time counts as the end of a step if their difference, divided by the step size, is below this limit, dimensionless.
+/// A time `t` counts as the end of a step if `|t - end| / dt` is below this limit, dimensionless. `dt` is the step size.
 const ON_GRID: f64 = 1e-9;
 /// A larger number of steps indicates an error in the arguments.
 const MAX_STEPS: f64 = 1e12;
@@ -175,7 +175,7 @@ impl Schedule {
 
     /// Return the time after `step` steps, s.
     pub fn time(&self, step: usize) -> f64 {
-        // A signed integer is converted, because this takes only one instruction.
+        // The conversion of a signed integer takes only one instruction.
         if step >= self.steps { self.t_end } else { step as i64 as f64 * self.dt }
     }
 

@@ -3,8 +3,8 @@
 use super::measures::{ErrorReference, Plan};
 use std::ops::Range;
 
-/// If the reference moves by less than this, rad or m, overshoot is not computed. The same limit, per second, applies to its speed at the
-/// end.
+/// If the reference moves by less than this distance, rad or m, overshoot is not computed. The same limit, per second, applies to its speed
+/// at the end.
 const STILL: f64 = 1e-9;
 
 /// Data of a run for its summary, in addition to the stored numbers.

@@ -16,7 +16,7 @@ pub struct Sums<S: Real> {
 }
 
 impl Problem<'_> {
-    /// Whether programs can compute metrics. This requires records at every step.
+    /// Whether programs can compute metrics. Metrics in programs require records at every step.
     pub fn sums_in_programs(&self) -> bool {
         self.measures.is_some() && self.options.times == Times::Every(1)
     }

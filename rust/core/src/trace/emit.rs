@@ -59,8 +59,9 @@ struct Emitter<'a, A> {
     lifetimes: &'a Lifetimes,
     form: Form,
     assembler: A,
-    /// For each value, its register and its slot. A value may have both.
+    /// For each value, its register. A value may have both a register and a slot.
     register: Vec<Option<u8>>,
+    /// For each value, the slot of the frame in which it is stored.
     spill: Vec<Option<u32>>,
     /// The value in each register.
     holder: Vec<Option<u32>>,
@@ -352,7 +353,7 @@ impl<A: Assemble> Emitter<'_, A> {
     }
 }
 
-/// The register of the first operand. In SSE2 this is the register of the result.
+/// The register of the first operand. In SSE2 it equals the register of the result.
 fn from_or(to: u8, from: u8, form: Form) -> u8 {
     if form.set == Set::Sse2 { to } else { from }
 }

@@ -75,7 +75,7 @@ impl Code {
     }
 }
 
-/// Make written instructions visible to the instruction fetch. On x86-64 this requires no operation.
+/// Make written instructions visible to the instruction fetch. On x86-64, the processor makes them visible without an operation.
 #[cfg(not(target_arch = "aarch64"))]
 fn flush(_: *const u8, _: usize) {}
 

@@ -16,7 +16,7 @@ pub fn read(frame: &mut Frame, first: usize, given: &[f64], width: usize, at: us
     #[cfg(target_arch = "x86_64")]
     if lanes.is_multiple_of(4) && at + lanes <= last + 1 && isa() >= Isa::Avx2 {
         for (k, four) in given[at * width..(at + lanes) * width].chunks_exact(4 * width).enumerate() {
-            // SAFETY: the condition above includes that the processor has AVX2.
+            // SAFETY: the condition above checks that the processor has AVX2.
             unsafe { avx2::read_four(four, width, 4 * k, lanes, to) };
         }
         return;
@@ -38,7 +38,7 @@ pub fn write(frame: &Frame, first: usize, length: usize, out: &mut [f64]) -> boo
     for (group, rows) in out[..].chunks_mut(4 * length).enumerate() {
         #[cfg(target_arch = "x86_64")]
         if rows.len() == 4 * length && lanes.is_multiple_of(4) && isa() >= Isa::Avx2 {
-            // SAFETY: the condition above includes that the processor has AVX2.
+            // SAFETY: the condition above checks that the processor has AVX2.
             sound &= unsafe { avx2::write_four(from, 4 * group, lanes, length, rows) };
             continue;
         }
@@ -70,7 +70,7 @@ impl Series<'_> {
         assert!(out.iter().all(|row| row.len() == length), "rows of another length");
         #[cfg(target_arch = "x86_64")]
         if let ([a, b, c, d], true) = (&mut *out, length >= 4 && isa() >= Isa::Avx2) {
-            // SAFETY: the condition above includes that the processor has AVX2.
+            // SAFETY: the condition above checks that the processor has AVX2.
             return unsafe { avx2::write_series(self, which, lane, [a, b, c, d]) };
         }
         let mut sound = true;

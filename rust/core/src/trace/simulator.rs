@@ -16,8 +16,9 @@ struct Machine<'a> {
     k1: u8,
     frame: &'a mut [f64],
     constants: &'a [f64],
-    /// The rest of the stream, and the number of remaining iterations.
+    /// The part of the stream that the code has not read yet.
     stream: &'a [f64],
+    /// The number of remaining iterations.
     turns: usize,
 }
 

@@ -63,7 +63,7 @@ fn rounding(monitor: &str) -> f64 {
 
 /// A wrong derivative would change a run of a Rosenbrock method by its tolerance of 1e-6. With correct derivatives, only rounding errors
 /// remain. In 500 steps with 1e5 N m/rad, they grow to 1e-10, and to 1e-8 for rates. The law multiplies the rounding error of spring
-/// torques by B/B0 = 5000. This is 1e-5 of the torque.
+/// torques by B/B0 = 5000. The resulting error is 1e-5 of the torque.
 #[test]
 fn forces_in_steps_and_as_functions_give_the_same_steps() {
     for relative in [false, true] {

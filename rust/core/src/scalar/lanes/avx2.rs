@@ -1,6 +1,7 @@
 //! Explicit AVX2 and FMA: a register has four lanes.
 //!
-//! SAFETY (all blocks of this file): the intrinsics compute only on register values. The processor has them, because `enter` checks this.
+//! SAFETY (all blocks of this file): the intrinsics compute only on register values. The processor has these intrinsics, because `enter`
+//! checks the processor.
 
 use super::super::{Float, Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};

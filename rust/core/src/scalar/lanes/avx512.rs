@@ -3,7 +3,8 @@
 //! The intrinsics below require AVX-512 F, and DQ for bit operations. Code computes with this type only inside [`Real::enter`], which
 //! checks that the processor has both.
 //!
-//! SAFETY (all blocks of this file): the intrinsics compute only on register values. The processor has them, because `enter` checks this.
+//! SAFETY (all blocks of this file): the intrinsics compute only on register values. The processor has these intrinsics, because `enter`
+//! checks the processor.
 
 use super::super::{Float, Kernel, Real, trig};
 use super::vector::{sin_cos_near, vector};
@@ -40,8 +41,8 @@ fn fnma(a: __m512d, b: __m512d, c: __m512d) -> __m512d {
     unsafe { _mm512_fnmadd_pd(a, b, c) }
 }
 
-/// This is a division, because the divider works in parallel with the two ports of other instructions. The alternative would be six
-/// instructions (an estimate and two Newton steps).
+/// The reciprocal is a division, because the divider works in parallel with the two ports of other instructions. The alternative would be
+/// six instructions (an estimate and two Newton steps).
 #[inline(always)]
 fn recip(x: __m512d) -> __m512d {
     unsafe { _mm512_div_pd(_mm512_set1_pd(1.0), x) }

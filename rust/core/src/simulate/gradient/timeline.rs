@@ -12,7 +12,7 @@ use crate::simulate::stop::Stop;
 use crate::simulate::watching::{Guard, RunObserver, Switched};
 use crate::status::Status;
 
-/// A time counts as the end of a step if their difference, divided by the step size, is below this limit, dimensionless.
+/// A time `t` counts as the end of a step if `|t - end| / h` is below this limit, dimensionless. `h` is the step size.
 const ON_STEP: f64 = 1e-9;
 
 /// One operation on the state of a run.

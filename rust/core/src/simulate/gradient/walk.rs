@@ -78,8 +78,9 @@ pub struct Walker<'a> {
     /// The adjoints of the guard functions.
     pub(super) guards: Vec<Call>,
     pub(super) u: Vec<f64>,
-    /// The states and the state rates at the stages of the last step.
+    /// The states at the stages of the last step.
     pub points: Vec<f64>,
+    /// The state rates at the stages of the last step.
     pub slopes: Vec<f64>,
     followers: Vec<(usize, usize)>,
     /// For each input, whether the rate limit changed it at the last sample.

@@ -96,10 +96,13 @@ pub struct Moment<'a, S: Real> {
 /// The data of one evaluation of a loop's rates for an integral.
 #[allow(dead_code)] // The integrals of `Exchange` read the powers alone.
 pub struct Flow<'a, S> {
-    /// The plant's state and its rates, the law's state, and the input.
+    /// The plant's state.
     pub x: &'a [S],
+    /// The rates of the plant's state.
     pub dx: &'a [S],
+    /// The law's state.
     pub z: &'a [S],
+    /// The plant's input.
     pub tau: &'a [S],
     pub power: Power<S>,
     /// The rate at which the law's Lyapunov function decreases.

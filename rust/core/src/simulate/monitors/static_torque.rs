@@ -16,8 +16,9 @@ pub struct StaticTorque<S: Real> {
     pub torque: Vec<S>,
     /// Memory for a wrench, shape `(m,)`.
     pub wrench: Vec<S>,
-    /// The matrix `J J'`, shape `(m, m)`, and its factor.
+    /// The matrix `J J'`, shape `(m, m)`.
     square: Vec<S>,
+    /// The Cholesky factor of `J J'`, shape `(m, m)`.
     factor: Vec<S>,
 }
 

@@ -34,20 +34,27 @@ pub struct TargetModel<S: Real> {
     moving: ArmAt<Dual<S>>,
     moving_q: Vec<Dual<S>>,
     rates: Vec<S>,
-    /// `M`, its factor and `C`, shape `(n, n)` each.
+    /// The mass matrix `M`, shape `(n, n)`.
     mass: Vec<S>,
+    /// The Cholesky factor `L` of `M = L L'`, shape `(n, n)`.
     factor: Vec<S>,
+    /// The Coriolis matrix `C`, shape `(n, n)`.
     coriolis: Vec<S>,
-    /// `J` and `J L^-T` with `M = L L'`, shape `(m, n)` each, then `L^-1 tau`, shape `(n,)`.
+    /// The Jacobian `J`, shape `(m, n)`.
     jacobian: Vec<S>,
+    /// The product `J L^-T`, shape `(m, n)`.
     spread: Vec<S>,
+    /// The vector `L^-1 tau`, shape `(n,)`.
     torque: Vec<S>,
-    /// A matrix and its factor, shape `(m, m)` each.
+    /// A symmetric matrix, shape `(m, m)`.
     square: Vec<S>,
+    /// The Cholesky factor of this matrix, shape `(m, m)`.
     square_factor: Vec<S>,
-    /// Vectors of shape `(m,)`: `x_d - x`, `x' - x_d'`, and the terms of the model.
+    /// The error `x_d - x`, shape `(m,)`.
     e: Vec<S>,
+    /// The rate error `x' - x_d'`, shape `(m,)`.
     slip: Vec<S>,
+    /// The terms of the model, shape `(m,)` each.
     terms: [Vec<S>; 5],
     /// `x_d'` and `x_d''`, if they differ from the samples of the desired motion.
     rates_of_target: Option<[Vec<S>; 2]>,
