@@ -215,7 +215,8 @@ fn residuals(
     Ok(sums.iter().map(|sum| (sum / samples as f64).sqrt()).collect())
 }
 
-/// Compute `pi + P' (P P')^-1 (beta - P pi)`: the parameters nearest to the arm's parameters `pi`.
+/// Compute `pi + P' (P P')^-1 (beta - P pi)`: the parameters with the identified base parameters `beta` that are nearest to the arm's
+/// parameters `pi`.
 fn nearest(arm: &Model, base: &BaseParameters, values: &[f64], options: &Options) -> Result<Vec<f64>> {
     let (b, p) = (base.count(), base.names.len());
     let projection = &base.independent.projection;

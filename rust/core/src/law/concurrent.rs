@@ -124,7 +124,7 @@ impl AdaptiveSpec {
         Ok(self)
     }
 
-    /// The errors `e_j` of the stored samples, `(N, n)`; `None` without stored samples.
+    /// The torque errors `e_j` of the stored samples, `(N, n)`, N m or N; `None` without stored samples.
     pub(super) fn stored_errors(&self, estimate: &[f64]) -> Option<Vec<f64>> {
         let Concurrent { rows, torques, .. } = self.concurrent.as_ref()?;
         let p = self.estimate.len();

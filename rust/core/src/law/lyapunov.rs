@@ -71,7 +71,7 @@ impl<S: Real> Lyapunov<S> {
         })
     }
 
-    /// Compute `V1` for the desired motion, at `q`, `v` and the estimate. The arm `links` must already be at `q`.
+    /// Compute the Lyapunov function `V1` for the desired motion, at `q`, `v` and the estimate. The arm `links` must already be at `q`.
     pub fn value(&mut self, desired: &[S], links: &mut ArmAt<S>, q: &[S], v: &[S], estimate: &[S]) -> S {
         let n = self.e.len();
         for i in 0..n {

@@ -240,7 +240,7 @@ fn filled(text: &str, names: &[Filling], more: &[Filling]) -> String {
     more.iter().chain(names).fold(text.to_string(), |text, (token, by)| text.replace(token, by))
 }
 
-/// Print the function of a recording.
+/// Print the C function of a recording.
 fn print(source: &mut CSource, recorded: &Recorded, names: &[Filling], more: &[Filling; 3]) {
     let given = given(recorded);
     let routine = Routine { ops: &recorded.ops, given: &given, answer: &recorded.answer, fused: source.fused() };
