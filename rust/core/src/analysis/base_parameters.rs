@@ -20,7 +20,7 @@ use crate::spatial::{PARAMETERS, parameter};
 /// errors are 1e-13. The least independent parameter of real arms has a distance above 1e-4.
 const DEPENDENT: f64 = 1e-8;
 /// A column whose norm is below this fraction of the largest norm counts as zero.
-const UNSEEN: f64 = 1e-12;
+const ZERO_COLUMN: f64 = 1e-12;
 /// Number of rows of the stacked regressor per column. With this number, random states are far from singular.
 const ROWS: usize = 3;
 /// Number of states whose regressors are computed together.
@@ -52,7 +52,7 @@ pub fn independent_columns(columns: &mut [Vec<f64>]) -> Independent {
         let column = &mut rest[0];
         let mut coefficients = Vec::new();
         look();
-        if norms[j] > UNSEEN * largest {
+        if norms[j] > ZERO_COLUMN * largest {
             coefficients = vec![0.0; out.columns.len()];
             // Two passes of orthogonalisation are sufficient (Parlett 1980): the second pass removes the rounding error of the first.
             for _ in 0..2 {

@@ -63,12 +63,12 @@ pub struct Modes {
 pub fn loop_modes(plant: &PlantSpec, law: &LawSpec, x: &[f64], z: &[f64], wrench: &[f64; 6], force_frame: Option<usize>) -> Result<Modes> {
     const FREE: f64 = 1e-10;
     /// The largest real part, in units of the fastest mode, that is a rounding error.
-    const RIGHT: f64 = 1e-9;
+    const ROUNDED_REAL_PART: f64 = 1e-9;
     let (n, s) = (plant.n(), x.len() + z.len());
     let slope = loop_slope(plant, law, 0.0, x, z, wrench, force_frame);
     let whole = eigenvalues(&slope, s)?;
     let fastest = whole.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im)));
-    let left = |modes: &[(f64, f64)]| modes.iter().all(|(re, _)| *re < RIGHT * fastest);
+    let left = |modes: &[(f64, f64)]| modes.iter().all(|(re, _)| *re < ROUNDED_REAL_PART * fastest);
     let scaled = in_units(&slope, x.len(), n, fastest);
     let mut svd = Svd::new(s, s);
     if fastest > 0.0 {

@@ -12,16 +12,16 @@ use crate::trace::function::CALLS;
 use std::sync::{Arc, Mutex};
 
 /// Number of rows of a query after which its program is made.
-const WORTH: usize = 256;
+const ROWS_BEFORE_PROGRAM: usize = 256;
 
 /// Largest number of operations of a program for single calls. A longer program would take more than 1 ms to make.
-const SHORT: f64 = 3_000.0;
+const LONGEST_SINGLE: f64 = 3_000.0;
 
 /// Number of queries of one arm whose programs are kept.
-const KEPT: usize = 64;
+const KEPT_QUERIES: usize = 64;
 
 /// Largest number of operations of a program. A longer program would take more than a second to make.
-const LONG: f64 = 600_000.0;
+const LONGEST: f64 = 600_000.0;
 
 /// A query, and its function for many rows.
 struct Known {
@@ -71,7 +71,7 @@ impl Single {
     #[inline(never)]
     fn direct(&mut self, arm: &Arm, found: Option<usize>, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         let at = found.unwrap_or_else(|| {
-            if self.cached.len() == KEPT {
+            if self.cached.len() == KEPT_QUERIES {
                 self.cached.remove(0);
             }
             self.cached.push(CachedQuery { query: *query, calls: 0, program: None });
@@ -84,7 +84,7 @@ impl Single {
         let answer = evaluator.one(query, inputs, out)?;
         let cached = &mut self.cached[at];
         cached.calls = cached.calls.saturating_add(1);
-        if cached.calls == CALLS && query.operations(arm.size()) <= SHORT {
+        if cached.calls == CALLS && query.operations(arm.size()) <= LONGEST_SINGLE {
             cached.program = Some(ArmCall::new(arm, query)?);
         }
         Ok(answer)
@@ -125,7 +125,7 @@ impl Functions {
         let waiting = |known: &Known| if known.function.is_some() { usize::MAX } else { known.rows };
         let Some(known) = free(&self.known) else { return false };
         let rows = known.iter().find(|known| known.query == *query).map_or(0, waiting);
-        rows < usize::MAX && rows + count >= WORTH && query.operations(self.arm.size()) <= LONG
+        rows < usize::MAX && rows + count >= ROWS_BEFORE_PROGRAM && query.operations(self.arm.size()) <= LONGEST
     }
 
     /// Announce `count` more rows of the query, and make its program if this saves time.
@@ -140,7 +140,7 @@ impl Functions {
         known.rows = known.rows.saturating_add(count);
         known.function = known.function.or(function);
         all.push(known);
-        if all.len() > KEPT {
+        if all.len() > KEPT_QUERIES {
             all.remove(0);
         }
         Ok(())

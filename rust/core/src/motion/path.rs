@@ -15,7 +15,7 @@ use crate::interrupt::look;
 use crate::memory;
 
 /// Number of knots between two checks for an interrupt.
-const LOOK: usize = 1 << 10;
+const CHECK_INTERVAL: usize = 1 << 10;
 
 /// Number of coefficients per piece and joint.
 pub const TERMS: usize = 6;
@@ -88,7 +88,7 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
     let last = k - 1;
     let mut upper = vec![0.0; k];
     for i in 0..k {
-        if i % LOOK == 0 {
+        if i % CHECK_INTERVAL == 0 {
             look();
         }
         let (low, diagonal, up) = match (i, ends) {
@@ -150,7 +150,7 @@ impl Path {
         let d = Path::slopes(s, q, n, ends)?;
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
         for p in 0..s.len() - 1 {
-            if p % LOOK == 0 {
+            if p % CHECK_INTERVAL == 0 {
                 look();
             }
             let h = s[p + 1] - s[p];
@@ -226,7 +226,7 @@ impl Path {
         }
         let mut c = vec![0.0; (s.len() - 1) * TERMS * n];
         for p in 0..s.len() - 1 {
-            if p % LOOK == 0 {
+            if p % CHECK_INTERVAL == 0 {
                 look();
             }
             let h = s[p + 1] - s[p];

@@ -10,7 +10,7 @@ use crate::scalar::Real;
 use std::sync::Arc;
 
 /// Number of knots that are read between two checks for an interrupt.
-const LOOK: usize = 1 << 10;
+const CHECK_INTERVAL: usize = 1 << 10;
 /// The largest distance from a knot, in intervals, at which a time counts as this knot.
 const ON_KNOT: f64 = 1e-9;
 
@@ -75,7 +75,7 @@ impl Table {
             at += 1;
             if at == 3 * dof {
                 (knot, at) = (knot + 1, 0);
-                if knot % LOOK == 0 {
+                if knot % CHECK_INTERVAL == 0 {
                     look();
                 }
             }

@@ -29,7 +29,7 @@ use super::windows::Windows;
 use crate::error::{Error, Result};
 
 /// The distance from an equilibrium, in rad, at which a motion begins. The energy there is a rounding error.
-const BESIDE: f64 = 1e-7;
+const START_DISTANCE: f64 = 1e-7;
 
 /// The search for the fastest back-swing from `x0` to `x1 > x0`.
 struct FrictionSearch {
@@ -79,7 +79,7 @@ impl FrictionSearch {
         let recovery = |x: f64| Curve::new(-x, -self.up, &link.backwards(), self.most + from, None).reach;
         let low = recovery(x);
         let (angle, crest) = Phase::new(-x, -push, link.g).least_after(low);
-        Windows::new(low - from, crest - from, self.most, || recovery(-angle - BESIDE) + BESIDE).collect()
+        Windows::new(low - from, crest - from, self.most, || recovery(-angle - START_DISTANCE) + START_DISTANCE).collect()
     }
 
     /// Find the point where the two phases before the turn have equal speeds. The second of these phases is computed backwards.

@@ -19,7 +19,7 @@ use std::f64::consts::{PI, TAU};
 
 /// A limit of the mean net torque, as a fraction of the sum of torque and gravity moment. Below this limit the fixed quadrature rule is not
 /// accurate enough.
-const LEAN: f64 = 1e-3;
+const LEAST_MEAN_TORQUE: f64 = 1e-3;
 /// Relative accuracy of each panel of a duration. With an accuracy of 1e-12, one of some million links had a duration with an error of
 /// 1e-10, because both quadrature rules agreed by chance.
 const ACCURACY: f64 = 3e-14;
@@ -182,7 +182,7 @@ impl Phase {
     pub fn rough_gradient(&self, length: f64, energy: f64) -> f64 {
         let gravity_crest = self.gravity_crest(length);
         let least = gravity_crest.map_or(f64::INFINITY, |y| self.energy(y) / y).min(self.net());
-        let (enough, end) = (LEAN * (self.push + self.g.abs()), energy / length);
+        let (enough, end) = (LEAST_MEAN_TORQUE * (self.push + self.g.abs()), energy / length);
         // The fixed rule is not accurate for a phase longer than one revolution, which passes several minima of the energy. It is also not
         // accurate if the mean net torque comes near zero, because the integrand then has a narrow peak. At the end of the phase the limit
         // may be a hundred times smaller, because the fixed rule is more accurate there.

@@ -61,7 +61,7 @@ impl States {
 /// samples.
 const FAR_ENOUGH: f64 = 0.01;
 /// Number of segments between two checks for an interrupt.
-const LOOK: usize = 64;
+const CHECK_INTERVAL: usize = 64;
 
 pub(super) struct Examine<'a, F> {
     pub course: &'a Course<'a>,
@@ -203,7 +203,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
         let list = std::mem::take(&mut self.samples.list);
         let mut order = 0;
         for (k, &i) in list.iter().enumerate() {
-            if k % LOOK == 0 {
+            if k % CHECK_INTERVAL == 0 {
                 look();
             }
             let (first, last) = self.course.spans[self.samples.span[i]];

@@ -23,13 +23,13 @@ pub(super) const NONE: f64 = 1e-140;
 pub(super) const FAR: f64 = 1e200;
 /// In the middle of a segment, a row has a margin: this fraction of its rise above the chord between both ends. A parabola within its limit
 /// at both ends, and with this margin in the middle, exceeds the limit by at most 0.14 of that rise.
-const SHARE: f64 = 0.25;
+const MIDDLE_MARGIN: f64 = 0.25;
 /// The relative tolerance of the test `L <= U`, for rounding errors.
 const ROUNDING: f64 = 1e-13;
 /// A coefficient of `u` below this fraction of the largest coefficient in its row is a rounding error.
 const ROUNDED: f64 = 1e-14;
 /// A static torque may exceed its limit by this fraction of the limit.
-pub(super) const STANDING: f64 = 3e-10;
+pub(super) const STATIC_EXCESS: f64 = 3e-10;
 /// The number of rows is padded to a multiple of this number, which every lane count divides.
 pub(super) const BLOCK: usize = 8;
 
@@ -48,7 +48,7 @@ pub(super) struct LimitRows {
     pub lo: Vec<f64>,
     /// `(width,)`: the upper limits of the rows.
     pub hi: Vec<f64>,
-    /// `(width,)`: the scales of `STANDING` and of relative excesses, for lower and for upper limits.
+    /// `(width,)`: the scales of `STATIC_EXCESS` and of relative excesses, for lower and for upper limits.
     pub scale_lo: Vec<f64>,
     pub scale_hi: Vec<f64>,
     /// `(N, width)`: how much the lower limit of each row is raised on each segment, and how much the upper limit is lowered.
@@ -101,8 +101,8 @@ pub(super) struct Lines {
     balls: Vec<[Ball; 3]>,
 }
 
-/// The smallest upper line `U` and the largest lower line `L` at one `x`, and their indices in the lists. The index `WAY` is the condition
-/// that the next `x` is in `K_(i+1)`. The index `BALL` is the limit of the frame's acceleration.
+/// The smallest upper line `U` and the largest lower line `L` at one `x`, and their indices in the lists. The index `NEXT_INTERVAL` is the
+/// condition that the next `x` is in `K_(i+1)`. The index `BALL` is the limit of the frame's acceleration.
 struct Gap {
     upper: f64,
     upper_at: usize,
@@ -114,7 +114,7 @@ struct Gap {
     lower_tangent: (f64, f64),
 }
 
-const WAY: usize = usize::MAX;
+const NEXT_INTERVAL: usize = usize::MAX;
 const BALL: usize = usize::MAX - 1;
 
 impl Gap {
@@ -134,10 +134,10 @@ pub(super) fn store<S: Real>(x: S, to: &mut [f64], at: usize) {
     x.store(&mut to[at..]);
 }
 
-/// The middle value `m` of a row, raised by `SHARE` of its rise above the chord from `x` to `y`.
+/// The middle value `m` of a row, raised by `MIDDLE_MARGIN` of its rise above the chord from `x` to `y`.
 #[inline(always)]
 fn raise<S: Real>(m: S, x: S, y: S) -> S {
-    S::splat(SHARE).mul_add(S::splat(0.5).neg_mul_add(x + y, m), m)
+    S::splat(MIDDLE_MARGIN).mul_add(S::splat(0.5).neg_mul_add(x + y, m), m)
 }
 
 /// The largest entry of a register: each pass compares the two halves of the remaining entries.
@@ -175,7 +175,7 @@ impl Lines {
         let step = rows.s[i + 1] - rows.s[i];
         let (h, turn, dip) = (S::splat(step), S::splat(0.5 * step * rows.u_slope[i]), S::splat(0.25 * step * step * rows.u_slope[i]));
         let (zero, none, far) = (S::zero(), S::splat(NONE), S::splat(FAR));
-        let (standing, widen) = (S::splat(STANDING), S::splat(widen));
+        let (standing, widen) = (S::splat(STATIC_EXCESS), S::splat(widen));
         let (mut low, mut high) = (zero, S::splat(FASTEST));
         let (first, last) = (&rows.coefficients[i * 3 * w..(i + 1) * 3 * w], &rows.coefficients[(i + 1) * 3 * w..(i + 2) * 3 * w]);
         let middle = &rows.middles[i * 3 * w..(i + 1) * 3 * w];
@@ -204,7 +204,7 @@ impl Lines {
             let points = [(a0, b0, g0, p0), (a2, b2, g2, p2), (raise(am, a0, a2), raise(bm, b0, b2), raise(gm, g0, g2), raise(pm, p0, p2))];
             for which in 0..3 {
                 let (alpha, beta, still, moving) = points[which];
-                // A torque at rest may equal its limit up to rounding: the tolerance is `STANDING`.
+                // A torque at rest may equal its limit up to rounding: the tolerance is `STATIC_EXCESS`.
                 let (over, under) = (limit_hi - still, limit_lo - still);
                 let room_hi = (over - tight_hi).max(over.min(zero) + standing * scale_hi) - moving;
                 let room_lo = (under + tight_lo).min(under.max(zero) - standing * scale_lo) - moving;
@@ -250,7 +250,7 @@ impl Lines {
         let start = [p0, b0, -turn * p0];
         let end = [p2 + 2.0 * h * b2, b2, turn * p2];
         let between = [pm + h * bm, bm, -dip * bm];
-        let raised = std::array::from_fn(|at| between[at] + SHARE * (between[at] - 0.5 * (start[at] + end[at])));
+        let raised = std::array::from_fn(|at| between[at] + MIDDLE_MARGIN * (between[at] - 0.5 * (start[at] + end[at])));
         let radius = radius - rows.tight_hi[i * w + k];
         self.balls[place] = [start, end, raised].map(|vectors| Ball::new(vectors, radius));
         for (near, far) in self.balls[place].map(|ball| ball.range()) {
@@ -303,13 +303,13 @@ impl Lines {
             k += S::LANES;
         }
         let (mut up, mut down) = ((high - x) * inverse, (low - x) * inverse);
-        let (mut up_lane, mut down_lane) = (WAY, WAY);
+        let (mut up_lane, mut down_lane) = (NEXT_INTERVAL, NEXT_INTERVAL);
         for lane in 0..S::LANES {
             let (u, l) = (least.lane(lane), most.lane(lane));
             (up, up_lane) = if u < up { (u, lane) } else { (up, up_lane) };
             (down, down_lane) = if l > down { (l, lane) } else { (down, down_lane) };
         }
-        let place = |lane: usize, block: S| if lane == WAY { WAY } else { first + block.lane(lane) as usize + lane };
+        let place = |lane: usize, block: S| if lane == NEXT_INTERVAL { NEXT_INTERVAL } else { first + block.lane(lane) as usize + lane };
         let (mut upper_at, mut lower_at) = (place(up_lane, least_at), place(down_lane, most_at));
         let (mut upper_tangent, mut lower_tangent) = ((0.0, 0.0), (0.0, 0.0));
         if let Some([least, most]) = self.ball_tangents(i, x) {
@@ -335,7 +335,7 @@ impl Lines {
                 return Some(x);
             }
             let line = |list: &[f64], at: usize, way: f64, tangent: (f64, f64)| match at {
-                WAY => (way * inverse, -inverse),
+                NEXT_INTERVAL => (way * inverse, -inverse),
                 BALL => tangent,
                 at => (list[at], self.slope[at]),
             };

@@ -68,24 +68,24 @@ const TANGENTS: usize = 6;
 /// The relative change of `x` below which tangents replace chords.
 const NEAR: f64 = 0.03;
 /// The relative change of `x` below which the profile has converged.
-const STANDS: f64 = 1e-6;
+const CONVERGED: f64 = 1e-6;
 /// The largest number of grids.
 const GRIDS: usize = 9;
 /// How often all segments of a grid may be halved.
 const HALVINGS: usize = 4;
 /// The relative change of the duration at which the automatic grid is fine enough.
-const SETTLED: f64 = 1e-4;
+const DURATION_CHANGE: f64 = 1e-4;
 /// The number of points of the first automatic grid.
 pub(crate) const FIRST_GRID: usize = 201;
 /// A relative excess between grid points above which a segment is halved, because corrections would take longer.
-const COARSE: f64 = 1e-3;
+const COARSE_EXCESS: f64 = 1e-3;
 /// A segment is halved if its loss of time exceeds this number times `fine`, as a fraction of the duration. `fine` is the relative excess
 /// above which a segment is halved.
-const LOST: f64 = 0.02;
+const LARGEST_LOSS: f64 = 0.02;
 /// The first reduction of a limit, divided by its excess. Each further reduction is twice as large.
-const BEYOND: f64 = 1.2;
+const FIRST_REDUCTION: f64 = 1.2;
 /// The number of passes that set the slope of `u` to the slope of the active limit.
-const BENDS: usize = 1;
+const SLOPE_PASSES: usize = 1;
 
 /// A timing of a path, or the reason why none exists.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,7 +151,7 @@ fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Re
             profile.forget();
             return solve(&problem.rows, profile);
         }
-        if change(&profile.x, &x) < STANDS {
+        if change(&profile.x, &x) < CONVERGED {
             break;
         }
     }
@@ -176,7 +176,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
     if let Err(stuck) = solve(&problem.rows, profile) {
         return Outcome::Stuck(stuck);
     }
-    for _ in 0..BENDS {
+    for _ in 0..SLOPE_PASSES {
         let caps = problem.cap_slopes(profile);
         set_slopes(&mut problem.rows, profile, &caps);
         if solve(&problem.rows, profile).is_err() {
@@ -196,7 +196,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
     let mut cap_old = problem.cap_tight.clone();
     let mut narrowed = Vec::new();
     for k in 0..if problem.friction.is_some() || last { 2 * CORRECTIONS } else { CORRECTIONS } {
-        let beyond = BEYOND * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
+        let beyond = FIRST_REDUCTION * (1 << k.min(if problem.friction.is_some() { SPREAD } else { MOST_DOUBLINGS })) as f64;
         let (mut tight_lo, mut tight_hi) = (std::mem::take(&mut problem.rows.tight_lo), std::mem::take(&mut problem.rows.tight_hi));
         let (width, count) = (problem.rows.width, problem.pieces.len());
         // With large friction, a smaller limit on one segment moves the excess to the next one. So neighbours are reduced too.
@@ -242,7 +242,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
             samples.remember();
             losses(&problem.rows, profile, lost);
         }
-        if !last && k == 0 && (now.excess > COARSE || lost.iter().any(|lost| *lost > LOST * fine)) {
+        if !last && k == 0 && (now.excess > COARSE_EXCESS || lost.iter().any(|lost| *lost > LARGEST_LOSS * fine)) {
             return Outcome::Coarse(now, false);
         }
         if !(now.excess > TOLERANCE) && !now.excess.is_nan() {
@@ -305,7 +305,7 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
     let (mut samples, mut profile) = (Samples::default(), Profile::default());
     let (mut grids, mut halvings_left) = if options.refine || options.grid.is_none() { (GRIDS, HALVINGS) } else { (1, 0) };
     let (mut best, mut spare): (Option<TimePath>, Option<TimePath>) = (None, None);
-    let (mut fine, mut lost) = (COARSE, Vec::new());
+    let (mut fine, mut lost) = (COARSE_EXCESS, Vec::new());
     loop {
         grids -= 1;
         let last = grids == 0 || halvings_left == 0;
@@ -318,7 +318,7 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
                 if moving {
                     let settled = match &best {
                         None => options.grid.is_some(),
-                        Some(before) => (before.motion.duration() - motion.duration()).abs() <= SETTLED * motion.duration(),
+                        Some(before) => (before.motion.duration() - motion.duration()).abs() <= DURATION_CHANGE * motion.duration(),
                     };
                     let better = best.as_ref().is_none_or(|before| motion.duration() < before.motion.duration());
                     if better {
@@ -348,7 +348,7 @@ pub fn time_path(mover: Mover, path: Arc<Path>, limits: &PathLimits, options: &T
             halvings_left -= 1;
             problem.refine(|_| 1);
         } else {
-            let finer = problem.refine(|i| halvings(samples.first[i] / fine).max(halvings(lost[i] / (LOST * fine))));
+            let finer = problem.refine(|i| halvings(samples.first[i] / fine).max(halvings(lost[i] / (LARGEST_LOSS * fine))));
             if !finer && best.is_some() {
                 break;
             }

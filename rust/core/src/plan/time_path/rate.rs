@@ -39,7 +39,7 @@ const FINEST: usize = 20;
 /// The largest factor `k` by which the motion is slowed down.
 const SLOWEST: f64 = 1e6;
 /// Number of node intervals between two checks for an interrupt.
-const LOOK: usize = 64;
+const CHECK_INTERVAL: usize = 64;
 
 /// Nodes of a timing: times, s, and the path position `s`, path speed `r` and path acceleration `u` at these times.
 struct Nodes {
@@ -151,7 +151,7 @@ impl<'a> Samples<'a> {
         let (by, by2, by_step) = (1.0 / k, 1.0 / (k * k), 1.0 / (k * step));
         let mut worst = Beyond { excess: f64::NEG_INFINITY, joint: None, limit: Bound::TorqueRate, s: s[0] };
         for i in 0..(s.len() - 1) / per {
-            if i % LOOK == 0 {
+            if i % CHECK_INTERVAL == 0 {
                 look();
             }
             for j in 0..n {

@@ -12,14 +12,14 @@
 //! If a limit changes along a segment, a constant `u` loses time in proportion to `h`. So when the active limits of a profile are known,
 //! `u` gets their slope `b`: `u_i + b (s - s_i - h/2)`. This only adds constants to the rows. The loss is then of order `h^2`.
 
-use super::lines::{FAR, LimitRows, Lines, NONE, STANDING, largest, load};
+use super::lines::{FAR, LimitRows, Lines, NONE, STATIC_EXCESS, largest, load};
 use super::tip::Ball;
 use crate::interrupt::look;
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use nalgebra::Vector3;
 
 /// Number of segments between two checks for an interrupt.
-const LOOK: usize = 1 << 12;
+const CHECK_INTERVAL: usize = 1 << 12;
 
 /// The reason why no profile is feasible on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +108,7 @@ impl GenericKernel for Solve<'_> {
         }
         (low[count], high[count], led[count]) = (rows.x_end, rows.x_end, whole);
         for i in (0..count).rev() {
-            if i % LOOK == 0 {
+            if i % CHECK_INTERVAL == 0 {
                 look();
             }
             if stale[i] {
@@ -123,7 +123,7 @@ impl GenericKernel for Solve<'_> {
             led[i] = whole || (from, to) != (low[i], high[i]);
             (low[i], high[i]) = (from, to);
         }
-        if !(rows.x_start >= low[0] * (1.0 - STANDING) && rows.x_start <= high[0] * (1.0 + STANDING)) {
+        if !(rows.x_start >= low[0] * (1.0 - STATIC_EXCESS) && rows.x_start <= high[0] * (1.0 + STATIC_EXCESS)) {
             return Err(Stuck::Start(low[0], high[0]));
         }
         let mut new = whole;

@@ -122,7 +122,7 @@ pub(super) enum Request<'a> {
 }
 
 /// Number of points in one block, and between two checks for an interrupt.
-const LOOK: usize = 64;
+const BLOCK_POINTS: usize = 64;
 
 impl Points<'_> {
     // Long: all its parts share the arrays of one block of points.
@@ -140,12 +140,12 @@ impl Points<'_> {
         }
         let length = if quantity == Quantity::PathDynamics { 3 * n } else { n };
         let mut points = [const { Vec::new() }; 3];
-        points.iter_mut().for_each(|x| x.resize(LOOK * n, 0.0));
-        let mut answers = vec![0.0; LOOK * length];
-        let mut tips = vec![0.0; if tip.is_some() { LOOK * TIP } else { 0 }];
-        for first in (0..count).step_by(LOOK) {
+        points.iter_mut().for_each(|x| x.resize(BLOCK_POINTS * n, 0.0));
+        let mut answers = vec![0.0; BLOCK_POINTS * length];
+        let mut tips = vec![0.0; if tip.is_some() { BLOCK_POINTS * TIP } else { 0 }];
+        for first in (0..count).step_by(BLOCK_POINTS) {
             look();
-            let block = LOOK.min(count - first);
+            let block = BLOCK_POINTS.min(count - first);
             let [q, v, a] = &mut points;
             for k in 0..block {
                 let (piece, s) = at(first + k);
