@@ -54,7 +54,8 @@ impl StallDetector {
 mod tests {
     use super::*;
 
-    /// Return the attempts of a run from 0 to 1, and its error. The first `start` steps have the size 1e-9, and all others the size `h`.
+    /// Return the number of attempts of a run from t = 0 to t = 1, and its error. The first `start` steps have the size 1e-9, and all later
+    /// steps have the size `h`.
     fn attempts(h: f64, start: u64) -> (u64, Option<Status>) {
         let (mut work, mut t, mut stall) = (Work::default(), 0.0, StallDetector::new());
         stall.begin(&work, t);

@@ -1,10 +1,10 @@
 //! LU decomposition `P A = L U` with partial pivoting (Golub and Van Loan, Matrix Computations, section 3.4), row-major, in place.
 //!
-//! `L` is below the diagonal. Its own diagonal is all ones and not stored. `U` is above the diagonal. The diagonal stores the inverse of
-//! U's diagonal.
+//! The entries of `L` are below the diagonal, and the entries of `U` above it. The diagonal of `L` is all ones and not stored. The stored
+//! diagonal is the reciprocal of the diagonal of `U`.
 //!
-//! The code also solves complex systems with entries `(re, im)`. They occur in the transformed Newton systems of implicit Runge-Kutta
-//! methods.
+//! The code also solves complex systems with entries `(re, im)`. Such systems occur in the transformed Newton iteration of implicit
+//! Runge-Kutta methods.
 
 use crate::scalar::Real;
 
@@ -165,7 +165,8 @@ mod tests {
         (0..n).map(|_| next()).collect()
     }
 
-    /// The residual of a solve is a small multiple of eps |A| |x| (n <= 9, growth of random matrices below 10).
+    /// The residual of a solve is a small multiple of eps |A| |x|, because n <= 9 and the entries of random matrices grow by a factor below
+    /// 10.
     #[test]
     fn real_and_complex_solutions_satisfy_their_equations() {
         for n in 1..10 {

@@ -25,7 +25,7 @@ pub fn ratio_damping(inertia: &Gain, stiffness: &Gain, zeta: f64) -> Result<Gain
     let (root, inverse) = (symmetric_power(&inertia.matrix(), n, 0.5)?, symmetric_power(&inertia.matrix(), n, -0.5)?);
     let inner = symmetric_power(&times(&times(&inverse, &stiffness.matrix()), &inverse), n, 0.5)?;
     let d = times(&times(&root, &inner), &root);
-    // The mean with the transpose removes rounding errors of the symmetry.
+    // The mean of the matrix and its transpose is exactly symmetric.
     Gain::full("damping", n, (0..n * n).map(|at| zeta * (d[at] + d[at % n * n + at / n])).collect())
 }
 
@@ -38,7 +38,7 @@ mod tests {
         let m = Gain::full("m", 2, vec![1.1, 0.3, 0.3, 0.4]).expect("positive definite");
         let k = Gain::full("k", 2, vec![300.0, -50.0, -50.0, 200.0]).expect("positive definite");
         let d = ratio_damping(&m, &k, 0.7).expect("finite");
-        // D M^-1 D = 4 zeta^2 K also defines D, and has no square root in common with the formula.
+        // The equation D M^-1 D = 4 zeta^2 K also defines D. This check needs no square root of a matrix.
         let left = d.product(&m.inverse()).product(&d);
         for at in 0..4 {
             let (got, want) = (left.matrix()[at], 4.0 * 0.49 * k.matrix()[at]);

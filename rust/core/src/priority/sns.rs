@@ -68,7 +68,7 @@ impl Workspace {
         Ok(())
     }
 
-    /// Compute the metric coordinates of the velocity within the bounds whose components are nearest to zero.
+    /// Compute the velocity within the bounds with the smallest components, in metric coordinates.
     fn start_within(&mut self, sat: &mut Saturation) {
         let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
         for ((v, l), u) in sat.vb.iter_mut().zip(lower).zip(upper) {

@@ -47,8 +47,8 @@ impl PrioritySolver {
     /// Create a solver. `n`: number of joints. `rows`: number of rows of each level, the highest level first. A level may have no row, or
     /// more rows than joints.
     ///
-    /// Errors: `Input` for `n = 0`, a wrong number of `eps`, `eps <= 0`, or a weight that is not positive definite. Also for bounds that
-    /// are not in order, and for `sns` without bounds.
+    /// Errors: `Input` for `n = 0`, a wrong number of `eps`, `eps <= 0`, or a weight that is not positive definite. Bounds that are not in
+    /// order, and `sns` without bounds, also cause this error.
     pub fn new(n: usize, rows: &[usize], options: &PriorityOptions) -> Result<Self> {
         if n == 0 {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));

@@ -114,7 +114,7 @@ fn arithmetic() {
 
 #[test]
 fn duals_differentiate() {
-    // The function is x^2 sin(x) / sqrt(1 + |x|) at x0. Its derivative is compared with one computed by hand.
+    // The function is x^2 sin(x) / sqrt(1 + |x|) at x0. Its derivative is compared with a derivative computed by hand.
     for x0 in [0.7f64, -1.3] {
         let x = Dual::new(x0, 1.0);
         let (sin, _) = x.sin_cos();

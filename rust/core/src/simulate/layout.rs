@@ -71,7 +71,7 @@ impl Layout {
     pub fn stage_input(&self) -> usize {
         self.stage() + self.states
     }
-    /// The first slot of the rates of one stage, to which the program of the rates writes. The rates of all stages follow.
+    /// The first slot to which the program of the rates writes the rates of one stage. The rates of all stages follow.
     pub fn rates(&self) -> usize {
         self.stage_input() + self.exogenous()
     }

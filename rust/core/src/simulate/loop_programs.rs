@@ -12,7 +12,7 @@ pub struct Tracing {
     pub rates: Option<(Vec<u32>, Vec<u32>)>,
     /// The cuts that divide a step before each stage.
     pub cuts: Vec<Cut>,
-    /// The next state, then a flag whether the step is valid.
+    /// The next state, then a flag that is one if the step is valid, otherwise zero.
     pub next: Vec<u32>,
     /// The results of the program that updates the metrics.
     pub sums: Option<Summing>,
@@ -28,9 +28,9 @@ pub struct Noting {
     pub along: Vec<u32>,
     /// The reference values of the monitors at the first record.
     pub firsts: Vec<u32>,
-    /// A flag whether the norms of levels are valid.
+    /// A flag that is one if the norms of levels are valid, otherwise zero.
     pub stands: Vec<u32>,
-    /// A flag whether a step that begins with this record is valid.
+    /// A flag that is one if a step that begins with this record is valid, otherwise zero.
     pub next: Vec<u32>,
 }
 

@@ -37,7 +37,8 @@ impl Problem<'_> {
 }
 
 impl Notes {
-    /// Create the operations for run `run` of a problem with `monitors` monitors. `monitored`: see [`Scope`].
+    /// Create the operations for run `run` of a problem with `monitors` monitors. `monitored`: the properties of the monitors of the
+    /// problem.
     pub fn new(problem: &Problem, run: usize, monitors: usize, monitored: Monitored) -> Self {
         Notes { checks: (monitors > 0).then(|| Checks::new(&Scope { problem, run, monitored })), monitors }
     }

@@ -18,9 +18,9 @@ const LOOK: usize = 1 << 12;
 /// The times of the records of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Times {
-    /// At the start and after every `k`-th accepted step. A run of fixed steps also records its end.
+    /// The start, and the ends of every `k`-th accepted step. A run of fixed steps also records its end.
     Every(usize),
-    /// At these times, s, increasing, within `[0, t_end]`.
+    /// These times, s, increasing, within `[0, t_end]`.
     At(Vec<f64>),
 }
 
@@ -58,11 +58,11 @@ pub struct Record {
 /// The records of a run.
 #[derive(Clone, Debug)]
 enum Records {
-    /// At the start, after every `k`-th step, and at the end.
+    /// One record at the start, one after every `k`-th step, and one at the end.
     Every(usize),
-    /// At the start and at the end.
+    /// One record at the start, and one at the end.
     Ends,
-    /// Only at the end.
+    /// Only one record at the end.
     Last,
     At(Vec<Record>),
 }

@@ -195,7 +195,7 @@ fn refusals() {
     }
 }
 
-/// Batches of all sizes modulo the number of lanes, with large angles and motions of length zero. The first bad problem of a batch is
+/// Test batches of all sizes modulo the number of lanes, with large angles and motions of length zero. The first bad problem of a batch is
 /// reported.
 #[test]
 fn batches_have_the_bits_of_single_calls() {

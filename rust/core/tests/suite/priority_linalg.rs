@@ -32,7 +32,8 @@ fn penrose_conditions_hold_at_every_rank() {
         assert_eq!(svd.rank(cut), rank, "{:?}", svd.s());
         let x = pinv(&a, m, k, cut).unwrap();
         let (ax, xa) = (product(&a, &x, k, m), product(&x, &a, m, k));
-        // The tolerance is 1e-15 of the products, multiplied with the condition number (at most 1e6) and with a margin of ten.
+        // The tolerance is the rounding error of the products (1e-15), multiplied with the condition number (at most 1e6) and with a margin
+        // of ten.
         let tolerance = 1e-8 * (1.0 + norm(&x)) * (1.0 + norm(&a));
         assert!(apart(&product(&ax, &a, m, k), &a) <= tolerance);
         assert!(apart(&product(&xa, &x, k, m), &x) <= tolerance);

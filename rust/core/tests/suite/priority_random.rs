@@ -167,8 +167,8 @@ fn check(s: &Stack, method: PriorityMethod) {
     }
     if method == PriorityMethod::Clamp && last.status == Status::Success {
         let exact = prefix(s, levels, PriorityMethod::Exact);
-        // All singular values are above 0.02 of the rows of their level. Five levels amplify rounding by at most 50 each, and typically by
-        // 50 in total.
+        // All singular values are above 0.02 times the largest row norm of their level. Five levels amplify rounding by at most 50 each,
+        // and typically by 50 in total.
         assert!(apart(&last.v, &exact.v) <= 1e-9 * (1.0 + norm(&exact.v)), "clamp {:?} and exact {:?} differ", last.v, exact.v);
     }
 }

@@ -13,7 +13,7 @@ use std::ops::Range;
 /// Parameters that vary in the same runs: one for each code, from index `first` on. Each [`Parameter`](super::Parameter) lists its runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shared {
-    /// The first parameter.
+    /// The index of the first parameter of this group.
     pub first: usize,
     /// The probes, as runs of the problem.
     pub probes: Range<usize>,

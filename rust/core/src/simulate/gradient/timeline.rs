@@ -27,7 +27,7 @@ pub enum Operation {
     Step { t: f64, h: f64, end: f64, mode: usize },
     /// A contact changes.
     Switch { k: usize, t: f64 },
-    /// Record `i`.
+    /// The run is recorded, as record `i`.
     Record { i: usize, t: f64 },
     /// Store the state. The operations up to `Back` compute a record between two steps, and do not belong to the run.
     Leave,
