@@ -151,8 +151,8 @@ impl Simulator {
     ///     theta, theta_dot: positions (rad) and velocities (rad/s) of the motors of elastic arms, `(n,)` (keyword only). None: as at the
     ///         start of `simulate`, the springs balance gravity, and the motors move with the links.
     ///     bristles: deflections of the bristles of `LuGre` friction, `(n,)`, rad or m (keyword only). None: zeros.
-    ///     estimate: state of the law, as in the `estimate` of a simulator or a run (keyword only), such as the integral of a
-    ///         `PID` or the estimate of `Adaptive`. None: no change, but filters and observers start from `q` and `v`.
+    ///     estimate: state of the law, such as the integral of a `PID` or the estimate of `Adaptive` (keyword only). A run has the
+    ///         same `estimate`. None: no change, but filters and observers start from `q` and `v`.
     ///
     /// Raises:
     ///     InputError: a shape is wrong, or a number is not finite. An argument for a state that the loop does not have also raises it.
