@@ -194,7 +194,7 @@ fn reaches(law: &CartesianImpedanceSpec, push: &[f64], q0: &[f64]) -> bool {
 /// Errors: `Input` for a law without a target at rest or not made for this plant, `Solve` if the search does not converge.
 pub fn equilibrium(plant: &PlantSpec, law: &LawSpec, wrench: &[f64; 6], force_frame: Option<usize>, q0: &[f64]) -> Result<Equilibrium> {
     finite("q0", q0)?;
-    // Memory for stiffness, mass, slopes and eigenvectors of the loop.
+    // Number of `(n, n)` matrices that the memory check assumes: stiffness, mass, slopes and eigenvectors of the loop.
     const MATRICES: usize = 32;
     memory::require((MATRICES * 8 * plant.n()).saturating_mul(plant.n()))?;
     let (n, fault) = (plant.n(), |argument: &str, problem: String| Err(Error::input(argument, problem)));

@@ -31,7 +31,7 @@ pub struct Selection {
     pub rank: usize,
 }
 
-/// The samples in a basis of the determined directions: `Z_j`, `(n, r)`.
+/// The regressors of the samples in a basis of the determined directions: `Z_j`, `(n, r)`, for sample `j`.
 struct Candidates {
     z: Vec<f64>,
     n: usize,

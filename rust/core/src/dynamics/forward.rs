@@ -51,8 +51,8 @@ mod tests {
     use super::*;
     use crate::arm::{Arm, STANDARD_GRAVITY};
 
-    /// A tree of `branches`, each with `n` joints. Some joints are slides, and all have rotors. With `quarters`, placements are quarter
-    /// turns.
+    /// A tree with `branches` branches, each with `n` joints. Some joints are slides, and all joints have rotors. With `quarters`,
+    /// placements are quarter turns.
     fn tree(branches: usize, n: usize, quarters: bool) -> Tree<f64> {
         let mut text = String::from("<robot name='t'><link name='base'/>");
         for branch in 0..branches {

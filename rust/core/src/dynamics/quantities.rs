@@ -12,7 +12,7 @@ use crate::scalar::rows::write_one;
 use crate::scalar::{Real, sign};
 use crate::spatial::{Lift, Matrix, Matrix3, PARAMETERS, Vector, Vector3, rotation_log};
 
-/// The computation of a quantity from the buffers of an engine. Sines and cosines must already be in the buffers.
+/// The computation of a quantity from the buffers of a tree. Sines and cosines must already be in the buffers.
 pub trait Compute {
     const QUANTITY: Quantity;
     fn compute<S: Real>(engine: &mut BufferedTree<S>, query: &Query);

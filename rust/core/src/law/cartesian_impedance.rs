@@ -197,7 +197,7 @@ impl Build for CartesianImpedanceSpec {
     }
 }
 
-/// The law in a loop: of a rigid arm, or as the outer loop of an elastic arm.
+/// The law in the control loop of a rigid arm, or as the outer loop of an elastic arm.
 pub struct CartesianImpedance<S: Real> {
     pub(super) arm: AnyArm<S>,
     pub(super) workspace: Workspace<S>,

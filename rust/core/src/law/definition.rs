@@ -130,7 +130,7 @@ pub(super) use facts;
 
 /// A law that can be built for loops on any number type.
 pub trait Build: Definition {
-    /// The law in a loop on the number type `S`.
+    /// The type of the law in a control loop on the number type `S`.
     type Lanes<S: Real>: Law<S> + Send + 'static;
 
     /// Build one law for all lanes. The laws of the lanes must have the same shape.

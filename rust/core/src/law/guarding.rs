@@ -1,4 +1,4 @@
-//! A guarded law in a loop, with the equations of [`super::guarded`].
+//! A guarded law in a control loop, with the equations of [`super::guarded`].
 
 use super::guarded::{GuardedSpec, Reaction};
 use super::{Build, Law, LawSpec};

@@ -216,7 +216,8 @@ impl GenericKernel for FixedRule {
     }
 }
 
-/// `int_0^1 1/sqrt(w) ds` at `y = L s^2`, or with `GRADIENT` `int_0^1 G cos(x + h) sinc(h) w^(-3/2) ds`.
+/// The integral of the time factor, `int_0^1 1/sqrt(w) ds` with `y = L s^2`. With `GRADIENT`, it is the integral of the derivative of the
+/// time factor, `int_0^1 G cos(x + h) sinc(h) w^(-3/2) ds`.
 struct Integral<const GRADIENT: bool> {
     phase: Phase,
     length: f64,

@@ -43,7 +43,7 @@ pub trait Definition {
 
 /// A plant that can be built for loops on any number type.
 pub trait Build: Definition {
-    /// The plant in a loop on the number type `S`.
+    /// The type of the plant in a control loop on the number type `S`.
     type Lanes<S: Real>: Plant<S> + Send + 'static;
 
     /// Build one plant for all lanes, with the wrench acting at `force_frame`. The plants of the lanes must have the same shape.

@@ -69,7 +69,7 @@ pub(super) struct Tangent {
 }
 
 impl Ball {
-    /// The set of `(u, x)` with `|a u + b x + m| <= radius`.
+    /// Create the set of all `(u, x)` with `|a u + b x + m| <= radius`.
     pub fn new([a, b, m]: [Vector3<f64>; 3], radius: f64) -> Self {
         let size = a.norm();
         if size < NONE {
