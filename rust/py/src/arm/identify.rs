@@ -75,7 +75,7 @@ impl Arm {
     /// Check whether inertial parameters are physically possible: the 4 x 4 pseudo-inertia of every body is positive definite.
     ///
     /// The pseudo-inertia is `P = [[S, h], [h', m]]` with `S = tr(I)/2 1 - I`, the first moment `h` and the mass `m`. A body is possible if
-    /// its mass and its principal moments about the centre of mass are positive, and each moment is below the sum of the other two.
+    /// its mass and its principal moments about the centre of mass are positive. Each moment is also below the sum of the other two.
     ///
     /// Args:
     ///     pi: inertial parameters, `(p,)`, ten per joint, in the order and units of `parameters`; the arm's parameters if None.
