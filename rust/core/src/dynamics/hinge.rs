@@ -75,7 +75,7 @@ pub(crate) fn congruence<S: Real>(body: &Body<S>, e: &Matrix3<S>, (s, c): (S, S)
     match body.quarter {
         Some(quarter) if body.revolute => {
             let [xx, xy, yy, xz, yz, zz] = m.0;
-            // First compute Rz M. Then Rz' rotates its first two columns.
+            // First compute the product `Rz M`. Then multiply it by `Rz'`, which rotates its first two columns.
             let (a, b) = (xx.mul_add(c, -(xy * s)), xy.mul_add(c, -(yy * s)));
             let (d, f) = (xx.mul_add(s, xy * c), xy.mul_add(s, yy * c));
             let turned =

@@ -124,7 +124,7 @@ pub struct Spread<S: Real> {
     pub trig: Vec<(S, S)>,
     /// Position of every joint.
     pub q: Vec<S>,
-    /// Rates and accelerations of every joint.
+    /// Rates and accelerations of every joint: up to four vectors over all joints.
     pub rates: [Vec<S>; 4],
     /// A result before its projection, with up to ten columns per body.
     pub answer: Vec<S>,

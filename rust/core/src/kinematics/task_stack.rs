@@ -42,7 +42,7 @@ impl<S: Real> TaskStack<S> {
     /// Relative error of the entries of the Jacobians at the last `q`: `8 eps (1 + sum|q|)`, at most 0.5.
     pub fn rounding(&self) -> S {
         let turned = self.bodies.q.iter().fold(S::splat(1.0), |sum, q| sum + q.abs());
-        // Above 1 the entries are unknown, and no rank can be decided.
+        // With a relative error above 1 the entries would be unknown, and no rank could be decided. So 0.5 is the largest value.
         let (relative, most) = (S::splat(8.0 * f64::EPSILON) * turned, S::splat(0.5));
         S::select(relative.lt(most), relative, most)
     }

@@ -176,7 +176,7 @@ impl<S: Real> LaneComposite<S> {
         }
     }
 
-    /// Compute `Y_M`, `Y_D` and the entries of the joint columns of `Y` at the plant's state `x`.
+    /// Compute the regressors `Y_M` of the momentum and `Y_D` of the drift, and the entries of the joint columns, at the plant's state `x`.
     pub fn look<D: Dynamics<S>>(&mut self, arm: &D, ws: &mut D::Workspace, joints: &LaneColumns<S>, trig: &[(S, S)], x: &[S]) {
         let (n, all) = (self.zeros.len(), self.nothing.len());
         let (q, v, zero) = (&x[..n], &x[n..2 * n], &self.zeros);

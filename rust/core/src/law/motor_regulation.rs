@@ -52,7 +52,7 @@ pub struct MotorRegulationSpec<const TORQUE: bool> {
     online: bool,
     /// Gravity torque `g(q_d)` at the target, `(n,)`, N m.
     load: Vec<f64>,
-    /// Deflection of the joints at rest, `K_J^-1 g(q_d)`, `(n,)`.
+    /// Deflection of the joints at rest, `K_J^-1 g(q_d)`, `(n,)`, rad.
     sag: Vec<f64>,
 }
 

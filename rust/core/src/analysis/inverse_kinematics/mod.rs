@@ -138,7 +138,7 @@ struct IkSolver {
     newton: NewtonSearch,
     search: IkOptions,
     start: Vec<f64>,
-    /// The best attempts of the last target, the best first.
+    /// The best results of the last target, the best result first.
     found: Vec<StartResult>,
     iterations: usize,
     restarts: usize,
