@@ -67,8 +67,8 @@ pub struct Tree<S: Real> {
     pub is_shallow: bool,
 }
 
-/// The limit for the mean number of joints on the path to a body. Up to it, forward dynamics with the mass matrix is faster
-/// (`docs/adr/0008`).
+/// A tree is shallow if the mean number of joints on the path to a body is at most this limit. Forward dynamics with the mass matrix is
+/// then faster (`docs/adr/0008`).
 const SHALLOW: f64 = 7.0;
 /// The relative computing time of a joint whose placement is not a quarter turn. The unit is the time of a joint with a quarter turn.
 const GENERAL: f64 = 1.25;

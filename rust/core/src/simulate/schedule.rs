@@ -116,12 +116,12 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// Return the steps with an update of the metrics at every step, and with records only at the start and the end.
+    /// Return this schedule with an update of the metrics in every step, and with records only at the start and the end.
     pub fn summing_up(&self) -> Self {
         Schedule { records: Records::Ends, within: Within::Sums, ..self.clone() }
     }
 
-    /// Return the steps with records that are stored within steps. The result is `None` if the records are not at regular steps.
+    /// Return this schedule with records that steps store. The result is `None` if the records are not at regular steps.
     pub fn noting(&self) -> Option<Self> {
         let Records::Every(every) = self.records else { return None };
         Some(Schedule { records: Records::Last, within: Within::Notes { every, last: self.count() - 1 }, ..self.clone() })

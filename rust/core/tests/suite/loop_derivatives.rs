@@ -166,7 +166,7 @@ fn cases(at: &[f64]) -> Vec<Case> {
     }
     let projected = adaptive(euclidean(), Some(estimate)).projected(Projection::new(p, &least).unwrap()).unwrap();
     all.push(case("Adaptive, projected", rigid(), LawSpec::Adaptive(projected.clone())));
-    // Estimates below the smallest bodies: equal eigenvalues, different eigenvalues, and parameters that are not physical.
+    // These cases have estimates below the smallest bodies: equal eigenvalues, different eigenvalues, and parameters that are not physical.
     let scaled = |by: &dyn Fn(usize) -> f64| Some(truth.iter().enumerate().map(|(k, x)| by(k) * x).collect::<Vec<f64>>());
     for (what, estimate) in [
         ("equal", scaled(&|_| 0.1)),
