@@ -130,7 +130,7 @@ fn the_bend_is_what_the_proof_needs() {
         let slope = (square(&moved) - f2) / h;
         assert!(f2 < LAYER * LAYER || slope <= -1.99 * PULL * f2, "{share} {sign}: {slope} {f2}");
         let lanes = run_lanes(&Rate(&pi, &y));
-        // The tolerance is for products in another order.
+        // The tolerance covers the rounding errors of products that are computed in another order.
         assert!((0..20).all(|k| (lanes[k] - rate[k]).abs() <= 1e-11 * (1.0 + rate[k].abs())), "{share} {sign}");
     }
 }

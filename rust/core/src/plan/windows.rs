@@ -40,7 +40,7 @@ impl<F: FnOnce() -> f64> Windows<F> {
                 windows.crest += turn * (-crest / turn).floor();
             }
             windows.climb();
-            // The distance may have a rounding error of many revolutions.
+            // The distance `crest` may have a rounding error of many revolutions.
             if windows.crest < 0.0 {
                 windows.low = f64::INFINITY;
             }

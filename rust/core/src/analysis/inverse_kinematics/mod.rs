@@ -40,8 +40,8 @@ pub struct IkOptions {
     pub step_max: f64,
     /// Whether the search keeps the joints within the limits of the arm.
     pub limits: bool,
-    /// The priority map of a step. `None` without `eps`: damped steps for all tasks together, then `Clamp` if these do not reach several
-    /// tasks. `None` with `eps`: `Clamp`.
+    /// The priority map of a step. Without `eps`, `None` means damped steps for all tasks together. If these steps do not reach several
+    /// tasks, steps by the map `Clamp` follow. With `eps`, `None` means the map `Clamp`.
     pub method: Option<PriorityMethod>,
     /// Thresholds of singular values, one per task or one for all tasks.
     pub eps: Option<Vec<f64>>,
