@@ -19,7 +19,7 @@ const MOVES: f64 = 1e3;
 /// A change of the slope is ignored if its effect on the state in one step is below this fraction of the allowed error.
 const NOTICED: f64 = 0.1;
 /// The number of bisections. A change of the slope within `2^-30` of the interval counts as a jump.
-const HALVINGS: usize = 30;
+const BISECTIONS: usize = 30;
 /// A jump requires that each bisection keeps at least this fraction of the first change of the slope. A slope with two jumps in one
 /// interval also satisfies this condition.
 const REMAINS: f64 = 0.25;
@@ -103,7 +103,7 @@ impl<B: Clone> Chatter<B> {
             return false;
         }
         let (mut from, mut to, mut left) = (0.0, 1.0, first);
-        for _ in 0..HALVINGS {
+        for _ in 0..BISECTIONS {
             let s = 0.5 * (from + to);
             if !slope_at(system, controller, &mut self.at, s, &mut self.middle) {
                 return false;

@@ -11,7 +11,7 @@ use crate::scalar::Real;
 use crate::status::Status;
 
 /// If the remainder of the time span is below this fraction of a step, the last step includes it.
-const SLIVER: f64 = 1e-9;
+const LEAST_REMAINDER: f64 = 1e-9;
 
 /// A method of fixed step size `h` as an adaptive method.
 pub struct Steps<M, B, U> {
@@ -82,7 +82,7 @@ where
             return Ok(true);
         }
         let mut t_new = self.begun + (self.taken + 1) as f64 * self.h;
-        if t_new > self.t_end - SLIVER * self.h {
+        if t_new > self.t_end - LEAST_REMAINDER * self.h {
             t_new = self.t_end;
         }
         if !(t_new > self.t) {

@@ -24,7 +24,7 @@ const ITERATIONS: usize = 6;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
 /// If the step size would grow by a smaller factor, it does not change, so that the matrix decompositions can be reused.
-const WORTHWHILE: f64 = 1.2;
+const LEAST_GROWTH: f64 = 1.2;
 /// The rounding error of the error estimate, divided by the error of one slope: `|(1, e A)|`.
 const GAIN: f64 = 2.0;
 /// If Newton's iteration contracts by a larger factor, the next step evaluates the Jacobian again.
@@ -296,7 +296,7 @@ where
             }
             let renew = newton.iterations > 2 && newton.rate > SLOW;
             let mut factor = (safety * self.predict(h, error)).min(GROW);
-            if !renew && factor < WORTHWHILE {
+            if !renew && factor < LEAST_GROWTH {
                 factor = 1.0;
             }
             // Store the first proposed step size. After rejections, this size limits the growth for one more step.

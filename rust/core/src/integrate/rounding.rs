@@ -51,7 +51,7 @@ pub(super) fn two_sum<S: Real>(a: S, b: S) -> (S, S) {
 
 /// A random direction of rounding for component `c` in measurement `k` (splitmix64). In a regular pattern, two components could always move
 /// together, for example a link and its motor.
-fn coin(k: u64, c: u64) -> bool {
+fn random_sign(k: u64, c: u64) -> bool {
     let mut z = (k << 32 | c).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -139,7 +139,7 @@ impl<B> Rounding<B> {
         self.looks += 1;
         let (x, n) = (x.as_ref(), x.as_ref().len());
         for c in 0..n {
-            let by = if coin(self.looks, c as u64) { 2.0 } else { -2.0 } * f64::EPSILON;
+            let by = if random_sign(self.looks, c as u64) { 2.0 } else { -2.0 } * f64::EPSILON;
             y.as_mut()[c] = S::splat(by).mul_add(x[c], x[c]);
             self.lost.as_mut()[c] = (x[c] - y.as_ref()[c]) + self.rest.as_ref()[c];
         }

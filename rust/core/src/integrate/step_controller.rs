@@ -22,7 +22,7 @@ pub struct Control {
 /// The lower bound of the previous error in the PI control, as in Hairer's dopri5.f.
 const LEAST_ERROR: f64 = 1e-4;
 /// The factor of the step size after a stage that is not finite.
-const BLOWN: f64 = 0.2;
+const NOT_FINITE_FACTOR: f64 = 0.2;
 
 /// The time and the step size of an adaptive method.
 #[derive(Clone, Debug)]
@@ -173,7 +173,7 @@ impl<T: Accuracy> StepController<T> {
             return true;
         }
         let blown = !error.is_finite();
-        self.reject(h * if blown { BLOWN } else { (control.safety * power(error, -control.alpha)).max(control.shrink) }, blown);
+        self.reject(h * if blown { NOT_FINITE_FACTOR } else { (control.safety * power(error, -control.alpha)).max(control.shrink) }, blown);
         false
     }
 

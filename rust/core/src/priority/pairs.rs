@@ -24,7 +24,7 @@ const LEAST: f64 = 1e-6;
 const UNUSED: f64 = 1e-16;
 
 /// The number of direct solves after which a program is made.
-const OFTEN: u64 = 16;
+const CALLS_BEFORE_PROGRAM: u64 = 16;
 
 /// The closed-form algorithm for stacks of one size, with its memory.
 #[derive(Debug, Clone)]
@@ -261,7 +261,7 @@ impl SinglePairs {
 
     /// Whether a program should be made now, because of repeated calls.
     pub fn wants_program(&self) -> bool {
-        self.program.is_none() && self.solves == OFTEN
+        self.program.is_none() && self.solves == CALLS_BEFORE_PROGRAM
     }
 
     /// From now on, use a program made with `PrioritySolver::of_pairs`.
@@ -285,7 +285,7 @@ impl SinglePairs {
             lost.iter_mut().zip(program.outputs(1 + n + total + levels, levels)).for_each(|(to, &lost)| *to = lost > 0.0);
             return program.output(0) == [1.0];
         }
-        self.solves += u64::from(self.solves < OFTEN);
+        self.solves += u64::from(self.solves < CALLS_BEFORE_PROGRAM);
         let stands = self.direct.solve(Float::of(jacobian), Float::of(command));
         Float::of_mut(v).copy_from_slice(&self.direct.v);
         Float::of_mut(residual).copy_from_slice(&self.direct.residual);

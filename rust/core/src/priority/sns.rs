@@ -12,7 +12,7 @@ use crate::linalg::householder::{reflect, reflector};
 use crate::linalg::{axpy, dot};
 
 /// A joint can be fixed if its row in the remaining null space is longer than this limit. A shorter row would amplify rounding 1e10 times.
-const MOBILE: f64 = 1e-10;
+const LEAST_MOBILITY: f64 = 1e-10;
 
 /// The rounding error of `v(s)`, divided by its largest parts, which cancel near singularities. A smaller distance of a joint from its
 /// bound counts as zero. The same limit applies to the rate of a joint.
@@ -24,7 +24,7 @@ const MOST_EDGE: f64 = 1e-11;
 const LEAST_EDGE: f64 = 1e-13;
 
 /// Scales whose relative difference is below this limit count as equal.
-const ALIKE: f64 = 1e-9;
+const SAME_SCALE: f64 = 1e-9;
 
 /// Memory of the method, shape `(n,)` each.
 #[derive(Debug, Clone)]
@@ -108,7 +108,7 @@ impl Workspace {
                 let violates = low > 1.0 || high < 1.0;
                 // Several joints may limit the scale equally, for example joints that higher levels moved to their bounds. The fastest of
                 // them is fixed.
-                let alike = (high - least).abs() <= ALIKE * least.abs() || high == least;
+                let alike = (high - least).abs() <= SAME_SCALE * least.abs() || high == least;
                 if violates && (critical.is_none() || if alike { sat.va[j].abs() > rate } else { high < least }) {
                     let above = sat.va[j] + sat.vb[j] > upper[j];
                     (critical, least, rate) = (Some((j, if above { upper[j] } else { lower[j] })), high, sat.va[j].abs());
@@ -206,7 +206,7 @@ impl Workspace {
         for c in 0..k {
             self.z[c] = dot(&sat.row, &self.t[c * n..(c + 1) * n]);
         }
-        if dot(&self.z[..k], &self.z[..k]).sqrt() <= MOBILE * dot(&sat.row, &sat.row).sqrt() {
+        if dot(&self.z[..k], &self.z[..k]).sqrt() <= LEAST_MOBILITY * dot(&sat.row, &sat.row).sqrt() {
             return false;
         }
         let (alpha, beta) = reflector(&mut self.z[..k]);

@@ -41,7 +41,7 @@ pub struct PrioritySolver {
 }
 
 /// The number of calls after which a program is made.
-const OFTEN: u64 = 16;
+const CALLS_BEFORE_PROGRAM: u64 = 16;
 
 impl PrioritySolver {
     /// Create a solver. `n`: number of joints. `rows`: number of rows of each level, the highest level first. A level may have no row, or
@@ -204,7 +204,7 @@ impl PrioritySolver {
     #[inline]
     pub fn used(&mut self) {
         self.uses += 1;
-        if self.uses == OFTEN {
+        if self.uses == CALLS_BEFORE_PROGRAM {
             let program = self.of_stacks(false);
             self.work.regular.take(program);
         }

@@ -125,7 +125,7 @@ struct Step {
 }
 
 /// The records that the run must still write.
-struct Due<'a> {
+struct DueRecords<'a> {
     times: &'a Times,
     /// The number of requested times that already have a record.
     wanted: usize,
@@ -133,7 +133,7 @@ struct Due<'a> {
     accepted: usize,
 }
 
-impl Due<'_> {
+impl DueRecords<'_> {
     /// Return whether the initial state is recorded.
     fn at_start(&mut self) -> bool {
         let Times::At(t_eval) = self.times else { return true };
@@ -201,7 +201,7 @@ where
     W: Watcher<F, B, M>,
 {
     let (mut t, mut sample) = (0.0, 0u64);
-    let mut due = Due { times: &segments.times, wanted: 0, accepted: 0 };
+    let mut due = DueRecords { times: &segments.times, wanted: 0, accepted: 0 };
     let mut at = method.x().clone();
     // A copy of the state at the start of a step. The observer may move the run back to this state.
     let mut start = at.clone();

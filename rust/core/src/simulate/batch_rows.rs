@@ -283,7 +283,7 @@ impl GroupRecorder<'_> {
         (0..self.status.len()).filter(|_| !(interrupted || measured)).for_each(|run| self.balance(run));
         let written = std::mem::take(&mut self.written);
         if !interrupted {
-            self.rub(&written);
+            self.write_friction(&written);
         }
         for (run, &written) in written.iter().enumerate().filter(|_| !interrupted) {
             for series in &mut self.series {
@@ -296,7 +296,7 @@ impl GroupRecorder<'_> {
     }
 
     /// Compute the torques of friction for the written records. Other records are NaN.
-    fn rub(&mut self, written: &[usize]) {
+    fn write_friction(&mut self, written: &[usize]) {
         if self.friction.is_empty() {
             return;
         }

@@ -10,7 +10,7 @@ use std::ops::Range;
 pub(super) const MOST_LANES: usize = 8;
 
 /// The capacity of a log in records: a block of steps, and the last record of a run.
-const ROOM: usize = 40;
+const CAPACITY: usize = 40;
 
 /// The records that are not yet passed on, separately for each frame.
 pub struct Log {
@@ -37,7 +37,7 @@ impl Log {
             every,
             first: 0,
             count: 0,
-            frames: frames.iter().map(|_| vec![0.0; ROOM * width * lanes]).collect(),
+            frames: frames.iter().map(|_| vec![0.0; CAPACITY * width * lanes]).collect(),
             lanes,
             state: layout.state()..layout.state() + layout.states,
             noted: layout.noted()..layout.noted() + layout.noted,

@@ -18,7 +18,7 @@ use crate::trace::Frame;
 use std::marker::PhantomData;
 
 /// The capacity of a stream, in steps.
-const TURNS: usize = 32;
+const STREAM_STEPS: usize = 32;
 
 /// The largest size of a table of exogenous inputs, in numbers. A larger table exceeds the cache and saves no time.
 const LARGEST_TABLE: usize = 1 << 20;
@@ -62,7 +62,7 @@ fn equal(from: usize, to: usize, h: f64) -> impl ExactSizeIterator<Item = [f64; 
 impl<S: Real> ProgramStep<S> {
     pub fn new(closed: &ProgramLoop<S>) -> Self {
         let (layout, world) = (&closed.recorded.layout, &closed.world);
-        let most = layout.new_instants() * TURNS + 1;
+        let most = layout.new_instants() * STREAM_STEPS + 1;
         let slots = layout.exogenous() * most;
         let lanes = if layout.shared { vec![1] } else { closed.frames.iter().map(Frame::lanes).collect() };
         let whole = |table: &&Table| layout.shared && layout.exogenous() == 3 * table.dof();
@@ -133,8 +133,8 @@ impl<S: Real> ProgramStep<S> {
         }
         let recorded = system.recorded.clone();
         let layout = &recorded.layout;
-        for from in (first..first + count).step_by(TURNS) {
-            let turns = TURNS.min(first + count - from);
+        for from in (first..first + count).step_by(STREAM_STEPS) {
+            let turns = STREAM_STEPS.min(first + count - from);
             self.sample(layout, &system.world, equal(from, from + turns, h));
             let mut log = system.log.take();
             system.advance(h, x, |frame, k| {
@@ -196,9 +196,9 @@ pub fn tabulate(recorded: &Recorded, world: &World, steps: usize, h: f64) -> Opt
         return None;
     }
     let (mut table, mut times) = (memory::zeros(numbers).ok()?, Vec::new());
-    for first in (0..steps).step_by(TURNS).filter(|_| width > 0) {
+    for first in (0..steps).step_by(STREAM_STEPS).filter(|_| width > 0) {
         look();
-        instants(layout, equal(first, (first + TURNS).min(steps), h), &mut times);
+        instants(layout, equal(first, (first + STREAM_STEPS).min(steps), h), &mut times);
         world.sample_each(0, &times, width, &mut table[first * new * width..]);
     }
     Some(table)
@@ -224,7 +224,7 @@ impl<S: Real> FixedStep<S, ProgramLoop<'_, S>, Vec<S>> for ProgramStep<S> {
         let recorded = system.recorded.clone();
         let Some(program) = recorded.programs.repeated() else { return self.stride_in_parts(system, first, count, h, x) };
         let (table, mut done) = (system.table, 0);
-        let most = if table.is_some() && system.redo.is_empty() { count } else { TURNS };
+        let most = if table.is_some() && system.redo.is_empty() { count } else { STREAM_STEPS };
         while done < count {
             let (turns, from) = ((count - done).min(most), first + done);
             system.remember(x);

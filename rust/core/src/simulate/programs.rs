@@ -88,13 +88,13 @@ impl Structures {
 }
 
 /// Passes the records of some lanes of a group to the sink.
-struct Chosen<'a> {
+struct SelectedLanes<'a> {
     sink: &'a mut dyn Sink,
     /// For each lane, the lane of the group, or `None` to ignore the records.
     lanes: Vec<Option<usize>>,
 }
 
-impl Sink for Chosen<'_> {
+impl Sink for SelectedLanes<'_> {
     fn record(&mut self, i: usize, lane: usize, t: f64, x: &[f64], tau: &[f64]) {
         if let Some(lane) = self.lanes[lane] {
             self.sink.record(i, lane, t, x, tau);
@@ -146,7 +146,7 @@ pub fn run<S: Real>(structures: &Structures, group: General, fixed: &Fixed) -> E
             closed.redo_by((0..S::LANES).map(|lane| redo::direct(problem, row(lane), recorded.layout.norms > 0)).collect());
         }
         let method = ProgramStep::new(&closed);
-        let mut chosen = Chosen { sink: &mut *sink, lanes: lanes.clone() };
+        let mut chosen = SelectedLanes { sink: &mut *sink, lanes: lanes.clone() };
         let group = General { problem, division, first, stop, sink: &mut chosen, observer: None, rates: None };
         let within = match structures.common {
             Common { sums: true, .. } => Some(fixed.schedule.summing_up()),
@@ -195,7 +195,7 @@ fn kept<S: Real>(problem: &Problem, common: Common, run: impl Fn(usize) -> usize
 /// Compute run `run` in lane `lane` of a group without a program.
 fn direct(group: General, run: usize, lane: usize, faults: &mut Faults) {
     let General { problem, division, stop, sink, .. } = group;
-    let mut chosen = Chosen { sink, lanes: vec![Some(lane)] };
+    let mut chosen = SelectedLanes { sink, lanes: vec![Some(lane)] };
     let alone = General { problem, division, first: run, stop, sink: &mut chosen, observer: None, rates: None };
     if let Ended::Fixed(found) = alone.run_single() {
         faults.at[lane] = found.at[0];

@@ -83,17 +83,17 @@ pub fn loop_parameters(problem: &Problem, run: usize, common: Common) -> LoopPar
 }
 
 /// The metrics and records that the programs of a loop compute in addition to steps.
-struct Beside {
+struct MetricsAndRecords {
     sums: Option<Sums<Sym>>,
     notes: Option<Notes>,
 }
 
 /// Return the loop of run `run`, and its metrics and records.
-fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, Beside) {
+fn set_up<'a>(problem: &'a Problem, run: usize, common: Common) -> (ClosedLoop<'a, Sym>, MetricsAndRecords) {
     let closed = assemble(problem, |_| run, common.monitored.storage);
     let sums = common.plan(problem, run).map(|plan| Sums::new(problem, run, &plan, common.monitored.storage));
     let notes = common.notes.map(|monitors| Notes::new(problem, run, monitors, common.monitored));
-    (closed, Beside { sums, notes })
+    (closed, MetricsAndRecords { sums, notes })
 }
 
 /// The recording of loops with one structure, as an entry of a cache. `tag` distinguishes several recordings of one loop.
@@ -167,11 +167,11 @@ fn record(problem: &Problem, run: usize, common: Common) -> Option<Recorded> {
 /// `in_parts` selects whether the step is divided into parts.
 pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Option<bool>, watch: Watch) -> Option<Recorded> {
     sym::begin_that(plain.is_none());
-    let (closed, beside) = set_up(problem, run, common);
+    let (closed, extras) = set_up(problem, run, common);
     let given = sym::end_set_up();
-    let (kept, lasting) = beside.sums.as_ref().map_or((0, 0), Sums::sizes);
-    let (monitors, norms, firsts) = beside.notes.as_ref().map_or((0, 0, 0), Notes::sizes);
-    let noted = beside.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
+    let (kept, lasting) = extras.sums.as_ref().map_or((0, 0), Sums::sizes);
+    let (monitors, norms, firsts) = extras.notes.as_ref().map_or((0, 0, 0), Notes::sizes);
+    let noted = extras.notes.as_ref().map_or(0, |_| closed.tau.len() + monitors);
     let Kind::ExplicitSteps(method) = problem.options.method.kind() else { return None };
     let instants = method.instants();
     let mut layout = Layout {
@@ -191,7 +191,7 @@ pub fn record_watched(problem: &Problem, run: usize, common: Common, plain: Opti
         all_inputs: 0,
         shared: common.shared,
     };
-    let tracing = trace(closed, beside, (method, problem.law(run).route().is_recordable(), plain), &layout)?;
+    let tracing = trace(closed, extras, (method, problem.law(run).route().is_recordable(), plain), &layout)?;
     layout.all_inputs = sym::recorded().1 as usize;
     let recording = sym::finish();
     if recording.failed {
@@ -223,7 +223,7 @@ pub fn instant(desired: usize, wrench: usize) -> Exogenous<Sym> {
 /// `None`, the size of the rates decides. The result is `None` for a method that cannot be recorded.
 fn trace(
     closed: ClosedLoop<Sym>,
-    beside: Beside,
+    extras: MetricsAndRecords,
     (method, with_law, in_parts): (ExplicitSteps, bool, Option<bool>),
     layout: &Layout,
 ) -> Option<Tracing> {
@@ -247,7 +247,7 @@ fn trace(
         acting.clone_from(&tau);
     }
     // The metrics are recorded at this point, because the step also starts with the law's result at this state.
-    let sums = beside.sums.map(|mut sums| {
+    let sums = extras.sums.map(|mut sums| {
         let mut sum_up = |tau: &[Sym], start: Start| {
             let mut kept = kept.clone();
             sums.add(&u[0].desired, &x, tau, h, start, &mut kept);
@@ -256,7 +256,7 @@ fn trace(
         let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
         Summing { along, stage, alone: sum_up(&tau, Start::Asked) }
     });
-    let notes = beside.notes.map(|mut notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
+    let notes = extras.notes.map(|mut notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
     let before = sym::recorded().0;
     closed.closed.stands = Sym::splat(1.0);
     closed.rhs(&stage_input, &stage, &mut rates[..layout.states]);

@@ -29,20 +29,20 @@ pub fn direct<'a>(problem: &'a Problem<'a>, run: usize, norms: bool) -> Box<dyn 
     let closed = assemble::<Float>(problem, |_| run, problem.watches_storage());
     let (x, u) = (vec![Float(0.0); closed.size()], closed.instant());
     let Kind::ExplicitSteps(method) = problem.options.method.kind() else { unreachable!("only explicit steps are recorded") };
-    match method.apply(closed, x, u, Redone { problem, run, norms }) {
+    match method.apply(closed, x, u, RepeatedSteps { problem, run, norms }) {
         Ok(steps) => steps,
         Err(_) => unreachable!("plants without velocities were refused"),
     }
 }
 
 /// Creates the repeated steps for any method.
-struct Redone<'a> {
+struct RepeatedSteps<'a> {
     problem: &'a Problem<'a>,
     run: usize,
     norms: bool,
 }
 
-impl<'a> WithExplicitSteps<Float, ClosedLoop<'a, Float>> for Redone<'a> {
+impl<'a> WithExplicitSteps<Float, ClosedLoop<'a, Float>> for RepeatedSteps<'a> {
     type Output = Box<dyn Direct + 'a>;
 
     fn with_explicit<M: Advance<Float, ClosedLoop<'a, Float>, Vec<Float>> + 'static>(

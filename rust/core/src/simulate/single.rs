@@ -232,7 +232,7 @@ pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Optio
             run.coarsen = outcome.work.coarsen;
         }
     }
-    run.rub(problem)?;
+    run.compute_friction(problem)?;
     run.balances = balances::open(|name| run.monitors.iter().find(|(known, _)| *known == name).map(|(_, series)| series.as_slice()));
     Ok(run)
 }
@@ -244,7 +244,7 @@ impl Run {
     }
 
     /// Compute the torques of friction of all records.
-    fn rub(&mut self, problem: &Problem) -> Result<()> {
+    fn compute_friction(&mut self, problem: &Problem) -> Result<()> {
         let Some(mut friction) = FrictionTorque::of(problem.plant(0), problem.force_frame()) else { return Ok(()) };
         let mut torques = memory::zeros(self.q.len())?;
         let Run { t, q, v, theta, theta_dot, bristles, tau, .. } = &*self;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 /// The time between two checks.
 const SLICE: Duration = Duration::from_millis(20);
 /// The number of calls between two readings of the clock. Each block of steps makes one call.
-const QUESTIONS: u32 = 16;
+const CALLS_PER_CLOCK: u32 = 16;
 
 /// The regular check of a run.
 pub trait Stop {
@@ -56,7 +56,7 @@ impl<'a> Poller<'a> {
 impl Stop for Poller<'_> {
     fn requested(&self) -> bool {
         let questions = self.questions.get() + 1;
-        self.questions.set(questions % QUESTIONS);
-        if questions < QUESTIONS { self.stopped.get() } else { self.look() }
+        self.questions.set(questions % CALLS_PER_CLOCK);
+        if questions < CALLS_PER_CLOCK { self.stopped.get() } else { self.look() }
     }
 }

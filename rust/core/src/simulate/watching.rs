@@ -20,10 +20,10 @@ use crate::scalar::{Real, sign};
 use crate::status::Status;
 
 /// The number of evaluations of each function per step.
-const LOOKS: usize = 4;
+const CHECKS_PER_STEP: usize = 4;
 /// After this number of successive contact changes at practically the same time, a step is accepted in full, without a change of its
 /// length.
-const STUCK: usize = 8;
+const MOST_SWITCHES: usize = 8;
 const PROGRESS: f64 = 1e-14;
 
 /// The polynomials of the steps of a run, given by their values at the Chebyshev points of each step.
@@ -127,7 +127,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let sticking = if plant.sticks() { plant.n() } else { 0 };
         Watching {
             events: vec![LastValue::default(); observer.as_ref().map_or(0, |observer| observer.events.len())],
-            crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| LOOKS * observer.events.len())),
+            crossed: Vec::with_capacity(observer.as_ref().map_or(0, |observer| CHECKS_PER_STEP * observer.events.len())),
             switching,
             probe: Probe::new(plant),
             observer,
@@ -179,7 +179,7 @@ impl<'a, S: Real> Watching<'a, S> {
         let mut first: Option<(f64, usize)> = None;
         let mut before = t0;
         look(system, method, t0, &mut self.guards);
-        for k in 1..=LOOKS {
+        for k in 1..=CHECKS_PER_STEP {
             let t = place(k, t0, t1);
             look(system, method, t, now);
             if now.iter().any(|guard| guard.is_nan()) {
@@ -210,7 +210,7 @@ impl<'a, S: Real> Watching<'a, S> {
         };
         self.stuck = if t - t0 > PROGRESS * t1 { 0 } else { self.stuck + 1 };
         self.switches = i;
-        if self.stuck <= STUCK {
+        if self.stuck <= MOST_SWITCHES {
             return Ok(Some(t));
         }
         self.stuck = 0;
@@ -244,7 +244,7 @@ impl<'a, S: Real> Watching<'a, S> {
         };
         let mut before = t0;
         self.crossed.clear();
-        for look in 1..=LOOKS {
+        for look in 1..=CHECKS_PER_STEP {
             let t = place(look, t0, t1);
             for (i, seen) in self.events.iter_mut().enumerate() {
                 let g = value(i, t);
@@ -276,7 +276,7 @@ impl<'a, S: Real> Watching<'a, S> {
 
 /// Return the time of evaluation `k` in a step from `t0` to `t1`.
 fn place(k: usize, t0: f64, t1: f64) -> f64 {
-    if k == LOOKS { t1 } else { t0 + k as f64 / LOOKS as f64 * (t1 - t0) }
+    if k == CHECKS_PER_STEP { t1 } else { t0 + k as f64 / CHECKS_PER_STEP as f64 * (t1 - t0) }
 }
 
 /// Write the state at time `t` in the last step of `method` to `at` and `x`.

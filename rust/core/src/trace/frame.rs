@@ -3,19 +3,19 @@
 /// A cache line. Slots of one, two, four or eight lanes are aligned in it.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-struct Line([f64; 8]);
+struct CacheLine([f64; 8]);
 
 /// Memory of `slots` slots with `lanes` numbers each. A lane is one run.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    lines: Vec<Line>,
+    lines: Vec<CacheLine>,
     lanes: usize,
 }
 
 impl Frame {
     /// Return a frame of zeros.
     pub fn new(slots: usize, lanes: usize) -> Self {
-        Frame { lines: vec![Line([0.0; 8]); (slots * lanes).div_ceil(8)], lanes }
+        Frame { lines: vec![CacheLine([0.0; 8]); (slots * lanes).div_ceil(8)], lanes }
     }
 
     pub fn lanes(&self) -> usize {

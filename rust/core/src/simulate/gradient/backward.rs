@@ -165,7 +165,7 @@ impl<'a> Backward<'a> {
         } else if !passed_on && tau.iter().any(|&weight| weight != 0.0) {
             self.answer.fill(0.0);
             self.answer[..tau.len()].copy_from_slice(tau);
-            self.pass(Of::Law, t, [&before[places.x()], &[]])?;
+            self.pass(AdjointOf::Law, t, [&before[places.x()], &[]])?;
             add(&mut self.bar[places.x()], 1.0, &self.passed);
         }
         Ok(())
@@ -173,15 +173,15 @@ impl<'a> Backward<'a> {
 
     /// Compute the weights of the state and of the held input from the weights of a function's results. Add the weights of the loop
     /// parameters to `set_up`, and the weights of the exogenous input to `gradient`.
-    fn pass(&mut self, of: Of, t: f64, [x, held]: [&[f64]; 2]) -> Result<()> {
+    fn pass(&mut self, of: AdjointOf, t: f64, [x, held]: [&[f64]; 2]) -> Result<()> {
         let (directions, sizes) = (&self.prepared.directions, &self.prepared.functions.sizes);
         if t != self.looked {
             directions.input(t, &mut self.u);
             self.looked = t;
         }
         let call = match of {
-            Of::Law => &mut self.law,
-            Of::Rates(mode) => &mut self.rates[mode],
+            AdjointOf::Law => &mut self.law,
+            AdjointOf::Rates(mode) => &mut self.rates[mode],
         };
         call.give([&self.u, x, held]);
         let answers = call.answers().len();
@@ -212,7 +212,7 @@ impl<'a> Backward<'a> {
             }
         }
         let shown = std::mem::take(&mut self.walker.shown);
-        self.pass(Of::Law, t, [&shown, &[]])?;
+        self.pass(AdjointOf::Law, t, [&shown, &[]])?;
         self.walker.shown = shown;
         let (plant, law) = self.passed.split_at(places.z().start);
         let from = places.measured(seen(&self.prepared.timeline, k));
@@ -258,7 +258,7 @@ impl<'a> Backward<'a> {
             if i == 0 {
                 self.answer[size..size + tau.len()].copy_from_slice(tau);
             }
-            self.pass(Of::Rates(mode), instant, [point, &before[places.acting()]])?;
+            self.pass(AdjointOf::Rates(mode), instant, [point, &before[places.acting()]])?;
             let (x, held) = self.passed.split_at(size);
             for (j, &a) in tableau.a[i].iter().enumerate().filter(|(_, a)| **a != 0.0) {
                 add(&mut self.slopes[j * size..(j + 1) * size], h * a, x);
@@ -283,7 +283,7 @@ impl<'a> Backward<'a> {
 
 /// Selects the function whose adjoint is computed.
 #[derive(Clone, Copy)]
-enum Of {
+enum AdjointOf {
     Law,
     /// The state rates in a contact mode.
     Rates(usize),

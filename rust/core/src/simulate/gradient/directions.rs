@@ -13,7 +13,7 @@ use crate::trace::sym;
 use crate::trace::tape::Moving;
 
 /// A parameter that changes the desired motion, with the motions of its runs and their weights.
-struct Drive<'a> {
+struct VaryingMotion<'a> {
     parameter: usize,
     worlds: Vec<(World<'a>, f64)>,
 }
@@ -31,7 +31,7 @@ pub struct Directions<'a> {
     /// Pairs `(parameter, run)`. The recorded functions of these runs are compared with the recorded functions of run 0.
     pub runs: Vec<(usize, usize)>,
     base: World<'a>,
-    drives: Vec<Drive<'a>>,
+    drives: Vec<VaryingMotion<'a>>,
     width: usize,
 }
 
@@ -100,7 +100,7 @@ impl<'a> Directions<'a> {
             combined(&base, &differ, |k, rate| rates[k * count + p] = rate);
             if parameter.iter().any(|&(run, _)| moves(run)) {
                 let worlds = parameter.iter().map(|&(run, weight)| (world(problem, 1, |_| run), weight)).collect();
-                drives.push(Drive { parameter: p, worlds });
+                drives.push(VaryingMotion { parameter: p, worlds });
             }
         }
         let moving: Vec<bool> = rates.chunks_exact(count.max(1)).map(|row| row.iter().any(|&rate| rate != 0.0)).collect();
@@ -142,7 +142,7 @@ impl<'a> Directions<'a> {
     /// motion. `u` is the exogenous input at `t`, and `scratch` is memory for two inputs.
     pub fn input_rates(&self, t: f64, u: &[f64], scratch: &mut [f64], mut put: impl FnMut(usize, usize, f64)) {
         let (row, rates) = scratch.split_at_mut(self.width);
-        for Drive { parameter, worlds } in &self.drives {
+        for VaryingMotion { parameter, worlds } in &self.drives {
             rates.fill(0.0);
             for (world, weight) in worlds {
                 world.sample_each(0, &[t], self.width, row);

@@ -22,7 +22,7 @@ use std::sync::OnceLock;
 
 /// The number of groups in one block. A group is the directions in the lanes of one register. The function is evaluated once for all
 /// groups.
-const TOGETHER: usize = 2;
+const GROUPS_PER_BLOCK: usize = 2;
 
 /// Sizes of the arguments and results of a loop's functions.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +61,7 @@ impl Sizes {
             answer: n + p,
             sampled: problem.options.sampling.is_some(),
             guards: usize::from(problem.law(0).route() == Route::Guarded),
-            groups: directions.count.div_ceil(form(true).lanes()).min(TOGETHER),
+            groups: directions.count.div_ceil(form(true).lanes()).min(GROUPS_PER_BLOCK),
             moved: directions.moved,
             drives: directions.drives(),
         }

@@ -8,10 +8,10 @@ use std::collections::HashSet;
 use std::fmt::Write;
 
 /// The maximum length of the prefix, in characters.
-const LONGEST: usize = 40;
+const LONGEST_PREFIX: usize = 40;
 
 /// Words that are not allowed as a prefix: reserved words of C and C++, and the names of included headers.
-const TAKEN: &str = concat!(
+const RESERVED_WORDS: &str = concat!(
     " auto break case char const continue default do double else enum extern float for goto if inline ",
     "int long register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while ",
     "bool class delete new private public this throw try catch template namespace operator using virtual true false ",
@@ -19,7 +19,7 @@ const TAKEN: &str = concat!(
 );
 
 /// Target names that CMake reserves, and the library that the target links.
-const TARGETS: &str = " all ALL_BUILD help install INSTALL preinstall clean edit_cache rebuild_cache list_install_components depend ZERO_CHECK test RUN_TESTS \
+const RESERVED_TARGETS: &str = " all ALL_BUILD help install INSTALL preinstall clean edit_cache rebuild_cache list_install_components depend ZERO_CHECK test RUN_TESTS \
 package PACKAGE package_source m ";
 
 /// A file of an export.
@@ -49,20 +49,20 @@ impl COptions {
     /// Refuse a prefix that is not an identifier of C, or not allowed as the name of a CMake target.
     pub fn validate(&self) -> Result<()> {
         let prefix = self.prefix.as_str();
-        if is_identifier(prefix) && prefix.len() <= LONGEST && !TAKEN.contains(&format!(" {prefix} ")) {
-            if TARGETS.contains(&format!(" {prefix} ")) {
+        if is_identifier(prefix) && prefix.len() <= LONGEST_PREFIX && !RESERVED_WORDS.contains(&format!(" {prefix} ")) {
+            if RESERVED_TARGETS.contains(&format!(" {prefix} ")) {
                 let expected = "a name that is neither a target that CMake makes nor the library m";
                 return Err(Error::input("prefix", format!("is no name for a target of CMake: expected {expected}, got {prefix:?}")));
             }
             return Ok(());
         }
-        let expected = format!("a letter, then letters, digits and _, at most {LONGEST}, no word of C");
+        let expected = format!("a letter, then letters, digits and _, at most {LONGEST_PREFIX}, no word of C");
         Err(Error::input("prefix", format!("is no name in C: expected {expected}, got {prefix:?}")))
     }
 }
 
 /// Names that every source file defines, without the prefix.
-const OWN: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
+const OWN_NAMES: [&str; 5] = ["finite", "refuse", "answer", "sin_cos", "sin_cos_unfused"];
 
 /// Whether the name consists of a letter, followed by letters, digits and `_`.
 fn is_identifier(name: &str) -> bool {
@@ -77,7 +77,7 @@ pub fn require_names<'a>(argument: &str, names: impl Iterator<Item = &'a str>) -
         if !is_identifier(name) {
             return refused("is no name in C: expected a letter, then letters, digits and _");
         }
-        if OWN.contains(&name) {
+        if OWN_NAMES.contains(&name) {
             return refused("is a name that the file has for itself: expected another one");
         }
         // A long function is divided into functions whose names are its name with a number.
