@@ -4,7 +4,7 @@
 //! `x = [q, v, theta, theta']`, `tau = (1 - B/B0) K (theta - q) + B/B0 (u - D0 theta')`, `u = J' (K_m (x_d - x) - D_m x') + g`.
 
 use armlet_core::integrate::{Adaptive, DualSystem, Linearised, Rodas4, System, Tolerance, Work};
-use armlet_core::scalar::{Array8, Duals, Kernel, Real};
+use armlet_core::scalar::{Array8, Dual, Kernel, Real};
 use std::marker::PhantomData;
 use std::time::Instant;
 
@@ -76,14 +76,14 @@ impl<V: Real> Kernel for Run<V> {
     #[inline(always)]
     fn run(self) -> Self::Output {
         let x = [-0.5, 1.6, 0.0, 0.0, -0.5, 1.6, 0.0, 0.0].map(V::One::splat);
-        let mut system: Twin<V> = Linearised::new(self.plant, self.plant, [Duals::splat(0.0); 8], ());
+        let mut system: Twin<V> = Linearised::new(self.plant, self.plant, [Dual::splat(0.0); 8], ());
         let tolerance = Tolerance { rtol: self.rtol, atol: 1e-3 * self.rtol, controlled: 8 };
         let method = Rodas4::new(tolerance, x, [V::One::zero(); 64], [0usize; 8], ());
         drive::<V::One, _, _>(method, &mut system, self.t_end)
     }
 }
 
-type Twin<V> = Linearised<Loop, Loop, V, [Duals<V>; 8], ()>;
+type Twin<V> = Linearised<Loop, Loop, V, [Dual<V>; 8], ()>;
 
 #[inline(always)]
 fn drive<S: Real, F: System<S>, M: Adaptive<S, F, [S; 8]>>(mut method: M, system: &mut F, t_end: f64) -> ([f64; 8], Work) {

@@ -6,6 +6,7 @@ use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
+use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A class of `armlet.errors`. The module is imported once.
@@ -62,27 +63,36 @@ pub fn solve_error(py: Python<'_>, message: String, status: Status, t: f64, part
 /// Run the body of an entry point, and convert a panic to an `InternalError`. The macro `#[entered]` wraps every entry point in this
 /// function.
 pub fn caught<T>(function: &str, body: impl FnOnce() -> PyResult<T>) -> PyResult<T> {
-    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| {
-        let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
-        let message = format!("{function}: internal error, please report it: {}", text.unwrap_or("no message"));
-        Err(Python::attach(|py| raise(py, "InternalError", (message,))))
-    })
+    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| Err(panicked(function, panic.as_ref())))
+}
+
+/// The `InternalError` for a panic.
+#[cold]
+fn panicked(function: &str, panic: &(dyn Any + Send)) -> PyErr {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+    let message = format!("{function}: internal error, please report it: {}", text.unwrap_or("no message"));
+    Python::attach(|py| raise(py, "InternalError", (message,)))
 }
 
 /// Run the body of an entry point as [`caught`] does, and convert core errors to Python exceptions.
 pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T, Failure>) -> PyResult<T> {
-    caught(function, || {
-        body().map_err(|failure| match failure {
-            Failure::Core(error) => to_python(py, function, error),
-            Failure::Python(error) => error,
-        })
-    })
+    caught(function, || body().map_err(|failure| failure.into_python(py, function)))
 }
 
 /// The error of the body of an entry point.
 pub enum Failure {
     Core(Error),
     Python(PyErr),
+}
+
+impl Failure {
+    #[cold]
+    fn into_python(self, py: Python<'_>, function: &str) -> PyErr {
+        match self {
+            Failure::Core(error) => to_python(py, function, error),
+            Failure::Python(error) => error,
+        }
+    }
 }
 
 impl From<Error> for Failure {

@@ -4,10 +4,10 @@
 
 use super::{Differentiable, System};
 use crate::linalg::Pairs;
-use crate::scalar::{Duals, Real};
+use crate::scalar::{Dual, Real};
 
 /// A system whose right-hand side is evaluated on dual numbers.
-pub trait DualSystem<V: Real>: System<Duals<V>> {
+pub trait DualSystem<V: Real>: System<Dual<V>> {
     /// Write the input at time `t`, s, to `u`. Its derivative along direction 0 is the time derivative.
     fn moving_input(&mut self, t: f64, u: &mut Self::Input);
     /// Hold the input of the plant and the rate of the law's state, in a sampled loop.
@@ -41,7 +41,7 @@ impl<F, G, V, X, U> Linearised<F, G, V, X, U>
 where
     V: Real,
     G: DualSystem<V, Input = U>,
-    X: Clone + AsMut<[Duals<V>]>,
+    X: Clone + AsMut<[Dual<V>]>,
 {
     /// Combine a system and its twin. `state` has the length of the system's state, and `input` is an input of the twin.
     pub fn new(system: F, twin: G, state: X, input: U) -> Self {
@@ -105,7 +105,7 @@ where
     F: System<S>,
     V: Real<One = S>,
     G: DualSystem<V, Input = U>,
-    X: Clone + AsMut<[Duals<V>]>,
+    X: Clone + AsMut<[Dual<V>]>,
 {
     fn linearise(&mut self, t: f64, _: &F::Input, x: &[S], dx: &mut [S], j: &mut [S]) {
         let n = x.len();
@@ -118,12 +118,12 @@ where
         for first in (0..leading).step_by(V::LANES) {
             let columns = V::LANES.min(leading - first);
             for i in 0..n {
-                state[i] = if i >= first && i < first + columns { Duals::seed(x[i], i - first) } else { Duals::new(x[i], V::zero()) };
+                state[i] = if i >= first && i < first + columns { Dual::seed(x[i], i - first) } else { Dual::new(x[i], V::zero()) };
             }
             self.twin.rhs(&self.u, state, slope);
             for i in 0..n {
                 for k in 0..columns {
-                    j[i * n + first + k] = S::splat(slope[i].rate(k));
+                    j[i * n + first + k] = S::splat(slope[i].rate.lane(k));
                 }
             }
         }
@@ -137,11 +137,11 @@ where
         let (state, slope) = (&mut self.x.as_mut()[..n], &mut self.dx.as_mut()[..n]);
         self.twin.moving_input(t, &mut self.u);
         for i in 0..n {
-            state[i] = Duals::new(x[i], V::zero());
+            state[i] = Dual::new(x[i], V::zero());
         }
         self.twin.rhs(&self.u, state, slope);
         for i in 0..n {
-            dft[i] = S::splat(slope[i].rate(0));
+            dft[i] = S::splat(slope[i].rate.lane(0));
         }
     }
 

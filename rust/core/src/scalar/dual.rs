@@ -1,102 +1,126 @@
-//! Dual numbers `a + b eps` with `eps^2 = 0`. They compute the exact derivative along one direction: `f(x + v eps) = f(x) + f'(x) v eps`.
+//! Dual numbers `a + sum b_k eps_k` with `eps_i eps_k = 0`. They compute exact derivatives along one direction or along several:
+//! `f(x + v eps) = f(x) + f'(x) v eps`.
+//!
+//! The derivatives `b_k` are the lanes of a number, and share the value `a`. A Jacobian of `n` columns takes `ceil(n / lanes)` evaluations.
 
-use super::{Kernel, Real};
+use super::{Array8, Kernel, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A value and its derivative along one direction.
+/// A value, and one derivative for the direction of each lane of `V`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Dual<S: Real = f64> {
+pub struct Dual<V: Real = f64> {
     /// The value.
-    pub value: S,
-    /// The derivative of the value.
-    pub rate: S,
+    pub value: V::One,
+    /// The derivatives of the value, one per lane.
+    pub rate: V,
 }
 
-impl<S: Real> Dual<S> {
-    /// Return the dual number with this value and derivative.
+/// Dual numbers with eight derivatives, for any machine.
+pub type Dual8 = Dual<Array8>;
+
+impl<V: Real> Dual<V> {
+    /// Return the dual number with this value and these derivatives.
     #[inline(always)]
-    pub fn new(value: S, rate: S) -> Self {
+    pub fn new(value: V::One, rate: V) -> Self {
         Dual { value, rate }
+    }
+
+    /// Return the number `value` with derivative 1 along direction `slot`, and 0 along the others.
+    #[inline(always)]
+    pub fn seed(value: V::One, slot: usize) -> Self {
+        Dual { value, rate: V::from_lanes(|k| if k == slot { 1.0 } else { 0.0 }) }
     }
 }
 
-/// Return `along` if `rate` is not zero, otherwise zero. Where the slope is infinite, the product of zero rate and slope would be NaN.
+/// Return `along` where `rate` is not zero, otherwise zero. Where the slope is infinite, the product of zero rate and slope would be NaN.
 #[inline(always)]
-fn unless_still<S: Real>(rate: S, along: S) -> S {
-    S::select(rate.lt(S::zero()), along, S::select(S::zero().lt(rate), along, rate))
+fn unless_still<V: Real>(rate: V, along: V) -> V {
+    V::select(rate.lt(V::zero()), along, V::select(V::zero().lt(rate), along, rate))
 }
 
-impl<S: Real> Add for Dual<S> {
+impl<V: Real> Add for Dual<V> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
         Dual::new(self.value + o.value, self.rate + o.rate)
     }
 }
-impl<S: Real> Sub for Dual<S> {
+impl<V: Real> Sub for Dual<V> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
         Dual::new(self.value - o.value, self.rate - o.rate)
     }
 }
-impl<S: Real> Mul for Dual<S> {
+impl<V: Real> Mul for Dual<V> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        Dual::new(self.value * o.value, self.rate.mul_add(o.value, self.value * o.rate))
+        Dual::new(self.value * o.value, self.rate.mul_add(V::spread(o.value), V::spread(self.value) * o.rate))
     }
 }
-impl<S: Real> Div for Dual<S> {
+impl<V: Real> Div for Dual<V> {
     type Output = Self;
     #[inline(always)]
     fn div(self, o: Self) -> Self {
         let value = self.value / o.value;
-        Dual::new(value, (self.rate - value * o.rate) / o.value)
+        Dual::new(value, (self.rate - V::spread(value) * o.rate) / V::spread(o.value))
     }
 }
-impl<S: Real> Neg for Dual<S> {
+impl<V: Real> Neg for Dual<V> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
         Dual::new(-self.value, -self.rate)
     }
 }
-impl<S: Real> AddAssign for Dual<S> {
+impl<V: Real> AddAssign for Dual<V> {
     #[inline(always)]
     fn add_assign(&mut self, o: Self) {
         *self = *self + o;
     }
 }
-impl<S: Real> SubAssign for Dual<S> {
+impl<V: Real> SubAssign for Dual<V> {
     #[inline(always)]
     fn sub_assign(&mut self, o: Self) {
         *self = *self - o;
     }
 }
-impl<S: Real> MulAssign for Dual<S> {
+impl<V: Real> MulAssign for Dual<V> {
     #[inline(always)]
     fn mul_assign(&mut self, o: Self) {
         *self = *self * o;
     }
 }
 
-impl<S: Real> Real for Dual<S> {
-    type Mask = S::Mask;
+impl<V: Real> Real for Dual<V> {
+    type Mask = <V::One as Real>::Mask;
     type One = Self;
-    const LANES: usize = S::LANES;
+    const LANES: usize = V::One::LANES;
 
     #[inline(always)]
+    fn first(self) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn spread(x: Self) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn choose(mask: Self::Mask, yes: Self, no: Self) -> Self {
+        Self::select(mask, yes, no)
+    }
+    #[inline(always)]
     fn splat(x: f64) -> Self {
-        Dual::new(S::splat(x), S::zero())
+        Dual::new(V::One::splat(x), V::zero())
     }
     #[inline(always)]
     fn from_lanes(f: impl FnMut(usize) -> f64) -> Self {
-        Dual::new(S::from_lanes(f), S::zero())
+        Dual::new(V::One::from_lanes(f), V::zero())
     }
     #[inline(always)]
     fn parameter(f: impl FnMut(usize) -> f64) -> Self {
-        Dual::new(S::parameter(f), S::zero())
+        Dual::new(V::One::parameter(f), V::zero())
     }
     #[inline(always)]
     fn lane(self, i: usize) -> f64 {
@@ -104,11 +128,13 @@ impl<S: Real> Real for Dual<S> {
     }
     #[inline(always)]
     fn mul_add(self, b: Self, c: Self) -> Self {
-        Dual::new(self.value.mul_add(b.value, c.value), self.rate.mul_add(b.value, self.value * b.rate) + c.rate)
+        let slope = self.rate.mul_add(V::spread(b.value), V::spread(self.value) * b.rate);
+        Dual::new(self.value.mul_add(b.value, c.value), slope + c.rate)
     }
     #[inline(always)]
     fn neg_mul_add(self, b: Self, c: Self) -> Self {
-        Dual::new(self.value.neg_mul_add(b.value, c.value), c.rate - self.rate.mul_add(b.value, self.value * b.rate))
+        let slope = self.rate.mul_add(V::spread(b.value), V::spread(self.value) * b.rate);
+        Dual::new(self.value.neg_mul_add(b.value, c.value), c.rate - slope)
     }
     #[inline(always)]
     fn recip(self) -> Self {
@@ -117,11 +143,11 @@ impl<S: Real> Real for Dual<S> {
     #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        Dual::new(root, unless_still(self.rate, S::splat(0.5) / root * self.rate))
+        Dual::new(root, unless_still(self.rate, V::spread(V::One::splat(0.5) / root) * self.rate))
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        Self::select(self.value.lt(S::zero()), -self, self)
+        Self::select(self.value.lt(V::One::zero()), -self, self)
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -134,32 +160,68 @@ impl<S: Real> Real for Dual<S> {
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let (s, c) = self.value.sin_cos();
-        (Dual::new(s, c * self.rate), Dual::new(c, -s * self.rate))
+        (Dual::new(s, V::spread(c) * self.rate), Dual::new(c, V::spread(-s) * self.rate))
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         let length = x.value * x.value + self.value * self.value;
-        let rate = x.value * self.rate - self.value * x.rate;
-        Dual::new(self.value.atan2(x.value), unless_still(rate, rate / length))
+        let rate = V::spread(x.value) * self.rate - V::spread(self.value) * x.rate;
+        Dual::new(self.value.atan2(x.value), unless_still(rate, rate / V::spread(length)))
     }
     #[inline(always)]
-    fn lt(self, other: Self) -> S::Mask {
+    fn lt(self, other: Self) -> Self::Mask {
         self.value.lt(other.value)
     }
     #[inline(always)]
-    fn select(mask: S::Mask, yes: Self, no: Self) -> Self {
-        Dual::new(S::select(mask, yes.value, no.value), S::select(mask, yes.rate, no.rate))
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
+        Dual::new(V::One::select(mask, yes.value, no.value), V::choose(mask, yes.rate, no.rate))
     }
     #[inline(always)]
-    fn any(mask: S::Mask) -> bool {
-        S::any(mask)
+    fn any(mask: Self::Mask) -> bool {
+        V::One::any(mask)
     }
     #[inline(always)]
-    fn all(mask: S::Mask) -> bool {
-        S::all(mask)
+    fn all(mask: Self::Mask) -> bool {
+        V::One::all(mask)
     }
     #[inline(always)]
     fn enter<K: Kernel>(kernel: K) -> K::Output {
-        S::enter(kernel)
+        V::enter(kernel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn expression<S: Real>(x: &[S]) -> S {
+        let (s, c) = (x[0] * x[1]).sin_cos();
+        let root = (x[2] * x[2] + S::splat(1.0)).sqrt();
+        let mut y = s.mul_add(x[2], c / root) - x[1].recip() + x[0].neg_mul_add(c, s).abs();
+        y *= x[0].max(x[2]).min(S::splat(10.0));
+        y -= -x[1];
+        y + (x[0] * x[2]).atan2(x[1])
+    }
+
+    /// Each of eight derivatives equals the one derivative along its direction, up to the rounding of a dozen operations.
+    #[test]
+    fn directions_do_not_mix() {
+        let at = [0.7, -1.3, 2.1];
+        let many: Vec<Dual8> = (0..3).map(|i| Dual8::seed(at[i], 2 * i + 1)).collect();
+        let all = expression(&many);
+        for i in 0..3 {
+            let one: Vec<Dual> = (0..3).map(|k| Dual::new(at[k], if k == i { 1.0 } else { 0.0 })).collect();
+            let expected = expression(&one);
+            assert!((all.lane(0) - expected.value).abs() < 1e-14);
+            assert!((all.rate.lane(2 * i + 1) - expected.rate).abs() < 1e-13, "{i}: {:?} {}", all.rate, expected.rate);
+            assert_eq!(all.rate.lane(2 * i), 0.0);
+        }
+    }
+
+    #[test]
+    fn the_root_of_zero_has_no_rate_along_nothing() {
+        let root = Dual8::seed(0.0, 3).sqrt();
+        assert_eq!((root.rate.lane(0), root.rate.lane(3)), (0.0, f64::INFINITY));
+        assert_eq!(Dual8::splat(0.0).atan2(Dual8::splat(0.0)).rate.lane(0), 0.0);
     }
 }

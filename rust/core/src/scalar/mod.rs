@@ -7,7 +7,6 @@
 
 mod atan;
 pub mod dual;
-pub mod duals;
 pub mod hex;
 #[doc(hidden)]
 pub mod hyperbolic;
@@ -21,8 +20,7 @@ mod scalars;
 #[doc(hidden)]
 pub mod trig;
 
-pub use dual::Dual;
-pub use duals::{Dual8, Duals};
+pub use dual::{Dual, Dual8};
 pub use lanes::{Array8, Isa, fuses, isa};
 pub use scalars::Float;
 
@@ -53,6 +51,13 @@ pub trait Real:
     type One: Real;
     /// The number of lanes.
     const LANES: usize;
+
+    /// Return the number in lane 0, as the number of a single run.
+    fn first(self) -> Self::One;
+    /// Return `x` in every lane.
+    fn spread(x: Self::One) -> Self;
+    /// Return `yes` if the truth value of a single run is true, otherwise `no`, in every lane.
+    fn choose(mask: <Self::One as Real>::Mask, yes: Self, no: Self) -> Self;
 
     /// Return `x` in every lane.
     fn splat(x: f64) -> Self;

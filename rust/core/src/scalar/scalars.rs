@@ -65,6 +65,18 @@ macro_rules! single_number {
         type One = Self;
         const LANES: usize = 1;
         #[inline]
+        fn first(self) -> Self {
+            self
+        }
+        #[inline]
+        fn spread(x: Self) -> Self {
+            x
+        }
+        #[inline]
+        fn choose(mask: Self::Mask, yes: Self, no: Self) -> Self {
+            Self::select(mask, yes, no)
+        }
+        #[inline]
         fn splat(x: f64) -> Self {
             $wrap(x)
         }

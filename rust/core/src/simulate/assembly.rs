@@ -11,7 +11,7 @@ use super::world::{Exogenous, World};
 use crate::integrate::{DualSystem, Linearised, System};
 use crate::law::{LawSpec, Route, Truth};
 use crate::plant::{PlantSpec, Touch};
-use crate::scalar::{Array8, Dual8, Real};
+use crate::scalar::{Dual, Real};
 use std::borrow::Cow;
 
 /// A loop whose run can be recorded, observed and driven by the caller.
@@ -67,7 +67,7 @@ impl<S: Real> Watched<S> for ClosedLoop<'_, S> {
 }
 
 /// A loop of plain numbers, and the same loop of dual numbers, from which the Jacobian is computed.
-pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual8>, Array8, Vec<Dual8>, Exogenous<Dual8>>;
+pub type Twins<'a> = Linearised<ClosedLoop<'a, f64>, ClosedLoop<'a, Dual>, f64, Vec<Dual>, Exogenous<Dual>>;
 
 impl Watched<f64> for Twins<'_> {
     fn input_at(&mut self, t: f64, x: &[f64]) -> &[f64] {
@@ -108,7 +108,7 @@ impl Twins<'_> {
     /// Return the loop with owned copies of its motions, forces and limits.
     pub fn into_owned(self) -> Twins<'static> {
         let (closed, twin) = (self.system.into_owned(), self.twin.into_owned());
-        let (state, input) = (vec![Dual8::zero(); closed.size()], twin.instant());
+        let (state, input) = (vec![Dual::zero(); closed.size()], twin.instant());
         Linearised::new(closed, twin, state, input)
     }
 }
@@ -116,7 +116,7 @@ impl Twins<'_> {
 /// Return the loop of run `first` on plain and on dual numbers, and the initial state.
 pub fn twins<'a>(problem: &'a Problem, first: usize) -> (Twins<'a>, Vec<f64>) {
     let (closed, x) = close::<f64>(problem, first);
-    let (twin, moving) = close::<Dual8>(problem, first);
+    let (twin, moving) = close::<Dual>(problem, first);
     let input = twin.instant();
     (Linearised::new(closed, twin, moving, input), x)
 }

@@ -9,7 +9,7 @@ use crate::integrate::{DualSystem, System};
 use crate::law::{Law, Truth};
 use crate::linalg::Pairs;
 use crate::plant::{Plant, Touch};
-use crate::scalar::{Duals, Real};
+use crate::scalar::{Dual, Real};
 use std::borrow::Cow;
 
 /// Options of a loop.
@@ -368,20 +368,20 @@ impl<S: Real> System<S> for ClosedLoop<'_, S> {
     }
 }
 
-impl<V: Real> DualSystem<V> for ClosedLoop<'_, Duals<V>> {
-    fn moving_input(&mut self, t: f64, u: &mut Exogenous<Duals<V>>) {
-        let mut moving = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Duals::default(); 6] });
+impl<V: Real> DualSystem<V> for ClosedLoop<'_, Dual<V>> {
+    fn moving_input(&mut self, t: f64, u: &mut Exogenous<Dual<V>>) {
+        let mut moving = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Dual::default(); 6] });
         self.drift(t, u, &mut moving);
         let along = |rate: f64| V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 });
         for (u, rate) in u.desired.iter_mut().zip(&moving.desired).chain(u.wrench.iter_mut().zip(&moving.wrench)) {
-            u.rates = along(rate.lane(0));
+            u.rate = along(rate.lane(0));
         }
         self.now = moving;
     }
 
     fn hold(&mut self, input: &[V::One], rate: &[V::One]) {
         for (to, &from) in self.tau.iter_mut().zip(input).chain(self.dz.iter_mut().zip(rate)) {
-            *to = Duals::new(from, V::zero());
+            *to = Dual::new(from, V::zero());
         }
     }
 

@@ -166,6 +166,16 @@ impl Real for Sym {
     type One = Sym;
     const LANES: usize = 2;
 
+    fn first(self) -> Sym {
+        self
+    }
+    fn spread(x: Sym) -> Sym {
+        x
+    }
+    fn choose(mask: Sym, yes: Sym, no: Sym) -> Sym {
+        Self::select(mask, yes, no)
+    }
+
     fn splat(x: f64) -> Sym {
         on_tape(|tape| Sym(tape.constant(x)))
     }

@@ -75,6 +75,19 @@ impl Real for Array8 {
     const LANES: usize = 8;
 
     #[inline(always)]
+    fn first(self) -> f64 {
+        self.0[0]
+    }
+    #[inline(always)]
+    fn spread(x: f64) -> Self {
+        Self::splat(x)
+    }
+    #[inline(always)]
+    fn choose(mask: bool, yes: Self, no: Self) -> Self {
+        if mask { yes } else { no }
+    }
+
+    #[inline(always)]
     fn splat(x: f64) -> Self {
         Array8([x; 8])
     }

@@ -76,6 +76,19 @@ macro_rules! vector {
             const LANES: usize = $lanes;
 
             #[inline(always)]
+            fn first(self) -> $one {
+                <$one>::splat(self.lane(0))
+            }
+            #[inline(always)]
+            fn spread(x: $one) -> Self {
+                Self::splat(x.lane(0))
+            }
+            #[inline(always)]
+            fn choose(mask: bool, yes: Self, no: Self) -> Self {
+                if mask { yes } else { no }
+            }
+
+            #[inline(always)]
             fn splat(x: f64) -> Self {
                 $name(from_array([x; $lanes]))
             }

@@ -67,7 +67,7 @@ impl<S: Real> Theory<S> {
     fn skewness(&mut self, q: &[S], v: &[S]) -> S {
         let n = q.len();
         for i in 0..n {
-            self.moving_q[i] = Dual::new(q[i], v[i]);
+            self.moving_q[i] = Dual::new(q[i].first(), v[i]);
         }
         self.moving.move_to(&self.moving_q);
         self.moving.mass_matrix(&mut self.moving_m);

@@ -125,7 +125,7 @@ impl<S: Real> TargetModel<S> {
         self.plant.rates(arm.trig(), x, tau, wrench, &mut self.rates);
         arm.coriolis_matrix(v, &mut self.coriolis);
         for (q, (&value, &rate)) in self.moving_q.iter_mut().zip(q.iter().zip(v)) {
-            *q = Dual::new(value, rate);
+            *q = Dual::new(value.first(), rate);
         }
         self.moving.move_to(&self.moving_q);
         let (_, moving) = self.moving.jacobian(self.coordinates.frame);

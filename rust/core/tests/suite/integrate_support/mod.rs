@@ -1,7 +1,7 @@
 //! Problems with known solutions, generic over the number type, and a common interface to every method.
 
 use armlet_core::integrate::*;
-use armlet_core::scalar::{Array8, Dual8, Duals, Real};
+use armlet_core::scalar::{Array8, Dual8, Real};
 use armlet_core::status::Status;
 
 /// A problem `x' = f(t, x)` with `N` states.
@@ -59,7 +59,7 @@ pub fn of<P: Problem>() -> Of<P> {
 }
 
 pub fn twin<P: Problem>() -> Twin<P> {
-    Linearised::new(of(), of(), vec![Duals::splat(0.0); P::N], Duals::splat(0.0))
+    Linearised::new(of(), of(), vec![Dual8::splat(0.0); P::N], Dual8::splat(0.0))
 }
 
 pub type Boxed<P> = Box<dyn Adaptive<f64, Twin<P>, Vec<f64>>>;
