@@ -24,7 +24,7 @@ SOURCES = RULES.sources(ROOT / "rust", ROOT / "python")
 #: Exceptions: longer functions, with their largest numbers of lines. The list only shrinks.
 LONGER = {
     "rust/core/src/plan/time_path/examine.rs": {"run": 104},
-    "rust/core/src/plan/time_path/mod.rs": {"plan": 101},
+    "rust/core/src/plan/time_path/mod.rs": {"plan": 90},
 }
 
 

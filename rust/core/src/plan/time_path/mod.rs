@@ -50,6 +50,7 @@ use crate::error::Result;
 use crate::motion::{Path, TimedPath};
 use check::{LimitCheck, TOLERANCE};
 use friction::Line;
+use lines::LimitRows;
 use reach::{Profile, Stuck, losses, set_slopes, solve};
 use samples::Samples;
 use setup::PathProblem;
@@ -163,6 +164,22 @@ fn again(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Resul
     if problem.friction.is_none() { solve(&problem.rows, profile) } else { tangents(problem, profile) }
 }
 
+/// Reduce the caps at both ends of segment `i` by the relative excess `past`, in correction `k`.
+fn reduce_caps(rows: &LimitRows, caps: &mut [f64], old: &[f64], i: usize, past: f64, k: usize) {
+    let (x0, x1) = (rows.cap[i], rows.cap[i + 1]);
+    // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the
+    // third correction on, reduce both: a peak next to the smaller cap decreases only with the square of the first reduction.
+    for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
+        if here * 1.2 >= other || k >= 2 {
+            // At an end with a prescribed speed above zero the cap is fixed. Then only the other cap is reduced, and the peak
+            // decreases slowly. So this reduction doubles with each correction.
+            let prescribed = (next == 0 && rows.x_start > 0.0) || (next + 1 == rows.cap.len() && rows.x_end > 0.0);
+            let past = if prescribed { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
+            caps[at] = caps[at].max(old[at] + past);
+        }
+    }
+}
+
 /// Compute the profile on the present grid, and correct it until it satisfies all limits.
 fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile, lost: &mut Vec<f64>, fine: f64, last: bool) -> Outcome {
     problem.rows.tight_lo.fill(0.0);
@@ -216,18 +233,7 @@ fn plan(problem: &mut PathProblem, samples: &mut Samples, profile: &mut Profile,
             } else {
                 // The cap bounds the squared speed. So the relative excess of the speed counts twice.
                 let past = 2.0 * beyond * under.max(over) / problem.limits.hi[row];
-                // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the
-                // third correction on, reduce both: a peak next to the smaller cap decreases only with the square of the first reduction.
-                let (x0, x1) = (problem.rows.cap[i], problem.rows.cap[i + 1]);
-                for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
-                    if here * 1.2 >= other || k >= 2 {
-                        // At an end with a prescribed speed above zero the cap is fixed. Then only the other cap is reduced, and the peak
-                        // decreases slowly. So this reduction doubles with each correction.
-                        let given = (next == 0 && problem.rows.x_start > 0.0) || (next == count && problem.rows.x_end > 0.0);
-                        let past = if given { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
-                        caps[at] = caps[at].max(cap_old[at] + past);
-                    }
-                }
+                reduce_caps(&problem.rows, &mut caps, &cap_old, i, past, k);
             }
         });
         (problem.rows.tight_lo, problem.rows.tight_hi) = (tight_lo, tight_hi);
