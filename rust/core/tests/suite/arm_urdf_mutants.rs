@@ -43,6 +43,9 @@ fn long_chains_take_time_in_proportion() {
     }
 }
 
+/// The longest time in which a mutant must be read.
+const LONGEST: Duration = Duration::from_secs(1);
+
 /// Bytes are changed, removed or duplicated, and words are replaced by difficult ones. The reader must soon return an arm or a
 /// `ModelError`.
 #[test]
@@ -57,7 +60,7 @@ fn mutants_do_no_harm() {
     });
     let read_well: usize = shares.iter().map(|share| share.0).sum();
     let slowest = shares.iter().map(|share| share.1).max().unwrap();
-    assert!(slowest < Duration::from_secs(1), "{slowest:?}");
+    assert!(slowest < LONGEST, "{slowest:?}");
     // Both outcomes must occur often. Otherwise the mutants test nothing.
     assert!(read_well > count / 20 && read_well < count - count / 20, "{read_well} of {count}");
 }
@@ -91,23 +94,39 @@ fn mutants(seed: u64, count: usize) -> (usize, Duration) {
         for _ in 0..1 + rng.below(3) {
             mutate(&mut rng, &mut text, &WORDS);
         }
-        let start = Instant::now();
-        match read(&text) {
-            Ok(arm) => {
-                read_well += 1;
-                // An arm that was read must be usable, and the writer must accept it.
-                let (m, _) = dynamics(&arm, &vec![0.3; arm.n()]);
-                assert_eq!(m.len(), arm.n() * arm.n());
-                let written = arm.to_urdf();
-                let back = read(&written.text);
-                assert!(back.is_ok_and(|back| back.n() == arm.n()) || !written.report.is_empty(), "{text}");
+        let mut least = Duration::MAX;
+        // Other work on the machine can delay one trial, but not all of them.
+        for trial in 0..4 {
+            let start = Instant::now();
+            let well = is_read(&text);
+            least = least.min(start.elapsed());
+            read_well += usize::from(trial == 0 && well);
+            if least < LONGEST {
+                break;
             }
-            Err(Error::Model { line, .. }) => assert!(line as usize <= text.lines().count() + 1),
-            Err(other) => panic!("{other}"),
         }
-        slowest = slowest.max(start.elapsed());
+        slowest = slowest.max(least);
     }
     (read_well, slowest)
+}
+
+/// Read a mutant, and return whether it is an arm. The reader must return an arm that is usable, or a `ModelError` with a line of the file.
+fn is_read(text: &str) -> bool {
+    match read(text) {
+        Ok(arm) => {
+            let (m, _) = dynamics(&arm, &vec![0.3; arm.n()]);
+            assert_eq!(m.len(), arm.n() * arm.n());
+            let written = arm.to_urdf();
+            let back = read(&written.text);
+            assert!(back.is_ok_and(|back| back.n() == arm.n()) || !written.report.is_empty(), "{text}");
+            true
+        }
+        Err(Error::Model { line, .. }) => {
+            assert!(line as usize <= text.lines().count() + 1);
+            false
+        }
+        Err(other) => panic!("{other}"),
+    }
 }
 
 fn mutate(rng: &mut Rng, text: &mut String, words: &[&str]) {
