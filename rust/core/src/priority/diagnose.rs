@@ -22,7 +22,7 @@ pub enum Kind {
     Regular,
     /// Each task has full rank, but tasks compete for the same joints.
     Algorithmic,
-    /// At least one task is singular by itself.
+    /// At least one task is singular, independent of the other tasks.
     Kinematic,
     /// The stack has both kinds of singularity.
     Both,

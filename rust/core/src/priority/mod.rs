@@ -4,7 +4,8 @@
 //!
 //! Here `#` marks the pseudo-inverse. The number and the sizes of the levels are arbitrary. A *level* is a task with a priority, and a
 //! *stack* is the list of all levels. Five methods compute `v` (`PriorityMethod`). `diagnose` reports the directions of each level that can
-//! be commanded, and why others cannot. The page `docs/priority.md` has the derivation, the limits and a table of the methods.
+//! be commanded, and why the other directions cannot be commanded. The page `docs/priority.md` has the derivation, the limits and a table
+//! of the methods.
 //!
 //! A *route* is one algorithm that computes the solution. The route `regular` uses LQ factorisations. It requires a proof that every
 //! singular value is large and that no bound is met. `pairs` solves levels of one or two rows in closed form, also at singularities.

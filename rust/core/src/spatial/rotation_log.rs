@@ -116,8 +116,8 @@ mod tests {
                 for k in 0..3 {
                     let got = turned[(k, column)];
                     assert_eq!(got.value, plain.axis(column)[k]);
-                    // Near its threshold the series has an error of `t^4`. The closed form has an error of 1e-16 / t^2 of a number of size
-                    // t^2.
+                    // Near its threshold the series has an error of `t^4`. The closed form divides a difference of size t^2, which has the
+                    // rounding error 1e-16, by t^2. Its error is 1e-16 / t^2.
                     assert!((got.rate - expected[k]).abs() < 1e-12, "{angle}: {} against {}", got.rate, expected[k]);
                 }
             }

@@ -19,7 +19,7 @@ fn sinusoid(n: usize) -> Motion {
     Motion::Sinusoid(Sinusoid::new(vec![0.1; n], 1, vec![0.3; n], vec![1.5; n], vec![0.0; n]).unwrap())
 }
 
-/// Return the number of allocations of a run with `steps` steps of 1 ms. It records only its end, or every step.
+/// Return the number of allocations of a run with `steps` steps of 1 ms. The run records only its end, or every step.
 fn allocations(
     plant: &PlantSpec,
     law: &LawSpec,
