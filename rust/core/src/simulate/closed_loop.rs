@@ -175,7 +175,8 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         }
     }
 
-    /// Use `tau` as input from now on, and keep the law's state constant. `None`: the law computes the input, which is held if `held`.
+    /// Use `tau` as input from now on, and keep the law's state constant. `None`: the law computes the input, and `held` selects whether it
+    /// is held.
     pub fn take_over(&mut self, tau: Option<&[S]>, held: bool) {
         self.closing.held = held || tau.is_some();
         if let Some(tau) = tau {

@@ -116,7 +116,8 @@ pub fn is_positive_definite(pi: &[f64; PARAMETERS]) -> bool {
 #[inline(always)]
 pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S {
     let ((l, possible), (hat, possible_hat)) = (factor(&pseudo_inertia(pi)), factor(&pseudo_inertia(pi_hat)));
-    // With X = hat^-1 l, tr(P_hat^-1 P) = |X|^2. For similar bodies the diagonal of X is near one, and its logarithms do not cancel.
+    // `l` and `hat` are the factors of P and P_hat. With X = hat^-1 l, tr(P_hat^-1 P) = |X|^2. For similar bodies the diagonal of X is near
+    // one, and its logarithms do not cancel.
     let mut x = [[S::zero(); 4]; 4];
     let mut sum = S::zero();
     for i in 0..4 {
