@@ -82,13 +82,13 @@ def number(function: str, name: str, value: object) -> float:
         # A masked entry is not a number.
         real = not isinstance(value, np.ma.MaskedArray)
     if not real:
-        raise InputError(f"{function}: {name} is not a number: expected such as 1.0, got {shown(value)}")
+        raise InputError(f"{function}: {name} is not a number: expected a real number such as 1.0, got {shown(value)}")
     try:
         x = float(value)  # type: ignore[arg-type]  # the code above checked that it is a number
     except OverflowError:
-        raise InputError(f"{function}: {name} is too large: expected a number that a float can hold, got {shown(value)}") from None
+        raise InputError(f"{function}: {name} is too large: expected a number within the range of float64, got {shown(value)}") from None
     if isinstance(value, int | np.integer) and int(value) != x:
-        raise InputError(f"{function}: {name} is not exact in float64: expected a number that a float can hold, got {shown(value)}")
+        raise InputError(f"{function}: {name} is not exact in float64: expected a number that float64 represents, got {shown(value)}")
     return x
 
 

@@ -116,8 +116,8 @@ class CartesianPath:
             "limit": f"joint {why['joint']} is at its limit",
             "singularity": "the arm is at a singularity",
             "unreachable": "the pose is out of reach",
-            "jump": "the joints would have to jump to another posture",
-            "unresolved": f"the tolerance takes more than {_MOST} knots",
+            "jump": "the joint positions would jump to another solution of inverse kinematics",
+            "unresolved": f"the tolerance requires more than {_MOST} knots",
         }
         return f"the arm can't follow the poses from s = {why['s']:.9f} ({why['length']:.6g} m from the start): {texts[why['kind']]}"
 
@@ -164,7 +164,7 @@ def _rows(poses: ArrayLike, m: int, columns: list[int]) -> _Array:
         turn, last = given[:, :3, :3], given[:, 3]
         off = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max() if given.size else 0.0
         if off > 1e-6 or np.abs(last - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0) > 1e-6 or np.any(np.linalg.det(turn) < 0.0):
-            raise InputError(f"{_NAME}: poses is not made of poses: expected rotations, positions and the last row 0 0 0 1")
+            raise InputError(f"{_NAME}: poses has a matrix that is not a pose: expected a rotation, a position and the last row 0 0 0 1")
         whole = np.concatenate([given[:, :3, 3], rotations.vector(rotations.of_matrix(turn))], axis=1)
         return np.asarray(whole[:, columns])
     return given
@@ -176,16 +176,16 @@ def _middles(arcs: ArrayLike, new: _Array, columns: list[int], kind: str) -> tup
     if given.size and kind != "lines":
         raise InputError(f"{_NAME}: arcs is not used: expected none with kind {kind!r}")
     if given.size and sum(column < 3 for column in columns) < 2:
-        raise InputError(f"{_NAME}: arcs is not used: expected none where axes names less than two of xyz")
+        raise InputError(f"{_NAME}: arcs is not used: expected none where axes has fewer than two of x, y, z")
     index = np.cumsum(new) - 1
     middles: list[int] = []
     for i, at in enumerate(given):
         if not (0 < at < new.size - 1 and at == int(at)) or not 0 < index[int(at)] < index[-1]:
-            expected = f"the index of a pose between others, 1 to {new.size - 2}"
+            expected = f"indices of poses other than the first and the last, 1 to {new.size - 2}"
             raise InputError(f"{_NAME}: arcs is out of range: expected {expected}, got {at:g} (first bad index {i})")
         middles.append(int(index[int(at)]))
         if i and not middles[i] > middles[i - 1] + 1:
-            expected = "rising indices of poses with another one between them"
+            expected = "increasing indices, with at least one other pose between two of them"
             raise InputError(f"{_NAME}: arcs overlap: expected {expected}, got {at:g} after {given[i - 1]:g} (first bad index {i})")
     return tuple(middles)
 
@@ -245,7 +245,7 @@ def cartesian_path(
         Task(frame, letters, target=np.zeros(len(columns_of(letters)) or 1))
         arm.position(np.zeros(arm.n), frame)
     except (InputError, ValueError) as error:
-        message = str(error).partition(": ")[2] or f"axes is not made of x y z rx ry rz: expected such as 'xyz', got {letters!r}"
+        message = str(error).partition(": ")[2] or f"axes is not made of x y z rx ry rz: expected a text such as 'xyz', got {letters!r}"
         raise InputError(f"{_NAME}: {message}") from None
     columns = columns_of(letters)
     turns = [k for k, column in enumerate(columns) if column > 2]

@@ -32,7 +32,8 @@ _Array = NDArray[np.float64]
 _POWERS = 16, 64, 256
 # Weight of the penalty on torques, relative to log det F, and the fraction of a torque limit above which the penalty is positive.
 _PENALTY, _SHARE = 1e3, 0.97
-# Pairs (weight, step) whose weighted sum of values is a derivative: of a parabola, and of a trigonometric polynomial of degree two (Riesz).
+# Pairs (weight, step): sum(weight f(x + step)) is the derivative f'(x). The first rule is exact for parabolas, the second one for
+# trigonometric polynomials of degree two (Riesz 1914).
 _SLIDE = (0.5, 1.0), (-0.5, -1.0)
 _TURN = tuple(((-1) ** i / (8.0 * np.sin(x / 2.0) ** 2), x) for i, x in enumerate(np.pi / 4.0 * np.array([1, 3, 5, 7])))
 # Number of points per period and harmonic at which the limits of the result are checked.

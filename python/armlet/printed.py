@@ -137,7 +137,7 @@ def _require_unused(of: str, arguments: Mapping[str, object]) -> None:
 def _named(arm: _core.Arm, functions: Sequence[Function]) -> list[tuple[str, str, str | None]]:
     """For each function: its name in C, the name of the method, and the frame."""
     if isinstance(functions, str) or not isinstance(functions, Sequence) or not len(functions):
-        raise InputError(f"export_c: functions is not a list of names: expected such as ['mass_matrix'], got {shown(functions)}")
+        raise InputError(f"export_c: functions is not a list of names: expected a list such as ['mass_matrix'], got {shown(functions)}")
     named: list[tuple[str, str, str | None]] = []
     for k, function in enumerate(functions):
         name, frame = (function, None) if isinstance(function, str) else _pair(function, k)

@@ -177,7 +177,7 @@ def _between(carried: Mapping[str, tuple[str, str]], base: str, tip: str) -> lis
         links.append(at)
         at = carried[at][1]
     if at != base:
-        raise InputError(f"Srdf.arm: group has a chain that is not in the robot: expected a way from {base} to {tip}")
+        raise InputError(f"Srdf.arm: group has a chain that is not in the robot: expected a path of links from {base} to {tip}")
     return links
 
 

@@ -23,8 +23,8 @@ from .trigonometric import Polynomials
 __all__ = ["Formulas", "of_planar_pr", "of_tree"]
 
 Array: TypeAlias = NDArray[np.float64]
-#: Index of the parent (-1: the base), rotation (by rows) and offset in the parent, axis. Then: whether the joint is prismatic, ten inertial
-#: parameters, rotor inertia.
+#: Index of the parent joint (-1: the base), rotation matrix (a list of rows) and offset (m) in the parent's axes, joint axis, whether the
+#: joint is prismatic, ten inertial parameters, rotor inertia.
 Joint: TypeAlias = tuple[int, list[list[float]], list[float], list[float], bool, list[float], float]
 
 #: Index of the coordinate that moves a joint, multiplier and offset.

@@ -64,7 +64,7 @@ class Polynomials:
         return self.gens[3 * self.n + self.lengths.index(symbol)]
 
     def angle(self, i: int) -> Any:
-        """The generator for the coordinate of joint `i`; used for prismatic joints."""
+        """The generator of the polynomial ring for the coordinate of the prismatic joint `i`."""
         return self.gens[2 * self.n + i]
 
     def rotation(self, i: int, axis: Sequence[Any]) -> list[list[Any]]:

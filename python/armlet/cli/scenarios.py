@@ -38,7 +38,7 @@ def _run(args: argparse.Namespace) -> int:
     metrics = run.metrics()
     print(metrics)
     if metrics["monitor_violations"]:
-        print("  (identities that do not close to 1e-6: a shorter dt or an adaptive method shows the integrator's part of the error)")
+        print("  (monitors above the tolerance 1e-6: a shorter dt or an adaptive method reduces the part that the integrator causes)")
     for name, one in (run.sensitivity or {}).items():
         largest = ", ".join(f"{series} {np.abs(values).max():.4g}" for series, values in series_of(one).items())
         print(one_line(f"derivatives by {name}, largest: {largest}"))

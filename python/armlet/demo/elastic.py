@@ -98,7 +98,7 @@ ORACLE = {
 }
 # The tolerance covers the rounding to 13 digits of numbers below 10, and the integrator's error at rtol = atol = 1e-12.
 ORACLE_TOLERANCE = 1e-10
-# Ratios B0/B from 1/4 to 1/65536, each a quarter of the previous one.
+# Ratios B0/B of reduced to original motor inertia, from 1/4 to 1/65536. Each ratio is a quarter of the previous one.
 SHARES: Array = 0.25 ** np.arange(1.0, 9.0, dtype=np.float64)
 
 
@@ -182,7 +182,7 @@ def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: f
 
 
 def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Array, Array]]:
-    """Erratum E9: the printed final law lacks J'( ), and it lacks the factor v after D_m J."""
+    """Erratum E9: the law printed in the exam lacks the factor J' of the whole bracket, and the factor v after D_m J."""
     x_E = X_D + FORCE / K_M
 
     def right(q: Array, v: Array, J: Array) -> Array:
@@ -193,7 +193,7 @@ def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Ar
         return u
 
     def without_velocity(q: Array, v: Array, J: Array) -> Array:
-        # A matrix cannot be added to a vector. So its columns are added, as if v were (1, 1) rad/s.
+        # The printed law adds the matrix J' D_m J to a vector. Here the sum of its columns replaces the matrix, as if v were (1, 1) rad/s.
         u: Array = J.T @ (K_M * (X_D - tip(arm, q)) - D_M * J.sum(axis=1)) + np.asarray(arm.gravity(q))
         return u
 

@@ -1,6 +1,6 @@
 """System 4: one link under gravity, minimum time rest to rest under a torque limit.
 
-    I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam
+    I theta_ddot + G sin theta = tau,   |tau| <= tau_max,   theta from -pi/2 to pi/2 in the exam of `armlet demo`
 
 The checks are results of the theory. The symmetric bang-bang profile takes T = sqrt(4 pi I / tau_max) for every G <= 2 tau_max. For larger
 G no T is feasible. The optimum under full torque is faster, and its advantage grows with gravity. If the optimum is not certified, a motion
@@ -46,7 +46,7 @@ def run(report: Report) -> None:
 
 
 def profile(report: Report) -> None:
-    """Check the exam's motion: it is feasible iff G <= 2 tau_max, and then its shortest T does not depend on G."""
+    """Check the motion from -pi/2 to pi/2: it is feasible iff G <= 2 tau_max, and then its shortest T does not depend on G."""
     rng = np.random.default_rng(40)
     inertia, tau_max = 10.0 ** rng.uniform(-2.0, 2.0, (2, 10_000))
     ratio = rng.uniform(0.0, 2.0, 10_000)
@@ -91,7 +91,7 @@ def erratum(report: Report) -> None:
 
 
 def optimum(report: Report) -> None:
-    """Check the minimum time of the exam's motion over all motions."""
+    """Check the minimum time from -pi/2 to pi/2 over all motions."""
     ratios = {g: al.bang_bang_time(START, END, 1.0, g, 1.0).t_min / al.torque_optimal_time(START, END, 1.0, g, 1.0).t for g in RATIOS}
     # The tolerance is half a unit of the last printed digit.
     report.near("T_profile / T_optimum at G / tau_max = 0.5, 1, 2", tuple(RATIOS.values()), tuple(ratios.values()), 5e-5)

@@ -184,7 +184,7 @@ def classification(report: Report) -> None:
 
 
 def draw(figure: Any) -> None:
-    """Draw the arm in cases a and b, with commanded and realised velocities, as in the exam's figure."""
+    """Draw the arm in cases a and b, with commanded and realised velocities, as in the figure of the exam."""
     from ..figures.style import COLOURS
 
     figure.set_size_inches(11.5, 5.0)

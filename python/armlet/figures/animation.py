@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["animate"]
 
-# The largest number of pictures of a film. That many pictures are some minutes of film, and some megabytes.
+# The largest number of pictures of a film. At 50 pictures per second, the film then lasts 400 s.
 PICTURES = 20_000
 
 

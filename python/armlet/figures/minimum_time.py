@@ -140,7 +140,7 @@ class MinimumTime:
         curves = ((right, -low * (self.thetaf - right), 1.0), (left, high * (left - self.thetaf), -1.0))
         for k, (theta, work, side) in enumerate(curves):
             energy = work + self.gravity_moment * (np.cos(theta) - np.cos(self.thetaf))
-            # The curve ends where the kinetic energy, seen from the goal, first becomes zero. States beyond do not reach the goal.
+            # Going away from the goal, the curve ends where the kinetic energy is zero. Motions from further away stop before the goal.
             stalled = np.flatnonzero(energy[1:] <= 0.0)
             stop = int(stalled[0]) + 1 if stalled.size else theta.size
             v = side * np.sqrt(2.0 * np.maximum(energy[:stop], 0.0) / self.inertia)

@@ -127,7 +127,7 @@ def _apart(wanted: list[float]) -> list[float]:
 
     Neighbours that are too close form a block, which moves as a whole (isotonic regression).
     """
-    blocks: list[list[float]] = []  # for each block: the sum of its wanted positions minus indices, and its number of nodes
+    blocks: list[list[float]] = []  # for each block: the sum of (wanted position - index) over its nodes, and their number
     for place, height in enumerate(wanted):
         blocks.append([height - place, 1.0])
         while len(blocks) > 1 and blocks[-2][0] / blocks[-2][1] >= blocks[-1][0] / blocks[-1][1]:

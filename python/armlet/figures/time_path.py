@@ -74,7 +74,7 @@ class PathTiming:
         if not (self.motion.feasible and self.motion.duration > 0.0):
             raise InputError("PathTiming.plot: motion has no timing to draw: expected a feasible TimedPath with a duration > 0")
         if self.tau_max is None:
-            raise InputError("PathTiming.plot: tau_max is missing: expected the limits of torque that the motion was planned with")
+            raise InputError("PathTiming.plot: tau_max is missing: expected the torque limits that were passed to time_path")
         with sheet(fig, (13.2, 7.0)) as figure:
             axes = figure.subplots(2, 3)
             t, s = self._samples()

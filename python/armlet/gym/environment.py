@@ -77,7 +77,7 @@ class ArmEnv(gymnasium.Env[Array, Array]):
         render_mode: str | None = None,
     ) -> None:
         options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
-        self._rows = Rows(1, plant, task, **options)  # type: ignore[arg-type]  # the types of the arguments above
+        self._rows = Rows(1, plant, task, **options)  # type: ignore[arg-type]  # `options` has the types of the signature
         self.observation_space, self.action_space = self._rows.observations, self._rows.actions
         self.metadata = {**self.metadata, "render_fps": 1.0 / self._rows.period}
         self._viewer = viewer_for("ArmEnv", render_mode, self.metadata["render_modes"], self._rows)

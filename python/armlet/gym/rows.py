@@ -75,7 +75,7 @@ class Rows:
             task = Reach(axes="xy", q0=[0.0, 1.0], reach=1.0) if task is None else task
         self.plant = plant if isinstance(plant, Plant) else RigidArm(plant)
         self.arm = arm = self.plant.arm
-        # Several environments may have one task, and `prepare` changes it for one arm. So it is copied.
+        # The caller may pass one task to several environments, but `prepare` adapts a task to one arm. So the task is copied.
         self.task = Reach() if task is None else copy.copy(task)
         limits = arm.limits or {}
         self.tau_max = _positive("tau_max", _either("tau_max", tau_max, limits.get("effort"), None, arm.n), arm.n)
@@ -159,12 +159,12 @@ def _rows_with(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _either(name: str, given: ArrayLike | None, stated: Any, default: float | None, n: int) -> Array:
-    """Return the argument as (n,). If it is None, return the finite values of the model, and the default for the others."""
+    """Return the argument as (n,). If it is None, return the values of the model, and the default for joints without a finite value."""
     if given is not None:
         return np.broadcast_to(_core.numbers("ArmEnv", name, given, (), (n,)), (n,))
     known: Array = np.full(n, np.inf) if stated is None else stated
     if default is None and not np.isfinite(known).all():
-        raise InputError("ArmEnv: tau_max is missing: expected a number or (n,), since the arm states no finite effort")
+        raise InputError("ArmEnv: tau_max is missing: expected a number or (n,), because the arm has a joint without a finite effort limit")
     return known if default is None else np.where(np.isfinite(known), known, default)
 
 

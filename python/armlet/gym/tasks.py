@@ -105,7 +105,7 @@ def works_row_by_row(task: Task) -> bool:
 
 
 def _within(box: tuple[Array, Array], rng: np.random.Generator) -> Array:
-    """A random configuration in `box`. It equals that of `rng.uniform` to the last bit, in a tenth of the time."""
+    """A random configuration in `box`. It equals the result of `rng.uniform` to the last bit, and takes a tenth of the time."""
     low, span = box
     drawn: Array = low + span * rng.random(len(low))
     return drawn
@@ -124,7 +124,7 @@ def _norms(rows: Array) -> Array:
 class Reach(Task):
     """A task of moving a frame to a target. The target is the frame's position at a random configuration, so it is reachable.
 
-    The error is `e = p_target - p`, m, along the chosen axes. The reward is that of `Task`.
+    The error is `e = p_target - p`, m, along the chosen axes. `Task` defines the reward.
 
     Args:
         frame: the frame that moves to the target; None: `arm.tip_frame`.
@@ -202,7 +202,7 @@ class Reach(Task):
 class Track(Task):
     """A task of following a motion of the joints, beginning near the start of the motion.
 
-    The error is `e = [q_d - q, v_d - v]`, rad and rad/s (m and m/s for prismatic joints). The reward is that of `Task`. Its `scale` is one
+    The error is `e = [q_d - q, v_d - v]`, rad and rad/s (m and m/s for prismatic joints). `Task` defines the reward. `scale` is one
     number for positions and speeds: an error of `scale` rad counts as much as an error of `scale` rad/s.
 
     Args:

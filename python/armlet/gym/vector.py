@@ -79,7 +79,7 @@ class ArmVectorEnv(VectorEnv[Array, Array, Array]):
             raise InputError(f"ArmVectorEnv: autoreset_mode is unknown: expected one of {names}, got {shown(autoreset_mode)}") from None
         options = {"tau_max": tau_max, "dt": dt, "period": period, "horizon": horizon, "q_limit": q_limit, "v_limit": v_limit}
         self.num_envs = int(num_envs)
-        self._rows = Rows(self.num_envs, plant, task, **options)  # type: ignore[arg-type]  # the types of the arguments above
+        self._rows = Rows(self.num_envs, plant, task, **options)  # type: ignore[arg-type]  # `options` has the types of the signature
         self.metadata = {**self.metadata, "render_fps": 1.0 / self._rows.period, "autoreset_mode": self._mode}
         self._viewer = viewer_for("ArmVectorEnv", render_mode, self.metadata["render_modes"], self._rows)
         self.render_mode = render_mode

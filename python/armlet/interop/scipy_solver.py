@@ -70,11 +70,11 @@ def _others(name: str, options: dict[str, Any]) -> None:
 
 
 def _relative(rtol: Any) -> Any:
-    """Return rtol, raised to 100 eps where it is smaller. Then warn with scipy's text."""
+    """Return rtol with entries below 100 eps raised to 100 eps. If an entry was raised, warn with scipy's text."""
     try:
         small = np.any(np.less(rtol, LEAST_RTOL))
     except (TypeError, ValueError):
-        return rtol  # not numbers; the core refuses them
+        return rtol  # `rtol` has entries that are not numbers; the core refuses them
     if not small:
         return rtol
     warnings.warn(f"At least one element of `rtol` is too small. Setting `rtol = np.maximum(rtol, {LEAST_RTOL})`.", stacklevel=4)
@@ -119,7 +119,7 @@ def _polynomial() -> Any:
             degree = len(self._nodes) - 1
             x = -np.cos(np.pi * np.arange(degree + 1) / degree)
             series = np.linalg.solve(np.polynomial.chebyshev.chebvander(x, degree), self._nodes)
-            # Sum of two rounding errors: of the values, and of the times multiplied by the slope. Solving doubles this sum.
+            # Noise: the rounding error of the values, and the slope times the rounding error of the times. The solve above doubles both.
             shift = max(abs(self.t_old), abs(self.t)) / abs(self.t - self.t_old)
             noise = 4.0 * np.finfo(np.float64).eps * (np.abs(self._nodes).max(axis=0) + shift * np.ptp(self._nodes, axis=0))
             return np.where(np.abs(series) > noise, series, 0.0)

@@ -159,7 +159,7 @@ class _Pinocchio:
         return _array(np.array(self.pin.rnea(self.model, self.data, self.q, self._full(v), self._full(a)))[self.rows])
 
     def forward_dynamics(self, tau: _Array) -> _Array:
-        # aba cannot fix joints and refuses mimic joints. In these cases the equations of the free joints are solved.
+        # `pin.aba` cannot hold joints fixed, and refuses mimic joints. For such models the equations of the free joints are solved.
         if len(self.rows) == self.model.nv and not self.mimics:
             return _array(np.array(self.pin.aba(self.model, self.data, self.q, self.v, self._full(tau)))[self.rows])
         rest = tau - self.inverse_dynamics(self.v[self.rows], np.zeros(self.n))

@@ -194,7 +194,7 @@ class Lab:
                     self.system.step(sim)
             except al.SolveError as error:
                 self.status = error.status or al.Status.DIVERGED
-                why = "the loop is unstable, or these constants are too fast for a step of 1 ms"
+                why = "the loop is unstable, or its gains are too high for a step of 1 ms"
                 self.message = f"diverged after t = {self._state.t:.2f} s: {why}; turn them back and reset"
                 return steps
             state = self._state = State.of(sim, self._since)

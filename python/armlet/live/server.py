@@ -51,7 +51,8 @@ def open_server(command: str, host: str, port: int) -> Server:
     with contextlib.redirect_stdout(io.StringIO()), own_pages_only(host):
         server = viser.ViserServer(host=host, port=port, label=f"armlet {command}", verbose=False)
     if not refuses_strangers(host, server.get_port()):
-        print(f"armlet: {command}: this viser lets pages of other sites connect: open none that you do not trust", file=sys.stderr)
+        text = "this version of viser lets pages of other sites connect: do not open pages that you do not trust"
+        print(f"armlet: {command}: {text}", file=sys.stderr)
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     return server

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from .inertia import PSEUDO, parameters_of
 from .lagrange import Array, solve
 
-LAYER = 0.5  # thickness of the boundary layer in which the rate is corrected, relative to the smallest bodies
-PULL = 10.0  # rate at which an estimate below the smallest bodies returns, 1/s
+LAYER = 0.5  # the value of f at which the correction of the rate reaches its full size
+PULL = 10.0  # the factor 10 of f^2 in c: the rate, 1/s, at which an estimate below the smallest bodies returns to them
 GYRATION = 0.1  # radius of gyration, m, of a smallest body whose argument is its mass
 PR = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
 

@@ -4,7 +4,8 @@ r           (I + K T) r = K (p - w),  T the period of a sampled loop, 0 in a con
 w           w' = tau + M' v - C v - g - tau_f + r, where M' v replaces (C + C') v                     (De Luca et al. 2006)
 contact     the first sample with some |r_i| above its threshold
 reaction    tau = g + K_c (y_c - y) + D_c (y_c' - y')
-stored      c' = 1, (y_c c)' = y, (r_c c)' = r during the sample of contact, and s' = 1 after it;   y_c = (y_c c) / c,   r_c = (r_c c) / c
+stored      c' = 1, (y_c c)' = y, (r_c c)' = r in the period after the sample of contact, s' = 1 from then on
+            y_c = (y_c c) / c,   r_c = (r_c c) / c
 """
 
 from typing import Any

@@ -22,7 +22,7 @@ from .lagrange import Array
 from .motion import Hold
 from .tasks import Task
 
-WEIGHT = 1e3  # the root of the weight W of the levels above
+WEIGHT = 1e3  # square root of the weight W, which multiplies the errors of the levels above
 STEPS = 100
 SAME = 1e-3  # solutions whose joints differ by less, rad or m, apart from full rotations, are equal
 
@@ -65,7 +65,7 @@ def inverse_kinematics(
     limits: bool = True,
     solutions: int | None = None,
 ) -> InverseKinematics:
-    """Search joint positions at which tasks with constant targets are reached: no entry of their errors exceeds the tolerance.
+    """Search for joint positions at which tasks with constant targets are reached: no entry of their errors exceeds the tolerance.
 
     The first task has the highest priority. Leading axes of q0 and of the targets broadcast. `solutions=k` adds an axis with k solutions,
     which are NaN if fewer are found.

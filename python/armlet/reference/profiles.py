@@ -109,7 +109,7 @@ def _durations(
     if D == 0.0:
         t = 0.0 if hold_start else np.nan
         return ProfileReport(hold_start, t, t, 0.0, 0.0, hold_start, hold_end, 0.0 if hold_start else excess(0.0))
-    # For larger k the torque exceeds a limit where |s''| is largest, for every gravity torque.
+    # For k above `most`, the torque k s'' + G sin x exceeds a limit where |s''| is largest, for every value of sin x.
     largest = max(abs(float(acceleration(u))) for a, b, _, acceleration in pieces for u in np.linspace(a, b, 201))
     most = (high - low + 2.0 * abs(G)) / largest
     best, least = (0.0, excess(0.0)) if excess(0.0) <= 0.0 else golden(excess, 0.0, most)

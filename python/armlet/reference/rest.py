@@ -118,7 +118,7 @@ def equilibrium(
             spurious = bool(np.abs(law.stiffness @ task.error(q) + own).max() > 1e-7 * scale)
             reachable = not spurious or _reaches(task, goal, start)
     elif elastic and hasattr(law, "sag"):
-        # The law has the plant's model, and no force or contact acts. An equilibrium that is not the target is then spurious.
+        # An equilibrium that is not the target is spurious if no force and no contact acts, and the law has the plant's model.
         away = bool((np.abs(q - law.target) > 1e-6 * (1.0 + np.abs(law.target))).any())
         spurious = away and not pressed and (push is None or not push.any()) and law.arm is plant.arm
     values, free = eigenvalues(plant, law, push, load, q, theta, w)

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from .lagrange import Array, solve
 from .plant import ElasticArm, RigidArm
 
-# The iterations end when no impulse changes by more than this fraction of the largest one. Then the largest number of iterations.
+# CONVERGED: the iterations end when no impulse changes by more than this fraction of the largest impulse. SWEEPS: the largest number of
+# iterations.
 CONVERGED, SWEEPS = 1e-15, 20_000
 
 

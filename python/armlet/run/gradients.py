@@ -25,7 +25,7 @@ from .simulation import simulate, simulate_batch
 
 __all__ = ["gradient", "of_loops", "require_still_reference"]
 
-#: Default values of those arguments of `simulate` that the derivative functions of the core read.
+#: Defaults of arguments of `simulate` for the derivative functions of the core, which require these arguments.
 DEFAULTS = {"method": "rk4", "record_every": 1}
 
 
@@ -101,7 +101,7 @@ def gradient(
     chosen = require_names("gradient", "names", names)
     for name in ("sensitivity", "throw"):
         if name in keywords:
-            raise InputError(f"gradient: {name} is not used: expected the other keywords of simulate")
+            raise InputError(f"gradient: {name} is not used: expected keywords of simulate without {name}")
     keywords = {"monitors": False, **keywords}
     loops = vary("gradient", plant, law, q0, keywords, chosen)
     require_still_reference("gradient", loss, chosen)

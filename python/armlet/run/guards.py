@@ -1,8 +1,8 @@
 """The residuals and the contact of a `Guarded` law's observer, computed from the recorded state of the law.
 
 The state is `[inner law, w, R, c, s, y_c c, r_c c]`. `r` is the residual, `w` the momentum that the observer predicts, and `R` the
-integral of `r`. `c` is the length of the sample of contact, s, and 0 before the contact. `s` is the time since the contact, s. `y_c` and
-`r_c` are the position and the residual at the contact.
+integral of `r`. `c` is the duration of the sampling period that begins at the contact, s, and 0 before the contact. `s` is the time since
+the contact, s. `y_c` and `r_c` are the position and the residual at the contact.
 
     sampled loop      r = (R_k - R_(k-1)) / (t_k - t_(k-1))
     continuous loop   r = K (M v - w)

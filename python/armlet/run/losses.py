@@ -118,7 +118,7 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
                 if np.imag(step) == 0.0 or not (isinstance(error, ComplexWarning) or "complex" in str(error)):
                     raise
                 problem = "makes real numbers of complex ones, as float() and int() do"
-                raise InputError(f"gradient: loss {problem}: expected numpy's functions alone, or (value, slopes): {error}") from None
+                raise InputError(f"gradient: loss {problem}: expected numpy functions only, or (value, slopes): {error}") from None
 
     count = rates["q"].shape[-1]
     derivatives = np.empty(count)
@@ -134,5 +134,5 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
     expected, size = float(derivatives @ scales), float(np.abs(derivatives) @ scales)
     if not abs(central - expected) <= ANALYTIC * max(size, abs(central)) + 1e-9 * abs(_finite("loss", moved({}, 0.0))):
         problem = f"a central difference is {central:.6g}, the complex step {expected:.6g}"
-        raise InputError(f"gradient: loss is not analytic: expected no abs, norm or conj, or (value, slopes), since {problem}")
+        raise InputError(f"gradient: loss is not analytic: expected no abs, norm or conj, or (value, slopes), because {problem}")
     return derivatives

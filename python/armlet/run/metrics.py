@@ -178,7 +178,7 @@ def metrics(
         if "error_rms" not in run.stats:
             raise InputError('metrics: run has only its last record: expected a batch run with keep="all"')
         if reference is not None or band is not None or frame is not None or (settle, tolerance) != (SETTLE, TOLERANCE):
-            raise InputError('metrics: run kept its metrics alone: expected no other argument, or simulate_batch(metrics={..}) before')
+            raise InputError("metrics: run kept its metrics alone: expected no other argument, or simulate_batch(metrics={..})")
         # A batch with keep="metrics" stores its metrics in `stats`.
         return Metrics({name: run.stats[name] for name in ALL if name in run.stats}, run.units, run.input_units)
     q, t = run.q, run.t

@@ -60,9 +60,9 @@ FEW = 4
 #: The golden ratio minus 1. Its multiples modulo 1 are spread evenly over [0, 1].
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
-#: Plant, law and start of a loop.
+#: Plant, law and initial state of a control loop.
 Loop: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
-#: Four loops in which one entry of a number differs, and the weights of these loops in the derivative.
+#: Four variants of a control loop in which one entry of a named number differs, and the weight of each variant in the derivative.
 Variants: TypeAlias = tuple[list[Loop], list[float]]
 
 

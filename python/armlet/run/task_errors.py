@@ -4,8 +4,8 @@
     phi_k(t) = |S_k log(R_d,k(t) R_k(q(t))')|,   S_k its orientation rows
 
 `p_k` and `R_k` are the position (m) and rotation matrix of the task's frame, `x_d,k` and `R_d,k` describe its target, in world axes. The
-laws `CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The tasks of a priority law are all its `Task`s with
-a target and with such rows.
+laws `CartesianImpedance`, `ElasticImpedance` and `ElasticTracking` have one task each. The tasks of a priority law are its objects of the
+class `Task` that have a target and such rows.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def frame_errors(arms: Sequence[Any], frame: str, q: Array, q_d: Array) -> Array
 
 
 def _aims(law: Any, turns: bool) -> list[_Aim]:
-    """Return the tasks of a law that have a target and position rows, or orientation rows if `turns` is true."""
+    """Return the position rows of each task of a law that has a target, or the orientation rows if `turns` is true."""
     made = law.__getnewargs_ex__()[1] if hasattr(law, "__getnewargs_ex__") else {}
     given = [each.__getnewargs_ex__()[1] for each in made["tasks"] if type(each).__name__ == "Task"] if "tasks" in made else [made]
     aims = []

@@ -1,4 +1,4 @@
-"""Many runs of one scenario (`armlet.sweep`), and the search of its best values (`armlet.tune`).
+"""Many runs of one scenario (`armlet.sweep`), and the search for its best gains and other values (`armlet.tune`).
 
 The folder is not called `sweep`, because `armlet.sweep` is a function.
 """

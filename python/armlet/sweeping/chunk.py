@@ -102,7 +102,8 @@ def run_chunk(
         options = {key: value for key, value in one.data["run"].items() if key not in STATES}
         sampled = isinstance(options.get("sample_time"), Mapping)
         kind = (type(built.plant).__name__, type(built.law).__name__, built.plant.arm.n, repr(options))
-        # Row j of a batch uses the seed s + j, and so do consecutive cells. Cells that use the seed share a batch only if consecutive.
+        # Row j of a batch has the seed `seed + j`, and consecutive cells have consecutive seeds. So cells with noise or jitter share a
+        # batch only if their numbers are consecutive.
         place = row - len(groups.get((*kind, 0), ())) if sampled else 0
         key = next((k for k in groups if k[:-1] == kind and groups[k][-1][0] == row - 1), (*kind, row)) if sampled else (*kind, place)
         groups.setdefault(key, []).append((row, built))

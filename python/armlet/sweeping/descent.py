@@ -1,4 +1,4 @@
-"""Search of values of a scenario by the gradient of a loss: scipy's L-BFGS-B [ByrdEtAl1995] in the unit cube, from several starts.
+"""Search for values of a scenario with the gradient of a loss: scipy's L-BFGS-B [ByrdEtAl1995] in the unit cube, from several starts.
 
     minimise over u in [0, 1]^k   L(run with the values g(u))
 

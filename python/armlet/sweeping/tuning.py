@@ -1,5 +1,5 @@
-"""Search of gains by scipy's differential evolution [storn1997differential], with one batch per generation of candidates. For losses with a
-gradient, search by scipy's L-BFGS-B from several starts: see `descent`.
+"""Search for gains with scipy's differential evolution [storn1997differential], with one batch per generation of candidates. For losses
+with a gradient, search with scipy's L-BFGS-B from several starts: see `descent`.
 
     minimise over u in [0, 1]^k   max_c cost(metrics of the run with gains g(u) under condition c)
 
@@ -111,7 +111,7 @@ def tune(
     progress: Callable[[int, float], object] | bool | None = None,
     **metrics: Any,
 ) -> Tuning:
-    """Search the gains, or any other values of a scenario, with the lowest cost. Needs scipy (`armlet[tune]`).
+    """Search for the gains, or any other values of a scenario, with the lowest cost. Needs scipy (`armlet[tune]`).
 
     Each generation of candidates, under all conditions, is one batch. The same seed has the same result, to the bit, for every number of
     threads.

@@ -119,7 +119,7 @@ impl<'py> Arguments<'py> {
     }
 }
 
-/// Read an argument `axes`: the text, and the number of coordinates.
+/// Read the argument `axes`, such as "xyz rx". Return its text and the number of coordinates that it names.
 pub fn axes_of(function: &str, axes: &Bound<'_, PyAny>) -> Result<(String, usize), Failure> {
     let axes = text(function, "axes", axes)?;
     let rows = parse_axes(&axes)?.len();

@@ -6,7 +6,7 @@ use armlet_core::error::Error;
 use armlet_core::plant::{FrictionCurve, JointFriction, LuGre, StickSlip};
 use pyo3::prelude::*;
 
-/// Read the friction of `n` joints. The result is `None` for other objects.
+/// Read an `armlet.LuGre` or `armlet.StickSlip` as the friction of `n` joints. The result is `None` for other objects.
 pub fn friction(function: &'static str, n: usize, argument: &str, value: &Bound<'_, PyAny>) -> Result<Option<JointFriction>, Failure> {
     let known = value.py().import("armlet.friction_models")?;
     let bristles = value.is_instance(&known.getattr("LuGre")?)?;

@@ -19,7 +19,7 @@ pub fn signalled() -> bool {
     Python::attach(|py| py.check_signals()).map_err(|error| SIGNAL.set(Some(error))).is_err()
 }
 
-/// Run `work` on this thread without the GIL. Ctrl-C ends it where the work checks for a stop.
+/// Run `work` on this thread without the GIL. The work calls `interrupt` regularly, and Ctrl-C ends it at such a call.
 pub fn long<T: Send>(py: Python<'_>, work: impl FnOnce() -> CoreResult<T> + Send) -> Result<T, Failure> {
     ended(py.detach(|| interruptible(Watch::Poll(signalled), work)))
 }
@@ -44,7 +44,7 @@ fn ended<T>(result: Result<CoreResult<T>, Interrupted>) -> Result<T, Failure> {
     }
 }
 
-/// The time from one pause to the next.
+/// The time between two pauses of [`Breaks`].
 const BREAK: Duration = Duration::from_millis(10);
 
 /// Give the GIL to a waiting thread, and check for Ctrl-C.
@@ -90,7 +90,7 @@ pub fn pause_in_turn(py: Python<'_>) -> PyResult<()> {
     Ok(())
 }
 
-/// Apply `read` to each object of a list, with the pauses of [`Breaks`].
+/// Apply `read` to each object of a list. Every 10 ms the loop pauses, so that other threads can take the GIL and Ctrl-C can end it.
 pub fn paused<'py, T>(
     list: &[Bound<'py, PyAny>],
     read: impl Fn(usize, &Bound<'py, PyAny>) -> Result<T, Failure>,

@@ -80,7 +80,7 @@ impl InverseKinematics {
 
 const NAME: &str = "inverse_kinematics";
 
-/// Search joint positions at which the tasks are reached: damped Newton steps within the joint limits.
+/// Search for joint positions at which the tasks are reached: damped Newton steps within the joint limits.
 ///
 /// `q <- clip(q + s dq)`, where `dq` is a damped least-squares step for all tasks together. If these steps do not reach all of several
 /// tasks, `dq` solves `J_i dq = e_i` in the order of priority. Then a lower task that conflicts with a higher one is reached only in part.
@@ -231,7 +231,7 @@ fn positive_count(name: &str, value: &Bound<'_, PyAny>) -> Result<usize, Failure
     }
 }
 
-/// Solve a batch of targets, or search several solutions of a target.
+/// Solve a batch of targets, or search for several solutions of one target.
 fn many(
     py: Python<'_>,
     tree: &CoreArm,

@@ -264,7 +264,7 @@ pub fn law_of(function: &'static str, law: &Bound<'_, PyAny>, plant: &PlantSpec,
         }
         Python::attach(|py| {
             let mut call = || -> Result<(), Failure> {
-                // The arguments are t, q, and then v, theta, theta_dot, as far as they are states of the plant.
+                // The callable receives t, q, and those of v, theta and theta_dot that are states of the plant.
                 let mut arguments = vec![t.into_pyobject(py).map_err(PyErr::from)?.into_any()];
                 for part in x.chunks_exact(n) {
                     arguments.push(PyArray1::from_slice(py, part).into_any());

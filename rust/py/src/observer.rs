@@ -85,7 +85,7 @@ impl Observed {
     }
 }
 
-/// The model of an observer of links, its gain, and the viscous and Coulomb friction `(n,)` that it subtracts.
+/// The data of an observer of links (not of motors): the model, the gain, and the subtracted viscous and Coulomb friction, `(n,)` each.
 pub type Links = (Model, Gain, [Vec<f64>; 2]);
 
 /// The shape and the numbers of an argument `(n,)` or `(B, n)`.

@@ -52,7 +52,7 @@ pub fn _select_samples<'py>(
         let windows = match (&a, t, window) {
             (Some(_), _, None) => None,
             (Some(_), _, Some(_)) => {
-                return Err(input_error(py, NAME, "window", "is not used: expected None where accelerations are given").into());
+                return Err(input_error(py, NAME, "window", "is not used: expected None with accelerations a=").into());
             }
             (None, Some(t), Some(window)) => {
                 let t = vector(NAME, "t", &t, q.len() / n)?;

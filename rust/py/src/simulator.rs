@@ -52,7 +52,7 @@ use std::sync::{Mutex, PoisonError};
 /// (1.0, (1,))
 #[pyclass(module = "armlet")]
 pub struct Simulator {
-    /// No thread ever waits for this lock. Python requires it to share the object.
+    /// The integration method. No thread ever waits for this lock, which pyo3 requires because Python threads may share the object.
     stepping: Mutex<Box<dyn Stepping>>,
     plant: PlantSpec,
     law: LawSpec,
@@ -61,7 +61,7 @@ pub struct Simulator {
     raised: Raised,
     has_law: bool,
     check: LimitCheck,
-    /// `None` if `step(force=)` has no frame. `Some(None)`: a force at `force_frame`. `Some(rows)`: a force in the law's coordinates.
+    /// The frame of `step(force=)`: `None` without a frame, `Some(None)` for `force_frame`, `Some(rows)` for the law's coordinates.
     pushed: Option<Option<Vec<usize>>>,
     /// The arguments of the constructor: plant, law, q0 and the keywords.
     made_of: Py<PyTuple>,

@@ -75,7 +75,7 @@ class Redundant(System):
             frame=self.frame,
             nullspace=self.posture(values),
             compensate_coupling=values["coupling"] == "compensated",
-            eps=0.1,  # the mouse may pull the arm into the stretched singularity
+            eps=0.1,  # large, because the mouse may stretch the arm, which is then singular
         )
 
     def loop(self, values: Values, targets: Targets, force: Force | None, state: State) -> al.Simulator:

@@ -67,7 +67,7 @@ class Robot(System):
         return super().start()
 
     def reach(self, target: Array) -> None:
-        """Search joint positions for the target, starting from the last solution.
+        """Search for joint positions that reach the target, starting from the last solution.
 
         If the target is out of reach, the nearest position is used.
         """

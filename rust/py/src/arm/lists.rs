@@ -117,7 +117,7 @@ fn mimic(function: &str, given: &Bound<'_, PyAny>, i: usize) -> Result<Follows, 
     };
     known_keys(function, given, ("mimic of joints", i), &MIMIC_KEYS)?;
     let leader = given.get_item("joint")?.and_then(|leader| leader.extract::<usize>().ok());
-    let leader = leader.ok_or_else(|| refuse("has no joint: expected the index of the joint that it follows".into()))?;
+    let leader = leader.ok_or_else(|| refuse("has no joint: expected the index of its leader".into()))?;
     let number_of =
         |key: &str, default: f64| given.get_item(key)?.map_or(Ok(default), |value| number(function, &format!("{place}[{key:?}]"), &value));
     Ok((leader, number_of("multiplier", 1.0)?, number_of("offset", 0.0)?))

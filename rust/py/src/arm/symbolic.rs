@@ -45,7 +45,7 @@ impl Arm {
             let lengths = flag_or_false(NAME, "lengths", lengths)?;
             let n = slf.get().model.size().bodies;
             if n > MOST_JOINTS {
-                let problem = format!("has too many joints for formulas that one can read: expected at most {MOST_JOINTS}, got {n}");
+                let problem = format!("has too many joints for readable formulas: expected at most {MOST_JOINTS}, got {n}");
                 return Err(input_error(py, NAME, "arm", problem).into());
             }
             let module = py.import("armlet.symbolic")?;

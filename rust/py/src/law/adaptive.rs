@@ -80,7 +80,7 @@ pub struct Adaptive;
 
 /// Read the base set: the columns and the projection of a `BaseParameters`.
 fn base_of<'py>(given: &mut Arguments<'py>, base: &Bound<'py, PyAny>, p: usize) -> Result<Base, Failure> {
-    let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected what arm.base_parameters() returns, or None");
+    let refused = || input_error(base.py(), "Adaptive", "base", "is not a base set: expected the result of arm.base_parameters(), or None");
     let field = |name: &str| base.getattr(name).map_err(|_| refused());
     let columns: Vec<usize> = field("columns")?.call_method0("tolist")?.extract().map_err(|_| refused())?;
     let field = field("projection")?;
@@ -112,7 +112,7 @@ fn present<'a, 'py>(value: Option<&'a Bound<'py, PyAny>>) -> Option<&'a Bound<'p
     value.filter(|value| !value.is_none())
 }
 
-/// The default `v_s`, rad/s or m/s.
+/// The default of `v_s`, rad/s or m/s: the joint speed at which `tanh(v / v_s)` replaces the sign in Coulomb friction.
 pub(super) const FRICTION_SPEED: f64 = 0.1;
 
 /// Read the kinds of friction that the law estimates: a flag, a name, or several names.
@@ -208,7 +208,7 @@ fn restrained<'py>(
     Ok(spec.resting_below(s_0)?)
 }
 
-/// The default `lambda` of composite adaptation, 1/s.
+/// The default of `lambda`, 1/s: the bandwidth of the filters of composite adaptation.
 const COMPOSITE_RATE: f64 = 10.0;
 
 /// Add composite adaptation to the law, if there is a weight.
@@ -240,7 +240,7 @@ fn remembering<'py>(
         weight.map_or_else(|| Ok(Gain::scalar("concurrent_weight", n, 1.0)?), |weight| given.gain("concurrent_weight", weight, n))?;
     let Some(stored) = stored else { return Ok(spec) };
     let field = |name: &str| {
-        let problem = "is no set of samples: expected what al.select_samples returns, with W and tau, or None";
+        let problem = "is no set of samples: expected the result of al.select_samples, with W and tau, or None";
         stored.getattr(name).map_err(|_| Failure::from(input_error(stored.py(), "Adaptive", "concurrent", problem)))
     };
     let (w, tau) = (field("W")?, field("tau")?);

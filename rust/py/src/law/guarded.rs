@@ -13,7 +13,7 @@ use pyo3::types::{PyDict, PyInt, PyTuple};
 use std::sync::Mutex;
 
 const NAME: &str = "Guarded";
-/// The default speed of the fastest joint in the reaction "retract", rad/s or m/s, and its default duration, s.
+/// The defaults of the reaction "retract": the speed of the fastest joint, rad/s or m/s, and the duration of the motion, s.
 const SPEED: f64 = 0.3;
 const DURATION: f64 = 0.5;
 
@@ -41,8 +41,9 @@ const DURATION: f64 = 0.5;
 ///     joint_stiffness: `K_J`, N m/rad, scalar, `(n,)` or `(n, n)`, for laws of elastic arms without this argument (keyword only).
 ///
 /// `run.estimate` records the law's state. It is the state of `law`, then `w` with `r = K (M v - w)`, and the integral of `r`, `(n,)` each.
-/// A reaction adds `2 + 2 n` numbers `c`, `s`, `y_c c` and `r_c c`, which are zero before the contact. `c` is the length of the sample of
-/// contact, and `s` is the time since the contact, both in s. `y_c` and `r_c` are the position and the residual at the contact.
+/// A reaction adds `2 + 2 n` numbers `c`, `s`, `y_c c` and `r_c c`, which are zero before the contact. `c` is the duration of
+/// the sampling period that begins at the contact, and `s` is the time since the contact, both in s. `y_c` and `r_c` are the position and
+/// the residual at the contact.
 ///
 /// Raises:
 ///     InputError: an argument is of the wrong type or shape, is missing or not used, or the observer has no thresholds.

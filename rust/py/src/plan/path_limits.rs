@@ -63,7 +63,8 @@ impl Along<'_> {
         if shape.len() == 2 { Ok(self.at_knots(&values, n)) } else { spread(&shape, values, n) }
     }
 
-    /// Read lower and upper torque limits. An array `(n, 2)` has both; a scalar, `(n,)` and varying limits are symmetric.
+    /// Read the lower and upper torque limits, N m or N. An array `(n, 2)` contains both. All other forms contain the upper limit, and the
+    /// lower limit is its negative.
     fn torque(&self, value: &Bound<'_, PyAny>, n: usize) -> Result<Range, Failure> {
         let py = value.py();
         let symmetric = |upper: Vec<f64>| (upper.iter().map(|x| -x).collect(), upper);
@@ -126,7 +127,7 @@ impl Along<'_> {
             return match frame {
                 None => Ok(None),
                 Some(frame) => {
-                    Err(input_error(frame.py(), NAME, "frame", "is not used: expected tip_speed= or tip_acceleration= beside it").into())
+                    Err(input_error(frame.py(), NAME, "frame", "is not used: expected tip_speed= or tip_acceleration= with it").into())
                 }
             };
         };
@@ -140,7 +141,7 @@ impl Along<'_> {
     }
 }
 
-/// Read the position limits `q_min` and `q_max`. A missing one of them is infinite.
+/// Read the position limits `q_min` and `q_max`. A missing limit is infinite.
 fn positions(range: [Given; 2], n: usize) -> Result<Option<Range>, Failure> {
     if range.iter().all(Option::is_none) {
         return Ok(None);

@@ -69,7 +69,7 @@ fn sampled(
                 py,
                 NAME,
                 "path",
-                format!("changes what it returns: expected {parts} arrays at s = {at}, got {}", given.len()),
+                format!("returns another number of arrays than before: expected {parts} arrays at s = {at}, got {}", given.len()),
             )
             .into());
         }
@@ -158,7 +158,7 @@ fn path_of(
 ///     v_max, a_max: limits of joint speed (rad/s or m/s) and acceleration (rad/s^2 or m/s^2): number or `(n,)`. One of `tau_max`, `a_max`
 ///         and `tip_acceleration` is required. `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs.
 ///         They are then `(K, n)` at the waypoints, or a callable `s -> (n,)` that is called at the path's knots. Between these they are
-///         linear in `s`. A `tau_max` of shape `(n, 2)` is lower and upper.
+///         linear in `s`. A `tau_max` of shape `(n, 2)` always means lower and upper limits, also if `(K, n)` is the same shape.
 ///     knots: path positions of the waypoints, `(K,)`, increasing. None: from 0 to 1, in proportion to the distances between waypoints.
 ///     spline: end conditions of the spline: "natural" (default for waypoints), "clamped", "not-a-knot" (default for a callable).
 ///     stops: indices of waypoints where the arm stops.

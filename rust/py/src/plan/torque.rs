@@ -99,7 +99,7 @@ impl TorqueOptimum {
         let core = &self.core;
         let profile = self.profiles[which].get_or_init(|| if which == 0 { core.profile() } else { core.monotone_profile() });
         let Some(profile) = profile else {
-            let problem = "has no motion: expected a feasible problem, got one with the `reason` that no duration works";
+            let problem = "has no motion: expected a feasible problem, see its `reason`";
             return Err(input_error(py, function, "the optimum", problem).into());
         };
         if let Some(t) = number_or_array(function, "t", t)? {

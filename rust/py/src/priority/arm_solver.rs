@@ -39,7 +39,7 @@ pub struct ArmPrioritySolver {
     #[pyo3(get)]
     tasks: Py<PyTuple>,
     keywords: Vec<(&'static str, Py<PyAny>)>,
-    // No Python code runs while this lock is held.
+    // No Python code runs while a thread holds this lock, so no thread waits for Python code.
     state: Mutex<Core>,
 }
 

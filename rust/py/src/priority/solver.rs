@@ -39,7 +39,7 @@ struct State {
 pub struct PrioritySolver {
     n: usize,
     counts: Vec<usize>,
-    // No Python code runs while this lock is held: inputs are read and arrays are made before.
+    // No Python code runs while this lock is held: `solve` reads its inputs and makes its arrays before it takes the lock.
     state: Mutex<State>,
 }
 

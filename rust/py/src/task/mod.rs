@@ -46,7 +46,7 @@ impl Blueprint {
     }
 }
 
-/// A gain of the caller, before the number of rows is known.
+/// A gain as the caller passed it. Its shape is checked later, when the number of rows is known.
 #[derive(Clone)]
 struct Raw {
     shape: Vec<usize>,
