@@ -52,8 +52,9 @@ def report(cases: list[Case], verdicts: list[Verdict], busy: float, as_markdown:
     if not as_markdown:
         text = [head, timing.plain(lines), "", "Targets"]
         return "\n".join(text + [f"  {'met   ' if met else 'MISSED'} {what}: {got} (target {goal})" for what, goal, got, met in verdicts])
-    between = [*more, ""] if more else []
-    return "\n".join([head, "", *target_table(verdicts), "", *between, timing.markdown(lines)])
+    between = [*target_table(verdicts), ""] if verdicts else []
+    between += [*more, ""] if more else []
+    return "\n".join([head, "", *between, timing.markdown(lines)])
 
 
 def finish(section: str, text: str, into_readme: bool) -> None:
