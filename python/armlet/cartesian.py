@@ -328,7 +328,7 @@ def _refined(problem: _Problem, s: _Array, q: _Array) -> CartesianPath:
 
 
 def _refused(problem: _Problem, s: _Array, q: _Array, at: float, kind: str | None = None) -> CartesianPath:
-    """The result if the arm cannot follow the poses beyond the path position `at`, with the reason."""
+    """Make the result for an arm that cannot follow the poses beyond the path position `at`, with the reason."""
     target, last = np.array([at]), q[-1:]
     joint = None
     if kind is None:

@@ -97,7 +97,7 @@ def _refuse(name: str, values: _Array, bad: NDArray[np.bool_], problem: str) -> 
 
 
 def _limits(arm: Arm, given: Any) -> _Limits:
-    """Combine the limits of the argument `given` with those of the arm, which apply to names that the argument omits."""
+    """Combine the limits of the argument `given` with the arm's limits, which apply to names that the argument omits."""
     n = arm.n
     own = {name: np.asarray(values) for name, values in arm.limits.items()}
     default = {"q_min": -np.inf, "q_max": np.inf, "v_max": np.inf, "a_max": np.inf, "effort": np.inf}
@@ -203,7 +203,7 @@ class _Problem:
     def _by_speed(self, q: _Array, v: _Array, a: _Array, unit: _Array) -> _Array:
         """Derivative of the regressor with respect to one speed.
 
-        Columns are quadratic in speed; those of Coulomb friction have derivative zero.
+        Columns are quadratic in speed. The columns of Coulomb friction have the derivative zero.
         """
         difference = 0.5 * (self.regressor(q, v + unit, a) - self.regressor(q, v - unit, a))
         if self.base.friction:

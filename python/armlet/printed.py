@@ -79,8 +79,8 @@ def export_c(
         The paths of the files, in the order header, source, `CMakeLists.txt`.
 
     Raises:
-        InputError: the law is a Python function or branches on its data, or a function or a frame is unknown. Also if a file exists that
-            armlet did not write, or if another argument is not valid.
+        InputError: the law is a Python function or branches on its data, or a function or a frame is unknown. It is also raised if a
+            file exists that armlet did not write, or if another argument is not valid.
         OSError: a file cannot be written.
 
     Source: docs/export_c.md.

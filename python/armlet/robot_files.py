@@ -67,7 +67,7 @@ def robot_text(
 
 
 def _folders(search_path: SearchPath) -> list[Path]:
-    """The folders of the search path: those of the caller, then those of the environment."""
+    """The folders of the search path: first the caller's folders, then the folders of the environment variables."""
     if search_path is None:
         given: list[Any] = []
     elif isinstance(search_path, str | PathLike):

@@ -91,8 +91,8 @@ def select_samples(
         The selected samples, with their smallest singular value.
 
     Raises:
-        InputError: a shape is wrong, a number is not finite, or an argument is missing. Also if `t` is not evenly spaced, or if `count` is
-            smaller than necessary for the directions that the record determines.
+        InputError: a shape is wrong, a number is not finite, or an argument is missing. It is also raised if `t` is not evenly
+            spaced, or `count` is smaller than necessary for the directions that the record determines.
 
     Source: Chowdhary and Johnson, Concurrent learning for convergence in adaptive control without persistency of excitation, CDC 2010;
     windows: Parikh, Kamalapurkar and Dixon, Integral concurrent learning, 2019.

@@ -37,13 +37,13 @@ _DEEPEST = 32
 @sealed
 @dataclass(frozen=True)
 class SrdfGroup:
-    """A group of an SRDF with its joints and links, including those of the groups that it contains.
+    """A group of an SRDF with its joints and links, including joints and links of the groups that it contains.
 
     Attributes:
         name: the name of the group.
         chains: pairs of a base link and a tip link.
         joints: names of joints.
-        links: names of links; a link stands for the joint that moves it.
+        links: names of links; a link means the joint that moves it.
     """
 
     name: str

@@ -35,7 +35,7 @@ class Status(IntEnum):
         return _ADVICE[self]
 
 
-# These texts equal those of rust/core/src/status.rs; a test compares them.
+# These texts equal the texts in rust/core/src/status.rs; a test compares them.
 _ADVICE = {
     Status.SUCCESS: "the run reached its end",
     Status.DIVERGED: "the state stopped being finite or passed state_limit: reduce dt or the gains, or use an adaptive method",

@@ -142,7 +142,7 @@ def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elasti
     assert step.tau is not None
     # The slowest mode decays with the rate 1.9 1/s, so its amplitude after 12 s is 1e-10 of the initial one.
     report.near("force step F = (10, -15) N: x at 12 s = x_E = x_d + K_m^-1 F (m)", X_D + FORCE / K_M, tip(arm, q_E), 1e-9)
-    report.near("equilibrium: x_E without running (m)", X_D + FORCE / K_M, rest.x, 1e-13)
+    report.near("equilibrium(): x_E without a simulation (m)", X_D + FORCE / K_M, rest.x, 1e-13)
     gravity = np.asarray(arm.gravity(q_E))
     report.near("tau at 12 s = g(q_E) - J'F (N m)", gravity - load, step.tau[-1], 1e-7, "u_E = J'F + g", "E10")
     wrong = float(np.abs(gravity + load - step.tau[-1]).max())
@@ -219,13 +219,25 @@ def unreachable(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elast
     pulled = al.equilibrium(plant, law, [300.0, 100.0], q0=Q0)
     text = "x_E unconditional"
     report.equal("F = (300, 100) N: x_d + K_m^-1 F reachable", False, pulled.reachable, text, "E11")
-    report.near("F = (300, 100) N: the arm rests stretched, at (m)", (0.784978594517357, 0.4402369886203963), pulled.x, 1e-10, text, "E11")
+    report.near(
+        "F = (300, 100) N: tip of the stretched arm at equilibrium (m)",
+        (0.784978594517357, 0.4402369886203963),
+        pulled.x,
+        1e-10,
+        text,
+        "E11",
+    )
     folded = al.ElasticImpedance(arm, 0.6 / 0.9 * tip(arm, [0.3, 0.0]), 250.0, 40.0, K_J, B, B0, **FRAME)
     rest = al.equilibrium(plant, folded, q0=[0.3, 0.0])
     size = float(np.linalg.norm(tip(arm, rest.q) - 0.6 / 0.9 * tip(arm, [0.3, 0.0])))
-    report.near("target in line with the stretched arm: rests short of it by (m)", 0.3, size, 1e-9, text, "E11")
-    report.equal("and is said to be spurious and unstable", "spurious, unstable", _described(rest), text, "E11")
-    report.near("its rightmost eigenvalue (1/s)", 2.510776293363032, float(rest.eigenvalues.real.max()), 1e-6)
+    report.near("target in line with the stretched arm: distance of the equilibrium (m)", 0.3, size, 1e-9, text, "E11")
+    report.equal("target in line with the stretched arm: kind of the equilibrium", "spurious, unstable", _described(rest), text, "E11")
+    report.near(
+        "target in line with the stretched arm: largest real part of an eigenvalue (1/s)",
+        2.510776293363032,
+        float(rest.eigenvalues.real.max()),
+        1e-6,
+    )
 
 
 def _described(rest: al.Equilibrium) -> str:
@@ -269,7 +281,7 @@ def distances(arm: al.Arm, plant: al.ElasticArm, shares: Array, **options: Any) 
 
 def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Array]:
     """Erratum E12: a small B0 is not sufficient; D0 must decrease with it. Damping of theta_dot - v gives smaller errors."""
-    text = "B0 arbitrarily small suffices"
+    text = "a small B0 suffices"
     tied = distances(arm, plant, SHARES)
     # If D0 is fixed, the motors' rate D0/B0 is proportional to 1/B0. The two smallest B0 would need most of the demo's computing time.
     fixed = distances(arm, plant, SHARES[:6], motor_damping=2.0 * np.sqrt(B0 * K_J))
@@ -277,12 +289,12 @@ def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Ar
     orders = np.diff(np.log(tied)) / np.log(0.25)
     # The motion is sampled every millisecond, so a maximum has an error of at most 1e-3.
     report.near(
-        "D0 tied to B0: sup |x - x_rigid| at B0/B = 1/4, 1/64, 1/65536 (m)", (0.0399765, 0.0220352, 0.00115615), tied[[0, 2, 7]], 1e-5
+        "D0 from zeta and B0: max |x - x_rigid| at B0/B = 1/4, 1/64, 1/65536 (m)", (0.0399765, 0.0220352, 0.00115615), tied[[0, 2, 7]], 1e-5
     )
-    report.near("D0 tied to B0: order of the error at B0/B below 6e-5", 0.475, orders[-1], 0.025, text, "E12")
+    report.near("D0 from zeta and B0: order of the error in B0/B, for B0/B below 6e-5", 0.475, orders[-1], 0.025, text, "E12")
     practical = bool(np.all((orders[1:4] > 0.2) & (orders[1:4] < 0.4)))
-    report.equal("D0 tied to B0: only 0.2 to 0.4 from 1/16 to 1/1024", True, practical, text, "E12")
-    report.near("D0 fixed: error at B0/B = 1/4096 over that at 1/4", 1.0, fixed[-1] / fixed[0], 0.01, text, "E12")
+    report.equal("D0 from zeta and B0: order 0.2 to 0.4 for B0/B from 1/16 to 1/1024", True, practical, text, "E12")
+    report.near("D0 fixed: error at B0/B = 1/4096 divided by the error at 1/4", 1.0, fixed[-1] / fixed[0], 0.01, text, "E12")
     gain = float(np.min(tied[1:] / relative[1:]))
     report.equal(f"damping on theta_dot - v: error smaller by {gain:.1f} or more, B0/B <= 1/16", True, gain >= 10.0)
     return {"tied": tied, "fixed": fixed, "relative": relative}

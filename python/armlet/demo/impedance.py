@@ -52,7 +52,7 @@ def run(report: Report, arm: al.Arm, target: Array, gains: tuple[Array, Array], 
     law = al.CartesianImpedance(arm, target, K_m, D_m, frame="link2", axes="xy")
     rigid = al.simulate(al.RigidArm(arm), law, q0, t_end=3.0, t_eval=np.linspace(0.0, 3.0, 601), force=force, method="dop853")
     largest, balance = rigid.monitors["target"].max(), rigid.monitors["target_balance"].max()
-    report.bound("rigid run: residual of the target model over its largest term", balance / largest, 1e-9)
+    report.bound("rigid run: residual of the target model divided by its largest term", balance / largest, 1e-9)
     terms = cartesian(arm, rigid, force, rigid.v)
     left = terms["M_x x''"] + terms["S_x x'"] + terms["g_x"] - terms["J^-T tau"] - force
     # J has a condition number below 10, and the terms are below 100 N. So rounding is below 1e-11 N.
@@ -61,7 +61,7 @@ def run(report: Report, arm: al.Arm, target: Array, gains: tuple[Array, Array], 
     spring = K_m * (arm.position(rigid.q, "link2")[:, :2] - target)
     rest = np.abs(terms["M_x x''"] + printed + D_m * terms["x'"] + spring - force).max()
     text = "S(q, q)"
-    report.equal(f"the target model with S(q, q) in S_x misses by {rest:.1f} N, with S(q, v) by nothing", True, rest > 0.1, text, "E8")
+    report.equal(f"residual of the target model: {rest:.1f} N with S(q, q) in S_x, zero with S(q, v)", True, rest > 0.1, text, "E8")
 
 
 def motors(report: Report, run: al.Run, K_J: Array, B: Array) -> None:
@@ -77,4 +77,4 @@ def motors(report: Report, run: al.Run, K_J: Array, B: Array) -> None:
     text = "B theta_hat + tau_J = tau"
     report.near("B theta_ddot + tau_J - tau from 0.5 s on, largest (N m)", 0.0, np.abs(left).max(), 1e-6, text, "E7")
     wrong = float(np.abs(B * run.theta + tau_J - run.tau).max())
-    report.equal(f"with theta in place of theta_ddot it misses by {wrong:.2f} N m", True, wrong > 0.01, text, "E7")
+    report.equal(f"residual with theta in place of theta_ddot: {wrong:.2f} N m", True, wrong > 0.01, text, "E7")

@@ -71,13 +71,13 @@ def impossible(report: Report) -> None:
     """Check that no duration is feasible for G > 2 tau_max, and that the reported missing torque is exact."""
     ratio = 2.0 + np.geomspace(1e-9, 1e3, 1000)
     r = al.bang_bang_time(START, END, 1.0, ratio, 1.0)
-    report.equal("1000 links with G > 2 tau_max: feasible", 0, int(r.feasible.sum()))
-    report.equal("  their shortest durations are NaN", True, bool(np.isnan(r.t_min).all()))
+    report.equal("1000 links with G > 2 tau_max: number of feasible links", 0, int(r.feasible.sum()))
+    report.equal("1000 links with G > 2 tau_max: all shortest durations are NaN", True, bool(np.isnan(r.t_min).all()))
     one = al.bang_bang_time(START, END, 1.0, 2.5, 1.0)
     report.near("G = 2.5 tau_max, torque missing on both limits (N m)", 0.25, (one.a_min - one.a_max) / 2, ROUNDING)
-    report.equal("  the reason names it", True, "2.500000e-1 N m are missing" in one.reason)
-    report.equal("  with a limit of 1.25 N m", True, al.bang_bang_time(START, END, 1.0, 2.5, 1.25).feasible)
-    report.equal("  the ends can be held", False, one.hold_start or one.hold_end)
+    report.equal("G = 2.5 tau_max: the reason names this torque", True, "2.500000e-1 N m are missing" in one.reason)
+    report.equal("G = 2.5 N m: feasible with a limit of 1.25 N m", True, al.bang_bang_time(START, END, 1.0, 2.5, 1.25).feasible)
+    report.equal("G = 2.5 tau_max: the link can rest at the start or at the end", False, one.hold_start or one.hold_end)
 
 
 def erratum(report: Report) -> None:
@@ -99,26 +99,26 @@ def optimum(report: Report) -> None:
     report.equal("certified as the global optimum at G / tau_max = 1", True, o.certified_global)
     t = np.nextafter(o.t, 0.0)
     q, v, _, _ = o.profile(t)
-    report.near("its motion just before T: theta, theta_dot", (END, 0.0), (q, v), 1e-12)
+    report.near("optimal motion just before its end: theta, theta_dot", (END, 0.0), (q, v), 1e-12)
     before, after = np.array(o.profile(np.nextafter(o.t_switch, 0.0))), np.array(o.profile(o.t_switch))
     # The phases of full torque before and after the switch are integrated from opposite ends of the motion.
-    report.bound("push and brake meet at the switch: jump of theta, theta_dot", np.abs(after - before)[:2].max(), 1e-12)
-    report.near("  the torque falls from tau_max to -tau_max", (1.0, -1.0), (before[3], after[3]), 0.0)
+    report.bound("optimal motion at the switch of the torque: jump of theta, theta_dot", np.abs(after - before)[:2].max(), 1e-12)
+    report.near("optimal torque before and after its switch: tau_max, -tau_max", (1.0, -1.0), (before[3], after[3]), 0.0)
 
 
 def swings(report: Report) -> None:
     """Check motions that swing back first or overshoot. They can be faster where the monotone optimum is not certified."""
     o = al.torque_optimal_time(math.pi / 2, 3.0, 1.0, 1.0, 1.02)
     report.equal("pi/2 -> 3 at tau_max = 1.02 G: certified", False, o.certified_global)
-    report.near("  monotone T (s)", 8.419, o.t, 5e-4)
-    report.near(f"  best T (s), {o.best.kind}", 5.702, o.best.t, 5e-4)
-    report.equal("  its kind", "back-swing", o.best.kind)
+    report.near("pi/2 -> 3 at tau_max = 1.02 G: duration of the monotone motion (s)", 8.419, o.t, 5e-4)
+    report.near(f"pi/2 -> 3 at tau_max = 1.02 G: shortest duration (s), {o.best.kind}", 5.702, o.best.t, 5e-4)
+    report.equal("pi/2 -> 3 at tau_max = 1.02 G: family of the fastest motion", "back-swing", o.best.kind)
     back = al.torque_optimal_time(3.0, math.pi / 2, 1.0, 1.0, 1.02)
-    report.equal("  backwards", "overshoot", back.best.kind)
-    report.bound("  T backwards minus T", back.best.t - o.best.t, 1e-9)
+    report.equal("3 -> pi/2 at tau_max = 1.02 G: family of the fastest motion", "overshoot", back.best.kind)
+    report.bound("duration of 3 -> pi/2 minus duration of pi/2 -> 3 (s)", back.best.t - o.best.t, 1e-9)
     weak = al.torque_optimal_time(math.pi / 2, math.pi, 1.0, 1.0, 0.9)
-    report.equal("pi/2 -> pi at tau_max = 0.9 G: monotone motion", False, weak.feasible)
-    report.equal("  best motion found", "back-swing", weak.best.kind)
+    report.equal("pi/2 -> pi at tau_max = 0.9 G: a monotone motion is feasible", False, weak.feasible)
+    report.equal("pi/2 -> pi at tau_max = 0.9 G: family of the fastest motion", "back-swing", weak.best.kind)
 
 
 def from_mass(report: Report) -> None:
@@ -131,11 +131,15 @@ def from_mass(report: Report) -> None:
     inertia = float(link.mass_matrix([0.0])[0, 0])
     report.near("link of 3 kg, d = 0.25 m, I_c = 0.06 kg m^2: I = I_c + m d^2 (kg m^2)", I_c + m * d**2, inertia, 1e-15)
     # The tolerance is a few rounding errors of G = 7.4 N m.
-    report.bound("its gravity is G sin theta, G = m g0 d (N m)", np.abs(link.gravity(q) - m * 9.81 * d * np.sin(theta)).max(), 1e-14)
+    report.bound(
+        "link of 3 kg: gravity torque minus G sin theta, G = m g0 d, largest (N m)",
+        np.abs(link.gravity(q) - m * 9.81 * d * np.sin(theta)).max(),
+        1e-14,
+    )
     same = al.pendulum(I_c + m * d**2, m * 9.81 * d)
     a = np.linspace(-5.0, 5.0, 25)[:, None]
     difference = link.inverse_dynamics(q, rest, a) - same.inverse_dynamics(theta, rest, a)
-    report.bound("its torque is that of al.pendulum(I, G) (N m)", np.abs(difference).max(), 1e-13)
+    report.bound("link of 3 kg: torque minus the torque of al.pendulum(I, G), largest (N m)", np.abs(difference).max(), 1e-13)
 
 
 def opposes(start: float, end: float) -> bool:
@@ -153,19 +157,21 @@ def opposition(report: Report) -> None:
 
     It is symmetric about the downward vertical, and at most 2 pi long.
     """
-    report.equal("exam motion: gravity always opposes the inertial torque", True, opposes(START, END))
-    report.equal("from 0 to pi/2 it does not", False, opposes(0.0, END))
-    report.equal("from pi/2 to 3 pi/2, through the top, it does not", False, opposes(END, 3 * END))
+    report.equal("from -pi/2 to pi/2: gravity always opposes the inertial torque", True, opposes(START, END))
+    report.equal("from 0 to pi/2: gravity always opposes the inertial torque", False, opposes(0.0, END))
+    report.equal("from pi/2 to 3 pi/2, through the top: gravity always opposes the inertial torque", False, opposes(END, 3 * END))
     rng = np.random.default_rng(44)
     halves = rng.uniform(0.1, 2.0 * math.pi, 50)
     turns = 2.0 * math.pi * rng.integers(-1, 2, 50)
     answers = [opposes(turn - half, turn + half) == (half <= math.pi) for half, turn in zip(halves, turns, strict=True)]
-    report.equal("50 motions symmetric about the downward vertical: it does iff they are no longer than a turn", 50, sum(answers))
+    report.equal(
+        "50 motions symmetric about the downward vertical: gravity always opposes iff the motion is at most 2 pi long", 50, sum(answers)
+    )
     others = [
         opposes(turn - half + shift, turn + half + shift)
         for half, turn, shift in zip(halves, turns, rng.uniform(0.2, 6.0, 50), strict=True)
     ]
-    report.equal("50 motions about other angles: it does", 0, sum(others))
+    report.equal("50 motions symmetric about other angles: number with gravity that always opposes", 0, sum(others))
 
 
 def draw(figure: Figure) -> None:

@@ -76,5 +76,7 @@ def roles(report: Report) -> None:
         "case a, p2 = 0, J1 first: the primary task is exact (m/s)", ones, J_E[:2] @ right, TOLERANCE, "primary task Jacobian J2", "E2"
     )
     missed = float(np.linalg.norm(J_E[:2] @ swapped - ones))
-    report.equal(f"case a, p2 = 0, J2 first: the tip misses by {missed:.2f} m/s", True, missed > 0.1, "primary task Jacobian J2", "E2")
+    report.equal(
+        f"case a, p2 = 0, J2 first: the primary task has an error of {missed:.2f} m/s", True, missed > 0.1, "primary task Jacobian J2", "E2"
+    )
     report.equal("case a: entries of J_E v", 4, (J_E @ right).size, "(1, 1, 1, 1, 1)", "E5")

@@ -173,7 +173,7 @@ class Reach(Task):
         if type(self).draw is not Reach.draw:
             return super()._draws(rngs)
         n, (low, span), (first, reach) = self.arm.n, self.starts, self.targets
-        # These numbers equal those of two calls of `rng.random(n)` per generator.
+        # One call of `rng.random(2 n)` draws the same numbers as two calls of `rng.random(n)`.
         numbers = np.array([rng.random(2 * n) for rng in rngs])
         places = self.arm.position(first + reach * numbers[:, n:], self.tip)
         return low + span * numbers[:, :n], np.zeros((len(rngs), n)), places[:, self.rows]

@@ -32,7 +32,7 @@ def mesh_of(shape: Shape) -> tuple[Any, Any]:
         try:
             body = trimesh.load(shape.path, force="mesh")
             vertices, faces = body.vertices * np.array(shape.size), body.faces
-        except Exception:  # the errors of a reader of damaged files are unknown
+        except Exception:  # trimesh may raise any error for a damaged file
             faces = ()
         # A sphere marks a link whose mesh cannot be drawn.
         return (vertices, faces) if len(faces) else mesh_of(Shape(shape.frame, "sphere", (0.02,)))

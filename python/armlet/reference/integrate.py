@@ -126,7 +126,7 @@ def _advance(
             value, error = _extrapolate(inside, t, y, step, slope, columns)
         budget -= 1
         if budget <= 0:
-            raise IntegrationError("the cap on steps was reached", t)
+            raise IntegrationError("the largest number of steps was reached", t)
         scale = atol + rtol * np.maximum(np.abs(y), np.abs(value))
         size = float(np.max(np.abs(error) / scale)) if np.isfinite(value).all() else np.inf
         factor = 0.1 if not np.isfinite(size) else min(4.0, max(0.1, 0.9 * (size + 1e-300) ** (-1.0 / order)))

@@ -89,7 +89,7 @@ def lag(state: Array, before: Array, now: Array, turn: float) -> Array:
 
 
 class Clock:
-    """The samples of one run. `visit` must be called at every instant in the order of time, and returns the output that acts.
+    """The samples of one run. `visit` must be called at every instant in the order of time, and returns the law's output that acts then.
 
     `grid` is the step of a method with fixed steps, s, to which jitter is rounded down; 0 for adaptive methods. `stiffness` is the joint
     stiffness of the plant, and `believed` the joint stiffness of the law, for torque sensors.

@@ -264,7 +264,7 @@ def read(file: Path) -> dict[str, Any]:
         raise InputError(f"{file}: is not TOML: {error}") from None
 
 
-# Largest size of a file, bytes. It exceeds that of a scenario with the text of its robot inside.
+# Largest size of a file, bytes. A scenario that contains the text of its robot file is smaller.
 MOST_BYTES = 32 << 20
 
 

@@ -57,7 +57,7 @@ class Store:
         except (ValueError, KeyError, TypeError):
             known = False
         if not known or chunk < 1:
-            raise FormatError(f"sweep: {manifest} is damaged or not of this version: expected the head of a sweep")
+            raise FormatError(f"sweep: {manifest} is damaged or not of this version: expected a file that a sweep of this version wrote")
         if head["sha256"] != self.key:
             other = [name for name in what if json.loads(json.dumps(what[name])) != held.get(name)]
             raise InputError(

@@ -129,7 +129,7 @@ def tune(
         by: "worst": the cost of a candidate is the largest cost of its conditions. "mean": it is the mean cost of its conditions.
         candidates: number of candidates per generation, >= 5; not used with gradients.
         generations: largest number of generations after the first. With gradients: largest number of iterations per start.
-        starts: number of starts of a gradient search. The first start has the scenario's values, and the others are random.
+        starts: number of starts of a gradient search. The first start has the scenario's values. All other starts are random.
         tolerance: the search ends when the standard deviation of the candidates' costs, divided by their mean, is below this value. With
             gradients a search from one start ends when an iteration lowers its cost by less than this fraction. None takes 0.01, and 1e-6
             with gradients.

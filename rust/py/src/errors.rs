@@ -79,7 +79,7 @@ pub fn entry<T>(py: Python<'_>, function: &str, body: impl FnOnce() -> Result<T,
     caught(function, || body().map_err(|failure| failure.into_python(py, function)))
 }
 
-/// The error of the body of an entry point.
+/// The error of a function that Python calls: an error of the core, or a Python exception.
 pub enum Failure {
     Core(Error),
     Python(PyErr),

@@ -129,7 +129,7 @@ pub fn answer(fields: &Bound<'_, PyDict>, plant: &PlantSpec, p: usize, observer:
         fields.set_item("events", events)?;
     }
     if let Some(Polynomials { degree, ends, nodes }) = observer.polynomials {
-        // The columns of the state are the plant and the law, without the bristles of LuGre friction between them.
+        // The result has the columns of the plant's state and of the law's state. It omits the bristles of LuGre friction between them.
         let (seen, all) = (plant.seen(), states + p);
         let kept = seen + p;
         let place = |i: usize| i / kept * all + if i % kept < seen { i % kept } else { i % kept + states - seen };

@@ -147,7 +147,7 @@ impl Written {
     }
 }
 
-/// A part of a large payload. `pickle` calls its `__reduce__`, which lets other threads run first.
+/// A part of a large payload. `pickle` calls `__reduce__` of each part, and in this call other threads can run.
 #[pyclass(module = "armlet._core", name = "_Share", frozen)]
 pub struct Share {
     bytes: Py<PyBytes>,
@@ -168,7 +168,7 @@ impl Share {
     }
 }
 
-/// Return a part of a large payload unchanged, after other threads could run.
+/// Return a part of a large payload unchanged. Before it returns, other threads can run.
 #[entered]
 #[pyfunction]
 pub fn _share<'py>(bytes: &Bound<'py, PyBytes>) -> PyResult<Bound<'py, PyBytes>> {

@@ -42,7 +42,7 @@ fn put_series(
 ) -> Result<(), Failure> {
     for (name, values) in series {
         let width = if name == "estimate" { p } else { n };
-        // Optional series are empty: theta and theta_dot without motors, the estimate without a law's state, and records of friction.
+        // An empty optional series has no field: theta and theta_dot without motors, and friction and bristles without such friction.
         let optional = !["q", "v", "tau", "estimate"].contains(&name);
         if (optional && values.is_empty() && k > 0) || width == 0 {
             continue;

@@ -27,7 +27,7 @@ Values: TypeAlias = Mapping[str, float | str]
 Targets: TypeAlias = Mapping[str, Array]
 
 DT = 1e-3  # step of every loop, s
-# Rotation from the axes of a planar arm to those of the scene. The scene's z axis, and so the arm's y axis, points up.
+# Rotation from the axes of a planar arm to the axes of the scene. The scene's z axis, and so the arm's y axis, points up.
 UPRIGHT: Array = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
@@ -73,7 +73,7 @@ Control: TypeAlias = Slider | Choice
 class Plot:
     """Curves over time in one panel.
 
-    The title ends with their unit. The last `dashed` curves are true or desired values of the first ones.
+    The title ends with the unit of the curves. The last `dashed` curves are true or desired values of the first curves.
     """
 
     title: str
@@ -119,7 +119,7 @@ class System(ABC):
     controls: tuple[Control, ...]
     targets: dict[str, Array]  # initial positions of the target handles, (3,), m, in the axes of the arm's base
     plots: tuple[Plot, Plot, Plot]
-    rotation: Array = np.eye(3)  # rotation from the axes of the arm's base to those of the scene
+    rotation: Array = np.eye(3)  # rotation from the axes of the arm's base to the axes of the scene
     planar: bool = True  # whether targets stay in the x-y plane of the arm's base
     takes_force: bool = True
     missing: tuple[str, ...] = ()  # meshes of the robot file that are not drawn

@@ -96,7 +96,7 @@ pub fn out_of_shape<'a>(value: &'a Bound<'_, PyAny>, shape: &[usize]) -> Option<
     }
 }
 
-/// The type of the elements of an array. The element whose bits are all zero must be valid.
+/// A type of array elements. The value whose bits are all zero must be valid.
 pub trait Bits: Send + Sync + Copy {
     const TYPE: npyffi::NPY_TYPES;
     /// Whether every bit pattern is a valid element.

@@ -135,7 +135,7 @@ fn span_of(t0: &Bound<'_, PyAny>, t1: &Bound<'_, PyAny>, ends: bool) -> Result<[
     Ok(span)
 }
 
-/// Read the form in which `f` takes states.
+/// Read the flags `lists` and `vectorized`, which select the form in which `f` receives states.
 fn states_of(py: Python<'_>, lists: &Bound<'_, PyAny>, vectorized: &Bound<'_, PyAny>) -> Result<States, Failure> {
     match (flag(NAME, "lists", lists)?, flag(NAME, "vectorized", vectorized)?) {
         (true, true) => {

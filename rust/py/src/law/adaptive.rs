@@ -40,7 +40,7 @@ use pyo3::types::{PyBool, PyString, PyTuple};
 ///     projection: keep the inertial parameters above the parameters of smallest bodies, so that they stay physically possible
 ///         (keyword only). The smallest bodies are one mass, kg, with a radius of gyration of 0.1 m, or parameters `(p,)`. The true
 ///         parameters must exceed theirs. An initial estimate below them is moved to the nearest one above.
-///     friction: estimate friction: True for "viscous" and "coulomb", or names of these and "stribeck" (keyword only).
+///     friction: estimate friction: True for "viscous" and "coulomb", or some of "viscous", "coulomb", "stribeck" (keyword only).
 ///     armature: estimate the rotors' inertia (keyword only).
 ///     friction_speed: `v_s`, rad/s or m/s, > 0: scalar or `(n,)`; 0.1 if None (keyword only).
 ///     leakage: `sigma`, >= 0, in the inverse unit of `gamma`, per s (keyword only).

@@ -68,7 +68,7 @@ impl<'py> Arguments<'py> {
 ///     eps: threshold on singular values, one number or one per level; None: 0.02 times each level's largest row norm.
 ///     v_min, v_max: velocity bounds for "sns", a number or `(n,)`, rad/s or m/s; None: the arm's bounds (keyword only).
 ///     q_min, q_max: position limits for "sns", a number or `(n,)`, rad or m; None: the arm's limits (keyword only). At every evaluation
-///         the velocity is at most `(q_max - q) / horizon`, and likewise for `q_min`.
+///         the velocity is at most `(q_max - q) / horizon` and at least `(q_min - q) / horizon`.
 ///     a_max: deceleration before a position limit for "sns", a number or `(n,)`, rad/s^2 or m/s^2 (keyword only). The velocity is at most
 ///         `sqrt(2 a_max (q_max - q))`; None: without this bound.
 ///     horizon: the shortest time in which a joint may reach its position limit, s; 0.1 if None (keyword only). It must be at least the

@@ -160,8 +160,8 @@ impl<'a> Stack<'a> {
         self.velocities[level].row(i)
     }
 
-    /// The Jacobians and the velocities of the rows `first..last`, level by level. An array without leading axes has one element for all
-    /// rows.
+    /// The Jacobians and the velocities of the rows `first..last`, level by level. An array without leading axes contributes one matrix or
+    /// vector, which is valid for all rows.
     ///
     /// They may be the caller's arrays, so the interpreter lock must be held while they are read.
     pub fn piece(&self, py: Python<'_>, function: &str, first: usize, last: usize) -> Result<[Vec<&[f64]>; 2], Failure> {
@@ -176,7 +176,7 @@ impl<'a> Stack<'a> {
         self.jacobians.iter().chain(&self.velocities).map(|part| part.width).sum()
     }
 
-    /// The Jacobians and the velocities of a level for all rows. An array without leading axes has one element for all rows.
+    /// The Jacobians and the velocities of a level for all rows. An array without leading axes is one matrix or vector for all rows.
     pub fn level(&self, level: usize) -> (&[f64], &[f64]) {
         (&self.jacobians[level].values, &self.velocities[level].values)
     }
