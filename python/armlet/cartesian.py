@@ -222,7 +222,7 @@ def cartesian_path(
         limits: whether the path must respect the joint limits of the arm.
 
     Returns:
-        A `CartesianPath`. Poses that the arm cannot follow are not an error: `feasible` is False, and `reason` has the place and the cause.
+        A `CartesianPath`. Poses that the arm cannot follow are not an error: `feasible` is False, and `reason` states place and cause.
 
     Raises:
         InputError: a shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are equal.

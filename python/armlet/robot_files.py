@@ -1,6 +1,6 @@
 """Files of robots: `package://name/file` in folders of packages, and xacro files, which the package `xacro` expands.
 
-The package `name` is the first folder with this name among the folders of the search path and those one or two levels below them. The
+The package `name` is the first folder with this name among the folders of the search path and the folders one or two levels below. The
 search path consists of the caller's folders, then `ROS_PACKAGE_PATH`, then `share` in each folder of `AMENT_PREFIX_PATH`.
 """
 

@@ -28,13 +28,13 @@ class Samples:
     <Samples: 1, smallest singular value 1 of 1 directions>
     """
 
-    #: `W_j`, (N, n, p).
+    #: Regressors `W_j` of the samples, (N, n, p).
     W: _Array
-    #: `tau_j`, (N, n), N m or N; for windows, N m s or N s.
+    #: Torques `tau_j` of the samples, (N, n), N m or N; for windows their time integrals, N m s or N s.
     tau: _Array
     #: Indices of the selected records or windows, (N,).
     indices: NDArray[np.int64]
-    #: The smallest singular value of the stacked `W_j`, among the directions that the record determines.
+    #: The smallest singular value of all rows of the `W_j`, among the directions that the record determines.
     singular_value: float
     #: Number of directions of the parameters that the record determines.
     rank: int

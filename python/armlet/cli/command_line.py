@@ -1,7 +1,7 @@
 """The command line: `armlet demo`, `armlet info`, and the commands for scenario files (`scenarios.py`).
 
 Each command is a function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed. 2: the command could
-not run, and one line on standard error has the reason. 130: interrupted by the user.
+not run, and one line on standard error states the reason. 130: interrupted by the user.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ __all__ = ["main"]
 
 def _demo(args: argparse.Namespace) -> int:
     from ..demo import demonstrate
+
     figures = available()
     report = demonstrate(args.out, figures=figures)
     print(f"\nreport: {report.out / 'report.html'}")

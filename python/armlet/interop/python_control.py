@@ -103,7 +103,7 @@ class _Loop:
             raise InputError(f"to_control: law is of the wrong type: expected a law or None, got {type(law).__name__}")
         made = plant.__getnewargs_ex__()[1]
         if made.get("wall") is not None:
-            raise InputError("to_control: plant has a wall: expected one without, since its force is not smooth")
+            raise InputError("to_control: plant has a wall: expected a plant without a wall, because the force of a wall is not smooth")
         for name in ("friction", "motor_friction"):
             if isinstance(made.get(name), LuGre | StickSlip):
                 raise InputError(

@@ -93,7 +93,7 @@ class _Pinocchio:
     def __init__(self, arm: Arm, model: Any) -> None:
         self.pin, self.model, self.data = import_module("pinocchio"), model, model.createData()
         joints = {model.names[i]: model.joints[i] for i in range(1, model.njoints) if model.joints[i].nv == 1}
-        # A model with mimic joints has one degree of freedom per leader, as the arm has. Otherwise its joints are those of the robot file.
+        # A model with mimic joints has one degree of freedom per leader, as the arm has. Any other model has all joints of the robot file.
         self.mimics = any("Mimic" in joint.shortname() for joint in model.joints)
         names = arm.joint_names if self.mimics else arm.file_joint_names
         _match(names, joints, "pinocchio")

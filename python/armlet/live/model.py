@@ -205,7 +205,7 @@ class Lab:
             return steps
 
     def _begin(self) -> None:
-        """Start a new loop from the present state. After an error the previous loop continues, and the message has the reason."""
+        """Start a new loop from the present state. After an error the previous loop continues, and the message states the reason."""
         try:
             sim = self.system.loop(self.values, self.targets, self._wrench(), self._state)
         except al.ArmletError as error:

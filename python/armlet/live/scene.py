@@ -89,7 +89,7 @@ class ArmScene:
             client.camera.position, client.camera.look_at = eye, at
 
     def place(self, poses: Mapping[str, Array]) -> None:
-        """Move the arm. `poses` has the pose of each frame, (4, 4), in the axes of the arm's base."""
+        """Move the arm. `poses` contains the pose of each frame, (4, 4), in the axes of the arm's base."""
         for frame, pose in poses.items():
             self.frames[frame].position = pose[:3, 3]
             self.frames[frame].wxyz = rotations.of_matrix(pose[:3, :3])

@@ -25,7 +25,7 @@ def load_viser(command: str) -> Any:
     """Import and return the module viser.
 
     Raises:
-        ImportError: viser is not installed; the message has the install command.
+        ImportError: viser is not installed; the message contains the install command.
     """
     return extra(command, "viser", "armlet[live]")
 

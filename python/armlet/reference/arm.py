@@ -80,8 +80,8 @@ class Arm(Mechanism):
 
         Each joint is a dict. `type` is R, P, revolute, continuous, prismatic or fixed. `axis`, `rpy`, `xyz` and `phi` are its geometry and
         inertia. `parent` is the index of the parent joint: -1 is the base, and the default is the previous joint. `name`, `lower`,
-        `upper`, `velocity`, `armature`, `damping` and `friction` are optional. `mimic` has the index `joint` of its leader, `multiplier`
-        and `offset`.
+        `upper`, `velocity`, `armature`, `damping` and `friction` are optional. `mimic` contains the index `joint` of its leader,
+        `multiplier` and `offset`.
         """
         carrier: list[tuple[int, Array]] = []  # for the frame of each joint: its moving body, and the constant offset from the body
         parents: list[int] = []

@@ -152,8 +152,8 @@ def eigenvalues(
 ) -> tuple[Analytic, int]:
     """The eigenvalues of the linear model of the closed loop at the equilibrium, sorted by real part, and the number of free motions.
 
-    `w` is the state of the law. A free motion is a direction N with A N = 0. Its zero eigenvalue may be defective, and rounding then splits
-    it. So the other eigenvalues are computed from P A P with P = I - N N#.
+    `w` is the state of the law, and A is the matrix of the linear model. A free motion is a direction N with A N = 0. Its zero eigenvalue
+    may be defective, and rounding then splits this eigenvalue. So the other eigenvalues are computed from P A P with P = I - N N#.
     """
     loop = ClosedLoop(plant, law, None if force is None else lambda t: force, load)
     still = np.zeros(plant.arm.n)

@@ -36,7 +36,7 @@ class JointStops:
     Args:
         stiffness: `k` > 0, N m/rad or N/m, scalar or (n,).
         damping: `c` >= 0, N m s/rad or N s/m, scalar or (n,).
-        lower, upper: the limits, scalar or (n,), rad or m. An infinite value means that the joint has no stop there. None takes the
+        lower, upper: the limits, scalar or (n,), rad or m. An infinite value means that the joint has no stop there. None means the
             limits of the arm.
 
     Raises:

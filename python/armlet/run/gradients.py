@@ -90,7 +90,7 @@ def gradient(
     if isinstance(plant, Scenario):
         built = plant.build()
         if law is not None or q0 is not None:
-            raise InputError("gradient: law and q0 are those of the scenario: expected None")
+            raise InputError("gradient: law and q0 are in the scenario: expected None for both")
         plant, law = built.plant, built.law
         keywords = {**built.arguments, **keywords}
         q0 = keywords.pop("q0")

@@ -177,7 +177,7 @@ class _Problem:
         self.laws = [instance("identify_from_runs", "law", each, _core.Law, "a law of armlet such as Adaptive") for each in laws]
         for name in ("t_end", "t_eval", "record_every", "sensitivity", "throw", "events", "dense", "v0", "q0", "monitors"):
             if name in keywords:
-                raise InputError(f"identify_from_runs: {name} is not used: the times and starts are those of the records")
+                raise InputError(f"identify_from_runs: {name} is not used: the records determine the times and the starts")
         self.keywords = {"check_limits": False, **keywords, "monitors": False}
         for i, run in enumerate(self.runs):
             self._require_record(i, run)

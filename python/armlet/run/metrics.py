@@ -148,7 +148,7 @@ def metrics(
     Args:
         run: the run, or the batch.
         reference: a reference in place of the law's motion or target, (n,) or (K, n), rad or m.
-        band: band of the settling time, a number or (n,), rad or m. None takes `settle` times the largest error of the joints with the
+        band: band of the settling time, a number or (n,), rad or m. None means `settle` times the largest error of the joints with the
             same unit.
         settle: relative band of the settling time, dimensionless, if `band` is None.
         tolerance: relative tolerance of the monitors, dimensionless.

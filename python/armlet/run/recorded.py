@@ -91,7 +91,7 @@ class Recorded:
         self.sensitivity: dict[str, Any] | None = given.pop("sensitivity", None)
         self._dense: tuple[DenseOutput, int] | None = given.pop("dense", None)
         if given:
-            raise InputError(f"{type(self).__name__}: fields are unknown: expected those of a run, got {sorted(given)}")
+            raise InputError(f"{type(self).__name__}: fields are unknown: expected fields of a run, got {sorted(given)}")
 
     @cached_property
     def parameters(self) -> Array | None:

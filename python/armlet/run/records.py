@@ -82,7 +82,7 @@ class Run(_Stored):
         (2, 1)
         """
         if self._dense is None:
-            raise InputError("Run.sample: the run kept no polynomials: expected one of simulate(dense=True) with an adaptive method")
+            raise InputError("Run.sample: the run kept no polynomials: expected a run of simulate(dense=True) with an adaptive method")
         dense, states = self._dense
         values, n = dense(t), self.q.shape[-1]
         parts = [values[..., k : k + n] if k < states else None for k in range(n, 4 * n, n)]
@@ -95,7 +95,7 @@ class Run(_Stored):
         self.status = Status(int(status))
 
     def plot(self, fig: Any = None) -> Any:
-        """Draw the figure for the run's law, and return its axes. Needs matplotlib (`armlet[plot]`).
+        """Draw the figure for the run's law, and return its axes. It requires matplotlib (`armlet[plot]`).
 
         Args:
             fig: a matplotlib figure for the drawing; None makes one with pyplot.
@@ -108,7 +108,7 @@ class Run(_Stored):
         return plot(self, fig)
 
     def animate(self, path: str | PathLike[str], arm: Any = None, **keywords: Any) -> None:
-        """Write a film of the arm in motion, GIF or MP4. Needs matplotlib (`armlet[plot]`).
+        """Write a film of the arm in motion, GIF or MP4. It requires matplotlib (`armlet[plot]`).
 
         Args:
             path: path of the file. The format is MP4 if the name ends in .mp4, else GIF.
@@ -128,7 +128,7 @@ class Run(_Stored):
         to_csv({"t": self.t, **self._table()}, path)
 
     def to_parquet(self, path: str | PathLike[str]) -> None:
-        """Write the table of `to_pandas` as Parquet. Needs pyarrow (`armlet[data]`).
+        """Write the table of `to_pandas` as Parquet. It requires pyarrow (`armlet[data]`).
 
         Args:
             path: path of the file.
@@ -136,7 +136,7 @@ class Run(_Stored):
         to_parquet({"t": self.t, **self._table()}, path)
 
     def to_xarray(self) -> xr.Dataset:
-        """Convert the series of the run to a dataset of xarray. Needs xarray (`armlet[data]`).
+        """Convert the series of the run to a dataset of xarray. It requires xarray (`armlet[data]`).
 
         Returns:
             A dataset with the coordinates `t` (s) and `joint`. The attribute `units` of each series is its unit.
@@ -144,7 +144,7 @@ class Run(_Stored):
         return to_xarray(self)
 
     def to_pandas(self) -> pd.DataFrame:
-        """Convert the series of the run to a table of pandas. Needs pandas (`armlet[data]`).
+        """Convert the series of the run to a table of pandas. It requires pandas (`armlet[data]`).
 
         Returns:
             A table with one row per recorded time (index `t`, s) and the columns q1.., v1.., tau1.., .., and the monitors.
@@ -214,7 +214,7 @@ class BatchRun(_Stored):
         return (self[i] for i in range(len(self)))
 
     def to_pandas(self) -> pd.DataFrame:
-        """Convert the series of all runs to one table of pandas. Needs pandas (`armlet[data]`).
+        """Convert the series of all runs to one table of pandas. It requires pandas (`armlet[data]`).
 
         Returns:
             A table with the columns of `Run.to_pandas`, indexed by (run, t).

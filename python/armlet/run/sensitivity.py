@@ -77,7 +77,7 @@ class Sensitivity:
         return f"Sensitivity({self.name!r}, shape={self.shape}, {rows}{self.q.shape[-3]} records)"
 
     def plot(self, fig: Any = None) -> Any:
-        """Draw the derivatives over time: a column for each joint, rows of position, velocity and input. Needs matplotlib (`armlet[plot]`).
+        """Draw the derivatives over time: a column per joint, rows for position, velocity and input. It requires matplotlib (`armlet[plot]`).
 
         Args:
             fig: a matplotlib figure for the drawing; None makes one with pyplot.
@@ -134,7 +134,7 @@ def vary_rows(function: str, plant: Any, law: Any, q0: Any, keywords: Mapping[st
         if not isinstance(each, _core.Law):
             raise InputError(f"{function}: law has no derivatives: expected laws of armlet, got {shown(each)} (first bad index {i})")
     if not laws or not plants:
-        raise InputError(f"{function}: plant or law is empty: expected one, or one per row, got []")
+        raise InputError(f"{function}: plant or law is empty: expected one object, or one per row, got []")
     starts = {"q0": _core.numbers(function, "q0", q0, ("B", laws[0].arm.n))}
     rows = len(starts["q0"])
     if not rows:

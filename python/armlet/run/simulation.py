@@ -63,7 +63,7 @@ def simulate(
             arguments are `(t, q)` for a VelocityArm, and `(t, q, v, theta, theta_dot)` for an ElasticArm. Such a function is slow.
         q0: initial position, (n,), rad or m.
         t_end: length of the run, s.
-        dt: step of a fixed-step method, s. If `t_end` is not a multiple of `dt`, the last step is shorter. None takes the period of
+        dt: step of a fixed-step method, s. If `t_end` is not a multiple of `dt`, the last step is shorter. None means the period of
             `sample_time`. An adaptive method requires None.
         v0: initial velocity, (n,), rad/s or m/s; zero if None.
         theta0, theta_dot0: initial motor positions and velocities of elastic arms, (n,), rad and rad/s. With None the spring torques
@@ -85,7 +85,7 @@ def simulate(
         check_limits: action if `q0`, the target of the law or an end of its motion is outside of the joint limits. None warns, True
             raises an error, and False does neither.
         events: zero crossings that an adaptive method locates: `Event`s, or functions `g(t, q, v)`, which are Python inside
-            the loop. `Run.events` has the crossings. An event with `stop` ends the run with `Status.EVENT`.
+            the loop. `Run.events` contains the crossings. An event with `stop` ends the run with `Status.EVENT`.
         dense: store the polynomial of every step of an adaptive method. `run.sample(t)` then evaluates the state at any time.
         sensitivity: names of numbers of the loop, such as `["law.kp", "arm.parameters", "q0"]`. `Run.sensitivity` has the derivatives of
             all series with respect to these numbers, for explicit methods. The error for an unknown name lists the valid names. See
@@ -216,7 +216,7 @@ def simulate_batch(
             array of constants (B, k), or a list of B lists `[(t_start, F), ...]`.
         force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.
         monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
-        threads: number of worker threads, 1 to 1024; None takes ARMLET_NUM_THREADS, or else the number of cores. The batch uses at most
+        threads: number of worker threads, 1 to 1024; None means ARMLET_NUM_THREADS, or else the number of cores. The batch uses at most
             one thread per group of runs.
         keep: "all" keeps all records, "final" only the last state, and "metrics" the metrics of each run and its last record. Metrics are
             computed during the runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of

@@ -14,7 +14,7 @@ RIGID = {"kind": "RigidArm"}
 
 
 def needs_of(law: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of the tables that a law requires, including those that its inner law requires."""
+    """Names of the tables that a law requires, including tables that its inner law requires."""
     own = LAWS.kinds[law["kind"]].needs
     return (*own, *needs_of(law["law"])) if "law" in law else own
 

@@ -16,7 +16,7 @@ __all__ = ["classes_of", "derived"]
 
 
 def classes_of(base: type, listed: Container[str] = ()) -> list[type]:
-    """The classes of the extension that are derived from `base`, except those whose names are in `listed`."""
+    """The classes of the extension that are derived from `base`, except classes whose names are in `listed`."""
     below = [each for each in vars(_core).values() if isinstance(each, type) and issubclass(each, base)]
     return [each for each in below if each is not base and each.__name__ not in listed]
 
@@ -35,7 +35,7 @@ def derived(
     Args:
         kind: the class.
         fields: the field of each parameter, by name.
-        needs: names of other tables of the scenario. The constructor receives those that are among its parameters.
+        needs: names of other tables of the scenario. The constructor receives the objects of these tables that are among its parameters.
         required: keys that a table must have although the constructor has a default.
         known: keys that a table may omit although the constructor has no default.
         make: function that makes the object; None: the class.

@@ -174,7 +174,7 @@ class Names(Field):
 
 @dataclass(frozen=True)
 class Table(Field):
-    """A table with the keys `keys`. It must have those in `required`."""
+    """A table with the keys `keys`. The keys in `required` must be present."""
 
     keys: Mapping[str, Field]
     required: tuple[str, ...] = ()
@@ -220,7 +220,7 @@ class OneOf(Field):
     kinds: Mapping[str, Kind]
 
     def make(self, table: Mapping[str, Any], **others: Any) -> Any:
-        """Make the object of a table. `others` has the objects of other tables, of which the kind's `needs` are used."""
+        """Make the object of a table. `others` contains the objects of other tables. Those named in the kind's `needs` are used."""
         name = table["kind"]
         kind = self.kinds[name]
         if missing := [need for need in kind.needs if need not in others]:

@@ -46,7 +46,7 @@ class Scenario:
         name: name of the scenario in messages, such as the path of its file.
 
     Raises:
-        InputError: a key is unknown or missing, or its value is not valid; the message has its path and the valid values.
+        InputError: a key is unknown or missing, or its value is not valid; the message contains its path and the valid values.
 
     Source: docs/scenarios.md.
 
@@ -338,7 +338,7 @@ def _missing(table: str, values: Mapping[str, Any]) -> tuple[str, ...]:
 def change(data: dict[str, Any], path: str, value: Any) -> None:
     """Set one entry of the tables `data`. `path` names the entry, such as `law.kd[1]`."""
     if not isinstance(path, str):
-        raise InputError(f"scenario: {shown(path)} is not a path: expected one like law.kp or run.q0[1]")
+        raise InputError(f"scenario: {shown(path)} is not a path: expected a path such as law.kp or run.q0[1]")
     require_shallow("scenario", path, value)
     steps = _steps(path)
     place: Any = data
@@ -361,7 +361,7 @@ def _steps(path: str) -> tuple[str | int, ...]:
     steps = tuple(name or int(index) for name, index in STEP.findall(path))
     rebuilt = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
     if not steps or rebuilt != path:
-        raise InputError(f"scenario: {path!r} is not a path: expected one like law.kp or run.q0[1], got {path!r}")
+        raise InputError(f"scenario: {path!r} is not a path: expected a path such as law.kp or run.q0[1], got {path!r}")
     return steps
 
 

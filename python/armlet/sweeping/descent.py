@@ -73,7 +73,7 @@ class Descent:
                     problem = f"expected names of {list(TERMS)} or a function of a run, got {shown(term)}"
                     raise InputError(f"tune: cost has no gradient: {problem}")
         require_still_reference("tune", loss, list(space))
-        #: Every candidate that was run. `paid` has the cost of each candidate.
+        #: Every candidate that was run. `paid` contains the cost of each candidate.
         self.tried: list[Row] = []
         self.paid: list[float] = []
 

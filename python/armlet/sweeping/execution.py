@@ -46,11 +46,11 @@ class SweepTable(dict[str, NDArray[Any]]):
     """The table of a sweep, a dict of columns with one row per cell.
 
     The columns are `cell`, the varied paths, `status` (integers of `armlet.Status`) and the metrics. If a cell raised an error or its
-    worker died, a last column `error` has the text of the error. The text is empty for the other cells.
+    worker died, a last column `error` contains the text of the error. The text is empty for the other cells.
     """
 
     def to_pandas(self) -> pd.DataFrame:
-        """Convert the table to a table of pandas. Needs pandas (`armlet[data]`).
+        """Convert the table to a table of pandas. It requires pandas (`armlet[data]`).
 
         Returns:
             A pandas table, indexed by `cell`.
@@ -74,7 +74,7 @@ class SweepTable(dict[str, NDArray[Any]]):
         """Draw a metric over the first two varied quantities.
 
         Args:
-            quantity: name of the metric's column; None takes the first metric.
+            quantity: name of the metric's column; None means the first metric.
             fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
         Returns:
@@ -134,14 +134,14 @@ def sweep(
     Args:
         scenario: the scenario, or the path of its file.
         vary: values by path (`"law.kd[0]"`): a list, `{"linspace": [a, b, n]}` or `{"geomspace": [a, b, n]}`. With `draws` also
-            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None takes the scenario's `[sweep]`.
+            `{"uniform": [a, b]}`, `{"log_uniform": [a, b]}`, `{"normal": [mean, deviation]}`. None means the scenario's `[sweep]`.
         draws: number of random cells, at most 10^8. None runs every combination of the listed values.
-        seed: seed of the draws, and of noise and jitter in the runs. None takes the seed of the scenario, or 0 if it has none.
+        seed: seed of the draws, and of noise and jitter in the runs. None means the seed of the scenario, or 0 if it has none.
         out: path of the folder for finished chunks and the file `sweep.json`; None stores nothing.
         executor: any `concurrent.futures.Executor`, such as `ProcessPoolExecutor(8)` or dask's `client.get_executor()`. None uses the
             threads of this process.
-        chunk: number of cells per chunk. None takes up to 256, and fewer for long runs.
-        threads: number of threads per chunk. None takes 1 with an executor, and else the default of `simulate_batch`.
+        chunk: number of cells per chunk. None means up to 256, and fewer for long runs.
+        threads: number of threads per chunk. None means 1 with an executor, and else the default of `simulate_batch`.
         progress: True writes the number of finished cells and the remaining time to standard error. A function is called with the number
             of finished cells and the number of all cells.
         **metrics: arguments of `armlet.metrics`: `band`, `settle`, `tolerance`, `reference`, `frame`.

@@ -111,7 +111,7 @@ def tune(
     progress: Callable[[int, float], object] | bool | None = None,
     **metrics: Any,
 ) -> Tuning:
-    """Search for the gains, or any other values of a scenario, with the lowest cost. Needs scipy (`armlet[tune]`).
+    """Search for the gains, or any other values of a scenario, with the lowest cost. It requires scipy (`armlet[tune]`).
 
     Each generation of candidates, under all conditions, is one batch. The same seed has the same result, to the bit, for every number of
     threads.
@@ -131,7 +131,7 @@ def tune(
         generations: largest number of generations after the first. With gradients: largest number of iterations per start.
         starts: number of starts of a gradient search. The first start has the scenario's values. All other starts are random.
         tolerance: the search ends when the standard deviation of the candidates' costs, divided by their mean, is below this value. With
-            gradients a search from one start ends when an iteration lowers its cost by less than this fraction. None takes 0.01, and 1e-6
+            gradients a search from one start ends when an iteration lowers its cost by less than this fraction. None means 0.01, and 1e-6
             with gradients.
         seed: seed of the search, and of noise and jitter in the runs.
         threads: number of threads, as for `simulate_batch`.

@@ -42,7 +42,7 @@ impl LimitCheck {
         Ok(if flag(function, "check_limits", value)? { LimitCheck::Refuse } else { LimitCheck::Ignore })
     }
 
-    /// Check the positions `values`, `(.., n)`, of an argument against the joint limits of `arm`.
+    /// Check the positions `values`, `(.., n)`, of an argument against the joint limits of `arm`. With `of_rows` the message names the row.
     pub fn rows(self, py: Python<'_>, function: &str, argument: &str, arm: &Arm, values: &[f64], of_rows: bool) -> Result<(), Failure> {
         if self == LimitCheck::Ignore {
             return Ok(());

@@ -15,7 +15,7 @@ pub type Stepping = Box<dyn Adaptive<f64, Field, Vec<f64>> + Send + Sync>;
 const MOST_STEPS: f64 = 1e12;
 /// The number of `(n, n)` matrices in the memory estimate of an implicit method: the Jacobian, and complex decompositions with copies.
 const MATRICES: u128 = 8;
-/// The number of `(n,)` vectors in the memory estimate of the method with the most stages, including those for calls of Python.
+/// The number of `(n,)` vectors in the memory estimate of the method with the most stages, including vectors for calls of Python.
 const VECTORS: u128 = 32;
 /// The number of `(n,)` vectors in the memory estimate of a method with fewer stages.
 const FEW_VECTORS: u128 = 16;

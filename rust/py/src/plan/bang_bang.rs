@@ -28,7 +28,7 @@ use pyo3::prelude::*;
 ///
 /// Returns:
 ///     A `BangBangReport` for numbers. Arrays broadcast, and return a `BangBangBatch` whose fields are arrays. If no duration is feasible,
-///     `feasible` is false, the durations are NaN, and `reason` has the limit, its place and the missing torque. This is not an error.
+///     `feasible` is false, the durations are NaN, and `reason` states the limit, its place and the missing torque. This is not an error.
 ///
 /// Raises:
 ///     InputError: a number is not finite, the inertia is not positive, or 0 is not between the limits.

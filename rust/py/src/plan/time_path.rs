@@ -180,7 +180,7 @@ fn path_of(
 ///         False does neither. With `q_min` or `q_max` there is no check.
 ///
 /// Returns:
-///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False, and `p.reason` has the reason.
+///     A `TimedPath`. Limits that allow no timing are not an error: `p.feasible` is False, and `p.reason` states the reason.
 ///
 /// Raises:
 ///     InputError: a shape is wrong, a number is not finite or out of range, or limits are missing. With `check_limits=True`, a waypoint
