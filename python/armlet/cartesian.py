@@ -263,7 +263,7 @@ def cartesian_path(
         raise InputError(f"{_NAME}: poses are too few: expected two or more, got {rows.shape[0]}")
     whole = PoseCurve(rows, turns if len(turns) == 3 else [], turns if len(turns) == 1 else [], kind == "spline", blend)
     if not whole.length > 0.0:
-        raise InputError(f"{_NAME}: poses are equal: expected two different ones")
+        raise InputError(f"{_NAME}: poses are equal: expected at least two different poses")
     new = np.concatenate([[True], np.diff(whole.along) > 1e-12 * whole.length])
     middles = _middles(arcs, new, columns, kind)
     try:

@@ -163,7 +163,7 @@ def integrate(
         events: functions g(t, y, *args) -> float. Their zero crossings are located to rounding. The attribute `direction` of a function
             selects crossings that rise (> 0) or fall (< 0) in the direction of the run. The attribute `terminal` is the number of crossings
             that ends the run (True: one).
-        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n). A sparse matrix is converted to a dense one.
+        jac: df/dy for the implicit methods, jac(t, y, *args) -> (n, n) or a constant (n, n). A sparse matrix becomes dense.
             None: differences of f. They are forward differences for "radau5" and "ros2", which tolerate their error, and central
             differences for "rodas4", whose order requires them. "rodas4" and "ros2" also take differences of f in time.
         jac_sparsity: pattern (n, n), zero where df/dy is always zero. Columns without a common row then need only one evaluation of f for

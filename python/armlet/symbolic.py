@@ -156,7 +156,7 @@ def _symbols(sympy: Any, n: int) -> Iterator[tuple[Any, ...]]:
 
 
 def of_planar_pr(parameters: Sequence[float]) -> Formulas:
-    """The formulas of the exam's PR robot: `M = [[A, B cos q2], [B cos q2, C]]`, `C = [[0, -B sin(q2) v2], [0, 0]]`, `g = 0`."""
+    """The formulas of the arm `planar_pr`: `M = [[A, B cos q2], [B cos q2, C]]`, `C = [[0, -B sin(q2) v2], [0, 0]]`, `g = 0`."""
     sympy = _sympy()
     q, v, v_r, a_r = _symbols(sympy, 2)
     A, B, C = symbols = sympy.symbols("A B C", real=True)

@@ -153,14 +153,14 @@ class PathTiming:
         p = self.motion
         u = np.diff(p.s_dot**2) / (2.0 * np.diff(p.s))
         jumps = np.abs(np.diff(u))
-        # A switch within a segment appears as two jumps, of which only the larger one is marked.
+        # A switch within a segment appears as two jumps. Only the larger jump is marked.
         after, before = np.append(jumps[1:], 0.0), np.append(0.0, jumps[:-1])
         return np.flatnonzero((jumps > JUMP * np.abs(u).max()) & (jumps >= after) & (jumps > before)) + 1
 
     def _phase_plane(self, ax: Axes) -> None:
         p = self.motion
         s = np.linspace(p.s[0], p.s[-1], 500)
-        # The axis is higher if this shows the edge of the infeasible region.
+        # The axis ends at 1.35 times the largest path speed, or at 3 times if no infeasible region is below 1.35 times.
         for height in (1.35, 3.0):
             top = height * float(p.s_dot.max())
             r = np.linspace(0.0, top, 400)

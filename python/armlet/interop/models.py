@@ -274,7 +274,7 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
             elif zero:
                 rotation = turn @ _about(axis, -zero)
             limited = bool(model.jnt_limited[j])
-            # Limits of the sum of the actuators' forces. If the two limits differ, the smaller one applies.
+            # Limits of the sum of the actuators' forces. Of the lower and the upper limit, the one with the smaller magnitude applies.
             forced = bool(model.jnt_actfrclimited[j])
             joints.append(
                 {

@@ -160,7 +160,7 @@ def solve_priority(
 
 
 def _bounds(v_min: ArrayLike | None, v_max: ArrayLike | None, n: int) -> tuple[Array, Array]:
-    """The lower and upper bounds (n,). A missing bound is minus the other one."""
+    """The lower and upper bounds (n,). A missing bound is minus the other bound."""
     if v_min is None and v_max is None:
         raise ValueError("solve_priority: v_max is missing: expected bounds for method sns")
     upper = -np.asarray(v_min, dtype=np.float64) if v_max is None else np.asarray(v_max, dtype=np.float64)

@@ -108,7 +108,7 @@ def _offset(aim: _Aim, arm: Any, t: Array, q: Array) -> Array:
 
 
 def _rotation(aim: _Aim, arm: Any, t: Array, q: Array) -> Array:
-    """Return the task's rows of `log(R_d R')`, rad. `R_d` has the rotation vector of the target, with zero in rows without a target."""
+    """Return the task's rows of `log(R_d R')`, rad. `R_d` has the target's rotation vector, with zeros in rows without a target."""
     wanted = np.zeros((*q.shape[:-1], 3))
     wanted[..., list(aim.rows)] = aim.at(t)
     R = where_finite(lambda q: arm.pose(q, aim.frame)[..., :3, :3], q)

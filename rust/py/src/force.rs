@@ -90,7 +90,7 @@ pub fn force(function: &'static str, value: &Bound<'_, PyAny>, rows: Option<&[us
     Ok(Force::steps(starts, values)?)
 }
 
-/// Store an exception, unless an earlier one is stored.
+/// Store an exception, unless an earlier exception is stored.
 pub fn keep(raised: &Raised, py: Python<'_>, function: &str, failure: Failure) {
     let error = match failure {
         Failure::Python(error) => error,

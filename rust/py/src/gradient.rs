@@ -61,7 +61,7 @@ impl Named {
             named.sizes.push(size);
         }
         if named.all.len() != shape[0] || named.sizes.iter().fold(0, |sum: usize, &size| sum.saturating_add(size)) != shape[0] {
-            return Err(input_error(value.py(), function, "sizes", format!("do not add up: expected {} in all", shape[0])).into());
+            return Err(input_error(value.py(), function, "sizes", format!("have a wrong sum: expected {} parameters", shape[0])).into());
         }
         require_runs(function, value, run, runs)?;
         Ok(named)
@@ -101,7 +101,7 @@ fn weighed(weights: &[f64], points: usize) -> armlet_core::error::Result<Vec<Par
 fn sizes(function: &str, value: &Bound<'_, PyAny>, parameters: usize) -> Result<Vec<usize>, Failure> {
     let sizes: Vec<usize> = value.extract()?;
     if sizes.iter().try_fold(0usize, |sum, &size| sum.checked_add(size)) != Some(parameters) {
-        return Err(input_error(value.py(), function, "sizes", format!("do not add up: expected {parameters} in all")).into());
+        return Err(input_error(value.py(), function, "sizes", format!("have a wrong sum: expected {parameters} parameters")).into());
     }
     Ok(sizes)
 }

@@ -33,7 +33,7 @@ UPRIGHT: Array = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 @dataclass(frozen=True)
 class Slider:
-    """A control for a number between `low` and `high`. With `powers` the slider shows its logarithm to base 10."""
+    """A control for a number between `low` and `high`. With `powers` the slider shows the logarithm of the number to base 10."""
 
     name: str
     label: str

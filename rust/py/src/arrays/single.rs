@@ -46,7 +46,7 @@ fn integer(value: &Bound<'_, PyAny>) -> Option<usize> {
     value.extract::<usize>().ok().filter(|_| !value.is_instance_of::<PyBool>())
 }
 
-/// A Python or numpy integer; `None` for other values and for booleans. An integer that 64 bits cannot represent becomes the nearest one.
+/// A Python or numpy integer; `None` for other values and for booleans. An integer outside the range of 64 bits becomes `isize::MAX`.
 pub fn signed(value: &Bound<'_, PyAny>) -> Option<isize> {
     if value.is_instance_of::<PyBool>() {
         return None;

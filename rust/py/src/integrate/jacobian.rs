@@ -1,6 +1,6 @@
 //! The Jacobian `df/dy` of a Python callable: a constant matrix, a callable, or difference quotients of `f`.
 //!
-//! One difference computes one column, or a group of columns that have no row in common. Sparse matrices are converted to dense ones,
+//! One difference computes one column, or a group of columns that have no row in common. Sparse matrices are converted to dense matrices,
 //! because the methods use dense decompositions.
 
 use super::settings::Settings;
@@ -146,7 +146,7 @@ fn each(groups: &[Vec<usize>]) -> impl Iterator<Item = (usize, usize)> {
     groups.iter().enumerate().flat_map(|(g, group)| group.iter().map(move |&k| (g, k)))
 }
 
-/// Convert a sparse matrix of the shape `(n, n)` to a dense one. Other objects are returned unchanged.
+/// Convert a sparse matrix of the shape `(n, n)` to a dense matrix. Other objects are returned unchanged.
 fn dense<'py>(py: Python<'py>, function: &str, name: &str, value: &Bound<'py, PyAny>, n: usize) -> PyResult<Bound<'py, PyAny>> {
     let Some(toarray) = value.getattr_opt("toarray")? else { return Ok(value.clone()) };
     let shape: Vec<usize> = value.getattr("shape")?.extract()?;

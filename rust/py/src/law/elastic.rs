@@ -46,7 +46,7 @@ struct Outer<'a, 'py> {
     options: Given<'a, 'py>,
 }
 
-/// Make the law of both loops. `target` reads the motion of the target for these axes.
+/// Make a law with a Cartesian impedance as the outer loop, and an inner loop. `target` reads the motion of the target for given axes.
 fn cartesian<'py>(
     given: &mut Arguments<'py>,
     outer: Outer<'_, 'py>,

@@ -10,7 +10,7 @@ use armlet_core::priority::PriorityOptions;
 use armlet_macros::entered;
 use pyo3::prelude::*;
 
-/// The name and the value of a keyword of both laws; `None` for a missing keyword.
+/// The name and the value of a keyword of a law; `None` for a missing keyword.
 type Keyword<'a, 'py> = (&'static str, Option<&'a Bound<'py, PyAny>>);
 
 impl<'py> Arguments<'py> {
