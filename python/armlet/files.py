@@ -68,7 +68,7 @@ def unpack(file: IO[bytes]) -> tuple[dict[str, NDArray[Any]], bool]:
 
 
 def _digest_of(file: IO[bytes], size: int) -> bytes:
-    """SHA-256, in hexadecimal, of the first `size` bytes. Afterwards the file position is behind them."""
+    """SHA-256, in hexadecimal, of the first `size` bytes. Afterwards the file position is `size`."""
     state = hashlib.sha256()
     file.seek(0)
     while size > 0:

@@ -55,7 +55,7 @@ def stated_samples(W: ArrayLike, tau: ArrayLike) -> Samples:
     rows, torques = _core.numbers("Adaptive", "concurrent", W, ("N", "n", "p")), _core.numbers("Adaptive", "concurrent", tau, ("N", "n"))
     stacked = rows.reshape(-1, rows.shape[-1])
     values = np.linalg.svd(stacked, compute_uv=False)
-    # This is the cut-off of numpy's `matrix_rank`.
+    # The cut-off of the singular values is the same as in numpy's `matrix_rank`.
     rank = int(np.count_nonzero(values > values.max(initial=0.0) * max(stacked.shape) * np.finfo(np.float64).eps))
     return Samples(rows, torques, np.arange(len(rows)), float(values[rank - 1]) if rank else 0.0, rank)
 

@@ -122,7 +122,7 @@ def swings(report: Report) -> None:
 
 
 def from_mass(report: Report) -> None:
-    """Check I = I_c + m d^2 and G = m g0 d. The link has mass m, its centre of mass at d, and inertia I_c about it."""
+    """Check I = I_c + m d^2 and G = m g0 d. The link has mass m, its centre of mass at d, and inertia I_c about this centre."""
     m, d, I_c = 3.0, 0.25, 0.06
     link = al.planar_arm([0.5], masses=[m], coms=[d], inertias=[I_c])
     # The exam measures angles from the downward vertical, the arm from the x axis.

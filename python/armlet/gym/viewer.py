@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Viewer", "viewer_for"]
 
 SIZE = 480  # width and height of a picture, pixels
-#: Number of random configurations within the limits. The range of the picture contains the arm in all of them.
+#: Number of random configurations within the limits. The picture is large enough for the arm in all these configurations.
 SAMPLES = 200
 
 

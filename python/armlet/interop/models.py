@@ -250,7 +250,7 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
     followers = mujoco_model.followers(model) if mimic == "joined" else {}
     joints, frames, report = [], [], []
     armature, damping = mujoco_model.motors(model)
-    carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body: joint, and pose in its frame
+    carrier: list[tuple[int, _Array, _Array]] = [(-1, np.eye(3), np.zeros(3))]  # for each body: its joint and its pose in the joint
     frames.append({"name": _name(model, "body", 0), "body": -1, "placement": (np.eye(3), np.zeros(3))})
     for body in range(1, model.nbody):
         parent, turn, at = carrier[model.body_parentid[body]]

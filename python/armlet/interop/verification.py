@@ -328,7 +328,7 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
         q, v, a = rng.uniform(-1.0, 1.0, (3, arm.n))
         peer.at(q, v)
         for frame in frames:
-            # These differences are absolute (m), because a frame at the base has the position zero.
+            # The differences of poses and Jacobians are absolute (m), because a frame at the base has the position zero.
             compare("pose", arm.pose(q, frame), peer.pose(frame), frame, scale=1.0)
             compare("jacobian", arm.jacobian(q, frame), peer.jacobian(frame), frame, scale=1.0)
         mass = peer.mass_matrix()

@@ -86,7 +86,7 @@ class Arm(Mechanism):
         carrier: list[tuple[int, Array]] = []  # for the frame of each joint: its moving body, and the constant offset from the body
         parents: list[int] = []
         places, twists, moving = [], [], []
-        seats: dict[int, int] = {}  # from the index of a moving joint in the list to its index among the moving joints
+        seats: dict[int, int] = {}  # for the list index of each moving joint: its index among the moving joints
         inertias: list[Array] = []
         for index, joint in enumerate(joints):
             above = int(joint.get("parent", index - 1))

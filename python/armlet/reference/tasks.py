@@ -177,7 +177,7 @@ class AxisTask(Task):
     def error(self, arm: Arm, q: Array, target: Array) -> Array:
         a, d = arm.pose(q, self.frame)[:3, :3] @ self.axis, _unit(target)
         middle, B = a + d, self._turned(arm, q)
-        if np.linalg.norm(middle) < 1e-15:  # for opposite directions, the rotation is pi about b1
+        if np.linalg.norm(middle) < 1e-15:  # the directions are opposite, so the rotation is pi about b1
             return np.array([np.pi, 0.0])
         # The rotation by pi about a, and then by pi about the direction m in the middle, is the shortest rotation from a to d.
         m = _unit(middle)

@@ -54,7 +54,7 @@ class RunIdentification:
         laws: the law of each run with the identified numbers.
         runs: the runs of the identified loop, at the times of the records.
         iterations: number of steps of the search.
-        converged: whether the last step lowered the sum by less than the tolerance, or no step lowers it.
+        converged: whether the last step lowered the sum by less than the tolerance, or no step lowers the sum.
     """
 
     values: dict[str, Array]

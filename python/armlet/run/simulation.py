@@ -118,7 +118,7 @@ def simulate(
     keywords = locals()  # a new dictionary; the core does not read its entries plant, law and q0
     keywords["events"] = searched = watched(events)
     names = None if sensitivity is None else require_names("simulate", "sensitivity", sensitivity)
-    # This raises the errors of invalid names before the run.
+    # `vary` raises the errors of invalid names before the run.
     loops = None if names is None else vary("simulate", plant, law, q0, keywords, names)
     fields = _core.simulate(plant, law, q0, keywords)
     fields["sampled"] = sample_time is not None
@@ -259,7 +259,7 @@ def simulate_batch(
     if sensitivity is not None:
         if keep != "all":
             raise InputError(f'simulate_batch: sensitivity is not used: expected None with keep="{keep}", got {shown(sensitivity)}')
-        # This raises the errors of invalid names before the runs.
+        # `vary_rows` raises the errors of invalid names before the runs.
         loops = vary_rows("simulate_batch", plants, laws, q0, keywords, require_names("simulate_batch", "sensitivity", sensitivity))
     if report is not None or out is not None or measured_by_records(keywords):
         batch = in_pieces(plants, laws, q0, keywords, report, out, undisturbed)

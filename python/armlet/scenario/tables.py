@@ -43,7 +43,7 @@ ALONG = Numbers(depth=2, scalar=False, low=0.0, strict=True)
 
 def _urdf(path: str | None = None, xml: str | None = None, **keywords: Any) -> _core.Arm:
     if (path is None) == (xml is None):
-        raise InputError("urdf: path is missing: expected a path, or xml with the text itself, and not both")
+        raise InputError("urdf: path is missing: expected either path, or xml with the text of the robot file")
     try:
         return _core.load_urdf(path or xml or "", **keywords)
     except ModelError:

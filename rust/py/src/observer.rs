@@ -92,7 +92,7 @@ pub type Links = (Model, Gain, [Vec<f64>; 2]);
 type Rows = (Vec<usize>, Vec<f64>);
 
 impl MomentumObserver {
-    /// Lock the observer. The interpreter lock is released while this waits, because the thread that holds the observer may need it.
+    /// Lock the observer. A waiting thread releases the interpreter lock, because the thread that holds the observer may need this lock.
     fn observed(&self, py: Python<'_>) -> MutexGuard<'_, Observed> {
         self.observed.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }

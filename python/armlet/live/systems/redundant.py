@@ -1,4 +1,5 @@
-"""A seven-axis arm under Cartesian impedance. A spring holds its tip, and the null space moves to a posture. Pull the elbow, or the tip.
+"""A seven-axis arm under Cartesian impedance. One spring holds its tip. In the null space another spring moves the joints to a
+posture. Pull the elbow, or the tip.
 
     tau = J' F + N' tau_0 + g,   F = K (x_d - x) - D J v,   tau_0 = K_n (q_n - q) - D_n v
     compensated:   tau += C v,   F -= L J_dot v,   L = (J M^-1 J')^-1

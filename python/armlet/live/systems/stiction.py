@@ -23,7 +23,7 @@ __all__ = ["Stiction"]
 LENGTH, MASS, INERTIA = 0.6, 1.0, 0.41  # m, kg, kg m^2 about the centre of mass: 0.5 about the joint
 SPEED, VISCOUS = 0.05, 0.1  # Stribeck speed, rad/s, and viscous friction, N m s/rad
 STILL = 1e-3  # a link slower than this counts as stuck, rad/s
-BRISTLES = {"stiffness": 1e4, "damping": 70.0}  # of LuGre friction, N m/rad and N m s/rad
+BRISTLES = {"stiffness": 1e4, "damping": 70.0}  # stiffness, N m/rad, and damping, N m s/rad, of the bristles of LuGre friction
 
 
 class Stiction(System):

@@ -297,7 +297,7 @@ impl Arm {
     }
 }
 
-/// The error of an argument that is not finite. The core reports such a number without the argument, so this function searches for it.
+/// The error of an argument that is not finite. The core reports such a number without the argument, so this function finds the argument.
 fn whose<const K: usize>(failure: Failure, function: &str, names: [&str; K], values: [&Bound<'_, PyAny>; K]) -> Failure {
     match failure {
         Failure::Core(error) => require_all_finite(function, names, values).err().unwrap_or(error.into()),
