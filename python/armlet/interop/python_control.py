@@ -43,8 +43,8 @@ def to_control(
     """Convert an arm, or the closed loop of an arm and a law, to a system of python-control (`armlet[control]`).
 
     The inputs of an arm are `tau1..`, N m or N (`u1..` of a velocity-controlled arm, rad/s or m/s). The inputs of a loop are disturbances
-    `d1..`, which are added to the arm's inputs. The states are `q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`. The outputs are the
-    states and, of a loop, also the law's `tau1..`.
+    `d1..`, which are added to the arm's inputs. The states are `q1..`, `v1..`, `theta1..`, `theta_dot1..`, `estimate1..`. The outputs are
+    the states and, of a loop, also the law's `tau1..`.
 
     Args:
         plant: the plant, without a wall; an arm means `RigidArm(arm)`.
