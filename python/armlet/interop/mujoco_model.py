@@ -22,7 +22,7 @@ def motors(model: Any) -> tuple[_Array, _Array]:
     """Armature and damping that actuators add to each joint, (njnt,) each: the actuator's value times the gear ratio squared."""
     armature, damping = np.zeros((2, model.njnt))
     for k in range(model.nu):
-        # Types 0 and 1 are transmissions to a joint, in axes of the joint or of its parent. For hinges and slides both have one gear ratio.
+        # Transmissions of the types 0 (joint axes) and 1 (axes of the parent) drive a joint. For hinges and slides they have one gear.
         if int(model.actuator_trntype[k]) in (0, 1):
             joint, gear = model.actuator_trnid[k, 0], float(model.actuator_gear[k, 0])
             # Actuators have these attributes since MuJoCo 4.

@@ -1,7 +1,8 @@
 """Samples for concurrent learning, written from the equations (Chowdhary and Johnson 2010; Parikh, Kamalapurkar and Dixon 2019).
 
 samples   W_j = Y(q_j, v_j, v_j, a_j), tau_j the torque without the torque of known rotors
-windows   W_j = [Y_M v] + int Y_D dt,  Y_D = Y_g + Y(q, v, v, 0) - Y_g - d/dt Y_M(q, v fixed),  by Simpson's rule; M' v by differences
+windows   W_j = [Y_M] + int Y_D dt,  [Y_M] the change of Y_M over the window,  M v = Y_M a,  g - C' v = Y_D a,
+          Y_D = Y(q, v, v, 0) - d/dt Y_M(q, v fixed);   Simpson's rule, and M' v by differences
 selection two samples are exchanged   while this increases the smallest singular value of the stacked W_j
 """
 
@@ -45,22 +46,22 @@ def window_rows(law: Any, t: Array, q: Array, v: Array, tau: Array, window: floa
     half = max(1, round(0.5 * window / h))
     simpson = np.ones(2 * half + 1)
     simpson[1:-1:2], simpson[2:-1:2] = 4.0, 2.0
-    left = np.r_[np.full(2 * half, h), 0.0]
-    own = law.arm.armature if "armature" not in law.kinds else np.zeros(law.arm.n)
+    held_weights = np.r_[np.full(2 * half, h), 0.0]
+    armature = law.arm.armature if "armature" not in law.kinds else np.zeros(law.arm.n)
     rows, torques = [], []
     for first in range(0, len(t) - 2 * half, half):
         at = range(first, first + 2 * half + 1)
         inertial = _momentum(law, q[at[-1]], v[at[-1]]) - _momentum(law, q[first], v[first])
         inertial = inertial + sum(w * h / 3.0 * _drift(law, q[k], v[k]) for w, k in zip(simpson, at, strict=True))
-        beside = np.zeros((law.arm.n, law.arm.n * len(law.kinds)))
+        of_joints = np.zeros((law.arm.n, law.arm.n * len(law.kinds)))
         for w, k in zip(simpson, at, strict=True):
             entries = columns(v[k], np.zeros(law.arm.n), law.v_s, law.kinds)
-            beside += w * h / 3.0 * entries
+            of_joints += w * h / 3.0 * entries
         gained = v[at[-1]] - v[first]
-        beside += columns(np.zeros(law.arm.n), gained, law.v_s, law.kinds)
-        rows.append(np.hstack([inertial, beside]))
-        weights = left if held else simpson * h / 3.0
-        torques.append(weights @ tau[first : at[-1] + 1] - own * gained)
+        of_joints += columns(np.zeros(law.arm.n), gained, law.v_s, law.kinds)
+        rows.append(np.hstack([inertial, of_joints]))
+        weights = held_weights if held else simpson * h / 3.0
+        torques.append(weights @ tau[first : at[-1] + 1] - armature * gained)
     return np.array(rows), np.array(torques)
 
 

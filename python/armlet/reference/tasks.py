@@ -47,7 +47,7 @@ class Task:
 
     def _aim(self, target: Target, gain: ArrayLike, motion: Motion | None, damping: ArrayLike | None) -> None:
         given = target if motion is None else motion
-        self.aimless = given is None  # whether there is no target; then each call passes the task velocity
+        self.without_target = given is None  # if true, each call passes the task velocity
         self.motion: Motion = given if callable(given) else Hold(np.zeros(0) if given is None else given)
         self.gain, self.damping = gain, damping
         self.breaks: tuple[float, ...] = getattr(self.motion, "breaks", ())

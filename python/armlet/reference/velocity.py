@@ -65,7 +65,7 @@ class PriorityVelocity(Law):
         horizon: float = 0.1,
     ) -> None:
         self.arm, self.tasks, self.method, self.eps = arm, list(tasks), method, eps
-        if any(task.aimless for task in self.tasks):
+        if any(task.without_target for task in self.tasks):
             raise ValueError("PriorityVelocity: tasks is incomplete: expected a motion or target for each")
         self.gains = [task.gains(arm) for task in self.tasks]
         self.breaks = tuple(b for task in self.tasks for b in task.breaks)

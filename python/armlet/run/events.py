@@ -277,7 +277,7 @@ class Events:
             raise InputError(f"Events.of: event is unknown: expected an index or one of {', '.join(self.names)}, got {shown(event)}")
         rows = self.which == event
         parts = (None if part is None else part[rows] for part in (self.q, self.v, self.theta, self.theta_dot))
-        return Events(self.t[rows], self.which[rows], self.names, *parts)  # type: ignore[arg-type]  # the first is an array
+        return Events(self.t[rows], self.which[rows], self.names, *parts)  # type: ignore[arg-type]  # `q`, the first part, is an array
 
 
 @bordered

@@ -133,6 +133,6 @@ def along_tangents(loss: Callable[[Any], Any], run: Run, rates: Mapping[str, Arr
     central = (_finite("loss", moved(together, step)) - _finite("loss", moved(together, -step))) / (2.0 * step)
     expected, size = float(derivatives @ scales), float(np.abs(derivatives) @ scales)
     if not abs(central - expected) <= ANALYTIC * max(size, abs(central)) + 1e-9 * abs(_finite("loss", moved({}, 0.0))):
-        problem = f"a central difference is {central:.6g}, the complex step {expected:.6g}"
-        raise InputError(f"gradient: loss is not analytic: expected no abs, norm or conj, or (value, slopes), because {problem}")
+        problem = f"the derivative is {central:.6g} by difference, {expected:.6g} by complex step"
+        raise InputError(f"gradient: loss is not analytic: expected no abs, norm or conj, or (value, slopes); {problem}")
     return derivatives
