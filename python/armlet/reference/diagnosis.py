@@ -129,4 +129,4 @@ def macro_micro_class(q: ArrayLike, angle_tol: float = 1e-9) -> tuple[str, tuple
     for s2, s3, s4, name, ranks in MACRO_MICRO_CLASSES:
         if s2 == moved[0] and s4 == moved[2] and (s3 is None or s3 == moved[1]):
             return name, ranks
-    raise AssertionError("the table covers every sign pattern")
+    raise AssertionError("no row of the table matches the sines of q2, q3, q4")

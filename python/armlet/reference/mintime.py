@@ -80,7 +80,7 @@ class Link:
         low, high = min(r, p), max(r, p)
         grid = np.linspace(low, high, 65 + int(64 * (high - low)))
         least = float((side * self.push(r, grid, tau)).min())
-        # Between grid points with the distance 1/64 the function decreases by at most G/64^2/8. Only a smaller minimum requires refinement.
+        # Between grid points with the distance 1/64 the mean torque decreases by at most G/64^2/8. So only smaller minima are refined.
         if p == r or least <= 0.0 or least > 1e-4 * abs(self.G):
             return p == r or least > 0.0
         return lowest(lambda x: side * self.push(r, x, tau), low, high)[1] > 0.0
