@@ -167,7 +167,7 @@ def table(rows: list[tuple[str, float, str, float, float]]) -> str:
         "With equal method, tolerance and function, `al.integrate` is faster than `solve_ivp`. Systems of 2 to 8 states are at "
         f"least {least['']:.1f} times faster with the state as an array, {least[', lists']:.1f} as a list (target 3). Both times include "
         "the time of the right-hand side. For Arenstorf's orbit, which computes with numpy scalars, the right-hand side takes most of "
-        "armlet's time. It also does for the Pleiades, which compute with arrays of 7 x 7.",
+        "armlet's time. The right-hand side also takes most of armlet's time for the Pleiades, which compute with arrays of 7 x 7.",
         "",
         "| problem | tolerance | case | ms | error | scipy's time / time |",
         "|---|---:|---|---:|---:|---:|",
