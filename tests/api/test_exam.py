@@ -19,7 +19,7 @@ QUESTIONS = {
     "the Jacobian of absolute angles": ("columns of J'_E = J_E T^-1", "The rotated frame"),
     "the rotated Jacobian": ("1J'_E = blockdiag(R', R') J'_E", "The rotated frame"),
     "the determinant": ("det J_E, J'_E, 1J'_E = l1 l2 l3 l4 sin q2 sin q4", "The rotated frame"),
-    "the target model": ("residual of the target model over its largest term", "The rigid arm in Cartesian coordinates"),
+    "the target model": ("residual of the target model divided by its largest term", "The rigid arm in Cartesian coordinates"),
     "equation (7)": ("equation (7) with g_x = J^-T g", "The rigid arm in Cartesian coordinates"),
     "the rest under a force": ("x at 12 s = x_E = x_d + K_m^-1 F (m)", "Exercise 3: elastic joints"),
     "the minimum time": ("T_min / sqrt(4 pi I / tau_max) - 1, largest", "Exercise 4: minimum time"),
