@@ -45,7 +45,11 @@ fn several<'py, T: pyo3::PyClass>(
 
 /// Read the number of threads. The Python value None means the default.
 pub fn threads_of(function: &str, value: Option<&Bound<'_, PyAny>>) -> Result<usize, Failure> {
-    value.map_or(Ok(core::default_threads()), |threads| Ok(parallel::require_threads(count(function, "threads", threads)?)?))
+    // The default is computed only if it is used, because it reads files of the system.
+    match value {
+        Some(threads) => Ok(parallel::require_threads(count(function, "threads", threads)?)?),
+        None => Ok(core::default_threads()),
+    }
 }
 
 /// The plants and the laws, one for all runs or one per run, and the keywords of the runs.
