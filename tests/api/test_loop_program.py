@@ -94,7 +94,8 @@ def test_a_small_loop_counted_by_hand() -> None:
         for kind, count in part.items():
             expected[kind] = expected.get(kind, 0) + count
     assert program.operations == expected and len(program) == sum(expected.values()) == 24
-    # The chain is q_d - q, kp e, - kd v, + B s v^2, C r, - B c r, / det, v + h a.
+    # The longest chain of dependent operations is q_d - q, kp e, - kd v, + B s v^2, C r, - B c r, / det, v + h a. The docstring has the
+    # symbols, and det = A C - (B c)^2.
     assert program.critical_path == 8
     assert (program.part, program.stage, program.stages) == ("step", "simplified", STAGES)
     assert program.parts["step"] == len(program.at("lowered")) > len(program)

@@ -46,7 +46,7 @@ def test_the_gradient_is_that_of_the_cost(name: str, drives: bool) -> None:
     _, gradient = of.cost(c)
     h = 1e-6
     numeric = np.array([(of.cost(c + h * unit)[0] - of.cost(c - h * unit)[0]) / (2.0 * h) for unit in np.eye(c.size)])
-    # The tolerance covers rounding of the cost divided by h, and h^2.
+    # The tolerance covers the rounding error of the cost divided by h, and the error of central differences, about h^2.
     np.testing.assert_allclose(gradient, numeric, rtol=1e-6, atol=1e-6 * np.abs(gradient).max())
 
 

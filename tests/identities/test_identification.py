@@ -46,7 +46,7 @@ def test_base_parameters(arm: al.Arm, extra: bool) -> None:
     np.testing.assert_allclose(small @ base.projection, full, rtol=0.0, atol=1e-11 * np.abs(full).max())
     pi = np.random.default_rng(2).normal(size=full.shape[-1])
     np.testing.assert_allclose(small @ (base.projection @ pi), full @ pi, rtol=0.0, atol=1e-11 * np.abs(full).max() * np.abs(pi).max())
-    # The number equals the rank of columns of norm one that numpy computes for other states.
+    # `base.count` equals the rank that numpy computes for the regressor at other states, with columns of norm one.
     stacked = full.reshape(-1, full.shape[-1])
     lengths = np.linalg.norm(stacked, axis=0)
     scaled = stacked[:, lengths > 1e-9 * lengths.max()] / lengths[lengths > 1e-9 * lengths.max()]

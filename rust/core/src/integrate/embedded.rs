@@ -87,7 +87,7 @@ pub struct Embedded<C, B, U, T = Tolerance> {
     estimates: Vec<B>,
     /// The rows of the dense output.
     rows: Vec<B>,
-    /// The times of the inputs of an attempt.
+    /// The times at which the stages of a tried step need the input.
     times: Vec<f64>,
     y: B,
     x: B,

@@ -166,7 +166,7 @@ mod tests {
                 let (ahead, behind) = (at(1e-5), at(-1e-5));
                 for k in 0..m * m {
                     let slope = (ahead[k] - behind[k]) / 2e-5;
-                    // The error of finite differences is h^2 times the third derivative, which is 1e4 for numbers up to 1/c = 20.
+                    // The error of finite differences is h^2 times the third derivative, 1e4 for an inverse of up to 1/c = 20.
                     assert!((out[k].rate - slope).abs() < 1e-4 * (1.0 + slope.abs()), "{m} {seed}: {} against {slope}", out[k].rate);
                 }
             }

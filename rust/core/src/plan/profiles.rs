@@ -220,7 +220,8 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
         }
     }
     let hold = upper.0 > f64::NEG_INFINITY && lower.0 < f64::INFINITY;
-    // The missing torque is the smallest widening of both bounds with a feasible k. A parabola finds the maximum between grid points.
+    // The torque of the motion is `k s'' + gravity`, with `k = I D / T^2`. The missing torque is the smallest widening of both torque
+    // bounds for which some `k` is feasible. Between grid points, the maximum is that of a parabola.
     let missing = if hold && upper.0 > 0.0 && upper.0 >= lower.0 {
         0.0
     } else {

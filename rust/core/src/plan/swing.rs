@@ -116,8 +116,8 @@ impl BackSwings for SwingSearch {
         };
         let (out, into) = (away.brake_length, towards.push_length);
         let (last, second) = rate(out.max(into));
-        // The shorter phase has the larger slope. If the slope of the longer phase is positive, `e` is far from a root. Then one coarse
-        // slope is sufficient.
+        // The derivative of the duration with respect to `e` is the sum of one term per phase. The shorter phase has the larger term. So if
+        // the term of the longer phase is positive, the sum is positive, and `e` is far from its root. Then one coarse term is sufficient.
         let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);

@@ -19,8 +19,8 @@ const MOST: usize = 12_000;
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
-    /// Record the algorithm `regular` as a program, for one row or for lanes. `stack` computes rounding, Jacobians and command from
-    /// `inputs` numbers. The results are a flag, then `v` and, if requested, the residuals. The flag is one if the results are valid,
+    /// Record the algorithm `regular` as a program, for one row or for lanes. From `inputs` numbers, `stack` computes the relative error of
+    /// the entries of the Jacobians (`rounding`), the Jacobians, and the command. The results are a flag, then `v` and, if requested, the residuals. The flag is one if the results are valid,
     /// otherwise zero. The return value is `None` if the program would be too long.
     pub fn recorded<T>(
         &self,
@@ -63,8 +63,8 @@ impl PrioritySolver {
 }
 
 impl PrioritySolver {
-    /// Record the algorithm `regular` for stacks of plain matrices. The arguments are Jacobians, command and rounding. The results are the
-    /// flag of validity, `v` and the residuals.
+    /// Record the algorithm `regular` for stacks of plain matrices. The arguments are Jacobians, command, and the relative error
+    /// `rounding` of the entries of the Jacobians. The results are the flag of validity, `v` and the residuals.
     pub(super) fn of_stacks(&self, lanes: bool) -> Option<Evaluation> {
         let (n, total) = (self.n(), self.rows().iter().sum::<usize>());
         let stack = |(), inputs: &[Sym]| {

@@ -43,7 +43,8 @@ impl<S: Real> Factor<S> {
             // The reflector is `w = x - alpha e1` with `alpha = -sign(x0) |x|`.
             let w = &mut w[at * n + at..(at + 1) * n];
             w.copy_from_slice(&row[at..]);
-            // The relation `w'y = x'y - alpha y1` is used. So these products can be computed before the norm is known.
+            // For each row `y` below, the product with the reflector is `w'y = x'y - alpha y1`. So `x'y` is computed here, before
+            // `alpha` is known.
             for (product_of, row) in products.iter_mut().zip(below.chunks_exact(n)) {
                 *product_of = product(w, &row[at..]);
             }

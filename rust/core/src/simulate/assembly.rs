@@ -34,7 +34,7 @@ pub trait Watched<S: Real>: System<S, Input = Exogenous<S>> {
     fn switch_joint(&mut self, _t: f64, _x: &mut [S], _joint: Option<usize>) {}
     /// For each joint with stick-slip friction, write the number that is negative when its present mode ends.
     fn margins(&mut self, _t: f64, _x: &[S], _out: &mut [f64]) {}
-    /// Pass the records that were stored within steps to the sink. `time(k)` is the time of step `k`.
+    /// Pass the records that a program stored while it computed several steps to the sink. `time(k)` is the time at the start of step `k`.
     fn pass_on(&mut self, _time: &dyn Fn(usize) -> f64, _: &mut dyn Sink) {}
 }
 

@@ -85,7 +85,8 @@ pub struct GroupRecorder<'a> {
     friction: &'a mut [f64],
     /// The times of the records.
     times: &'a [f64],
-    /// The monitors of records that no program computed. They are created at first use, because creation compiles an arm.
+    /// For each run, the monitors for records that have no monitors from a program. They are created at first use, because creation
+    /// compiles an arm.
     checks: Vec<Option<Box<Monitors<'a>>>>,
     first: usize,
     status: &'a mut [Status],

@@ -1,7 +1,7 @@
 //! Metrics of the runs of a batch, computed during the runs. This sink does not store records.
 //!
-//! A record is added when the next one arrives, because its trapezoidal weight depends on both neighbours. Programs add records by
-//! themselves, and pass the stored numbers to this sink.
+//! A record is added to the sums of the metrics when the next record arrives, because its trapezoidal weight depends on both neighbours.
+//! A program computes these sums without this sink, and passes them to it.
 
 use super::columns::Columns;
 use super::gauge::{Gauge, Identities, MetricInput, Start};
@@ -22,6 +22,7 @@ pub struct Measuring<'a> {
     /// The monitors of the last record.
     pub values: Vec<f64>,
     desired: Vec<f64>,
+    /// The sums and extrema from which the metrics are computed.
     kept: Vec<f64>,
     /// The index of the last record.
     count: usize,
@@ -36,7 +37,7 @@ pub struct Measuring<'a> {
     settled: Option<f64>,
     /// The time at which a monitor was not finite.
     pub fault: f64,
-    /// Whether a program has computed the stored numbers.
+    /// Whether a program has computed the sums `kept`.
     given: bool,
 }
 
@@ -64,7 +65,7 @@ impl<'a> Measuring<'a> {
         }
     }
 
-    /// Add the last record. `t` is the time of the next record, s.
+    /// Add the last record to the sums `kept`. `t` is the time of the next record, s.
     fn add(&mut self, t: f64) {
         sample_all(self.law.motions(), self.t, &mut self.desired);
         let plan = &self.gauge.plan;
@@ -117,7 +118,7 @@ impl<'a> Measuring<'a> {
         self.tau.copy_from_slice(tau);
     }
 
-    /// Take the stored numbers `kept` that a program has computed up to the present record. `time(i)` is the time of record `i`.
+    /// Take the sums `kept` that a program has computed up to the present record. `time(i)` is the time of record `i`.
     pub fn take(&mut self, kept: &[f64], time: &dyn Fn(usize) -> f64) {
         self.given = true;
         self.kept.copy_from_slice(kept);

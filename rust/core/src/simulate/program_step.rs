@@ -25,25 +25,25 @@ const LARGEST_TABLE: usize = 1 << 20;
 
 /// The fixed-step method of a recorded loop.
 pub struct ProgramStep<S> {
-    /// The instants of some steps, one after another.
+    /// The times at which some steps need the exogenous inputs, one step after another.
     times: Vec<f64>,
-    /// The exogenous inputs at the instants in `times`: one stream for all frames, or one stream per frame.
+    /// The exogenous inputs at `times`: one stream for all frames, or one stream per frame.
     streams: Vec<Frame>,
     /// Memory for the inputs of one lane, if lanes have different inputs.
     lane: Vec<f64>,
-    /// The table of a desired motion. If the knots of the table are the instants, its rows are used as the stream.
+    /// The table of a desired motion. If the knots of the table are `times`, its rows are used as the stream.
     table: Option<Table>,
     /// The index of the first number of the table that is used as the stream.
     at: Option<usize>,
     /// Whether all inputs are constant.
     still: bool,
-    /// The number of instants for which the streams are filled, if all inputs are constant.
+    /// The number of times for which `streams` already contains the inputs. If all inputs are constant, these need not be evaluated again.
     filled: usize,
     lanes: PhantomData<S>,
 }
 
-/// List the instants of steps. `steps` yields start, step size and end. The last instant of a step is omitted if the next step begins with
-/// it.
+/// Write to `times` the times at which `steps` need the exogenous inputs. `steps` yields start, step size and end. The last time of a
+/// step is omitted if the next step begins with it.
 fn instants(layout: &Layout, steps: impl Iterator<Item = [f64; 3]>, times: &mut Vec<f64>) {
     times.clear();
     let mut last = None;

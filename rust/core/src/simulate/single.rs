@@ -66,7 +66,7 @@ struct RunRecorder<'a> {
     /// The range of each series in a record.
     numbers: Vec<Range<usize>>,
     problem: &'a Problem<'a>,
-    /// The monitors. They are created at the first record that no program computed, because creation compiles an arm.
+    /// The monitors. They are created at the first record that has no monitors from a program, because creation compiles an arm.
     monitor: Option<Box<Monitors<'a>>>,
     values: Vec<f64>,
     /// The time at which a monitor was not finite.

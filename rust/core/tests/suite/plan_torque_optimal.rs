@@ -139,7 +139,7 @@ fn drive(p: &Problem, o: &TorqueOptimum, steps: usize) -> (f64, f64) {
     (q, v)
 }
 
-/// Return the smallest kinetic energy of the monotone motion, relative to the work scale, by sampling of `cos`.
+/// Return the smallest quotient of the kinetic energy of the monotone motion and the distance to the nearer end, by sampling of `cos`.
 fn sampled_margin(p: &Problem) -> f64 {
     let s = if p.thetaf >= p.theta0 { 1.0 } else { -1.0 };
     let (x0, x1) = (s * p.theta0, s * p.thetaf);
@@ -150,7 +150,7 @@ fn sampled_margin(p: &Problem) -> f64 {
         let x = x0 + (x1 - x0) * k as f64 / n as f64;
         let push = up * (x - x0) - p.gravity * (x0.cos() - x.cos());
         let brake = down * (x1 - x) - p.gravity * (x1.cos() - x.cos());
-        // The energy is divided by the distances to the ends. So samples near the ends have the same weight.
+        // The energy is divided by the distance to the nearer end, because it is zero at both ends.
         least = least.min(push.min(brake) / (x - x0).min(x1 - x));
     }
     least
