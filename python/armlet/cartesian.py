@@ -79,7 +79,7 @@ class _Problem(NamedTuple):
 @bordered
 @sealed
 class CartesianPath:
-    """A joint path along poses, made by `cartesian_path`. `path(s)` returns `q, q', q''`, each `(..., n)`. `time_path` accepts it.
+    """A joint path along poses, made by `cartesian_path`. `path(s)` returns `q, dq/ds, d2q/ds2`, each `(..., n)`. `time_path` accepts it.
 
     Attributes:
         s: path positions of the knots, 0 to 1, `(K,)`.

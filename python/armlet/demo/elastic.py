@@ -156,7 +156,10 @@ def force_step(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.Elasti
 
 
 def printed_run(arm: al.Arm, u: Callable[[Array, Array, Array], Array], t_end: float, dt: float = 1e-3) -> tuple[Array, Array]:
-    """Simulate the loop with another outer law u(q, v, J), by RK4 in numpy, because armlet has no such law. Return times and q (K, 2)."""
+    """Simulate the elastic arm with the outer law u(q, v, J), N m, which is not a law of armlet. The method is RK4 in numpy.
+
+    J is the linear Jacobian of the frame "link2", (2, 2), m. Returns the times (K,), s, and the positions q (K, 2), rad.
+    """
     D0 = 2.0 * np.sqrt(B0 * K_J)
 
     def rate(x: Array) -> Array:

@@ -28,7 +28,10 @@ def rows(matrix: Array, vector: Array) -> Array:
 
 
 def cartesian(arm: al.Arm, run: al.Run, force: Array, rate: ArrayLike) -> dict[str, Array]:
-    """The terms of (7) along a run of an arm with a square Jacobian, (K, 2) each. `rate` is the velocity argument of C."""
+    """The terms of M_x x'' + S_x x' + g_x = J^-T tau + F along a run of an arm with a square Jacobian, (K, 2) each.
+
+    `rate` is the velocity argument of the Coriolis matrix C in S_x.
+    """
     assert run.tau is not None
     J, J_dot = arm.jacobian(run.q, "link2")[:, :2], arm.jacobian_dot(run.q, run.v, "link2")[:, :2]
     wrench = np.concatenate([force, np.zeros(4)])

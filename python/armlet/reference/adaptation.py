@@ -48,7 +48,10 @@ def _negative(A: Array) -> Array:
 
 
 def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
-    """The rates gamma G^-1 y of every body, (10 n,), with gamma (n,)."""
+    """The rates gamma G^-1 y of the estimates of all bodies, (10 n,), with y = Y's, gamma (n,) and G_kl = tr(P^-1 E_k P^-1 E_l).
+
+    P is the pseudo-inertia of the estimate of a body. E_k is the pseudo-inertia of the parameter k alone.
+    """
     rates = []
     for P, push, speed in zip(_bodies(estimate), y.reshape(-1, 10), gamma, strict=True):
         turned = np.linalg.solve(P, PSEUDO)
@@ -57,7 +60,7 @@ def natural_rate(estimate: Array, y: Array, gamma: Array) -> Array:
 
 
 def divergence(pi: Array, estimate: Array) -> Array:
-    """The distance d(P || P_hat) of every body, (n,)."""
+    """The distance d(P || P_hat) = log(|P_hat| / |P|) + tr(P_hat^-1 P) - 4 between the pseudo-inertias of pi and the estimate, (n,)."""
     P, P_hat = _bodies(pi), _bodies(estimate)
     logs = np.linalg.slogdet(P_hat)[1] - np.linalg.slogdet(P)[1]
     return np.asarray(logs + np.trace(np.linalg.solve(P_hat, P), axis1=-2, axis2=-1) - 4.0)
@@ -89,7 +92,10 @@ def nearest_start(estimate: Array, least: Array) -> Array:
 
 
 def projected_rate(gamma: Array, estimate: Array, y: Array, least: Array) -> Array:
-    """The corrected rate Gamma (y - c g). An estimate that starts above the smallest bodies stays above half of them."""
+    """The rate Gamma (y - c g) of the estimate, with y = Y's. The correction c g keeps the estimate near or above the smallest bodies.
+
+    `least` has the parameters of the smallest bodies. An estimate that starts above them stays above half of them.
+    """
     beside = np.zeros(y.size - least.size)
     estimate = estimate[: least.size]
     inverse = _spectral(_bodies(least), lambda x: x**-0.5)

@@ -33,7 +33,10 @@ def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike
 
 
 def gradient(loss: Callable[[Array], float], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
-    """The derivatives of the number `loss(value)` with respect to the entries of `value`, in the shape of `value`."""
+    """The derivatives of the number `loss(value)` with respect to the entries of `value`, in the shape of `value`.
+
+    The steps of the central differences are `step size`. For None, `size` is the magnitude of each entry, or 1 for a zero.
+    """
     return sensitivity(lambda at: np.asarray(loss(at)), value, size, step).reshape(np.shape(value))
 
 

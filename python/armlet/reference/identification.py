@@ -99,7 +99,11 @@ def identify(
     noise: ArrayLike | None = None,
     cutoff: float = 1e-6,
 ) -> Identification:
-    """Base parameters from samples (..., n) of motion and torque, by one dense least-squares problem."""
+    """Estimate base parameters from samples (..., n) of motion and torque, by one dense least-squares problem.
+
+    With `armature` and `friction` these parameters of the joints are estimated too. `noise` has the standard deviations of the torques,
+    (n,), N m or N. Singular values below `cutoff` times the largest one are dropped.
+    """
     q, v, a, tau = (np.asarray(x, dtype=np.float64).reshape(-1, arm.n) for x in (q, v, a, tau))
     base = base_parameters(arm, armature=armature, friction=friction)
     known = tau if armature else tau - arm.armature * a

@@ -48,7 +48,10 @@ def complex_steps(q: Array) -> NDArray[np.complex128]:
 
 
 class Expansion(NamedTuple):
-    """The unit energies at q and derivatives: M_k (..., p, n, n), dM_k/dq_l (..., l, p, n, n), U_k (..., p), dU_k/dq_i (..., p, n)."""
+    """The unit energies M_k and U_k at q, with M = sum pi_k M_k and U = sum pi_k U_k, and their derivatives.
+
+    The fields are M_k (..., p, n, n), dM_k/dq_l (..., l, p, n, n), U_k (..., p) and dU_k/dq_i (..., p, n).
+    """
 
     mass: Array
     mass_slopes: Array
@@ -57,7 +60,10 @@ class Expansion(NamedTuple):
 
 
 class Mechanism:
-    """An arm with parameters (p,) and unit energies M_k(q), U_k(q). All functions broadcast over leading axes."""
+    """An arm with parameters pi (p,), mass matrix M(q) = sum pi_k M_k(q) and potential energy U(q) = sum pi_k U_k(q).
+
+    M_k and U_k are the *unit energies*. All functions broadcast over leading axes.
+    """
 
     def __init__(self, n: int, parameters: ArrayLike, armature: ArrayLike = 0.0) -> None:
         self.n = n

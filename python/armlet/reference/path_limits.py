@@ -48,7 +48,7 @@ def leaves_range(q: Callable[[Array], Array], ends: Array, q_min: ArrayLike | No
 
 
 def tip_slopes(position: Callable[[Array], Array], s: Array, inside: tuple[float, float]) -> tuple[Array, Array]:
-    """p' and p'' (K, 3) at s (K,), from points of the path between the two ends `inside` of a smooth part."""
+    """dp/ds and d2p/ds2 (K, 3) of the position p(s) at s (K,), by differences between the two ends `inside` of a smooth part."""
     h = STEP * (inside[1] - inside[0])
     at = np.clip(s, inside[0] + 2 * h, inside[1] - 2 * h)
     far, near, mid, on, last = (position(at + k * h) for k in (-2, -1, 0, 1, 2))

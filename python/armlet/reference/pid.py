@@ -16,7 +16,10 @@ from .motion import Hold, Motion
 
 
 class PID(Law):
-    """The PID law for a target (n,) or a motion. Its state has w, y and s, (n,) each, in this order, without the unused parts."""
+    """The PID law for a target (n,) or a motion.
+
+    Its state is the integral torque w, then the states y of the velocity filter and s of the disturbance observer, (n,) each, if used.
+    """
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ from .saturation import solve_saturated
 
 
 class Solution(NamedTuple):
-    """Joint velocities v (n,), the residuals v_i - J_i v, the ranks of the projected Jacobians, and the scales, per level."""
+    """Joint velocities v (n,). For each level i: the residual v_i - J_i v, the rank of the projected Jacobian, and the scale of v_i."""
 
     v: Array
     residuals: list[Array]

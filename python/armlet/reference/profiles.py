@@ -167,7 +167,10 @@ def minimum_jerk_time(
 def bang_bang_time(
     theta0: float, thetaf: float, inertia: float, gravity_moment: float, tau_max: float, *, tau_min: float | None = None
 ) -> Profile:
-    """The feasible durations of the symmetric bang-bang profile. The torque is a + G sin x in the first half, then -a + G sin x."""
+    """The feasible durations of the symmetric bang-bang profile.
+
+    The torque is a + G sin x in the first half, then -a + G sin x. Here a is the inertia times the acceleration, and G the gravity moment.
+    """
     bottom = -tau_max if tau_min is None else tau_min
     sg = 1.0 if thetaf >= theta0 else -1.0
     high, low = (tau_max, bottom) if sg > 0.0 else (-bottom, -tau_max)

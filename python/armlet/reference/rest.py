@@ -53,7 +53,7 @@ def slope(f: Callable[[Array], Array], x: Array, h: float = 1e-2, columns: int =
 
 
 def descend(r: Callable[[Array], Array], y: Array) -> Array:
-    """The limit for t -> infinity of y' = r(y) from y. The first step is about a tenth of a radian."""
+    """The state to which the solution of y' = r(y) converges from y, by implicit Euler steps. The first one is about 0.1 rad."""
     size = first = float(np.abs(r(y)).max())
     if size == 0.0:
         return y

@@ -117,7 +117,10 @@ class Clock:
         return [t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > ON_TIME * self.sampling.period]
 
     def visit(self, t: float, x: Array, law: Callable[[Array], Terms]) -> Terms:
-        """Take the samples that are due at t with the plant state x. `law(measured)` returns the terms of the law with a clipped input."""
+        """Take each sample whose time is at most t, of the plant state x. Return the terms of the law that act on the plant at t.
+
+        `law(measured)` evaluates the law at a measured state. It returns the terms of the law, such as `tau`, with `tau` clipped.
+        """
         slack = ON_TIME * self.sampling.period
         while self.instant(self.taken) <= t + slack:
             self._take(t, x, law)

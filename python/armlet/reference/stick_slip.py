@@ -30,7 +30,7 @@ class StickSlip(NamedTuple):
     load_ratio: ArrayLike = 0.0
 
     def level(self, v: Array) -> Array:
-        """The largest friction torques F_i without load, (n,): static friction for joints with v = 0."""
+        """The friction limits F_i at zero load, (n,), N m or N: static friction for v = 0, otherwise the Stribeck curve."""
         coulomb = np.asarray(self.coulomb, dtype=np.float64)
         static = np.asarray(coulomb if self.static is None else self.static, dtype=np.float64)
         speed = np.asarray(0.0 if self.stribeck_speed is None else self.stribeck_speed, dtype=np.float64)

@@ -35,7 +35,10 @@ class Timing(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The limits of one part of the path: `low <= A u + B m + g + d m^1/2 <= high`, (segments, rows) each, and `b <= top` at the nodes."""
+    """The limits of one part of the path, for the path acceleration u and the squared path speed.
+
+    `low <= A u + B m + g + d m^1/2 <= high`, (segments, rows) each, with m in the middles of segments, and `b <= top` with b at the nodes.
+    """
 
     A: Array
     B: Array
@@ -46,11 +49,11 @@ class Rows(NamedTuple):
     top: Array
     h: Array
     tip: Array
-    """p' and p'' divided by the acceleration limit of the frame, (2, segments, 3); zero without this limit."""
+    """dp/ds and d2p/ds2 divided by the acceleration limit of the frame, (2, segments, 3); zero without this limit."""
 
 
 def path_of(path: Any, knots: ArrayLike | None, spline: str | None, samples: int) -> tuple[Path, Array]:
-    """The function of s that returns q, q', q'', and the path positions between which it is smooth."""
+    """The function of s that returns q, dq/ds, d2q/ds2, and the path positions between which it is smooth."""
     if callable(path):
         ends = np.array([0.0, 1.0])
         if isinstance(path(0.0), tuple):
@@ -84,7 +87,8 @@ def time_path(
 ) -> Timing:
     """The fastest timing of a path. It has the same arguments as `armlet.time_path`.
 
-    The path is waypoints (K, n), which a cubic spline joins, or a callable on [0, 1] that returns q(s), or q, q', q''.
+    The path is waypoints (K, n), which a cubic spline joins, or a callable on [0, 1] that returns q(s), or
+    q, dq/ds, d2q/ds2.
     """
     at, smooth = path_of(path, knots, spline, samples)
     if leaves_range(lambda s: at(s)[0], smooth, q_min, q_max):

@@ -18,7 +18,7 @@ EPS = float(np.finfo(np.float64).eps)
 
 
 def cubic_spline(s: ArrayLike, q: ArrayLike, ends: str = "natural") -> Callable[[Array], tuple[Array, Array, Array]]:
-    """The function that returns q, q', q'' of the cubic spline through the rows of q (K, n) at s (K,).
+    """The function of s that returns q, dq/ds, d2q/ds2 of the cubic spline through the rows of q (K, n) at s (K,).
 
     `ends` is "natural", "clamped" or "not-a-knot".
     """

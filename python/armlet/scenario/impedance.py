@@ -31,7 +31,10 @@ OPTIONS: dict[str, Field] = {
 
 
 def target_of(motions: OneOf) -> dict[str, Field]:
-    """The field of a target: a vector of rows, a pose (4, 4), or a table of a motion of the rows."""
+    """Return the field `target` of an impedance law.
+
+    The target is a vector with one number per controlled direction, a pose (4, 4), or a table of `motions` that describes a motion.
+    """
     return {"target": Entries({"plain": Numbers(depth=2, scalar=False), "table": motions})}
 
 

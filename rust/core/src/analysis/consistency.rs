@@ -65,8 +65,9 @@ fn problem(body: &[f64; PARAMETERS]) -> String {
 
 /// Compute the nearest parameters whose bodies are all physically possible. Possible bodies do not change.
 ///
-/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units. `length` is in m, and `floor` is relative to the largest
-/// eigenvalue of any body.
+/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units. `length`, m, is the unit of length in the distance, and so
+/// weights moments against the mass. The smallest eigenvalue of a projected pseudo-inertia is `floor` times the largest eigenvalue of all
+/// bodies. Errors: `Input` for wrong numbers, or if no body has a positive eigenvalue.
 pub fn project_parameters(pi: &[f64], length: f64, floor: f64) -> Result<Vec<f64>> {
     positive("length", length)?;
     positive("floor", floor)?;

@@ -69,7 +69,9 @@ impl Candidates {
     }
 }
 
-/// Choose `count` of `K` samples. `rows`, `(K, n, p)`, has the regressor `W` of each sample.
+/// Choose `count` of `K` samples, so that their stacked regressors have a large smallest singular value.
+///
+/// `rows`, `(K, n, p)`, has the regressor `W` of each sample. Errors: `Input` for a `count` out of range or numbers that are not finite.
 pub fn select(rows: &[f64], n: usize, p: usize, count: usize) -> Result<Selection> {
     let samples = rows.len() / (n * p);
     finite("samples", rows)?;

@@ -139,8 +139,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Return the arm with other drives, shape `(n,)` each: rotor inertia, viscous and Coulomb friction. Any finite numbers are allowed.
-    /// `None` keeps the present values.
+    /// Return the arm with other drives, shape `(n,)` each. `armature`: rotor inertia, kg m^2 or kg. `damping`: viscous friction, N m s/rad
+    /// or N s/m. `friction`: Coulomb friction, N m or N. Any finite numbers are allowed. `None` keeps the present values.
     pub fn with_drives(&self, armature: Option<&[f64]>, damping: Option<&[f64]>, friction: Option<&[f64]>) -> Result<Arm> {
         type Part = fn(&mut Joint) -> &mut f64;
         let parts: [(_, _, Part); 3] = [

@@ -19,7 +19,7 @@ const SECOND_MOMENT: [&str; 6] = ["Sxx", "Sxy", "Syy", "Sxz", "Syz", "Szz"];
 /// The parent of a body on the fixed base.
 pub const BASE: usize = usize::MAX;
 
-/// A body with its joint.
+/// A body with its joint. Its *compiled frame* has the origin on the joint, and z along the joint axis.
 #[derive(Clone, Debug)]
 pub struct Body<S: Real> {
     /// The index of the parent body, or [`BASE`]. Parents precede children.

@@ -116,9 +116,10 @@ impl<B> Rounding<B> {
     /// Measure the rounding error of the error estimate at the state `x` with slope `slope`. The state is rounded again in random
     /// directions.
     ///
-    /// `solve` multiplies with the method's `(s I - J)^-1`, and `gain` is its rounding error divided by the error of one slope. `finest` is
-    /// the resolution of the method, divided by the tolerance. `y` and `dy` are memory for states. If the rounding error may exceed the
-    /// tolerance, states are compensated from now on. Return the remaining error, if one exists.
+    /// `solve` multiplies by the method's `(s I - J)^-1`, with `s ~ 1/h` and the Jacobian `J`. `gain` is the rounding error of the error
+    /// estimate divided by the error of one slope. `finest` is the resolution of the method, divided by the tolerance. `y` and `dy` are
+    /// memory for states. If the rounding error may exceed the tolerance, states are compensated from now on. Return the remaining error,
+    /// if one exists.
     #[cold]
     pub fn look<S, F, A>(
         &mut self,

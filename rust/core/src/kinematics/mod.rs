@@ -21,7 +21,7 @@ use crate::arm::{BASE, Body, Tree};
 use crate::scalar::Real;
 use crate::spatial::{Lift, Matrix, Matrix3, RotationMatrix, Vector, Vector3};
 
-/// The pose of a body's compiled frame in the world.
+/// The pose of a body's compiled frame in the world. This frame has the origin on the joint, and z along the joint axis.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pose<S: Real> {
     /// Rotation `R_WB` from the body's axes to the world axes.

@@ -238,8 +238,8 @@ impl<S: Real> LaneConcurrent<S> {
         Some(LaneConcurrent { gram: each(&|own| &own.gram), moment: each(&|own| &own.moment) })
     }
 
-    /// Add the adaptation from stored samples, `sum W_j' R e_j`, to `w`, and subtract it from `back`. `e_j` are the torque errors of the
-    /// samples.
+    /// Add the adaptation from stored samples, `sum W_j' R e_j`, to `w`, and subtract it from `back`, `(p,)` each. Here `W_j` is the
+    /// regressor of sample `j`, `R` the weight matrix, and `e_j = tau_j - W_j estimate` the torque error.
     pub fn push(&self, estimate: &[S], w: &mut [S], back: &mut [S]) {
         for ((row, &moment), (w, back)) in self.gram.chunks_exact(estimate.len()).zip(&self.moment).zip(w.iter_mut().zip(back)) {
             let push = row.iter().zip(estimate).fold(moment, |left, (&g, &a)| g.neg_mul_add(a, left));

@@ -33,7 +33,10 @@ pub struct PriorityAccelerationSpec {
 }
 
 impl PriorityAccelerationSpec {
-    /// Create the law. For the map `sns`, each limit that `limits` does not contain is the arm's limit, and `options` must have no bounds.
+    /// Create the law. `joint_damping`: `c`, 1/s. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's.
+    /// With `Sns`, bounds in `options` are ignored.
+    ///
+    /// Errors: `Input` for a negative damping, for invalid limits or options, or for limits with another method than `Sns`.
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, joint_damping: f64, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;

@@ -34,7 +34,10 @@ pub struct PriorityVelocitySpec {
 }
 
 impl PriorityVelocitySpec {
-    /// Create the law. For the map `sns`, each limit that `limits` does not contain is the arm's limit, and `options` must have no bounds.
+    /// Create the law. `limits`: joint limits for the method `Sns`; a limit that is not given is the arm's. With `Sns`, bounds in `options`
+    /// are ignored.
+    ///
+    /// Errors: `Input` for invalid limits or options, or for limits with another method than `Sns`.
     pub fn new(model: Model, levels: Vec<Level>, options: PriorityOptions, limits: &LimitOverrides) -> Result<Self> {
         require_levels(&levels)?;
         model.tree("arm")?;

@@ -33,7 +33,8 @@ impl<S: Real> ClampedInverse<S> {
         ClampedInverse { m, b: zeros(m * m), v: zeros(m * m), f: zeros(m * m), row: zeros(m) }
     }
 
-    /// Write `f(a)`, shape `(m, m)`, to `out`. Return the smallest eigenvalue of `a`. `floor` is `c`.
+    /// Raise the eigenvalues of `a`, shape `(m, m)`, to at least `floor`, and write the inverse to `out`. Return the smallest eigenvalue of
+    /// `a`.
     pub fn compute(&mut self, a: &[S], floor: S, out: &mut [S]) -> S {
         let m = self.m;
         self.b.copy_from_slice(a);

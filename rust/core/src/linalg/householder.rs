@@ -5,10 +5,12 @@
 
 use super::{axpy, dot};
 
-/// If the squared norm of a tail is below this limit, the tail is ignored. Its entries are below 1e-145 for a matrix scaled to 1.
+/// If the squared norm of `x` without its first entry is below this limit, no reflection is made. These entries are below 1e-145 for a
+/// matrix scaled to 1.
 pub const TAIL: f64 = 1e-290;
 
-/// Overwrite `x` by `w`, and return `(alpha, beta)`. For a tail of zeros, `beta = 0`, and the reflection is the identity.
+/// Compute the reflection `H = I - beta w w'` with `H x = alpha e1`. Overwrite `x` by `w`, and return `(alpha, beta)`. If all entries of
+/// `x` after the first are zero, `beta = 0`, and `H` is the identity.
 #[inline]
 pub fn reflector(x: &mut [f64]) -> (f64, f64) {
     let x0 = x[0];
@@ -22,7 +24,7 @@ pub fn reflector(x: &mut [f64]) -> (f64, f64) {
     (alpha, 1.0 / (norm * (norm + x0.abs())))
 }
 
-/// Replace `y` by `H y`.
+/// Replace `y` by `H y`, with the reflection `H = I - beta w w'`.
 #[inline]
 pub fn reflect(w: &[f64], beta: f64, y: &mut [f64]) {
     let s = -beta * dot(w, y);

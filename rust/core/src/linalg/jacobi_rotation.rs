@@ -18,7 +18,7 @@ pub struct JacobiRotation<S: Real> {
     s: S,
 }
 
-/// Return the smallest `d^2 + 4 a_pq^2` for which axes are rotated, for a matrix with these entries.
+/// Return the smallest `(a_qq - a_pp)^2 + 4 a_pq^2` for which the axes `p` and `q` are rotated, for a matrix with these entries.
 pub fn least_to_turn<'a, S: Real>(entries: impl IntoIterator<Item = &'a S>) -> S {
     let size = entries.into_iter().fold(S::zero(), |sum, &x| x.mul_add(x, sum));
     size.mul_add(S::splat(SAME * SAME), S::splat(f64::MIN_POSITIVE))

@@ -5,7 +5,8 @@
 use super::svd::Svd;
 use crate::error::Result;
 
-/// Return the columns of `N` as rows of an array, shape `(k - rank, k)`, row-major. `a` is a matrix of shape `(m, k)`, row-major.
+/// Return an orthonormal basis of the null space of `a`, shape `(m, k)`, row-major. The basis vectors are the rows of an array, shape
+/// `(k - rank, k)`, row-major.
 ///
 /// `cut`: singular values up to this number count as zero, in the unit of `a`. Errors: entries that are not finite.
 pub fn null_basis(a: &[f64], m: usize, k: usize, cut: f64) -> Result<Vec<f64>> {

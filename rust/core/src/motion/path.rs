@@ -218,7 +218,7 @@ impl Path {
         Ok((Path::spline(&at, &chosen, n, ends)?, knot))
     }
 
-    /// Create the quintic Hermite path with the values `q, q', q''`, `(K, n)` each, at the path positions `s`, `(K,)`.
+    /// Create the quintic Hermite path through `q`, `(K, n)`, with `dq = dq/ds` and `ddq = d^2 q/ds^2`, at the path positions `s`, `(K,)`.
     pub fn table(s: &[f64], q: &[f64], dq: &[f64], ddq: &[f64], n: usize) -> Result<Path> {
         increasing(s)?;
         for values in [q, dq, ddq] {
@@ -245,7 +245,9 @@ impl Path {
         Ok(Path { n, knots: s.to_vec(), coefficients: c, ends: [q[..n].to_vec(), q[(s.len() - 1) * n..].to_vec()] })
     }
 
-    /// Create a path from its parts: `knots`, `(P + 1,)`, `coefficients`, `(P, TERMS, n)`, and its `end`, `(n,)`.
+    /// Create a path of `P` polynomials from its `knots`, `(P + 1,)`, `coefficients`, `(P, TERMS, n)`, and `end`, `(n,)`, rad or m.
+    ///
+    /// Errors: `Input` for knots that do not increase, coefficients that are not finite, or a wrong length.
     pub fn from_parts(knots: Vec<f64>, coefficients: Vec<f64>, end: Vec<f64>) -> Result<Path> {
         let n = end.len();
         increasing(&knots)?;
@@ -290,7 +292,7 @@ impl Path {
         self.knots.partition_point(|&knot| knot <= s).clamp(1, self.knots.len() - 1) - 1
     }
 
-    /// Evaluate `q`, `q' = dq/ds` and `q''` at `s` in piece `p`, and call `put(joint, q, q', q'')` for each joint.
+    /// Evaluate `q`, `q' = dq/ds` and `q'' = d^2 q/ds^2` at `s` in piece `p`, and call `put(joint, q, q', q'')` for each joint.
     pub fn evaluate(&self, p: usize, s: f64, mut put: impl FnMut(usize, f64, f64, f64)) {
         let n = self.n;
         let rate = 1.0 / (self.knots[p + 1] - self.knots[p]);

@@ -76,7 +76,7 @@ impl Curve {
         curve
     }
 
-    /// Time since rest (s), speed (rad/s) and spread at the distance `y <= reach`, rad.
+    /// Time since rest (s), speed (rad/s) and derivative of the angle by the start angle, at the distance `y <= reach`, rad.
     pub fn at(&self, y: f64) -> Moment {
         let k = self.steps.partition_point(|s| s.y[0] <= y).max(1) - 1;
         let Step { time, length, y: c, spread } = &self.steps[k];

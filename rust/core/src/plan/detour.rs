@@ -30,8 +30,9 @@ impl Push {
         Push { length, mean }
     }
 
-    /// The distance `e` beyond which the detour of a swing costs more time than the swing gains, rad. In a swing, the push starts with the
-    /// kinetic energy `K0 < p_+ e` instead of at rest:
+    /// The distance `e` beyond which the detour of a swing costs more time than the swing gains, rad. `up` and `down` are the largest net
+    /// torques `p_+` and `p_-`, N m. In a swing, the push of length `L` starts with the kinetic energy `K0 < p_+ e` instead of at rest. `w`
+    /// is a lower bound of its mean net torque:
     ///
     /// ```text
     /// K(y) >= w y:   int_0^L [ 1/sqrt(K) - 1/sqrt(K + K0) ] dy <= (2/w) [ sqrt(w L) + sqrt(K0) - sqrt(w L + K0) ]

@@ -29,9 +29,9 @@ pub(super) struct Windows<F> {
 }
 
 impl<F: FnOnce() -> f64> Windows<F> {
-    /// Create the intervals. The first comment of this file defines `W`, `x1` and `u-`. From the distance `low` to its maximum at `crest`,
-    /// `W` exceeds its value at `x1`. After the distance `recovery` beyond a maximum, `W` exceeds the value of this maximum again. The
-    /// lines of the lower torque `u-` end at the distance `most`.
+    /// Create the intervals, from distances behind `x0`, rad. The function `W(x) = -G cos x - u+ x` exceeds its value at the goal `x1` from
+    /// `low` to its maximum at `crest`. After the distance `recovery` beyond a maximum, `W` exceeds the value of this maximum again.
+    /// Motions under the lower torque `u-` reach at most `most`.
     pub fn new(low: f64, crest: f64, most: f64, recovery: F) -> Self {
         let mut windows = Windows { low, crest, most, recovery: LazyCell::new(recovery) };
         if crest <= 0.0 && most > 0.0 {

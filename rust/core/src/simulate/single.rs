@@ -173,7 +173,7 @@ pub fn simulate(problem: &Problem, stop: &dyn Stop) -> Result<Run> {
     simulate_observed(problem, stop, None)
 }
 
-/// Run like [`simulate`]. With an adaptive method, the observer also receives the events and polynomials that it requests.
+/// Run like [`simulate`]. With an adaptive method, the observer also receives the events and the polynomials of the steps, as requested.
 pub fn simulate_observed(problem: &Problem, stop: &dyn Stop, mut observer: Option<&mut RunObserver>) -> Result<Run> {
     let division = problem.validate()?;
     problem.require_memory(1)?;

@@ -55,7 +55,8 @@ impl<'a> Problem<'a> {
         Problem::new(plant, law, q0, &DVector::zeros(plant.n()), options)
     }
 
-    /// Run it on the calling thread. [`Run::status`] reports the reason of the end. Errors concern the arguments.
+    /// Simulate the run on the calling thread. [`Run::status`] is the reason of its end. Errors: an
+    /// invalid argument, or records that exceed the memory.
     pub fn run(&self) -> Result<Run> {
         simulate(self, &AtomicBool::new(false))
     }

@@ -55,7 +55,7 @@ impl Placement {
         Placement { rotation: self.rotation.times(other.rotation), translation: self.rotation.apply(other.translation) + self.translation }
     }
 
-    /// Return the placement of A in B.
+    /// Return the placement of A in B. `self` is the placement of B in A.
     pub fn inverse(&self) -> Placement {
         Placement { rotation: self.rotation.transpose(), translation: -self.rotation.apply_transposed(self.translation) }
     }

@@ -44,7 +44,8 @@ impl FunctionLayout {
     }
 }
 
-/// A function with its set-up parameters and a separate frame. It computes one run, or one run per lane.
+/// A function with the memory for its numbers. It computes one run, or one run per lane. The *set-up parameters* in this memory are
+/// constant in a run.
 #[derive(Clone)]
 pub struct Evaluation {
     function: Arc<StoredFunction>,

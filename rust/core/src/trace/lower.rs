@@ -10,8 +10,8 @@ use super::straight::{Instruction, Part, Straight};
 use super::tape::Op;
 use crate::scalar::trig;
 
-/// Lower a part of a recording. Input `k` is in slot `k`. `fused`: whether the instruction set has fused multiply-add. If the part computes
-/// sines, the content of `reach_slot` becomes the maximum of its previous content and the magnitudes of all angles.
+/// Translate a part of a recording to instructions. Input `k` is in slot `k`. `fused`: whether the instruction set has fused multiply-add.
+/// If the part computes sines, the number in slot `reach_slot` becomes the maximum of its previous value and the magnitudes of all angles.
 pub fn lower(part: Part, reach_slot: u32, fused: bool) -> Straight {
     let Part { ops, outputs, .. } = part;
     let mut lowering = Lowering {

@@ -145,15 +145,15 @@ fn path_of(
 
 /// The fastest timing of a path of an arm under limits of torque, speed and acceleration.
 ///
-/// The motion is `q(s(t))`, so `v = q' ds/dt`, `a = q' u + q'' (ds/dt)^2` with `u = d2s/dt2`, and `tau = M a + C v + g`. Reachability
-/// analysis on a grid of `s` computes the timing. A check on a grid ten times finer corrects it until no limit is exceeded by more than a
-/// relative 1e-9.
+/// The motion is `q(s(t))`, so `v = dq/ds ds/dt`, `a = dq/ds u + d2q/ds2 (ds/dt)^2` with `u = d2s/dt2`, and `tau = M a + C v + g`.
+/// Reachability analysis on a grid of `s` computes the timing. A check on a grid ten times finer corrects it until no limit is exceeded by
+/// more than a relative 1e-9.
 ///
 /// Args:
 ///     arm: the arm; `planar_pr` is allowed.
 ///     path: waypoints `(K, n)`, rad or m, a callable on [0, 1], or a `CartesianPath`. A C2 cubic spline joins waypoints; repeated
 ///         waypoints count once. A callable that returns `q(s)`, `(n,)`, is replaced by the spline through `samples` of its points. A
-///         callable that returns `q, q', q''`, `(n,)` each, is replaced by quintic Hermite polynomials through its samples.
+///         callable that returns `q, dq/ds, d2q/ds2`, `(n,)` each, is replaced by quintic Hermite polynomials through its samples.
 ///     tau_max: torque limit, N m or N: number or `(n,)` for both signs, or `(n, 2)` lower and upper (keyword only, as all below).
 ///     v_max, a_max: limits of joint speed (rad/s or m/s) and acceleration (rad/s^2 or m/s^2): number or `(n,)`. One of `tau_max`, `a_max`
 ///         and `tip_acceleration` is required. `tau_max`, `v_max` and `a_max` may vary along the path, with the same limit for both signs.

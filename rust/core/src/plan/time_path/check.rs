@@ -76,7 +76,7 @@ pub(super) struct Course<'a> {
     pub spans: &'a [(usize, usize)],
     /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],
-    /// `(N + 1, stride)`: `q'` at the grid points, and `|p'|` of the frame's origin.
+    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`.
     pub slopes: &'a [f64],
     pub stride: usize,
     pub friction: Option<&'a Friction>,

@@ -18,7 +18,7 @@ pub(super) enum Line {
 }
 
 impl PathProblem<'_> {
-    /// Remove viscous friction from the rows.
+    /// Remove viscous friction from the rows of the limits, `A u + B x + g`.
     pub fn forget_friction(&mut self) {
         if self.friction.is_none() {
             return;
@@ -34,9 +34,10 @@ impl PathProblem<'_> {
         self.set_middles();
     }
 
-    /// Add viscous friction `d q' sqrt(x)` to the rows, with `line` in place of the root at the profile `x`, `(N + 1,)`.
+    /// Add viscous friction `d dq/ds sqrt(x)` to the torque rows. A line in `x` replaces the root.
     ///
-    /// Under the chord, low speeds remain feasible. The error of the tangent is of second order in the change of `x`.
+    /// `x`: the squared path speeds at the grid points, `(N + 1,)`, at which the line is exact. With `Line::Chord`, low speeds remain
+    /// feasible. The error of `Line::Tangent` is of second order in the change of `x`.
     pub fn linearise_friction(&mut self, x: &[f64], line: Line) {
         if self.friction.is_none() {
             return;

@@ -114,7 +114,7 @@ pub(super) struct Points<'a> {
 
 pub(super) enum Request<'a> {
     /// Compute `[A, B, g]`, each `width` long: first torques, then accelerations if `accelerations`, then the frame's acceleration if
-    /// `origins`. Write `q'` to `slopes`, `(count, slope_stride)`, followed by `|p'|` of the frame's origin.
+    /// `origins`. Write `dq/ds` to `slopes`, `(count, slope_stride)`, then `|dp/ds|` of the frame's origin `p`.
     Coefficients { width: usize, torques: bool, accelerations: bool, origins: bool, slopes: &'a mut [f64], slope_stride: usize },
     /// Compute `[tau, a, v]`, `(3 n,)`, at the path speed and path acceleration that `rate` returns; then the frame's acceleration and
     /// velocity.

@@ -44,7 +44,7 @@ pub(super) struct PathProblem<'a> {
     pub norms: Option<usize>,
     /// `(N,)`: the index of the piece of each segment.
     pub pieces: Vec<usize>,
-    /// `(N + 1, stride)`: `q'` at the grid points, and `|p'|` of the frame's origin.
+    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`.
     pub slopes: Vec<f64>,
     /// `(N + 1, 2 n)`: `B` and `g` of the torques `A u + B x + g` without friction.
     pub bare: Vec<f64>,
