@@ -56,7 +56,7 @@ def test_at_rest_the_residual_is_the_torque_from_outside(tmp_path: Path) -> None
     c = Observer(al.export_c(al.MomentumObserver(al.planar_arm([0.5], gravity=[0.0, 0.0]), 50.0), tmp_path), COMPILERS[0])
     for _ in range(1001):
         r = c([0.3], [0.0], [-1.5], 1e-3)
-    # The remaining error exp(-50) is below rounding.
+    # The remaining error exp(-50) is below the rounding error.
     np.testing.assert_allclose(r, [1.5], rtol=1e-14)
 
 

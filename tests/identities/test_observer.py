@@ -75,7 +75,7 @@ def test_a_wrench_at_the_tip_is_found() -> None:
     observer.reset(q, np.zeros(6))
     for _ in range(400):
         observer.update(q, np.zeros(6), SIX.gravity(q) - SIX.jacobian(q, frame).T @ F, 1e-3)
-    # The transient has decayed to exp(-40), the size of rounding. J is far from singular here.
+    # The transient has decayed to exp(-40), the size of a rounding error. J is far from singular here.
     np.testing.assert_allclose(observer.wrench(q, frame, eps=1e-9), F, atol=1e-8)
     np.testing.assert_allclose(observer.unexplained(q, frame, eps=1e-9), 0.0, atol=1e-9)
 

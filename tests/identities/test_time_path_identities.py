@@ -58,7 +58,7 @@ def judge(arm: Any, p: al.TimedPath, spline: Any, limits: dict[str, Any], rng: A
     if limits.get("tau_max") is not None:
         tau, rounding = timing.torques(arm, q, v, a, viscous)
         assert timing.excess(tau, limits["tau_max"], rounding) <= PROMISE
-    # The numbers are of order one, so the tolerance is rounding of the motion.
+    # The numbers are of order one, so the tolerance is the rounding error of the motion.
     for name, values in (("v_max", v), ("a_max", a)):
         if limits.get(name) is not None:
             assert timing.excess(values, limits[name]) <= PROMISE, name

@@ -116,7 +116,7 @@ def test_terms_at_singularities(bend: float, projection: str) -> None:
         losses.append(float(parts["loss"]))
     # Rows that no joint can move are lost at every pose.
     assert losses[1] == losses[2] == 1.0
-    # The square of a zero singular value is rounding, which is divided by eps^2.
+    # The square of a zero singular value is a rounding error, which is divided by eps^2.
     assert (losses[0] > 1.0 - 1e-9) if bend in (0.0, 1e-300, 1e-9, np.pi) else (losses[0] < 1.0 - 1e-6)
 
 

@@ -88,7 +88,7 @@ def test_stiffness(known: bool) -> None:
     else:  # each series divided by its range
         spread = np.ptp(measured.reshape(-1, 4), axis=0)
         expected, sigma = reference.fit(lambda at: run(at) / spread, measured / spread, STIFFNESS, None, 4)
-    # Both searches reach the same minimum, to the square root of rounding of the sums.
+    # Both searches reach the same minimum, up to the square root of the rounding error of the sums.
     np.testing.assert_allclose(found.values["plant.stiffness"], expected, rtol=1e-6)
     np.testing.assert_allclose(found.deviations["plant.stiffness"], sigma, rtol=1e-4)
     assert np.all(np.abs(expected - true) < 5.0 * sigma) and found.converged and found.rank == 2
@@ -123,7 +123,7 @@ def test_stiffness_and_starts() -> None:
     def joined(by: dict[str, Array]) -> Array:
         return np.concatenate([by["plant.stiffness"], *(np.concatenate(each) for each in zip(by["q0"], by["v0"], strict=True))])
 
-    # Both searches reach the same minimum, to the square root of rounding of the sums, relative to the standard deviations.
+    # Both searches reach the same minimum, up to the square root of the rounding error of the sums, relative to the standard deviations.
     np.testing.assert_allclose(joined(found.values), expected, rtol=0.0, atol=1e-4 * sigma.max())
     np.testing.assert_allclose(joined(found.values)[:2], expected[:2], rtol=1e-6)
     np.testing.assert_allclose(joined(found.deviations), sigma, rtol=1e-4)

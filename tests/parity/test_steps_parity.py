@@ -165,7 +165,7 @@ def test_integrate_with_fixed_steps(method: str) -> None:
     got = al.integrate(field, (0.0, 1.0), y, method=method, dt=0.01)
     for k in range(100):
         y = reference.integrate.STEPS[method](field, 0.01 * k, y, 0.01)
-    # The tolerance is rounding in a hundred equal steps.
+    # The tolerance is the rounding error of a hundred equal steps.
     close(got.y[-1], y, 1e-13)
 
 

@@ -68,7 +68,7 @@ def test_trajectory(case: dict[str, Any]) -> None:
         np.testing.assert_allclose(run["tau"][row], floats(sample["tau"]), rtol=0.0, atol=4e4 * atol)
         np.testing.assert_allclose(run["energy"][row], sample["E"], rtol=1e-7, atol=atol)
         np.testing.assert_allclose(run["energy"][row] - expected["E0"], sample["E_minus_E0"], rtol=1e-7, atol=10 * atol)
-    # The energy balance is an identity. Its error is at most 1e-8 of the largest energy (SPEC system 3).
+    # The energy balance is an identity. Its error is at most 1e-8 of the largest energy.
     assert np.abs(run["energy_balance"]).max() <= 1e-8 * np.abs(run["energy"]).max()
 
 

@@ -28,7 +28,7 @@ def jacobians(q: np.ndarray, L: float = 1.0) -> list[np.ndarray]:
 
 
 def rounding(q: np.ndarray) -> float:
-    """Return the relative error of Jacobian entries that are computed from joint angles (SPEC system 2)."""
+    """Return the relative error of Jacobian entries that are computed from joint angles."""
     return float(8 * EPS * (1 + np.abs(q).sum()))
 
 
@@ -156,7 +156,7 @@ def test_bounded_and_primary_exact_near_singularities(method: str) -> None:
     for _ in range(200):
         Js, vs = near_singular(rng)
         sol = ref.solve_priority(Js, vs, method, eps=0.05)
-        # The singular values of the first level are far above eps, so its residual is rounding: 1e-12 (1 + |v|).
+        # The singular values of the first level are far above eps, so its residual is a rounding error: 1e-12 (1 + |v|).
         assert np.abs(sol.residuals[0]).max() <= 1e-12 * (1 + np.linalg.norm(sol.v))
         # The contribution of each level is at most |v_i - J_i x| / eps.
         bound = 0.0

@@ -23,7 +23,7 @@ const ORDER: usize = 24;
 pub(super) type Series = [f64; ORDER + 1];
 /// Number of points of a collocation step.
 const POINTS: usize = 12;
-/// Number of friction time constants after which collocation is used: exp(-40) is below rounding.
+/// Number of friction time constants after which collocation is used: exp(-40) is below the rounding error.
 const SETTLED: f64 = 40.0;
 /// The largest last Chebyshev coefficient of the speed in a collocation step, relative to the speed.
 const TAIL: f64 = 2e-14;
@@ -45,7 +45,7 @@ impl FrictionLink {
 }
 
 /// A step that starts at `time` of its phase and has the duration `length`, both in the unit of time of the phase. `y` has the coefficients
-/// of the distance, and `spread` the coefficients of the spread.
+/// of the distance, and `spread` the coefficients of the derivative of the angle with respect to the start.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Step {
     pub time: f64,
@@ -205,7 +205,8 @@ static POWERS: LazyLock<[Square; 3]> = LazyLock::new(|| {
     ]
 });
 
-/// The accelerations of the motion and of its spread over a step, as coefficients of polynomials in `t/h`.
+/// The accelerations of the distance `y` and of the spread `z` in a step, as coefficients of polynomials in `t/h`. The spread is the
+/// derivative of the angle with respect to the start `x`.
 struct Collocation {
     length: f64,
     accelerations: [Values; 2],
@@ -255,7 +256,7 @@ impl Collocation {
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }
 
-    /// The polynomials of the distance and of its spread, in the time since the step began.
+    /// The polynomials of the distance `y` and of the spread `z`, in the time since the step began.
     fn polynomials(&self, from: &Progress) -> [Series; 2] {
         let mut series = [[0.0; ORDER + 1]; 2];
         for (c, (start, accelerations)) in series.iter_mut().zip([(from.y, from.v), from.spread].into_iter().zip(&self.accelerations)) {

@@ -142,7 +142,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.states + self.p
     }
 
-    /// The sample and action times of a controller with a separate clock, s.
+    /// The times at which the sampler takes samples and at which their outputs act, s; empty without a sampler.
     pub fn instants(&self, t_end: f64) -> Vec<f64> {
         self.sampler.as_ref().map_or(Vec::new(), |sampler| sampler.instants(t_end))
     }
@@ -278,7 +278,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         self.now = now;
     }
 
-    /// Take a sample of a controller with a separate clock, at time `t` and state `x`.
+    /// Let `sampler` take a sample at time `t` and state `x`, if one is due. Use the output that acts at `t`.
     #[inline(never)]
     fn sample_by(&mut self, mut sampler: Sampler<S>, t: f64, x: &[S]) -> Sampler<S> {
         let (plant, z) = x.split_at(self.states);

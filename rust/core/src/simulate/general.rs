@@ -176,7 +176,7 @@ impl<'a> General<'a> {
         (RatesLoop::implicit(twins, self.source()), x)
     }
 
-    /// Return the source of programs for run `first`.
+    /// Return the data from which programs for run `first` are made; `None` if the run uses no programs.
     fn source(&self) -> Option<Source<'a>> {
         self.rates.map(|rates| Source { rates, problem: self.problem, run: self.first })
     }

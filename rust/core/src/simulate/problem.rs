@@ -350,7 +350,7 @@ impl<'a> Problem<'a> {
             Some(sampling) => {
                 let period = steps("sample_time", sampling.period, 1.0)?;
                 steps("delay", sampling.delay, 0.0)?;
-                // A controller with a separate clock is called at every step.
+                // A controller that does more than hold the law's output, such as delay it, is called at every step.
                 if sampling.is_plain() { period } else { 1 }
             }
         };

@@ -186,7 +186,7 @@ impl<S: Real> ProgramLoop<'_, S> {
         read(&self.frames, state, x);
     }
 
-    /// Take a sample of a controller with a separate clock, at time `t` and state `x`.
+    /// Let `sampler` take a sample at time `t` and state `x`, if one is due. Use the output that acts at `t`.
     fn sample_by(&mut self, sampler: &mut Sampler<S>, t: f64, x: &[S]) {
         let (n, p) = (self.tau.len(), self.dz.len());
         let states = self.recorded.plant_states();

@@ -40,12 +40,12 @@ pub struct RatesLoop<'a, S: Real, D> {
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// Create the loop of an explicit method. It uses programs if a source exists.
+    /// Create the loop of an explicit method. With a `source`, it uses programs: known ones from the start, new ones after `WAIT` evaluations.
     pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
     }
 
-    /// Create the loop of an implicit method. If a source exists, it uses programs from the first evaluation on.
+    /// Create the loop of an implicit method. With a `source`, it uses programs from the first evaluation on.
     pub fn implicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: 0, running: [None, None] }
     }

@@ -102,14 +102,16 @@ pub struct Watching<'a, S> {
     events: Vec<LastValue>,
     /// The crossings in the last step: time, s, and index of the event.
     crossed: Vec<(f64, usize)>,
-    /// The last values of the guards: first of the contacts, then of the joints that stick and slip.
+    /// The last values of the guards: first of the contacts, then of the joints that stick and slip. A guard is a function whose change of
+    /// sign ends a mode.
     guards: Vec<f64>,
-    /// The number of guards of joints that stick and slip.
+    /// The number of values in `guards` that belong to joints that stick and slip.
     sticking: usize,
     now: Vec<f64>,
     trial: Vec<f64>,
-    /// The guard that changes the next mode.
+    /// The index of the guard whose change of sign ends the present mode. The number of guards means all joints that stick and slip.
     switches: usize,
+    /// The number of successive mode changes at practically the same time.
     stuck: usize,
     /// The number of states of the plant.
     states: usize,

@@ -60,7 +60,7 @@ pub fn rotation_exp<S: Real>(vector: [S; 3]) -> Matrix3<S> {
     // used.
     let angle = S::select(small, one, square).sqrt();
     let (sin, cos) = angle.sin_cos();
-    // The omitted terms are below rounding: `t^4 / 120`, `t^4 / 720`.
+    // The omitted terms are below the rounding error: `t^4 / 120`, `t^4 / 720`.
     let a = S::select(small, one - square / S::splat(6.0), sin / angle);
     let b = S::select(small, S::splat(0.5) - square / S::splat(24.0), (one - cos) / (angle * angle));
     let c = S::select(small, one - b * square, cos);

@@ -146,6 +146,7 @@ fn batches_are_monitored_in_lanes() {
             assert!(series.iter().zip(row).all(|(a, b)| (a - b).abs() < rounding(name)), "{name}: {series:?} {row:?}");
         }
     }
-    // The motors move at 3e4 rad/s with steps of 2 us. The tolerance is the error of order 4, relative to 20 J.
+    // The natural frequency of the motors is 3e4 rad/s, and a step is 2 us. The energies are about 20 J. The tolerance covers the error of
+    // a method of order 4.
     assert!(one.monitors[2].1.iter().all(|b| b.abs() < 1e-6), "{:?}", one.monitors[2]);
 }

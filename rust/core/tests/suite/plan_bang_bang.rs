@@ -51,7 +51,7 @@ fn infeasible_motions_say_what_is_missing() {
     assert!((missing - 0.25).abs() < 1e-15);
     assert_eq!((upper.limit, upper.place, lower.limit, lower.place), (Limit::TauMax, Place::Switch, Limit::TauMin, Place::Start));
     assert!(r.reason().to_string().contains("tau_max at theta = 0.000000 rad (phase1:switch)"), "{}", r.reason());
-    // The reported amount is the exact threshold. Slightly less is infeasible, and slightly more is feasible.
+    // `missing` is the exact threshold. Limits that are widened by slightly less are infeasible, and by slightly more are feasible.
     let mut random = Random::new(3);
     let mut checked = 0;
     for _ in 0..20_000 {

@@ -225,8 +225,8 @@ pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f6
 
 /// Compute the largest loss of time of each segment, as a fraction of the duration, and write it to `to`, `(N,)`.
 ///
-/// At a grid point where the active limit changes, `u` jumps. In the optimum the limit changes within a segment. The difference of both
-/// durations is the loss.
+/// In this profile the active limit changes at a grid point, where `u` jumps. In the optimum the limit changes within a segment. The loss
+/// is the duration of the profile minus the duration of the optimum.
 pub(super) fn losses(rows: &LimitRows, profile: &Profile, to: &mut Vec<f64>) {
     let count = rows.u_slope.len();
     let x = &profile.x;
