@@ -68,7 +68,8 @@ class Polynomials:
         return self.gens[2 * self.n + i]
 
     def rotation(self, i: int, axis: Sequence[Any]) -> list[list[Any]]:
-        """The rotation matrix about `axis` by the angle of joint `i`: `1 + sin K + (1 - cos) K^2`."""
+        """The rotation matrix about `axis` by the angle of joint `i`: `1 + sin K + (1 - cos) K^2`, where `K v`
+        is the cross product of `axis` and `v`."""
         s, c = self.gens[2 * i], self.gens[2 * i + 1]
         x, y, z = axis
         K = [[self.zero, -z, y], [z, self.zero, -x], [-y, x, self.zero]]

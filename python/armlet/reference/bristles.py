@@ -32,7 +32,10 @@ class LuGre(NamedTuple):
         return level
 
     def rub(self, v: Array, w: Array, load: Array) -> tuple[Array, Array, float]:
-        """The friction torque tau_f (n,), the derivative w' (n,), and the lost power, W."""
+        """The friction torque tau_f (n,), the derivative w' (n,), and the lost power, W.
+
+        The state w = sigma_0 z is the torque of the bristles, for the velocity v and the load.
+        """
         s0 = np.asarray(self.stiffness, dtype=np.float64)
         rate = s0 * (v - np.abs(v) * w / self.level(v, load))
         torque = w + np.asarray(self.damping) / s0 * rate + np.asarray(self.viscous) * v
@@ -42,6 +45,6 @@ class LuGre(NamedTuple):
         return float(np.sum(w**2 / (2.0 * np.asarray(self.stiffness))))
 
     def deflection(self, w: Array) -> Array:
-        """The deflection z of the bristles, (n,), rad or m."""
+        """The deflection z of the bristles, (n,), rad or m, from their torque w = sigma_0 z."""
         z: Array = w / np.asarray(self.stiffness, dtype=np.float64)
         return z

@@ -38,7 +38,10 @@ def geodesic(a: Array, b: Array, u: float) -> Array:
 
 
 def quaternion(R: Array) -> Array:
-    """The quaternion [w, x, y, z] of a rotation: the eigenvector of its profile matrix for the largest eigenvalue."""
+    """The quaternion [w, x, y, z] of a rotation R.
+
+    It is an eigenvector, for the largest eigenvalue, of a symmetric 4 x 4 matrix that is linear in R.
+    """
     K = np.empty((4, 4))
     K[0, 0] = np.trace(R)
     K[0, 1:] = K[1:, 0] = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]

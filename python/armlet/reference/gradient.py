@@ -16,8 +16,8 @@ from .lagrange import Array
 def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
     """The derivatives of the array `run(value)` with respect to the entries of `value`, as a last axis.
 
-    `d` is `step * size`. By default `size` is the entry itself, or 1 for an entry that is zero. The relative error of a smooth run is about
-    `step**4`, and rounding adds about 1e-16 / step.
+    The steps of the central differences are `step * size`. For None, `size` is the magnitude of each entry, or 1 for a zero. The relative
+    error of a smooth run is about `step**4`, and rounding adds about 1e-16 / step.
     """
     at = np.array(value, dtype=np.float64)
     sizes = np.broadcast_to(np.where(at == 0.0, 1.0, np.abs(at)) if size is None else np.asarray(size, dtype=np.float64), at.shape)
@@ -35,7 +35,7 @@ def sensitivity(run: Callable[[Array], Array], value: ArrayLike, size: ArrayLike
 def gradient(loss: Callable[[Array], float], value: ArrayLike, size: ArrayLike | None = None, step: float = 1e-3) -> Array:
     """The derivatives of the number `loss(value)` with respect to the entries of `value`, in the shape of `value`.
 
-    The steps of the central differences are `step size`. For None, `size` is the magnitude of each entry, or 1 for a zero.
+    The steps of the central differences are `step * size`. For None, `size` is the magnitude of each entry, or 1 for a zero.
     """
     return sensitivity(lambda at: np.asarray(loss(at)), value, size, step).reshape(np.shape(value))
 

@@ -69,13 +69,16 @@ class Link:
         self.I, self.G, self.up, self.down = inertia, gravity_moment, up, down
 
     def push(self, r: float, x: Array, tau: float) -> Array:
-        """The mean torque tau - G mean sin on [r, x]. The mean of sin is sin(middle) sinc(half), which is accurate at every distance."""
+        """The mean net torque on [r, x]: tau minus the mean of the gravity torque G sin, N m.
+
+        The mean of sin is sin(middle) sinc(half), which is accurate at every distance.
+        """
         half = 0.5 * (x - r)
         mean: Array = tau - self.G * np.sin(r + half) * np.sinc(half / np.pi)
         return mean
 
     def possible(self, r: float, p: float, tau: float) -> bool:
-        """Whether the kinetic energy is positive inside the leg."""
+        """Whether the kinetic energy is positive inside the leg from r to p under the torque tau."""
         side = 1.0 if p >= r else -1.0
         low, high = min(r, p), max(r, p)
         grid = np.linspace(low, high, 65 + int(64 * (high - low)))
@@ -100,7 +103,10 @@ class Link:
         return (x - r) * float(self.push(r, np.array([x]), tau)[0])
 
     def monotone(self, x0: float, x1: float) -> friction.Leg:
-        """The motion (+,-), NaN if it is infeasible. The kinetic energies of both legs are equal at the switch."""
+        """The monotone motion from x0 to x1, with the torque `up` and then `-down`; NaN if it is infeasible.
+
+        The kinetic energies of both legs are equal at the switch.
+        """
         up, down = self.up, self.down
 
         def gap(x: float) -> float:
@@ -122,7 +128,10 @@ class Link:
         return friction.Leg(first + self.time(x1, low, -down), low, first, speed)
 
     def swing(self, x0: float, x1: float, first: float, exact: bool) -> tuple[float, float, float]:
-        """The duration, turning point and last switch of (-,+,-) with the first switch at `first` < x0; (inf, NaN, NaN) if infeasible."""
+        """The duration, turning point and last switch of a back-swing whose first switch is at `first` < x0.
+
+        The torques are `-down`, `up`, `-down`. The result is (inf, NaN, NaN) if the motion is infeasible.
+        """
         up, down, none = self.up, self.down, (np.inf, np.nan, np.nan)
         if not self.possible(x0, first, -down):
             return none
@@ -155,7 +164,7 @@ class Link:
         return float(x[0])
 
     def back_swing(self, x0: float, x1: float, samples: int = 240) -> tuple[float, float, float]:
-        """The fastest motion (-,+,-): its duration, first switch and last switch."""
+        """The fastest back-swing, with the torques `-down`, `up`, `-down`: its duration, first switch and last switch."""
         grid = x0 - 2 * np.pi * (np.arange(1, samples + 1) / samples) ** 2
         values = np.array([self.swing(x0, x1, float(first), exact=False)[0] for first in grid])
         if not np.isfinite(values).any():

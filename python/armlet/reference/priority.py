@@ -34,7 +34,11 @@ class Solution(NamedTuple):
 
 
 def solve_exact(jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], rounding: float = 8 * EPS) -> Solution:
-    """The map "exact": lexicographic least squares, with the smallest norm at each level."""
+    """Joint velocities by the priority map "exact", for the tasks J_i v = v_i of `jacobians` and `velocities`.
+
+    Each level solves its least-squares problem in the null space of the levels above, with the smallest norm. `rounding` is the relative
+    error of the Jacobians.
+    """
     blocks, targets, _ = _problem(jacobians, velocities, 1.0)
     ranks = projected_ranks(blocks, rounding)
     x = np.zeros(blocks[0].shape[1])
@@ -81,7 +85,10 @@ def damped_inverse(A: Array, eps: float) -> Array:
 def solve_clamp(
     jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, damped: bool = False
 ) -> Solution:
-    """The map "clamp" or "damped", which is continuous, and equals "exact" if every singular value is at least eps."""
+    """Joint velocities by the priority map "clamp", or "damped" if `damped`.
+
+    The map is continuous, and equals "exact" if every singular value of the projected Jacobians is at least eps.
+    """
     blocks, targets, levels = _problem(jacobians, velocities, eps)
     n = blocks[0].shape[1]
     x, d, V = np.zeros(n), np.ones(n), np.eye(n)  # P = V diag(d) V'
@@ -99,7 +106,10 @@ def solve_clamp(
 def solve_chiaverini(
     jacobians: Sequence[ArrayLike], velocities: Sequence[ArrayLike], eps: float | Sequence[float] | None = None, rounding: float = 8 * EPS
 ) -> Solution:
-    """The map "chiaverini": each level is solved alone and then projected. No projected matrix is inverted."""
+    """Joint velocities by the priority map "chiaverini": each level is solved alone, and its solution is then projected.
+
+    The projection is on the null space of the levels above. No projected Jacobian is inverted.
+    """
     blocks, targets, levels = _problem(jacobians, velocities, eps)
     ranks = projected_ranks(blocks, rounding)
     x = np.zeros(blocks[0].shape[1])

@@ -83,7 +83,11 @@ def _saturate(
 def solve_saturated(
     blocks: list[Array], targets: list[Array], back: Array, lower: Array, upper: Array, rounding: float
 ) -> tuple[Array, list[int], Array]:
-    """The joint velocities within bounds (n,), and the ranks and the scales of all levels."""
+    """The joint velocities within the bounds `lower` and `upper`, (n,), and the ranks and the scales of all levels.
+
+    `blocks` and `targets` are the Jacobians in the coordinates of the metric and the task velocities. The matrix `back`, (n, n), converts
+    these coordinates to joint velocities.
+    """
     ranks = projected_ranks(blocks, rounding)
     x = np.linalg.solve(back, np.clip(0.0, lower, upper))
     scales, condition = [], 1.0

@@ -40,7 +40,7 @@ class StickSlip(NamedTuple):
 
 
 def complementary(W: Any, free: Any, bound: Any) -> tuple[Array, Array]:
-    """The solution p and v+ = free - W p of the complementarity problem with |p_i| <= bound_i."""
+    """The impulses p and speeds v+ = free - W p with |p_i| <= bound_i, where v+_i is zero or |p_i| = bound_i opposes it."""
     p = np.zeros_like(free)
     if not p.size:
         return p, p

@@ -107,7 +107,7 @@ class Varied:
 
 @dataclass(frozen=True)
 class Together:
-    """Loops in which the entries of a number vary together. The core finds the inputs of the programs that each entry changes.
+    """Loops in which several entries of a number vary together. From them the core finds which inputs of the programs each entry changes.
 
     Attributes:
         loops: the *probes*, in each of which about half of the entries vary, then four loops in which all entries vary.
@@ -246,9 +246,10 @@ def varied(function: str, plant: Any, law: Any, start: Mapping[str, Array | None
 
 
 def varied_rows(function: str, loops: Sequence[Loop], names: Sequence[str]) -> Varied:
-    """Make the loops for the derivatives with respect to the numbers `names` of each row of a batch, with weights (B, P, 4).
+    """Make the loops for the derivatives with respect to the numbers `names` of each of the B rows of a batch.
 
-    `names` of the result has the values of the first row.
+    The numbers have P entries. The field `weights`, (B, P, 4), has the weights of the four varied loops of each entry. The field `names`
+    has the values of the first row.
 
     Raises:
         InputError: a row has no number of a name, the shape of a number differs between rows, or a number cannot be varied.

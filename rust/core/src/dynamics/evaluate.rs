@@ -159,7 +159,8 @@ impl Evaluator {
     /// Compute one configuration, and return whether every number is finite. This is false for a singular mass matrix and after an
     /// overflow.
     ///
-    /// [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major.
+    /// [`Query::inputs`] names the inputs, and `out` has the shape [`Query::shape`], row-major. Errors: arguments of a wrong size,
+    /// or inputs that are not finite.
     pub fn one(&mut self, query: &Query, inputs: &[&[f64]], out: &mut [f64]) -> Result<bool> {
         self.engine.grow(query)?;
         let sound = self.engine.dispatch(query, inputs, out);

@@ -48,7 +48,8 @@ impl Evaluator {
         self.answer(quantity, inputs).map(|row| row.row(0).transpose())
     }
 
-    /// Mass matrix `M(q)`, `(n, n)`.
+    /// Mass matrix `M(q)`, `(n, n)`, kg m^2, kg m or kg. Errors, also of the functions below: inputs of a wrong length or not finite, or
+    /// `Solve` if the result is not finite.
     pub fn mass_matrix(&mut self, q: &DVector<f64>) -> Result<DMatrix<f64>> {
         self.answer(Quantity::MassMatrix, &[q])
     }
@@ -58,22 +59,22 @@ impl Evaluator {
         self.answer(Quantity::CoriolisMatrix, &[q, v])
     }
 
-    /// Gravity torque `g(q)`, `(n,)`.
+    /// Gravity torque `g(q)`, `(n,)`, N m or N.
     pub fn gravity(&mut self, q: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::Gravity, &[q])
     }
 
-    /// Bias torque `C(q, v) v + g(q)`, `(n,)`.
+    /// Bias torque `C(q, v) v + g(q)`, `(n,)`, N m or N.
     pub fn bias(&mut self, q: &DVector<f64>, v: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::Bias, &[q, v])
     }
 
-    /// Inverse dynamics `tau = M a + C v + g`, `(n,)`.
+    /// Inverse dynamics `tau = M a + C v + g`, `(n,)`, N m or N.
     pub fn inverse_dynamics(&mut self, q: &DVector<f64>, v: &DVector<f64>, a: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::InverseDynamics, &[q, v, a])
     }
 
-    /// Forward dynamics `a = M^-1 (tau - C v - g)`, `(n,)`.
+    /// Forward dynamics `a = M^-1 (tau - C v - g)`, `(n,)`, rad/s^2 or m/s^2. A singular mass matrix is an error (`Solve`).
     pub fn forward_dynamics(&mut self, q: &DVector<f64>, v: &DVector<f64>, tau: &DVector<f64>) -> Result<DVector<f64>> {
         self.vector(Quantity::ForwardDynamics, &[q, v, tau])
     }
@@ -88,7 +89,7 @@ impl Evaluator {
         self.answer(Quantity::Energy, &[q, v]).map(|row| (row[0], row[1]))
     }
 
-    /// Pose `X_WF` of a frame in the world.
+    /// Pose `X_WF` of the frame with this index in the world, m.
     pub fn pose(&mut self, q: &DVector<f64>, frame: usize) -> Result<Isometry3<f64>> {
         let x = self.answer(Query { frame, ..Quantity::Pose.into() }, &[q])?;
         let rotation = Rotation3::from_matrix_unchecked(Matrix3::from(x.fixed_view::<3, 3>(0, 0)));
@@ -96,7 +97,7 @@ impl Evaluator {
         Ok(Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)))
     }
 
-    /// Geometric Jacobian, `(6, n)`: `J v = [linear; angular]` of the frame's origin, world axes.
+    /// Geometric Jacobian, `(6, n)`: `J v = [linear; angular]` of the frame's origin, m/s and rad/s, world axes.
     pub fn jacobian(&mut self, q: &DVector<f64>, frame: usize) -> Result<DMatrix<f64>> {
         self.answer(Query { frame, ..Quantity::Jacobian.into() }, &[q])
     }

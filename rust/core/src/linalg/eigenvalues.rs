@@ -7,7 +7,7 @@ use crate::status::Status;
 use nalgebra::DMatrix;
 
 /// Return all eigenvalues of a matrix, shape `(n, n)`, row-major, as `(real, imaginary)`. They are sorted by real part, then by imaginary
-/// part.
+/// part. Errors: `Input` for entries that are not finite, `Solve` if the iteration does not converge.
 pub fn eigenvalues(a: &[f64], n: usize) -> Result<Vec<(f64, f64)>> {
     finite("matrix", a)?;
     let mut balanced = a.to_vec();
@@ -23,7 +23,7 @@ pub fn eigenvalues(a: &[f64], n: usize) -> Result<Vec<(f64, f64)>> {
     Ok(values)
 }
 
-/// Return the largest magnitude of all eigenvalues.
+/// Return the largest magnitude of all eigenvalues of a matrix, shape `(n, n)`, row-major. Errors: as for [`eigenvalues`].
 pub fn spectral_radius(a: &[f64], n: usize) -> Result<f64> {
     Ok(eigenvalues(a, n)?.iter().fold(0.0f64, |most, (re, im)| most.max(re.hypot(*im))))
 }

@@ -5,14 +5,14 @@
 use super::{Gain, symmetric_eigen};
 use crate::error::{Result, positive};
 
-/// Return the power `A^p` of a symmetric positive definite matrix, shape `(n, n)`, row-major.
+/// Return the power `A^p` of a symmetric positive definite matrix, shape `(n, n)`, row-major. Errors: as for [`symmetric_eigen`].
 pub fn symmetric_power(a: &[f64], n: usize, p: f64) -> Result<Vec<f64>> {
     let (values, vectors) = symmetric_eigen(a, n)?;
     let raised: Vec<f64> = values.iter().map(|l| l.powf(p)).collect();
     Ok((0..n * n).map(|at| (0..n).map(|k| vectors[k * n + at / n] * raised[k] * vectors[k * n + at % n]).sum()).collect())
 }
 
-/// Return the damping matrix for the damping ratio `zeta` > 0, the inertia `M` and the stiffness `K`.
+/// Return the damping matrix with which every mode of the inertia `M` and the stiffness `K` has the damping ratio `zeta` > 0.
 pub fn ratio_damping(inertia: &Gain, stiffness: &Gain, zeta: f64) -> Result<Gain> {
     positive("damping_ratio", zeta)?;
     let n = inertia.n();

@@ -21,7 +21,7 @@ pub type Pseudo<S> = [[S; 4]; 4];
 /// The row and column of each of the six inertia entries, in the order of the parameters.
 const ENTRIES: [(usize, usize); 6] = [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)];
 
-/// Return `P` for ten parameters, in the order of [`crate::spatial`].
+/// Return the pseudo-inertia `P` of a body with ten parameters, in the order of [`crate::spatial`].
 #[inline]
 pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
     let [m, hx, hy, hz, xx, xy, yy, xz, yz, zz] = *pi;
@@ -29,14 +29,14 @@ pub fn pseudo_inertia<S: Real>(pi: &[S; PARAMETERS]) -> Pseudo<S> {
     [[half - xx, -xy, -xz, hx], [-xy, half - yy, -yz, hy], [-xz, -yz, half - zz, hz], [hx, hy, hz, m]]
 }
 
-/// Return the ten parameters of `P`. Only the upper triangle of `P` is read.
+/// Return the ten parameters of a body with the pseudo-inertia `p`. Only the upper triangle of `p` is read.
 #[inline]
 pub fn parameters_of<S: Real>(p: &Pseudo<S>) -> [S; PARAMETERS] {
     let (x, y, z) = (p[0][0], p[1][1], p[2][2]);
     [p[3][3], p[0][3], p[1][3], p[2][3], y + z, -p[0][1], x + z, -p[0][2], -p[1][2], x + y]
 }
 
-/// Return `L` with `tr(P(pi) L) = pi . y` for every `pi`.
+/// Return the symmetric matrix `L` with `tr(P(pi) L) = pi . y` for every `pi`, where `P(pi)` is the pseudo-inertia.
 #[inline]
 pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     let half = S::splat(0.5);
@@ -57,7 +57,8 @@ pub fn dual<S: Real>(y: &[S; PARAMETERS]) -> Pseudo<S> {
     l
 }
 
-/// Return `g` with `g . pi = tr(W P(pi))` for every `pi` and a symmetric `W`. It is the inverse of [`dual`].
+/// Return `g` with `g . pi = tr(W P(pi))` for every `pi`, the symmetric matrix `W` and the pseudo-inertia `P(pi)`.
+/// It is the inverse of [`dual`].
 #[inline]
 pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     let half = S::splat(0.5);
@@ -67,8 +68,8 @@ pub fn adjoint<S: Real>(w: &Pseudo<S>) -> [S; PARAMETERS] {
     [w[3][3], twice(0, 3), twice(1, 3), twice(2, 3), xx, -twice(0, 1), yy, -twice(0, 2), -twice(1, 2), zz]
 }
 
-/// Return `d pi_hat / dt` of `P_hat' = gamma P_hat L P_hat`, where `L` is the dual of `y = Y' s`. This is gradient descent in the natural
-/// metric.
+/// Return `d pi_hat / dt` of a body's estimate. Its pseudo-inertia follows `P_hat' = gamma P_hat L P_hat`, where `L` is the [`dual`] of
+/// `y = Y' s`. This is gradient descent in the natural metric.
 #[inline]
 pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], gamma: S) -> [S; PARAMETERS] {
     let (p, l) = (pseudo_inertia(pi_hat), dual(y_t_s));
@@ -88,7 +89,7 @@ pub fn natural_rate<S: Real>(pi_hat: &[S; PARAMETERS], y_t_s: &[S; PARAMETERS], 
     parameters_of(&rate)
 }
 
-/// Return the factor `L` of `P = L L'`, and one if `P` is positive definite, otherwise zero.
+/// Return the lower factor `L` of `p = L L'`, and one if `p` is positive definite, otherwise zero.
 #[inline(always)]
 pub fn factor<S: Real>(p: &Pseudo<S>) -> (Pseudo<S>, S) {
     let (zero, infinity) = (S::zero(), S::splat(f64::INFINITY));
@@ -107,12 +108,13 @@ pub fn factor<S: Real>(p: &Pseudo<S>) -> (Pseudo<S>, S) {
     (l, possible)
 }
 
-/// Return whether the body is physically possible: `P > 0`.
+/// Return whether a body with these parameters is physically possible: its pseudo-inertia is positive definite.
 pub fn is_positive_definite(pi: &[f64; PARAMETERS]) -> bool {
     factor(&pseudo_inertia(pi)).1 == 1.0
 }
 
-/// Return the Bregman divergence `d(P || P_hat)` of `-log det`. It is infinite if one matrix is not positive definite.
+/// Return the divergence `d(P || P_hat) = log(|P_hat| / |P|) + tr(P_hat^-1 P) - 4` between the pseudo-inertias of two bodies. It is
+/// infinite if one matrix is not positive definite.
 #[inline(always)]
 pub fn divergence<S: Real>(pi: &[S; PARAMETERS], pi_hat: &[S; PARAMETERS]) -> S {
     let ((l, possible), (hat, possible_hat)) = (factor(&pseudo_inertia(pi)), factor(&pseudo_inertia(pi_hat)));

@@ -81,6 +81,8 @@ pub type Goal = (TaskFunction, Vec<f64>);
 
 /// Search for joint positions that reach the tasks `goals`, the highest priority first, from `q0`, `(n,)`, rad or m.
 ///
+/// An unreachable target is not an error: see [`IkSolution::status`]. Errors: `Input` for an invalid option, start or target.
+///
 /// ```
 /// use armlet_core::analysis::inverse_kinematics::{IkOptions, inverse_kinematics};
 /// use armlet_core::arm::Arm;

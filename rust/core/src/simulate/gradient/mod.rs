@@ -158,6 +158,8 @@ fn prepare<'a>(problem: &'a Problem<'a>, parameters: Parameters, stop: &dyn Stop
 
 /// Return the derivatives of the records of run 0 of `problem`, at the times of its options. Each part that [`record_parts`] names has an
 /// array of shape `(records, numbers, parameters)`, in the units of the record per unit of the parameter.
+///
+/// Errors: `Input` for a parameter without a derivative, `Solve` if the run ends early or has no derivative (at a grazed contact).
 pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop) -> Result<Vec<Vec<f64>>> {
     let prepared = prepare(problem, parameters, stop)?;
     let (parts, _) = record_parts(problem);
@@ -169,7 +171,7 @@ pub fn sensitivities(problem: &Problem, parameters: Parameters, stop: &dyn Stop)
 /// Return `sum_k w_k' dr_k/dp` for the records `r_k = [x, tau]` of run 0 of `problem`, one number per parameter.
 ///
 /// `weights`: the `w_k`, shape `(records, numbers)`. `memory`: an approximate limit of the stored states, in bytes. Other states are
-/// computed again.
+/// computed again. Errors: as for [`sensitivities`].
 pub fn adjoint(problem: &Problem, parameters: Parameters, weights: &[f64], memory: usize, stop: &dyn Stop) -> Result<Vec<f64>> {
     backward::run(&prepare(problem, parameters, stop)?, weights, memory)
 }

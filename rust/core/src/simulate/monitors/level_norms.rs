@@ -31,8 +31,8 @@ pub fn names(law: &LawSpec) -> &'static [&'static str] {
     }
 }
 
-/// Computes the norms. With plain numbers, the solver has all its algorithms. With recorded values, it has only the algorithm for regular
-/// stacks.
+/// Computes the norms of error and residual of each level. With plain numbers, the solver has all its algorithms. With recorded values, it
+/// has only the algorithm for regular stacks.
 pub struct LevelNorms<P: Solve> {
     law: PriorityLaw<P>,
     u: Vec<P::Number>,
@@ -44,7 +44,8 @@ enum PriorityLaw<P: Solve> {
 }
 
 impl<P: Solve> LevelNorms<P> {
-    /// Return the norms of a law. The result is `None` without levels, or if the solver of type `P` does not exist for this law.
+    /// Return the computation of the norms of error and residual of a law's levels. The result is `None` without levels, or if the solver
+    /// of type `P` does not exist for this law.
     pub fn of(law: &LawSpec) -> Option<Self> {
         let engine = match law {
             LawSpec::PriorityVelocity(spec) => PriorityLaw::Velocity(Box::new(spec.engine()?)),
