@@ -29,7 +29,10 @@ OURS = sys.stdlib_module_names | {"armlet", "numpy", "matplotlib", "scipy", "pan
 
 
 def border(function: Callable[P, R]) -> Callable[P, R]:
-    """Wrap `function` so that only the errors listed at the head of this file leave it."""
+    """Wrap `function` so that every other error than the allowed ones leaves it as an `InternalError`.
+
+    ArmletError, TypeError, MemoryError, OSError, ImportError and warnings are allowed, and all errors of functions of the caller.
+    """
     name = function.__qualname__.removesuffix(".__init__").removesuffix(".__post_init__")
 
     @wraps(function)

@@ -83,7 +83,7 @@ def equilibrium(
 
     The equilibrium of an impedance law is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with an unbalanced
     spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law with a null space, an integral or
-    limits has no potential. The search then follows the motion of the loop without velocities, M q' = r(q).
+    limits has no potential. The search then follows the motion of the loop without velocities, M q' = u(q) + J'F - g(q).
 
     A redundant arm without a posture task can move without moving its frame. `free_motions` counts these motions, and `stable` ignores
     them.

@@ -322,7 +322,11 @@ def sampled(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticIm
 def draw(
     figure: Any, arm: al.Arm, law: al.ElasticImpedance, step: al.Run, printed: dict[str, tuple[Array, Array]], errors: dict[str, Array]
 ) -> None:
-    """Draw the tip position, the joint torques, the distance under the printed laws, and the deviation from rigid joints over B0."""
+    """Draw a force step: the tip position and the joint torques over time, and two comparisons.
+
+    The first one is the distance of the tip from its equilibrium under the laws as the exam prints them. The second one is the deviation
+    from the motion with rigid joints over B0.
+    """
     from ..figures.style import COLOURS
 
     figure.set_size_inches(12.0, 8.0)

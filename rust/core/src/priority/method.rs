@@ -14,9 +14,11 @@ pub const DEFAULT_EPS: f64 = 0.02;
 /// The method that inverts the projected Jacobian `A_i = J_i N` of a level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PriorityMethod {
-    /// Equation (5): the pseudo-inverse with scale-aware ranks. It is discontinuous at singularities, and never disturbs a higher level.
+    /// The pseudo-inverse of `A_i`, with a rank that takes the size of `J_i` into account. It is discontinuous at singularities, and never
+    /// disturbs a higher level.
     Exact,
-    /// Spectral clamp `s -> s / max(s, eps)^2`. It is continuous, bounded by `1/eps`, and equal to Equation (5) if all `s >= eps`.
+    /// Clamp of the singular values `s` of `A_i`: `s -> s / max(s, eps)^2`. It is continuous, bounded by `1/eps`, and equal to `Exact` if
+    /// all `s >= eps`.
     #[default]
     Clamp,
     /// Damped least squares `s -> s / (s^2 + lambda^2)` with `lambda = eps (1 - w)`. Here `w = prod min(1, s/eps)` is the manipulability

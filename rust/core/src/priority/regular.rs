@@ -24,7 +24,8 @@ use crate::trace::Evaluation;
 /// significant digits.
 const EXACT_FLOOR: f64 = 1e-6;
 
-/// The algorithm `regular` (Equation (5) by an LQ factorisation) for stacks of one size, with its memory.
+/// The algorithm `regular` for stacks of one size, with its memory. It computes the prioritised solution away from singularities, by an LQ
+/// factorisation of the stacked Jacobians.
 #[derive(Debug, Clone)]
 pub struct Regular<S> {
     n: usize,

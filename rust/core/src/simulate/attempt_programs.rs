@@ -125,7 +125,7 @@ impl AttemptProgram {
         frame
     }
 
-    /// Write the held input `tau` and the other results of the law to the frame.
+    /// Write the held input `tau` and the other results of the law to the program's frame.
     pub fn hold<S: Real>(&self, frame: &mut Frame, tau: &[S], answer: &[S]) {
         write(frame, self.places.held(), tau);
         write(frame, self.places.held() + tau.len(), answer);

@@ -22,7 +22,7 @@ pub struct Tracing {
 
 /// The results that form a record together with the state: the input and the monitors.
 pub struct Noting {
-    /// The results for an input that is stored in the frame.
+    /// The results for an input that is stored in the program's frame.
     pub alone: Vec<u32>,
     /// The results for the input that acts in the step.
     pub along: Vec<u32>,
@@ -36,9 +36,9 @@ pub struct Noting {
 
 /// The results of an update of the metrics.
 pub struct Summing {
-    /// The results at any record, for an input that is stored in the frame.
+    /// The results at any record, for an input that is stored in the program's frame.
     pub alone: Vec<u32>,
-    /// The results at records after the first one, for an input that is stored in the frame.
+    /// The results at records after the first one, for an input that is stored in the program's frame.
     pub stage: Vec<u32>,
     /// The results at records after the first one, for the input that acts in the step.
     pub along: Vec<u32>,
@@ -101,12 +101,12 @@ impl Programs {
         self.law.engine()
     }
 
-    /// Compute the plant's input and the rate of the law's state, from the state and the exogenous input of the frame.
+    /// Compute the plant's input and the rate of the law's state, from the state and the exogenous input in the program's frame.
     pub fn answer(&self, frame: &mut Frame) {
         self.law.run(frame);
     }
 
-    /// Update the metrics from the state, the first instant, the input and the step size in the frame.
+    /// Update the metrics from the state, the first instant, the input and the step size in the program's frame.
     pub fn sum_up(&self, frame: &mut Frame) {
         if let Some(sums) = &self.sums {
             sums.run(frame);
@@ -120,7 +120,7 @@ impl Programs {
         }
     }
 
-    /// Compute the input and the monitors of a record, from the state, the first instant and the input of the frame.
+    /// Compute the input and the monitors of a record, from the state, the first instant and the input in the program's frame.
     pub fn note(&self, frame: &mut Frame) {
         if let Some(notes) = &self.notes {
             notes.run(frame);
@@ -145,8 +145,8 @@ impl Programs {
         if let Step::Whole(program) = &self.step { Some(program) } else { None }
     }
 
-    /// Compute one step in parts, from the state, inputs and step size in the frame. The first stage writes the plant's input to the frame.
-    /// Then `first_stage` is called.
+    /// Compute one step in parts, from the state, inputs and step size in the program's frame. The first stage writes the plant's input to
+    /// this frame. Then `first_stage` is called.
     pub fn advance(&self, frame: &mut Frame, mut first_stage: impl FnMut(&Self, &mut Frame)) {
         let Step::Stages { segments, rates, first, count } = &self.step else { unreachable!("the step has no parts") };
         let lanes = frame.lanes();

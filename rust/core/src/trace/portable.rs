@@ -16,7 +16,7 @@ struct Step {
     to: u32,
 }
 
-/// A program whose values all have slots.
+/// A program that is evaluated instruction by instruction. All its values are in slots of its frame.
 #[derive(Clone, Debug)]
 pub struct Portable {
     steps: Vec<Step>,
