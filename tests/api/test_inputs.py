@@ -241,7 +241,7 @@ def test_wanted_times(options: dict[str, Any]) -> None:
     assert nothing.t.shape == (0,) and nothing.q.shape == (0, 2) and nothing.status is al.Status.SUCCESS
 
 
-# The result of a run is data.
+# Runs that diverge.
 
 
 def diverging() -> al.Adaptive:

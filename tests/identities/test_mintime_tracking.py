@@ -26,7 +26,7 @@ def test_seven_axes(rate: float | None) -> None:
     p = al.time_path(SEVEN, q, tau_max=TAU_MAX, v_max=2.0, torque_rate=rate, check_limits=False)
     assert p.feasible
     run = follow(SEVEN, p, TAU_MAX, p.duration, q[0])
-    # The tolerance covers some thousand steps of 1e-11, and jumps of acceleration within a step.
+    # The tolerance covers some thousand steps with an error of 1e-11 each, and jumps of acceleration within a step.
     np.testing.assert_allclose(run.q, p(run.t)[0], rtol=0.0, atol=1e-6)
     assert np.all(np.abs(run.tau) <= TAU_MAX * (1.0 + 1e-12))  # the torque is clamped
     inside = run.t < p.duration

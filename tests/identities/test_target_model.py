@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 PLANAR = al.planar_arm([0.5, 0.4], masses=[3.0, 2.0], coms=[0.25, 0.2], inertias=[0.0625, 0.027])
 SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
-# The tolerance is this fraction of the largest value of `target`. Where M_x is defined, it and its factors have condition numbers below 1e5.
+# The tolerance is this fraction of the largest value of `target`. Where M_x is defined, it and its factors have condition numbers below
+# 1e5.
 TOLERANCE = 1e-9
 
 

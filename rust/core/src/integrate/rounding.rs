@@ -34,9 +34,9 @@ const AT_REST: f64 = 1e-3;
 pub(super) struct Rounding<B> {
     /// Whether states are compensated.
     pub compensated: bool,
-    /// The state minus its rounded numbers `x`.
+    /// The compensation: the exact state minus the stored, rounded state `x`.
     pub rest: B,
-    /// The last argument of `f` minus its rounded numbers.
+    /// The exact last argument of `f` minus the rounded numbers at which `f` was evaluated.
     pub lost: B,
     strain: u32,
     looks: u64,

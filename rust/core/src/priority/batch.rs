@@ -20,8 +20,8 @@ pub const FEW: usize = 32;
 
 impl PrioritySolver {
     /// Record the algorithm `regular` as a program, for one row or for lanes. From `inputs` numbers, `stack` computes the relative error of
-    /// the entries of the Jacobians (`rounding`), the Jacobians, and the command. The results are a flag, then `v` and, if requested, the residuals. The flag is one if the results are valid,
-    /// otherwise zero. The return value is `None` if the program would be too long.
+    /// the entries of the Jacobians (`rounding`), the Jacobians, and the command. The results are a flag, then `v` and, if requested, the
+    /// residuals. The flag is one if the results are valid, otherwise zero. The return value is `None` if the program would be too long.
     pub fn recorded<T>(
         &self,
         lanes: bool,

@@ -40,7 +40,7 @@ pub struct RatesLoop<'a, S: Real, D> {
 }
 
 impl<'a, S: Real, D: Watched<S>> RatesLoop<'a, S, D> {
-    /// Create the loop of an explicit method. With a `source`, it uses programs: known ones from the start, new ones after `WAIT` evaluations.
+    /// Create the loop of an explicit method. With a `source`, it uses known programs from the start, or new ones after `WAIT` evaluations.
     pub fn explicit(direct: D, source: Option<Source<'a>>) -> Self {
         RatesLoop { direct, source, work: 0, wait: WAIT, running: [None, None] }
     }

@@ -45,8 +45,10 @@ struct Stepper<S, F, M> {
     dt: f64,
     /// The number of steps per sample, or 0 for a law that is evaluated in every stage.
     hold: u64,
-    /// Whether the past affects the loop only through the last sample, and this sample only through `tau`.
+    /// Whether the law is continuous, or sampled with a controller that only holds its output. Of the samples, the loop then needs only the
+    /// held input `tau`.
     plain: bool,
+    /// Whether `plain` is true, the law has no state, and the law is not a function of the caller.
     simple: bool,
     steps: u64,
     /// The state at the start of the last step, and the input of the previous step.

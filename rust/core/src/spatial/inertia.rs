@@ -56,7 +56,7 @@ impl<S: Real> Inertia<S> {
     pub fn shifted(&self, p: Vector3<S>) -> Inertia<S> {
         let h = self.moment;
         let moment = p.scale_add(self.mass, h);
-        // The matrix t = p h_new' + h p' is symmetric, and its trace is p.h_new + h.p.
+        // `moment` is the first moment about the new point. The matrix t = p moment' + h p' is symmetric.
         let t = |i: usize, j: usize| p[i].mul_add(moment[j], h[i] * p[j]);
         let (xx, yy, zz) = (t(0, 0), t(1, 1), t(2, 2));
         let i = self.inertia.0;
