@@ -57,7 +57,7 @@ def positions(q: ArrayLike) -> Array:
 
 
 def torques(arm: Mechanism, q: Array, v: Array, a: Array, viscous: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """The torques (T, n) of a motion with viscous friction, and bounds of their rounding errors."""
+    """The torques (T, n) of a motion with viscous friction at T times, and bounds of their rounding errors."""
     tau = arm.inverse_dynamics(q, v, a) + np.asarray(viscous) * v
     mass = np.abs(arm.mass_matrix(q)).max(axis=-2)
     load = np.abs(a).sum(axis=-1) + np.square(v).sum(axis=-1)
@@ -66,7 +66,7 @@ def torques(arm: Mechanism, q: Array, v: Array, a: Array, viscous: ArrayLike = 0
 
 
 def excess(values: Array, limits: ArrayLike, rounding: Array | float = 0.0) -> float:
-    """The largest relative excess of values (T, n) over limits, which are a scalar, (n,), or (n, 2) lower and upper."""
+    """The largest relative excess of values (T, n) at T times over limits, which are a scalar, (n,), or (n, 2) lower and upper."""
     values, limits = np.atleast_2d(values), np.asarray(limits, dtype=np.float64)
     if limits.ndim < 2:
         limits = np.stack([-np.broadcast_to(limits, values.shape[1:]), np.broadcast_to(limits, values.shape[1:])], axis=1)

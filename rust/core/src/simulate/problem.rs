@@ -33,7 +33,7 @@ pub struct Options {
     pub times: Times,
     /// The saturation of the input: the largest `|tau|` per joint, shape `(n,)`, N m or N.
     pub tau_max: Option<Vec<f64>>,
-    /// Whether to compute the monitors of the identities.
+    /// Whether to compute and record the monitors, such as the energy balance.
     pub monitors: bool,
     /// A run ends if a position (rad, m) or velocity (rad/s, m/s) of the plant exceeds this limit. Infinity means no limit.
     pub state_limit: f64,

@@ -28,7 +28,7 @@ pub struct Sym(u32);
 /// The result of one recording.
 pub struct Recording {
     pub ops: Vec<Op>,
-    /// The values of the set-up parameters that became inputs. They are the first inputs.
+    /// The values of the set-up parameters, which are constant in a run, that became inputs. They are the first inputs.
     pub values: Vec<f64>,
     /// The labels of the set-up parameters that became inputs.
     pub labels: Vec<Label>,

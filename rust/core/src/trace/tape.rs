@@ -173,7 +173,8 @@ impl Tape {
         }
     }
 
-    /// Record a set-up parameter as an input. The values 0, 1 and -1 become constants instead, unless the parameter varies.
+    /// Record a set-up parameter, which is constant in a run, as an input. The values 0, 1 and -1 become constants instead, unless the
+    /// parameter varies.
     pub fn given(&mut self, x: f64) -> u32 {
         let label = self.labels.next();
         let entry = if (x == 0.0 || x.abs() == 1.0) && !self.next_moves() {
@@ -187,7 +188,8 @@ impl Tape {
         entry
     }
 
-    /// Record a set-up parameter. Parameters of equal value that are recorded with this function share one input, unless they vary.
+    /// Record a set-up parameter, which is constant in a run. Parameters of equal value that are recorded with this function share one
+    /// input, unless they vary.
     pub fn shared(&mut self, x: f64) -> u32 {
         if self.next_moves() {
             return self.given(x);
@@ -202,8 +204,8 @@ impl Tape {
         new
     }
 
-    /// Record a set-up parameter that becomes a constant unless it varies. The list `structure` contains it only in a recording with
-    /// varying parameters.
+    /// Record a set-up parameter, which is constant in a run, as a constant unless it varies. The list `structure` contains it only in a
+    /// recording with varying parameters.
     pub fn fixed(&mut self, x: f64) -> u32 {
         if self.set_up && self.next_moves() {
             return self.given(x);

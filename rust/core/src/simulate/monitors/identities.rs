@@ -10,7 +10,8 @@ use crate::plant::{PlantSpec, Stored};
 use crate::scalar::{Dual, Real};
 use crate::simulate::gauge::Identities;
 
-/// Computes the quantities of the identities, for one run or for several runs at the same time.
+/// Computes skewness, energy and Lyapunov function, which satisfy identities of the theory, for one run or for several runs at the same
+/// time.
 pub struct Theory<S: Real> {
     states: usize,
     /// Size of the law's state.
@@ -45,8 +46,8 @@ impl<S: Real> Theory<S> {
         }
     }
 
-    /// Compute the quantities at state `x = [plant, z, integrals]`, whose first integrals are the integrals of [`Exchange`]. The arm must
-    /// already be at the position `q` of `x`.
+    /// Compute skewness, energy and Lyapunov function at state `x = [plant, z, integrals]`, whose first integrals are the integrals of
+    /// [`Exchange`]. The arm must already be at the position `q` of `x`.
     pub fn identities(&mut self, desired: &[S], x: &[S]) -> Identities<S> {
         let n = self.moving_q.len();
         let (plant, rest) = x.split_at(self.states);

@@ -83,7 +83,7 @@ pub struct Moment<'a, S: Real> {
     pub tau: &'a [S],
     /// The plant's arm at the position of the record.
     pub arm: &'a mut ArmAt<S>,
-    /// The quantities of the identities, with the integrals of the law's dissipation and of the supplied power.
+    /// Skewness, energy and Lyapunov function, with the integrals of the law's dissipation and of the supplied power.
     pub identities: Identities<S>,
     /// `E - int P` and `V1 + int s' Kd s` at the first record.
     pub first: [S; 2],
