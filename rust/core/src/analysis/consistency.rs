@@ -65,9 +65,12 @@ fn problem(body: &[f64; PARAMETERS]) -> String {
 
 /// Compute the nearest parameters whose bodies are all physically possible. Possible bodies do not change.
 ///
-/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units. `length`, m, is the unit of length in the distance, and so
-/// weights moments against the mass. The smallest eigenvalue of a projected pseudo-inertia is `floor` times the largest eigenvalue of all
-/// bodies. Errors: `Input` for wrong numbers, or if no body has a positive eigenvalue.
+/// `pi`, `(10 b,)`, has ten parameters for each of `b` bodies, in SI units. `length`, m, is the unit of length of the pseudo-inertias, and
+/// so weights moments against masses. The eigenvalues of a projected pseudo-inertia are at least `floor` times the largest eigenvalue of
+/// all bodies.
+///
+/// Errors: `Input` for a wrong length of `pi`, numbers that are not finite, or a `length` or `floor` that is not positive. Also if no body
+/// has a positive eigenvalue.
 pub fn project_parameters(pi: &[f64], length: f64, floor: f64) -> Result<Vec<f64>> {
     positive("length", length)?;
     positive("floor", floor)?;
