@@ -11,7 +11,7 @@ import pytest
 
 import armlet as al
 
-# Names of the contract, grouped by page.
+# Public names that must not change, grouped by page.
 ARMS = "load_urdf planar_pr planar_arm pendulum Arm"
 PRIORITY = "solve_priority PrioritySolver diagnose_priority Task"
 MOTIONS = "Hold Quintic BangBang Sinusoid"
@@ -68,7 +68,7 @@ SIGNATURES = {
     "torque_optimal_time": "theta0 thetaf inertia gravity_moment tau_max",
     "time_path": "arm path * tau_max v_max a_max",
 }
-# Names in `dir(al)` beyond the contract; each has a page.
+# All other public names; each has a page.
 EXTENSIONS = set(al.__all__) - set(CONTRACT)
 
 

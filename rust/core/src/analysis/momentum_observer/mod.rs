@@ -190,7 +190,7 @@ impl MomentumObserver {
         accepted
     }
 
-    /// Correct the residual `r` of the row that starts at `first`, by the change of its momentum beyond the known torques.
+    /// Correct the residual `r` of the row that starts at `first`, by the change of momentum that the known torques do not explain.
     fn correct(&mut self, residual: &mut [f64], momentum: &[f64], tau: &[f64], first: usize) {
         let before = first..first + residual.len();
         residual.copy_from_slice(&self.state.residual[before.clone()]);

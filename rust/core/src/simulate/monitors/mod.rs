@@ -93,7 +93,7 @@ pub struct Moment<'a, S: Real> {
     pub integrals: &'a [S],
 }
 
-/// The data of one evaluation of a loop's rates for an integral.
+/// The quantities of a loop from which the rates of the monitors' integrals are computed.
 #[allow(dead_code)] // The integrals of `Exchange` read the powers alone.
 pub struct Flow<'a, S> {
     /// The plant's state.
