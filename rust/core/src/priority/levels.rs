@@ -185,7 +185,7 @@ impl Workspace {
             }
         }
         self.svd2.decompose(&self.a[..kept * k], kept, k)?;
-        // The kept directions are moved to the end, the largest scale first. The other directions are spent.
+        // The directions that remain free are moved to the end, the largest scale first. This level uses the other directions completely.
         turn_basis(&mut self.basis, &mut self.t, &self.svd2, n, self.free);
         let alive = self.svd2.rank(0.0);
         self.basis[self.free * n..].rotate_left(alive * n);

@@ -174,7 +174,8 @@ impl Workspace {
             metric.velocity(&mut sat.va);
         }
         let (lower, upper) = self.bounds.as_ref().expect("bounds are checked at construction");
-        // Near singularities the noise is large. A correction of this size would change the results of higher levels.
+        // The tolerance `edge` of the bounds is limited, because `noise` is large near singularities. A correction of that size would
+        // change the results of higher levels.
         let fastest = largest(&sat.va);
         let edge = noise.min(MOST_EDGE * fastest).max(LEAST_EDGE * fastest);
         if !(0..n).all(|j| sat.va[j] >= lower[j] - edge && sat.va[j] <= upper[j] + edge) {

@@ -45,7 +45,7 @@ pub fn outside<'a>(starts: impl Iterator<Item = (&'a PlantSpec, &'a [f64])>, law
         let all: Vec<(&Arm, Vec<f64>)> = arms.flat_map(|(arm, rows)| rows.into_iter().map(move |q| (arm, q))).collect();
         if let Some(mut target) = Outside::first(all.iter().map(|(arm, q)| (*arm, &q[..]))) {
             if laws.len() == 1 {
-                // A motion has two ends, but it is one argument. So the number of arguments is one.
+                // Both ends of a motion were checked, but the law is one argument. So the number of checked rows is one.
                 target.of = 1;
             }
             found.push((format!("{name}[{}]", target.joint), target));

@@ -217,11 +217,11 @@ impl<'a, S: Real> Watching<'a, S> {
         }
         self.stuck = 0;
         if i >= contacts {
-            // Joints reverse each other's change within rounding. Continue to the end of the step with the present modes.
+            // Joints undo each other's mode changes at practically the same time. Continue to the end of the step with the present modes.
             self.switches = self.guards.len();
             return Ok(Some(t1));
         }
-        // Contacts reverse each other's change within rounding. Continue with their modes at the end of the step.
+        // Contacts undo each other's mode changes at practically the same time. Continue with their modes at the end of the step.
         interpolate(system, method, t1, &mut self.at, &mut self.x);
         self.find_contacts(system, t1);
         Ok(None)

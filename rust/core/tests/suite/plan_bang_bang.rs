@@ -44,7 +44,7 @@ fn public_oracle() {
 
 #[test]
 fn infeasible_motions_say_what_is_missing() {
-    // With G = 2.5 and tau_max = 1, the exam motion requires tau_max = G/2 = 1.25. So 0.25 is missing on both limits.
+    // With G = 2.5 and tau_max = 1, the motion from -pi/2 to pi/2 requires tau_max = G/2 = 1.25. So 0.25 is missing on both limits.
     let half = std::f64::consts::FRAC_PI_2;
     let r = bang_bang_time(-half, half, 1.0, 2.5, -1.0, 1.0).unwrap();
     let Reason::Conflict { upper, lower, missing } = r.reason() else { panic!("{:?}", r.reason()) };

@@ -17,9 +17,9 @@ mod assemble;
 mod declaration;
 #[cfg(feature = "urdf")]
 mod element;
-// Without the reader, only the writer uses these limits, and only some of them.
 #[cfg(feature = "urdf")]
 mod followers;
+// Without the feature `urdf`, only the writer uses the limits of this module, and not all of them.
 #[cfg_attr(not(feature = "urdf"), allow(dead_code))]
 mod plausible;
 #[cfg(feature = "urdf")]

@@ -228,7 +228,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
                     let over = first.max(middle).max(last) + spare - load::<S>(&limits.hi, k);
                     let under = load::<S>(&limits.lo, k) - (first.min(middle).min(last) - spare);
                     most[block] = largest((over * load::<S>(&limits.by_hi, k)).max(under * load::<S>(&limits.by_lo, k)));
-                    // A block with NaN counts as the nearest block.
+                    // A block with NaN counts as the block nearest to its limits.
                     if !(most[block] <= most[nearest]) {
                         nearest = block;
                     }
@@ -236,7 +236,7 @@ impl<F: FnMut(usize, usize, f64, f64)> GenericKernel for Examine<'_, F> {
             }
             let (mut margin, mut excess, mut of_torque, mut at) = (S::splat(FASTEST), f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
             for turn in 0..width / S::LANES {
-                // Sample the nearest block first. Skip another block if its bound allows no smaller distance.
+                // Sample the block nearest to its limits first. Skip another block if its bound shows that it is not nearer to its limits.
                 let block = if turn == 0 { nearest } else { turn - usize::from(turn <= nearest) };
                 let k = block * S::LANES;
                 if turn > 0 && window.is_some() && most[block] <= -FAR_ENOUGH && most[block] <= largest(-margin) {

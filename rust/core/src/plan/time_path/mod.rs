@@ -167,11 +167,11 @@ fn again(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Resul
 /// Reduce the caps at both ends of segment `i` by the relative excess `past`, in correction `k`.
 fn reduce_caps(rows: &LimitRows, caps: &mut [f64], old: &[f64], i: usize, past: f64, k: usize) {
     let (x0, x1) = (rows.cap[i], rows.cap[i + 1]);
-    // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the
-    // third correction on, reduce both: a peak next to the smaller cap decreases only with the square of the first reduction.
+    // Reduce the larger of two different caps: a cap grows without limit towards a point where the path turns back. From the third
+    // correction on, reduce both: the larger cap has only a second-order effect on an excess next to the smaller cap.
     for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
         if here * 1.2 >= other || k >= 2 {
-            // At an end with a prescribed speed above zero the cap is fixed. Then only the other cap is reduced, and the peak
+            // At an end with a prescribed speed above zero the cap is fixed. Then only the other cap is reduced, and the excess
             // decreases slowly. So this reduction doubles with each correction.
             let prescribed = (next == 0 && rows.x_start > 0.0) || (next + 1 == rows.cap.len() && rows.x_end > 0.0);
             let past = if prescribed { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
