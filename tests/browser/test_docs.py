@@ -38,7 +38,7 @@ LOADED = """async () => {
   await document.fonts.ready;
   await Promise.all([...document.images].map(i => i.complete || new Promise(done => { i.onload = i.onerror = done; })));
 }"""
-# What is wrong on the page that is open; a fault is named by its kind and the text or the file.
+# Returns the faults of the open page. The name of a fault is its kind, and the text or the file that has the fault.
 FAULTS = r"""keys => {
   const faults = new Set(), width = document.documentElement.clientWidth;
   const add = (kind, what) => faults.add(kind + ": " + what.trim().slice(0, 60));

@@ -63,7 +63,7 @@ for stop in (3, 11, 40):
         print(type(error).__name__, error.strerror)
     else:
         raise SystemExit("it was written to what is read-only")
-    # From the start there is nothing that can be written: it is said before anything is run.
+    # The disk is read-only from the start. So the sweep raises the error before the first run.
     calls = []
     try:
         al.sweep(SCENARIO, DRAWS, draws=480, seed=8, chunk=8, out=out / "new", progress=shut)

@@ -81,7 +81,8 @@ impl<S: Real> ClampedInverse<S> {
         }
     }
 
-    /// Compute `F` from `B`: the diagonal `1 / max(l, c)`, and the divided differences `-share / (max(l, c) max(k, c))`.
+    /// Compute `F` from `B`, with `l = B_ii` and `k = B_jj`: `F_ii = 1 / max(l, c)` and `F_ij = -share B_ij / (max(l, c) max(k, c))`.
+    /// `share` is the fraction of the interval between `l` and `k` that is above `c`.
     fn raise(&mut self, floor: S) {
         let (m, zero, one) = (self.m, S::zero(), S::splat(1.0));
         for i in 0..m {

@@ -44,7 +44,8 @@ impl TorqueSensor {
         if turn == 0.0 {
             return state;
         }
-        // The exact solution is `y(dt) = e y(0) + now - e before - (now - before) (1 - e)/turn`, with `e = exp(-turn)`.
+        // With `turn = bandwidth dt` and `e = exp(-turn)`, the exact solution of `y' = bandwidth (torque - y)` is
+        // `y(dt) = e y(0) + now - e before - (now - before) (1 - e)/turn`.
         let decay = (-turn).exp();
         let share = -(-turn).exp_m1() / turn;
         decay * (state - before) + now - (now - before) * share

@@ -125,7 +125,7 @@ fn paths_through_singularities_are_continuous() {
     assert_eq!(paths, 2);
 }
 
-/// Test the two cases of the exam, for any base rotation and after many revolutions of the joints.
+/// Test the velocities of the macro-micro arm in its cases a and b, for any base rotation and after many revolutions of the joints.
 #[test]
 fn cases_a_and_b_from_any_base_rotation() {
     let half = std::f64::consts::FRAC_PI_2;
