@@ -16,7 +16,8 @@
 //! a zero, `|phi|` only grows.
 //!
 //! With one switch the motion is monotone. From rest, an overdamped link never moves beyond the equilibrium of gravity and torque, because
-//! `v < 2 K_dot(x)/d` remains true. So only a brake ends at rest.
+//! `v < 2 N(x)/d` remains true. Here `N(x)` is the torque minus the torques of gravity and Coulomb friction, and is zero at the
+//! equilibrium. So only a brake ends at rest.
 
 use super::curve::{Curve, Leg, Meeting};
 use super::link::{Link, check_ends};

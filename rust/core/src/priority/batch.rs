@@ -1,6 +1,6 @@
-//! Batches of stacks with equal sizes. A program of the algorithm `regular` solves Equation (5), one stack per lane. The program reports
-//! the stacks for which its result is not valid. Another algorithm solves each of these stacks alone. So every row has the bits, ranks and
-//! status of a single solve, and does not depend on other rows.
+//! Batches of stacks with equal sizes. A program of the algorithm `regular` solves one stack per lane. The program reports the stacks for
+//! which its result is not valid. Another algorithm solves each of these stacks alone. So every row has the bits, ranks and status of a
+//! single solve, and does not depend on other rows.
 
 use super::method::PriorityMethod;
 use super::regular::regular_ranks;

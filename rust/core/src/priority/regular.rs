@@ -1,6 +1,6 @@
-//! Equation (5) away from singularities. The stack is factored as `J_E = [J1; J2; ..] = L Q` (LQ factorisation by Householder reflections).
-//! The prioritised solution is `v = Q' y`, where forward substitution solves `L y = [v1; v2; ..]`. The reason: the diagonal block `T_i` of
-//! `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
+//! The solution of a stack (equation (5) in `mod.rs`) away from singularities. The stack is factored as `J_E = [J1; J2; ..] = L Q` (LQ
+//! factorisation by Householder reflections). The prioritised solution is `v = Q' y`, where forward substitution solves `L y = [v1; v2;
+//! ..]`. The reason: the diagonal block `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
 //!
 //! The result is valid only if it provably equals the result of the recursion in `levels`. The number `1/|T_i^-1|_F` is a lower bound of
 //! the smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For `exact`, it must satisfy the rank
