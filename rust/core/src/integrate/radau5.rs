@@ -191,7 +191,8 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.norm(self.x.as_ref(), self.y.as_ref(), |c| error[c])
     }
 
-    /// Write to `f[0]` the slope at the initial state plus the first error estimate. Its stiff components are too large in this estimate.
+    /// Write to `f[0]` the slope at the point `x + e`, where `x` is the initial state and `e` the first error estimate. The second error
+    /// estimate uses this slope, because the stiff components of `e` are too large.
     fn filter<F: Differentiable<S, Input = U>>(&mut self, system: &mut F) {
         let (x, filtered, rest) = (self.x.as_ref(), self.error.as_ref(), self.rounding.rest.as_ref());
         let [slope, at, lost] = &mut self.f;

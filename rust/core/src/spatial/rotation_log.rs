@@ -48,8 +48,8 @@ pub fn rotation_log<S: Real>(r: &Matrix3<S>) -> Vector3<S> {
     Vector3::from([ux * factor, uy * factor, uz * factor])
 }
 
-/// Return the rotation matrix of the rotation vector `vector`, rad (Rodrigues): `cos t 1 + sin t / t [r]x + (1 - cos t) / t^2 r r'` with
-/// `t = |r|`.
+/// Return the rotation matrix of the rotation vector `r = vector`, rad (Rodrigues): `cos t 1 + sin t / t [r]x + (1 - cos t) / t^2 r r'`
+/// with `t = |r|`.
 #[inline]
 pub fn rotation_exp<S: Real>(vector: [S; 3]) -> Matrix3<S> {
     let [x, y, z] = vector;

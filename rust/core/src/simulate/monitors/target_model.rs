@@ -19,8 +19,8 @@ use crate::linalg::gain::{AnyGain, Multiply};
 use crate::plant::{Plant, PlantSpec};
 use crate::scalar::{Dual, Real};
 
-/// `M_x` counts as defined if two conditions are met. The smallest singular value of `J`, with rows of length one, exceeds this limit. A
-/// projector of the law has no loss.
+/// `M_x` counts as defined if two conditions are met. First, the smallest singular value of `J`, with rows of length one, exceeds this
+/// limit. Second, the projector of the law, if there is one, has no loss.
 const EPS: f64 = 0.02;
 
 /// The target model of one run, on plain numbers or on recorded values.
