@@ -35,7 +35,8 @@ pub struct Equilibrium {
     /// Whether the pose `x_d + K_m^-1 F`, or `x_d` with an integral, can be reached. A wall, a stop or a limit of the law may prevent this.
     pub reachable: bool,
     /// Whether the virtual spring of the law is not balanced by the external force and the contacts. Their total wrench `p` is then not
-    /// zero, although no torque limit is active. For a law of motors: whether the arm is away from its target without a force and a contact.
+    /// zero, although no torque limit is active. For a law of motors: whether the arm is away from its target without a force and a
+    /// contact.
     pub spurious: bool,
     /// Force of the wall on its frame, `(3,)`, N, world axes.
     pub wall_force: [f64; 3],
