@@ -54,7 +54,7 @@ class LabPage:
     def __init__(self, server: Server, model: Lab) -> None:
         self.server, self.model = server, model
         self._count = 0
-        self._asked: str | None = None
+        self._requested: str | None = None
         gui = server.gui
         self.text = Words(gui)
         menu = self.menu = gui.add_dropdown("system", tuple(model.systems), initial_value=model.system.title)
@@ -67,7 +67,7 @@ class LabPage:
         # The menu only stores the choice. `frame` builds the page.
         @menu.on_update  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
-            self._asked = menu.value
+            self._requested = menu.value
 
         @pause.on_click  # type: ignore[untyped-decorator]
         def _(_: Any) -> None:
@@ -163,12 +163,12 @@ class LabPage:
 
     def frame(self, seconds: float) -> None:
         """Simulate `seconds` of the clock and draw the state."""
-        if self._asked is not None and self._asked != self.model.system.title:
-            self.model.choose(self._asked)
+        if self._requested is not None and self._requested != self.model.system.title:
+            self.model.choose(self._requested)
             self.scene.clear()
             self._folder.remove()
             self._build()
-        self._asked = None
+        self._requested = None
         model, scene = self.model, self.scene
         model.advance(seconds)
         if self._resets != model.resets:

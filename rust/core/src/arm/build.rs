@@ -1,6 +1,6 @@
 //! Arms built from lists of joints.
 
-use super::mimic::{Leader, no_room, resolved};
+use super::mimic::{Leader, no_motion, resolved};
 use super::{Arm, Follows, Frame, Joint, JointKind, Limits, writable};
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
@@ -166,7 +166,7 @@ impl Arm {
             let (of, own) = (&self.joints[at], &self.joints[joint]);
             let (sum, empty) = of.moved().with(&own.moved(), multiplier, offset);
             if empty {
-                self.report.push(no_room(&own.name, &of.name));
+                self.report.push(no_motion(&own.name, &of.name));
             }
             pairs.push((joint, Leader { at: Some(at), name: of.name.clone(), moved: of.moved(), multiplier, offset }));
             self.joints[at].set_moved(&sum);

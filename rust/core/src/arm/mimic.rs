@@ -127,7 +127,7 @@ impl Joint {
 }
 
 /// Return a line for the report: the limits of `follower` allow no motion.
-pub fn no_room(follower: &str, leader: &str) -> String {
+pub fn no_motion(follower: &str, leader: &str) -> String {
     format!("limits of {follower}, which follows {leader}, leave {leader} no range: left out")
 }
 

@@ -81,7 +81,7 @@ impl<S: Real> BufferedTree<S> {
         if !sound {
             return false;
         }
-        self.make_room_for(query);
+        self.reserve_for(query);
         for k in 0..query.inputs().len() {
             sound &= read_one(inputs[k], &mut self.inputs[k][..query.input_length(k, n)]);
         }
@@ -100,7 +100,7 @@ impl<S: Real> BufferedTree<S> {
         }
     }
 
-    fn make_room_for(&mut self, query: &Query) {
+    fn reserve_for(&mut self, query: &Query) {
         if self.answered != Some(*query) {
             memory::set(&mut self.out[..query.length(self.tree.size())], S::zero());
             self.answered = Some(*query);
@@ -114,7 +114,7 @@ impl<S: Real> BufferedTree<S> {
     /// Compute the result of `query` for the inputs in the buffers.
     pub(super) fn answer(&mut self, query: &Query) -> Result<&[S]> {
         self.grow(query)?;
-        self.make_room_for(query);
+        self.reserve_for(query);
         self.turn();
         with_quantity!(query, Q => Q::compute(self, query));
         Ok(&self.out[..query.length(self.tree.size())])

@@ -162,7 +162,7 @@ double t; /* time of the last call, s */\n    int started; /* whether there was 
             )
         };
         let input = match self.plant() {
-            PlantKind::Velocity => "velocity of the joints that is asked for",
+            PlantKind::Velocity => "commanded velocity of the joints",
             PlantKind::Rigid => "torque",
             PlantKind::Elastic => "torque of the motors",
         };

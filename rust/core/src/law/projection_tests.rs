@@ -112,7 +112,7 @@ impl crate::scalar::GenericKernel for &Rate<'_> {
 }
 
 #[test]
-fn the_bend_is_what_the_proof_needs() {
+fn the_correction_satisfies_the_inequality_of_the_proof() {
     let truth: Vec<f64> = BODY.iter().chain(&BODY).copied().collect();
     let gamma: Vec<f64> = (0..20).map(|k| 0.1 + 0.01 * f64::from(k)).collect();
     for (share, sign) in [(0.9, 1.0), (0.3, 1.0), (0.02, 1.0), (0.02, -1.0), (-1.0, 1.0)] {
@@ -122,8 +122,8 @@ fn the_bend_is_what_the_proof_needs() {
         let rate = GenericKernel::run::<Float>(&Rate(&pi, &y));
         let taken: f64 = (0..20).map(|k| (pi[k] - truth[k]) / gamma[k] * (gamma[k] * y[k] - rate[k])).sum();
         let f2 = square(&pi);
-        let bent = (0..20).any(|k| rate[k] != gamma[k] * y[k]);
-        assert!(taken >= 0.0 && bent == (f2 > 0.0), "{share} {sign}: {taken}");
+        let changed = (0..20).any(|k| rate[k] != gamma[k] * y[k]);
+        assert!(taken >= 0.0 && changed == (f2 > 0.0), "{share} {sign}: {taken}");
         // Beyond the layer, the estimate returns at the rate PULL or faster.
         let h = 1e-6;
         let moved: Vec<f64> = (0..20).map(|k| pi[k] + h * rate[k]).collect();

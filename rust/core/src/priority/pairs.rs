@@ -24,7 +24,7 @@ const LEAST: f64 = 1e-6;
 const UNUSED: f64 = 1e-16;
 
 /// The number of direct solves after which a program is made.
-const CALLS_BEFORE_PROGRAM: u64 = 16;
+pub(super) const CALLS_BEFORE_PROGRAM: u64 = 16;
 
 /// The closed-form algorithm for stacks of one size, with its memory.
 #[derive(Debug, Clone)]

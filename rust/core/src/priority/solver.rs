@@ -5,7 +5,7 @@
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions, TAME};
 use super::metric::Metric;
-use super::pairs::{Answer, PairRoute, SinglePairs};
+use super::pairs::{Answer, CALLS_BEFORE_PROGRAM, PairRoute, SinglePairs};
 use super::regular::Regular;
 use super::sns::Saturation;
 use super::workspace::Workspace;
@@ -39,9 +39,6 @@ pub struct PrioritySolver {
     status: Status,
     uses: u64,
 }
-
-/// The number of calls after which a program is made.
-const CALLS_BEFORE_PROGRAM: u64 = 16;
 
 impl PrioritySolver {
     /// Create a solver. `n`: number of joints. `rows`: number of rows of each level, the highest level first. A level may have no row, or

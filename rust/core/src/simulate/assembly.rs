@@ -145,17 +145,17 @@ pub fn assemble<'a, S: Real>(problem: &'a Problem, run: impl Fn(usize) -> usize 
     let truth =
         if closing.watches_dissipation() { Truth::new(|lane| problem.law(run(lane)), |lane| problem.plant(run(lane))) } else { None };
     let period = o.sampling.as_ref().map(|sampling| sampling.period);
-    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).asked_every(period)
+    ClosedLoop::new(plant, law, world(problem, S::LANES, run), closing, sampler(problem, run), sizes).judged_by(truth).sampled_every(period)
 }
 
 /// Return the clock of the controllers of the runs `run(lane)`. The result is `None` for an ideal controller.
 pub fn sampler<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize + Copy) -> Option<Sampler<S>> {
     let (o, plant) = (&problem.options, problem.plant(run(0)));
     // A law of the user may have a memory. It is called once per sample, even if the sample is used several times.
-    let asked_once = problem.law(run(0)).route() == Route::Outside;
+    let called_once = problem.law(run(0)).route() == Route::Outside;
     let dissipated = usize::from(o.monitors && !problem.watches_storage());
     let sizes = (plant.states(), plant.n(), problem.law(run(0)).initial_state().len() + dissipated);
-    o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || asked_once).map(|sampling| {
+    o.sampling.as_ref().filter(|sampling| !sampling.is_plain() || called_once).map(|sampling| {
         let seeds = (0..S::LANES).map(|lane| sampling.seed.wrapping_add(run(lane) as u64)).collect();
         let sensing = TorqueSensing::of(problem, sampling, run);
         Sampler::new(sampling.clone(), seeds, o.grid(), sizes, sensing)

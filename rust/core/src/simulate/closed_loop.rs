@@ -103,7 +103,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
     }
 
     /// Return the loop after passing the sample period and the limits of the input to the law.
-    pub fn asked_every(mut self, period: Option<f64>) -> Self {
+    pub fn sampled_every(mut self, period: Option<f64>) -> Self {
         self.law.configure(period, &self.limits);
         self
     }

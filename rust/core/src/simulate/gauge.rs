@@ -40,7 +40,7 @@ pub enum Start {
     /// The stored numbers contain the first record, because this is a later record.
     Known,
     /// The program decides at run time whether the record is the first one, from the number of records.
-    Asked,
+    Requested,
 }
 
 /// The metrics of a run with the arms and limits that they need.
@@ -187,7 +187,7 @@ impl<S: Real> Gauge<S> {
         let (zero, one) = (S::zero(), S::splat(1.0));
         let [dissipated, put_in] = seen.quadratures;
         let first = |place: usize, value: S, kept: &mut [S]| {
-            if start == Start::Asked {
+            if start == Start::Requested {
                 kept[place] = S::select(count.lt(one), value, kept[place]);
             }
             kept[place]

@@ -81,7 +81,7 @@ impl<'a> Measuring<'a> {
         let parts = self.columns.split(&self.x, &self.tau);
         let seen = MetricInput { desired: &self.desired, q: parts.q, v: parts.v, tau: &self.tau, identities };
         let outside = plan.places.outside;
-        self.gauge.add(&seen, t - self.t, Start::Asked, &mut self.kept);
+        self.gauge.add(&seen, t - self.t, Start::Requested, &mut self.kept);
         if self.count == 1 {
             self.settled = Some(self.t);
         }

@@ -220,7 +220,7 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
         let outputs = to(derivatives, &work.along(moving, of));
         cuts.push(Cut { end: work.length(), outputs });
     }
-    let bent = cuts[2].outputs.iter().any(|&(_, entry)| entry != 0);
+    let needs_law = cuts[2].outputs.iter().any(|&(_, entry)| entry != 0);
     let ops = work.finish();
     let (places, mut free) = segments::join(&ops, &mut cuts, reach as u32 + 1);
     let mut start = 0;
@@ -233,7 +233,7 @@ fn differentiate(ops: Vec<Op>, of: &[u32], slots: &Slots, moves: bool, watch: Wa
         made
     };
     let [values, plant] = [program("values", &cuts[0]), program("along_plant", &cuts[1])];
-    let law = bent.then(|| program("along_law", &cuts[2]));
+    let law = needs_law.then(|| program("along_law", &cuts[2]));
     Derivatives { values, plant, law, along_plant: inputs, along_law, moves, rates, derivatives, reach }
 }
 

@@ -254,7 +254,7 @@ fn trace(
             entries(kept)
         };
         let [along, stage] = [&acting, &tau].map(|tau| sum_up(tau, Start::Known));
-        Summing { along, stage, alone: sum_up(&tau, Start::Asked) }
+        Summing { along, stage, alone: sum_up(&tau, Start::Requested) }
     });
     let notes = extras.notes.map(|mut notes| [&acting, &tau].map(|tau| notes.take(&u[0], &x, tau, &firsts)));
     let before = sym::recorded().0;

@@ -167,9 +167,9 @@ mod tests {
         const PR_SET_MDWE: i32 = 65;
         if std::env::var_os(CHILD).is_some() {
             // SAFETY: the call changes permissions of this process and does not access memory.
-            let given_up = unsafe { prctl(PR_SET_MDWE, 1, 0, 0, 0) } == 0;
+            let refused = unsafe { prctl(PR_SET_MDWE, 1, 0, 0, 0) } == 0;
             // A kernel without this option cannot refuse executable pages.
-            assert_eq!(Code::new(&SUM).is_err(), given_up);
+            assert_eq!(Code::new(&SUM).is_err(), refused);
             return;
         }
         let child = std::process::Command::new(std::env::current_exe().unwrap()).args(["--exact", NAME]).env(CHILD, "1").output().unwrap();

@@ -226,11 +226,11 @@ fn single_calls_have_the_same_bits_before_and_after_their_program() {
             for bad in [5e6, f64::INFINITY, 1e308] {
                 both.inputs[0][0] = bad;
                 let inputs: Vec<&[f64]> = both.inputs.iter().enumerate().map(|(k, x)| &x[..both.width(k)]).collect();
-                let ask = |functions: &Functions| {
+                let compute = |functions: &Functions| {
                     let mut out = vec![0.0; both.length()];
                     functions.one(&query, &inputs, &mut out).map(|sound| (sound, bits(&out))).map_err(|error| error.to_string())
                 };
-                let (one, other) = (ask(&fresh), ask(&both.functions));
+                let (one, other) = (compute(&fresh), compute(&both.functions));
                 assert_eq!(one, other, "{query:?} {bad}");
             }
             assert!(both.functions.one(&query, &[], &mut []).is_err());

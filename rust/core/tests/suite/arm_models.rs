@@ -8,7 +8,7 @@ use armlet_core::arm::{Arm, ChainJoint, Convention, DhRow, JointKind, JointType,
 use armlet_core::dynamics::{Evaluator, Quantity, Query};
 use armlet_core::error::Error;
 
-fn ask(arm: &Arm, query: impl Into<Query>, inputs: &[&[f64]]) -> Vec<f64> {
+fn compute(arm: &Arm, query: impl Into<Query>, inputs: &[&[f64]]) -> Vec<f64> {
     let query = query.into();
     let (rows, columns) = query.shape(arm.size());
     let mut out = vec![f64::NAN; rows * columns];
@@ -17,7 +17,7 @@ fn ask(arm: &Arm, query: impl Into<Query>, inputs: &[&[f64]]) -> Vec<f64> {
 }
 
 fn at(arm: &Arm, quantity: Quantity, frame: &str, q: &[f64]) -> Vec<f64> {
-    ask(arm, Query { frame: arm.frame_index(frame).unwrap(), ..quantity.into() }, &[q])
+    compute(arm, Query { frame: arm.frame_index(frame).unwrap(), ..quantity.into() }, &[q])
 }
 
 #[track_caller]
@@ -33,7 +33,7 @@ fn pendulum_is_its_equation() {
     for (inertia, moment) in [(1.0, 1.0), (0.3, 5.0), (2.0, 0.0), (1.0, -2.0)] {
         let arm = Arm::pendulum(inertia, moment).unwrap();
         for theta in [0.0f64, 1e-8, 1.0, -2.0, std::f64::consts::FRAC_PI_2, 9.0] {
-            let tau = ask(&arm, Quantity::InverseDynamics, &[&[theta], &[3.0], &[0.7]]);
+            let tau = compute(&arm, Quantity::InverseDynamics, &[&[theta], &[3.0], &[0.7]]);
             close("tau", &tau, &[inertia * 0.7 + moment * theta.sin()], 1e-15, moment.abs() + inertia);
         }
     }
@@ -54,10 +54,10 @@ fn planar_arms() {
     close("J1 y", &j[4..8], &[0.5, -0.5, -0.5, -0.25], 1e-15, 1.0);
     // A uniform rod has M = m l^2 / 3 and, if it is horizontal, g = m g l / 2. Here m = l.
     let rod = Arm::planar(&[0.8], None, None, None, [0.0, -9.81]).unwrap();
-    close("M", &ask(&rod, Quantity::MassMatrix, &[&[0.3]]), &[0.8f64.powi(3) / 3.0], 1e-15, 0.1);
-    close("g", &ask(&rod, Quantity::Gravity, &[&[0.0]]), &[9.81 * 0.32], 1e-15, 1.0);
+    close("M", &compute(&rod, Quantity::MassMatrix, &[&[0.3]]), &[0.8f64.powi(3) / 3.0], 1e-15, 0.1);
+    close("g", &compute(&rod, Quantity::Gravity, &[&[0.0]]), &[9.81 * 0.32], 1e-15, 1.0);
     let given = Arm::planar(&[0.8], Some(&[2.0]), Some(&[0.3]), Some(&[0.05]), [0.0, 0.0]).unwrap();
-    close("M", &ask(&given, Quantity::MassMatrix, &[&[0.3]]), &[0.05 + 2.0 * 0.09], 1e-15, 0.1);
+    close("M", &compute(&given, Quantity::MassMatrix, &[&[0.3]]), &[0.05 + 2.0 * 0.09], 1e-15, 0.1);
     refused(Arm::planar(&[1.0, 1.0], Some(&[1.0]), None, None, [0.0; 2]), "masses", "expected 2");
     refused(Arm::planar(&[], None, None, None, [0.0; 2]), "lengths", "is empty");
     refused(Arm::planar(&[1.0], None, None, Some(&[f64::INFINITY]), [0.0; 2]), "inertias", "not finite");
@@ -107,7 +107,7 @@ fn denavit_hartenberg_rows() {
         for row in &mut only[..4] {
             row.phi = [0.0; 10];
         }
-        let com = ask(&Arm::from_dh(&only, convention, STANDARD_GRAVITY).unwrap(), Quantity::Com, &[&q]);
+        let com = compute(&Arm::from_dh(&only, convention, STANDARD_GRAVITY).unwrap(), Quantity::Com, &[&q]);
         let (t, phi) = (dh_by_hand(&rows, &q, convention), rows[4].phi);
         let want: Vec<f64> = (0..3).map(|i| t[i][3] + (0..3).map(|k| t[i][k] * phi[1 + k] / phi[0]).sum::<f64>()).collect();
         close("com", &com, &want, 1e-14, 1.0);
@@ -131,7 +131,7 @@ fn payload_is_a_body_fixed_to_a_frame() {
     let at_com = [u[0] + w[1] * com[2] - w[2] * com[1], u[1] + w[2] * com[0] - w[0] * com[2], u[2] + w[0] * com[1] - w[1] * com[0]];
     let spin: f64 = (0..3).map(|i| (0..3).map(|k| w[i] * inertia[i][k] * w[k]).sum::<f64>()).sum();
     let extra = 0.5 * (mass * at_com.iter().map(|x| x * x).sum::<f64>() + spin);
-    let kinetic = |arm: &Arm| ask(arm, Quantity::Energy, &[&q, &v])[0];
+    let kinetic = |arm: &Arm| compute(arm, Quantity::Energy, &[&q, &v])[0];
     close("kinetic energy", &[kinetic(&loaded) - kinetic(&arm)], &[extra], 1e-12, 1.0);
     refused(arm.with_payload("tool", -1.0, com, inertia), "mass", "is negative");
     refused(arm.with_payload("tool", 1.0, com, [[1.0, 2.0, 0.0], [0.0; 3], [0.0; 3]]), "inertia", "not symmetric");
@@ -151,8 +151,8 @@ fn locked_joints_hold_their_value() {
         let free: Vec<usize> = (0..n).filter(|k| !held.contains(k)).collect();
         let pick = |x: &[f64]| -> Vec<f64> { free.iter().map(|&k| x[k]).collect() };
         let still = |x: &[f64]| -> Vec<f64> { (0..n).map(|k| if held.contains(&k) { 0.0 } else { x[k] }).collect() };
-        let full = ask(&arm, Quantity::InverseDynamics, &[&q, &still(&v), &still(&a)]);
-        close("tau", &ask(&locked, Quantity::InverseDynamics, &[&pick(&q), &pick(&v), &pick(&a)]), &pick(&full), 1e-12, 1.0);
+        let full = compute(&arm, Quantity::InverseDynamics, &[&q, &still(&v), &still(&a)]);
+        close("tau", &compute(&locked, Quantity::InverseDynamics, &[&pick(&q), &pick(&v), &pick(&a)]), &pick(&full), 1e-12, 1.0);
         for frame in arm.frame_names() {
             close(frame, &at(&locked, Quantity::Pose, frame, &pick(&q)), &at(&arm, Quantity::Pose, frame, &q), 1e-13, 1.0);
         }
@@ -188,15 +188,15 @@ fn evaluator_options() {
     let arm = random_tree(&mut rng, 6);
     let n = 6;
     let [q, v, a] = std::array::from_fn(|_| rng.vector(n, 1.5));
-    let plain = ask(&arm, Quantity::InverseDynamics, &[&q, &v, &a]);
+    let plain = compute(&arm, Quantity::InverseDynamics, &[&q, &v, &a]);
     let rubbing = Query { friction: true, ..Quantity::InverseDynamics.into() };
-    let with = ask(&arm, rubbing, &[&q, &v, &a]);
+    let with = compute(&arm, rubbing, &[&q, &v, &a]);
     let want: Vec<f64> = (0..n).map(|k| plain[k] + arm.joints[k].damping * v[k] + arm.joints[k].friction * v[k].signum()).collect();
     close("friction", &with, &want, 1e-14, 1.0);
-    let back = ask(&arm, Query { friction: true, ..Quantity::ForwardDynamics.into() }, &[&q, &v, &with]);
+    let back = compute(&arm, Query { friction: true, ..Quantity::ForwardDynamics.into() }, &[&q, &v, &with]);
     close("forward with friction", &back, &a, 1e-9, 1.0);
     // After the inertial parameters, there are columns for armature, damping and friction, in this order.
-    let y = ask(&arm, Query { friction: true, armature: true, ..Quantity::Regressor.into() }, &[&q, &v, &v, &a]);
+    let y = compute(&arm, Query { friction: true, armature: true, ..Quantity::Regressor.into() }, &[&q, &v, &v, &a]);
     let mut pi = arm.parameters();
     pi.extend(arm.joints.iter().map(|j| j.armature));
     pi.extend(arm.joints.iter().map(|j| j.damping));
@@ -207,11 +207,11 @@ fn evaluator_options() {
     let frame = arm.frames.len() - 1;
     let wrench = rng.vector(6, 2.0);
     let pushed = Query { wrench: Some(frame), ..Quantity::InverseDynamics.into() };
-    let tau = ask(&arm, pushed, &[&q, &v, &a, &wrench]);
-    let j = ask(&arm, Query { frame, ..Quantity::Jacobian.into() }, &[&q]);
+    let tau = compute(&arm, pushed, &[&q, &v, &a, &wrench]);
+    let j = compute(&arm, Query { frame, ..Quantity::Jacobian.into() }, &[&q]);
     let want: Vec<f64> = (0..n).map(|k| plain[k] - (0..6).map(|r| j[r * n + k] * wrench[r]).sum::<f64>()).collect();
     close("tau = ID - J' F", &tau, &want, 1e-13, 1.0);
-    let back = ask(&arm, Query { wrench: Some(frame), ..Quantity::ForwardDynamics.into() }, &[&q, &v, &tau, &wrench]);
+    let back = compute(&arm, Query { wrench: Some(frame), ..Quantity::ForwardDynamics.into() }, &[&q, &v, &tau, &wrench]);
     close("forward with a wrench", &back, &a, 1e-9, 1.0);
     let mut evaluator = Evaluator::new(&arm);
     let mut out = [0.0; 36];

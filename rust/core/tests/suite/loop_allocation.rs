@@ -124,12 +124,12 @@ fn steps_allocate_nothing() {
         let methods: &[Method] = if what.ends_with("in priority") { &[Method::Rk4] } else { &[Method::Rk4, Method::Dop853] };
         for &method in methods {
             // Records at all accepted steps are excluded, because they enlarge their arrays.
-            let ways: &[_] = if method == Method::Rk4 {
+            let variants: &[_] = if method == Method::Rk4 {
                 &[(None, false), (None, true), (Some(0.002), false), (Some(0.002), true)]
             } else {
                 &[(None, false), (Some(0.002), false)]
             };
-            for &(sample, every) in ways {
+            for &(sample, every) in variants {
                 // With an unreachable target, accelerations that are held for 2 ms make the arm diverge. The time of divergence depends on
                 // rounding. So the runs are short.
                 let steps = match method {

@@ -3,7 +3,7 @@
 
 use super::element::{Robot, UrdfJoint};
 use super::read::Source;
-use crate::arm::mimic::{Leader, Moved, no_room, resolved};
+use crate::arm::mimic::{Leader, Moved, no_motion, resolved};
 use crate::arm::{Arm, Follows};
 use crate::error::{Error, Result};
 use std::collections::HashMap;
@@ -63,7 +63,7 @@ pub fn join(source: &Source, robot: &mut Robot, mode: MimicMode) -> Result<Vec<O
         let Some((leader, multiplier, offset)) = *follows else { continue };
         let (sum, empty) = robot.joints[leader].moved().with(&robot.joints[i].moved(), multiplier, offset);
         if empty {
-            robot.report.push(no_room(&robot.joints[i].name, &robot.joints[leader].name));
+            robot.report.push(no_motion(&robot.joints[i].name, &robot.joints[leader].name));
         }
         let of = &mut robot.joints[leader];
         (of.limits, of.armature, of.damping, of.friction) = (sum.limits, sum.armature, sum.damping, sum.friction);

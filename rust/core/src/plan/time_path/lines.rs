@@ -206,11 +206,11 @@ impl Lines {
                 let (alpha, beta, still, moving) = points[which];
                 // A torque at rest may equal its limit up to rounding: the tolerance is `STATIC_EXCESS`.
                 let (over, under) = (limit_hi - still, limit_lo - still);
-                let room_hi = (over - tight_hi).max(over.min(zero) + standing * scale_hi) - moving;
-                let room_lo = (under + tight_lo).min(under.max(zero) - standing * scale_lo) - moving;
+                let margin_hi = (over - tight_hi).max(over.min(zero) + standing * scale_hi) - moving;
+                let margin_lo = (under + tight_lo).min(under.max(zero) - standing * scale_lo) - moving;
                 let idle = alpha.abs().lt(none);
                 let inverse = S::select(idle, S::splat(1.0), alpha).recip();
-                let (a, b) = (room_hi * inverse, room_lo * inverse);
+                let (a, b) = (margin_hi * inverse, margin_lo * inverse);
                 let slope = -(beta * inverse);
                 let at = (3 * place + which) * w + k;
                 store(S::select(idle, far, a.max(b)), &mut self.upper, at);
@@ -220,9 +220,9 @@ impl Lines {
                     // Rows without `u` bound `x`: `beta x` is between the margins. If `beta` is zero too, the margins must include zero.
                     let still = beta.abs().lt(none);
                     let inverse = S::select(still, S::splat(1.0), beta).recip();
-                    let (a, b) = (room_hi * inverse, room_lo * inverse);
-                    let blocked_hi = S::select(room_hi.lt(zero), -far, far);
-                    let blocked = S::select(zero.lt(room_lo), -far, blocked_hi);
+                    let (a, b) = (margin_hi * inverse, margin_lo * inverse);
+                    let blocked_hi = S::select(margin_hi.lt(zero), -far, far);
+                    let blocked = S::select(zero.lt(margin_lo), -far, blocked_hi);
                     high = high.min(S::select(idle, S::select(still, blocked, a.max(b)), far));
                     low = low.max(S::select(idle, S::select(still, -far, a.min(b)), -far));
                 }

@@ -157,15 +157,15 @@ impl<'a> Samples<'a> {
             for j in 0..n {
                 let torque = |m: usize| held[n * m + j] + rubbed[n * m + j] * by + all[stride * m + j] * by2;
                 let [_, _, turned, rate] = span(i * per..=(i + 1) * per, torque);
-                let [top, bottom, bent, _] = span(i * per..=(i + 1) * per, |m| torque(m) / along[3 * n * m + j]);
+                let [top, bottom, curvature, _] = span(i * per..=(i + 1) * per, |m| torque(m) / along[3 * n * m + j]);
                 let [high, low, more, _] = span(i * per..=(i + 1) * per, |m| all[stride * m + n + j] * by2 / along[3 * n * m + n + j]);
                 let steep = high.max(-low) + more;
                 let [high, low, more, _] =
                     span(i * per..=(i + 1) * per, |m| all[stride * m + 2 * n + j] * by / along[3 * n * m + 2 * n + j]);
                 let fast = high.max(-low) + more;
                 let sides = [
-                    ((top + bent - hi[j]) / size(hi[j], lo[j]), Bound::TorqueMax),
-                    ((lo[j] - bottom + bent) / size(lo[j], hi[j]), Bound::TorqueMin),
+                    ((top + curvature - hi[j]) / size(hi[j], lo[j]), Bound::TorqueMax),
+                    ((lo[j] - bottom + curvature) / size(lo[j], hi[j]), Bound::TorqueMin),
                     ((rate + 2.0 * turned) * by_step / rates[j] - 1.0, Bound::TorqueRate),
                     (steep / hi[n + j] - 1.0, Bound::Acceleration),
                     (fast / hi[2 * n + j] - 1.0, Bound::Velocity),

@@ -174,13 +174,13 @@ fn alone<S: Real>(rows: &LimitRows, i: usize, at: f64) -> [f64; 2] {
     [upper.min(most.value), lower.max(least.value)]
 }
 
-struct Bends<'a>(&'a mut LimitRows, &'a mut Profile, &'a [f64]);
+struct SegmentSlopes<'a>(&'a mut LimitRows, &'a mut Profile, &'a [f64]);
 
-impl GenericKernel for Bends<'_> {
+impl GenericKernel for SegmentSlopes<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Real>(self) {
-        let Bends(rows, profile, caps) = self;
+        let SegmentSlopes(rows, profile, caps) = self;
         let mut before = alone::<S>(rows, 0, profile.x[0]);
         for i in 0..rows.u_slope.len() {
             let after = alone::<S>(rows, i + 1, profile.x[i + 1]);
@@ -220,7 +220,7 @@ impl GenericKernel for Bends<'_> {
 /// Set the slope of `u` on each segment where `u` follows a limit, to the slope of that limit. `caps`, `(N,)`, has the slopes along speed
 /// limits.
 pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f64]) {
-    run_lanes(Bends(rows, profile, caps));
+    run_lanes(SegmentSlopes(rows, profile, caps));
 }
 
 /// Compute the largest loss of time of each segment, as a fraction of the duration, and write it to `to`, `(N,)`.

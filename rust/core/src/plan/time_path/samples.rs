@@ -56,8 +56,8 @@ impl Samples {
             self.span.resize(last, k);
             // With friction, with limits that vary, or with a limited frame, the rows are not polynomials of `s`. A run with too few points
             // cannot be interpolated.
-            let bent = course.friction.is_some() || course.along.any() || course.tip.is_some();
-            self.exact.resize(last, bent || last - first + 1 < WINDOW);
+            let curved = course.friction.is_some() || course.along.any() || course.tip.is_some();
+            self.exact.resize(last, curved || last - first + 1 < WINDOW);
         }
         self.middles.clear();
         self.middles.resize(count * course.n, 0.0);
