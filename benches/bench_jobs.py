@@ -252,7 +252,7 @@ def verdicts(cases: list[Case]) -> Iterator[reporting.Verdict]:
         if name.startswith("all"):
             what, _, tag = name.partition(", ")
             fill, loop = named[f"numpy fills the arrays of {name}"], named[f"final, {tag}"]
-            # Recorded runs evaluate the monitors at every step. So the loop for comparison must evaluate the monitors too.
+            # A run with monitors that records every step evaluates them at every step. So it is compared with a loop that does this too.
             loop = named.get(f"metrics, {tag}", loop) if what == "all" else loop
             yield _ratio(f"{what} to filling the arrays, {tag}", case, fill, 2.0)
             found = case.median / (loop.median + fill.median)

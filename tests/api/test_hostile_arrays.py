@@ -38,7 +38,7 @@ def environment() -> ArmEnv:
     return env
 
 
-# Every argument by which an array enters the extension or the Python layer.
+# The scenario of the sweeps below.
 SCENARIO = al.Scenario(
     {
         "arm": {"kind": "planar_pr", "A": 2.0, "B": 0.5, "C": 0.5},
@@ -47,6 +47,7 @@ SCENARIO = al.Scenario(
         "run": {"q0": [0.0, 0.0], "t_end": 0.002, "dt": 1e-3},
     }
 )
+# For each argument that can be an array: a call with this argument `x`.
 ENTRIES: dict[str, Callable[[Any], Any]] = {
     "mass_matrix": lambda x: ARM.mass_matrix(x),
     "bias": lambda x: ARM.bias(Q, x),

@@ -41,7 +41,7 @@ way = pytest.mark.parametrize("back", WAYS.values(), ids=WAYS.keys())
 
 @way
 def test_arms(back: Callable[[Any], Any]) -> None:
-    # The last arm is not physically possible, because `with_parameters` accepts any finite numbers.
+    # The last arm is not physically possible. It exists, because `with_parameters` accepts any finite numbers.
     for arm in (ARM, al.planar_pr(1.0 / 3.0, 0.0, 1e-300), ARM.with_parameters([-1.0, 0.0, 2.0])):
         other = back(arm)
         assert type(other) is al.Arm and other == arm and hash(other) == hash(arm) and repr(other) == repr(arm)

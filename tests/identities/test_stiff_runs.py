@@ -142,7 +142,7 @@ def test_a_tolerance_below_rounding_is_refused_with_one_that_can_be_met(method: 
     named = re.search(r"expected at least rtol = (\S+) and atol = (\S+), got 1e-14 and 1e-17", str(error))
     assert named
     rtol, atol = map(float, named.groups())
-    # With the tolerance of the message the run succeeds, and this tolerance is not larger than these springs require.
+    # The tolerance in the message lies between the refused tolerance and 1e-9. With this tolerance the run succeeds.
     assert 1e-14 < rtol < 1e-9
     run = motors("stiff", method, rtol, atol=atol, t_end=0.5, t_eval=[0.5])
     assert run.status is al.Status.SUCCESS

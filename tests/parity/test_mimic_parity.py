@@ -106,8 +106,8 @@ def test_the_projection_of_a_file() -> None:
         close(arm.pose(q, frame), free.pose(Q, frame))
         close(arm.jacobian(q, frame), free.jacobian(Q, frame) @ G)
         close(arm.jacobian_dot(q, v, frame), free.jacobian_dot(Q, V, frame) @ G, 10.0)
-    # A joint adds the armature and damping of its mimic joints times the multiplier squared, and their Coulomb friction times its
-    # magnitude.
+    # A leader adds the armature and damping of its mimic joints, times the square of the multiplier. It adds the Coulomb friction of its
+    # mimic joints, times the magnitude of the multiplier.
     squares, sizes = (G**2).sum(axis=0), np.abs(G).sum(axis=0)
     np.testing.assert_allclose(arm.limits["armature"], 0.03 * squares, rtol=1e-14)
     np.testing.assert_allclose(arm.limits["damping"], 0.2 * squares, rtol=1e-14)

@@ -218,7 +218,7 @@ def printed_law(report: Report, arm: al.Arm, step: al.Run) -> dict[str, tuple[Ar
 
 
 def unreachable(report: Report, arm: al.Arm, plant: al.ElasticArm, law: al.ElasticImpedance) -> None:
-    """Erratum E11: x_E must be reachable, regular and stable."""
+    """Erratum E11: x_E is the equilibrium only if the arm can reach it, det J is not zero there, and the loop is stable."""
     pulled = al.equilibrium(plant, law, [300.0, 100.0], q0=Q0)
     text = "x_E unconditional"
     report.equal("F = (300, 100) N: x_d + K_m^-1 F reachable", False, pulled.reachable, text, "E11")

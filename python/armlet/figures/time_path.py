@@ -122,9 +122,10 @@ class PathTiming:
         along.set_title("Torque against path position")
 
     def margin(self, s: ArrayLike, r: ArrayLike) -> Array:
-        """The width of the feasible interval of path accelerations at path speeds `r` `(R,)` and positions `s` `(S,)`: `(R, S)`, 1/s^2.
+        """The width of the interval of path accelerations that `tau_max` and `a_max` allow, `(R, S)`, 1/s^2.
 
-        The width is negative where no motion is feasible.
+        `r`, `(R,)`, are path speeds, and `s`, `(S,)`, are path positions. The width is negative where these limits allow no path
+        acceleration. `v_max` is not considered.
         """
         arm, n = self.arm, self.arm.n
         q, slope, curvature = self.motion.path(s)

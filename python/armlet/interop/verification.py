@@ -36,7 +36,8 @@ class Row:
 @sealed
 @dataclass(frozen=True)
 class Verification:
-    """The differences between an arm and a model of another library. `str()` is a table. It is true if all numbers agree."""
+    """The differences between an arm and a model of another library. `str(verification)` is a table. `bool(verification)`
+    is True if all numbers agree."""
 
     rows: tuple[Row, ...]
     #: Differences of convention, which are not errors.

@@ -20,8 +20,8 @@ MASK = (1 << 64) - 1
 class SuggestedGains(NamedTuple):
     """The gains kp and kd, the inertia m, (n,) each, and two limits of the bandwidth of a sampled loop, rad/s.
 
-    The first limit is for gains that are torques. It uses the smallest eigenvalue l of diag(m)^-1 M(q) at the samples. The second one is
-    for computed torque, with l = 1. Above its limit a loop is unstable.
+    `limit` is for laws with gains in N m/rad and N m s/rad. It depends on the smallest eigenvalue of diag(m)^-1 M(q) over random
+    configurations q. `computed_torque_limit` is for computed torque, where this eigenvalue is 1. Above its limit a loop is unstable.
     """
 
     kp: Array

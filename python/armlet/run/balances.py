@@ -30,7 +30,7 @@ MOST_ENERGY = 0.1
 LEAST_ENERGY = 1e-6
 #: Largest `lyapunov_rise` without a warning, a multiple of the first value. In theory the Lyapunov function never rises.
 MOST_RISE = 10.0
-#: Largest `lyapunov_error` without a warning, as a fraction of the largest Lyapunov function.
+#: A warning requires a `lyapunov_error` above this fraction of the largest Lyapunov function, and also a rise above `MOST_RISE`.
 MOST_LOST = 0.1
 
 

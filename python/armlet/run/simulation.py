@@ -211,7 +211,7 @@ def simulate_batch(
         sample_time: period of the law in s, or a `Sampling`, as for `simulate`.
         record_every: number of steps between records.
         t_eval: times of the records, (K,), s. An adaptive method with keep="all" requires it, because its runs step at different times.
-            With keep="metrics" None measures each accepted step.
+            With keep="metrics", None means that the metrics use every accepted step.
         force: external force, N or N m. One force for all runs has the forms of `simulate`, except a function. One force per run is an
             array of constants (B, k), or a list of B lists `[(t_start, F), ...]`.
         force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.

@@ -31,7 +31,7 @@ pub enum Quantity {
     PoseVector,
     /// Position of a frame, m: `q -> (3,)`.
     Position,
-    /// Poses of the bodies of all joints, including joints that follow others: `q -> (4 b, 4)`.
+    /// Poses of the bodies of all joints, including mimic joints: `q -> (4 b, 4)`, where `b` is the number of bodies.
     JointPoses,
     /// Geometric Jacobian of a frame: `q -> (6, n)`.
     Jacobian,

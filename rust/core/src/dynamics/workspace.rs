@@ -126,7 +126,7 @@ pub struct Spread<S: Real> {
     pub q: Vec<S>,
     /// Rates and accelerations of every joint: up to four vectors over all joints.
     pub rates: [Vec<S>; 4],
-    /// A result before its projection, with up to ten columns per body.
+    /// A result for all joints, before it is projected to the coordinates. The result has up to ten columns per body.
     pub answer: Vec<S>,
     /// The mass matrix `M` in coordinates, `(n, n)`.
     pub mass: Vec<S>,

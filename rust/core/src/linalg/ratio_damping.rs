@@ -5,7 +5,7 @@
 use super::{Gain, symmetric_eigen};
 use crate::error::{Result, positive};
 
-/// Return the power `A^p` of a symmetric positive definite matrix, shape `(n, n)`, row-major. Errors: as for [`symmetric_eigen`].
+/// Return the power `A^p` of a symmetric positive definite matrix, shape `(n, n)`, row-major. Errors: as for `symmetric_eigen`.
 pub fn symmetric_power(a: &[f64], n: usize, p: f64) -> Result<Vec<f64>> {
     let (values, vectors) = symmetric_eigen(a, n)?;
     let raised: Vec<f64> = values.iter().map(|l| l.powf(p)).collect();

@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 
-/// The relative error of the entries of a Jacobian that is exact up to rounding. For the Jacobian of an arm it is `8 eps (1 + sum|q|)`.
+/// The relative error of the entries of a Jacobian that is exact up to rounding. For the Jacobian of an
+/// arm, the error is this number times `1 + sum|q|`, at most 0.5.
 pub const DEFAULT_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// A level whose squared norm is outside of this range is scaled by a power of two.

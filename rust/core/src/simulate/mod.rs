@@ -6,7 +6,7 @@
 //! - The *exogenous input* is the desired motion and the external force.
 //! - A *record* is the stored data at one time: state, input and monitors. *Metrics* are numbers that summarise all records of a run.
 //! - A *sample* is one evaluation of a sampled law. Its output is *held* until the next sample.
-//! - A *lane* is one element of a SIMD register. A *group* is the runs that the lanes of a number compute at the same time.
+//! - A *lane* is one element of a SIMD register. A *group* is a set of runs that are computed at the same time, one per lane.
 //! - A *loop parameter* is a number that is constant in a run, such as a mass, a gain, a target or a limit.
 //! - A *program* is a recorded computation (the module `trace`). It *declines* a step if its results are not valid. Its *frame* is its
 //!   memory, and a *slot* of the frame has one number per lane.

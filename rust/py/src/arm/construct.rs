@@ -253,7 +253,7 @@ fn placed([a, b, c, t]: [[f64; 3]; 4]) -> Placement {
     Placement { rotation: Matrix3::from_columns(&[Vector3::from(a), Vector3::from(b), Vector3::from(c)]), translation: Vector3::from(t) }
 }
 
-/// Make an arm from joints and frames that a reader of another file format has found.
+/// Make an arm from the joints and frames of a model of another library, such as Pinocchio or MuJoCo.
 #[entered]
 #[pyfunction]
 pub fn _restore_tree(py: Python<'_>, state: TreeState<'_>) -> PyResult<Arm> {

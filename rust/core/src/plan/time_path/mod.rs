@@ -140,7 +140,8 @@ fn with_friction(problem: &mut PathProblem, profile: &mut Profile) -> std::resul
     tangents(problem, profile)
 }
 
-/// Compute the profile with tangents of viscous friction, until it converges. The check would count a remaining error as an excess.
+/// Compute the profile with tangents of viscous friction. Repeat until the profile converges, at most `TANGENTS` times. The check of the
+/// limits would count the error of a tangent as an excess.
 fn tangents(problem: &mut PathProblem, profile: &mut Profile) -> std::result::Result<(), Stuck> {
     for _ in 0..TANGENTS {
         let x = profile.x.clone();

@@ -104,8 +104,8 @@ impl Samples {
         self.first.extend(self.segments.iter().map(|segment| segment.excess));
     }
 
-    /// Whether the last examination is valid: its interpolated torques agree with the dynamics. The next examination samples other segments
-    /// by the dynamics.
+    /// Whether the interpolated torques of the last examination agree with the dynamics. In segments where they disagree, the next
+    /// examination computes the torques by the dynamics.
     pub fn stands(&mut self, course: &Course, rows: &LimitRows, profile: &Profile) -> bool {
         if !course.kinds[0] {
             return true;
