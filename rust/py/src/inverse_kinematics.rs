@@ -1,10 +1,11 @@
 //! `armlet.inverse_kinematics` and its result.
 
 use crate::arm::Arm;
-use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, count, elements, flag, number, numbers, object, owned, shown, whole};
+use crate::arrays::{Axis, Form, Looked, SCALAR, adopted, copied, elements, flag, number, numbers, object, owned, shown, whole};
 use crate::broadcast::{common_shape, stretch};
 use crate::errors::{Failure, entry, input_error};
 use crate::interrupts::{long, signalled};
+use crate::loops::threads_of;
 use crate::priority::{method_name, residual_list, status_member};
 use crate::seal::{Sealed, seal};
 use crate::task::{Goals, each};
@@ -13,7 +14,6 @@ use armlet_core::analysis::inverse_kinematics::{Goal, IkOptions, inverse_kinemat
 use armlet_core::arm::Arm as CoreArm;
 use armlet_core::error::Error;
 use armlet_core::kinematics::TaskFunction;
-use armlet_core::parallel;
 use armlet_core::priority::PriorityMethod;
 use armlet_macros::entered;
 use pyo3::IntoPyObjectExt;
@@ -201,10 +201,7 @@ pub fn inverse_kinematics<'py>(
         if search.limits {
             check.rows(py, NAME, "q0", tree, &q0, wide)?;
         }
-        let threads = match threads {
-            Some(threads) => parallel::require_threads(count(NAME, "threads", threads)?)?,
-            None => parallel::default_threads(),
-        };
+        let threads = threads_of(NAME, threads)?;
         if !(alone && lead.is_empty()) {
             let solutions = solutions.map(|k| positive_count("solutions", k)).transpose()?;
             return many(py, tree, goals, (lead, q0), &search, solutions, threads);

@@ -209,8 +209,8 @@ impl GenericKernel for FixedRule {
         let f = &Integral::<true> { phase, length, accuracy: f64::NAN };
         // Place more nodes where `w` may be smallest.
         let parts = match gravity_crest.map(|y| (y / length).sqrt()) {
-            Some(from) => [Graded { f, from, way: -from }, Graded { f, from, way: 1.0 - from }],
-            None => [Graded { f, from: 0.0, way: 0.5 }, Graded { f, from: 1.0, way: -0.5 }],
+            Some(from) => [Graded { f, from, extent: -from }, Graded { f, from, extent: 1.0 - from }],
+            None => [Graded { f, from: 0.0, extent: 0.5 }, Graded { f, from: 1.0, extent: -0.5 }],
         };
         length.sqrt() * (few::<S>(&parts[0]) + few::<S>(&parts[1]))
     }
@@ -233,8 +233,8 @@ impl<const GRADIENT: bool> GenericKernel for Integral<GRADIENT> {
             None => adaptive::<S>(&self, self.accuracy, 0.0),
             Some(y) => {
                 let from = (y / self.length).sqrt();
-                let before = adaptive::<S>(&Graded { f: &self, from, way: -from }, self.accuracy, 0.0);
-                before + adaptive::<S>(&Graded { f: &self, from, way: 1.0 - from }, self.accuracy, before)
+                let before = adaptive::<S>(&Graded { f: &self, from, extent: -from }, self.accuracy, 0.0);
+                before + adaptive::<S>(&Graded { f: &self, from, extent: 1.0 - from }, self.accuracy, before)
             }
         }
     }

@@ -76,18 +76,18 @@ pub(super) trait Integrand {
     fn at<S: Real>(&self, s: S) -> S;
 }
 
-/// The integrand after the substitution `s = from + way t^2`, with `t` from 0 to 1.
+/// The integrand after the substitution `s = from + extent t^2`, with `t` from 0 to 1.
 pub(super) struct Graded<'a, F> {
     pub f: &'a F,
     pub from: f64,
-    pub way: f64,
+    pub extent: f64,
 }
 
 impl<F: Integrand> Integrand for Graded<'_, F> {
     #[inline(always)]
     fn at<S: Real>(&self, t: S) -> S {
-        let way = S::splat(self.way);
-        S::splat(2.0) * way.abs() * t * self.f.at(S::splat(self.from) + way * (t * t))
+        let extent = S::splat(self.extent);
+        S::splat(2.0) * extent.abs() * t * self.f.at(S::splat(self.from) + extent * (t * t))
     }
 }
 

@@ -169,5 +169,5 @@ pub fn start<S: Real>(problem: &Problem, run: impl Fn(usize) -> usize) -> Vec<S>
     let laws: Vec<Vec<f64>> =
         (0..S::LANES).map(|lane| problem.law(run(lane)).start(&problem.x0[run(lane) * states..(run(lane) + 1) * states])).collect();
     let of_law = (0..p).map(|k| S::from_lanes(|lane| laws[lane][k]));
-    of_plant.chain(of_law).chain(monitors::integrals(problem).map(|_| S::zero())).collect()
+    of_plant.chain(of_law).chain(monitors::integrals(problem.options.monitors).map(|_| S::zero())).collect()
 }

@@ -1,15 +1,15 @@
 //! The closed loop of any plant with any law, `x' = f(u, x)` with `x = [plant, law, integrals]`: one call of the law and one call of the
 //! plant. The integrals are those of the monitors.
 
+mod system;
+
 use super::force::Wrench;
 use super::monitors::{self, Flow};
 use super::sampler::Sampler;
 use super::world::{Exogenous, World};
-use crate::integrate::{DualSystem, System};
 use crate::law::{Law, Truth};
-use crate::linalg::Pairs;
 use crate::plant::{Plant, Touch};
-use crate::scalar::{Dual, Real};
+use crate::scalar::Real;
 use std::borrow::Cow;
 
 /// Options of a loop.
@@ -134,7 +134,7 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
 
     /// The size of the state with its integrals.
     pub fn size(&self) -> usize {
-        self.states + self.p + if self.closing.monitored { monitors::INTEGRALS.iter().map(|own| own.len()).sum() } else { 0 }
+        self.states + self.p + monitors::integrals(self.closing.monitored).count()
     }
 
     /// The number of leading components whose error is controlled.
@@ -324,77 +324,5 @@ impl<'a, S: Real> ClosedLoop<'a, S> {
         if !self.closing.held {
             self.observe(t, x);
         }
-    }
-}
-
-impl<S: Real> System<S> for ClosedLoop<'_, S> {
-    type Input = Exogenous<S>;
-
-    fn input(&mut self, t: f64, u: &mut Exogenous<S>) {
-        self.world.sample(t, u);
-    }
-
-    fn sample(&mut self, t: f64, x: &[S]) {
-        if let Some(sampler) = self.sampler.take() {
-            self.sampler = Some(self.sample_by(sampler, t, x));
-        } else if self.closing.held {
-            self.observe(t, x);
-        }
-    }
-
-    fn enter_step(&mut self, t: f64, x: &[S]) -> bool {
-        self.settle(t, x, None)
-    }
-    fn leave_step(&mut self, x: &mut [S]) -> bool {
-        self.arrest(x)
-    }
-    fn still(&mut self, x: &mut [S]) {
-        ClosedLoop::still(self, x);
-    }
-    fn sides(&mut self) -> &[i8] {
-        ClosedLoop::sides(self)
-    }
-    fn held(&self) -> Option<(&[S], &[S])> {
-        self.closing.held.then_some((&self.tau, &self.dz))
-    }
-    fn pairs(&self) -> Pairs {
-        // The state is [q, v], [q, v, theta, theta_dot], or [q] without rates.
-        let n = self.tau.len();
-        Pairs { joints: n, count: self.states / (2 * n) }
-    }
-
-    fn rhs(&mut self, u: &Exogenous<S>, x: &[S], dx: &mut [S]) {
-        self.turn_to(x);
-        self.rates(u, x, dx);
-    }
-}
-
-impl<V: Real> DualSystem<V> for ClosedLoop<'_, Dual<V>> {
-    fn moving_input(&mut self, t: f64, u: &mut Exogenous<Dual<V>>) {
-        let mut moving = std::mem::replace(&mut self.now, Exogenous { t, desired: Vec::new(), wrench: [Dual::default(); 6] });
-        self.drift(t, u, &mut moving);
-        let along = |rate: f64| V::from_lanes(|lane| if lane == 0 { rate } else { 0.0 });
-        for (u, rate) in u.desired.iter_mut().zip(&moving.desired).chain(u.wrench.iter_mut().zip(&moving.wrench)) {
-            u.rate = along(rate.lane(0));
-        }
-        self.now = moving;
-    }
-
-    fn hold(&mut self, input: &[V::One], rate: &[V::One]) {
-        for (to, &from) in self.tau.iter_mut().zip(input).chain(self.dz.iter_mut().zip(rate)) {
-            *to = Dual::new(from, V::zero());
-        }
-    }
-
-    fn follow(&mut self, sides: &[i8]) {
-        ClosedLoop::follow(self, sides);
-    }
-
-    fn autonomous(&self) -> bool {
-        ClosedLoop::autonomous(self)
-    }
-
-    fn leading(&self, _: usize) -> usize {
-        self.controlled()
     }
 }

@@ -118,7 +118,7 @@ impl<S: Real, F: Watched<S>> WithAdaptive<S, F> for AdaptiveRun<'_, '_> {
         let size = method.x().len();
         let mut recorder = General::recorder(problem, sink, &|_| f64::NAN, size);
         let mut i = 0;
-        let kept = size - monitors::integrals(problem).count();
+        let kept = size - monitors::integrals(problem.options.monitors).count();
         let mut watch = Watching::new(problem.plant(first), observer, kept, method.x());
         let record = |t: f64, closed: &mut F, x: &Vec<S>| {
             let tau = closed.input_at(t, x);

@@ -111,7 +111,7 @@ fn states(problem: &Problem) -> Vec<String> {
     let plant = plant.kind().parts().iter().flat_map(|part| (1..=plant.n()).map(move |i| format!("{part}{i}")));
     let bristles = (1..=problem.plant(0).bristles()).map(|i| format!("bristle{i}"));
     let law = (1..=law.initial_state().len()).map(|k| format!("{own}{k}"));
-    plant.chain(bristles).chain(law).chain(monitors::integrals(problem).map(str::to_owned)).collect()
+    plant.chain(bristles).chain(law).chain(monitors::integrals(problem.options.monitors).map(str::to_owned)).collect()
 }
 
 /// Return the names of the desired motions and of the wrench at one instant. Motions of the joints are `q_d1, v_d1, a_d1`. Motion `k` of

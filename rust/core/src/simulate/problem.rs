@@ -123,7 +123,7 @@ impl<'a> Problem<'a> {
 
     /// The number of states of a loop: plant, law and integrals.
     pub fn state_size(&self) -> usize {
-        self.plant(0).states() + self.law(0).initial_state().len() + monitors::integrals(self).count()
+        self.plant(0).states() + self.law(0).initial_state().len() + monitors::integrals(self.options.monitors).count()
     }
 
     /// The external force of run `run`, if there is one.

@@ -162,7 +162,7 @@ macro_rules! monitors {
         }
 
         /// The integrals of all monitors, which are the last states of a monitored loop.
-        pub const INTEGRALS: &[&[&str]] = &[$(<$kind>::INTEGRALS),*];
+        const INTEGRALS: &[&[&str]] = &[$(<$kind>::INTEGRALS),*];
 
         /// The rates of the integrals of all monitors.
         pub fn rates<S: Real>(flow: &Flow<S>, out: &mut [S]) {
@@ -184,9 +184,9 @@ monitors! {
     identities::LyapunovBalance,
 }
 
-/// Return the names of the integrals of a problem's loops.
-pub fn integrals(problem: &Problem) -> impl Iterator<Item = &'static str> {
-    let all = if problem.options.monitors { INTEGRALS } else { &[] };
+/// Return the names of the integrals in the state of a loop with monitors, or without.
+pub fn integrals(monitored: bool) -> impl Iterator<Item = &'static str> {
+    let all = if monitored { INTEGRALS } else { &[] };
     all.iter().copied().flatten().copied()
 }
 
