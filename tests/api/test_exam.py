@@ -64,5 +64,6 @@ def test_every_sub_question_has_a_row_and_a_run(question: str) -> None:
 
 def test_a_missing_erratum_is_detected() -> None:
     assert rows('report.near("x", 1.0, y, 0.0, "printed", "E7")') == {"E7"}
+    # A page whose sections E2 and E3 have no code: the check must not accept them.
     page = "# Exam\n\n### E1: column\n\n```python\nassert True\n```\n\n### E2, E3: words\n\nNo code.\n"
     assert sections(page) == {"E1"}

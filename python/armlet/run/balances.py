@@ -39,7 +39,7 @@ _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress the warnings of `warn_of_balances` in this thread, for callers that report balances in another way."""
+    """Suppress the warnings of `warn_of_balances` in this thread, for callers that report balances themselves."""
     token = _QUIET.set(True)
     try:
         yield

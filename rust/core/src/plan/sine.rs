@@ -89,7 +89,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     if n & 2 == 0 { (s, c) } else { (-s, -c) }
 }
 
-/// The nearest integer of a number below 2^51. A number half way between two integers gives the even one.
+/// The nearest integer of a number below 2^51. If two integers are equally near, the result is the even one.
 #[inline(always)]
 fn round<S: Real>(x: S) -> S {
     (x + S::splat(ROUND)) - S::splat(ROUND)

@@ -3,7 +3,7 @@
 //! ```text
 //! x <= C(s) = (V / q')^2   for a joint,   x <= C(s) = (V / |p'|)^2   for a frame's origin p
 //! u(s) = u_i + b (s - s_i - h/2)   on a segment of length h
-//! b = 2 (C_i - 2 C_m + C_(i+1)) / h^2   gives x = C at both ends and half way, where C = C_m
+//! b = 2 (C_i - 2 C_m + C_(i+1)) / h^2   gives x = C at both ends and at the midpoint, where C = C_m
 //! ```
 //!
 //! With this slope `b`, the squared speed `x` differs from the cap between grid points only by a term of order `h^3`. With a constant `u`,
@@ -86,7 +86,7 @@ impl PathProblem<'_> {
         slopes
     }
 
-    /// The cap half way between points `i` and `i + 1`, from the speed limit with the index `row`. The cap is NaN if there are too few grid
+    /// The cap at the midpoint between points `i` and `i + 1`, from the speed limit with the index `row`. The cap is NaN if there are too few grid
     /// points to interpolate.
     fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
         let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };

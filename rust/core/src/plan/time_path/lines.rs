@@ -39,9 +39,9 @@ pub(super) struct LimitRows {
     pub width: usize,
     /// `(N + 1, 3 width)`: the coefficients `A, B, g` of the rows `A u + B x + g` at the grid points.
     pub coefficients: Vec<f64>,
-    /// `(N, 3 width)`: the coefficients `A, B, g` of the rows `A u + B x + g` half way between grid points.
+    /// `(N, 3 width)`: the coefficients `A, B, g` of the rows `A u + B x + g` at the midpoints of segments.
     pub middles: Vec<f64>,
-    /// The part of `g` that vanishes at rest, from tangents of friction: `(N + 1, width)` at grid points, `(N, width)` half way; else
+    /// The part of `g` that vanishes at rest, from tangents of friction: `(N + 1, width)` at grid points, `(N, width)` at midpoints; else
     /// empty.
     pub moving: [Vec<f64>; 2],
     /// `(width,)`: the lower limits of the rows.
