@@ -1,4 +1,5 @@
-//! Desired motions: functions of time `t -> (q_d, v_d, a_d)`. A motion holds its start before time zero, and its end after its duration.
+//! Desired motions: functions of time `t -> (q_d, v_d, a_d)`. A motion with a start and an end holds its first position before the start,
+//! and its last position after the end.
 
 mod path;
 mod printed;
@@ -38,7 +39,7 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// Create a motion that rests at `q`, `(n,)`, rad or m.
+    /// Create a motion that rests at `q`, `(n,)`, rad or m. Errors: `Input` for an empty `q`, or numbers that are not finite.
     pub fn hold(q: impl Into<DVector<f64>>) -> Result<Self> {
         let q = Vec::from(q.into().data);
         finite("q", &q)?;
@@ -112,7 +113,7 @@ impl Motion {
         }
     }
 
-    /// Times at which a derivative of the motion jumps, s, increasing. Integrators restart at these times.
+    /// Times at which integrators restart, because a derivative of the motion jumps, s, increasing. A table has none.
     pub fn breaks(&self) -> Vec<f64> {
         match self {
             Motion::Hold(_) | Motion::Sinusoid(_) | Motion::Table(_) => Vec::new(),

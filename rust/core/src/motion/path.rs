@@ -1,5 +1,5 @@
-//! A path `s -> q(s)` of `n` joints, without time. It has one polynomial of degree five per piece, and is twice continuously
-//! differentiable.
+//! A path `s -> q(s)` of `n` joints, without time. It has one polynomial of at most degree five per piece. Splines and tables are twice
+//! continuously differentiable.
 //!
 //! ```text
 //! q(s) = sum_k c_k x^k,   x = (s - s_p) / h_p in piece p,   s_p <= s <= s_p + h_p
@@ -8,7 +8,8 @@
 //! ```
 //!
 //! with natural ends (`q'' = 0`), clamped ends (`q' = 0`) or the not-a-knot condition (`q'''` continuous at the second and the last but one
-//! waypoint). A table of `q, q', q''` is interpolated by the quintic that has all three values at both ends of a piece.
+//! waypoint). `h_k = s_(k+1) - s_k` is the length of piece `k`, and `'` is `d/ds`. A table of `q, q', q''` is interpolated by the quintic
+//! that has all three values at both ends of a piece.
 
 use crate::error::{Error, Result, finite};
 use crate::interrupt::look;
@@ -20,7 +21,7 @@ const CHECK_INTERVAL: usize = 1 << 10;
 /// Number of coefficients per piece and joint.
 pub const TERMS: usize = 6;
 
-/// Waypoints closer together than this fraction of the path's length are the same point.
+/// Consecutive waypoints that are closer together than this fraction of the path's length are the same point.
 const SAME: f64 = 1e-12;
 
 /// The end conditions of a spline.
@@ -132,6 +133,9 @@ fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Vec<f64> {
 
 impl Path {
     /// Compute the slopes `dq/ds`, `(K, n)`, of the C2 cubic spline through `q`, `(K, n)`, at the path positions `s`, `(K,)`.
+    ///
+    /// Errors: `Input` for positions that do not increase or numbers that are not finite, `WrongShape` for a wrong length or `K < 2`, and
+    /// `Memory`.
     pub fn slopes(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Vec<f64>> {
         increasing(s)?;
         finite("path", q)?;
@@ -144,7 +148,7 @@ impl Path {
         Ok(d)
     }
 
-    /// Create the C2 cubic spline through `q`, `(K, n)`, rad or m, at the path positions `s`, `(K,)`.
+    /// Create the C2 cubic spline through `q`, `(K, n)`, rad or m, at the path positions `s`, `(K,)`. Errors: as for [`Path::slopes`].
     pub fn spline(s: &[f64], q: &[f64], n: usize, ends: Ends) -> Result<Path> {
         memory::require((s.len() * 8).saturating_mul((TERMS + 4) * n + 4))?;
         let d = Path::slopes(s, q, n, ends)?;
@@ -167,8 +171,10 @@ impl Path {
 
     /// Create the C2 cubic spline through waypoints `q`, `(K, n)`, rad or m. Also return the index of the knot of each waypoint.
     ///
-    /// A waypoint that repeats the previous one is omitted. Without positions `s`, `(K,)`, the path positions are the sums of distances
-    /// between waypoints, scaled to 0 .. 1. Identical waypoints give a point, with knots 0 and 1.
+    /// Without positions `s`, `(K,)`, the path positions are the sums of distances between waypoints, scaled to 0 .. 1. Consecutive equal
+    /// waypoints share a knot. If all waypoints are equal, the path is a point, with knots 0 and 1.
+    ///
+    /// Errors: `Input` for fewer than two waypoints, or waypoints whose distances overflow; also as for [`Path::slopes`].
     pub fn waypoints(q: &[f64], n: usize, s: Option<&[f64]>, ends: Ends) -> Result<(Path, Vec<usize>)> {
         finite("path", q)?;
         let count = q.len() / n.max(1);
@@ -185,7 +191,7 @@ impl Path {
         let row = |k: usize| &q[k * n..(k + 1) * n];
         let largest = q.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let distance = |a: usize, b: usize| {
-            // Differences are divided by the largest one, so that no square under- or overflows.
+            // Differences are divided by the largest one, so that no square overflows, and not all squares underflow.
             let size = (0..n).map(|j| (row(a)[j] - row(b)[j]).abs()).fold(0.0, f64::max);
             if size == 0.0 { 0.0 } else { size * (0..n).map(|j| ((row(a)[j] - row(b)[j]) / size).powi(2)).sum::<f64>().sqrt() }
         };
@@ -219,6 +225,8 @@ impl Path {
     }
 
     /// Create the quintic Hermite path through `q`, `(K, n)`, with `dq = dq/ds` and `ddq = d^2 q/ds^2`, at the path positions `s`, `(K,)`.
+    ///
+    /// The lengths are not checked. Errors: `Input` for positions that do not increase, or numbers that are not finite.
     pub fn table(s: &[f64], q: &[f64], dq: &[f64], ddq: &[f64], n: usize) -> Result<Path> {
         increasing(s)?;
         for values in [q, dq, ddq] {

@@ -1,4 +1,5 @@
-//! Motions as C code: functions of time with the bits and the operations of [`Motion::sample`].
+//! Motions as C code: functions of time with the operations of [`Motion::sample`]. The bits are equal too if armlet and the C code call the
+//! same C library, or no function of it.
 
 use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use crate::error::{Error, Result};
@@ -11,7 +12,7 @@ const LONGEST: usize = 1 << 20;
 /// Number of values on a line.
 const WIDE: usize = 6;
 
-/// Print a constant array.
+/// Print a constant array of hexadecimal numbers.
 pub(crate) fn array(name: &str, values: &[f64]) -> String {
     let lines: Vec<String> = values.chunks(WIDE).map(|row| row.iter().map(|&x| hex(x)).collect::<Vec<_>>().join(", ")).collect();
     format!("    static const double {name}[{}] = {{\n        {}\n    }};\n", values.len(), lines.join(",\n        "))
@@ -282,7 +283,7 @@ out[j] = hold[j];\n        out[{n} + j] = out[{} + j] = 0.0;\n    }}\n",
         Ok(text + &body.replace('N', &n.to_string()))
     }
 
-    /// Print the C code for `s` and its two rates within an interval of the grid. The tables of the grid are appended to `text`.
+    /// Print the C code for `s` and its first two derivatives within an interval of the grid. The tables of the grid are appended to `text`.
     fn print_phase(&self, text: &mut String) -> String {
         if !self.node_accelerations().is_empty() {
             *text += &array("u_at", self.node_accelerations());

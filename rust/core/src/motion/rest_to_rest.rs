@@ -22,7 +22,7 @@ pub struct BangBangTiming;
 
 /// A motion with the quintic timing: zero velocity and acceleration at both ends.
 pub type Quintic = RestToRest<QuinticTiming>;
-/// A motion with full acceleration for half of the duration, then full deceleration.
+/// A motion with constant acceleration for half of the duration, then constant deceleration.
 pub type BangBang = RestToRest<BangBangTiming>;
 
 /// A motion from rest at `q0` to rest at `q1` with the timing `P`.
@@ -68,6 +68,9 @@ impl Timing for BangBangTiming {
 
 impl<P: Timing> RestToRest<P> {
     /// Create the motion from `q0` to `q1`, `(n,)` each, rad or m, in `duration` seconds.
+    ///
+    /// Errors: `Input` for empty positions, numbers that are not finite, or a duration that is not positive. `WrongShape` for unequal
+    /// lengths.
     pub fn new(q0: impl Into<DVector<f64>>, q1: impl Into<DVector<f64>>, duration: f64) -> Result<Self> {
         let (q0, q1) = (Vec::from(q0.into().data), Vec::from(q1.into().data));
         finite("q0", &q0)?;

@@ -1,4 +1,4 @@
-//! Motions on nalgebra's types: conversions to [`Motion`], and its values at one time.
+//! Conversions of all kinds of motions to [`Motion`], and the values of a motion at one time as nalgebra vectors.
 
 use super::{BangBang, Motion, Quintic, Sinusoid, Table, TimedPath};
 use nalgebra::DVector;

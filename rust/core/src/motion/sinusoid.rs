@@ -29,6 +29,8 @@ pub struct Sinusoid {
 impl Sinusoid {
     /// Create a motion. `offset` is `(n,)`. `amplitude`, `frequency` (rad/s) and `phase` (rad) are `(n, terms)`, row-major. `offset` and
     /// `amplitude` are in rad or m.
+    ///
+    /// Errors: `Input` for an empty `offset` or numbers that are not finite, `WrongShape` for a wrong length.
     pub fn new(offset: Vec<f64>, terms: usize, amplitude: Vec<f64>, frequency: Vec<f64>, phase: Vec<f64>) -> Result<Self> {
         finite("offset", &offset)?;
         if offset.is_empty() {

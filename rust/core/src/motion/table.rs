@@ -45,6 +45,8 @@ impl Table {
     }
 
     /// Create a table. `rows` is `(K, 3 n)`, row-major, `K >= 1`: `[q, v, a]` per knot. `start` and `dt` are in s.
+    ///
+    /// Errors: `Input` for numbers that are not finite, a `dt` that is not positive, or `rows` that are empty or incomplete.
     pub fn new(start: f64, dt: f64, dof: usize, rows: Vec<f64>) -> Result<Self> {
         positive("dt", dt)?;
         finite("start", &[start])?;
@@ -56,6 +58,8 @@ impl Table {
     }
 
     /// Create a table from the columns `q, v, a`, `(K, n)` each. `start` and `dt` are in s.
+    ///
+    /// Errors: as for [`Table::new`]; also `WrongShape` for unequal lengths, and `Memory`.
     pub fn of_columns(start: f64, dt: f64, dof: usize, columns: [&[f64]; 3]) -> Result<Self> {
         for (name, column) in ["q", "v", "a"].into_iter().zip(columns) {
             finite(name, column)?;
@@ -108,7 +112,7 @@ impl Table {
         &self.rows[3 * self.dof * k..3 * self.dof * (k + 1)]
     }
 
-    /// If `times` are consecutive knots, the index in `rows` of the first one; else `None`.
+    /// If `times` are consecutive knots, the index in `rows` of the first number of the first knot; else `None`.
     pub fn along(&self, times: &[f64]) -> Option<usize> {
         let at = |t: f64| (t - self.start) * self.rate;
         let first = at(*times.first()?).round();

@@ -7,6 +7,8 @@
 //! v = q' r,   a = q' u + q'' r^2
 //! ```
 //!
+//! Here `r_i = sqrt(x_i)` and `h = s_(i+1) - s_i`. `v` and `a` are joint velocities and accelerations, with `q' = dq/ds`.
+//!
 //! `TimedPath::cubic` makes `u` linear in time between the points, so that `s(t)` is a C2 cubic spline. The acceleration is
 //! right-continuous. The motion holds the start before time zero, and the end after `duration`. At `duration` it has its end speed.
 
@@ -86,7 +88,9 @@ impl TimedPath {
     /// Create a timed path from the squared speeds `x = (ds/dt)^2` at the path positions `s`, `(N + 1,)` each. `u_slope`, `(N,)`, has the
     /// slopes `b = du/ds` of the path acceleration `u`.
     ///
-    /// Every knot of the path must be one of the positions.
+    /// Every knot of the path must be one of the positions. A path without a feasible timing has NaN in `x`.
+    ///
+    /// Errors: `Input` for positions that do not increase, wrong lengths, or other numbers that are not finite; `Memory`.
     pub fn new(path: Arc<Path>, s: Vec<f64>, x: Vec<f64>, u_slope: Vec<f64>) -> Result<Self> {
         finite("s", &s)?;
         finite("u_slope", &u_slope)?;
@@ -104,6 +108,9 @@ impl TimedPath {
 
     /// Create a timed path whose path acceleration `u = d^2 s/dt^2` is linear in time between the times `t`, s. At these times, `s` has the
     /// path positions, `x` the squared path speeds `(ds/dt)^2`, and `u` the path accelerations, `(N + 1,)` each.
+    ///
+    /// Errors: `WrongShape` for unequal lengths or fewer than two times. `Input` for times that do not increase from zero, a negative `x`,
+    /// or numbers that are not finite. `Memory`.
     pub fn cubic(path: Arc<Path>, t: Vec<f64>, s: Vec<f64>, x: Vec<f64>, u: Vec<f64>) -> Result<Self> {
         for (name, values) in [("t", &t), ("s", &s), ("x", &x), ("u", &u)] {
             finite(name, values)?;
@@ -163,7 +170,7 @@ impl TimedPath {
         &self.t
     }
 
-    /// Path acceleration at the start and at the end of segment `i`.
+    /// Path acceleration at the start and at the end of segment `i`, if it is linear in `s`.
     pub(super) fn end_accelerations(&self, i: usize) -> (f64, f64) {
         let h = self.s[i + 1] - self.s[i];
         let (mean, turn) = (0.5 * (self.x[i + 1] - self.x[i]) / h, 0.5 * h * self.u_slope[i]);
@@ -219,7 +226,8 @@ impl TimedPath {
         }
     }
 
-    /// Times at which the acceleration jumps by more than a hundredth of its largest value, s. The start and the end are included.
+    /// Times at which the path acceleration jumps by more than a hundredth of its largest value, s, with the start and the end. If the path
+    /// acceleration is linear in time, only the start and the end.
     pub fn breaks(&self) -> Vec<f64> {
         let last = self.s.len() - 1;
         if !self.u.is_empty() {

@@ -1,5 +1,5 @@
-//! A compliant wall. At the depth `d = n . (p_wall - p) > 0`, the force `f = n max(0, k d + c d_dot)` acts on a frame. Outside there is no
-//! force. The wall never pulls.
+//! A compliant wall with the outward unit normal `n`. At the depth `d = n . (p_wall - p) > 0`, the force `f = n max(0, k d + c d_dot)` acts
+//! on a frame at `p`. Outside there is no force. The wall never pulls.
 
 use super::unilateral::{Touch, pressing, push, require_spring, stored};
 use crate::error::{Error, Result, finite};
@@ -22,7 +22,9 @@ pub struct Wall {
 }
 
 impl Wall {
-    /// Create a wall through `point` with the outward `normal`. `stiffness` is in N/m, `damping` in N s/m.
+    /// Create a wall through `point` with the outward `normal`, which need not be a unit vector. `stiffness` is in N/m, `damping` in N s/m.
+    ///
+    /// Errors: `Input` for a `normal` of length zero, a stiffness that is not positive, a negative damping, or numbers that are not finite.
     pub fn new(frame: usize, point: [f64; 3], normal: [f64; 3], stiffness: f64, damping: f64) -> Result<Self> {
         finite("point", &point)?;
         finite("normal", &normal)?;
@@ -79,8 +81,8 @@ impl<S: Real> LaneWall<S> {
         [depth, pressing(self.stiffness, self.damping, depth, rate)]
     }
 
-    /// The force on the frame at `p` with the velocity `p_dot`, and the power lost in the wall. `held` is the mode of the contact (see
-    /// [`push`]).
+    /// The force on the frame at `p` with the velocity `p_dot`, N, and the power lost in the wall, W. `held` is the mode of the contact
+    /// (see [`push`]).
     pub fn force(&self, p: Vector3<S>, p_dot: Vector3<S>, held: Option<Touch>) -> (Vector3<S>, S) {
         let (depth, rate) = self.depth(p, p_dot);
         let (force, lost) = push(self.stiffness, self.damping, depth, rate, held);

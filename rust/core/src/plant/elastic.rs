@@ -2,8 +2,8 @@
 //!
 //! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`, `tau_J = K (theta - q) + D (theta_dot - v)`.
 //!
-//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. The load `L` of this friction is the
-//! joint torque `tau_J`.
+//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. The load `L` of dry friction is the joint
+//! torque `tau_J`.
 
 use super::definition::fields;
 use super::lugre::LaneLuGre;
@@ -40,6 +40,8 @@ pub struct ElasticSpec {
 
 impl ElasticSpec {
     /// Create an arm with these links, joint stiffness and motor inertia. If damping or friction is `None`, it is zero.
+    ///
+    /// Errors: `WrongShape` for a size that is not `n`, `Input` for negative or infinite damping or friction.
     pub fn new(
         model: Model,
         stiffness: Gain,
@@ -76,7 +78,7 @@ impl ElasticSpec {
         ElasticSpec { stops, ..self }
     }
 
-    /// Set the dry friction of the motors.
+    /// Set the dry friction of the motors. Errors: `WrongShape` for a wrong number of joints.
     pub fn with_friction(self, friction: Option<JointFriction>) -> Result<Self> {
         friction.iter().try_for_each(|friction| friction.require_joints("motor_friction", self.model.n()))?;
         Ok(ElasticSpec { dry: friction, ..self })
@@ -116,7 +118,7 @@ pub struct Elastic<S: Real> {
     motor_friction: Vec<S>,
     bristles: Option<LaneLuGre<S>>,
     sticking: Option<LaneStickSlip<S>>,
-    /// The deflection `theta - q`, later the net torque of the motors.
+    /// The deflection `theta - q`, later the torque that accelerates the motors.
     work: Vec<S>,
 }
 

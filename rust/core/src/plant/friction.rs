@@ -1,4 +1,4 @@
-//! The dry friction of a plant: one of several models.
+//! The dry friction of a plant: one of two models.
 
 use super::{LuGre, StickSlip};
 use crate::error::{Error, Result};

@@ -2,8 +2,8 @@
 //!
 //! `h(v, L) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`,
 //!
-//! with the Coulomb friction `F_c`, the static friction `F_s`, the Stribeck speed `v_s`, and the torque `L` that the joint transmits to its
-//! load.
+//! with the Coulomb friction `F_c`, the static friction `F_s`, the Stribeck speed `v_s`, and the ratio `mu` of friction to the torque `L`
+//! that the joint transmits to its load. Viscous friction is not part of `h`.
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
@@ -39,7 +39,9 @@ pub(super) fn require_rows(name: &str, values: &[f64], n: usize) -> Result<()> {
 }
 
 impl FrictionCurve {
-    /// Create a curve for each joint. `breakaway` defaults to `coulomb`, all other parameters to zero.
+    /// Create a curve for each joint. `None` means `coulomb` for `breakaway`, and zero for the other parameters.
+    ///
+    /// Errors: `WrongShape` for unequal lengths; `Input` for negative or infinite numbers, `breakaway < coulomb`, or `load_ratio >= 1`.
     pub fn new(
         coulomb: Vec<f64>,
         breakaway: Option<Vec<f64>>,
@@ -82,9 +84,9 @@ impl FrictionCurve {
 /// The friction curves in the lanes.
 pub(super) struct LaneCurve<S> {
     coulomb: Vec<S>,
-    /// The difference `F_s - F_c` of static and Coulomb friction, N m or N.
+    /// The difference `F_s - F_c` of static and Coulomb friction, N m or N; zero where `v_s` is zero.
     excess: Vec<S>,
-    /// The reciprocal `1 / v_s` of the Stribeck speed, s/rad or s/m.
+    /// The reciprocal `1 / v_s` of the Stribeck speed, s/rad or s/m; zero where `v_s` is zero.
     per_speed: Vec<S>,
     pub viscous: Vec<S>,
     pub load_ratio: Vec<S>,

@@ -31,7 +31,7 @@ struct Joints<'a> {
     stretch: Vec<f64>,
 }
 
-/// Friction with bristles, whose torque is a function of the state.
+/// Friction with bristles, whose torque is a function of state and input.
 struct Bristles<'a> {
     friction: LaneLuGre<f64>,
     joints: Option<Joints<'a>>,
@@ -81,7 +81,7 @@ impl<'a> FrictionTorque<'a> {
         Some(FrictionTorque { n, kind })
     }
 
-    /// Compute the friction torques of `K` records, `(K, n)`, under the wrenches `wrench(k)`.
+    /// Compute the friction torques of `K` records, `(K, n)`, N m or N, under the wrenches `wrench(k)`.
     pub fn series(&mut self, records: &Rubbed, wrench: impl Fn(usize) -> [f64; 6], out: &mut [f64]) {
         let n = self.n;
         for (k, out) in out.chunks_exact_mut(n).enumerate() {

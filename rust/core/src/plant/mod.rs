@@ -1,8 +1,8 @@
 //! Plants: they compute the motion that results from a law's output.
 //!
 //! The state `x` of a rigid plant is `[q, v]`, of an elastic plant `[q, v, theta, theta_dot]`, and of a velocity-controlled plant `[q]`.
-//! Bristles `z` of friction come last. An external wrench `W = [f; m]` (world axes) acts at one frame with the joint torque `J' W`. A wall
-//! pushes a frame that enters it.
+//! Deflections `z` of friction bristles come last. An external wrench `W = [f; m]` (world axes) acts at one frame with the joint torque
+//! `J' W`. A wall pushes a frame that enters it.
 
 mod contact;
 mod definition;
@@ -41,7 +41,7 @@ use std::ops::Deref;
 pub struct Power<S> {
     /// Power of the input, W.
     pub input: S,
-    /// Power of wrench, wall and stops, minus the power lost by friction, W.
+    /// Power of the wrench, minus the power lost in friction, elastic joints, wall and stops, W.
     pub outside: S,
 }
 
@@ -50,10 +50,10 @@ pub trait Plant<S: Real> {
     /// Compute the rates `dx` of the plant's state `x` under the input `tau`, `(n,)`, and the wrench, `(6,)`. Return the power into the
     /// plant.
     ///
-    /// The wrench acts at the frame with which the plant was built.
+    /// `trig` has (sin, cos) of each joint. The wrench acts at the frame with which the plant was built.
     fn rates(&mut self, trig: &[(S, S)], x: &[S], tau: &[S], wrench: &[S], dx: &mut [S]) -> Power<S>;
 
-    /// Hold every contact in a mode, independent of the state: first the wall, then the stops.
+    /// Hold every contact in a mode, independent of the state: first the wall, then the stops. Without modes, the state decides again.
     fn hold(&mut self, _contacts: &[Touch]) {}
 
     /// Return the depth `d` and the push `k d + c d_dot` of contact `i`. The other arguments have the meaning of the arguments of
@@ -67,12 +67,12 @@ pub trait Plant<S: Real> {
         None
     }
 
-    /// Write the torques on the joints or motors, except their friction, into [`Plant::stick_slip`]. The arguments have the meaning of the
-    /// arguments of [`Plant::rates`].
+    /// Write the torques on the joints or motors, except stick-slip friction, into [`Plant::stick_slip`], and the loads of this friction.
+    /// The arguments have the meaning of the arguments of [`Plant::rates`].
     fn load_friction(&mut self, _trig: &[(S, S)], _x: &[S], _tau: &[S], _wrench: &[S]) {}
 }
 
-/// Declare the kinds of plants: enums, names and parts of the state, and the construction of loops. Each plant has one file and one entry
+/// Declare the kinds of plants: enums, names and parts of the state, and the construction for lanes. Each plant has one file and one entry
 /// here.
 macro_rules! plants {
     ($($(#[$doc:meta])* $kind:ident($definition:ty) $name:literal [$($part:literal)*],)*) => {
@@ -82,7 +82,7 @@ macro_rules! plants {
             $($(#[$doc])* $kind,)*
         }
 
-        /// A plant of any kind; its functions are in [`Definition`].
+        /// A plant of any kind. It also has the functions of [`Definition`].
         #[derive(Clone, Debug, PartialEq)]
         pub enum PlantSpec {
             $($(#[$doc])* $kind($definition),)*
@@ -128,7 +128,8 @@ macro_rules! plants {
                 }
             }
 
-            /// Build one plant for all lanes, with the wrench acting at `force_frame`. The plants of the lanes must have the same shape.
+            /// Build one plant for all lanes, with the wrench acting at `force_frame`. Every pair of plants `of(lane)` must satisfy
+            /// [`PlantSpec::same_shape`].
             pub fn build<'a, S: Real>(of: impl Fn(usize) -> &'a PlantSpec, force_frame: Option<usize>) -> Box<dyn Plant<S> + Send> {
                 Self::of_lanes(&of, force_frame)
             }

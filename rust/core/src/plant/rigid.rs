@@ -59,7 +59,7 @@ impl RigidSpec {
         RigidSpec { model, friction: false, dry: None, wall: None, stops: None }
     }
 
-    /// Set the dry friction of the joints.
+    /// Set the dry friction of the joints. Errors: `WrongShape` for a wrong number of joints.
     pub fn with_friction(self, friction: Option<JointFriction>) -> Result<Self> {
         friction.iter().try_for_each(|friction| friction.require_joints("friction", self.model.n()))?;
         Ok(RigidSpec { dry: friction, ..self })
@@ -108,7 +108,7 @@ pub(super) struct Links<S: Real> {
     /// The modes in which contacts are held, the wall first; empty if the modes follow the state.
     held: Vec<Touch>,
     jacobian: Vec<S>,
-    /// Sum of all torques on the joints, `(n,)`.
+    /// Sum of the torques on the joints, without `C v + g`, `(n,)`, N m or N.
     pub effort: Vec<S>,
 }
 
@@ -138,7 +138,7 @@ impl<S: Real> Links<S> {
         }
     }
 
-    /// Hold every contact in its mode of `contacts`.
+    /// Hold every contact in its mode of `contacts`. If `contacts` is empty, the modes follow the state.
     pub fn hold(&mut self, contacts: &[Touch]) {
         self.held.clear();
         self.held.extend_from_slice(contacts);
@@ -156,7 +156,8 @@ impl<S: Real> Links<S> {
         }
     }
 
-    /// Add the torques of wrench, wall and stops to `self.effort`, and return their power.
+    /// Add the torques of wrench, wall and stops to `self.effort`. Return the power of the wrench, minus the power lost in wall and stops,
+    /// W.
     pub fn add_outside(&mut self, trig: &[(S, S)], q: &[S], v: &[S], wrench: &[S]) -> S {
         let mut power = S::zero();
         if let Some(frame) = self.force_frame {

@@ -1,6 +1,8 @@
 //! A joint-torque sensor. A controller reads the joint torque `tau_J = K (theta - q)` as
 //!
-//! `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise) / step) step`.
+//! `tau_f' = w_c (tau_J - tau_f)`, `reading = round((tau_f + bias + noise) / step) step`,
+//!
+//! with the filtered torque `tau_f`, the bandwidth `w_c` and the resolution `step`.
 //!
 //! Light-weight arms have torque sensors and motor encoders. Their controllers compute the link positions from both, `q = theta - K^-1
 //! reading`. So in the controller, `K (theta - q)` is the reading.
@@ -22,6 +24,8 @@ pub struct TorqueSensor {
 
 impl TorqueSensor {
     /// Create a sensor. `noise`, `bias` and `resolution` are in N m, `bandwidth` is in rad/s.
+    ///
+    /// Errors: `Input` for a negative or infinite `noise` or `resolution`, a `bias` that is not finite, or a `bandwidth` that is not positive.
     pub fn new(noise: f64, bias: Vec<f64>, resolution: f64, bandwidth: f64) -> Result<Self> {
         for (name, x) in [("noise", noise), ("resolution", resolution)] {
             if !(x >= 0.0 && x.is_finite()) {
@@ -35,7 +39,7 @@ impl TorqueSensor {
         Ok(TorqueSensor { noise, bias, resolution, bandwidth })
     }
 
-    /// The filter's state after the time `dt`, s. It is exact for a torque that changes linearly from `before` to `now`.
+    /// The filter's state, N m, after the time `dt`, s. It is exact for a torque that changes linearly from `before` to `now`.
     pub fn filtered(&self, state: f64, before: f64, now: f64, dt: f64) -> f64 {
         let turn = self.bandwidth * dt;
         if !turn.is_finite() {
@@ -51,7 +55,7 @@ impl TorqueSensor {
         decay * (state - before) + now - (now - before) * share
     }
 
-    /// The reading of joint `i` from the filter's state. `normal` is a standard normal number.
+    /// The reading of joint `i`, N m, from the filter's state. `normal` is a standard normal number.
     pub fn reading(&self, i: usize, filtered: f64, normal: f64) -> f64 {
         let x = filtered + self.bias.get(i).copied().unwrap_or(0.0) + self.noise * normal;
         if self.resolution > 0.0 { (x / self.resolution).round() * self.resolution } else { x }

@@ -1,12 +1,14 @@
 //! Stick-slip friction (Karnopp 1985; Olsson et al. 1998). A joint sticks, `v_i = 0`, while the torque that holds it is within its static
 //! friction. Otherwise it slides with the friction `h(v, L)`.
 //!
-//! Let `A` be the mass matrix, and `b` the sum of all torques except friction. The accelerations `a` and the friction torques `tau_f` solve
+//! Let `A` be the mass matrix of the joints or motors, and `b` the sum of all torques except friction. The accelerations `a` and the
+//! friction torques `tau_f` solve
 //!
 //! `A a = b - tau_f`, `a_i = 0` for `i` stuck, `tau_f,i = s_i h(v_i, L_i) + sigma_2 v_i` for `i` sliding to the side `s_i`.
 //!
-//! For a joint at rest, `|tau_f,i| <= F_i`; `a_i > 0` requires `tau_f,i = F_i`, and `a_i < 0` requires `tau_f,i = -F_i`. This linear
-//! complementarity problem has exactly one solution, because `A^-1` is positive definite. Murty's least-index pivots find it.
+//! For a joint at rest, `|tau_f,i| <= F_i` with the static friction `F_i = F_s + mu |L_i|`; `a_i > 0` requires `tau_f,i = F_i`, and `a_i <
+//! 0` requires `tau_f,i = -F_i`. This linear complementarity problem has exactly one solution, because `A^-1` is positive definite. Murty's
+//! least-index pivots find it.
 
 use super::friction_curve::{FrictionCurve, LaneCurve};
 use crate::linalg::cholesky;
@@ -30,7 +32,8 @@ pub(super) enum Load<S> {
 
 /// The largest number of pivots is `PIVOTS` times the number of joints, plus `PIVOTS`.
 const PIVOTS: usize = 8;
-/// The static friction of a joint that has to slip is reduced by this fraction, so that rounding errors do not hold it.
+/// The two limits of the friction torque of a joint that has to slip are brought closer by this fraction of their distance each. So rounding
+/// errors do not hold the joint.
 const SLIPS: f64 = 1e-9;
 
 /// The stick-slip friction of one plant. Its lanes stick and slide together.
@@ -114,7 +117,7 @@ impl<S: Real> LaneStickSlip<S> {
         self.sliding(i, self.sides[i], self.curve.unloaded(i, v), self.curve.viscous[i] * v)
     }
 
-    /// The largest friction torque that holds joint `i` at rest against a motion to `side`.
+    /// The friction torque at which joint `i` starts to slide to `side`. Its sign is the sign of `side`.
     fn limit(&self, i: usize, side: i8) -> S {
         self.sliding(i, side, self.breakaway[i], S::zero())
     }
@@ -151,8 +154,8 @@ impl<S: Real> LaneStickSlip<S> {
 
     /// Compute one number per joint, which becomes negative where the joint's mode ends.
     ///
-    /// For a stuck joint the number is the distance of the torque from its limits. For a sliding joint it is the speed in the direction of
-    /// sliding. Before the call, set `A`, `b` and the loads for the speeds `v`.
+    /// For a stuck joint the number is the distance of the torque from its nearer limit. For a sliding joint it is the speed in the
+    /// direction of sliding. Before the call, set `A`, `b` and the loads for the speeds `v`.
     pub fn margins(&mut self, v: &[S], out: &mut [f64]) {
         if self.holds() {
             self.slide(v);
@@ -182,7 +185,8 @@ impl<S: Real> LaneStickSlip<S> {
     }
 
     /// Determine the modes of the joints at the speeds `v`. Moving joints slide. The modes of joints at rest follow from the
-    /// complementarity problem for `A`, `b` and the loads. The joint `leaving` slips. Return whether any mode changes.
+    /// complementarity problem for `A`, `b` and the loads. The joint `leaving` has to slip: its static friction is slightly reduced, so
+    /// that rounding errors do not hold it. Return whether any mode changes.
     pub fn settle(&mut self, v: &[S], leaving: Option<usize>) -> bool {
         let n = v.len();
         self.before.copy_from_slice(&self.sides);

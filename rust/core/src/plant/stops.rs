@@ -35,6 +35,8 @@ impl Stop {
 
 impl Stops {
     /// Create stops. Each argument is `(n,)`, in the units of its field.
+    ///
+    /// Errors: `Input` for a stiffness that is not positive, a negative damping, `lower >= upper`, or no finite limit.
     pub fn new(lower: Vec<f64>, upper: Vec<f64>, stiffness: Vec<f64>, damping: Vec<f64>) -> Result<Self> {
         for i in 0..lower.len() {
             require_spring(stiffness[i], damping[i])?;
@@ -93,7 +95,7 @@ impl<S: Real> LaneStops<S> {
         self.stops.iter().map(of).fold(S::zero(), |sum, part| sum + part)
     }
 
-    /// The depth `d` and the push `k d + c d_dot` of stop `k`.
+    /// Return the depth, rad or m, and the push of spring and damper, N m or N, of the stop with index `k`.
     pub fn contact(&self, k: usize, q: &[S], v: &[S]) -> [S; 2] {
         let (stop, limit, stiffness, damping) = self.stops[k];
         let (depth, rate) = stop.depth(limit, q[stop.joint], v[stop.joint]);

@@ -50,7 +50,7 @@ impl Touch {
     }
 }
 
-/// The push of spring and damper in contact, `k d + c d_dot`.
+/// The push `k d + c d_dot` of spring and damper, N or N m.
 pub fn pressing<S: Real>(stiffness: S, damping: S, depth: S, rate: S) -> S {
     damping.mul_add(rate, stiffness * depth)
 }
@@ -75,7 +75,7 @@ pub fn push<S: Real>(stiffness: S, damping: S, depth: S, rate: S, held: Option<T
     }
 }
 
-/// Refuse a stiffness that is not positive, or a negative damping.
+/// Refuse a stiffness that is not positive, or a negative damping. Errors: `Input`.
 pub fn require_spring(stiffness: f64, damping: f64) -> Result<()> {
     positive("stiffness", stiffness)?;
     if !(damping >= 0.0 && damping.is_finite()) {
