@@ -2,8 +2,8 @@
 //!
 //! `M(q) a + C(q, v) v + g(q) = tau_J + J' W`, `B theta_ddot + F theta_dot + tau_J = tau`, `tau_J = K (theta - q) + D (theta_dot - v)`.
 //!
-//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. The load `L` of dry friction is the joint
-//! torque `tau_J`.
+//! The state is `x = [q, v, theta, theta_dot]`, then the bristles of LuGre friction of the motors. The load `L` of dry friction is the
+//! joint torque `tau_J`.
 
 use super::definition::fields;
 use super::lugre::LaneLuGre;

@@ -2,8 +2,8 @@
 //!
 //! `h(v, L) = F_c + (F_s - F_c) exp(-(v / v_s)^2) + mu |L|`,
 //!
-//! with the Coulomb friction `F_c`, the static friction `F_s`, the Stribeck speed `v_s`, and the ratio `mu` of friction to the torque `L`
-//! that the joint transmits to its load. Viscous friction is not part of `h`.
+//! with the Coulomb friction `F_c`, the static friction `F_s` and the Stribeck speed `v_s`. The joint transmits the torque `L` to its load,
+//! and `mu` is the ratio of friction to this torque. Viscous friction is not part of `h`.
 
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;

@@ -22,8 +22,8 @@ pub struct LuGre {
 impl LuGre {
     /// Create bristles with a friction curve, a stiffness and a damping, `(n,)` each. `None` means zero damping.
     ///
-    /// Errors: `WrongShape` for unequal lengths. `Input` for a stiffness or Coulomb friction that is not positive, a negative damping, or a
-    /// Stribeck speed of zero where static friction exceeds Coulomb friction.
+    /// Errors: `WrongShape` for unequal lengths. `Input` for a stiffness or Coulomb friction that is not positive, or a negative damping.
+    /// Also `Input` for a Stribeck speed of zero where static friction exceeds Coulomb friction.
     pub fn new(curve: FrictionCurve, stiffness: Vec<f64>, damping: Option<Vec<f64>>) -> Result<Self> {
         let n = curve.n();
         let damping = damping.unwrap_or_else(|| vec![0.0; n]);

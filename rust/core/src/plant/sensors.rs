@@ -25,7 +25,8 @@ pub struct TorqueSensor {
 impl TorqueSensor {
     /// Create a sensor. `noise`, `bias` and `resolution` are in N m, `bandwidth` is in rad/s.
     ///
-    /// Errors: `Input` for a negative or infinite `noise` or `resolution`, a `bias` that is not finite, or a `bandwidth` that is not positive.
+    /// Errors: `Input` for a negative or infinite `noise` or `resolution`, a `bias` that is not finite, or a `bandwidth` that is not
+    /// positive.
     pub fn new(noise: f64, bias: Vec<f64>, resolution: f64, bandwidth: f64) -> Result<Self> {
         for (name, x) in [("noise", noise), ("resolution", resolution)] {
             if !(x >= 0.0 && x.is_finite()) {

@@ -32,8 +32,8 @@ pub(super) enum Load<S> {
 
 /// The largest number of pivots is `PIVOTS` times the number of joints, plus `PIVOTS`.
 const PIVOTS: usize = 8;
-/// The two limits of the friction torque of a joint that has to slip are brought closer by this fraction of their distance each. So rounding
-/// errors do not hold the joint.
+/// For a joint that has to slip, each limit of the friction torque is reduced by this fraction of the distance between both limits. So
+/// rounding errors do not hold the joint.
 const SLIPS: f64 = 1e-9;
 
 /// The stick-slip friction of one plant. Its lanes stick and slide together.

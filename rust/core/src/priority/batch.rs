@@ -12,16 +12,19 @@ use crate::status::Status;
 use crate::trace::Sym;
 use crate::trace::function::{Evaluation, record};
 
-/// The largest size of a program. The code of a larger program exceeds the caches, and its stacks are solved one by one instead.
+/// The largest size of a program, as a rough number of operations. The code of a larger program exceeds the caches, and its stacks are
+/// solved one by one instead.
 const MOST: usize = 12_000;
 
 /// If no program exists yet, batches of fewer rows are solved one by one, with the same bits.
 pub const FEW: usize = 32;
 
 impl PrioritySolver {
-    /// Record the algorithm `regular` as a program, for one row or for lanes. From `inputs` numbers, `stack` computes the relative error of
-    /// the entries of the Jacobians (`rounding`), the Jacobians, and the command. The results are a flag, then `v` and, if requested, the
-    /// residuals. The flag is one if the results are valid, otherwise zero. The return value is `None` if the program would be too long.
+    /// Record the algorithm `regular` as a program, for one row or for lanes. From the value of `set_up` and `inputs` numbers, `stack`
+    /// computes the relative error of the entries of the Jacobians (`rounding`), the Jacobians, and the command.
+    ///
+    /// The results are a flag, then `v` and, if requested, the residuals. The flag is one if the results are valid, otherwise zero. The
+    /// return value is `None` if the program would be too long.
     pub fn recorded<T>(
         &self,
         lanes: bool,
@@ -46,7 +49,7 @@ impl PrioritySolver {
 
 impl PrioritySolver {
     /// Record the closed form as a program for single stacks. The arguments are Jacobians and command. The results are a flag of validity,
-    /// `v`, residuals, ranks and lost directions.
+    /// `v`, residuals, ranks and, for each level, whether a direction is lost. `None` if the program would be too long.
     pub(super) fn of_pairs(&self) -> Option<Evaluation> {
         let (n, total, levels) = (self.n(), self.rows().iter().sum::<usize>(), self.rows().len());
         if n * total * (total + levels) > MOST {
@@ -140,12 +143,12 @@ impl StackBatch {
         &self.single
     }
 
-    /// Whether a row takes at most microseconds: it is solved by a program, or without a search over bounds.
+    /// Whether most rows take at most microseconds: there is a program, and the method does not search over bounds.
     pub fn is_quick(&self) -> bool {
         self.program.is_some() && self.single.method() != PriorityMethod::Sns
     }
 
-    /// Solve the stacks `first..last` of the batch.
+    /// Solve the stacks `first..last` of the batch. Row 0 of `answers` belongs to the stack `first`.
     pub fn solve(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
         let count = last - first;
         self.declined.clear();
@@ -177,7 +180,7 @@ impl StackBatch {
         }
     }
 
-    /// Solve all stacks with the program. List the stacks for which the result of the program is not valid.
+    /// Solve the stacks `first..last` with the program. Write to `declined` the rows for which its result is not valid.
     fn run(&mut self, given: &StackRows, first: usize, last: usize, answers: &mut StackAnswers) {
         let StackBatch { program, single, declined, .. } = self;
         let Some(program) = program else { return };

@@ -7,8 +7,11 @@
 
 use crate::error::{Error, Result, positive};
 
-/// Compute the velocity bounds of each joint, rad/s or m/s. `lower` and `upper` receive them. All slices have shape `(n,)`. An infinite
-/// `a_max` means no braking distance.
+/// Compute the velocity bounds of each joint, rad/s or m/s, and write them to `lower` and `upper`. All slices have shape `(n,)`. `dt` is in
+/// s. An infinite `a_max` means no braking distance.
+///
+/// Errors: `WrongShape` for a wrong length. `Input` for a `dt` that is not positive, a `q` that is not finite, `q_min > q_max`, or a
+/// negative `v_max` or `a_max`.
 pub fn velocity_bounds(
     q: &[f64],
     q_min: &[f64],

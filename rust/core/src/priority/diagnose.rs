@@ -1,8 +1,9 @@
 //! Diagnosis of a stack of tasks: the directions of each level that can be commanded, and the reason for each lost direction.
 //!
 //! `overlap = sum rank J_i - rank J_E`. The singularity is **algorithmic** if `rank J_E < min(sum rank J_i, n)`. It is **kinematic** if a
-//! `rank J_i` is below its number of rows. Projected ranks follow the null-basis rule of `levels`. The rank of the stack `J_E` is their
-//! sum. `rank J_i` is the number of singular values `s > rounding s_max`. Each level has its own scale, because tasks have different units.
+//! `rank J_i` is below its number of rows. Projected ranks follow the rank rule of the file `levels.rs`. The rank of the stack `J_E` is the
+//! sum of the projected ranks. `rank J_i` is the number of singular values `s > rounding s_max`, with the largest singular value `s_max` of
+//! `J_i`. Each level has its own `s_max`, because tasks have different units.
 
 use std::fmt;
 
@@ -12,17 +13,18 @@ use crate::error::Result;
 use crate::linalg::svd::Svd;
 use crate::linalg::{axpy, dot};
 
-/// The lost part of a command counts as rounding error if it is below this multiple of `rounding c (|v_i| + |J_i| |v|)`.
+/// The lost part of a command counts as rounding error if it is at most this multiple of `rounding c (|v_i| + |J_i| |v|)`. Here `v` is the
+/// velocity of the levels above, and `c` the number of the rank rule in the file `levels.rs`.
 const COMPATIBLE: f64 = 1e3;
 
 /// The kind of singularity of the stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Every level has full rank.
+    /// Each task has full rank alone. The rank of the stack is the sum of these ranks, or the number of joints if it is smaller.
     Regular,
-    /// Each task has full rank, but tasks compete for the same joints.
+    /// Each task has full rank alone, but tasks compete for the same directions of joint space, which reduces the rank of the stack.
     Algorithmic,
-    /// At least one task is singular, independent of the other tasks.
+    /// At least one task is singular alone. The other tasks do not reduce the rank of the stack further.
     Kinematic,
     /// The stack has both kinds of singularity.
     Both,
@@ -104,7 +106,7 @@ impl Diagnosis {
 /// command.
 ///
 /// `rows`: number of rows of each level. `rounding`: relative error of the entries, by default `DEFAULT_ROUNDING`; for the Jacobian of an
-/// arm it is `8 eps (1 + sum|q|)`. Errors: `Input` for wrong sizes or numbers that are not finite.
+/// arm it is `DEFAULT_ROUNDING (1 + sum|q|)`, at most 0.5. Errors: `WrongShape` for wrong sizes, `Input` for numbers that are not finite.
 pub fn diagnose(n: usize, rows: &[usize], jacobians: &[&[f64]], velocities: Option<&[&[f64]]>, rounding: Option<f64>) -> Result<Diagnosis> {
     let rounding = rounding.unwrap_or(DEFAULT_ROUNDING);
     let mut solver =

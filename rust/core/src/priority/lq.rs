@@ -1,6 +1,7 @@
 //! LQ and QR factorisations for the algorithm `regular` (Golub and Van Loan, Matrix Computations, 5.1 and 5.2).
 //!
-//! Contents: `J_E = L Q` by Householder reflections of rows, least squares for a level with more rows than free directions, and `|T^-1|_F`.
+//! Contents: `J_E = L Q` by Householder reflections of rows, and least squares for a level with more rows than free directions. Also the
+//! norm `|T^-1|_F` of a triangular block `T`.
 
 use crate::scalar::Real;
 
@@ -73,7 +74,7 @@ impl<S: Real> Factor<S> {
         }
     }
 
-    /// Transform a row to the coordinates of `L`. No reflection was computed from this row.
+    /// Transform a row that is not a row of `L` to the coordinates of `L`.
     pub fn turn(&self, row: &mut [S]) {
         (0..self.fit()).for_each(|at| self.reflect(at, row));
     }
@@ -98,7 +99,7 @@ impl<S: Real> Factor<S> {
 }
 
 /// Solve a level with more rows than free directions: least squares by a QR factorisation of its columns from `used` on. Return
-/// `|T^-1|_F^2`.
+/// `|T^-1|_F^2` of the triangular factor `T`.
 pub(super) fn tall<S: Real>(rows: &mut [S], command: &[S], used: usize, y: &mut [S], r: &mut [S], z: &mut [S]) -> S {
     let (n, m) = (y.len(), command.len());
     let zero = S::zero();

@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 /// Solve `J_i v = v_i` with priorities, the highest level first. `levels`: pairs of `J_i`, shape `(rows_i, n)`, and `v_i`, shape
 /// `(rows_i,)`.
 ///
-/// Errors: `Input` for shapes that do not fit or numbers that are not finite.
+/// Errors: `WrongShape` for shapes that do not fit. `Input` for an invalid option, no joint, or numbers that are not finite. `Solve` if the
+/// result overflows. `Memory`.
 ///
 /// ```
 /// use armlet_core::priority::{PriorityMethod, PriorityOptions, solve_levels};

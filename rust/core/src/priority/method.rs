@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 
-/// The relative error of the entries of a Jacobian that is exact up to rounding. For the Jacobian of an
-/// arm, the error is this number times `1 + sum|q|`, at most 0.5.
+/// The relative error of the entries of a Jacobian that is exact up to rounding. For the Jacobian of an arm, the error is this number times
+/// `1 + sum|q|`, at most 0.5.
 pub const DEFAULT_ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// A level whose squared norm is outside of this range is scaled by a power of two.
@@ -12,7 +12,7 @@ pub(super) const TAME: std::ops::Range<f64> = 1e-120..1e120;
 /// The default threshold `eps` of a level, divided by the norm of the level's largest row.
 pub const DEFAULT_EPS: f64 = 0.02;
 
-/// The method that inverts the projected Jacobian `A_i = J_i N` of a level.
+/// The method that inverts a level. `A_i = J_i N` is its projected Jacobian, with the null basis `N` of the levels above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PriorityMethod {
     /// The pseudo-inverse of `A_i`, with a rank that takes the size of `J_i` into account. It is discontinuous at singularities, and never
@@ -44,7 +44,7 @@ impl PriorityMethod {
         self == PriorityMethod::Sns
     }
 
-    /// Whether small singular values are damped; otherwise they are inverted.
+    /// Whether the method damps small singular values of the projected Jacobian.
     pub(super) fn damps(self) -> bool {
         match self {
             PriorityMethod::Clamp | PriorityMethod::Damped => true,
@@ -63,7 +63,7 @@ impl PriorityMethod {
         }
     }
 
-    /// Return the method with this name. Errors: `Input`, with a list of all names.
+    /// Return the method with this name. Errors: `Unknown`, with a list of all names.
     pub fn from_name(name: &str) -> Result<Self> {
         let found = PriorityMethod::ALL.into_iter().find(|m| m.name() == name);
         found.ok_or_else(|| Error::unknown("method", "", PriorityMethod::ALL.map(PriorityMethod::name), name))
@@ -83,9 +83,9 @@ pub struct PriorityOptions {
     /// The joint metric `W`, shape `(n, n)`, row-major, symmetric and positive definite: the methods minimise `v' W v`. `None` means the
     /// identity.
     pub weight: Option<Vec<f64>>,
-    /// The lower joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s. Infinite entries are allowed.
+    /// The lower joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s. Infinite entries are allowed. `None` means `-v_max`.
     pub v_min: Option<Vec<f64>>,
-    /// The upper joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s.
+    /// The upper joint velocity bounds for `sns`, shape `(n,)`, rad/s or m/s. `None` means `-v_min`.
     pub v_max: Option<Vec<f64>>,
 }
 

@@ -15,7 +15,8 @@ pub struct Metric<S = f64> {
 }
 
 impl Metric {
-    /// Factor `weight`, shape `(n, n)`, row-major. Errors: `Input` if it is not finite, symmetric and positive definite.
+    /// Factor `weight`, shape `(n, n)`, row-major. Errors: `WrongShape` for a wrong size, `Input` if it is not finite, symmetric and
+    /// positive definite.
     pub fn new(weight: &[f64], n: usize) -> Result<Self> {
         if weight.len() != n * n {
             return Err(Error::wrong("weight", "size", format!("({n}, {n})"), format!("{} entries", weight.len())));
@@ -77,7 +78,8 @@ impl<S: Real> Metric<S> {
     }
 }
 
-/// Write the rows of a Jacobian in the coordinates of the metric. Return the squares of the largest row norm and of the Frobenius norm.
+/// Write the rows of a Jacobian, in the coordinates of the metric, to `rows`. Return the squares of the largest row norm and of the
+/// Frobenius norm.
 pub(super) fn load<S: Real>(jacobian: &[S], metric: Option<&Metric<S>>, rows: &mut [S], n: usize) -> [S; 2] {
     let (mut most, mut sum) = (S::zero(), S::zero());
     for (row, given) in rows.chunks_exact_mut(n).zip(jacobian.chunks_exact(n)) {

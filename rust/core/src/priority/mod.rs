@@ -8,7 +8,8 @@
 //! of the methods.
 //!
 //! A *route* is one algorithm that computes the solution. The route `regular` uses LQ factorisations. It requires a proof that every
-//! singular value is large and that no bound is met. `pairs` solves levels of one or two rows in closed form, also at singularities.
+//! singular value is large and that no bound is met. For `clamp` and `damped`, `pairs` solves levels of at most two rows in closed form,
+//! also at singularities.
 //! `levels` is the general recursion with singular values, and `sns` adds bounds. `batch` solves many stacks with a program that is
 //! recorded from `regular`. `solver` owns the memory and selects the route.
 

@@ -3,7 +3,8 @@
 //!
 //! `G = R J_i P`,  `v += G' diag(h) R (v_i - J_i v)`,  `P <- P - G' diag(q) G`,  `q = 1 / max(s^2, eps^2)`.
 //!
-//! For `clamp`, `h = q`. For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals the result of `levels` if `P` is a projector before
+//! `R` is the rotation, `s` the norm of a row of `G`, and `P` the projector on the free directions, at first `P = I`. For `clamp`, `h = q`.
+//! For `damped`, `h = 1 / (s^2 + lambda^2)`. The result equals the result of `levels` if `P` is a projector before
 //! every level that has a following level. So only the last two levels may use a direction partially. Otherwise the algorithm reports that
 //! its result is not valid. The result is also not valid if a threshold is so small that one rotation is not accurate enough.
 //!
@@ -17,10 +18,10 @@ use crate::scalar::{Float, Real};
 use crate::trace::function::Evaluation;
 
 /// The algorithm is valid only if the square of the threshold exceeds this fraction of the squared Frobenius norm of the level. The
-/// rounding error divided by the threshold is then at most 1e-13.
+/// rounding error divided by the threshold is then about 1e-13 at most.
 const LEAST: f64 = 1e-6;
 
-/// The square of a ratio. If a singular value is below this ratio times the threshold, its direction is not used.
+/// The square of a ratio. If a singular value is below this ratio times the threshold, its direction counts as unused.
 const UNUSED: f64 = 1e-16;
 
 /// The number of direct solves after which a program is made.
@@ -65,7 +66,8 @@ struct Direction<'a, S> {
 }
 
 impl<S: Real> PairRoute<S> {
-    /// Return the closed-form algorithm for levels of these sizes, thresholds and metric. The result is `None` if it does not apply.
+    /// Return the closed-form algorithm for levels of these sizes, thresholds and metric. The result is `None` if a level has more than two
+    /// rows, and for other methods than `clamp` and `damped`.
     pub fn new(n: usize, rows: &[usize], method: PriorityMethod, eps: Option<&[f64]>, metric: Option<&Metric>) -> Option<Self> {
         if !method.damps() || rows.iter().any(|&m| m > 2) {
             return None;

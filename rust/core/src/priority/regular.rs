@@ -3,8 +3,8 @@
 //! ..]`. The reason: the diagonal block `T_i` of `L` is `J_i N_{i-1}` in an orthonormal basis of the null space of the levels above.
 //!
 //! The result is valid only if it provably equals the result of the recursion in `levels`. The number `1/|T_i^-1|_F` is a lower bound of
-//! the smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For `exact`, it must satisfy the rank
-//! rule with a margin of six digits. Otherwise the result is not valid, and `levels` solves the stack.
+//! the smallest singular value of `J_i N_{i-1}`. For `clamp` and `damped`, it must reach `eps_i`. For the other methods, it must reach
+//! `1e-6 |J_i|_F` and satisfy the rank rule of `levels`. Otherwise the result is not valid, and another algorithm solves the stack.
 //!
 //! For `sns`, the result is valid if zero velocity is within the bounds, and also the solution of levels 1 to `i` for every `i`. It then
 //! equals the solution of `exact`. For `chiaverini`, it is the sum of `P_{i-1} J_i# v_i` with the ranks of `exact`. `P_{i-1}` removes the
@@ -20,8 +20,8 @@ use super::own::Own;
 use crate::scalar::{Float, Real};
 use crate::trace::Evaluation;
 
-/// The method `exact` uses this algorithm only for relative singular values above this limit. Forward substitution then loses no
-/// significant digits.
+/// The methods `exact`, `chiaverini` and `sns` use this algorithm only if all singular values, divided by `|J_i|_F`, are above this limit.
+/// Their reciprocals amplify the rounding errors of forward substitution.
 const EXACT_FLOOR: f64 = 1e-6;
 
 /// The algorithm `regular` for stacks of one size, with its memory. It computes the prioritised solution away from singularities, by an LQ
@@ -97,6 +97,7 @@ impl<S: Real> Regular<S> {
         }
     }
 
+    /// Set the thresholds of the levels, shape `(levels,)`.
     pub fn set_eps(&mut self, eps: &[f64]) {
         // The existing memory is reused, because some searches set thresholds in every step.
         let own = self.eps2.get_or_insert_with(|| vec![S::zero(); eps.len()]);
@@ -182,7 +183,7 @@ impl<S: Real> Regular<S> {
         stands
     }
 
-    /// Write the stack in the coordinates of the metric, and the norms of its levels.
+    /// Write the rows in the coordinates of the metric, and the norms, of the levels that have free directions.
     fn load(&mut self, jacobian: &[S]) {
         let Regular { n, rows, fitting, metric, factor, tall, most2, norm2, .. } = self;
         let (n, fit) = (*n, factor.l.len());

@@ -1,10 +1,11 @@
-//! Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`). Each level finds the largest scale `s <= 1` with
+//! Saturation in the null space (Flacco, De Luca, Khatib 2015, `flacco2015saturation`). Each level searches for the largest scale `s <= 1`
+//! with
 //!
 //! `J_i v = s v_i`,  `v = v_above + N z`,  `v_min <= v <= v_max`. `N` is the null basis of the levels above.
 //!
 //! The solution `v(s) = s a + b` is affine in `s`. As long as `s = 1` violates a bound, the joint that limits `s` most is fixed at its
 //! bound. Its direction is removed from `N`, and the other joints take over. The search keeps the largest feasible scale. A level without a
-//! feasible scale (only `s < 0`) does not change `v_above`. Ranks equal the ranks of `exact`, so that higher levels are never disturbed.
+//! feasible scale in `[0, 1]` does not change `v_above`. Ranks equal the ranks of `exact`, so that higher levels are never disturbed.
 
 use super::workspace::Workspace;
 use crate::error::Result;
@@ -14,8 +15,8 @@ use crate::linalg::{axpy, dot};
 /// A joint can be fixed if its row in the remaining null space is longer than this limit. A shorter row would amplify rounding 1e10 times.
 const LEAST_MOBILITY: f64 = 1e-10;
 
-/// The rounding error of `v(s)`, divided by its largest parts, which cancel near singularities. A smaller distance of a joint from its
-/// bound counts as zero. The same limit applies to the rate of a joint.
+/// The relative rounding error of `v(s) = s a + b`. The product of this number and `max |a| + max |b|` is the rounding error of `v(s)`. A
+/// joint's `a`, and its distance from a bound, count as zero if they are smaller.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// An excess over a bound counts as rounding noise up to an edge, and is removed. The edge is at least `LEAST_EDGE` and at most

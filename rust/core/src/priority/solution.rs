@@ -16,12 +16,12 @@ pub struct Solution {
     pub ranks: Vec<usize>,
     /// The scale of each level's command. It is 1 except for `sns`.
     pub scales: Vec<f64>,
-    /// `Success`, or `Degraded` if directions are lost.
+    /// `Success`, or `Degraded` if a level lost a direction or was scaled.
     pub status: Status,
 }
 
 /// Solve one prioritised problem. `jacobians`: shape `(rows_i, n)` each, row-major, the highest level first. `velocities`: task velocities,
-/// shape `(rows_i,)` each.
+/// shape `(rows_i,)` each. Errors: as for [`PrioritySolver::new`] and [`PrioritySolver::solve`].
 ///
 /// ```
 /// use armlet_core::priority::{PriorityOptions, solve_priority};

@@ -1,7 +1,7 @@
 //! The solver of stacks. Its construction allocates all memory, and solves do not allocate.
 //!
-//! It maps levels `(J_i, v_i)` to joint velocities `v`, with residuals `v_i - J_i v`, ranks and a status. The solver checks its inputs. So
-//! all algorithms receive only finite numbers of moderate magnitude.
+//! It maps levels `(J_i, v_i)` to joint velocities `v`, with residuals `v_i - J_i v`, ranks and a status. The algorithms with singular
+//! values receive only finite numbers of moderate magnitude. For other numbers, the other algorithms report that their result is not valid.
 
 use super::method::{DEFAULT_EPS, DEFAULT_ROUNDING, PriorityMethod, PriorityOptions, TAME};
 use super::metric::Metric;
@@ -44,8 +44,8 @@ impl PrioritySolver {
     /// Create a solver. `n`: number of joints. `rows`: number of rows of each level, the highest level first. A level may have no row, or
     /// more rows than joints.
     ///
-    /// Errors: `Input` for `n = 0`, a wrong number of `eps`, `eps <= 0`, or a weight that is not positive definite. Bounds that are not in
-    /// order, and `sns` without bounds, also cause this error.
+    /// Errors: `WrongShape` for a wrong number of thresholds, weights or bounds. `Input` for `n = 0`, `eps <= 0`, or a `rounding` outside of
+    /// `[0, 1)`. Also `Input` for a weight that is not positive definite, invalid bounds, or `sns` without bounds. `Memory`.
     pub fn new(n: usize, rows: &[usize], options: &PriorityOptions) -> Result<Self> {
         if n == 0 {
             return Err(Error::input("n", "is not positive: expected at least one joint, got 0"));
@@ -131,7 +131,8 @@ impl PrioritySolver {
         PairRoute::new(self.work.n, &self.work.rows, self.method, self.work.eps.as_deref(), self.work.metric.as_ref())
     }
 
-    /// Set the relative error of the entries of the next Jacobians. For the Jacobian of an arm it is `8 eps (1 + sum|q|)`.
+    /// Set the relative error of the entries of the next Jacobians. For the Jacobian of an arm it is `DEFAULT_ROUNDING (1 + sum|q|)`, at
+    /// most 0.5. Errors: `Input` outside of `[0, 1)`.
     pub fn set_rounding(&mut self, rounding: f64) -> Result<()> {
         if !(0.0..1.0).contains(&rounding) {
             return Err(Error::input("rounding", format!("is not a relative error: expected 0 <= rounding < 1, got {rounding}")));
@@ -141,6 +142,7 @@ impl PrioritySolver {
     }
 
     /// Set the threshold on the singular values of each level for the next solves, in the unit of the level's Jacobian.
+    /// Errors: `WrongShape` for a wrong length, `Input` for a threshold that is not positive.
     pub fn set_eps(&mut self, eps: &[f64]) -> Result<()> {
         if eps.len() != self.work.rows.len() {
             return Err(Error::wrong("eps", "length", self.work.rows.len(), eps.len()));
@@ -157,8 +159,10 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Set the joint velocity bounds for the next solves, shape `(n,)` each, rad/s or m/s. Infinite bounds are allowed. Errors: wrong
-    /// length, NaN, `v_min > v_max`.
+    /// Set the joint velocity bounds for the next solves, shape `(n,)` each, rad/s or m/s. Infinite bounds are allowed. A solver that was
+    /// created without bounds ignores them.
+    ///
+    /// Errors: `WrongShape` for a wrong length; `Input` for NaN, `v_min > v_max`, or bounds that allow no finite velocity.
     pub fn set_bounds(&mut self, v_min: &[f64], v_max: &[f64]) -> Result<()> {
         let n = self.work.n;
         for (name, x) in [("v_min", v_min), ("v_max", v_max)] {
@@ -189,8 +193,8 @@ impl PrioritySolver {
 
     /// Solve for one Jacobian per level, shape `(rows_i, n)`, row-major, and one task velocity per level, shape `(rows_i,)`.
     ///
-    /// Returns `Success`, or `Degraded` if a level lost a direction or was scaled. Errors: `Input` for wrong sizes or numbers that are not
-    /// finite, `Solve` if the result overflows.
+    /// Returns `Success`, or `Degraded` if a level lost a direction or was scaled. Errors: `WrongShape` for wrong sizes, `Input` for numbers
+    /// that are not finite, `Solve` if the result overflows.
     pub fn solve(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<Status> {
         self.load(jacobians, velocities)?;
         self.run()
@@ -217,7 +221,7 @@ impl PrioritySolver {
         &mut self.work
     }
 
-    /// Check the sizes, and copy the numbers to `inputs`.
+    /// Check the sizes, and copy the numbers to [`PrioritySolver::inputs`].
     pub(super) fn load(&mut self, jacobians: &[&[f64]], velocities: &[&[f64]]) -> Result<()> {
         let levels = self.work.rows.len();
         for (name, got) in [("jacobians", jacobians.len()), ("velocities", velocities.len())] {
@@ -242,7 +246,8 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Solve for the numbers in `inputs`.
+    /// Solve for the numbers in [`PrioritySolver::inputs`]. Errors: `Input` for numbers that are not finite, `Solve` if the result
+    /// overflows.
     pub fn run(&mut self) -> Result<Status> {
         if self.work.solve_regular() {
             self.work.lost.fill(false);
@@ -252,7 +257,7 @@ impl PrioritySolver {
         self.run_declined()
     }
 
-    /// Solve a stack for which the result of the algorithm `regular` is not valid.
+    /// Solve a stack for which the result of the algorithm `regular` is not valid. Errors: as for [`PrioritySolver::run`].
     pub fn run_declined(&mut self) -> Result<Status> {
         let PrioritySolver { work: w, pairs, .. } = self;
         let Workspace { jacobian, command, v, residual, ranks, lost, .. } = w;
@@ -266,7 +271,7 @@ impl PrioritySolver {
         self.run_singular()
     }
 
-    /// Solve only with the algorithms that use singular values.
+    /// Solve only with the algorithms that use singular values. Errors: as for [`PrioritySolver::run`].
     pub fn run_singular(&mut self) -> Result<Status> {
         self.prepare()?;
         let w = &mut self.work;
@@ -319,7 +324,7 @@ impl PrioritySolver {
         Ok(())
     }
 
-    /// Compute the joint velocities from the metric coordinates, remove rounding excess over bounds, and compute residuals and status.
+    /// Compute the joint velocities from the metric coordinates, and residuals and status. For `sns`, remove rounding excess over bounds.
     fn finish(&mut self) -> Result<Status> {
         let w = &mut self.work;
         let n = w.n;
