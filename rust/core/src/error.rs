@@ -1,4 +1,5 @@
-//! Errors: a wrong argument, model or file, or a solver without a solution. The outcome of a run is not an error but data: see `status`.
+//! Errors: a wrong argument, model or file, a solver without a solution, or too little memory. The outcome of a run is not an error but
+//! data: see `status`.
 
 use crate::interrupt::look;
 use crate::status::Status;
@@ -117,7 +118,7 @@ impl Error {
         Error::Unknown { argument: argument.into(), kind, available, got: got.into() }
     }
 
-    /// Return the error with the index of the wrong entry.
+    /// Return the error with the index of the wrong entry. Only `Input` and `WrongShape` have an index.
     pub fn at(mut self, at: impl Into<Vec<usize>>) -> Self {
         if let Error::Input { index, .. } | Error::WrongShape { index, .. } = &mut self {
             *index = at.into().into_boxed_slice();
@@ -220,7 +221,7 @@ fn few_finite(values: &[f64]) -> bool {
     zeros.iter().chain(rest).all(|x| x.is_finite())
 }
 
-/// Refuse a value that is not finite. The error has the first bad index.
+/// Refuse values that are not finite. Errors: `Input`, with the first bad index if there are several values.
 pub fn finite(argument: &str, values: &[f64]) -> Result<()> {
     if all_finite(values) {
         return Ok(());
@@ -232,7 +233,7 @@ pub fn finite(argument: &str, values: &[f64]) -> Result<()> {
     }
 }
 
-/// Refuse a number that is not positive and finite.
+/// Refuse a number that is not positive and finite. Errors: `Input`.
 pub fn positive(argument: &str, x: f64) -> Result<()> {
     if x > 0.0 && x.is_finite() {
         return Ok(());

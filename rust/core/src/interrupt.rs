@@ -56,10 +56,11 @@ pub fn look() {
     }
 }
 
-/// The number of rows up to which [`look_at_row`] has no effect. It is the size of the largest arm with mimic joints.
+/// The number of rows up to which [`look_at_row`] has no effect. It is the maximum number of bodies of an arm with mimic joints.
 const FEW: usize = 256;
 
-/// Call [`look`] at every 64th row of a large matrix. It is used in loops that take little time for small matrices.
+/// Call [`look`] at row 256 of a matrix and at every 64th row after it. `row` counts from 0. Loops that are slow only for large matrices
+/// call this function.
 #[inline(always)]
 pub fn look_at_row(row: usize) {
     if row >= FEW && row.is_multiple_of(64) {

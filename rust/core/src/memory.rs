@@ -8,7 +8,7 @@ pub const PIECE: usize = 1 << 14;
 /// The number of elements between two checks, for elements that own memory.
 const SMALL_PIECE: usize = 1 << 10;
 
-/// Return an empty vector with the capacity `n`.
+/// Return an empty vector with the capacity `n`. Errors, as of all functions of this file that can fail: `Memory`.
 pub fn reserved<T>(n: usize) -> Result<Vec<T>> {
     let mut out = Vec::new();
     more(&mut out, n)?;
@@ -49,7 +49,7 @@ pub fn copies<T: Copy>(n: usize, value: T) -> Vec<T> {
     let mut out = Vec::with_capacity(n);
     while out.len() < n {
         look();
-        // This copies bytes. A clone would copy a structure field by field.
+        // A `Copy` value is copied as bytes. A clone would copy a structure field by field.
         out.extend((0..PIECE.min(n - out.len())).map(|_| value));
     }
     out
@@ -133,7 +133,8 @@ pub fn append<T: Copy>(out: &mut Vec<T>, values: &[T]) -> Result<()> {
     Ok(())
 }
 
-/// Refuse a size, in bytes, that cannot be allocated now. For structures with many small parts, `bytes` estimates their sum.
+/// Refuse a size, in bytes, that cannot be allocated now. For structures with many small parts, `bytes` estimates their sum. Errors:
+/// `Memory`.
 pub fn require(bytes: usize) -> Result<()> {
     reserved::<u8>(bytes).map(drop)
 }

@@ -1,6 +1,7 @@
 //! The bodies of an arm at one state, or at one state per lane. Tasks read the bodies.
 //!
-//! The Jacobian column of a revolute joint is `[z x (p - o); z]`. Its rate is `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`.
+//! The Jacobian column of a revolute joint is `[z x (p - o); z]`. Its rate is `[z' x (p - o) + z x (p' - o'); z']` with `z' = w x z`. Here
+//! `z` is the joint axis, `o` the origin of the joint, `p` that of the frame, and `w` the angular velocity of the body.
 
 use super::jacobian::of_frame;
 use super::{Pose, from_parent, place_body};
@@ -17,13 +18,13 @@ pub struct Bodies<S: Real = f64> {
     trig: Vec<(S, S)>,
     pub(super) q: Vec<S>,
     pub(super) poses: Vec<Pose<S>>,
-    /// Angular velocity of each body and velocity of its origin.
+    /// Angular velocity of each body, rad/s, and velocity of its origin, m/s, in world axes.
     pub(super) motion: Vec<(Vector3<S>, Vector3<S>)>,
-    /// Mass, first moment and momentum of each subtree, about the world origin.
+    /// Mass, first moment about the world origin, and momentum of each subtree.
     pub(super) subtrees: Vec<(S, Vector3<S>, Vector3<S>)>,
 }
 
-/// Position, rotation, angular velocity and velocity of a frame.
+/// Rotation `r`, position `p`, angular velocity `w` and velocity `u` of a frame, in world axes.
 #[derive(Clone, Copy)]
 pub(super) struct Moving<S: Real> {
     pub r: Matrix3<S>,
@@ -106,7 +107,7 @@ impl<S: Real> Bodies<S> {
         }
     }
 
-    /// The pose of a frame, and its velocity if it is `moving`.
+    /// The pose of a frame, and its velocity if `moving` is true. Otherwise the velocity is zero.
     pub(super) fn frame(&self, frame: usize, moving: bool) -> Moving<S> {
         let (r, p) = of_frame(&self.tree, &self.poses, frame);
         let body = self.tree.frames[frame].body;
@@ -117,7 +118,8 @@ impl<S: Real> Bodies<S> {
         Moving { r, p, w, u: w.cross_add(p - self.poses[body].origin, u) }
     }
 
-    /// Call `put` for each column of the geometric Jacobian of a frame, joint by joint from the frame to the base.
+    /// Call `put` for each column of the geometric Jacobian of a frame, joint by joint from the frame to the base. Without `rate`, the
+    /// rates of the columns are zero.
     pub(super) fn columns(&self, frame: usize, at: &Moving<S>, rate: bool, mut put: impl FnMut(Column<S>)) {
         let mut i = self.tree.frames[frame].body;
         let none = Vector3::zero();
@@ -137,7 +139,7 @@ impl<S: Real> Bodies<S> {
         }
     }
 
-    /// Compute mass and first moment of each subtree, and with `rate` its momentum.
+    /// Compute mass and first moment of each subtree, and its momentum if `rate` is true.
     pub(super) fn gather_subtrees(&mut self, rate: bool) {
         for (i, body) in self.tree.bodies.iter().enumerate() {
             let m = body.inertia.mass;

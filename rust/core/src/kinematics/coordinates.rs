@@ -21,7 +21,8 @@ pub struct Coordinates {
     pub rows: Vec<usize>,
 }
 
-/// Parse the rows that `axes` names, for example "xyz", "xy", "rx ry rz" or "xyz rz".
+/// Parse the rows that `axes` names, for example "xyz", "xy", "rx ry rz" or "xyz rz". Errors: `Input` for other letters, a repeated row or
+/// no row.
 pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
     let refused = || Error::input("axes", format!("is not made of x y z rx ry rz: expected such as \"xyz\" or \"x y rz\", got {axes:?}"));
     let mut rows = Vec::new();
@@ -39,9 +40,10 @@ pub fn parse_axes(axes: &str) -> Result<Vec<usize>> {
 
 /// Compute the rows of a pose: of its position, m, and of its rotation vector, rad. `pose` is a homogeneous transform `(4, 4)`, row-major.
 ///
-/// Errors: the matrix is not a pose; or `rows` has some but not all components of orientation, and an omitted component is not zero.
+/// Errors: `Input` if the matrix is not a pose. Also `Input` if `rows` has some but not all components of orientation, and an omitted one
+/// is not zero.
 pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
-    /// The largest accepted deviation of a rotation from orthogonality.
+    /// The largest accepted deviation of a rotation from orthogonality, and of the last row from 0 0 0 1.
     const ORTHOGONAL: f64 = 1e-6;
     /// The largest angle that counts as a rounding error, rad.
     const STRAIGHT: f64 = 1e-9;
@@ -65,7 +67,8 @@ pub fn rows_of_pose(pose: &[f64], rows: &[usize]) -> Result<Vec<f64>> {
 }
 
 impl Coordinates {
-    /// Create coordinates with the rows `axes` of the frame named `frame`. `axes` is, for example, `"xy"` or `"xyz rx ry rz"`.
+    /// Create coordinates with the rows `axes` of the frame named `frame`. `axes` is, for example, `"xy"` or `"xyz rx ry rz"`. Errors:
+    /// `Unknown` for the frame, and those of [`parse_axes`].
     pub fn new(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(Coordinates { frame: arm.frame_index(frame)?, rows: parse_axes(axes)? })
     }

@@ -22,7 +22,7 @@ pub(super) fn of_frame<S: Real>(tree: &Tree<S>, poses: &[Pose<S>], frame: usize)
     (body.rotation.times(r.lift()), body.rotation.apply_add(p.lift(), body.origin))
 }
 
-/// Compute the rotation `R_WF` (by columns) and the origin `p_WF` of a frame.
+/// Compute the rotation `R_WF` and the origin `p_WF`, m, of a frame.
 pub fn frame_pose<S: Real>(tree: &Tree<S>, poses: &mut [Pose<S>], trig: &[(S, S)], q: &[S], frame: usize) -> (Matrix3<S>, Vector3<S>) {
     super::place(tree, trig, q, &mut poses[..needed(tree, frame)]);
     of_frame(tree, poses, frame)
@@ -68,7 +68,7 @@ fn write<S: Real>(tree: &Tree<S>, j: &mut [S], body: usize, linear: Vector3<S>, 
     }
 }
 
-/// Write an entry of a column. If joints follow others, add the value to the entry instead.
+/// Write an entry of a column. If joints follow others, add `multiplier value` to the entry instead.
 #[inline]
 pub(super) fn put<S: Real>(tree: &Tree<S>, multiplier: f64, entry: &mut S, value: S) {
     *entry = if tree.joining.is_some() { S::splat(multiplier).mul_add(value, *entry) } else { value };

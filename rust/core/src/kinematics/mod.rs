@@ -1,7 +1,8 @@
 //! Poses of bodies and frames, and their motion with the joints.
 //!
 //! A revolute joint with the parent `p` has `R_i = R_p R_0 Rz(q)`, `o_i = o_p + R_p p_0`. A slide has `R_i = R_p R_0`, `o_i = o_p + R_p p_0
-//! + z_i q`. The recursion goes from the base outwards, and `z_i` is the third column of `R_i`.
+//! + z_i q`. The recursion goes from the base outwards. `R_0` and `p_0` are the placement of the joint in the parent's frame at `q =
+//! 0`, and `z_i` is the third column of `R_i .
 
 mod bodies;
 pub mod coordinates;
@@ -41,8 +42,8 @@ impl<S: Real> Pose<S> {
     }
 }
 
-/// Compute the pose of a body from the pose of its parent. The joint's rotation is applied first, so that only one product waits for the
-/// parent.
+/// Compute the pose of a body from the pose of its parent. Except for quarter turns, the joint's rotation is applied first, so that only
+/// one product waits for the parent.
 pub(crate) fn place_body<S: Real>(body: &Body<S>, parent: &Pose<S>, trig: (S, S), q: S) -> Pose<S> {
     if body.parent == BASE {
         // The base has no rotation.

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, finite};
 use crate::scalar::Real;
 
-/// A relative asymmetry up to this limit counts as a rounding error.
+/// An asymmetry up to this fraction of the largest entry counts as a rounding error.
 const SYMMETRY: f64 = 1e-12;
 
 /// Return the lower factor `L` of the matrix `a`, shape `(n, n)`, with zeros above the diagonal. The result is `None` if `a` is not
@@ -55,7 +55,7 @@ pub fn solve<S: Real>(n: usize, l: &[S], x: &mut [S]) {
     }
 }
 
-/// Refuse a matrix that is not finite, symmetric and positive definite.
+/// Refuse a matrix that is not finite, symmetric and positive definite. Errors: `Input`.
 pub fn require_positive_definite(argument: &str, n: usize, a: &[f64]) -> Result<()> {
     finite(argument, a)?;
     let scale = a.iter().fold(0.0f64, |m, x| m.max(x.abs()));

@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn knows_oscillators() {
-        // x'' + 2 zeta w x' + w^2 x = 0 for two very different frequencies. A similarity transform of size 1 mixes the two systems.
+        // x'' + 2 zeta w x' + w^2 x = 0 for two very different frequencies w, rad/s.
         let (slow, fast) = ((0.5, 1.0), (0.1, 1e4));
         let block = |(zeta, w): (f64, f64)| [0.0, 1.0, -w * w, -2.0 * zeta * w];
         let (s, f) = (block(slow), block(fast));
@@ -72,7 +72,7 @@ mod tests {
                 a[(i + 2) * 4 + j + 2] = f[i * 2 + j];
             }
         }
-        a[2] = 3.0; // The matrix is block triangular, so that this entry does not change the eigenvalues.
+        a[2] = 3.0; // This entry couples the two systems. The matrix is block triangular, so that its eigenvalues do not change.
         let got = eigenvalues(&a, 4).expect("finite");
         let root = |(zeta, w): (f64, f64)| (-zeta * w, w * f64::sqrt(1.0 - zeta * zeta));
         for (value, want) in got.iter().zip([root(fast), root(fast), root(slow), root(slow)]) {

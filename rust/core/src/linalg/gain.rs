@@ -5,7 +5,7 @@ use crate::linalg::cholesky::require_positive_definite;
 use crate::scalar::Real;
 use nalgebra::DMatrix;
 
-/// A symmetric positive definite gain of size `n`.
+/// A gain of size `n`. It is symmetric positive definite, except for gains of [`Gain::not_negative`] and internal products.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gain {
     n: usize,
@@ -27,7 +27,8 @@ impl Gain {
         Ok(Gain { n: values.len(), values })
     }
 
-    /// Return the gain `values`, shape `(n, n)`, row-major. A diagonal matrix is stored as its diagonal.
+    /// Return the gain `values`, shape `(n, n)`, row-major. A diagonal matrix is stored as its diagonal. Errors: `Input` if the matrix is
+    /// not finite, symmetric and positive definite.
     pub fn full(argument: &str, n: usize, values: Vec<f64>) -> Result<Self> {
         require_positive_definite(argument, n, &values)?;
         let off_diagonal = (0..n * n).any(|k| k / n != k % n && values[k] != 0.0);
@@ -37,7 +38,7 @@ impl Gain {
         Ok(Gain { n, values })
     }
 
-    /// Return the gain of a symmetric positive definite matrix, shape `(n, n)`.
+    /// Return the gain of a symmetric positive definite matrix, shape `(n, n)`. Errors: `Input` for any other matrix.
     ///
     /// ```
     /// use armlet_core::law::Gain;
@@ -63,7 +64,8 @@ impl Gain {
         DMatrix::from_row_slice(self.n, self.n, &self.matrix())
     }
 
-    /// Return a diagonal gain that may have zeros, for a task with only feedforward.
+    /// Return a diagonal gain that may have zeros, for a task with only feedforward. Errors: `Input` for a number that is negative or not
+    /// finite.
     pub fn not_negative(argument: &str, values: Vec<f64>) -> Result<Self> {
         finite(argument, &values)?;
         if let Some(i) = values.iter().position(|&k| k < 0.0) {
@@ -72,7 +74,7 @@ impl Gain {
         Ok(Gain { n: values.len(), values })
     }
 
-    /// Return the square root of a symmetric gain.
+    /// Return the square root of a symmetric gain. Negative eigenvalues of a full gain count as zero.
     pub fn square_root(&self) -> Gain {
         if self.is_diagonal() {
             return Gain::unchecked(self.n, self.values.iter().map(|k| k.sqrt()).collect());
@@ -130,7 +132,7 @@ impl Gain {
         self.times(x).iter().zip(x).map(|(y, x)| y * x).sum()
     }
 
-    /// Return `self^-1`.
+    /// Return `self^-1`. `self` is as in [`Gain::solve`].
     pub fn inverse(&self) -> Gain {
         self.solve(&Gain::unchecked(self.n, vec![1.0; self.n]))
     }
@@ -145,7 +147,7 @@ impl Gain {
         Gain::unchecked(n, (0..n * n).map(entry).collect())
     }
 
-    /// Return `self^-1 other`. The result is diagonal if both gains are.
+    /// Return `self^-1 other` for a symmetric positive definite `self`. The result is diagonal if both gains are.
     pub fn solve(&self, other: &Gain) -> Gain {
         let n = self.n;
         if self.is_diagonal() && other.is_diagonal() {

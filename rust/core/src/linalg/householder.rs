@@ -5,12 +5,11 @@
 
 use super::{axpy, dot};
 
-/// If the squared norm of `x` without its first entry is below this limit, no reflection is made. These entries are below 1e-145 for a
-/// matrix scaled to 1.
+/// If the squared norm of `x` without its first entry is below this limit, no reflection is made. These entries are then below 1e-145.
 pub const TAIL: f64 = 1e-290;
 
-/// Compute the reflection `H = I - beta w w'` with `H x = alpha e1`. Overwrite `x` by `w`, and return `(alpha, beta)`. If all entries of
-/// `x` after the first are zero, `beta = 0`, and `H` is the identity.
+/// Compute the reflection `H = I - beta w w'` with `H x = alpha e1`. Overwrite `x` by `w`, and return `(alpha, beta)`. If the
+/// squared norm of the other entries is below [`TAIL`], `beta = 0`, and `H` is the identity.
 #[inline]
 pub fn reflector(x: &mut [f64]) -> (f64, f64) {
     let x0 = x[0];

@@ -1,7 +1,6 @@
-//! Small dense linear algebra on row-major slices. Every decomposition terminates for every input.
+//! Small dense linear algebra on row-major slices, with their sizes as separate arguments. The number of iterations is always limited.
 //!
-//! Every routine refuses numbers that are not finite, limits its iterations and reuses its memory. So a control step neither hangs nor
-//! allocates. Matrices are row-major slices, with their sizes as separate arguments.
+//! The routines of a control step reuse their memory: `cholesky::factor_into`, `ClampedInverse`, `lu`, `Pairs` and `Svd::decompose`.
 
 pub mod cholesky;
 pub mod clamp;

@@ -8,7 +8,8 @@ use crate::error::Result;
 /// Return an orthonormal basis of the null space of `a`, shape `(m, k)`, row-major. The basis vectors are the rows of an array, shape
 /// `(k - rank, k)`, row-major.
 ///
-/// `cut`: singular values up to this number count as zero, in the unit of `a`. Errors: entries that are not finite.
+/// `cut`: singular values up to this number count as zero, in the unit of `a`. Errors: as for
+/// [`Svd::decompose`].
 pub fn null_basis(a: &[f64], m: usize, k: usize, cut: f64) -> Result<Vec<f64>> {
     let mut svd = Svd::new(m, k);
     svd.decompose(a, m, k)?;

@@ -7,7 +7,7 @@ use super::svd::Svd;
 use crate::error::Result;
 
 /// Return the pseudo-inverse, shape `(k, m)`, row-major, of a matrix `a`, shape `(m, k)`, row-major. Singular values up to `cut` count as
-/// zero.
+/// zero. Errors: as for [`Svd::decompose`].
 pub fn pinv(a: &[f64], m: usize, k: usize, cut: f64) -> Result<Vec<f64>> {
     let mut svd = Svd::new(m, k);
     svd.decompose(a, m, k)?;

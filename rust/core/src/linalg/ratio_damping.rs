@@ -1,6 +1,6 @@
-//! The damping matrix `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`, for which every mode of `M x'' + D x' + K x` has the damping ratio
-//! `zeta`. Method: double diagonalisation, `M = Q'Q`, `K = Q' diag(k) Q`, `D = 2 zeta Q' diag(k)^1/2 Q` (Albu-Schaeffer, Ott, Frese and
-//! Hirzinger 2003).
+//! The damping matrix `D = 2 zeta M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2`, for which every mode of `M x'' + D x' + K x = 0` has the damping
+//! ratio `zeta`. Method: double diagonalisation, `M = Q'Q`, `K = Q' diag(k) Q`, `D = 2 zeta Q' diag(k)^1/2 Q` (Albu-Schaeffer, Ott, Frese
+//! and Hirzinger 2003).
 
 use super::{Gain, symmetric_eigen};
 use crate::error::{Result, positive};
@@ -13,6 +13,7 @@ pub fn symmetric_power(a: &[f64], n: usize, p: f64) -> Result<Vec<f64>> {
 }
 
 /// Return the damping matrix with which every mode of the inertia `M` and the stiffness `K` has the damping ratio `zeta` > 0.
+/// Errors: `Input` if `zeta` is not positive and finite, or if the result is not positive definite; `Solve` as for `symmetric_eigen`.
 pub fn ratio_damping(inertia: &Gain, stiffness: &Gain, zeta: f64) -> Result<Gain> {
     positive("damping_ratio", zeta)?;
     let n = inertia.n();

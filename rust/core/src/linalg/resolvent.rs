@@ -1,6 +1,8 @@
-//! Linear systems `(s I - J) u = b`, where `J` is the Jacobian of a mechanical system. Its state is `x = [x_1, x_1', x_2, x_2', ..., rest]`
-//! in blocks of `n` components. The row of a position `p` with the rate `r` is `s u_p - u_r = b_p`. So the positions are eliminated. Half
-//! as many equations remain to be decomposed: `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`.
+//! Linear systems `(s I - J) u = b`, where `J` is the Jacobian of a mechanical system. Its state is
+//! `x = [x_1, x_1', x_2, x_2', ..., rest]`, with blocks of one number per joint. The row of a position `p` with the rate `c` is
+//! `s u_p - u_c = b_p`. So the positions are eliminated. For each other row `r`, an equation remains:
+//! `s u_r - sum (J_rc + J_rp / s) u_c = b_r + sum J_rp b_p / s`. The sums are over all `c`, the components that are not positions; `J_rp`
+//! is zero without a position `p` of the rate `c`.
 
 use super::lu::{self, Entry};
 use crate::scalar::Real;
@@ -47,8 +49,9 @@ impl Pairs {
         }
     }
 
-    /// Decompose `s I - j` and write it to `lu`. `j` and `lu` have the shape `(n, n)`. The numbers are real or complex like `s`. The result
-    /// is `false` if the matrix is singular or not finite, or if `stopped` returned true.
+    /// Eliminate the positions of `s I - j`, and write the decomposition of the remaining matrix to `lu`. `j` has the shape `(n, n)`. `lu`
+    /// is memory for `n^2` numbers, real or complex like `s`. The result is `false` if the matrix is singular or not finite, or if
+    /// `stopped` returned true.
     #[inline]
     pub fn decompose<E: Entry>(
         self,
@@ -75,7 +78,7 @@ impl Pairs {
     #[inline]
     pub fn solve<E: Entry>(self, n: usize, s: E, j: &[E::Real], lu: &[E], pivots: &[usize], b: &mut [E], work: &mut [E]) {
         let m = n - self.positions();
-        // `inverse` is `-1/s`. With this sign, every sum below is a difference.
+        // `inverse` is `-1/s`. With this sign, `less`, which subtracts a product, computes every sum below.
         let (j, b, work, inverse) = (&j[..n * n], &mut b[..n], &mut work[..m], s.times(E::real(E::Real::splat(-1.0))).inverse());
         self.positions_each(|_, column| b[column] = b[column].times(inverse));
         self.kept(n, |r, row| {
@@ -95,7 +98,8 @@ mod tests {
     use super::super::lu::Complex;
     use super::*;
 
-    /// Return `|(s I - J) u - b|` divided by `(|J| + |s|) (|u| + |b / s|)`. An LU decomposition of either form has a residual of this size.
+    /// Return `|(s I - J) u - b|` divided by `(|J| + |s|) (|u| + |b / s|)`. For a stable method, this
+    /// is a small multiple of 1e-16.
     fn residual<E: Entry<Real = f64>>(pairs: Pairs, n: usize, s: E, j: &[f64], b: Vec<E>) -> f64 {
         let (mut lu, mut pivots, mut work, mut u) = (b.repeat(n), vec![0; n], b.clone(), b.clone());
         assert!(pairs.decompose(n, s, j, &mut lu, &mut pivots, || false));

@@ -4,8 +4,8 @@
 //! The triangular factor is `L` of `A = L Q` (wide) or `R` of `A = Q R` (tall). Rotations make its columns orthogonal. The same rotations
 //! are applied to the rows of `V'`.
 //!
-//! `V` is a product of reflections and rotations. So it is complete, `(k, k)`, and orthonormal even if singular values are zero. Its last
-//! rows are the null basis. The number of sweeps is limited, and memory is reused.
+//! `V` is a product of reflections and rotations. So `V` has the shape `(k, k)`, and is orthonormal even if singular values are zero. The
+//! last rows of `V'` are the null basis. The number of sweeps is limited, and memory is reused.
 
 use super::householder::{reflect, reflector};
 use super::{axpy, dot, largest};
@@ -68,7 +68,7 @@ impl Svd {
 
     /// Decompose the matrix `a`, shape `(m, k)`, row-major.
     ///
-    /// Errors: `Input` for a size beyond the memory or an entry that is not finite, `Solve` at the limit of sweeps.
+    /// Errors: `Input` for a wrong length, a size beyond the memory or an entry that is not finite, `Solve` at the limit of sweeps.
     pub fn decompose(&mut self, a: &[f64], m: usize, k: usize) -> Result<()> {
         let p = m.min(k);
         if a.len() != m * k || self.work.len() < m * k || self.vt.len() < k * k || self.s.len() < p || self.ut.len() < p * m {

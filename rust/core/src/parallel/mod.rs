@@ -1,5 +1,5 @@
 //! Worker threads. The pool of threads is created at first use, and again in a forked child process. The calling thread remains responsive
-//! during the work. The division of rows among workers does not depend on the number of threads.
+//! during the work. The division of rows into chunks does not depend on the number of threads.
 //!
 //! `pool` contains the threads. Without the feature `parallel`, `serial` replaces it: one worker, with the same results.
 
@@ -26,7 +26,7 @@ pub fn default_threads() -> usize {
     requested.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get())).min(MOST_THREADS)
 }
 
-/// Return the argument `threads`. The result is an error if it is zero or more than [`MOST_THREADS`].
+/// Return the argument `threads`. Errors: `Input` if it is zero or more than [`MOST_THREADS`].
 pub fn require_threads(threads: usize) -> Result<usize> {
     if (1..=MOST_THREADS).contains(&threads) {
         return Ok(threads);
@@ -34,8 +34,8 @@ pub fn require_threads(threads: usize) -> Result<usize> {
     Err(Error::input("threads", format!("is out of range: expected 1 to {MOST_THREADS}, got {threads}")))
 }
 
-/// Run `work(stop)` on another thread, so that the caller remains responsive. `poll` is called every 20 ms on the calling thread. If no
-/// thread can start, the calling thread does the work.
+/// Run `work(stop)` on another thread, so that the caller remains responsive. `poll` is called every 20 ms on the calling thread. If its
+/// result is true, `stop` is set. If no thread can start, the calling thread does the work, without `poll`.
 pub fn on_worker<R: Send>(poll: &mut dyn FnMut() -> bool, work: impl FnOnce(&Arc<AtomicBool>) -> R + Send) -> R {
     let stop = Arc::new(AtomicBool::new(false));
     let (todo, result) = (Mutex::new(Some(work)), Mutex::new(None));
@@ -74,8 +74,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Fill the rows of `out`, which have `length` numbers each, with `work(first, last, rows)`. Each call has `chunk` rows. Return the results
-/// in the order of the chunks.
+/// Fill the rows of `out`, which have `length` numbers each, with `work(first, last, rows)`. Each call has `chunk` rows, the last
+/// one the remainder. Return the results in the order of the chunks. Errors: `Interrupted` after `poll` returned true.
 pub fn rows<R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,
@@ -88,7 +88,7 @@ pub fn rows<R: Send>(
     pieces(threads, poll, parts, |(i, rows): (usize, &mut [f64])| work(i * chunk, i * chunk + rows.len() / length.max(1), rows))
 }
 
-/// Run `work` on each of the parts, and return the results in the same order.
+/// Run `work` on each of the parts, and return the results in the same order. Errors: `Interrupted` after `poll` returned true.
 pub fn pieces<P: Send, R: Send>(
     threads: usize,
     poll: &mut dyn FnMut() -> bool,

@@ -13,7 +13,7 @@ static POOLS: Mutex<Option<ProcessPools>> = Mutex::new(None);
 /// The id of the process that created the pools, and the pools.
 type ProcessPools = (u32, HashMap<usize, Arc<ThreadPool>>);
 
-/// The number of unused pools that are stored.
+/// If this number of pools is stored, a new pool first removes the unused ones.
 const KEPT_POOLS: usize = 4;
 
 fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
@@ -21,7 +21,7 @@ fn pool(threads: usize) -> Option<Arc<ThreadPool>> {
     let mut pools = lock(&POOLS);
     match &*pools {
         Some((owner, _)) if *owner == process => {}
-        // The threads of the parent do not exist in this process. Dropping their pool would wait for ever.
+        // The threads of the parent do not exist in this process. Dropping their pool could wait for ever.
         _ => std::mem::forget(pools.replace((process, HashMap::new()))),
     }
     let (_, pools) = pools.as_mut()?;
@@ -65,7 +65,7 @@ pub fn any<P: Send>(parts: &mut [P], work: impl Fn(usize, &mut P) -> bool + Sync
     parts.par_iter_mut().enumerate().with_max_len(1).map(|(i, part)| work(i, part)).reduce(|| false, |a, b| a | b)
 }
 
-/// Run `work` on each part. Each thread of the pool creates one `state` for its parts.
+/// Run `work` on each part with the threads of the present pool. Each part has a new `state()`.
 pub fn each_with<P: Send, L>(parts: Vec<P>, state: impl Fn() -> L + Sync, work: impl Fn(&mut L, P) + Sync) {
     parts.into_par_iter().with_max_len(1).for_each_init(&state, &work);
 }

@@ -1,4 +1,5 @@
-//! The angle of a point, without a library call and without a branch. Lanes and recordings use it, with the same bits on every machine.
+//! The angle of a point, without a library call and without a branch. The bits depend only on whether multiply-add operations are fused
+//! ([`fuses`](super::fuses)).
 //!
 //! The quotient `t = min(|x|, |y|) / max(|x|, |y|)` is reduced below 7/16 by `atan t = atan c + atan((t - c) / (1 + c t))`. `c` is 0, 1/2
 //! or 1. The three cases share one division. Then fdlibm's polynomial is evaluated.
@@ -29,14 +30,14 @@ const STRAIGHT: [f64; 2] = [PI, 1.224_646_799_147_353_177_2e-16];
 /// The scale `2^100` for small numbers.
 const UP: f64 = 1_267_650_600_228_229_401_496_703_205_376.0;
 
-/// Return -1 if the sign bit of `x` is set, otherwise 1. Zeros have a sign too.
+/// Return -1 if the sign bit of `x` is set, otherwise 1. Zeros have a sign too. The result is 1 for NaN.
 #[inline(always)]
 fn sign_of<S: Real>(x: S) -> S {
     let (zero, one) = (S::zero(), S::splat(1.0));
     S::select(x.lt(zero), -one, S::select((one / x).lt(zero), -one, one))
 }
 
-/// Return the angle of the point `(x, y)` to about 1 ulp, with the conventions of IEEE 754 for zeros and infinities.
+/// Return the angle of the point `(x, y)`, rad, to 2 ulp, with the conventions of IEEE 754 for zeros and infinities.
 #[inline(always)]
 pub(super) fn atan2<S: Real>(y: S, x: S) -> S {
     let k = S::splat;

@@ -203,7 +203,8 @@ mod tests {
         y + (x[0] * x[2]).atan2(x[1])
     }
 
-    /// Each of eight derivatives equals the one derivative along its direction, up to the rounding of a dozen operations.
+    /// Three of eight lanes have directions. Their derivatives equal those of single dual numbers, up to the rounding of a dozen
+    /// operations.
     #[test]
     fn directions_do_not_mix() {
         let at = [0.7, -1.3, 2.1];

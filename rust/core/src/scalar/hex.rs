@@ -1,6 +1,6 @@
 //! Exact numbers in the notation of C99: `0x1.8p+1` is 3 (ISO 9899:1999, section 6.4.4.2).
 
-/// Return a number as a hexadecimal constant of C, which has the same bits.
+/// Return a number as a constant of C with the same value. Numbers other than zero, infinity and NaN are hexadecimal.
 pub fn hex(x: f64) -> String {
     let sign = if x.is_sign_negative() && !x.is_nan() { "-" } else { "" };
     if !x.is_finite() {

@@ -1,4 +1,5 @@
-//! The natural logarithm, without a library call and without a branch. Lanes and recordings use it, with the same bits on every machine.
+//! The natural logarithm, without a library call and without a branch. The bits depend only on whether multiply-add operations are fused
+//! ([`fuses`](super::fuses)).
 //!
 //! The argument is `x = 2^e m` with `m` in `[sqrt(1/2), sqrt 2)`. Comparisons with powers of two determine `e`. Then fdlibm's polynomial
 //! gives `log m = 2 atanh(s)` with `s = (m - 1) / (m + 1)`.

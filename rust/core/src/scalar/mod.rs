@@ -1,9 +1,10 @@
 //! The number types of algorithms: one number ([`Float`]) for one run, or several numbers ([`lanes`]) for several independent runs. A
 //! *lane* is one of these numbers.
 //!
-//! Algorithms are generic over [`Real`]. They use `select` instead of branches on the data of lanes. Only planners run on the lane types of
-//! this module. All other algorithms run in lanes as programs (`trace`). Functions of planners are `#[inline(always)]`, so that they are
-//! compiled for the instruction set of the calling function. Code for AVX2 with FMA or AVX-512 runs only inside [`Real::enter`].
+//! Algorithms are generic over [`Real`]. They use `select` instead of branches on the data of lanes. Planners and sinusoidal motions run on
+//! the lane types of this module. Plants and laws run in lanes as programs (`trace`). Functions of planners are `#[inline(always)]`, so
+//! that they are compiled for the instruction set of the calling function. Lanes of AVX2 with FMA or AVX-512 run only inside
+//! [`Real::enter`].
 
 mod atan;
 pub mod dual;
@@ -109,15 +110,15 @@ pub trait Real:
     fn max(self, other: Self) -> Self;
     /// Return the smaller number.
     fn min(self, other: Self) -> Self;
-    /// Return sine and cosine to 1 ulp for every finite argument, rad.
+    /// Return sine and cosine to 1.5 ulp for every finite argument, rad.
     fn sin_cos(self) -> (Self, Self);
-    /// Return sine and cosine for arguments below [`trig::REDUCTION_LIMIT`], without a check of this limit.
+    /// Return sine and cosine for `|self|` below [`trig::REDUCTION_LIMIT`], rad, without a check of this limit.
     #[inline(always)]
     fn sin_cos_near(self) -> (Self, Self) {
         self.sin_cos()
     }
 
-    /// Return the angle of the point `(x, self)` to about 1 ulp, rad.
+    /// Return the angle of the point `(x, self)` to 2 ulp, rad.
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
         atan::atan2(self, x)
@@ -141,7 +142,7 @@ pub trait Real:
         Self::splat(0.0)
     }
 
-    /// Return the number limited to `[low, high]` in each lane. NaN remains NaN, while `min` and `max` alone would replace it.
+    /// Return the number limited to `[low, high]` in each lane. NaN remains NaN.
     #[inline(always)]
     fn clamped(self, low: Self, high: Self) -> Self {
         Self::select(high.lt(self), high, Self::select(self.lt(low), low, self))

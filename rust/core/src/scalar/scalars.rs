@@ -1,5 +1,5 @@
-//! The two types with one number: `f64` for the construction of plants and laws, with the same results on every machine, and [`Float`] for
-//! runs.
+//! The two types with one number: `f64` for the construction of plants and laws, which never fuses multiply-add operations, and [`Float`]
+//! for runs.
 
 use super::lanes::fuses;
 use super::{Kernel, Real, trig};

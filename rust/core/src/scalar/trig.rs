@@ -1,10 +1,12 @@
-//! Sine and cosine without a library call. So they vectorise, and have the same bits on every machine.
+//! Sine and cosine for `|x|` below [`REDUCTION_LIMIT`], without a library call, so that they vectorise.
+//! There, the bits depend only on whether multiply-add operations are fused ([`fuses`](super::fuses)).
 //!
 //! The argument is `x = k pi/2 + r`, where pi/2 is the sum of three parts with 33, 33 and 53 bits (Cody and Waite, fdlibm's parts). The
 //! product of `k` and each of the first two parts is exact for `|k| < 2^20`. Minimax polynomials for `|r| <= pi/4` follow (fdlibm's
-//! coefficients). For larger `x`, the library function is called for each lane.
+//! coefficients). From `|x| = REDUCTION_LIMIT` on, and for NaN, the library function is
+//! called for each such lane.
 
-/// The largest `|x|` for which the reduction in three parts is accurate enough, rad.
+/// Below this `|x|`, rad, the reduction in three parts is accurate enough.
 pub const REDUCTION_LIMIT: f64 = 1.0e6;
 
 pub(crate) const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
@@ -28,7 +30,7 @@ pub(crate) const COS: [f64; 6] = [
     4.166_666_666_666_660_190_37e-2,
 ];
 
-/// Return `a b + c`. It is fused only if [`fuses`](super::fuses) is true, because generic code for x86-64 would call the C library.
+/// Return `a b + c`. Callers set `FUSED` only if [`fuses`](super::fuses) is true. Generic code for x86-64 would call the C library.
 #[inline(always)]
 pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if !FUSED {
@@ -65,7 +67,7 @@ pub(super) fn sin_cos_near<const FUSED: bool>(x: f64) -> (f64, f64) {
     (f64::from_bits(s), f64::from_bits(c))
 }
 
-/// Return sine and cosine of angles beyond the range of the reduction. The result is NaN for infinity and NaN.
+/// Return sine and cosine of angles `|x| >= REDUCTION_LIMIT`, rad. The results are NaN for infinity and NaN.
 #[cold]
 #[inline(never)]
 pub(super) fn sin_cos_far(x: f64) -> (f64, f64) {

@@ -1,6 +1,7 @@
 //! The inertia of a body about the origin of its frame: mass `m`, first moment `h = m c`, and second moment `I`. It satisfies
 //!
-//! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`, where `a` is the acceleration of the origin.
+//! `f = m a + wd x h + w x (w x h)`, `n = I wd + w x I w + h x a`. Here `f, n` are force and moment, `a` is the acceleration of the origin,
+//! and `w, wd` are angular velocity and acceleration.
 //!
 //! If the reference point moves by `-p`, the old origin is at `p` relative to the new origin. Then `h_new = h + m p` and `I_new = I + (h.p
 //! + p.h_new) 1 - (p h_new' + h p')`, where the prime is the transpose (Huygens-Steiner).
@@ -75,10 +76,10 @@ impl Inertia<f64> {
     pub fn placed(&self, x: &Placement) -> Self {
         self.rotated(x.rotation).shifted(x.translation)
     }
-    /// Return the centre of mass, m, and the inertia about it, kg m^2. For a body without mass, return `None` and the inertia about the
-    /// origin.
+    /// Return the centre of mass, m, and the inertia about it, kg m^2. If one of them is not finite, as for a body without mass, return
+    /// `None` and the inertia about the origin.
     pub fn com(&self) -> (Option<Vector3<f64>>, Sym3<f64>) {
-        // Each component is divided separately, because the reciprocal of a subnormal mass is infinite.
+        // Each component is divided separately, because the reciprocal of a subnormal mass can be infinite.
         let com = Vector3::from(self.moment.array().map(|h| h / self.mass));
         let central = self.shifted(-com).inertia;
         if com.array().iter().chain(&central.0).all(|x| x.is_finite()) { (Some(com), central) } else { (None, self.inertia) }

@@ -74,7 +74,8 @@ impl Lift for Matrix3<f64> {
     }
 }
 
-/// Return sine and cosine of an angle, rad. If it is a multiple of pi/2 up to a relative error of 1e-15, they are exact.
+/// Return sine and cosine of an angle, rad. They are exact if the angle differs from `k pi/2`, `|k| < 1e6`, by at most
+/// `1e-15 (1 + |angle|)`.
 fn exact_sin_cos(angle: f64) -> (f64, f64) {
     let quarter = (angle / std::f64::consts::FRAC_PI_2).round();
     if quarter.abs() < 1e6 && (angle - quarter * std::f64::consts::FRAC_PI_2).abs() <= 1e-15 * (1.0 + angle.abs()) {
@@ -88,7 +89,7 @@ fn exact_sin_cos(angle: f64) -> (f64, f64) {
     angle.sin_cos()
 }
 
-/// Products of [`Matrix3`](nalgebra::Matrix3) over any [`Real`]. Each term is one fused multiply-add.
+/// Products of [`Matrix3`](nalgebra::Matrix3) over any [`Real`]. Sums of products use [`Real::mul_add`].
 pub trait Matrix<S: Real>: Copy {
     fn zero() -> Self;
     /// Return the three columns.
@@ -224,7 +225,7 @@ impl Sym3<f64> {
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
                 let off = a[(q, p)];
                 if off != 0.0 {
-                    // The smaller root of t^2 + 2 theta t - 1 = 0. It is the tangent of the angle that makes the entry zero.
+                    // `t` is the root of t^2 + 2 theta t - 1 = 0 of smaller magnitude: the tangent of the angle that makes the entry zero.
                     let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * off);
                     let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
                     let c = 1.0 / t.hypot(1.0);

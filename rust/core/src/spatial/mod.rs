@@ -1,8 +1,8 @@
-//! Vectors, rotations, placements and inertias over any number type, with one number per lane.
+//! Vectors, rotations and inertias over any number type [`Real`], and placements of `f64`.
 //!
 //! Spatial vectors have the linear part first: `[v; w]` and `[f; n]`. The ten inertial parameters of a body are
 //! `m, m cx, m cy, m cz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`, where the inertia is about the origin of the body frame. This is the order of
-//! Pinocchio's `toDynamicParameters`. Units: kg, kg m, kg m^2. Only this file defines these orders.
+//! Pinocchio's `toDynamicParameters`. Units: kg, kg m, kg m^2.
 
 #[doc(hidden)]
 mod inertia;

@@ -6,7 +6,7 @@
 use super::{Vector, Vector3};
 use crate::scalar::Real;
 
-/// The number of terms of the series for angles below 1 rad. The next term is `1 / 18!`.
+/// The number of terms of the series for angles below 1 rad. The next term is at most `1 / 18!`.
 const TERMS: usize = 8;
 
 /// Return `sum (-s)^k / (2 k + first)!` and its derivative with respect to `s`.
@@ -23,7 +23,8 @@ fn series<S: Real>(s: S, first: usize) -> (S, S) {
     (value, slope)
 }
 
-/// Return angular velocity, rad/s, and angular acceleration, rad/s^2, of `exp(r)` in world axes. Arguments: `r`, `r'` and `r''`.
+/// Return angular velocity, rad/s, and angular acceleration, rad/s^2, of `exp(r)` in world axes. Arguments: the rotation vector `r`, rad,
+/// and its time derivatives `r'`, rad/s, and `r''`, rad/s^2.
 pub fn rotation_rate<S: Real>(r: Vector3<S>, rate: Vector3<S>, acceleration: Vector3<S>) -> (Vector3<S>, Vector3<S>) {
     let (one, two) = (S::splat(1.0), S::splat(2.0));
     let square = r.dot(r);
@@ -68,7 +69,8 @@ mod tests {
             for column in 0..3 {
                 let expected = w.cross(plain.axis(column));
                 for k in 0..3 {
-                    // The derivatives of `exp` have an error of `t^4` below its threshold of 1e-4, and of 1e-16 / t^2 above it.
+                    // The derivatives of `exp` have an error of at most t^4 below its threshold of 1e-4, and of at most 1e-16 / t^2 above
+                    // it.
                     assert!((turned[(k, column)].rate - expected[k]).abs() < 2e-8, "{angle}");
                 }
             }

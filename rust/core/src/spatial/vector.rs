@@ -1,6 +1,6 @@
-//! Vectors with three components, of nalgebra's type: `a . b`, `a x b`, and sums. Each term is one fused multiply-add.
+//! Vectors with three components, of nalgebra's type: `a . b`, `a x b`, and sums. Sums of products use [`Real::mul_add`].
 //!
-//! [`Vector`] has the products whose bits depend on the order of operations and on fusing. They take arguments by value. So they take
+//! [`Vector`] has the products whose bits depend on the order of operations and on fusing. Its methods take `self` by value. So they take
 //! precedence over nalgebra's methods of the same names, which take references.
 
 use crate::scalar::Real;

@@ -21,7 +21,7 @@ pub struct Axis {
 }
 
 impl TaskFunction {
-    /// Create the task. `axis` is a direction in the frame, of any length > 0.
+    /// Create the task. `axis` is a direction in the frame, of any length > 0. Errors: `Input` for another `axis`, `Unknown` for the frame.
     pub fn axis(arm: &Arm, frame: &str, axis: [f64; 3]) -> Result<Self> {
         let axis = direction("axis", axis)?;
         let turn = Matrix3::taking_z_to(axis);

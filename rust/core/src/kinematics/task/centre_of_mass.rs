@@ -1,7 +1,7 @@
-//! A task on rows of the centre of mass `c`. Error: `c_d - c`. Jacobian: `sum m_b J_b / m`.
+//! A task on rows of the centre of mass `c`. Error: `c_d - c`. Jacobian: `sum m_b J_b / m_total` over the bodies `b`.
 //!
-//! The column of a revolute joint is `z x (H - m o) / m_total`, with the mass `m` and the first moment `H` of the subtree about the world
-//! origin.
+//! The column of a revolute joint is `z x (H - m o) / m_total`. Here `z` is the joint axis, `o` the origin of the joint, `m` the mass of
+//! its subtree, and `H` the first moment of the subtree about the world origin.
 
 use super::{TaskFunction, TaskKind};
 use crate::arm::{Arm, BASE, Tree};
@@ -20,7 +20,7 @@ pub struct CentreOfMass {
 }
 
 impl TaskFunction {
-    /// Create the task for the rows `axes`, letters of "xyz".
+    /// Create the task for the rows `axes`, letters of "xyz". Errors: `Input` for other axes, or an arm without mass.
     pub fn centre_of_mass(arm: &Arm, axes: &str) -> Result<Self> {
         let rows = parse_axes(axes)?;
         if rows.iter().any(|&row| row > 2) {

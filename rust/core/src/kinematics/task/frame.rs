@@ -9,7 +9,7 @@ use crate::scalar::Real;
 use crate::spatial::{Matrix, Matrix3, Vector, Vector3, rotation_exp, rotation_log};
 
 impl TaskFunction {
-    /// Create the task for the rows `axes` of the pose of a frame.
+    /// Create the task for the rows `axes` of the pose of a frame. Errors: as for [`Coordinates::new`].
     pub fn frame(arm: &Arm, frame: &str, axes: &str) -> Result<Self> {
         Ok(Coordinates::new(arm, frame, axes)?.into())
     }

@@ -22,6 +22,7 @@ pub struct JointLimits {
 impl TaskFunction {
     /// Create the task for `joints`, by name; `None` means all joints that have limits. `margin`, 0 to 0.5, is the fraction of the range
     /// that is excluded at each end. With 0.5, the task moves joints to the middle of their range.
+    /// Errors: `Input` for another margin, a joint without two finite limits, or no joint; `Unknown` for a name.
     pub fn joint_limits(arm: &Arm, joints: Option<&[String]>, margin: f64) -> Result<Self> {
         if !(0.0..=0.5).contains(&margin) {
             return Err(Error::input("margin", format!("is not a part of the range: expected 0 <= margin <= 0.5, got {margin}")));

@@ -7,10 +7,13 @@
 //! |---|---|---|
 //! | frame | `x_d - p`, `log(R_d R')` | rows of the geometric Jacobian |
 //! | posture | `q_d - q` of chosen joints | rows of the identity |
-//! | centre of mass | `c_d - c` | `sum m_b J_b / m` |
+//! | centre of mass | `c_d - c` | `sum m_b J_b / m_total` over the bodies `b` |
 //! | axis | rotation vector from `a` to `a_d`, in the frame's two directions perpendicular to `a` | the same rows of `R' J_w` |
 //! | relative | `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')` | `R_r'(J_v - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)` |
 //! | joint limits | back into the narrowed limits, zero inside | rows of the identity |
+//!
+//! `J_v` and `J_w` are the linear and angular rows of the geometric Jacobian. The index `r` means the reference frame. `[p]x` is the
+//! cross-product matrix.
 
 mod axis;
 mod centre_of_mass;
@@ -42,7 +45,7 @@ pub trait TaskKind {
         self.rows()
     }
 
-    /// Refuse an invalid constant target that has the right size.
+    /// Refuse an invalid constant target that has the right size. Errors: `Input`.
     fn require(&self, _target: &[f64]) -> Result<()> {
         Ok(())
     }
@@ -147,7 +150,7 @@ impl TaskFunction {
         TaskKind::target_size(self)
     }
 
-    /// Refuse an invalid constant target.
+    /// Refuse an invalid constant target. Errors: `WrongShape` for a wrong size, `Input` for other faults.
     pub fn require_target(&self, target: &[f64]) -> Result<()> {
         finite("target", target)?;
         if target.len() != self.target_size() {
@@ -162,7 +165,7 @@ fn frame_of(arm: &Arm, argument: &str, name: &str) -> Result<usize> {
     arm.frame_index(name).map_err(|error| error.of_argument(argument))
 }
 
-/// Indices of joints by name. A repeated name is an error.
+/// Indices of joints by name. An unknown or repeated name is an error, and so is an empty list.
 fn chosen(arm: &Arm, names: &[String]) -> Result<Vec<usize>> {
     let mut joints = Vec::with_capacity(names.len());
     for name in names {

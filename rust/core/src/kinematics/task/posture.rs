@@ -14,7 +14,8 @@ pub struct Posture {
 }
 
 impl TaskFunction {
-    /// Create the task for `joints`, by name; `None` means all joints.
+    /// Create the task for `joints`, by name; `None` means all joints. Errors: `Unknown` for a name, `Input` for a repeated
+    /// or no name.
     pub fn posture(arm: &Arm, joints: Option<&[String]>) -> Result<Self> {
         let joints = match joints {
             None => (0..arm.n()).collect(),

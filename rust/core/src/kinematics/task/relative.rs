@@ -1,5 +1,6 @@
 //! A task on the pose of a frame relative to a reference frame `r`. Error: `x_d - R_r'(p - p_r)`, `log(R_d (R_r' R)')`. Jacobian: `R_r'(J_v
-//! - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`.
+//! - J_v,r + [p - p_r]x J_w,r)`, `R_r'(J_w - J_w,r)`. `J_v` and `J_w` are the linear and angular rows of the geometric Jacobian, and `[p]x
+//! is the cross-product matrix.
 
 use super::frame::pose_error;
 use super::{TaskFunction, TaskKind, frame_of};
@@ -22,7 +23,8 @@ pub struct Relative {
 }
 
 impl TaskFunction {
-    /// Create the task for the rows `axes` of the pose of `frame` relative to `reference`.
+    /// Create the task for the rows `axes` of the pose of `frame` relative to `reference`. Errors: `Unknown` for a frame, `Input` for two
+    /// equal frames or invalid axes.
     pub fn relative(arm: &Arm, frame: &str, reference: &str, axes: &str) -> Result<Self> {
         let (frame, reference) = (frame_of(arm, "frame", frame)?, frame_of(arm, "reference", reference)?);
         if frame == reference {

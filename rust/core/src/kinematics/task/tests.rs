@@ -1,4 +1,4 @@
-//! Jacobians and their rates compared with central differences, on an arm with branches, slides and oblique axes.
+//! Jacobians and their rates compared with central differences, on a serial arm and on an arm with branches, a slide and oblique axes.
 
 use super::{Axis, JointLimits, TaskFunction};
 use crate::arm::{Arm, STANDARD_GRAVITY, example_urdf};
@@ -13,7 +13,7 @@ fn arm(name: &str) -> Arm {
     Arm::from_urdf(example_urdf(name).unwrap(), name, STANDARD_GRAVITY, None, None).unwrap()
 }
 
-/// Every kind of task, with frames on different branches if the arm has them.
+/// All kinds of tasks except joint limits, with frames on different branches if the arm has them.
 fn functions(arm: &Arm) -> Vec<TaskFunction> {
     let names: Vec<&str> = arm.frame_names().collect();
     let (last, middle) = (names[names.len() - 1], names[names.len() / 2]);
@@ -35,7 +35,7 @@ fn state(n: usize) -> (Vec<f64>, Vec<f64>) {
     (q, v)
 }
 
-/// Targets that are reached at `q`, with zero rates. At a small rotation, the derivative of the log is the identity.
+/// Targets that are reached at `q`, with zero rates. At a zero error of rotation, the derivative of the log is the identity.
 fn targets_at(arm: &Arm, stack: &mut TaskStack, q: &[f64]) -> Vec<Vec<f64>> {
     stack.place(q);
     let functions = stack.functions().to_vec();
@@ -130,7 +130,7 @@ fn a_turning_direction_feeds_forward_its_own_turn() {
     let last = arm.frame_names().last().unwrap().to_string();
     let mut stack = TaskStack::new(&arm, vec![TaskFunction::axis(&arm, &last, [0.0, 0.0, 1.0]).unwrap()]);
     let mut desired = targets_at(&arm, &mut stack, &q).remove(0);
-    // The target is `d(t) = (2 + t) exp(t [w]) d`, whose length has no effect. Its derivatives at `t = 0` follow.
+    // The target is `d(t) = (2 + t) exp(t [w]x) d`, whose length has no effect. Its derivatives at `t = 0` follow.
     let (d, w) = (crate::spatial::Vector3::from([desired[0], desired[1], desired[2]]), crate::spatial::Vector3::from([0.3, -0.7, 0.2]));
     let (turn, twice) = (w.cross(d), w.cross(w.cross(d)));
     for k in 0..3 {

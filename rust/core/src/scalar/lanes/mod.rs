@@ -81,8 +81,8 @@ pub fn fuses() -> bool {
     cfg!(target_arch = "aarch64") || CHOSEN.load(Ordering::Relaxed) >= Isa::Avx2 as u8 || fuses_after_all()
 }
 
-/// Return the result of [`fuses`] before the instruction set is selected. Direct evaluation calls `fuses` for every product, so that it
-/// must be short.
+/// Return the result of [`fuses`] if the instruction set is not yet selected, or is the baseline. Direct evaluation calls `fuses` for every
+/// multiply-add operation. So the code of `fuses` must be short.
 #[cold]
 #[inline(never)]
 fn fuses_after_all() -> bool {
@@ -120,7 +120,7 @@ pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {
     unsafe { region(kernel) }
 }
 
-/// Run `kernel`. Every processor of this target has fused multiply-add.
+/// Run `kernel`. It is never called, because [`isa`] is the baseline for this target.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
 pub(super) fn enter_avx2<K: Kernel>(kernel: K) -> K::Output {

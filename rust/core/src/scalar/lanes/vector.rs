@@ -138,7 +138,7 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                // If one operand is NaN, the result is the second operand.
+                // If one operand is NaN, the instruction returns its second operand, here `self`.
                 $name(unsafe { $max(other.0, self.0) })
             }
             #[inline(always)]
