@@ -1,6 +1,6 @@
 """Checks of arguments: `number(function, name, value)` returns a float, or raises an InputError that names the function and the argument.
 
-Every message has the form `function: name problem: expected .., got ..`.
+A message has the form `function: name problem: expected .., got ..`. Some messages have no actual value.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def file_path(function: str, value: object, name: str = "path") -> str:
     """Check that `value` is a path that the operating system accepts, and return it as a string.
 
     Raises:
-        InputError: `value` is not a path, or contains characters that are not valid in a path.
+        InputError: `value` is not a path, is empty, or contains characters that are not valid in a path.
     """
     if not isinstance(value, str | PathLike):
         raise InputError(f"{function}: {name} is of the wrong type: expected a path, got {shown(value)}")

@@ -1,4 +1,4 @@
-"""Only these errors may leave armlet: ArmletError, TypeError, MemoryError, OSError, and ImportError if an extra is not installed.
+"""Only these errors of armlet may leave it: ArmletError, TypeError, MemoryError, OSError, ImportError, and warnings raised as errors.
 
 Each function checks its arguments. Another error, such as a ValueError of numpy, shows that a check is missing, which is a bug of armlet.
 `border` converts such an error into an `InternalError`, as the extension converts a panic. Exceptions from functions of the caller, such
@@ -65,7 +65,7 @@ def bordered(kind: C) -> C:
 
 
 def _of_the_caller(trace: TracebackType | None) -> bool:
-    """Whether the traceback contains code of the caller: code outside armlet and the packages that armlet calls."""
+    """Whether the traceback contains code of the caller: code outside armlet, the standard library and the packages that armlet calls."""
     while trace is not None:
         package = str(trace.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
         if package not in OURS:

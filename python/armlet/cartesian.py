@@ -5,7 +5,8 @@
     a segment whose error exceeds the tolerance is halved; where the curve is smooth, the spline's error is of the order h^4
 
 Here X(q) is the pose of the frame, X_d(s) the desired pose at the path position s, and h the length of a segment. Inverse kinematics
-starts at each knot from the solution of the previous knot. So the path stays on one branch of solutions, such as elbow up.
+starts from the solution of the previous knot, and in a halved segment from the spline. So the path stays on one branch of solutions, such
+as elbow up.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class CartesianPath:
 
     Attributes:
         s: path positions of the knots, 0 to 1, `(K,)`.
-        q: joint positions at the knots, rad or m, `(K, n)`. If `feasible` is False, they end at the last knot that the arm can reach.
+        q: joint positions at the knots, rad or m, `(K, n)`. If `feasible` is False, they end before the place of the failure.
         error: largest distance, m, and angle, rad, between frame and curve, `(2,)`, with a bound between samples; NaN if not feasible.
         corners: indices of the knots at the poses. With `stops=path.corners[1:-1]` `time_path` stops there.
         length: length of the curve, m. A rotation by one radian counts as 0.1 m.
@@ -208,12 +209,12 @@ def cartesian_path(
 
     Args:
         arm: an arm with frames.
-        poses: two or more poses in world axes: `(K, 4, 4)`, `(K, 6)` rows of position (m) and rotation vector (rad), or `(K, m)` rows of
-        `axes`.
+        poses: two or more poses in world axes: `(K, 4, 4)`, or `(K, m)` rows with one number per letter of `axes`. Without `axes` a row
+        is position (m) and rotation vector (rad), m = 6.
         q0: initial guess of the joint positions at the first pose, `(n,)`, rad or m. It determines the branch of solutions.
         frame: name of the frame. This and all following arguments are keyword-only.
         tolerance: largest error between knots: one number for m and rad, or `(2,)`.
-        axes: letters such as "xyz" or "x y rz"; None: the whole pose. Of rx, ry, rz it contains one or all three.
+        axes: letters such as "xyz" or "x y rz"; None: the whole pose. It contains none, one, or all of rx, ry, rz.
         kind: "lines": straight lines in position and geodesics in rotation; "spline": one smooth curve through all poses.
         blend: radius of the rounded corners of lines, m, at most half of each segment. With 0 a corner is rounded only within the
         tolerance.
@@ -225,7 +226,8 @@ def cartesian_path(
         A `CartesianPath`. Poses that the arm cannot follow are not an error: `feasible` is False, and `reason` states place and cause.
 
     Raises:
-        InputError: a shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are equal.
+        InputError: a type or shape is wrong, a number is not finite or out of range, a name is unknown, or all poses are equal. It is also
+            raised if the three positions of an arc are on one line.
     Source: docs/time_path.md.
 
     >>> import armlet as al
@@ -279,7 +281,7 @@ def cartesian_path(
 
 
 def _followed(problem: _Problem, start: _Array) -> CartesianPath:
-    """Follow the curve from the solution nearest to `start`."""
+    """Follow the curve from the solution that inverse kinematics finds from `start`, (n,)."""
     curve = problem.curve
     breaks = curve.corners
     wanted = np.unique(np.concatenate([np.linspace(a, b, _FIRST + 1) for a, b in itertools.pairwise(breaks)]))

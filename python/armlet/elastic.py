@@ -25,7 +25,7 @@ class Equilibrium:
 
     Attributes:
         q: joint positions, (n,), rad or m.
-        tau: input of the plant at the equilibrium, (n,), N m or N: g(q) - J'F.
+        tau: input of the plant at the equilibrium, (n,), N m or N: g(q) - J'F, where F includes the forces of contacts.
         x: the controlled coordinates, (m,), m or rad; joint positions for a law of joints.
         theta: motor positions of elastic joints, (n,), rad or m; None for a rigid arm.
         estimate: the law's integral wrench, (m,), N and N m; None without `integral_gain`.
@@ -79,11 +79,11 @@ class ElasticLimits:
 def equilibrium(
     plant: _core.Plant, law: _core.Law, force: ArrayLike | None = None, *, q0: ArrayLike, force_frame: str | None = None
 ) -> Equilibrium:
-    """Find the equilibrium near `q0` under a constant force: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K^-1 tau.
+    """Find the equilibrium near `q0` under a constant force: u(q) + J'F = g(q), tau = g(q) - J'F, theta = q + K_J^-1 tau.
 
-    The equilibrium of an impedance law is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with an unbalanced
-    spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law with a null space, an integral or
-    limits has no potential. The search then follows the motion of the loop without velocities, M q' = u(q) + J'F - g(q).
+    The equilibrium of an impedance law with the stiffness K is x_d + K^-1 F if that pose is reachable and regular. At a singular pose with
+    an unbalanced spring, `spurious` is true. If small deviations from the equilibrium grow, `stable` is false. A law with a null space, an
+    integral or limits has no potential. The search then follows the motion of the loop without velocities, M q' = u(q) + J'F - g(q).
 
     A redundant arm without a posture task can move without moving its frame. `free_motions` counts these motions, and `stable` ignores
     them.

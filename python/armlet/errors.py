@@ -9,7 +9,7 @@
     ├── FormatError (ValueError)      stored data is damaged or in another format
     └── InternalError (RuntimeError)  a bug of armlet, see armlet/border.py
 
-Every message has the form ``function: argument problem: expected .., got .. (first bad index ..)``.
+Messages of InputError have the form ``function: argument problem: expected .., got .. (first bad index ..)``. Some lack the last parts.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@
 
 Here `Y_b` is the regressor of the base parameters. Each joint's series is divided by a smooth maximum of position, speed and acceleration,
 each relative to its limit. So these limits are respected for all coefficients. Torque limits enter the cost as a penalty. The gradient is
-exact: `Y_b` is linear in `a`, and quadratic in `v` and in the position of a prismatic joint. In the angle of a revolute joint it is a
-trigonometric polynomial of degree two, whose derivative follows from four values (Riesz 1914).
+exact: `Y_b` is linear in `a`, and quadratic in `v` (except Coulomb friction) and in the position of a prismatic joint. In the angle of a
+revolute joint it is a trigonometric polynomial of degree two, whose derivative follows from four values (Riesz 1914).
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _limits(arm: Arm, given: Any) -> _Limits:
         found[name] = np.broadcast_to(array, (n,)).copy()
     lower, upper = found["q_min"], found["q_max"]
     whole = np.isfinite(lower) & np.isfinite(upper)
-    # A joint with one position limit moves about zero or, if zero is outside, about its limit. A joint without limits moves about zero.
+    # A joint with one or no position limit moves about zero. If its limit excludes zero, `half` is zero, and the check below refuses it.
     middle = np.where(whole, 0.5 * (np.where(whole, lower, 0.0) + np.where(whole, upper, 0.0)), np.clip(0.0, lower, upper))
     half = np.minimum(upper - middle, middle - lower)
     for k in range(n):
@@ -130,7 +130,10 @@ def _limits(arm: Arm, given: Any) -> _Limits:
 
 
 class _Series(NamedTuple):
-    """Fourier series at times of one period, `(K, 2 N + 1)`: position `terms @ c`, speed `rates @ c`, acceleration `accelerations @ c`."""
+    """Fourier series with N harmonics at times of one period, `(K, 2 N + 1)` each.
+
+    The position is `terms @ c`, the speed `rates @ c`, and the acceleration `accelerations @ c`.
+    """
 
     terms: _Array
     rates: _Array
@@ -236,7 +239,7 @@ class _Problem:
         return value, back(gq.T @ terms + gv.T @ rates + ga.T @ accelerations).ravel()
 
     def fitted(self, c: _Array, duration: float, harmonics: int) -> _Array:
-        """Return the largest multiple of the coefficients that respects the limits.
+        """Scale the coefficients of each joint up to its limits, and then all coefficients by one factor that respects the torque limits.
 
         Position, speed and acceleration are within their limits at every time, torques at `_CHECKED` points per harmonic.
         """
@@ -290,12 +293,12 @@ def exciting_motion(
     harmonic, for the arm's present parameters and friction.
 
     Args:
-        arm: an arm; its parameters affect the result only through limits of torque.
+        arm: an arm; its inertial parameters affect the result only through limits of torque.
         duration: the period, s.
         limits: `q_min`, `q_max` (rad or m), `v_max` (per s), `a_max` (per s^2), `effort` (N m or N), each a number or `(n,)`. They
             replace the arm's limits; an arm has no `a_max`. Each joint needs a bound other than `effort`.
         harmonics: number of harmonics of the fundamental frequency `2 pi / duration`, at most 1,000.
-        samples: number of samples of one period for `condition` and `deviations`, at least 4 per harmonic; None: 20 per harmonic.
+        samples: number of samples of one period in the record, at least 4 per harmonic; None: 20 per harmonic.
         noise: standard deviation of the measured torque, N m or N: a number or `(n,)`.
         armature, friction: whether the parameters include rotor inertias and friction, as for `Arm.regressor`.
         starts: number of random starts of the search, at most 1,000; the best result is returned.

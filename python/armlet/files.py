@@ -81,7 +81,7 @@ def _digest_of(file: IO[bytes], size: int) -> bytes:
 
 
 def write_whole(path: str | PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
-    """Call `write(file)` on a temporary file in the folder of `path`, and rename it to `path`. So `path` is always a complete file."""
+    """Call `write(file)` on a temporary file in the folder of `path`, and rename it to `path`. So `path` is never an incomplete file."""
     target = os.path.abspath(file_path("save", path))
     if os.path.exists(target) and not os.path.isfile(target):
         # The rename would replace a device or a pipe by a file.

@@ -154,7 +154,7 @@ class Identification:
     condition: float
     #: Singular values of the scaled regressor, (b,), descending.
     singular_values: _Array
-    #: Root mean square of the torque that the model does not explain, for each joint, (n,).
+    #: Root mean square of the torque that the model does not explain, for each joint, (n,), N m or N.
     residuals: _Array
     #: The vector of all parameters with these base parameters that is nearest to the arm's parameters, (p,), in the order of `base.names`.
     parameters: _Array

@@ -174,14 +174,15 @@ def integrate(
         lists: pass y to f, jac and events as a list of floats. For a few states this is two to four times as fast as an array.
         vectorized: f accepts states as columns, y (n, k), and returns their rates, (n, k). Then one call computes all differences of a
             Jacobian. jac and events still receive y (n,).
-        throw: raise an error if the run does not reach its end; False returns the partial run with its status.
+        throw: raise an error if the run reaches neither its end nor a terminal event; False returns the partial run with its status.
 
     Returns:
         An `Integration` with times, states, status, statistics and events.
 
     Raises:
         InputError: an argument has a wrong type, shape or value.
-        SolveError: the run did not reach its end. `.status` is its status, `.t` its last time and `.partial` the partial run.
+        SolveError: the run reached neither its end nor a terminal event. `.status` is its status, `.t` its last time, and `.partial` the
+            partial run.
         (any): the error of f, jac or an event, with its traceback.
 
     >>> import armlet as al

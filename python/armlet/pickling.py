@@ -1,6 +1,6 @@
 """Pickles of Python objects with a checksum, like the pickles of the extension's classes.
 
-A changed bit of a pickle raises `FormatError` and never makes a different object.
+A changed bit of a pickle raises an error, `FormatError` or an error of pickle, and never makes a different object.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def point_to_point(q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayL
 
     Args:
         q0, q1: start and end, `(n,)`, rad or m.
-        v_max, a_max, j_max: limits of speed, acceleration and jerk: number or `(n,)`.
+        v_max, a_max, j_max: limits of speed, acceleration and jerk: number or `(n,)`, rad or m per s, s^2 and s^3.
 
     Returns:
         A `TimedPath` whose path position `s` is the time. Its `margin` is the smallest relative distance to a limit.

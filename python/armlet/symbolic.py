@@ -175,7 +175,10 @@ def of_planar_pr(parameters: Sequence[float]) -> Formulas:
 
 
 def of_tree(joints: Sequence[Joint], gravity: Sequence[float], lengths: bool, rows: Sequence[Row] | None = None) -> Formulas:
-    """The formulas of a tree of bodies, from the energy of each body in the body's axes. `rows` describes mimic joints."""
+    """The formulas of a tree of bodies, from the energy of each body in the body's axes.
+
+    `lengths`: whether offsets of joints and gravity are symbols; otherwise they are numbers. `rows` describes mimic joints.
+    """
     formulas = _of_bodies(joints, gravity, lengths)
     return formulas if rows is None else _joined(formulas, rows)
 

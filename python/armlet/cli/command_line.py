@@ -1,7 +1,7 @@
 """The command line: `armlet demo`, `armlet info`, and the commands for scenario files (`scenarios.py`).
 
-Each command is a function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed. 2: the command could
-not run, and one line on standard error states the reason. 130: interrupted by the user.
+Each command is a function that takes the parsed arguments and returns the exit code. 0: success. 1: a check failed, or
+the reader of the output has ended. 2: the command could not run; standard error states the reason. 130: interrupted by the user.
 """
 
 from __future__ import annotations

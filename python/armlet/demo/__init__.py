@@ -21,7 +21,7 @@ SYSTEMS = ("adaptive", "priority", "elastic", "mintime")
 def demonstrate(out: Path, *, figures: bool = True) -> Report:
     """Run every system, print its table of checks, and write the figures and the HTML page into `out`.
 
-    A system that raises an error counts as a failed check.
+    A system that raises an error counts as a failed check, except an OSError, which is raised.
     """
     report = Report(out, figures=figures)
     for name in SYSTEMS:

@@ -56,7 +56,10 @@ def run(report: Report) -> None:
 
 
 def identities(report: Report, arm: al.Arm) -> None:
-    """Check Y (A, B, C)' = M a_r + S v_r, and that parameters with A C = B^2 raise an error. S is the Coriolis matrix."""
+    """Check Y (A, B, C)' = M a_r + S v_r with the Coriolis matrix S, the printed Christoffel matrices and the printed Y.
+
+    Parameters with A C = B^2 must raise an error.
+    """
     q, v, v_r, a_r = np.random.default_rng(10062022).uniform(-3.0, 3.0, (4, 1000, 2))
     left = arm.regressor(q, v, v_r, a_r) @ arm.parameters
     right = (arm.mass_matrix(q) @ a_r[..., None] + arm.coriolis_matrix(q, v) @ v_r[..., None])[..., 0]

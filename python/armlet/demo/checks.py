@@ -17,7 +17,7 @@ class Check:
 
     Attributes:
         what: the claim, in words.
-        expected: the correct value: a number, an array, or an object that can be compared. None: the claim is |got| <= tolerance.
+        expected: the correct value: a number, a boolean, an array or a text. None: the claim is |got| <= tolerance.
         got: the value that armlet computed.
         tolerance: largest allowed absolute deviation; 0 for values that must be equal.
         printed: the value of the exam's printed solution, if it differs from `expected`.

@@ -290,7 +290,7 @@ def reduction(report: Report, arm: al.Arm, plant: al.ElasticArm) -> dict[str, Ar
     fixed = distances(arm, plant, SHARES[:6], motor_damping=2.0 * np.sqrt(B0 * K_J))
     relative = distances(arm, plant, SHARES, relative_damping=True)
     orders = np.diff(np.log(tied)) / np.log(0.25)
-    # The motion is sampled every millisecond, so a maximum has an error of at most 1e-3.
+    # The largest distance is that of samples 1 ms apart, as for the expected values.
     report.near(
         "D0 from zeta and B0: max |x - x_rigid| at B0/B = 1/4, 1/64, 1/65536 (m)", (0.0399765, 0.0220352, 0.00115615), tied[[0, 2, 7]], 1e-5
     )

@@ -81,7 +81,10 @@ def impossible(report: Report) -> None:
 
 
 def erratum(report: Report) -> None:
-    """Erratum E13: the largest torque is max(I A, |G - I A|). In a slow motion of a heavy link the second term is larger."""
+    """Erratum E13: the largest torque is max(I A, |G - I A|), with the acceleration A of the profile.
+
+    In a slow motion of a heavy link the second term is larger.
+    """
     r = al.bang_bang_time(START, END, 1.0, 1.5, 1.0)
     for a in (0.6, 0.9):
         t = math.sqrt(4 * math.pi / a)

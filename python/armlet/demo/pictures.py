@@ -13,7 +13,10 @@ __all__ = ["exam_figures", "pr_robot"]
 
 
 def pr_robot(ax: Any, q: tuple[float, float] = (0.9, 0.8), length: float = 0.7) -> None:
-    """Draw the PR robot from above: joint 1 slides along x by q1, link 2 is rotated by q2 from the -y axis. So `B = m2 d2`."""
+    """Draw the PR robot from above: joint 1 slides along x by q1, link 2 is rotated by q2 from the -y axis.
+
+    With these coordinates `B = m2 d2`: the mass of link 2 times the distance of its centre of mass from joint 2.
+    """
     from ..figures.style import COLOURS
 
     slide, angle = q

@@ -31,7 +31,7 @@ ONES = (np.ones(2), np.ones(2))
 # |v| is about 2 and the singular values are about 0.5, so the tolerance is a few dozen rounding errors.
 TOLERANCE = 1e-14
 
-# Name; whether s2, s3, s4 are different from zero (None: either); kind; ranks of J1, J2, J_E, J2 P1. Every multiple of pi counts as zero.
+# Name; whether the sines s2, s3, s4 of q2, q3, q4 are different from zero (None: either); kind; ranks of J1, J2, J_E, J2 P1.
 CLASSES = (
     ("any s3", (True, None, True), "regular", (2, 2, 4, 2)),
     ("any s3, case a", (True, None, False), "algorithmic", (2, 2, 3, 1)),
@@ -112,7 +112,7 @@ def wrong_column(report: Report) -> None:
 
 
 def compatibility(report: Report) -> None:
-    """Erratum E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123).
+    """Erratum E3: in case a both tasks are exact iff n.(p1 - p2) = 0, n = (c123, s123). p1, p2 are the commanded velocities of the tips.
 
     Otherwise the secondary task has the error n n'(p2 - p1).
     """
@@ -137,7 +137,7 @@ def imposed(report: Report) -> None:
 
 
 def trap(report: Report) -> None:
-    """Check a pitfall: numpy's default cut-off is relative to J2 P1. If J2 P1 is zero, numpy's pinv inverts rounding errors."""
+    """Check a pitfall: numpy's default cut-off is relative to the norm of J2 P1. If J2 P1 is zero, numpy's pinv inverts rounding errors."""
     q = CASE_B + np.array([0.3, 0.0, 0.0, 0.0])
     J1, J2 = stack(q)
     inverse = np.linalg.pinv(J1)

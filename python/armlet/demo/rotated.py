@@ -3,6 +3,7 @@
     q' = T q (absolute angles),   J'_E = J_E T^-1,   1J'_E = blockdiag(R', R') J'_E,   R = R(q1)
     det J_E = det J'_E = det 1J'_E = l1 l2 l3 l4 sin q2 sin q4
 
+Here the prime of `q'` and `J'_E` marks absolute angles, `R'` is a transpose, and `1J'_E` is in the axes of link 1. `l_i` are link lengths.
 Column i of `J'_E` depends on link i alone: `l_i (-sin q'_i, cos q'_i)`. The rows of the secondary task depend on links 1 and 2 only. So the
 determinant is the product of two 2 x 2 determinants.
 """

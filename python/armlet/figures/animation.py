@@ -44,8 +44,8 @@ def animate(
     """Write a run as a film. The arm must have frames, and may have branches and prismatic joints.
 
     Blue lines between the joints are the links, and the orange line is the path of `arm.tip_frame`. An arm whose joints and tips stay in a
-    plane of two world axes is drawn in that plane. Another arm is drawn in space, with its shadow on the floor of the picture. If an error
-    occurs, no incomplete file remains.
+    plane of two world axes is drawn in that plane. Another arm, or any arm with `view`, is drawn in space, with its shadow on the floor of
+    the picture. If an error occurs, no incomplete file remains.
 
     Args:
         run: the run.
@@ -54,10 +54,11 @@ def animate(
         fps: pictures per second of the film, at most 50.
         speed: seconds of the run per second of the film.
         size: width and height, pixels; for MP4 they are rounded up to an even number.
-        view: elevation and azimuth of the eye, degrees, for a picture in space; None: (22, -56).
+        view: elevation and azimuth of the eye, degrees, for a picture in space; None: (22, -56), or the plane of the arm if it has one.
 
     Raises:
-        InputError: no frame of the arm moves, an argument is out of range, or the name ends in .mp4 and ffmpeg is not installed.
+        InputError: no frame of the arm moves, the arm is missing or has another number of joints, or the run has fewer than two records. It
+            is also raised if an argument is out of range, or the name ends in .mp4 and ffmpeg is not installed.
         ImportError: matplotlib is not installed.
         OSError: the file cannot be written, or ffmpeg failed.
     """

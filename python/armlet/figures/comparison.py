@@ -27,7 +27,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
     """Draw the errors and inputs of several runs, joint by joint. If a run has no desired motion, positions replace the errors of all runs.
 
     Args:
-        runs: at least one run; all runs have the same joints.
+        runs: at least one run; all runs have joints with the same units.
         labels: one name per run; None: "1", "2", .. with the name of the law.
         fig: a matplotlib figure for the drawing; None makes one with pyplot.
 
@@ -35,7 +35,7 @@ def compare(runs: Sequence[Run], labels: Sequence[str] | None = None, *, fig: Fi
         The axes, an array (2, n): the errors in rad or m above, and the inputs in N m or N below. It is (1, n) if no run has inputs.
 
     Raises:
-        InputError: there are no runs, the runs have different arms, or the number of labels is not the number of runs.
+        InputError: there are no runs, the units of their joints differ, or the number of labels is not the number of runs.
         ImportError: matplotlib is not installed.
 
     Source: docs/plants_and_laws.md.

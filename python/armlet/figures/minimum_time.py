@@ -184,6 +184,6 @@ class MinimumTime:
 
 
 def _times(duration: float, switches: tuple[float, ...]) -> Array:
-    """Times at which a motion is drawn. They include a time just before and a time just after each switch."""
+    """Times at which a motion is drawn. They include the time of each switch and a time just before it."""
     sides = [t for s in switches for t in (np.nextafter(s, 0.0), s)]
     return np.sort(np.concatenate([np.linspace(0.0, np.nextafter(duration, 0.0), 601), sides]))

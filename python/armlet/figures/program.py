@@ -94,7 +94,7 @@ class Flow:
         return chain
 
     def _waits(self, node: int) -> bool:
-        """Whether a node is a line or an output, which is one column after the lines that it reads."""
+        """Whether a node is a line or an output, not an input or an intermediate node."""
         return self.kind[node] not in ("input", "led")
 
 

@@ -1,4 +1,4 @@
-"""The figure of a run. Every axis has its unit, a joint has the same colour in all panels, and true or desired values are dashed."""
+"""The figure of a run. Axes have units, a joint has the same colour in all panels, and true or desired values are dashed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["plot"]
 
 Panel: TypeAlias = Callable[["Axes", "Recorded"], None]
 
-#: The largest number of joints in a panel, which is the number of distinct colours.
+#: The largest number of joints in a panel. So each joint of a panel has a different colour.
 MOST = 7
 #: The ten parameters of a link by kind: their indices, the name and unit of the kind, and the line style of each component.
 KINDS = (
@@ -324,7 +324,7 @@ def _energy_balance(ax: Axes, run: Recorded) -> None:
 
 
 def _levels(ax: Axes, run: Recorded, name: str) -> None:
-    """Draw one line per level of priority, on a logarithmic axis of at most sixteen decades."""
+    """Draw one line per level of priority, on a logarithmic axis of at most about sixteen decades."""
     shown = np.concatenate([values[values > 0] for key, values in run.monitors.items() if key.startswith(name)])
     for level in range(sum(key.startswith(name) for key in run.monitors)):
         values = run.monitors[f"{name}_{level + 1}"]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot"]
 
-# A quantity that spreads over more than this factor is drawn on a logarithmic scale.
+# A positive quantity that spreads over more than this factor is drawn on a logarithmic scale.
 SPREAD = 8.0
 
 
@@ -72,7 +72,7 @@ def _scale(values: NDArray[Any]) -> str:
 
 
 def _label(quantity: str) -> str:
-    """The label of a metric: its name, and its unit if all arms have the same unit."""
+    """The label of a metric: its name and its unit, such as "rad or m". The unit of an unknown name is "SI"."""
     name = quantity.rstrip("0123456789")
     unit = Metrics({}, ("rad or m",), ("N m or N",)).unit(name) if name in (*PER_JOINT, *PER_TASK, *PER_RUN) else "SI"
     return literal(quantity) + (f" ({unit})" if unit != "1" else "")

@@ -2,6 +2,7 @@
 
     tau = A u + B r^2 + g + d q' r,   A = M q',   B = M q'' + C(q, q') q',   r = ds/dt,   u = d^2 s/dt^2
 
+Here q' and q'' are derivatives with respect to the path position s, and d is the viscous friction.
 At a path position `s` and a path speed `r`, each limit of torque or acceleration allows an interval of `u`. If the intervals have no common
 point, no motion is feasible there. The edge of this region is the maximum velocity curve. Limits of joint speed also bound `r`.
 """
@@ -92,7 +93,7 @@ class PathTiming:
         return result
 
     def _samples(self) -> tuple[Array, Array]:
-        """Times at which the motion is drawn, s, and their path positions. They include times just before and at every grid point."""
+        """Times at which the motion is drawn, s, and their path positions. They include grid points and times just before them."""
         p = self.motion
         inner = np.linspace(0.0, 1.0, 6)[:, None]
         lengths = np.diff(p.t)

@@ -206,7 +206,7 @@ def _followed_motion(model: Any, joint: Any, multiplier: float) -> tuple[_Array,
     if multiplier == 0.0:
         return None  # the motion is zero, so the axis is unknown
     data = joint.createData()
-    # The motion of a mimic joint per unit rate of its leader is multiplied by the multiplier.
+    # Pinocchio returns the motion per unit rate of the leader, which contains the multiplier as a factor.
     joint.calc(data, import_module("pinocchio").neutral(model))
     return np.asarray(data.S, dtype=float).reshape(6) / multiplier, None
 
@@ -254,7 +254,7 @@ def from_mujoco(model: Any, *, mimic: Literal["joined", "independent"] = "joined
     frames.append({"name": _name(model, "body", 0), "body": -1, "placement": (np.eye(3), np.zeros(3))})
     for body in range(1, model.nbody):
         parent, turn, at = carrier[model.body_parentid[body]]
-        # Pose of the body frame at the reference position, in the axes of the joint that moves the body.
+        # Pose of the body frame at the reference position, in the axes of the joint that moves the parent body.
         at = at + turn @ model.body_pos[body]
         turn = turn @ _rotation(model.body_quat[body])
         first, count = model.body_jntadr[body], model.body_jntnum[body]

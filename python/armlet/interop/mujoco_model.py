@@ -25,7 +25,7 @@ def motors(model: Any) -> tuple[_Array, _Array]:
         # Transmissions of the types 0 (joint axes) and 1 (axes of the parent) drive a joint. For hinges and slides they have one gear.
         if int(model.actuator_trntype[k]) in (0, 1):
             joint, gear = model.actuator_trnid[k, 0], float(model.actuator_gear[k, 0])
-            # Actuators have these attributes since MuJoCo 4.
+            # Older versions of MuJoCo do not have these attributes.
             if hasattr(model, "actuator_armature"):
                 armature[joint] += gear**2 * float(model.actuator_armature[k])
             if hasattr(model, "actuator_damping"):

@@ -59,7 +59,7 @@ def to_control(
         A `control.NonlinearIOSystem`; with `x0` a `control.StateSpace`.
 
     Raises:
-        InputError: an argument has a wrong type, shape or value.
+        InputError: an argument has a wrong type, shape or value, or the plant has a wall, `LuGre` or `StickSlip` friction.
         ImportError: python-control is not installed.
 
     Source: Carpentier and Mansard 2018.

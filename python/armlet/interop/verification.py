@@ -21,7 +21,10 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: the largest difference over all states, relative to the largest entry of the quantity."""
+    """One line of the table: the largest difference over all states, relative to the size of the quantity.
+
+    The differences of poses, Jacobians, gravity vectors and armatures are absolute.
+    """
 
     quantity: str
     difference: float
@@ -294,11 +297,12 @@ def verify(arm: Arm, *, against: Any, samples: int = 5, seed: int = 0, rtol: flo
     Joints are matched by name. Further joints of the model are held at their neutral position.
 
     Args:
-        arm: an arm of links.
+        arm: an arm whose joints have the names of joints of the model.
         against: the model (keyword only).
         samples, seed: number of random states, and seed of their generator (keyword only).
-        rtol: largest difference that counts as agreement, relative to the largest entry of the quantity (keyword only). Accelerations of
-            forward dynamics are multiplied by `M` and compared as torques.
+        rtol: largest difference that counts as agreement, relative to the size of the quantity, for poses and Jacobians absolute (keyword
+            only). Gravity vectors and armatures must be equal. Accelerations of forward dynamics are multiplied by `M` and compared as
+            torques.
 
     Returns:
         A `Verification`, true if all numbers agree, with `.rows` and `.conventions`. Its text is a table.

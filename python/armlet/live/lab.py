@@ -36,7 +36,7 @@ AXES = ({"label": "t - now (s)", "size": 36, "labelSize": 18}, {"size": 56})
 
 
 def lab(urdf: Path | None, frame: str | None, host: str, port: int, packages: Sequence[Path] = ()) -> int:
-    """Serve the laboratory until Ctrl-C and return the exit code. `urdf` adds the robot of a file to the systems."""
+    """Serve the laboratory until Ctrl-C and return the exit code. With `urdf` the robot of that file replaces the example."""
     if urdf is None:
         robot = Robot(al.example_urdf("seven_axis"), "Robot of seven axes", frame)
     else:

@@ -1,6 +1,6 @@
 """The laboratory without a page: it converts values of sliders to poses and curves, by a compiled loop at 1 kHz.
 
-    x(t + 1 ms) = RK4(f(x; gains, targets, force))
+    x(t + 1 ms) = RK4(f(x; gains, targets, force)),   for LuGre friction ROS2 instead of RK4
 
 Any thread may set a slider; one thread calls `advance`. A loop that diverges is not an error. The laboratory then keeps the last finite
 state, shows a message, and waits for a reset.
@@ -154,7 +154,7 @@ class Lab:
     def force(self) -> Array:
         """The force of the mouse, (3,), N: a spring of stiffness k and a damper.
 
-        The force is constant during a frame of T s, which has the effect of a damping -k T. The damper k T cancels this effect.
+        The force is constant during a frame of T s. This delay acts like a negative damping. The damper k T is larger than this effect.
         """
         with self._lock:
             ends = self.spring()

@@ -48,8 +48,8 @@ def _is_address(name: str) -> bool:
 def own_pages_only(host: str) -> Iterator[None]:
     """Inside this context, a server that viser starts answers only `allowed` requests.
 
-    viser has no option for this check. It starts its server by `websockets.asyncio.server.serve`, whose option is used here by replacing
-    that function.
+    viser has no option for this check. It starts its server by `websockets.asyncio.server.serve`. Here that function is replaced by one
+    that passes the option `process_request`.
     """
     module = importlib.import_module("websockets.asyncio.server")
     plain = module.serve

@@ -139,7 +139,7 @@ def _visual(
 def find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
     """Return the file of a mesh, or None if it is not found. It must be inside one of `folders`; the first is the folder of the URDF.
 
-    `package://name/rest` means `rest` in a folder called `name`, or `name/rest` or `rest` in the folder of the URDF.
+    `package://name/rest` means `name/rest` in any of the folders, or `rest` in the first folder or in a folder called `name`.
     """
     scheme, separator, path = name.partition("://")
     if separator and scheme not in ("package", "model", "file"):

@@ -2,7 +2,7 @@
 
     X_WF = arm.pose(q, frame) for every frame, q from the sliders
 
-The page is drawn again only after a slider has moved.
+The page is drawn again only after a control has changed.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
     E(t) - E(0) - int P dt = 0,   V1(0) - V1(t) - int s'Kd s dt = 0
 
-The exact solution of the loop fulfils both equations, so their residual is the error of the integration method. With coarse steps the
-residual can be as large as the energy. `E` is the energy in J, and `P` the power of the inputs in W. `V1` is the Lyapunov function and `s`
-the composite error of an adaptive law.
+The exact solution of the loop fulfils the first equation, so its residual is the error of the integration method. It also fulfils the
+second one if the law acts at every instant, without input bounds and external forces. With coarse steps the residual can be as large as
+the energy. `E` is the energy in J, and `P` the power of the inputs in W. `V1` is the Lyapunov function and `s` the sliding variable of an
+adaptive law.
 """
 
 from __future__ import annotations

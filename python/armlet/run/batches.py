@@ -133,7 +133,7 @@ def in_pieces(
     np.empty((rows, 2 * n))
     if out is not None:
         _require_rows(out, rows)
-        # Ctrl-C loses the piece that is running, so a piece is at most 1/PARTS of the batch.
+        # Ctrl-C loses the piece that is running, so a piece is at most 1/PARTS of the batch, or LEAST runs if this is more.
         size = min(size, max(LEAST, rows // PARTS // LEAST * LEAST))
     pieces: list[BatchRun] = []
     for first in range(0, max(rows, 1), size):

@@ -40,7 +40,8 @@ class JointStops:
             limits of the arm.
 
     Raises:
-        InputError: raised by the plant: a number has the wrong sign, lower is not below upper, or no limit is finite.
+        InputError: an argument is not numeric. The plant also raises it for a wrong sign, a lower limit that is not below the upper one, or
+            no finite limit.
 
     Source: docs/plants_and_laws.md.
 
@@ -91,7 +92,7 @@ class Event:
         name: name of the event in `Run.events`.
 
     Raises:
-        InputError: the kind is unknown, or a number is not valid; raised by `simulate`.
+        InputError: an argument has a wrong type or value. `simulate` also raises it for an unknown kind, or arguments that do not fit it.
 
     Source: docs/plants_and_laws.md; [Chandrupatla1997] for the root search.
 

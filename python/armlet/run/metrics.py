@@ -9,15 +9,15 @@ name                   unit            definition
 error_rms              rad or m        sqrt(1/T int e^2 dt)
 error_peak             rad or m        max |e|
 error_final            rad or m        |e| at the end
-overshoot              1               distance of q beyond the farthest point of the reference, divided by the whole distance. NaN
-                                       if this distance is zero, or if the reference still moves at the end
-settling_time          s               the time after which |e| stays within the band for all joints; NaN if |e| leaves it at the end
+overshoot              1               distance of q beyond the farthest point of the reference, divided by the distance from q at the
+                                       start to the final reference. NaN if this is zero, or if the reference still moves at the end
+settling_time          s               the time after which |e| stays within the band for all joints; NaN if |e| is outside at the end
 position_error_rms,    m               root mean square, maximum and final value of the distance between the frame of each task and its
 position_error_peak,                   target (`Run.position_error`), one value per task; absent for laws without such tasks
 position_error_final
 tau_rms, tau_peak      N m or N        sqrt(1/T int tau^2 dt), max |tau|; of an arm under velocity control rad/s or m/s
 time_outside_limits    s               total time in which any joint is beyond its position, velocity or effort limits; NaN if unknown
-monitor_violations     1               number of records at which a monitor is violated: see `metrics`
+monitor_violations     1               number of records at which a monitor is violated, summed over the monitors: see `metrics`
 energy_error           1               largest |energy_balance| as a fraction of the largest energy stored or exchanged; NaN without
                                        this monitor
 completed              1               1 for a run that reached its end or an event that stops it, else 0
@@ -139,15 +139,16 @@ def metrics(
     """Compute the metrics of a run, or of every run of a batch: errors, settling time, overshoot, torques, limits and monitors.
 
     `simulate_batch(keep="metrics")` computes the same numbers during the runs, without records. `monitor_violations` counts the records in
-    which one of three conditions is met:
+    which a condition is met, and sums the counts of these conditions:
 
     - `lyapunov` has risen since the last record by more than `tolerance` times its largest value so far;
-    - `lyapunov_balance` or `energy_balance` exceeds `tolerance` times the largest Lyapunov function or energy so far;
+    - `|lyapunov_balance|` exceeds `tolerance` times the largest Lyapunov function so far;
+    - `|energy_balance|` exceeds `tolerance` times the largest magnitude of the energy so far;
     - `skewness` exceeds `tolerance`.
 
     Args:
         run: the run, or the batch.
-        reference: a reference in place of the law's motion or target, (n,) or (K, n), rad or m.
+        reference: a reference in place of the law's motion or target, (n,) or (K, n), for a batch also (B, K, n), rad or m.
         band: band of the settling time, a number or (n,), rad or m. None means `settle` times the largest error of the joints with the
             same unit.
         settle: relative band of the settling time, dimensionless, if `band` is None.

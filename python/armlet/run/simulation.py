@@ -57,6 +57,8 @@ def simulate(
 ) -> Run:
     """Simulate the closed loop of `plant` and `law` from rest, or from the velocity `v0`, without Python inside the loop.
 
+    The exceptions are laws, forces and events that are Python functions.
+
     Args:
         plant: the controlled system, such as `RigidArm(arm)`.
         law: the control law, for an arm with the same number of joints. A Python function `law(t, q, v) -> tau` is also accepted. Its
@@ -101,9 +103,9 @@ def simulate(
 
     Warns:
         UserWarning: a position is outside of the joint limits, such as an angle in degrees. Or the steps are too coarse for the loop.
-            They are too coarse if the residual of the energy balance exceeds a tenth of the energy exchanged. They also are if the
-            Lyapunov function of a continuous law rises tenfold. `metrics(run)["energy_error"]` is the residual of the energy balance as a
-            fraction of the energy.
+            They are too coarse if the residual of the energy balance exceeds a tenth of the energy stored or exchanged. They also are if
+            the Lyapunov function of an undisturbed continuous law rises tenfold. `metrics(run)["energy_error"]` is the residual of the
+            energy balance as a fraction of the energy.
 
     Source: [HairerNorsettWanner1993, HairerWanner1996] for the methods; docs/plants_and_laws.md.
 
@@ -217,7 +219,7 @@ def simulate_batch(
         force_frame, tau_max: frame of the force, and largest input, N m or N, as for `simulate`.
         monitors, state_limit, check_limits: as for `simulate`. One warning counts the rows outside of the joint limits.
         threads: number of worker threads, 1 to 1024; None means ARMLET_NUM_THREADS, or else the number of cores. The batch uses at most
-            one thread per group of runs.
+            one thread per group of runs that one SIMD register computes together.
         keep: "all" keeps all records, "final" only the last state, and "metrics" the metrics of each run and its last record. Metrics are
             computed during the runs, so the memory does not depend on the number of steps. `batch.metrics()` has the numbers of
             `armlet.metrics`.

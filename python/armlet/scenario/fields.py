@@ -1,7 +1,7 @@
 """The valid values of the keys of a scenario. A `Field` checks a value, and returns its rule as JSON schema.
 
-`check(value, path)` yields problems as `path: expected .., got ..`. It does not convert values. Constructors check the shapes that depend
-on the arm; `pathed` of `scenario.py` adds the path of the key to their messages.
+`check(value, path)` yields problems, which begin with their path, such as `path: expected .., got ..`. It does not convert values.
+Constructors check the shapes that depend on the arm; `pathed` of `scenario.py` adds the path of the key to their messages.
 """
 
 from __future__ import annotations
@@ -53,7 +53,10 @@ class Field:
 
 @dataclass(frozen=True)
 class Numbers(Field):
-    """A number, or nested lists of numbers down to `depth` levels. `low` is the lower bound of each number; it is excluded if `strict`."""
+    """A number, or nested lists of numbers down to `depth` levels.
+
+    `low` is the lower bound of a number and of the entries of a list, not of a matrix. It is excluded if `strict`.
+    """
 
     depth: int = 0
     scalar: bool = True

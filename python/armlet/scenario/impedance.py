@@ -18,7 +18,7 @@ _NULL_SPACE = Table(
     ("q_d", "stiffness", "damping"),
 )
 
-#: Options of laws with a frame.
+#: Options of `CartesianImpedance` and `ElasticImpedance`.
 OPTIONS: dict[str, Field] = {
     "nullspace": _NULL_SPACE,
     "feedforward": Numbers(depth=1, scalar=False),

@@ -59,7 +59,7 @@ class Descent:
         conditions: the values by path of each condition. A candidate runs once per condition.
         loss: a loss of `armlet.gradient`.
         worst: True: the cost of a candidate is the largest cost of its conditions. False: it is the mean cost.
-        failed: the cost of a run that ends early.
+        failed: the cost of a candidate of which a run ends early.
     """
 
     def __init__(

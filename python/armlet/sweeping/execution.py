@@ -151,7 +151,8 @@ def sweep(
         Then it has `Status.INTERRUPTED`, NaN and the text in the column `error`, and the sweep continues.
 
     Raises:
-        InputError: the scenario, the first or the last cell, or `vary` is not valid, or the folder `out` has another sweep.
+        InputError: an argument, or the first or the last cell is not valid, or the folder `out` has another sweep.
+        FormatError: the file `sweep.json` in `out` is damaged, or another version wrote it.
         SolveError: the executor's workers died and cannot be replaced, or new workers cannot start. A `ProcessPoolExecutor` is replaced,
             and Dask replaces its workers. Finished chunks remain in `out`.
 

@@ -1,4 +1,4 @@
-"""The systems of the laboratory, in the order of its menu."""
+"""The systems of the laboratory, and the parts of their interface."""
 
 from __future__ import annotations
 

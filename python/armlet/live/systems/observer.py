@@ -3,8 +3,9 @@
     r' = K_O (tau_ext - r),   contact where |r_i| is above the threshold of joint i
     reaction from contact on:   tau = g + K_c (q_c - q) + D_c (q_c' - v)
 
+The reaction "stop" holds `q_c`, the position at contact. "retract" moves `q_c` away from the contact, and "float" has K_c = 0, q_c' = 0.
 The force of the slider acts along y at the tip, the force of the mouse at its grip point. The curves show `r` and J'F, which the observer
-does not know. After contact a reaction replaces the law, until a reset or another choice of reaction.
+does not know. After contact a reaction replaces the law, until a reset or another choice of reaction or observer gain.
 """
 
 from __future__ import annotations
