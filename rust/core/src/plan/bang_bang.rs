@@ -110,9 +110,9 @@ fn answers<S: Real>([theta0, thetaf, inertia, g, tau_min, tau_max]: [S; 6]) -> A
 
 /// Compute the durations for which `theta0 -> thetaf` (rad) with constant acceleration and equal braking obeys the torque bounds (N m).
 ///
-/// `inertia` is in kg m^2, `gravity_moment` in N m, and `tau_min <= 0 <= tau_max` is required. Every comparison with a bound has a
-/// tolerance of `1e-12` of the larger bound. If `theta0 == thetaf`, the duration is zero. This motion is feasible if and only if the torque
-/// can hold the pose.
+/// `inertia` is in kg m^2, `gravity_moment` in N m, and `tau_min <= 0 <= tau_max` is required. The tests `a_max >= a_min`, `hold_start` and
+/// `hold_end` have a tolerance of `1e-12` of the larger bound. If `theta0 == thetaf`, the duration is zero. This motion is feasible if and
+/// only if the torque can hold the pose. Errors: `Input` for an invalid argument.
 #[inline]
 pub fn bang_bang_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<BangBangReport> {
     check_ends(theta0, thetaf)?;
@@ -179,8 +179,8 @@ impl GenericKernel for Batch<'_, '_> {
 
 /// Compute [`bang_bang_time`] for many problems in SIMD lanes, with the same bits.
 ///
-/// `columns` are `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`, each one number for all problems or one per problem. An error
-/// has the index of the first invalid problem.
+/// `columns` are `theta0, thetaf, inertia, gravity_moment, tau_min, tau_max`, each one number for all problems or one per problem. Errors:
+/// the index of the first invalid problem, and its error.
 pub fn bang_bang_times(columns: [&[f64]; 6], mut to: BangBangTimes) -> std::result::Result<(), (usize, Error)> {
     let Some(bad) = run_lanes(Batch { columns, to: &mut to }) else { return Ok(()) };
     let [theta0, thetaf, inertia, g, tau_min, tau_max] = columns.map(|column| if let [x] = column { *x } else { column[bad] });

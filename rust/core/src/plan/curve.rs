@@ -13,7 +13,7 @@
 use super::steps::{FrictionLink, Progress, Step, evaluate};
 use crate::interrupt::look;
 
-/// A phase from rest: its integration steps, until it covers the distance or the link stops.
+/// A phase from rest, as integration steps.
 #[derive(Default)]
 pub(super) struct Curve {
     steps: Vec<Step>,
@@ -35,8 +35,8 @@ pub(super) struct Moment {
 const MAX_STEPS: usize = 2000;
 
 impl Curve {
-    /// Integrate from rest at `x` under `torque` minus friction. The curve ends after `distance`, or where its speed exceeds the speed of
-    /// the curve `against`, which comes from the other end.
+    /// Integrate from rest at `x` under `torque` minus friction. The curve ends after `distance`, or where the link stops. It also ends
+    /// where its speed exceeds the speed of the curve `against`, which starts at rest at the other end.
     pub fn new(x: f64, torque: f64, link: &FrictionLink, distance: f64, against: Option<&Curve>) -> Self {
         let mut at = Progress::new(x, torque, link);
         let mut curve = Curve { steps: Vec::new(), unit: at.unit, reach: 0.0 };

@@ -24,7 +24,8 @@ impl Push {
             push.push - gravity_range(push.g, &sine(push.x), &sine(push.x + length)).1
         } else {
             // Before the maximum of gravity, the net torque rises, falls, or first rises and then falls. After the maximum, the kinetic
-            // energy does not decrease. So the mean torque is smallest at the start of the push, or at the lowest energy.
+            // energy does not fall below its value there. So the net torque at the start, or the lowest energy over the length, is a lower
+            // bound of the mean.
             push.net().min(energies.peak.min(energies.push_hump) / length)
         };
         Push { length, mean }

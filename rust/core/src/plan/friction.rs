@@ -8,7 +8,7 @@
 //!
 //! The change of the switching times does not contribute to the derivative, because both phases have equal speeds at a switch. An overshoot
 //! is a back-swing of the mirrored motion, run backwards in time with negative friction coefficients. Coulomb friction alone only shifts
-//! the torque bounds. A test uses this as an independent check.
+//! the torque bounds of each part of the motion. A test uses this as an independent check.
 //!
 //! Let `phi` be `exp(-d t / 2I)` times the adjoint variable, whose zeros are the switches. Then `phi_ddot = (d^2/4I^2 - G cos theta/I)
 //! phi`, and Sturm's comparison theorem applies to `phi`. So an overdamped link, with `d^2 >= 4 I |G|`, switches at most once. This is true
@@ -32,7 +32,7 @@ use crate::error::{Error, Result};
 /// The distance from an equilibrium, in rad, at which a motion begins. The energy there is a rounding error.
 const START_DISTANCE: f64 = 1e-7;
 
-/// The search for the fastest back-swing from `x0` to `x1 > x0`.
+/// The search for the fastest back-swing from `x0` to `x1 >= x0`.
 struct FrictionSearch {
     x0: f64,
     x1: f64,
@@ -57,7 +57,8 @@ struct FrictionTrial {
 }
 
 impl FrictionSearch {
-    /// Create the search. The result is `None` if the link cannot move backwards from the start, or cannot come to rest at the end.
+    /// Create the search. The result is `None` if the link cannot move backwards from `x0`, or cannot brake from a turn before `x0` to rest
+    /// at `x1`.
     fn new(x0: f64, x1: f64, up: f64, down: f64, link: FrictionLink, straight: bool, bound: f64) -> Option<Self> {
         let mut search =
             FrictionSearch { x0, x1, up, down, link, straight, leaves: Curve::default(), arrives: Curve::default(), most: 0.0 };
@@ -138,8 +139,8 @@ impl BackSwings for FrictionSearch {
     ///
     /// The first term is the time of `k` parts of length `e`. Each part starts at rest, and its net torque is at most `p`, the largest
     /// torque plus the gravity moment. The second term is the time of the last brake over the distance `D` from `x0` to `x1`. With `k = 2`,
-    /// one part leads to the turn, and the other part back to `x0`. With negative friction only the part to the turn starts at rest, so `k
-    /// = 1`.
+    /// one part leads to the turn, and the other part back to `x0`. With negative friction, the problem is a motion run backwards. Of that
+    /// motion only the part from the turn to its end starts at rest, so `k = 1`.
     fn farthest(&self, limit: f64) -> f64 {
         if limit == f64::INFINITY {
             return FARTHEST;
@@ -154,7 +155,8 @@ impl BackSwings for FrictionSearch {
 /// Compute the fastest motion of [`torque_optimal_time`](super::torque_optimal_time) with friction torques `viscous * v` and `coulomb *
 /// sign(v)`.
 ///
-/// `theta0` and `thetaf` are in rad, `inertia` in kg m^2, `viscous` in N m s/rad; all other arguments are in N m.
+/// `theta0` and `thetaf` are in rad, `inertia` in kg m^2, `viscous` in N m s/rad; all other arguments are in N m. Errors: `Input` for an
+/// invalid argument.
 pub fn torque_optimal_time_with_friction(
     theta0: f64,
     thetaf: f64,

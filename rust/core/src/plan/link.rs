@@ -3,7 +3,7 @@
 use super::sine::{select, sin_cos};
 use crate::error::{Error, Result, finite, positive};
 
-/// The tolerance of every torque limit, relative to the larger bound. It covers rounding errors only.
+/// The tolerance of a comparison with a torque bound, relative to the larger absolute bound. It covers rounding errors only.
 pub const SLACK: f64 = 1e-12;
 
 /// A link and its torque bounds. If `gravity_moment` is negative, theta is measured from the upward vertical.
@@ -26,7 +26,7 @@ impl Link {
         thetaf > theta0 || thetaf == theta0 && self.gravity_moment * sin_cos(theta0).0 >= 0.0
     }
 
-    /// Create a link. It requires `inertia > 0`, `tau_min <= 0 <= tau_max`, not both zero, and finite numbers.
+    /// Create a link. Errors: `Input` unless all numbers are finite, `inertia > 0`, `tau_min <= 0 <= tau_max`, and `tau_min < tau_max`.
     #[inline]
     pub fn new(inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<Self> {
         let width = tau_max - tau_min;
@@ -74,7 +74,7 @@ fn refuse(inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Erro
     Error::input("tau_max", format!("is too large: expected tau_max - tau_min to be finite, got {tau_max} and {tau_min}"))
 }
 
-/// Refuse end points that are not finite, or whose distance is not finite.
+/// Check the end angles. Errors: `Input` if an angle or the distance is not finite.
 #[inline]
 pub(super) fn check_ends(theta0: f64, thetaf: f64) -> Result<()> {
     if (thetaf - theta0).abs() < f64::INFINITY {

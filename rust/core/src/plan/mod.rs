@@ -10,7 +10,8 @@
 //!
 //! Terms of this folder:
 //! - `I` is the inertia and `G` the gravity moment. The *gravity torque* is `G sin theta`.
-//! - `x = direction theta` is the angle along the motion, so that the motion from `x0` to `x1` has `x1 >= x0`. `D` is `x1 - x0`.
+//! - `x = direction theta` is the angle along the motion. `direction` is 1 or -1, so that the motion from `x0` to `x1` has `x1 >= x0`. `D`
+//!   is `x1 - x0`.
 //! - A *phase* is a part of a motion with constant torque. A *push* starts at rest. A *brake* ends at rest, and is computed backwards in
 //!   time.
 //! - A *swing* is a motion with one reversal, the *turn*. A *back-swing* first moves away from the goal. An *overshoot* first passes it.

@@ -4,7 +4,7 @@ use super::phase::Phase;
 use super::report::MonotoneReason;
 use super::sine::sin_cos;
 
-/// A push from rest at `x0` and a brake to rest at `x1 > x0`, with their lengths, rad.
+/// A push from rest at `x0` and a brake to rest at `x1 >= x0`, with their lengths, rad.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Monotone {
     pub push: Phase,
@@ -37,7 +37,7 @@ impl Monotone {
         Monotone { push, brake, push_length, brake_length }
     }
 
-    /// The reason why the motion is impossible, or `Feasible`. Every test checks the sign of a margin.
+    /// The reason why the motion is impossible, or `Feasible`.
     #[inline]
     pub fn reason(&self) -> MonotoneReason {
         let Monotone { push, brake, push_length, brake_length } = *self;
@@ -89,7 +89,7 @@ impl Monotone {
     }
 }
 
-/// The monotone motion from `x0` to `x1 > x0`, and quantities that its swings use.
+/// The monotone motion from `x0` to `x1 >= x0`, and quantities that the swings between these ends use.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MonotoneMotion {
     pub monotone: Monotone,

@@ -8,17 +8,17 @@
 //! ```
 //!
 //! The substitution `y = L s^2` removes the inverse square root at the rest point. The remaining integrand is smooth unless `w` comes near
-//! zero, where the link barely passes a maximum of gravity. There, adaptive bisection uses the 10-21 point Gauss-Kronrod pair. It gains a
-//! digit every few panels, because the integrand is analytic up to the near pole. A phase that brakes to rest at `x` is computed as a push
-//! from `-x`, run backwards, with the braking torque.
+//! zero, where the link barely passes a maximum of gravity. It is integrated by adaptive bisection with the 10-21 point Gauss-Kronrod pair.
+//! Where `w` is near zero, the integral gains a digit every few panels, because the integrand is analytic up to the near pole. A phase that
+//! brakes to rest at `x` is computed as a push from `-x`, run backwards, with the braking torque.
 
 use super::quadrature::{Graded, Integrand, adaptive, few};
 use super::sine::{sin_cos, sinc_cos_small};
 use crate::scalar::{GenericKernel, Real, run_lanes};
 use std::f64::consts::{PI, TAU};
 
-/// A limit of the mean net torque, as a fraction of the sum of torque and gravity moment. Below this limit the fixed quadrature rule is not
-/// accurate enough.
+/// A limit of the mean net torque, as a fraction of the sum of the torque and the absolute gravity moment. Below this limit the fixed
+/// quadrature rule is not accurate enough.
 const LEAST_MEAN_TORQUE: f64 = 1e-3;
 /// Relative accuracy of each panel of a duration. With an accuracy of 1e-12, one of some million links had a duration with an error of
 /// 1e-10, because both quadrature rules agreed by chance.
@@ -32,7 +32,7 @@ pub(super) struct Phase {
     pub g: f64,
     sin: f64,
     cos: f64,
-    /// An angle at which the kinetic energy has a local minimum; NaN if `push` exceeds gravity everywhere.
+    /// An angle at which the kinetic energy has a local minimum; NaN if `push >= |g|` or `push < -|g|`.
     least: f64,
 }
 
@@ -77,8 +77,8 @@ impl Phase {
         y * (self.push - self.g * sinc * (self.sin * c + self.cos * s))
     }
 
-    /// The first distance in `[0, 2 pi]` at which the kinetic energy has a local minimum; NaN if there is none. Later minima are not lower,
-    /// since `K(y + 2 pi) = K(y) + 2 pi p`.
+    /// The first distance in `[0, 2 pi]` at which the kinetic energy has a local minimum; NaN if there is none. If `push >= 0`, later
+    /// minima are not lower, since `K(y + 2 pi) = K(y) + 2 pi push`.
     #[inline]
     fn first_least(&self) -> f64 {
         let y = self.least - self.x;
@@ -112,8 +112,8 @@ impl Phase {
         if self.least.is_nan() {
             return f64::INFINITY;
         }
-        // The energy first rises to a maximum, and then falls to a minimum. If both are at the same distance, rounding errors may hide the
-        // minimum.
+        // The energy first rises to a maximum, and then falls to a minimum. If both are at the same angle, a rounding error may make
+        // `descent_length` a whole revolution.
         let least = self.first_least();
         if self.descent_length() >= least || self.energy(least) > 0.0 { f64::INFINITY } else { self.zero(least) }
     }
@@ -130,7 +130,8 @@ impl Phase {
         if self.push < 0.0 { Phase::new(self.least, self.push, self.g).zero(TAU) } else { f64::INFINITY }
     }
 
-    /// The angle and the distance of the first minimum of the energy after the distance `from`. At `from` the energy must not fall.
+    /// The angle, up to whole revolutions, and the distance of the first minimum of the energy after the distance `from`. At `from` the
+    /// energy must not fall.
     pub fn least_after(&self, from: f64) -> (f64, f64) {
         let least = self.first_least();
         // If `from` is at a minimum, a rounding error may lead to the next minimum, one revolution ahead.
@@ -176,7 +177,7 @@ impl Phase {
         length.sqrt() * run_lanes(Integral::<true> { phase: *self, length, accuracy })
     }
 
-    /// The derivative `dF/dx` of the time factor at fixed length, with at least three correct digits. `energy` is the kinetic energy at the
+    /// The derivative `dF/dx` of the time factor at fixed length, with about three correct digits. `energy` is the kinetic energy at the
     /// end.
     #[inline]
     pub fn rough_gradient(&self, length: f64, energy: f64) -> f64 {
@@ -228,7 +229,7 @@ impl<const GRADIENT: bool> GenericKernel for Integral<GRADIENT> {
     type Output = f64;
     #[inline(always)]
     fn run<S: Real>(self) -> f64 {
-        // Split at the maximum of gravity, where `w` is smallest, with short panels near it.
+        // Split at the maximum of gravity, near which `w` is smallest. `Graded` makes the panels near it short.
         match self.phase.gravity_crest(self.length) {
             None => adaptive::<S>(&self, self.accuracy, 0.0),
             Some(y) => {

@@ -3,13 +3,14 @@
 //! ```text
 //! theta = theta0 + (thetaf - theta0) s(u),  u = t/T,  x = direction theta,  k = I D / T^2
 //! tau(u) = k s''(u) + G sin x(u)            linear in k: the durations that obey both bounds form one interval
-//! trapezoid, ramp fraction r in (0, 1/2]:  s'' = +-1/(r (1 - r)) on the ramps, 0 between;  x at the ramp ends: D r / (2 (1 - r)) from the ends
+//! trapezoid, ramp fraction r in (0, 1/2]:  s'' = +-1/(r (1 - r)) on the ramps, 0 between;  each ramp covers the angle D r / (2 (1 - r))
 //! minimum jerk:  s = 10 u^3 - 15 u^4 + 6 u^5,  s'' = 60 u (1 - u)(1 - 2 u)
 //! ```
 //!
-//! The trapezoid has a closed form: on each part of the motion only the extremes of `sin` count. `r = 1/2` is `bang_bang_time`. For the
-//! quintic, the bounds of `k` are extremes over `u` of `(bound - G sin x)/s''`. A grid with several points per quarter turn brackets them,
-//! with at most one extreme between grid points. Golden-section search refines them.
+//! `'` is `d/du`, and `D = |thetaf - theta0|`. The trapezoid has a closed form: on each part of the motion only the extremes of `sin`
+//! count. `r = 1/2` is `bang_bang_time`. For the quintic, the bounds of `k` are extremes over `u` of `(bound - G sin x)/s''`. A grid with
+//! several points per quarter turn (if `D <= 1e4` rad) brackets them, with at most one extreme between grid points. Golden-section search
+//! refines them.
 
 use super::link::{Link, check_ends};
 use super::sine::{crest_inside, sine, trough_inside};
@@ -41,7 +42,8 @@ pub struct ProfileReport {
     pub missing: f64,
 }
 
-/// A bound of `k`, N m, and the angle along the motion at which the bound is reached, rad.
+/// A bound of `k` or a gravity torque, N m, and its place. The place is the angle along the motion, rad. In `minimum_jerk_time` it is the
+/// time fraction `u`.
 type At = (f64, f64);
 
 /// Link, ends and direction of a motion.
@@ -125,7 +127,8 @@ fn most(a: At, b: At) -> At {
 
 /// Compute the durations for which the trapezoidal-speed motion from `theta0` to `thetaf` (rad) obeys the torque bounds (N m).
 ///
-/// `inertia` is in kg m^2, `gravity_moment` in N m. Each ramp of the speed takes `ramp * T`, with 0 < ramp <= 1/2.
+/// `inertia` is in kg m^2, `gravity_moment` in N m. Each ramp of the speed takes `ramp * T`, with 0 < ramp <= 1/2. Errors: `Input` for an
+/// invalid argument.
 pub fn trapezoid_time(
     theta0: f64,
     thetaf: f64,
@@ -189,7 +192,7 @@ impl LinkMotion {
 
 /// Compute the durations for which the minimum-jerk (quintic) motion from `theta0` to `thetaf` (rad) obeys the torque bounds (N m).
 ///
-/// `inertia` is in kg m^2, `gravity_moment` in N m.
+/// `inertia` is in kg m^2, `gravity_moment` in N m. Errors: `Input` for an invalid argument, `Memory` for a grid that does not fit.
 pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment: f64, tau_min: f64, tau_max: f64) -> Result<ProfileReport> {
     let m = LinkMotion::new(theta0, thetaf, inertia, gravity_moment, tau_min, tau_max)?;
     let (lo, hi) = (m.link.tau_min, m.link.tau_max);
@@ -242,7 +245,7 @@ pub fn minimum_jerk_time(theta0: f64, thetaf: f64, inertia: f64, gravity_moment:
             }
             worst.max(here)
         };
-        // `excess` is a maximum of linear functions, so it is convex in `k`.
+        // Apart from the interpolation, `excess` is a maximum of linear functions, so it is convex in `k`.
         excess(0.0).min(golden(excess, 0.0, hi - lo + gravity_moment.abs(), 60).0)
     };
     Ok(m.report((lower.0, m.quintic_angle(lower.1)), (upper.0, m.quintic_angle(upper.1)), hold, missing))

@@ -143,7 +143,7 @@ fn panel<S: Real>(f: &impl Integrand, a: f64, b: f64) -> (f64, f64) {
 }
 
 /// The integral over [0, 1] by adaptive bisection. `beside` is the value of the other part of an integral with two parts. `accuracy` is
-/// relative to the value of a panel, or to a tenth of the whole integral if this is larger.
+/// relative to the value of a panel, or to a tenth of `beside` plus the finished panels if this is larger.
 #[inline(always)]
 pub(super) fn adaptive<S: Real>(f: &impl Integrand, accuracy: f64, beside: f64) -> f64 {
     let mut stack = [(0.0, 0.0); MAX_DEPTH];

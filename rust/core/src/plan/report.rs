@@ -50,14 +50,13 @@ impl fmt::Display for Place {
 pub struct Bind {
     /// The torque limit.
     pub limit: Limit,
-    /// Number of the phase. In a motion with two phases, phase 1 accelerates and phase 2 brakes. In a motion with three phases, the number
-    /// is 1, 2 or 3.
+    /// Number of the phase: phase 1 accelerates and phase 2 brakes.
     pub phase: u8,
     /// The place in the phase where the limit binds.
     pub place: Place,
     /// Angle where the limit is reached, rad.
     pub theta: f64,
-    /// Time since the start at which the limit is reached, s; NaN if the motion is impossible.
+    /// Time since the start at which the limit is reached, s; NaN if the motion is impossible or has no duration.
     pub time: f64,
     /// Whether another phase reaches its limit at the same duration.
     pub tie: bool,
@@ -84,9 +83,9 @@ pub enum Reason {
         /// Missing torque, N m.
         missing: f64,
     },
-    /// Gravity alone exceeds a limit: no duration is feasible.
+    /// Gravity leaves no torque to accelerate or to brake: no duration is feasible.
     Blocked {
-        /// The place where the upper limit binds.
+        /// The torque limit that bounds the acceleration from above.
         upper: Bind,
         /// Missing torque, N m.
         missing: f64,
@@ -94,9 +93,9 @@ pub enum Reason {
     /// One limit requires a slower motion, the other limit a faster motion. `missing` is the torque by which both limits must be wider, N
     /// m.
     Conflict {
-        /// The place where the upper limit binds.
+        /// The torque limit that bounds the acceleration from above.
         upper: Bind,
-        /// The place where the lower limit binds.
+        /// The torque limit that bounds the acceleration from below.
         lower: Bind,
         /// Missing torque, N m.
         missing: f64,
@@ -158,12 +157,13 @@ pub enum MonotoneReason {
     },
     /// The link comes to rest before `x`, where gravity exceeds the torque.
     Hump {
-        /// Angle along the motion, rad.
+        /// Angle `theta` in a result, rad; within the planner, the angle along the motion.
         x: f64,
         /// Missing torque, N m.
         missing: f64,
     },
-    /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`.
+    /// With friction: push and brake have no point of equal speeds. The push ends at `push`, and the brake can begin at `brake`. Both angles
+    /// are as `x` in `Hump`.
     Apart {
         /// Angle where the push ends, rad.
         push: f64,

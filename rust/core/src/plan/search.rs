@@ -12,9 +12,9 @@
 //! solve the same linear equation.
 //!
 //! So T has a minimum in every interval that does not begin with `e = 0`. Half a million intervals of random links had no second minimum.
-//! In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T then falls to a minimum and rises again. In such
-//! intervals, and in those without a maximum of gravity, a sweep finds each derivative that changes its sign. The first derivatives have
-//! few digits (`phase.rs`), and the last ones have many.
+//! In an interval that begins with `e = 0`, T rises at first. Where a swing is faster, T then falls to a minimum and rises again. Such
+//! intervals, and those without a maximum of gravity, are searched by a sweep for changes of sign of the derivative. The first derivatives
+//! have few digits (`phase.rs`), and the last ones have many.
 
 use crate::interrupt::look;
 
@@ -58,7 +58,7 @@ pub(super) trait BackSwings {
     fn slope(&self, e: f64, fine: bool) -> Option<f64>;
     /// The swing at `e`; `None` if it is not feasible.
     fn swing(&self, e: f64) -> Option<Swing>;
-    /// The intervals of feasible swings, the nearest interval first. The last interval begins before `farthest`, or beyond.
+    /// The intervals of feasible swings, the nearest interval first. Intervals that begin beyond `farthest` may be missing.
     fn windows(&self, farthest: f64) -> impl Iterator<Item = Window>;
     /// If the monotone motion is feasible, the smallest `e` with a possible gain; else `None`.
     fn nearest(&self) -> Option<f64>;
@@ -71,9 +71,9 @@ type Point = (f64, f64);
 
 /// The search ends when the last step of `e` times the scaled derivative is below this fraction of `e`. The error of T is then far smaller.
 const FLAT: f64 = 1e-10;
-/// A search with coarse derivatives ends when its step is below this fraction of the distance to an edge.
+/// A search with coarse derivatives ends when its step is at most this fraction of the distance to the nearer end of its bracket.
 const NEAR: f64 = 2e-3;
-/// The largest scaled derivative at which a search may end.
+/// A search may end only where the absolute scaled derivative is below this number.
 const LEVEL: f64 = 0.3;
 /// The largest accurate derivative at a root of the coarse derivative. Above it, the coarse root is not used.
 const ROUGH: f64 = 0.02;
@@ -188,7 +188,7 @@ impl<B: BackSwings> TurnSearch<'_, B> {
     /// The approximate root of the scaled derivative between `low` and `high`, and the rate of change at this root, by Chandrupatla's
     /// method: inverse quadratic interpolation or bisection.
     fn root(&self, low: Point, high: Point, window: Window, fine: bool) -> (f64, f64) {
-        // `a` is the last point, `b` a point on the other side of the root, and `c` the point before `a`.
+        // `a` is the last point, `b` a point on the other side of the root, and `c` the point that was replaced.
         let (mut a, mut b) = (low, high);
         let (mut e, mut rate) = (low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1), 0.0);
         for _ in 0..100 {

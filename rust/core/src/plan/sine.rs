@@ -164,8 +164,8 @@ mod tests {
                 let (s, c) = sin_cos(x);
                 assert!((s - x.sin()).abs() < 4.5e-16 && (c - x.cos()).abs() < 4.5e-16, "{x}: {s} {c}");
                 assert_eq!(sine(x).sin, s);
-                // At a multiple of pi/2 the product is rounded to the integer. The sign of the standard library's sine shows whether `x` is
-                // above or below this multiple.
+                // `n pi/2` is the multiple of pi/2 nearest to `x`. `beyond` is negative if `x` is below this multiple: it is the sine or
+                // cosine of the standard library, with a sign.
                 let n = (x * FRAC_2_PI).round();
                 let beyond = [x.sin(), -x.cos(), -x.sin(), x.cos()][(n as i64).rem_euclid(4) as usize];
                 assert_eq!(sine(x).quarter, if beyond < 0.0 { n - 1.0 } else { n }, "{x}");
@@ -180,8 +180,8 @@ mod tests {
 
     #[test]
     fn extremes_inside_are_counted() {
-        // The intervals span half a turn on each side of the maximum at pi/2 + 2 pi k, or of the minimum opposite to it, for both signs of
-        // k.
+        // Three adjacent intervals around the maximum at pi/2 + 2 pi k: 3 rad before it, 2e-6 rad across it, and 3.2 rad after it. The last
+        // interval contains a minimum.
         for k in -5..5 {
             let crest = PI / 2.0 + 2.0 * PI * k as f64;
             let (a, b, c, d) = (sine(crest - 3.0), sine(crest - 1e-6), sine(crest + 1e-6), sine(crest + 3.2));

@@ -9,9 +9,10 @@
 //! collocation:  y_ddot = sum a_k (t/h)^k with the equation of motion at Chebyshev's points of (0, h], by Newton's method
 //! ```
 //!
-//! The Taylor series have order 24 and follow Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at
-//! most some time constants `I/d` of the friction long. After 40 time constants, collocation integrates the slower motion. Collocation is
-//! stiffly accurate, and its steps are as long as the slow motion allows.
+//! `y_k` are the Taylor coefficients of `y`, and `S_k`, `C_k` those of `sin(x + y)` and `cos(x + y)`. The series have order 24 and follow
+//! Jorba and Zou. A step ends where its last terms are 1e-17 of the motion. Such a step is at most some time constants `I/d` of the
+//! friction long. After 40 time constants, collocation integrates the slower motion. Collocation is stiffly accurate, and its steps are as
+//! long as the slow motion allows.
 
 use super::sine::sin_cos;
 use nalgebra::{SMatrix, SVector};
@@ -28,7 +29,7 @@ const SETTLED: f64 = 40.0;
 /// The largest last Chebyshev coefficient of the speed in a collocation step, relative to the speed.
 const TAIL: f64 = 2e-14;
 
-/// Parameters of the link: inertia (kg m^2), gravity moment (N m), viscous (N m s) and Coulomb friction (N m). In a motion computed
+/// Parameters of the link: inertia (kg m^2), gravity moment (N m), viscous (N m s/rad) and Coulomb friction (N m). In a motion computed
 /// backwards both friction coefficients are negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FrictionLink {
@@ -80,8 +81,8 @@ pub(super) fn evaluate(c: &Series, h: f64) -> (f64, f64) {
     (y, v)
 }
 
-/// The length of a step whose dropped terms are below 1e-17 of `size`. The estimate uses the last six coefficients, because from rest, and
-/// at a maximum of the sine, only every fourth coefficient is not zero.
+/// The length of a step whose last six terms are at most 1e-17 of `size`. Six coefficients are used, because from rest, and at a maximum of
+/// the sine, only every fourth coefficient is not zero.
 fn step_length(c: &Series, size: f64) -> f64 {
     (ORDER - 5..=ORDER).map(|k| (1e-17 * size / c[k].abs()).powf(1.0 / k as f64)).fold(f64::INFINITY, f64::min)
 }
@@ -177,7 +178,7 @@ impl Progress {
             // The last Chebyshev coefficient is proportional to the length of the step to the power `POINTS`.
             let longest = length * (0.3 / tail).powf(1.0 / POINTS as f64);
             if tail <= 1.0 {
-                // The last coefficient may be a rounding error, so the next step always tries a longer length.
+                // The last coefficient may be a rounding error. So the next step tries a longer length, unless this step was shortened.
                 let longer = if tail < 0.1 { 8.0 } else { 2.0 } * length;
                 self.slow = if shortened { longest } else { longer };
                 let [y, spread] = tried.polynomials(self);
@@ -234,7 +235,7 @@ impl Collocation {
                 last = now;
                 continue;
             }
-            // Newton's method does not improve the residual, which is far above the rounding error of the angle.
+            // Newton's method has not converged: its steps no longer shrink, and are far above the rounding error of the angle.
             if !(now.min(last) <= 1e-12 * size + 1e-15 * straight[0].abs()) {
                 motion.fill(f64::NAN);
             }

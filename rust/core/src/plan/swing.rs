@@ -6,9 +6,10 @@
 //! dT/de = sqrt(I/2) [ 1/sqrt(K_12) + 1/sqrt(K_34) - dF/dx(xt, l2) - dF/dx(xt, l3) ]
 //! ```
 //!
-//! `F` is the time factor of a phase (`phase.rs`), and `K_12`, `K_34` are the kinetic energies at the switches. In the derivative only the
-//! middle phase contributes. The outer phases start from fixed points, and the switches move along curves of equal energy. An overshoot is
-//! the back-swing of the motion mirrored and run backwards in time.
+//! `F(x, L; u)` is the time factor of a phase (`phase.rs`) with the torque `u`. `u+` and `u-` are the absolute values of the upper and the
+//! lower torque bound, and `K_12`, `K_34` are the kinetic energies at the switches. Only the phases that start at the turn have a term
+//! `dF/dx`, because the outer phases start from fixed points. At a switch both phases have the same energy `K`, so only the sum of their
+//! lengths counts. An overshoot is the back-swing of the motion mirrored and run backwards in time.
 
 use super::detour::{Push, detour};
 use super::monotone::{Monotone, MonotoneMotion, drop};
@@ -116,8 +117,9 @@ impl BackSwings for SwingSearch {
         };
         let (out, into) = (away.brake_length, towards.push_length);
         let (last, second) = rate(out.max(into));
-        // The derivative of the duration with respect to `e` is the sum of one term per phase. The shorter phase has the larger term. So if
-        // the term of the longer phase is positive, the sum is positive, and `e` is far from its root. Then one coarse term is sufficient.
+        // The derivative of the duration with respect to `e` is the sum of two terms, for the middle phase before and after the turn. The
+        // shorter part has the larger term. So if the term of the longer part is positive, the sum is positive, and `e` is far from its
+        // root. Then one coarse term is sufficient.
         let (other, first) = if last >= 0.0 && !fine { (last, second) } else { rate(out.min(into)) };
         let rate = last + other;
         let slope = rate / (rate.abs() + first + second);
@@ -225,7 +227,8 @@ mod tests {
 
     #[test]
     fn a_minimum_beside_an_edge_is_found() {
-        // The interval is 2e-3 rad wide, and its minimum is 2e-10 rad from its edge. The minimum time in the next interval is 142.7.
+        // The interval is 2e-3 rad wide, and its minimum is 2e-10 rad from its edge. The minimum time in the next interval is 142.7 (unit:
+        // `sqrt(I/2)` s).
         let straight = MonotoneMotion::new(6.2831853083864555, 6.28318550293321, -1.0, 1.2068690262570462e-9, 1.9572908712209023e-7);
         let swing = overshoot(&straight, f64::INFINITY).unwrap();
         assert!((swing.time - 79.92567).abs() < 1e-4, "{}", swing.time);

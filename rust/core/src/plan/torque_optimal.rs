@@ -8,9 +8,9 @@
 //! x0 = x1: T = 0, feasible and certified iff u_min <= G sin x0 <= u_max
 //! ```
 //!
-//! The certificate is Sturm's comparison theorem. The adjoint variable `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the
-//! torque switches. So two switches are more than `pi sqrt(I/|G|)` apart. Without the certificate, the optimum may first swing back, or
-//! overshoot (`swing.rs`).
+//! `u_min` and `u_max` are the torque bounds in the coordinate `x`. The certificate is Sturm's comparison theorem. The adjoint variable
+//! `psi` obeys `psi_ddot = -(G cos theta/I) psi`, and its zeros are the torque switches. So two switches are more than `pi sqrt(I/|G|)`
+//! apart. Without the certificate, the optimum may first swing back, or overshoot (`swing.rs`).
 
 use super::link::{Link, check_ends};
 use super::monotone::MonotoneMotion;
@@ -81,8 +81,8 @@ pub struct TorqueOptimum {
     pub v_peak: f64,
     /// Whether the monotone motion is proven to be the fastest of all motions.
     pub certified_global: bool,
-    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s, with gravity moment `G`, inertia `I` and viscous friction `d`. Without Coulomb friction, an
-    /// optimal motion shorter than this time has at most one switch.
+    /// `pi / sqrt(|G|/I - (d/2I)^2)`, s, with gravity moment `G`, inertia `I` and viscous friction `d`; infinite without a real root.
+    /// Without Coulomb friction, an optimal motion shorter than this time has at most one switch.
     pub sturm_bound: f64,
     /// Whether the monotone motion exists, or the reason why not.
     pub reason: MonotoneReason,
@@ -97,7 +97,7 @@ pub struct TorqueOptimum {
 /// Compute the fastest motion from rest at `theta0` to rest at `thetaf` (rad), under `tau_min <= tau <= tau_max` (N m).
 ///
 /// `inertia` is in kg m^2, `gravity_moment` in N m. The result has the monotone optimum with its certificate, and the fastest of monotone
-/// motion, back-swing and overshoot.
+/// motion, back-swing and overshoot. Errors: `Input` for an invalid argument.
 ///
 /// ```
 /// use armlet_core::plan::{Family, bang_bang_time, torque_optimal_time};

@@ -7,14 +7,14 @@ use super::sine::sin_cos;
 use super::steps::{FrictionLink, Progress, Step, evaluate};
 use super::torque_optimal::{Best, Family, TorqueOptimum};
 
-/// An upper bound of the steps of a phase. A phase of a hundred revolutions has fewer.
+/// The largest number of steps of a phase. A phase of a hundred revolutions has fewer.
 const MAX_STEPS: usize = 4000;
 
 /// A phase of constant torque that starts or ends at rest at the angle `theta`.
 #[derive(Debug, Clone, PartialEq)]
 struct RestPhase {
     theta: f64,
-    /// +1 or -1. The angle after the distance `y` is `q = theta + direction * y`.
+    /// +1 or -1. The angle at the distance `y` from rest is `q = theta + direction * y`.
     direction: f64,
     tau: f64,
     /// The time at which the phase is at rest, s.

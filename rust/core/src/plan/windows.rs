@@ -13,7 +13,7 @@
 //! From `x1` to the left, the second condition is true where `W` exceeds all its values on the way from `x1`. `W` rises from its value at
 //! `x1` to a maximum. Then it rises from the value of each maximum to the next maximum, because `W(x - 2 pi) = W(x) + 2 pi u+`. So there is
 //! one interval per revolution, until a line of `u-` ends. With friction, curves of the phase plane replace the lines. Two curves of one
-//! torque do not cross, and two curves of different torques cross once.
+//! torque do not cross, and two curves of different torques cross at most once.
 
 use super::search::Window;
 use std::cell::LazyCell;
@@ -21,7 +21,7 @@ use std::f64::consts::TAU;
 
 /// The intervals of feasible swings, the nearest first, as distances `e` behind `x0`, rad.
 pub(super) struct Windows<F> {
-    /// The next interval is from `low` to the maximum of `W` at `crest`. Both are infinite if there is no further interval.
+    /// The next interval is from `low` to the maximum of `W` at `crest`. `low` is infinite if there is no further interval.
     low: f64,
     crest: f64,
     most: f64,

@@ -6,8 +6,8 @@
 //! b = 2 (C_i - 2 C_m + C_(i+1)) / h^2   gives x = C at both ends and at the midpoint, where C = C_m
 //! ```
 //!
-//! With this slope `b`, the squared speed `x` differs from the cap between grid points only by a term of order `h^3`. With a constant `u`,
-//! `x` would equal the cap only at grid points, and `u` would jump at each of them.
+//! `'` is `d/ds`. With this slope `b`, the squared speed `x` differs from the cap between grid points only by a term of order `h^3`. With a
+//! constant `u`, `x` would equal the cap only at grid points, and `u` would jump at each of them.
 
 use super::lines::FASTEST;
 use super::reach::Profile;
@@ -86,8 +86,8 @@ impl PathProblem<'_> {
         slopes
     }
 
-    /// The cap at the midpoint between points `i` and `i + 1`, from the speed limit with the index `row`. The cap is NaN if there are too few grid
-    /// points to interpolate.
+    /// The cap at the midpoint of segment `i`, from the speed limit with the index `row`; NaN if there are too few grid points to
+    /// interpolate.
     fn between(&self, row: usize, i: usize, first: usize, last: usize) -> f64 {
         let Some((start, [weights])) = self.stencils.0.of(i, first, last) else { return f64::NAN };
         let (joint, limit) = match self.norms {

@@ -8,9 +8,10 @@
 //!
 //! The second differences at the ends of the segment are extrapolated from the two next to them.
 //!
-//! Where a row exceeds its limit, the limit is reduced on that segment by the excess. The profile obeys the rows at three points of a
-//! segment. So the excess is small, and a few corrections are sufficient. Samples are computed by the dynamics, or interpolated by
-//! polynomials through the rows at six grid points. Interpolated torques are compared with the dynamics in the middle of every segment.
+//! Where a row exceeds its limit, the limit is reduced on that segment by a multiple of the excess. The profile obeys the rows at three
+//! points of a segment. So the excess is small, and a few corrections are sufficient. Samples are computed by the dynamics, or interpolated
+//! by polynomials through the rows at six grid points. Interpolated torques are compared with the dynamics in the middle of every
+//! interpolated segment.
 
 use super::along::Along;
 use super::lines::LimitRows;
@@ -76,7 +77,7 @@ pub(super) struct Course<'a> {
     pub spans: &'a [(usize, usize)],
     /// Whether there are rows of torques, and rows of accelerations.
     pub kinds: [bool; 2],
-    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`.
+    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`, divided by a speed limit that varies.
     pub slopes: &'a [f64],
     pub stride: usize,
     pub friction: Option<&'a Friction>,

@@ -1,7 +1,7 @@
 //! The samples of every segment, and their distance to the limits (`check`).
 //!
 //! A register holds a block of rows, one row per lane. The block nearest to its limits is sampled first. Another block is sampled only if a
-//! bound from three of its samples allows a smaller distance.
+//! bound from three of its samples allows a smaller distance, or a distance below `FAR_ENOUGH`.
 
 use super::check::{Course, FINE, TOLERANCE, WINDOW};
 use super::lines::{FASTEST, LimitRows, largest, load, store};
@@ -72,8 +72,8 @@ pub(super) struct Examine<'a, F> {
 }
 
 impl<F: FnMut(usize, usize, f64, f64)> Examine<'_, F> {
-    /// The values of a block of rows, from row `k` on, at all samples of segment `i`. They are interpolated from the grid points after
-    /// `start`. Each point is read once.
+    /// The values of a block of rows, from row `k` on, at all samples of segment `i`. They are interpolated from the `WINDOW` grid points
+    /// from `start` on. Each point is read once.
     #[inline(always)]
     fn sample<S: Real>(&self, i: usize, k: usize, (start, weights): (usize, &[[f64; WINDOW]]), states: &States) -> Fine<S> {
         let Examine { course, rows, .. } = self;

@@ -55,7 +55,7 @@ impl PathProblem<'_> {
         moving[0].resize((last + 1) * w, 0.0);
         moving[1].resize(last * w, 0.0);
         for k in 0..=2 * last {
-            // An even `k` is a grid point, an odd `k` the midpoint between two of them. At rest there is no friction.
+            // An even `k` is a grid point, an odd `k` the midpoint between two of them. At rest there is no viscous friction.
             let (i, between) = (k / 2, k % 2 == 1);
             let here = if between { 0.5 * (x[i] + x[i + 1]) - 0.25 * (s[i + 1] - s[i]).powi(2) * u_slope[i] } else { x[i] };
             if !(here > 0.0) {

@@ -13,8 +13,9 @@ const MOST: usize = 1_000_000;
 
 /// Limits of every joint, `(n,)` each: `tau_min <= tau <= tau_max`, `|v| <= v_max`, `|a| <= a_max`.
 ///
-/// At least one limit of torque, joint acceleration or frame acceleration is required. Symmetric limits may vary along the path: `(P + 1,
-/// n)`, one row per knot, and linear in `s` between knots.
+/// At least one limit of torque, joint acceleration or frame acceleration is required. Limits of torque, speed and acceleration may vary
+/// along the path: `(P + 1, n)`, one row per knot, and linear in `s` between knots. A torque limit that varies is symmetric: the least
+/// torques are not used.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathLimits {
     /// Least and largest torques, N m or N.
@@ -32,7 +33,8 @@ pub struct PathLimits {
 /// Options of a timing: grid, speeds at the ends, stops, friction and torque rate.
 #[derive(Clone, Debug)]
 pub struct TimePathOptions {
-    /// Number of grid points; each piece of the path has some. `None` refines the grid until the duration converges.
+    /// Approximate number of grid points; each piece of the path has at least one segment. `None` refines the grid until the duration
+    /// converges.
     pub grid: Option<usize>,
     /// Whether segments are halved where a grid with `grid` points is too coarse for the limits.
     pub refine: bool,
@@ -55,7 +57,7 @@ impl Default for TimePathOptions {
 }
 
 impl TimePathOptions {
-    /// The number of points of the first grid.
+    /// The approximate number of points of the first grid.
     pub(super) fn points(&self) -> usize {
         self.grid.unwrap_or(FIRST_GRID)
     }
@@ -87,7 +89,7 @@ fn all_positive(name: &str, values: &[f64], n: usize) -> Result<()> {
 }
 
 impl PathLimits {
-    /// Bounds of torques, accelerations and speeds, `(3 n,)` each: infinite where there is no limit, one where a limit varies.
+    /// Bounds of torques, accelerations and speeds, `(3 n,)` each: infinite where there is no limit, -1 and 1 where a limit varies.
     fn bounds(&self, n: usize, rows: usize) -> Result<Checked> {
         let mut bounds = [vec![f64::NEG_INFINITY; 3 * n], vec![f64::INFINITY; 3 * n]];
         let mut along = Along { n, ..Along::default() };
@@ -178,7 +180,7 @@ pub(super) struct Checked {
     pub tip: Option<Tip>,
 }
 
-/// Validate all arguments, and return the limits.
+/// Validate all arguments, and return the limits. Errors: `Input` or `WrongShape`.
 pub(super) fn checked(mover: Mover, path: &Path, limits: &PathLimits, options: &TimePathOptions) -> Result<Checked> {
     let n = mover.dof();
     if path.dof() != n {

@@ -12,8 +12,8 @@ const RUN: usize = WINDOW - 1;
 const MOST_HALVINGS: u32 = 3;
 
 impl PathProblem<'_> {
-    /// Halve segment `i` `times(i)` times. A run of neighbouring segments is halved together, so that its rows can be interpolated. Return
-    /// whether any segment was halved.
+    /// Halve segment `i` `times(i)` times, at most `MOST_HALVINGS`. A run of neighbouring segments is halved together, as often as its
+    /// largest `times`, so that its rows can be interpolated. Return whether any segment was halved.
     pub fn refine(&mut self, times: impl Fn(usize) -> u32) -> bool {
         let (mut fine, mut pieces) = (Vec::new(), Vec::new());
         let s = &self.rows.s;

@@ -9,7 +9,7 @@
 //!
 //! `U - L` is a concave function of `x`. So Newton's method on the two active lines, started outside, finds an end of `{x : L(x) <= U(x)}`
 //! in a few steps. A *lane* is one entry of a SIMD register; here each lane has one row. The lines are stored, and a later pass builds only
-//! the lines of rows that changed.
+//! the lines of segments whose rows changed. `K_i` is the interval of feasible `x` at the start of segment `i` (`reach`).
 
 use super::tip::{Ball, Tangent};
 use crate::scalar::Real;
@@ -41,8 +41,8 @@ pub(super) struct LimitRows {
     pub coefficients: Vec<f64>,
     /// `(N, 3 width)`: the coefficients `A, B, g` of the rows `A u + B x + g` at the midpoints of segments.
     pub middles: Vec<f64>,
-    /// The part of `g` that vanishes at rest, from tangents of friction: `(N + 1, width)` at grid points, `(N, width)` at midpoints; else
-    /// empty.
+    /// The part of `g` that vanishes at rest, from tangents of viscous friction: `(N + 1, width)` at grid points, `(N, width)` at
+    /// midpoints; empty without viscous friction.
     pub moving: [Vec<f64>; 2],
     /// `(width,)`: the lower limits of the rows.
     pub lo: Vec<f64>,
@@ -92,7 +92,7 @@ pub(super) struct Lines {
     lower: Vec<f64>,
     /// `(N, 3 width)`: the slope `du/dx` of the upper and of the lower line.
     slope: Vec<f64>,
-    /// `(N,)`: the lower and the upper bound of `x` from rows without `u`.
+    /// `(N,)`: the lower and the upper bound of `x` from rows without `u`, and from the limit of the frame's acceleration.
     low: Vec<f64>,
     high: Vec<f64>,
     /// The number of upper lines of one segment, three times the number of rows.
@@ -192,8 +192,8 @@ impl Lines {
             let a0 = load::<S>(first, k);
             let a2 = (h + h).mul_add(b2, load::<S>(last, k));
             let am = h.mul_add(bm, load::<S>(middle, k));
-            // The constants that the slope of `u` adds. The slope changes neither the mean of `u` nor `x` at the end. At rest the constants
-            // are zero.
+            // The constants that the slope of `u` adds. The slope changes neither the mean of `u` nor `x` at the end. A static torque does
+            // not contain these constants.
             let (p0, p2, pm) = (-(turn * a0), turn * load::<S>(last, k), -(dip * bm));
             let (p0, p2, pm) = if rubs {
                 let [points, middles] = &rows.moving;

@@ -13,8 +13,8 @@
 //! Steps:
 //! 1. Compute `A, B, g` of the torques `tau = A u + B x + g` on a grid (`rows`).
 //! 2. Compute the fastest profile on this grid by reachability analysis (`reach`).
-//! 3. Check the limits at ten steps per segment (`check`). Reduce each exceeded limit in its segment by the largest excess.
-//!    Repeat step 2 until no limit is exceeded. If this does not succeed, halve segments.
+//! 3. Check the limits at ten steps per segment (`check`). Reduce each exceeded limit in its segment by a multiple of the excess. Repeat
+//!    step 2 until no limit is exceeded. If this does not succeed, halve segments.
 //! 4. With friction, step 3 may end without a feasible speed. Then slow down the best timing (`slow`).
 //! 5. With limits of the torque rate, average the timing over time and slow it down (`rate`).
 //! 6. Further limits: speed and acceleration of a frame's origin (`tip`), limits that vary along the path (`along`), positions
@@ -58,9 +58,9 @@ use std::sync::Arc;
 
 /// The number of corrections on one grid before segments are halved. It is doubled under friction, and for the last grid.
 const CORRECTIONS: usize = 8;
-/// How often the reduction of a limit is doubled without friction.
+/// The largest number of doublings of a reduction without friction.
 const MOST_DOUBLINGS: usize = 7;
-/// How often the reduction of a limit is doubled with friction. Each later correction reduces the limit on more neighbouring segments.
+/// The largest number of doublings of a reduction with friction. Each later correction reduces the limit on more neighbouring segments.
 const SPREAD: usize = 4;
 /// The largest number of passes that replace viscous friction by its chord.
 const CHORDS: usize = 40;
@@ -72,7 +72,7 @@ const NEAR: f64 = 0.03;
 const CONVERGED: f64 = 1e-6;
 /// The largest number of grids.
 const GRIDS: usize = 9;
-/// How often all segments of a grid may be halved.
+/// The largest number of times that all segments are halved.
 const HALVINGS: usize = 4;
 /// The relative change of the duration at which the automatic grid is fine enough.
 const DURATION_CHANGE: f64 = 1e-4;
@@ -93,7 +93,7 @@ const SLOPE_PASSES: usize = 1;
 pub struct TimePath {
     /// The motion `q(t)` along the path. Its duration is NaN if no timing exists.
     pub motion: TimedPath,
-    /// The smallest relative distance to a limit, over samples at ten steps per segment; NaN if no timing exists.
+    /// The smallest relative distance to a limit over the samples of the last check; NaN if no timing exists.
     pub margin: f64,
     /// The reason why no timing exists; `None` if one exists.
     pub reason: Option<PathReason>,
@@ -172,8 +172,8 @@ fn reduce_caps(rows: &LimitRows, caps: &mut [f64], old: &[f64], i: usize, past: 
     // correction on, reduce both: the larger cap has only a second-order effect on an excess next to the smaller cap.
     for (at, here, next, other) in [(i, x0, i + 1, x1), (i + 1, x1, i, x0)] {
         if here * 1.2 >= other || k >= 2 {
-            // At an end with a prescribed speed above zero the cap is fixed. Then only the other cap is reduced, and the excess
-            // decreases slowly. So this reduction doubles with each correction.
+            // At an end with a prescribed speed above zero, the cap is never below this speed. Then mainly the other cap is reduced, and
+            // the excess decreases slowly. So the reduction of the other cap doubles once more with each correction.
             let prescribed = (next == 0 && rows.x_start > 0.0) || (next + 1 == rows.cap.len() && rows.x_end > 0.0);
             let past = if prescribed { past * (1 << k.min(MOST_DOUBLINGS)) as f64 } else { past };
             caps[at] = caps[at].max(old[at] + past);
@@ -281,7 +281,8 @@ fn halvings(over: f64) -> u32 {
 
 /// Compute the fastest timing of `path` for the arm `mover` under `limits`.
 ///
-/// If no timing is feasible, the result has the reason. An argument that is not valid is an error.
+/// If no timing is feasible, the result has the reason. Errors: `Input` or `WrongShape` for an invalid argument, `Memory` for a grid that
+/// does not fit.
 ///
 /// ```
 /// use armlet_core::arm::Arm;

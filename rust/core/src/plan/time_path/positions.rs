@@ -1,7 +1,7 @@
 //! Position limits of a path: the extrema of every polynomial piece `q_j(x)`, `0 <= x <= 1`, are compared with `q_min` and `q_max`.
 //!
 //! The roots of a polynomial's derivative divide [0, 1] into parts where the polynomial is monotone. Bisection finds the root in each part,
-//! if there is one. This is repeated from the highest derivative down to `q'`. So an extremum of `q` is exact up to rounding.
+//! if there is one. This is repeated from the highest derivative down to `q' = dq/dx`. So an extremum of `q` is exact up to rounding.
 
 use super::reason::{Bound, PathReason, Shortfall};
 use super::rows::Mover;

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! r_W(t) = (s(t) - s(t - W)) / W,   u_W(t) = (r(t) - r(t - W)) / W,   duration k (T + W)
-//! tau(t/k) = g + d q' r_W / k + I / k^2,   I = M a + C v at k = 1
+//! tau(k t) = g + d q' r_W / k + I / k^2,   q' = dq/ds,   d: viscous friction,   I = M a + C v at time t for k = 1
 //! ```
 //!
 //! The search varies the window `W`, and finds the least factor `k` for each. The result satisfies the limits, but it is not the fastest
@@ -26,15 +26,15 @@ use crate::motion::TimedPath;
 const WINDOWS: std::ops::RangeInclusive<i32> = -8..=1;
 /// Factors for the finer search around the best window.
 const STEPS: [f64; 4] = [1.5, 1.2, 1.1, 1.05];
-/// Number of nodes per window.
+/// Least number of nodes per window.
 const PER_WINDOW: f64 = 8.0;
-/// Number of nodes per piece of the path.
+/// Least number of nodes per piece of the path.
 const PER_PIECE: usize = 40;
-/// The smallest and the largest total number of nodes.
+/// The smallest and the largest total number of nodes. The largest number overrides the numbers per window and per piece.
 const NODES: (usize, usize) = (200, 4000);
-/// Samples between two nodes during the search.
+/// Steps from one node to the next during the search.
 const ROUGH: usize = 4;
-/// Samples between two nodes in the final check.
+/// Steps from one node to the next in the final check.
 const FINEST: usize = 20;
 /// The largest factor `k` by which the motion is slowed down.
 const SLOWEST: f64 = 1e6;
@@ -49,7 +49,7 @@ struct Nodes {
     u: Vec<f64>,
 }
 
-/// A sample that exceeds a limit.
+/// The largest relative excess over a limit, with this limit, its joint and the path position.
 #[derive(Clone, Copy, Debug)]
 struct Beyond {
     excess: f64,
@@ -58,7 +58,7 @@ struct Beyond {
     s: f64,
 }
 
-/// `K` samples of a timing, with `per` samples of `step` seconds between two nodes.
+/// `K` samples of a timing, with `per` steps of `step` seconds from one node to the next.
 struct Samples<'a> {
     problem: &'a PathProblem<'a>,
     rates: &'a [f64],
@@ -142,8 +142,8 @@ impl<'a> Samples<'a> {
         Samples { problem, rates, per, step, s: states.iter().map(|state| state[0]).collect(), held, rubbed, all, stride, along }
     }
 
-    /// The sample with the largest relative excess over a limit, in a motion slower by the factor `k`. With `any`, the search ends at the
-    /// first sample that exceeds a limit.
+    /// The largest relative excess over a limit, in a motion slower by the factor `k`. With `any`, the search ends at the first sample that
+    /// exceeds a limit.
     fn worst(&self, k: f64, any: bool) -> Beyond {
         let Samples { problem, rates, per, step, s, held, rubbed, all, stride, along } = self;
         let (n, per) = (problem.n, *per);

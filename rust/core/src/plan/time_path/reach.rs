@@ -201,8 +201,8 @@ impl GenericKernel for SegmentSlopes<'_> {
                     u_slope = rise / h;
                 }
             }
-            // Where `x` follows a cap, `u` may have the slope of the cap. The condition is that `u` is then within its bounds at both ends
-            // of the segment.
+            // Where `x` follows a cap, `u` may have the slope of the cap. The conditions are that `u` is then within its bounds at both
+            // ends of the segment, and that `x` remains well above zero.
             let half = 0.5 * h * caps[i];
             let inside = |at: f64, [most, least]: [f64; 2]| least <= at && at <= most;
             if inside(u - half, before) && inside(u + half, after) && x0.min(x1) + h * u.abs() >= 4.0 * h * half.abs() {
@@ -223,7 +223,7 @@ pub(super) fn set_slopes(rows: &mut LimitRows, profile: &mut Profile, caps: &[f6
     run_lanes(SegmentSlopes(rows, profile, caps));
 }
 
-/// Compute the largest loss of time of each segment, as a fraction of the duration, and write it to `to`, `(N,)`.
+/// Estimate the largest loss of time of each segment, as a fraction of the duration, and write it to `to`, `(N,)`.
 ///
 /// In this profile the active limit changes at a grid point, where `u` jumps. In the optimum the limit changes within a segment. The loss
 /// is the duration of the profile minus the duration of the optimum.

@@ -1,7 +1,7 @@
 //! The reason why a path has no timing: the joint, the path position, the limit, and the missing amount.
 //!
-//! The missing amount is the smallest `w` for which a feasible speed exists when every limit is wider by `w` times its size. Bisection
-//! finds `w`.
+//! If a static torque exceeds its limit, its excess is the missing amount. Else, if no path speed is feasible, every limit is widened by
+//! `w` times its size. The missing amount is the smallest `w` for which a feasible speed exists. Bisection finds `w`.
 
 use super::check::LimitCheck;
 use super::reach::{Profile, Stuck, widened};
@@ -80,7 +80,7 @@ pub struct PathReason {
     pub s: f64,
     /// The violated limit.
     pub limit: Bound,
-    /// The missing amount, as a fraction of the limit.
+    /// The missing amount, as a fraction of the limit; for a position, as a fraction of `q_max - q_min` if finite.
     pub missing: f64,
     /// The missing amount in the unit of the limit.
     pub missing_units: f64,

@@ -1,4 +1,5 @@
-//! The dynamics along a path, for many points together, with `v = q' r`, `a = q' u + q'' x`, `r = ds/dt`, `x = r^2`, `u = d^2 s/dt^2`:
+//! The dynamics along a path `q(s)`, for many points together. `'` is `d/ds`, and `r = ds/dt`, `x = r^2`, `u = d^2 s/dt^2`. So `v = q' r`
+//! and `a = q' u + q'' x`:
 //!
 //! ```text
 //! tau = A u + B x + g (+ friction),   A = M q',   B = M q'' + C(q, q') q',   g = g(q)
@@ -47,7 +48,8 @@ impl Mover<'_> {
         }
     }
 
-    /// Compute a matrix of a frame at `count` points. Each input is `(count, n)`. A point whose input is not finite gets NaN.
+    /// Compute a matrix of a frame at `count` points. Each input is `(count, n)`. A point whose input is not finite gets NaN; with
+    /// `PlanarPr`, all points get NaN.
     pub(super) fn matrices(&self, query: &Query, inputs: &[&[f64]], count: usize, out: &mut [f64]) {
         let n = self.dof();
         let Mover::Tree(functions) = self else { return out.fill(f64::NAN) };
@@ -113,11 +115,12 @@ pub(super) struct Points<'a> {
 }
 
 pub(super) enum Request<'a> {
-    /// Compute `[A, B, g]`, each `width` long: first torques, then accelerations if `accelerations`, then the frame's acceleration if
-    /// `origins`. Write `dq/ds` to `slopes`, `(count, slope_stride)`, then `|dp/ds|` of the frame's origin `p`.
+    /// Compute `[A, B, g]`, each `width` long: torques if `torques`, then accelerations if `accelerations`, then the frame's acceleration
+    /// if `origins`. Write `dq/ds` to `slopes`, `(count, slope_stride)`, then `|dp/ds|` of the frame's origin `p`. Numbers of the frame are
+    /// divided by limits that vary.
     Coefficients { width: usize, torques: bool, accelerations: bool, origins: bool, slopes: &'a mut [f64], slope_stride: usize },
     /// Compute `[tau, a, v]`, `(3 n,)`, at the path speed and path acceleration that `rate` returns; then the frame's acceleration and
-    /// velocity.
+    /// velocity, divided by limits that vary.
     Motion { rate: &'a (dyn Fn(usize) -> (f64, f64) + 'a) },
 }
 

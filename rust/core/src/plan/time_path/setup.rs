@@ -21,9 +21,9 @@ pub(super) struct PathProblem<'a> {
     pub path: Arc<Path>,
     pub n: usize,
     pub rows: LimitRows,
-    /// `(3 n,)`: lower limits of torques, accelerations and speeds; infinite where there is no limit.
+    /// `(3 n,)`: lower limits of torques, accelerations and speeds; `-inf` where there is no limit, -1 where a limit varies along the path.
     pub lo: Vec<f64>,
-    /// `(3 n,)`: upper limits of torques, accelerations and speeds; infinite where there is no limit.
+    /// `(3 n,)`: upper limits of torques, accelerations and speeds; `inf` where there is no limit, 1 where a limit varies along the path.
     pub hi: Vec<f64>,
     pub limits: Limits,
     /// Whether there are rows of torques, and rows of accelerations.
@@ -44,9 +44,9 @@ pub(super) struct PathProblem<'a> {
     pub norms: Option<usize>,
     /// `(N,)`: the index of the piece of each segment.
     pub pieces: Vec<usize>,
-    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`.
+    /// `(N + 1, stride)`: `dq/ds` at the grid points, and `|dp/ds|` of the frame's origin `p`, divided by a speed limit that varies.
     pub slopes: Vec<f64>,
-    /// `(N + 1, 2 n)`: `B` and `g` of the torques `A u + B x + g` without friction.
+    /// `(N + 1, 2 n)`: `B` and `g` of the torques `A u + B x + g` without viscous friction. `g` includes Coulomb friction.
     pub bare: Vec<f64>,
     /// `(N + 1,)`: the relative reduction of the caps.
     pub cap_tight: Vec<f64>,
@@ -184,12 +184,13 @@ impl<'a> PathProblem<'a> {
         self.set_caps();
     }
 
-    /// The varying limit of `joint` at grid point `i`; one if the limit is constant.
+    /// The varying limit of `joint` at grid point `i`; one if the limit is constant. `kind` is 0 for torque, 1 for acceleration, 2 for
+    /// speed.
     pub fn along_at(&self, kind: usize, i: usize, joint: usize) -> f64 {
         self.along.limit(&self.path, kind, joint, self.pieces[i.min(self.pieces.len() - 1)], self.rows.s[i])
     }
 
-    /// Divide rows by their varying limits.
+    /// Divide the rows of torques and accelerations by limits that vary.
     fn divide_by_limits(&mut self) {
         let (n, width) = (self.n, self.rows.width);
         for kind in (0..2).filter(|&kind| !self.along.limits[kind].is_empty()) {
@@ -254,7 +255,7 @@ impl<'a> PathProblem<'a> {
         }
     }
 
-    /// Require that the frame moves on every segment, if neither torque nor joint acceleration is limited.
+    /// Require that the frame moves on every segment, if neither torque nor joint acceleration is limited. Errors: `Input`.
     pub fn require_motion(&self) -> Result<()> {
         if self.kinds != [false; 2] {
             return Ok(());

@@ -7,7 +7,8 @@
 //! tau(s) = g + d q' sqrt(c x) + c (M q'' + C q') x + c M q' u
 //! ```
 //!
-//! Bisection finds the largest `c` that satisfies all limits. The result satisfies the limits, but it is not the fastest timing.
+//! `q' = dq/ds`, `d` is the viscous friction, and `g` includes Coulomb friction. Bisection finds a `c` that satisfies all limits. The
+//! result is not the fastest timing.
 
 use super::TimePath;
 use super::check::TOLERANCE;
@@ -22,8 +23,8 @@ const SLOWEST: f64 = 1e-12;
 /// The relative accuracy of the factor `c` that multiplies the squared path speed.
 const SHARE: f64 = 1e-6;
 
-/// Slow down the profile that exceeded its limits least, and return this timing or `best`, whichever is faster. Slowing has no effect
-/// without friction or with end speeds above zero. It fails if the limits do not allow the arm to be held at rest.
+/// Slow down the profile that exceeded its limits least, and return this timing or `best`, whichever is faster. Return `best` without
+/// friction, with a start or end speed above zero, or if even `SLOWEST` exceeds a limit.
 pub(super) fn slowed(
     problem: &mut PathProblem,
     samples: &mut Samples,
@@ -35,8 +36,8 @@ pub(super) fn slowed(
         return Ok(best);
     }
     let (kept, u_slope) = (profile.kept.clone(), rows.u_slope.clone());
-    // First try the slopes of `u` of the faster profile, then zero slopes. With the slopes of the faster profile, a slower motion may turn
-    // back between two points.
+    // First try the slopes of `u` of the faster profile, then zero slopes. With these slopes, `x` may reach zero between two points, and
+    // the duration is not finite.
     for u_slope in [u_slope, vec![0.0; kept.len() - 1]] {
         let Some(found) = slowed_with(problem, samples, profile, (&kept, &u_slope))? else { continue };
         let duration = found.motion.duration();

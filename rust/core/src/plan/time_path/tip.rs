@@ -1,4 +1,5 @@
-//! The origin `p` of a frame along a path, and the limits of its speed and acceleration, with `r = ds/dt`, `x = r^2`, `u = d^2 s/dt^2`:
+//! The origin `p` of a frame along a path `q(s)`, and the limits of its speed and acceleration. `'` is `d/ds`, and `r = ds/dt`, `x = r^2`,
+//! `u = d^2 s/dt^2`:
 //!
 //! ```text
 //! p' = dp/ds = J q',   p'' = J q'' + (dJ/ds) q'         J: the Jacobian of the origin
@@ -54,7 +55,7 @@ pub(super) struct Ball {
     middle: [f64; 2],
     /// The vectors `c` and `d`: the parts of `b` and `m` perpendicular to `a`, in the acceleration `a u + b x + m`.
     across: [Vector3<f64>; 2],
-    /// The limit `A` of the norm of the frame's acceleration, m/s^2; one if the limit varies along the path.
+    /// The limit `A` of the norm of the frame's acceleration, m/s^2, after its reduction; as a fraction if the limit varies along the path.
     radius: f64,
     /// `1 / |a|`; zero if `a = 0`, so that `u` does not accelerate the frame's origin.
     by: f64,
