@@ -1,9 +1,10 @@
 //! Adaptive methods: common definitions. A method chooses its steps from `t` towards `t_end`, each with an error estimate
 //!
-//! `error = sqrt(1/m sum ((x - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`.
+//! `error = sqrt(1/m sum ((x_new - x_embedded)_i / (atol_i + rtol_i max(|x_i|, |x_new_i|)))^2)`
 //!
-//! A step with `error < 1` is accepted. The method has a polynomial over the last step (Hairer, Norsett and Wanner, Solving Ordinary
-//! Differential Equations I, sections II.4 to II.6).
+//! from the state `x` to `x_new`, with `m` components with error control. The method `dop853` combines two such estimates. A step with
+//! `error < 1` is accepted. The method has a polynomial over the last step (Hairer, Norsett and Wanner, Solving Ordinary Differential
+//! Equations I, sections II.4 to II.6).
 
 use super::{Buffer, System};
 use crate::scalar::Real;
@@ -90,9 +91,9 @@ impl Accuracy for Tolerances {
 /// the input or the state jumps. The next segment begins there. A jump of the state is applied through `x_mut`.
 pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     /// Begin a segment from the state `x` at time `t < t_end`, s. `input_end` is the latest time at which the input is evaluated. It is
-    /// `t_end`, or just before `t_end` if the input jumps there. Fails if the state or its derivative is not finite.
+    /// `t_end`, or just before `t_end` if the input jumps there. Error: [`Status::Diverged`] if the state or its derivative is not finite.
     fn begin(&mut self, system: &mut F, t: f64, t_end: f64, input_end: f64) -> Result<(), Status>;
-    /// Compute steps until one is accepted. Return `true` at the end of the segment.
+    /// Compute steps until one is accepted. Return `true` at the end of the segment. The error is the reason why no step is accepted.
     fn step(&mut self, system: &mut F) -> Result<bool, Status>;
     /// Write the state at time `t`, s, within the last step to `out`.
     fn interpolate(&mut self, system: &mut F, t: f64, out: &mut B);
@@ -108,8 +109,9 @@ pub trait Adaptive<S: Real, F: System<S>, B: Buffer<S>> {
     fn x_mut(&mut self) -> &mut B;
     /// The numbers of evaluations, steps and decompositions since the start of the run.
     fn work(&self) -> Work;
-    /// Set the largest step size from now on, s. It is infinite at first.
+    /// Set the largest step size, s, before `begin`. It is infinite at first. A method of fixed step size ignores it.
     fn limit_step(&mut self, h_max: f64);
-    /// Set the first step size of the next segment, s. Without this call, the method estimates it.
+    /// Set the first step size of all later segments, s. At zero, the initial value, the method estimates this size. A method of fixed step
+    /// size ignores it.
     fn first_step(&mut self, h: f64);
 }

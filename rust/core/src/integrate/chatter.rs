@@ -1,6 +1,6 @@
 //! The detection of chattering along a surface on which the slope `f` jumps and which the solution cannot leave.
 //!
-//! An example is `x' = -sign(x)` from the time at which `x = 0`. No solution exists in the classical sense, and the step size of an
+//! An example is `x' = 1/2 - sign(x)` from the time at which `x = 0`. No solution exists in the classical sense, and the step size of an
 //! adaptive method decreases without limit. Every `WINDOW` attempts, a check compares `f(x)` with `f(x + d)`, where
 //! `d = f(x) max(h, 1/|f(x)|)`. Norms are relative to the allowed error. If the two slopes differ, bisection of `[x, x + d]` keeps the half
 //! in which the slope changes more. A smooth change decreases with the interval, and a jump does not. A run ends after
@@ -16,7 +16,7 @@ use crate::status::Status;
 const WINDOW: u64 = 500;
 /// A step that moves the state by more than this number of allowed errors is not limited by a jump.
 const MOVES: f64 = 1e3;
-/// A change of the slope is ignored if its effect on the state in one step is below this fraction of the allowed error.
+/// A change of the slope is ignored if its effect on the state in the time `max(h, 1/|f(x)|)` is below this fraction of the allowed error.
 const NOTICED: f64 = 0.1;
 /// The number of bisections. A change of the slope within `2^-30` of the interval counts as a jump.
 const BISECTIONS: usize = 30;
@@ -31,7 +31,7 @@ const NOISE: f64 = 10.0;
 pub(super) struct Chatter<B> {
     /// The number of attempts at which the next check is due.
     look_at: u64,
-    /// The number of attempts spent at jumps.
+    /// The number of attempts spent at jumps. Attempts without a jump reduce it.
     spent: u64,
     slope: B,
     low: B,
@@ -70,7 +70,7 @@ impl<B: Clone> Chatter<B> {
         if self.spent >= system.chatter_budget() { Err(Status::Stalled) } else { Ok(()) }
     }
 
-    /// Whether the slope jumps between `x` and the end of the next step.
+    /// Whether the slope jumps between `x` and `x + d`.
     fn jumps<S, F, T>(&mut self, system: &mut F, controller: &mut StepController<T>, u: &mut F::Input, x: &[S]) -> bool
     where
         S: Real,

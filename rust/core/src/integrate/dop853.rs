@@ -2,8 +2,9 @@
 //!
 //! See Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, section II.10.
 //!
-//! The error of a step is `|h| e5^2 / sqrt(n (e5^2 + 0.01 e3^2))`, with the weighted norms `e5` and `e3` of the two error estimates. A step
-//! with an error below 1 is accepted. The step size then changes by the factor `0.9 error^(-1/8)`, within [0.2, 10].
+//! The error of a step is `|h| e5^2 / sqrt(m (e5^2 + 0.01 e3^2))`. `e5` and `e3` are the Euclidean norms of the two error estimates divided
+//! by the allowed errors, over the `m` components with error control. A step with an error below 1 is accepted. The step size then changes
+//! by the factor `0.9 error^(-1/8)`, within [0.2, 10].
 
 use super::adaptive::{Accuracy, Tolerance};
 use super::dop853_tableau as tableau;

@@ -1,8 +1,8 @@
 //! The coefficients of DOP853 (Dormand and Prince 1980).
 //!
-//! The method has 12 stages, order 8, and error estimates of orders 5 and 3. The dense output of order 7 has three more stages and a
-//! matrix. The source is Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, second edition, section II.5, with its code
-//! `dop853.f`.
+//! The method has 12 stages, order 8, and error estimates of orders 5 and 3. The dense output of order 7 has three more stages and four
+//! rows of weights. The source is Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, second edition, section II.5, with
+//! its code `dop853.f`.
 
 /// The times of the stages, as fractions of the step. The stages of the dense output are last.
 pub(super) const C: &[f64] = &[

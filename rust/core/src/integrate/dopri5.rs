@@ -22,7 +22,7 @@ impl Scheme for Pair54 {
         &[9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0],
         &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
     ];
-    /// The difference of the two solutions of orders 5 and 4.
+    /// The weights of the difference of the two solutions of orders 5 and 4, divided by `h`.
     const E: &'static [&'static [f64]] =
         &[&[71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0]];
     const D: &'static [&'static [f64]] = &[&[

@@ -1,10 +1,10 @@
 //! Zero crossings of functions `g_i(t, x)` along a run, located on the dense output of each step.
 //!
-//! An event is a change of the sign of `g` between two accepted steps. At a rising crossing, `g` was negative before, and is now zero or
-//! positive. At a falling crossing, it was positive and is now zero or negative. A `g` that starts at zero has no sign until it differs
-//! from zero. Two changes within one step cancel and are missed. A smaller step limit detects both changes. The root is bracketed until no
-//! number lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic interpolation where it is safe, otherwise
-//! bisection. The event is at the later end, so that a run that starts there begins after the change of sign.
+//! An event is a change of the sign of `g` between both ends of an accepted step. At a rising crossing, `g` was negative before, and is now
+//! zero or positive. At a falling crossing, it was positive and is now zero or negative. If `g` is zero at the start of a step, this step
+//! has no event. Two changes within one step cancel and are missed. A smaller step limit can detect both. The root is bracketed until `g`
+//! is zero or no number lies between the two ends. The method is Chandrupatla's (1997): inverse quadratic interpolation where it is safe,
+//! otherwise bisection. The event is at the later end, so that a run that starts there begins after the change of sign.
 
 use super::{Adaptive, Buffer, System};
 use crate::scalar::sign;
@@ -46,7 +46,7 @@ pub struct Crossing {
 pub struct Watch<B> {
     events: Vec<Event>,
     counts: Vec<usize>,
-    /// The last nonzero sign of each function. It is zero before the first such sign.
+    /// The sign of each function at the end of the last step: -1, 0 or 1.
     signs: Vec<f64>,
     values: Vec<f64>,
     /// The crossings in the last step, in order of time.
@@ -61,7 +61,8 @@ impl<B: Buffer<f64>> Watch<B> {
         Watch { events, counts: vec![0; n], signs: vec![0.0; n], values: vec![0.0; n], crossings: Vec::with_capacity(n), at: state }
     }
 
-    /// Begin the detection at time `t`, s, and state `x`, at the start of a run or after a jump.
+    /// Begin the detection at time `t`, s, and state `x`, at the start of a run or after a jump. Error: [`Status::Diverged`] if a function
+    /// is NaN.
     pub fn begin<G: Watched>(&mut self, watched: &mut G, t: f64, x: &[f64]) -> Result<(), Status> {
         for i in 0..self.events.len() {
             self.values[i] = watched.value(i, t, x);
@@ -73,7 +74,8 @@ impl<B: Buffer<f64>> Watch<B> {
         Ok(())
     }
 
-    /// Find the crossings in the step that `method` has just accepted. Crossings after the end of the run are removed.
+    /// Find the crossings in the step that `method` has just accepted. Return the time of the crossing that ends the run, s, if one does.
+    /// Crossings after this time are removed. Error: [`Status::Diverged`] if a function is NaN.
     pub fn scan<F, G, M>(&mut self, system: &mut F, method: &mut M, watched: &mut G) -> Result<Option<f64>, Status>
     where
         F: System<f64>,
@@ -121,13 +123,14 @@ impl<B: Buffer<f64>> Watch<B> {
     }
 }
 
-/// Return the later end of a bracket of a root of `g` between `a` and `b`. No number lies between the two ends.
+/// Return a root of `g` between `a` and `b`, which are pairs `(t, g(t))` with opposite signs. If no value of `g` is exactly zero, the
+/// result is the later end of a bracket, and no number lies between its two ends.
 pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> f64 {
-    // `b` is the newest point, `a` is on the other side of the root, and `c` is the previous point.
+    // In the loop, `a` is the newest point, `b` is on the other side of the root, and `c` is the end that left the bracket last.
     let (mut a, mut b) = (b, a);
     let mut c;
     let mut part = 0.5;
-    // Bisection alone ends after at most 200 steps, because all bits are then determined. The limit also ends the loop for NaN.
+    // Bisection alone needs about 52 evaluations, or more for a root near `t = 0`. The limit also ends the loop for NaN.
     for _ in 0..200 {
         let middle = a.0 + part * (b.0 - a.0);
         let inside = |t: f64| (t > a.0 && t < b.0) || (t > b.0 && t < a.0);
@@ -157,7 +160,7 @@ pub fn crossing(mut g: impl FnMut(f64) -> f64, a: (f64, f64), b: (f64, f64)) -> 
         } else {
             0.5
         };
-        // The next point has a distance from both ends. NaN is replaced by the middle.
+        // The next point keeps a distance from both ends. NaN is replaced by the middle.
         part = if part.is_nan() { 0.5 } else { part.clamp(least, 1.0 - least) };
     }
     a.0.max(b.0)

@@ -30,13 +30,13 @@ pub struct Steps<M, B, U> {
     input_end: f64,
     dense: bool,
     work: Work,
-    /// The numbers of evaluations and factorisations of one step.
+    /// The numbers of evaluations, Jacobians and factorisations of one step.
     each: Work,
 }
 
 impl<M, B: Clone, U: Clone> Steps<M, B, U> {
-    /// Return a method with steps of size `h > 0`, s. `each`: the numbers of evaluations and decompositions of one step. The sizes of
-    /// `state` and `input` determine the memory.
+    /// Return a method with steps of size `h > 0`, s. `each`: the numbers of evaluations, Jacobians and decompositions of one step. The
+    /// sizes of `state` and `input` determine the memory.
     pub fn new(method: M, h: f64, each: Work, state: B, input: U) -> Self {
         let (x_old, f_old, f) = (state.clone(), state.clone(), state.clone());
         Steps {

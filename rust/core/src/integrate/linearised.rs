@@ -1,6 +1,6 @@
 //! Jacobians from the right-hand side evaluated on dual numbers.
 //!
-//! Column `j` of `df/dx` is the derivative of `f` along `x_j`. One evaluation computes `RATES` columns.
+//! Column `j` of `df/dx` is the derivative of `f` along `x_j`. One evaluation computes one column per lane of the dual part.
 
 use super::{Differentiable, System};
 use crate::linalg::Pairs;

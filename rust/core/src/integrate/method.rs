@@ -83,7 +83,7 @@ methods! {
 }
 
 impl Method {
-    /// Return the method with this name in Python.
+    /// Return the method with this name in Python. Errors: [`Error::Unknown`] for an unknown name.
     pub fn from_name(name: &str) -> Result<Self> {
         let found = Self::ALL.iter().copied().find(|method| method.name() == name);
         found.ok_or_else(|| Error::unknown("method", "", Self::ALL.iter().map(|method| method.name()), name))
@@ -114,7 +114,7 @@ impl Method {
         }
     }
 
-    /// Whether the method solves only linear equations. Such a method also requires `df/dt`.
+    /// Whether the method is a Rosenbrock method, which is implicit and solves only linear equations. It also requires `df/dt`.
     pub fn is_rosenbrock(self) -> bool {
         match self.kind() {
             Kind::ExplicitSteps(_) | Kind::ExplicitAdaptive(_) | Kind::ImplicitAdaptive(ImplicitAdaptive::Radau5) => false,
@@ -187,8 +187,8 @@ impl ExplicitSteps {
         }
     }
 
-    /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input. Fails if the method cannot integrate the
-    /// system.
+    /// Run `task` with this method, from the state `x` of `system`. `u` is memory for an input. Errors: [`Error::Input`] if the method is
+    /// `semi_implicit` and the system has no pairs of positions and rates.
     pub fn apply<S, F, T>(self, system: F, x: Vec<S>, u: F::Input, task: T) -> Result<T::Output>
     where
         S: Real,

@@ -1,7 +1,7 @@
 //! Initial-value problems `x' = f(u(t), x)`: one method per file, each generic over the number type.
 //!
-//! The exogenous input `u(t)` (desired motion, applied force) is evaluated once per distinct stage time. For a plain system `x' = f(t, x)`
-//! the input is the time.
+//! The exogenous input `u(t)` (desired motion, applied force) depends only on the time. Stages at the same time can share it. For a plain
+//! system `x' = f(t, x)` the input is the time.
 //!
 //! Terms: the *slope* is `x'`. An *attempt* is a step before the error test. A *segment* is the time between two jumps of the input or the
 //! state. A *lane* is one element of a SIMD register, and computes one of several runs.

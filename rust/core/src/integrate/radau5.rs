@@ -2,10 +2,11 @@
 //!
 //! `z_i = h sum_j a_ij f(t + c_j h, x + z_j)`, `x_new = x + z_3`.
 //!
-//! The solver is simplified Newton iteration on `w = T^-1 z`. In these variables, `A^-1` has one real and one complex pole:
-//! `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and `((a + ib)/h - J)(dw_2 + i dw_3) = ..`. The error estimate is
-//! `(m/h - J)^-1 (f(t, x) + (e_1 z_1 + e_2 z_2 + e_3 z_3)/h)`. The collocation polynomial of degree 3 is the dense output. Its
-//! extrapolation starts the next Newton iteration. The step-size control is predictive (Gustafsson 1994).
+//! The solver is simplified Newton iteration on `w = T^-1 z`, with the Jacobian `J = df/dx`. In these variables, `A^-1` has a block for its
+//! real eigenvalue `m`, and a block for its complex pair `a + ib`, `a - ib`: `(m/h - J) dw_1 = (T^-1 f)_1 - m/h w_1` and
+//! `((a + ib)/h - J)(dw_2 + i dw_3) = ..`. The error estimate is `(m/h - J)^-1 (f(t, x) + (e_1 z_1 + e_2 z_2 + e_3 z_3)/h)`. The
+//! collocation polynomial of degree 3 is the dense output. Its extrapolation starts the next Newton iteration. The step-size control is
+//! predictive (Gustafsson 1994).
 
 mod newton;
 
@@ -23,11 +24,11 @@ use crate::status::Status;
 const ITERATIONS: usize = 6;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 10.0;
-/// If the step size would grow by a smaller factor, it does not change, so that the matrix decompositions can be reused.
+/// If the step size would change by a smaller factor after an accepted step, it does not change. Then the matrix decompositions are reused.
 const LEAST_GROWTH: f64 = 1.2;
 /// The rounding error of the error estimate, divided by the error of one slope: `|(1, e A)|`.
 const GAIN: f64 = 2.0;
-/// If Newton's iteration contracts by a larger factor, the next step evaluates the Jacobian again.
+/// If Newton's iteration contracts by a larger factor and takes more than two iterations, the next step has a new Jacobian.
 const SLOW: f64 = 1e-3;
 
 /// The method Radau IIA of order 5 for a state `B`.
@@ -54,7 +55,7 @@ pub struct Radau5<S, B, U, A = Tolerance> {
     complex_work: Vec<Complex<S>>,
     real_pivots: Vec<usize>,
     complex_pivots: Vec<usize>,
-    /// The step size of the present matrix decompositions, or NaN before the first decomposition.
+    /// The step size of the present matrix decompositions, s, or NaN if they are not valid.
     h_factored: f64,
     /// Whether the Jacobian is evaluated at the present state.
     current: bool,
@@ -120,7 +121,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         }
     }
 
-    /// Decompose both matrices for a step of size `h`. Return whether both are regular.
+    /// Decompose both matrices for a step of size `h`. Return false if one is singular or if a stop is requested.
     fn factor<F: Differentiable<S, Input = U>>(&mut self, system: &mut F, h: f64) -> bool {
         let (n, j, pairs) = (self.x.as_ref().len(), &self.jacobian, system.pairs());
         let (real, complex) = poles::<S>(h);
@@ -207,7 +208,7 @@ impl<S: Real, B: Buffer<S>, U: Clone, A: Accuracy> Radau5<S, B, U, A> {
         self.controller.work.evaluations += 1;
     }
 
-    /// Return `error^(-1/4)`, reduced if the error has increased since the last step.
+    /// Return `error^(-1/4)`, multiplied by `h/h_old (error_old/error)^(1/4)` of the last step `h_old` if this product is below 1.
     fn predict(&self, h: f64, error: f64) -> f64 {
         let trend = match self.last {
             Some((h_old, error_old)) if error > 0.0 => (h / h_old * (error_old / error).powf(0.25)).min(1.0),

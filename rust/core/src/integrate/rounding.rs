@@ -1,12 +1,12 @@
 //! Rounding errors of implicit methods at tight tolerances.
 //!
 //! A stored state `x` has an error of `eps |x|`, where `eps` is the machine precision. A stiff slope then has an error of `eps |J| |x|`.
-//! The error estimate of a step `h` has an error of `(s I - J)^-1 eps |J| |x|`, where `s ~ 1/h`. This error increases if the step size
-//! decreases. If it exceeds the tolerance, no step size is accepted. The remedies, in order:
+//! The error estimate of a step `h` has an error of `(s I - J)^-1 eps |J| |x|`, where `s ~ 1/h`. In velocities, this error can increase if
+//! the step size decreases. If it exceeds the tolerance, smaller steps are rejected too. The remedies, in order:
 //!
 //! 1. Compensated states. The state is `x + rest`. If the argument `x + z` of a stage is rounded to `y`, then
 //!    `f(x + z) = f(y) + J (x + z - y)`.
-//!    The difference is exact (Knuth's sum), and `J` is accurate enough. Only the rounding error of `f` itself remains.
+//!    The difference `x + z - y` is exact (Knuth's sum), and `J` is accurate enough. Only the rounding error of `f` itself remains.
 //! 2. If the remaining error also exceeds the tolerance, the run ends with [`Status::ExcessAccuracy`], and reports a feasible tolerance.
 
 use super::adaptive::Accuracy;
@@ -16,7 +16,7 @@ use crate::scalar::Real;
 use crate::status::Status;
 
 /// The counter of rejections: a rejected attempt adds `REJECTED`, and an accepted attempt subtracts one. When the counter reaches `MOST`,
-/// the rounding error is measured. The counter reaches `MOST` after five rejections in a row, or after 30 attempts of which a third are
+/// the rounding error is measured. The counter reaches `MOST` after five rejections in a row, or within 30 attempts of which a third are
 /// rejected.
 const REJECTED: u32 = 4;
 const MOST: u32 = 20;
@@ -24,9 +24,10 @@ const MOST: u32 = 20;
 const NOTED: f64 = 0.05;
 /// If the rounding error of the error estimate exceeds this fraction of the tolerance, no step-size control works.
 const EXCESS: f64 = 0.3;
-/// The feasible tolerance for a whole run is the rounding error at one state, multiplied by `MARGIN`. The margin allows for slower motion:
-/// rates decrease towards rest, but the rounding error of positions does not.
+/// The safety factor of the feasible tolerance.
 const MARGIN: f64 = 100.0;
+/// The feasible tolerance is relative to the present state multiplied by this factor. The rates decrease towards rest, but the rounding
+/// error of positions does not.
 const AT_REST: f64 = 1e-3;
 
 /// The compensation and the measurement of rounding errors.
@@ -118,8 +119,8 @@ impl<B> Rounding<B> {
     ///
     /// `solve` multiplies by the method's `(s I - J)^-1`, with `s ~ 1/h` and the Jacobian `J`. `gain` is the rounding error of the error
     /// estimate divided by the error of one slope. `finest` is the resolution of the method, divided by the tolerance. `y` and `dy` are
-    /// memory for states. If the rounding error may exceed the tolerance, states are compensated from now on. Return the remaining error,
-    /// if one exists.
+    /// memory for states. If the rounding error is relevant, states are compensated from now on. For compensated states, return the
+    /// relevant error that remains, divided by the tolerance. Error: [`Status::ExcessAccuracy`] if it is `EXCESS` or more.
     #[cold]
     pub fn look<S, F, A>(
         &mut self,

@@ -22,7 +22,7 @@ pub struct SemiImplicit<B, U> {
 }
 
 impl<B: Clone, U: Clone> SemiImplicit<B, U> {
-    /// Return the method. A system without pairs of positions and rates is refused.
+    /// Return the method. Errors: [`Error::Input`] if the system has no pairs of positions and rates.
     pub fn new<S, F>(system: &F, state: B, input: U) -> Result<Self>
     where
         S: Real,

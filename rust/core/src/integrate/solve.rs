@@ -9,13 +9,14 @@ use crate::status::Status;
 
 /// Receives the results of a run during the run.
 pub trait Recorder {
-    /// Receives the state at a requested time, or after a step. `t`: time, s.
+    /// Receives the state at a requested time. If no times are requested, it receives the states at `t0` and after every step. `t`: time,
+    /// s.
     fn state(&mut self, t: f64, x: &[f64]);
     /// Receives a crossing of event `index`, with its time, s, and state.
     fn event(&mut self, _index: usize, _t: f64, _x: &[f64]) {}
-    /// Receives one value of the polynomial of the last step, for each Chebyshev point in order.
+    /// Receives the value `x` of the polynomial of the last step, for each Chebyshev point in order. `t`: time at the end of the step, s.
     fn node(&mut self, _t: f64, _x: &[f64]) {}
-    /// Is called after every step. If the result is `true`, the run ends.
+    /// Is called before every step. If the result is `true`, the run ends with [`Status::Interrupted`].
     fn interrupted(&mut self) -> bool {
         false
     }
@@ -24,7 +25,8 @@ pub trait Recorder {
 /// The requested results of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Request<'a> {
-    /// The times of the requested states, s, increasing and within the time span. `None` requests the state after every step.
+    /// The times of the requested states, s, increasing and within the time span. `None` requests the states at the start and after every
+    /// step.
     pub times: Option<&'a [f64]>,
     /// Whether to return the polynomials of the steps.
     pub dense: bool,
@@ -48,7 +50,8 @@ pub fn node(k: usize, d: usize) -> f64 {
     0.5 * (1.0 - (std::f64::consts::PI * k as f64 / d as f64).cos())
 }
 
-/// Run `method` on `system` from the state stored in `method`. `(t0, t_end)`: time span, s.
+/// Run `method` on `system` from the state stored in `method`. `(t0, t_end)`: time span, s. `watched` evaluates the event functions, and
+/// `recorder` receives the results.
 pub fn solve<F, B, M, G, R>(
     system: &mut F,
     method: &mut M,

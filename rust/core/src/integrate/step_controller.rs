@@ -21,7 +21,7 @@ pub struct Control {
 
 /// The lower bound of the previous error in the PI control, as in Hairer's dopri5.f.
 const LEAST_ERROR: f64 = 1e-4;
-/// The factor of the step size after a stage that is not finite.
+/// The factor of the step size after an attempt whose error is not finite.
 const NOT_FINITE_FACTOR: f64 = 0.2;
 
 /// The time and the step size of an adaptive method.
@@ -76,7 +76,8 @@ impl<T: Accuracy> StepController<T> {
         t.min(self.input_end)
     }
 
-    /// Return the fraction of the last step at `t`, and the size of this step. The result is `None` at the end of the step.
+    /// Return the fraction of the last step at `t`, and the size of this step, s. The result is `None` if `t` is not before the end of the
+    /// step.
     pub fn within(&self, t: f64) -> Option<(f64, f64)> {
         let h = self.t - self.t_old;
         if h == 0.0 || t >= self.t { None } else { Some(((t - self.t_old) / h, h)) }
@@ -86,7 +87,8 @@ impl<T: Accuracy> StepController<T> {
         self.t >= self.t_end
     }
 
-    /// The root mean square of `e(i)` divided by the allowed error at `x` and `y`, over the components with error control.
+    /// The root mean square of `e(i)` divided by the allowed error at `x` and `y`, over the components with error control. Only lane 0
+    /// counts.
     pub fn norm<S: Real>(&self, x: &[S], y: &[S], e: impl Fn(usize) -> S) -> f64 {
         let m = self.tolerance.controlled().min(x.len());
         let mut sum = 0.0;
@@ -97,8 +99,8 @@ impl<T: Accuracy> StepController<T> {
         (sum / m.max(1) as f64).sqrt()
     }
 
-    /// Estimate the first step size from the state, its slope `k` and its curvature (Hairer, section II.4). `order` is the order of the
-    /// error. `y` and `dy` are memory for states.
+    /// Set the first step size `h`: `h_first` if it is positive, otherwise an estimate. The estimate uses the state `x`, its slope `k` and
+    /// its curvature (Hairer, section II.4). `order` is the order of the error. `y` and `dy` are memory for states.
     pub fn guess<S, F, B>(&mut self, system: &mut F, u: &mut F::Input, x: &B, k: &B, y: &mut B, dy: &mut B, order: f64)
     where
         S: Real,
@@ -122,7 +124,8 @@ impl<T: Accuracy> StepController<T> {
         system.rhs(u, y.as_ref(), dy.as_mut());
         self.work.evaluations += 1;
         let dy = dy.as_ref();
-        // If the slope is not finite at the end of the trial step, the first step is much shorter than this step.
+        // If the slope is not finite at the end of the trial step `h0`, the first step is at most 1e-6 of the segment. If the segment has
+        // no end, it is at most `1e-6 h0`.
         let (d2, most) = if finite(dy) {
             (self.norm(x, x, |i| dy[i] - k[i]) / h0, span)
         } else {
@@ -135,7 +138,7 @@ impl<T: Accuracy> StepController<T> {
         self.h = (100.0 * h0).min(h1).max(2.0 * smallest).min(most).min(self.h_max).max(smallest);
     }
 
-    /// The smallest step size that advances the time.
+    /// The smallest step size, s: ten units in the last place of `t`.
     fn smallest(&self) -> f64 {
         10.0 * (self.t.next_up() - self.t)
     }
@@ -192,7 +195,7 @@ impl<T: Accuracy> StepController<T> {
     }
 }
 
-/// Return `x^p`. Rosenbrock methods and dop853 need the fourth and the eighth root in every step, which are computed as square roots.
+/// Return `x^p`. The method `rodas4` needs the fourth root in every step, and `dop853` the eighth root. Both are computed by square roots.
 fn power(x: f64, p: f64) -> f64 {
     match p {
         -0.25 => 1.0 / x.sqrt().sqrt(),
@@ -201,7 +204,7 @@ fn power(x: f64, p: f64) -> f64 {
     }
 }
 
-/// Return whether all numbers are finite. The loop has no branch per number.
+/// Return whether all numbers are finite in lane 0. The loop has no branch per number.
 pub(super) fn finite<S: Real>(x: &[S]) -> bool {
     let mut zero = S::zero();
     for &value in x {

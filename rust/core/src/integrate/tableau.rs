@@ -15,7 +15,7 @@ pub struct Tableau {
     pub a: Vec<Vec<f64>>,
     /// The weights `b_i` of the slopes in the step, dimensionless, one per stage.
     pub b: Vec<f64>,
-    /// Whether positions are computed with the new rates: `x_p += h x_r`.
+    /// Whether a position `x_p` is computed with its new rate `x_r`: `x_p += h x_r`.
     pub follows: bool,
 }
 
