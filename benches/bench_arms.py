@@ -58,7 +58,7 @@ def our_arm() -> al.Arm:
 
 
 def states(arm: al.Arm, count: int) -> tuple[Any, ...]:
-    """Random q, v, a and v_r, each (count, n). `a` also serves as the torque of forward dynamics."""
+    """Random q, v, a and v_r, each (count, n)."""
     return tuple(np.random.default_rng(1).uniform(-1.0, 1.0, (4, count, arm.n)))
 
 

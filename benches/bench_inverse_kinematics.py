@@ -1,4 +1,4 @@
-"""Inverse kinematics of many poses on ten arms: poses per second from near starts, and the share of random poses that are reached.
+"""Inverse kinematics of many poses: poses per second from near starts on two arms, and the share of random poses reached on ten arms.
 
     python -P benches/bench_inverse_kinematics.py              the tables
     python -P benches/bench_inverse_kinematics.py --readme     the tables, written into benches/README.md

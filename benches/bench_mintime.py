@@ -26,7 +26,7 @@ COUNT = 200_000
 def problems() -> list[np.ndarray]:
     """Arrays theta0, thetaf, inertia, gravity_moment, tau_max, tau_min.
 
-    Torque limits are from 1/15 of the largest gravity moment to many times it.
+    Torque limits are from 1/15 to 4/3 of the largest gravity moment.
     """
     rng = np.random.default_rng(0)
     high, low = rng.uniform(0.1, 2.0, (2, COUNT))

@@ -33,7 +33,7 @@ LINKS = np.array([1.0, 1.0, 0.25, 0.25])
 ARM = al.planar_arm(LINKS)
 SEVEN = al.load_urdf(al.example_urdf("seven_axis"))
 TOOL = SEVEN.frame_names[-1]
-# In this configuration, joints 2 and 3 are at right angles. The second task loses one direction.
+# In this configuration, sin q4 = 0. So the second task loses one direction.
 SINGULAR = np.array([0.0, np.pi / 2, np.pi / 2, 0.0])
 Q4, Q7 = np.array([0.1, 1.2, 0.9, 1.4]), np.array([0.3, -0.5, 0.2, -1.5, 0.1, 1.2, 0.4])
 V4 = [np.array([0.3, -0.2]), np.array([0.1, 0.4])]

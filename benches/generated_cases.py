@@ -96,7 +96,7 @@ class Laws:
         return al.CartesianImpedance(*asked, frame=self.frame, axes=names)
 
     def fill(self, law: str, found: Array) -> None:
-        """Write the initial motor positions, which are not zero, into the rows of `found`, which begin with q."""
+        """Write initial states of the law that are not zero into the rows of `found`, which begin with q. Here all of them are zero."""
 
     def plant(self, law: str) -> Any:
         return al.ElasticArm(self.arm, self.spring, self.motor) if law == "elastic impedance" else al.RigidArm(self.arm)

@@ -1,6 +1,6 @@
 """Sphinx: the pages of this folder, the executed gallery of examples/, and the reference from the docstrings.
 
-`make docs` builds all of it, offline and with warnings as errors, from a copy of the sources: nothing is written beside the pages.
+`make docs` builds them without a network, with warnings as errors, from a copy of the sources. So no file is written into this folder.
 """
 
 import sys

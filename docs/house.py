@@ -1,4 +1,4 @@
-"""What these pages ask of Sphinx beyond its extensions: the tree of pages, citations, code in docstrings, figures of examples."""
+"""Functions for Sphinx in addition to its extensions: the tree of pages, citations, code in docstrings, figures of examples."""
 
 import re
 import tempfile
@@ -10,7 +10,7 @@ from docutils import nodes
 
 KEYS = re.findall(r"^@\w+\{([^,]+),", (Path(__file__).parent / "references.bib").read_text(), re.MULTILINE)
 CITATION = re.compile(r"\[((?:" + "|".join(KEYS) + r")(?:,\s+(?:" + "|".join(KEYS) + r"))*)\](?!\()")
-# A file of the built pages alone, so no link of the sources.
+# This file exists only among the built pages, so the sources have no link to it.
 REPORT = '<a href="demo/report.html">The report of the demonstration</a>: each check with expected and actual value, and the figures.'
 COLON = "\ue000"  # a private character of Unicode
 FENCE = re.compile(r"(^```.*?^```$|^    .*?$)", re.MULTILINE | re.DOTALL)
@@ -21,7 +21,7 @@ def cited(role: str) -> Callable[[re.Match[str]], str]:
 
 
 def links(app: object, name: str, source: list[str]) -> None:
-    """`[Key1, Key2]` of a page, readable as it stands, becomes a link to the sources. Code is left alone."""
+    """Convert `[Key1, Key2]` in a page to links to the list of sources. Code does not change."""
     if name.startswith(("auto_examples", "api/")):
         return
     pieces = FENCE.split(source[0])
@@ -34,7 +34,7 @@ def links(app: object, name: str, source: list[str]) -> None:
 
 
 def tree(index: str) -> str:
-    """The pages in the sections of the first page, then those that are made: a page without a link there is a warning."""
+    """The tree of pages: those that the sections of the first page link, and generated pages. Sphinx warns of a page outside the tree."""
     parts = re.split(r"^## (.+)$", index, flags=re.MULTILINE)
     linked = [dict.fromkeys(re.findall(r"\]\(([\w/]+)\.md\)", text)) for text in parts[2::2]]
     captions = {caption: [*pages] for caption, pages in zip(parts[1::2], linked, strict=True) if pages}
@@ -61,7 +61,7 @@ def equations(tex: str) -> list[str]:
 
 
 def formulas_in_lines(app: object, doctree: nodes.document, name: str) -> None:
-    """Equations beside one another go below one another where the page is narrow."""
+    """Split equations of one line, so that a narrow page shows them below one another."""
     for node in [*doctree.findall(nodes.math_block)]:
         pieces = equations(node.astext())
         if len(pieces) > 1 and not node.get("number"):
@@ -73,7 +73,7 @@ def formulas_in_lines(app: object, doctree: nodes.document, name: str) -> None:
 
 
 def drop_compiled(app: object) -> list[object]:
-    """The list of module sources has no compiled modules: viewcode would link to a page that does not exist."""
+    """Remove compiled modules from the list of module sources. viewcode would link to a page that does not exist."""
     modules = app.env._viewcode_modules
     for name in [name for name, entry in modules.items() if not entry]:
         del modules[name]
@@ -87,9 +87,9 @@ def colons_of_attributes(app: object, what: str, name: str, thing: object, optio
 
 
 def code_in_docstrings(app: object, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
-    """Backticks of a docstring hold code; bars and stars are arithmetic, never markup."""
+    """Mark text in backticks as code, and escape bars and stars of a docstring, which are arithmetic and not markup."""
     text = "\n".join(lines).replace(COLON, ":")
-    # Code may go on in the next line; a paragraph or an example ends it.
+    # Text in backticks may continue in the next line. It ends at the end of a paragraph or at an example.
     paragraphs = re.split(r"(\n\s*\n|^\s*(?:>>>|\.\.\.).*$)", text, flags=re.MULTILINE)
     for i, paragraph in enumerate(paragraphs[::2]):
         pieces = re.split(r"(:[\w ]*:`[^`]+`|``[^`]+``|`[^`]+`)", paragraph)
@@ -101,14 +101,17 @@ def code_in_docstrings(app: object, what: str, name: str, thing: object, options
 
 
 def executed(examples: Path) -> str:
-    """A pattern of the examples that can run here; one whose docstring says "needs NAME (" is only shown where NAME is not installed."""
+    """A pattern of the examples that run in the gallery.
+
+    An example whose docstring has "needs NAME (" does not run if NAME is not installed. The gallery then shows only its source.
+    """
     needs = {path.stem: re.findall(r"\bneeds (\w+) \(", path.read_text().split('"""')[1]) for path in examples.glob("*.py")}
     shown = [stem for stem, names in needs.items() if any(find_spec(name) is None for name in names)]
     return r"[\\/](?!(?:" + "|".join(shown or ["-"]) + r")\.py$)\w+\.py$"
 
 
 def with_figure(conf: object, variables: dict[str, str]) -> list[str]:
-    """An example that draws takes a file for its figure. The gallery keeps the figure, and the file is not used."""
+    """The arguments of an example: the file of its figure, if it draws one. The gallery takes the figure itself, not this file."""
     drawn = "savefig(sys.argv[1]" in Path(variables["src_file"]).read_text()
     return [str(Path(tempfile.gettempdir()) / "armlet_gallery.png")] if drawn else []
 

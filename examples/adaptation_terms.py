@@ -58,7 +58,7 @@ def rate(t: np.ndarray, x: np.ndarray) -> float:
 
 
 def settled(t: np.ndarray, error: np.ndarray, band: float) -> float:
-    """The time after which the error stays below `band`, s; infinity if it is above at the end."""
+    """The time after which the error stays below `band`, s; infinity if it is above in the last twentieth of the run."""
     outside = np.flatnonzero(error > band)
     if not len(outside):
         return 0.0

@@ -1,7 +1,7 @@
 """Integration
 ===========
 
-``al.integrate`` integrates any right-hand side. The examples are a ball that bounces, and a stiff chemical reaction compared with scipy.
+``al.integrate`` integrates any right-hand side. The examples are a ball that bounces, and a stiff chemical reaction by two methods.
 
 Run: ``python examples/integrate_callable.py [figure.png]``
 """

@@ -2,7 +2,8 @@
 =====================
 
 A *program* is the straight-line code of one step of a loop. The example is a pendulum under PD control with gravity
-compensation. The script shows its program in four forms: recorded, simplified, lowered to the instruction set, and machine code.
+compensation. The script prints its simplified program, and the number of lines in each form: recorded, simplified, lowered to the
+instruction set, and machine code.
 
 Run: ``python examples/loop_program.py [figure.png]``
 """

@@ -66,7 +66,7 @@ def elastic(ax):
 
 
 def minimum_time(ax):
-    """Minimum time: a torque limit lifts one link from -90 to 90 degrees by the symmetric profile and by the optimum."""
+    """Minimum time: one link moves from -90 to 90 degrees under a torque limit, by the symmetric profile and by the optimum."""
     start, end = -np.pi / 2, np.pi / 2
     profile = al.bang_bang_time(start, end, inertia=1.0, gravity_moment=1.0, tau_max=1.0)
     optimum = al.torque_optimal_time(start, end, inertia=1.0, gravity_moment=1.0, tau_max=1.0)

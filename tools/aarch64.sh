@@ -1,6 +1,6 @@
 #!/bin/sh
-# aarch64.sh FOLDER: the files that the tests of `trace` wrote into FOLDER: text assembled and compared with the encoder's
-# bytes, code linked to rust/core/tests/aarch64/harness.c and run in an emulator.
+# aarch64.sh FOLDER: check the files that the tests of `trace` wrote into FOLDER. encoded.s is assembled and compared with the bytes of
+# armlet's encoder. The other .s files are linked to rust/core/tests/aarch64/harness.c and run in an emulator.
 set -eu
 here=$(cd "$(dirname "$0")/.." && pwd)
 for tool in aarch64-linux-gnu-gcc qemu-aarch64; do

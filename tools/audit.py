@@ -1,4 +1,4 @@
-"""Check the shipped packages without network: versions, licences, sources and duplicates of crates, and pins of Python packages.
+"""Check the shipped packages: versions, licences, sources and duplicates of crates, and pins of Python packages.
 
 deny.toml contains the rules. Of cargo-deny, cargo-audit and pip-audit, which know security advisories, the installed ones run.
 The exit code is 1 if a check fails.

@@ -1,5 +1,6 @@
 #!/bin/sh
-# beside.sh FIRST SECOND: two commands at a time, for one core each; the output of the second follows that of the first. Fails if one of them fails.
+# beside.sh FIRST SECOND: run two commands at the same time, for one core each. The output of SECOND is printed after that of FIRST. The
+# exit code is not 0 if one of them fails.
 set -u
 log=$(mktemp)
 sh -c "$2" >"$log" 2>&1 &

@@ -1,5 +1,5 @@
 #!/bin/sh
-# browser.sh PYTHON..: see that there is a Chromium: the one of ARMLET_BROWSER, the machine's, or the one that playwright fetches.
+# browser.sh PYTHON..: check that a Chromium exists: the program ARMLET_BROWSER, or one on PATH. Otherwise playwright downloads one.
 set -eu
 if [ -n "${ARMLET_BROWSER:-}" ]; then
     [ -x "$ARMLET_BROWSER" ] || { echo "armlet: ARMLET_BROWSER names no program: $ARMLET_BROWSER" >&2; exit 1; }

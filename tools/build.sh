@@ -1,5 +1,5 @@
 #!/bin/sh
-# build.sh VENV BUILD: sdist, wheel from that sdist, wheel into the environment. One release compile.
+# build.sh VENV BUILD: make the sdist, build a wheel from the unpacked sdist, and install the wheel in VENV. The core is compiled once.
 set -eu
 venv=$1 build=$2
 dist=$build/dist

@@ -1,6 +1,6 @@
 #!/bin/sh
-# docs.sh PYTHON BUILD: the pages, the executed gallery, the reference and the report of the demonstration as HTML in BUILD/docs/html,
-# from a copy of the sources.
+# docs.sh PYTHON BUILD: write the pages, the executed gallery, the reference and the report of the demonstration as HTML in
+# BUILD/docs/html, from a copy of the sources.
 set -eu
 python=$1 build=$2/docs
 rm -rf "$build/source"

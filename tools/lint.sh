@@ -1,9 +1,10 @@
 #!/bin/sh
-# lint.sh if-installed|required PYTHON..: formatting, lints and types of both languages, and the stub against the extension.
+# lint.sh if-installed|required PYTHON..: check formatting, lints and types of both languages, and compare the stub with the extension. With
+# `required` the script stops if rustfmt or clippy is not installed.
 set -eu
 mode=$1
 shift
-component() { # command, component: run it, or say that it is not there
+component() { # command, component: whether cargo has the command; otherwise print how to install the component
     if cargo "$1" --version >/dev/null 2>&1; then return 0; fi
     echo "cargo $1 is not installed: rustup component add $2" >&2
     if [ "$mode" = required ]; then exit 1; fi
@@ -11,7 +12,7 @@ component() { # command, component: run it, or say that it is not there
 }
 run() { echo "+ $*"; "$@"; }
 if component fmt rustfmt; then run cargo fmt --check; fi
-# Each feature of the core can be turned off. Unit tests are compiled where both are.
+# Each feature of the core can be turned off. Unit tests are compiled with both turned off.
 run cargo check --locked --package armlet-core --quiet --no-default-features --lib --tests
 for feature in parallel urdf; do
     run cargo check --locked --package armlet-core --quiet --no-default-features --lib --features "$feature"

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Rewrite requirements/test.txt: install the names of pyproject's `test` extra in a fresh environment, and freeze it.
+# Rewrite requirements/test.txt. The packages for the build, the dependencies and the extra `test` of pyproject.toml are installed in a new
+# environment, and `pip freeze` lists their versions.
 set -eu
 python=$(sh tools/require.sh python)
 scratch=$(mktemp -d)

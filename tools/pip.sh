@@ -1,5 +1,5 @@
 #!/bin/sh
-# pip.sh VENV BUILD ARGUMENTS..: make the environment if it is not there (or broken), then `pip install ARGUMENTS`.
+# pip.sh VENV BUILD ARGUMENTS..: make the environment VENV if it is missing or broken, then run `pip install ARGUMENTS` in it.
 set -eu
 venv=$1 build=$2
 shift 2

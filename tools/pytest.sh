@@ -1,6 +1,6 @@
 #!/bin/sh
-# pytest.sh ROOT PYTHON OPTIONS..: the Python tests in two processes, those of the interface and the reference beside all others; each half keeps one core busy.
-# The output of the interface tests follows that of the others.
+# pytest.sh ROOT PYTHON OPTIONS..: run the Python tests in two processes at the same time, for one core each. One runs api, live and
+# reference, the other identities, oracles and parity. The output of the first is printed after that of the second.
 set -eu
 root=$1 python=$2
 shift 2
@@ -14,6 +14,6 @@ first=0 second=0
 half "$root/tests/identities" "$root/tests/oracles" "$root/tests/parity" "$@" || first=$?
 wait "$other" || second=$?
 cat "$log"
-# 5: no test of this half was asked for.
+# Exit code 5 of pytest: OPTIONS select no test of this half.
 if [ "$first" = 5 ] && [ "$second" = 5 ]; then exit 5; fi
 for code in "$first" "$second"; do if [ "$code" != 0 ] && [ "$code" != 5 ]; then exit "$code"; fi; done

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Say in one line what this machine lacks to build armlet; print nothing when it lacks nothing.
+# Print in one line the first program that this machine lacks to build armlet, and exit with 1. Print nothing if nothing is missing.
 # With the argument `python`, print the command of a suitable Python instead.
 set -eu
 missing() { echo "armlet needs $1" >&2; exit 1; }

@@ -1,11 +1,12 @@
 """`make fuzz SECONDS=60 SEED=1`: random calls of the whole public API in child processes, with plausible and odd arguments.
 
-A call has a fault in five cases:
+A call has a fault in six cases:
 
 - it panics (InternalError);
 - it ends the process;
-- it takes over 2 s of processor time (a debug build: 20 s);
-- it raises an error other than ArmletError, TypeError, MemoryError or OSError;
+- it gives no answer within 30 s (a debug build: 80 s);
+- it takes over 2 s of processor time (a debug build: 20 s), or more for large results, large arguments and searches;
+- it raises an error other than ArmletError, TypeError, MemoryError, OSError, or IndexError of an index beyond the end;
 - it changes an argument.
 
 Each fault is printed once, with a snippet that reproduces it. The exit code is 1 if there is a fault.
@@ -105,7 +106,7 @@ class Search:
             print(f"\n== {kind} in {made.target}, call {number} of seed {self.seed}: {what}\n{made}", flush=True)
 
     def children(self, first: int, until: float, last: int | None = None) -> int:
-        """Run one child until the time `until` or until it ends. Return the number of the next call."""
+        """Run one child until the time `until`, for `CALLS` calls, or until it ends. Return the number of the next call."""
         number, since = first, time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
             child = Child(self.seed, first, self.limit, folder, last)

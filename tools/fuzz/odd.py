@@ -1,4 +1,4 @@
-"""Odd objects, which no call of armlet should accept. A snippet imports them by name."""
+"""Odd objects as arguments. Each call of armlet must accept or refuse them without a fault. A snippet imports them by name."""
 
 from __future__ import annotations
 

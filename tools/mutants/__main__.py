@@ -1,4 +1,4 @@
-"""`make test-mutants`: count the bugs that the fast tests notice. A switch inserts each bug of mutants.toml into a copy of the sources.
+"""`make test-mutants`: count the bugs that the fast tests notice. Each bug of mutants.toml is in a copy of the sources, behind a switch.
 
 The copy is built once, with low optimisation and with assertions. The environment variable ARMLET_MUTANT selects the bug; 0 selects none.
 For each bug, the tests that mutants.toml names run first, then the others, until one fails. A bug that no test notices *survives*. The

@@ -1,4 +1,4 @@
-"""neutral.py WHEEL..: remove the build folder from a wheel's bill of materials, and update RECORD. A wheel is rewritten whole or not.
+"""neutral.py WHEEL..: remove the build folder from a wheel's bill of materials, and update RECORD. A wheel is never rewritten in part.
 
 maturin names each crate of this repository by its path: path+file:///home/me/armlet/rust/core#armlet-core@0.1.0.
 """

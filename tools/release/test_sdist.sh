@@ -1,8 +1,8 @@
 #!/bin/sh
-# test_sdist.sh SDIST: what travels is enough. The sdist is unpacked, built and installed in an environment of its own. All of its tests are
-# collected, which reads every module and vector they need, and those of TESTS run. `make test` runs the others on the same sdist.
+# test_sdist.sh SDIST: check that the sdist is complete. It is unpacked, built and installed in a separate environment. pytest collects all
+# of its tests, which imports the modules that they need. Then the tests in TESTS run. `make test` runs the others on the same sdist.
 #
-# To be quick, the packages are installed while the wheel is built, and the wheel is built without link-time optimisation and in more units.
+# To save time, the packages are installed while the wheel is built. The wheel is built with little optimisation.
 set -eu
 sdist=$(cd "$(dirname "${1:?usage: test_sdist.sh SDIST}")" && pwd)/$(basename "$1")
 work=$(mktemp -d)

@@ -1,5 +1,5 @@
 #!/bin/sh
-# wheels.sh OUT [TARGET..]: the sdist, and wheels from it for the targets; by default those that this system can build.
+# wheels.sh OUT [TARGET..]: write the sdist into OUT, and wheels for the targets; by default the targets that this system can build.
 #   Linux     x86_64-unknown-linux-gnu aarch64-unknown-linux-gnu    linked by zig against glibc 2.17 (manylinux2014): needs `pip install ziglang`
 #   macOS     universal2-apple-darwin                              needs Xcode's command line tools
 #   Windows   x86_64-pc-windows-msvc                               in Git Bash, with the Visual Studio build tools
